@@ -1,0 +1,1 @@
+"""scenefw: complete, instance-segmented 3D scenes from views of cluttered table-tops."""

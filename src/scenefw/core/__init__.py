@@ -1,0 +1,1 @@
+"""Frozen types, protocols, geometry, randomness, files and errors: numpy only."""

@@ -1,0 +1,25 @@
+"""Errors whose message is one line for the user: the value, what was expected, how to mend it."""
+
+
+class SceneFWError(Exception):
+    """Base of every error that scenefw raises on purpose; the command line prints it and exits with 2."""
+
+
+class InputError(SceneFWError):
+    """Data from outside (an image, a folder, a mesh) is unusable as given."""
+
+
+class ConfigError(SceneFWError):
+    """An option, a key or a combination of settings is wrong."""
+
+
+class CheckpointError(SceneFWError):
+    """A checkpoint is missing, truncated, of another version or for another task."""
+
+
+class StorageError(SceneFWError):
+    """A file or folder can't be written or is damaged."""
+
+
+class MissingDependencyError(SceneFWError):
+    """An optional library is needed for this; the message names the install line."""

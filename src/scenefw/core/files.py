@@ -1,0 +1,66 @@
+"""Atomic file writing: a kill at any moment leaves the old file or the new one, never half."""
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from scenefw.core.errors import StorageError
+
+
+@contextmanager
+def replacing(target: Path | str) -> Iterator[Path]:
+    """Yields a temporary path beside `target` which replaces it when the block ends without error.
+
+    The temporary name keeps the suffix of the target, as writers choose the format by it.
+
+    Raises:
+        StorageError: the folder can't be created or written, or the disk is full.
+    """
+    target = Path(target)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(
+            prefix=f".{target.stem}.", suffix=target.suffix, dir=target.parent
+        )
+        os.close(handle)
+    except OSError as error:
+        raise _unwritable(target, error) from error
+    temporary = Path(name)
+    try:
+        yield temporary
+        _give_default_mode(temporary)
+        temporary.replace(target)
+    except OSError as error:
+        raise _unwritable(target, error) from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(target: Path | str, text: str) -> None:
+    """Writes UTF-8 text atomically."""
+    with replacing(target) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def require_writable(folder: Path | str) -> Path:
+    """Returns the folder, created if need be, or raises a StorageError before any work is lost."""
+    folder = Path(folder)
+    with replacing(folder / ".writable"):
+        pass
+    (folder / ".writable").unlink(missing_ok=True)
+    return folder
+
+
+def _give_default_mode(path: Path) -> None:
+    mask = os.umask(0)
+    os.umask(mask)
+    path.chmod(0o666 & ~mask)
+
+
+def _unwritable(target: Path, error: OSError) -> StorageError:
+    reason = error.strerror or str(error)
+    return StorageError(
+        f"cannot write {target}: {reason}; choose a writable folder with free space (paths.output=...)"
+    )

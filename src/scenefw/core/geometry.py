@@ -1,0 +1,90 @@
+"""Rigid geometry in float64: quaternions (w, x, y, z), poses as 4x4 matrices, look-at cameras."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def rotation_from_quaternion(quaternion: ArrayLike) -> Array:
+    """Rotation matrices (..., 3, 3) of quaternions (..., 4) in the order (w, x, y, z)."""
+    q = np.asarray(quaternion, dtype=np.float64)
+    q = q / np.linalg.norm(q, axis=-1, keepdims=True)
+    w, x, y, z = np.moveaxis(q, -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def quaternion_from_rotation(rotation: ArrayLike) -> Array:
+    """Unit quaternion (4,) with w >= 0 of one rotation matrix (3, 3) (Bar-Itzhack 2000)."""
+    m = np.asarray(rotation, dtype=np.float64)
+    xx, yx, zx, xy, yy, zy, xz, yz, zz = m.T.ravel()
+    k = np.array(
+        [
+            [xx - yy - zz, 0, 0, 0],
+            [yx + xy, yy - xx - zz, 0, 0],
+            [zx + xz, zy + yz, zz - xx - yy, 0],
+            [zy - yz, xz - zx, yx - xy, xx + yy + zz],
+        ]
+    )
+    values, vectors = np.linalg.eigh(k / 3.0, UPLO="L")
+    x, y, z, w = vectors[:, np.argmax(values)]
+    q = np.array([w, x, y, z])
+    return q if w >= 0 else -q
+
+
+def random_quaternion(rng: np.random.Generator) -> Array:
+    """A uniformly distributed unit quaternion with w >= 0."""
+    q = rng.normal(size=4)
+    q /= np.linalg.norm(q)
+    return q if q[0] >= 0 else -q
+
+
+def rigid(rotation: ArrayLike, translation: ArrayLike) -> Array:
+    """The 4x4 matrix of a rotation (3, 3) and a translation (3,)."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = rotation
+    matrix[:3, 3] = translation
+    return matrix
+
+
+def inverse(transform: ArrayLike) -> Array:
+    """The inverse of a rigid 4x4 matrix."""
+    t = np.asarray(transform, dtype=np.float64)
+    return rigid(t[:3, :3].T, -t[:3, :3].T @ t[:3, 3])
+
+
+def transform_points(transform: ArrayLike, points: ArrayLike) -> Array:
+    """Points (..., 3) moved by a 4x4 matrix."""
+    t = np.asarray(transform, dtype=np.float64)
+    return np.asarray(points, dtype=np.float64) @ t[:3, :3].T + t[:3, 3]
+
+
+def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> Array:
+    """`T_world_camera` of an OpenCV camera (x right, y down, z forward) at `eye` looking at `target`."""
+    eye = np.asarray(eye, dtype=np.float64)
+    forward = np.asarray(target, dtype=np.float64) - eye
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, np.asarray(up, dtype=np.float64))
+    if np.linalg.norm(right) < 1e-9:  # looking along `up`: any right will do
+        right = np.cross(forward, (0.0, 1.0, 0.0))
+    right /= np.linalg.norm(right)
+    return rigid(np.stack([right, np.cross(forward, right), forward], axis=1), eye)
+
+
+def rotation_between(source: ArrayLike, target: ArrayLike) -> Array:
+    """The smallest rotation (3, 3) that turns unit vector `source` into unit vector `target`."""
+    a = np.asarray(source, dtype=np.float64)
+    b = np.asarray(target, dtype=np.float64)
+    axis, cosine = np.cross(a, b), float(a @ b)
+    if cosine < -1 + 1e-12:  # opposite: half a turn about any perpendicular axis
+        other = np.eye(3)[np.argmin(np.abs(a))]
+        axis = np.cross(a, other)
+        axis /= np.linalg.norm(axis)
+        return 2 * np.outer(axis, axis) - np.eye(3)
+    skew = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    return np.eye(3) + skew + skew @ skew / (1 + cosine)

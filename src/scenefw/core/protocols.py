@@ -1,0 +1,146 @@
+"""One small protocol per component group; tensors are batched, channels first, on one device."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    import numpy as np
+    import torch
+    from numpy.typing import NDArray
+    from torch import Tensor
+
+    from scenefw.core.types import (
+        CameraBatch,
+        GridSpec,
+        PartialTSDF,
+        Pose,
+        Scene,
+        SceneObject,
+        ShapeInstanceBatch,
+        ShapeInstancePrediction,
+        TriangleMesh,
+    )
+
+
+@runtime_checkable
+class Shape(Protocol):
+    """A rigid shape in its own frame, centre of mass at the origin."""
+
+    def mesh(self) -> TriangleMesh:
+        """Its watertight surface (m)."""
+
+    def volume(self) -> float:
+        """Its volume (m^3)."""
+
+
+class ShapeSource(Protocol):
+    """Where scenes take their shapes from (group `shape`)."""
+
+    def sample(self, rng: np.random.Generator) -> Shape:
+        """One random shape."""
+
+
+class Engine(Protocol):
+    """A rigid-body simulator holding one scene on the floor z = 0 (group `engine`)."""
+
+    def reset(self) -> None:
+        """Empties the world."""
+
+    def add(self, item: SceneObject) -> int:
+        """Adds an object and returns its handle."""
+
+    def remove(self, handle: int) -> None:
+        """Takes an object out."""
+
+    def overlaps(self, handle: int) -> bool:
+        """Whether the object touches another object or the floor where it is now."""
+
+    def settle(self, max_steps: int) -> bool:
+        """Simulates until everything rests, at most `max_steps` steps; whether it came to rest."""
+
+    def pose(self, handle: int) -> Pose:
+        """Pose of the object now."""
+
+
+class SceneSource(Protocol):
+    """Makes scenes (group `scene`)."""
+
+    def generate(self, index: int, seed: int) -> Scene | None:
+        """Attempt number `index` of the data set `seed`; None if the attempt failed."""
+
+
+class Renderer(Protocol):
+    """Depth images of TSDF grids (group `renderer`)."""
+
+    def render(self, tsdf: Tensor, grid: GridSpec, cameras: CameraBatch) -> Tensor:
+        """Z-depth (B, H, W) in metres of TSDFs (B, 1, X, Y, Z) in metres; 0 = nothing hit."""
+
+
+class MappingMethod(Protocol):
+    """Fuses depth images into a partial TSDF (group `mapping`)."""
+
+    def fuse(self, depth: Tensor, grid: GridSpec, cameras: CameraBatch) -> PartialTSDF:
+        """Partial TSDF of each of B depth images (B, H, W), metres, 0 = no measurement."""
+
+
+class Noise(Protocol):
+    """Disturbs depth images as a sensor does (group `noise`)."""
+
+    def apply(self, depth: Tensor, cameras: CameraBatch, generator: torch.Generator) -> Tensor:
+        """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0."""
+
+
+class Loss(Protocol):
+    """One named term of the training loss (group `loss`)."""
+
+    def __call__(self, prediction: ShapeInstancePrediction, batch: ShapeInstanceBatch) -> Tensor:
+        """A scalar."""
+
+
+class ShapeInstanceModel(Protocol):
+    """A network from a partial view to complete shape and centre votes (group `model`)."""
+
+    def forward(self, batch: ShapeInstanceBatch) -> ShapeInstancePrediction:
+        """Training pass, which may see the full scene."""
+
+    def predict(self, condition: Tensor, latent: Tensor | None = None) -> ShapeInstancePrediction:
+        """Test pass from (B, C, X, Y, Z) and codes (B, L); None means the zero code."""
+
+
+class Matching(Protocol):
+    """Assigns predictions to truths (group `matching`)."""
+
+    def assign(self, cost: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Pairs (K, 2) of (row, column) of least total cost."""
+
+
+class InstanceExtractor(Protocol):
+    """From volumes to instances (group `postprocessing`)."""
+
+    def extract(self, tsdf: Tensor, votes: Tensor, grid: GridSpec) -> tuple[Tensor, Tensor]:
+        """Instances (X, Y, Z) int32 and object centres (N, 3) metres of one scene.
+
+        Args:
+            tsdf: (X, Y, Z) metres.
+            votes: (3, X, Y, Z), need not be normalised.
+            grid: the voxel grid of both.
+        """
+
+
+class Reconstructor(Protocol):
+    """A method that evaluation compares: from partial views to complete scenes (group `evaluation`)."""
+
+    def reconstruct(
+        self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
+    ) -> Sequence[tuple[Tensor, Tensor]]:
+        """`samples` pairs of TSDF (B, X, Y, Z) metres and instances (B, X, Y, Z) int32."""
+
+
+class Task(Protocol):
+    """One verb of the command line (group `run`)."""
+
+    def run(self) -> Mapping[str, Any]:
+        """Does the work; returns flat figures by name."""

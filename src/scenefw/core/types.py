@@ -1,0 +1,335 @@
+"""What crosses a floor: frozen data of scenes, cameras, volumes and estimates.
+
+Array fields are numpy on the scene side and torch tensors on the learning side; torch is imported
+for type checkers only, so that scenes and cameras can be used without it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenefw.core import geometry
+from scenefw.core.errors import InputError
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from scenefw.core.protocols import Shape
+
+Float64 = NDArray[np.float64]
+Float32 = NDArray[np.float32]
+Int32 = NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A rigid pose: object (or camera) coordinates to world coordinates.
+
+    Args:
+        position: (3,) metres.
+        quaternion: (4,) in the order (w, x, y, z), unit, w >= 0.
+    """
+
+    position: Float64
+    quaternion: Float64
+
+    @classmethod
+    def from_matrix(cls, matrix: Float64) -> Pose:
+        """The pose of a rigid 4x4 matrix."""
+        return cls(np.array(matrix[:3, 3]), geometry.quaternion_from_rotation(matrix[:3, :3]))
+
+    @property
+    def rotation(self) -> Float64:
+        """The rotation matrix (3, 3)."""
+        return geometry.rotation_from_quaternion(self.quaternion)
+
+    @property
+    def matrix(self) -> Float64:
+        """The 4x4 matrix, float64."""
+        return geometry.rigid(self.rotation, self.position)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera, OpenCV frame (x right, y down, z forward), pixel centres at integers.
+
+    Args:
+        width, height: pixels.
+        fx, fy, cx, cy: intrinsics in pixels.
+        T_world_camera: 4x4 float64, camera to world coordinates.
+    """
+
+    width: int = 640
+    height: int = 480
+    fx: float = 579.4
+    fy: float = 579.4
+    cx: float = 319.5
+    cy: float = 239.5
+    T_world_camera: Float64 = field(default_factory=lambda: np.eye(4))
+
+    @property
+    def matrix(self) -> Float64:
+        """The intrinsic matrix K (3, 3)."""
+        return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1]], dtype=np.float64)
+
+    def resized(self, width: int, height: int) -> Camera:
+        """The camera whose image is resampled to another size, pixel centres kept at integers."""
+        sx, sy = width / self.width, height / self.height
+        return Camera(
+            width,
+            height,
+            self.fx * sx,
+            self.fy * sy,
+            (self.cx + 0.5) * sx - 0.5,
+            (self.cy + 0.5) * sy - 0.5,
+            self.T_world_camera,
+        )
+
+    def moved(self, T_world_camera: Float64) -> Camera:  # noqa: N803
+        """The same camera elsewhere."""
+        return Camera(self.width, self.height, self.fx, self.fy, self.cx, self.cy, T_world_camera)
+
+
+@dataclass(frozen=True)
+class CameraBatch:
+    """B cameras of one image size as tensors on the device that renders.
+
+    Args:
+        width, height: pixels.
+        intrinsics: (B, 4) float32: fx, fy, cx, cy.
+        T_world_camera: (B, 4, 4) float32.
+    """
+
+    width: int
+    height: int
+    intrinsics: Tensor
+    T_world_camera: Tensor
+
+
+@dataclass(frozen=True)
+class GridSpec:
+    """A cubic voxel grid; samples sit at voxel centres, index order (x, y, z).
+
+    Args:
+        resolution: voxels per side.
+        extent: side of the cube (m).
+        lower: lowest corner of the cube in world coordinates (m).
+        truncation_voxels: signed distances are cut at this many voxels.
+    """
+
+    resolution: int = 64
+    extent: float = 1.0
+    lower: tuple[float, float, float] = (-0.5, -0.5, -0.096)
+    truncation_voxels: float = 5.0
+
+    @property
+    def voxel_size(self) -> float:
+        """Side of a voxel (m)."""
+        return self.extent / self.resolution
+
+    @property
+    def truncation(self) -> float:
+        """Truncation distance (m)."""
+        return self.truncation_voxels * self.voxel_size
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """(X, Y, Z)."""
+        return (self.resolution,) * 3
+
+    def centres(self) -> Float64:
+        """World coordinates of all voxel centres, (X, Y, Z, 3)."""
+        axes = [low + (np.arange(self.resolution) + 0.5) * self.voxel_size for low in self.lower]
+        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+
+    def to_voxels(self, points: Float64) -> Float64:
+        """Continuous voxel coordinates (..., 3): 0 is the centre of the first voxel."""
+        return (np.asarray(points) - self.lower) / self.voxel_size - 0.5
+
+    def to_world(self, voxels: Float64) -> Float64:
+        """World coordinates (..., 3) of continuous voxel coordinates."""
+        return (np.asarray(voxels) + 0.5) * self.voxel_size + self.lower
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One view: z-depth (H, W) float32 in metres, 0 = no measurement, with what else is known.
+
+    Args:
+        depth: (H, W) float32 metres.
+        camera: intrinsics and pose.
+        colour: (H, W, 3) uint8 or None.
+        labels: (H, W) int32 instance ids, 0 = no object, -1 = unknown; or None.
+        name: where the frame comes from.
+    """
+
+    depth: Float32
+    camera: Camera
+    colour: NDArray[np.uint8] | None = None
+    labels: Int32 | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        if self.depth.shape != (self.camera.height, self.camera.width):
+            raise InputError(
+                f"depth image {self.name} has shape {self.depth.shape}, but its camera is "
+                f"{self.camera.height} x {self.camera.width}; give the intrinsics of this image size"
+            )
+
+
+@dataclass(frozen=True)
+class SceneObject:
+    """One rigid object: a shape in its own frame (origin = centre of mass), where it is, its mass (kg)."""
+
+    shape: Shape
+    pose: Pose
+    mass: float
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Objects at rest on the floor z = 0; pure data, of which simulators and renderers are views.
+
+    Args:
+        objects: the objects; instance label i + 1 belongs to objects[i].
+        index: number of the attempt that made it, with the seed the scene's identity.
+        seed: seed of the data set.
+    """
+
+    objects: tuple[SceneObject, ...]
+    index: int = 0
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class SceneParameters:
+    """B scenes of up to N superquadrics (eq. 5.1) as tensors on the device that computes volumes.
+
+    Args:
+        half_axes: (B, N, 3) float32 metres.
+        exponents: (B, N, 3) float32: r, s, t of eq. 5.1.
+        rotations: (B, N, 3, 3) float32, object to world.
+        positions: (B, N, 3) float32 metres, world.
+        present: (B, N) bool; absent objects fill up the batch.
+    """
+
+    half_axes: Tensor
+    exponents: Tensor
+    rotations: Tensor
+    positions: Tensor
+    present: Tensor
+
+
+@dataclass(frozen=True)
+class SceneVolumes:
+    """Volumes of B scenes, objects alone (no floor).
+
+    Args:
+        tsdf: (B, 1, X, Y, Z) metres, negative inside, cut at +-truncation.
+        votes: (B, 3, X, Y, Z) unit vectors to the object's centre of mass, 0 where no object.
+        instances: (B, X, Y, Z) int32, 0 = no object, i + 1 = objects[i].
+    """
+
+    tsdf: Tensor
+    votes: Tensor
+    instances: Tensor
+
+
+@dataclass(frozen=True)
+class PartialTSDF:
+    """What B depth images say of the grid.
+
+    Args:
+        distance: (B, 1, X, Y, Z) metres, +truncation where unseen.
+        observed: (B, 1, X, Y, Z) bool: in front of, or within the truncation behind, a seen surface.
+    """
+
+    distance: Tensor
+    observed: Tensor
+
+
+@dataclass(frozen=True)
+class ShapeInstanceBatch:
+    """One training or evaluation batch; distances in units of the truncation, so in [-1, 1].
+
+    Args:
+        condition: (B, C, X, Y, Z): partial TSDF, then (C = 2) observed as 0 or 1.
+        tsdf: (B, 1, X, Y, Z).
+        votes: (B, 3, X, Y, Z).
+    """
+
+    condition: Tensor
+    tsdf: Tensor
+    votes: Tensor
+
+
+@dataclass(frozen=True)
+class ShapeInstancePrediction:
+    """Output of a shape-and-instance network; distances in units of the truncation.
+
+    Args:
+        tsdf: (B, 1, X, Y, Z).
+        votes: (B, 3, X, Y, Z), not normalised.
+        partial: (B, 1, X, Y, Z) reconstruction of the condition, or None.
+        latent: (B, L) code, or None.
+        statistics: further tensors by name, e.g. mean and log-variance of the code.
+    """
+
+    tsdf: Tensor
+    votes: Tensor
+    partial: Tensor | None = None
+    latent: Tensor | None = None
+    statistics: Mapping[str, Tensor] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class TriangleMesh:
+    """Vertices (V, 3) float64 metres and faces (F, 3) int64, counter-clockwise seen from outside."""
+
+    vertices: Float64
+    faces: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class ObjectEstimate:
+    """One predicted object.
+
+    Args:
+        id: instance label, >= 1.
+        mesh: watertight surface in world coordinates.
+        pose: centre of mass and principal axes in world coordinates.
+        extents: (3,) full size along the axes of `pose` (m).
+        confidence: in [0, 1].
+    """
+
+    id: int
+    mesh: TriangleMesh
+    pose: Pose
+    extents: Float64
+    confidence: float
+
+
+@dataclass(frozen=True)
+class SceneEstimate:
+    """What a depth image shows and hides: complete objects in the frame of the floor.
+
+    Args:
+        objects: in the order of their ids.
+        grid: voxel grid of `tsdf` and `instances`.
+        tsdf: (X, Y, Z) float32 metres.
+        instances: (X, Y, Z) int32.
+        frame: the view in the world frame (its camera's pose is the estimated one).
+        details: flat facts worth keeping (floor, versions, checkpoint, warnings).
+    """
+
+    objects: tuple[ObjectEstimate, ...]
+    grid: GridSpec
+    tsdf: Float32
+    instances: Int32
+    frame: Frame
+    details: Mapping[str, Any] = field(default_factory=dict)

@@ -1,0 +1,166 @@
+"""One per-element function, run as a parallel loop on the CPU and as a grid of threads on CUDA.
+
+A kernel file holds a per-element function, a CPU loop over it and a `Kernel` of both:
+
+    @element
+    def _double(i, source, target):
+        target[i] = 2 * source[i]
+
+    @loop
+    def _double_all(count, source, target):
+        for i in prange(count):
+            _double(i, source, target)
+
+    double = Kernel(_double, _double_all)
+    double(n, source, target)          # torch tensors of one device, or numbers
+
+The loop is spelled out because numba caches compiled code of module-level functions only. Compiled
+code lies in a folder named by the sources of all kernels, so an edit anywhere never meets stale code.
+"""
+
+import hashlib
+import inspect
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+import torch
+from numba import cuda
+from numba.extending import overload
+from torch import Tensor
+
+_THREADS_PER_BLOCK = 128
+
+
+def _cache_folder() -> Path:
+    digest = hashlib.sha256(f"{numba.__version__}".encode())
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(source.read_bytes())
+    root = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
+    return root / "scenefw" / "kernels" / digest.hexdigest()[:16]
+
+
+if "NUMBA_CACHE_DIR" not in os.environ:
+    numba.config.CACHE_DIR = str(_cache_folder())
+
+element = numba.njit(fastmath={"contract", "arcp", "nsz", "afn", "reassoc"}, error_model="numpy")
+loop = numba.njit(
+    parallel=True,
+    cache=True,
+    fastmath={"contract", "arcp", "nsz", "afn", "reassoc"},
+    error_model="numpy",
+)
+
+
+def atomic_add(array: Any, index: Any, value: Any) -> None:
+    """Adds to an array element; atomic on CUDA, where threads share the array."""
+    array[index] += value
+
+
+def atomic_min(array: Any, index: Any, value: Any) -> None:
+    """Lowers an array element; atomic on CUDA, where threads share the array."""
+    array[index] = min(array[index], value)
+
+
+# numba compares the signatures of an overload and of what it returns, annotations included.
+@overload(atomic_add, target="cpu")
+def _add_on_cpu(array, index, value):  # noqa: ANN001, ANN202
+    def add(array, index, value):  # noqa: ANN001, ANN202
+        array[index] += value
+
+    return add
+
+
+@overload(atomic_add, target="cuda")
+def _add_on_cuda(array, index, value):  # noqa: ANN001, ANN202
+    def add(array, index, value):  # noqa: ANN001, ANN202
+        cuda.atomic.add(array, index, value)
+
+    return add
+
+
+@overload(atomic_min, target="cpu")
+def _min_on_cpu(array, index, value):  # noqa: ANN001, ANN202
+    def lower(array, index, value):  # noqa: ANN001, ANN202
+        array[index] = min(array[index], value)
+
+    return lower
+
+
+@overload(atomic_min, target="cuda")
+def _min_on_cuda(array, index, value):  # noqa: ANN001, ANN202
+    def lower(array, index, value):  # noqa: ANN001, ANN202
+        cuda.atomic.min(array, index, value)
+
+    return lower
+
+
+class Kernel:
+    """Runs a per-element function over `count` elements on the device of its tensors.
+
+    Args:
+        per_element: function of (i, *arguments), made by `element`.
+        cpu_loop: function of (count, *arguments), made by `loop`.
+    """
+
+    def __init__(self, per_element: Callable[..., None], cpu_loop: Callable[..., None]) -> None:
+        self.per_element = per_element
+        self.cpu_loop = cpu_loop
+        self._cuda_grid: Any = None
+
+    def __call__(self, count: int, *arguments: Tensor | float | bool) -> None:
+        """Runs all elements; tensors are passed without copies and must be contiguous."""
+        device = next(a.device for a in arguments if isinstance(a, Tensor))
+        if device.type == "cuda":
+            with torch.cuda.device(device):
+                stream = cuda.external_stream(torch.cuda.current_stream(device).cuda_stream)
+                views = [_on_cuda(a) for a in arguments]
+                blocks = -(-count // _THREADS_PER_BLOCK)
+                self._compiled()[blocks, _THREADS_PER_BLOCK, stream](count, *views)
+        else:
+            self.cpu_loop(count, *[_on_cpu(a) for a in arguments])
+
+    def simulate(self, count: int, *arguments: Tensor | float | bool) -> None:
+        """Runs the CUDA grid on CPU tensors in numba's simulator (NUMBA_ENABLE_CUDASIM=1), for tests."""
+        blocks = -(-count // _THREADS_PER_BLOCK)
+        self._compiled()[blocks, _THREADS_PER_BLOCK](count, *[_on_cpu(a) for a in arguments])
+
+    def _compiled(self) -> Any:
+        if self._cuda_grid is None:
+            self._cuda_grid = _cuda_grid(self.per_element)
+        return self._cuda_grid
+
+
+def _cuda_grid(per_element: Callable[..., None]) -> Any:
+    """A CUDA kernel with one thread per element; numba takes no *args there, so names are written out."""
+    function = getattr(per_element, "py_func", per_element)
+    names = ", ".join(list(inspect.signature(function).parameters)[1:])
+    source = (
+        f"def grid(count, {names}):\n"
+        f"    i = cuda.grid(1)\n"
+        f"    if i < count:\n"
+        f"        per_element(i, {names})\n"
+    )
+    scope = {"cuda": cuda, "per_element": per_element}
+    exec(source, scope)  # noqa: S102 - the text above, nothing from outside
+    return cuda.jit(fastmath=True)(scope["grid"])
+
+
+def _on_cpu(argument: Tensor | float | bool) -> Any:
+    if not isinstance(argument, Tensor):
+        return argument
+    return _contiguous(argument).detach().numpy()
+
+
+def _on_cuda(argument: Tensor | float | bool) -> Any:
+    if not isinstance(argument, Tensor):
+        return argument
+    return cuda.as_cuda_array(_contiguous(argument).detach())
+
+
+def _contiguous(tensor: Tensor) -> Tensor:
+    if not tensor.is_contiguous():
+        raise ValueError(f"kernel tensors must be contiguous, got strides {tensor.stride()}")
+    return tensor
