@@ -2,7 +2,7 @@
 
 
 class SceneFWError(Exception):
-    """Base of every error that scenefw raises on purpose; the command line prints it and exits with 2."""
+    """Base of every error raised on purpose; the command line prints it and exits with 2."""
 
 
 class InputError(SceneFWError):

@@ -62,5 +62,6 @@ def _give_default_mode(path: Path) -> None:
 def _unwritable(target: Path, error: OSError) -> StorageError:
     reason = error.strerror or str(error)
     return StorageError(
-        f"cannot write {target}: {reason}; choose a writable folder with free space (paths.output=...)"
+        f"cannot write {target}: {reason}; "
+        "choose a writable folder with free space (paths.output=...)"
     )

@@ -65,7 +65,7 @@ def transform_points(transform: ArrayLike, points: ArrayLike) -> Array:
 
 
 def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> Array:
-    """`T_world_camera` of an OpenCV camera (x right, y down, z forward) at `eye` looking at `target`."""
+    """`T_world_camera` of a camera (x right, y down, z forward) at `eye` looking at `target`."""
     eye = np.asarray(eye, dtype=np.float64)
     forward = np.asarray(target, dtype=np.float64) - eye
     forward /= np.linalg.norm(forward)

@@ -131,7 +131,7 @@ class InstanceExtractor(Protocol):
 
 
 class Reconstructor(Protocol):
-    """A method that evaluation compares: from partial views to complete scenes (group `evaluation`)."""
+    """A method that evaluation compares: from partial views to complete scenes."""
 
     def reconstruct(
         self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator

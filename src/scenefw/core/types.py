@@ -178,13 +178,13 @@ class Frame:
         if self.depth.shape != (self.camera.height, self.camera.width):
             raise InputError(
                 f"depth image {self.name} has shape {self.depth.shape}, but its camera is "
-                f"{self.camera.height} x {self.camera.width}; give the intrinsics of this image size"
+                f"{self.camera.height} x {self.camera.width}; give intrinsics of this image size"
             )
 
 
 @dataclass(frozen=True)
 class SceneObject:
-    """One rigid object: a shape in its own frame (origin = centre of mass), where it is, its mass (kg)."""
+    """One rigid object: a shape (origin = centre of mass), where it is, its mass (kg)."""
 
     shape: Shape
     pose: Pose
@@ -193,7 +193,7 @@ class SceneObject:
 
 @dataclass(frozen=True)
 class Scene:
-    """Objects at rest on the floor z = 0; pure data, of which simulators and renderers are views.
+    """Objects at rest on the floor z = 0: pure data that simulators and renderers view.
 
     Args:
         objects: the objects; instance label i + 1 belongs to objects[i].
@@ -246,7 +246,7 @@ class PartialTSDF:
 
     Args:
         distance: (B, 1, X, Y, Z) metres, +truncation where unseen.
-        observed: (B, 1, X, Y, Z) bool: in front of, or within the truncation behind, a seen surface.
+        observed: (B, 1, X, Y, Z) bool: in front of a seen surface, or up to a voxel behind it.
     """
 
     distance: Tensor
@@ -289,7 +289,7 @@ class ShapeInstancePrediction:
 
 @dataclass(frozen=True)
 class TriangleMesh:
-    """Vertices (V, 3) float64 metres and faces (F, 3) int64, counter-clockwise seen from outside."""
+    """Vertices (V, 3) float64 metres, faces (F, 3) int64, counter-clockwise from outside."""
 
     vertices: Float64
     faces: NDArray[np.int64]

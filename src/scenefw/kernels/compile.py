@@ -14,7 +14,7 @@ A kernel file holds a per-element function, a CPU loop over it and a `Kernel` of
     double = Kernel(_double, _double_all)
     double(n, source, target)          # torch tensors of one device, or numbers
 
-The loop is spelled out because numba caches compiled code of module-level functions only. Compiled
+The loop is spelled out because numba caches compiled code of module-level functions only. That
 code lies in a folder named by the sources of all kernels, so an edit anywhere never meets stale code.
 """
 
@@ -123,7 +123,7 @@ class Kernel:
             self.cpu_loop(count, *[_on_cpu(a) for a in arguments])
 
     def simulate(self, count: int, *arguments: Tensor | float | bool) -> None:
-        """Runs the CUDA grid on CPU tensors in numba's simulator (NUMBA_ENABLE_CUDASIM=1), for tests."""
+        """Runs the CUDA grid on CPU tensors in the simulator (NUMBA_ENABLE_CUDASIM=1)."""
         blocks = -(-count // _THREADS_PER_BLOCK)
         self._compiled()[blocks, _THREADS_PER_BLOCK](count, *[_on_cpu(a) for a in arguments])
 
@@ -134,7 +134,7 @@ class Kernel:
 
 
 def _cuda_grid(per_element: Callable[..., None]) -> Any:
-    """A CUDA kernel with one thread per element; numba takes no *args there, so names are written out."""
+    """A CUDA kernel, one thread per element; numba takes no *args there: names are written out."""
     function = getattr(per_element, "py_func", per_element)
     names = ", ".join(list(inspect.signature(function).parameters)[1:])
     source = (
@@ -144,7 +144,7 @@ def _cuda_grid(per_element: Callable[..., None]) -> Any:
         f"        per_element(i, {names})\n"
     )
     scope = {"cuda": cuda, "per_element": per_element}
-    exec(source, scope)  # noqa: S102 - the text above, nothing from outside
+    exec(source, scope)  # the text above, nothing from outside
     return cuda.jit(fastmath=True)(scope["grid"])
 
 
