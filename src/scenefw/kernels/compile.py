@@ -15,7 +15,7 @@ A kernel file holds a per-element function, a CPU loop over it and a `Kernel` of
     double(n, source, target)          # torch tensors of one device, or numbers
 
 The loop is spelled out because numba caches compiled code of module-level functions only. That
-code lies in a folder named by the sources of all kernels, so an edit anywhere never meets stale code.
+code lies in a folder named by the sources of all kernels: an edit anywhere never meets old code.
 """
 
 import hashlib
