@@ -1,0 +1,1 @@
+"""From files and scenes to samples and batches."""

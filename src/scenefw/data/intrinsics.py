@@ -1,0 +1,85 @@
+"""Camera intrinsics from small files: JSON, YAML or text."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import ArrayLike, NDArray
+
+from scenefw.core.errors import InputError
+from scenefw.core.types import Camera
+
+_KEYS = ("K", "camera_matrix", "intrinsic_matrix", "intrinsics", "cam_K")
+_EXPECTED = "give a 3 x 3 matrix K, or fx, fy, cx, cy"
+
+
+def read_intrinsics(path: Path) -> NDArray[np.float64]:
+    """Intrinsic matrix K (3, 3) in pixels from a .json, .yaml, .yml or .txt file.
+
+    JSON and YAML hold either `fx, fy, cx, cy` or a matrix under one of `K`, `camera_matrix`,
+    `intrinsic_matrix`, `intrinsics`, `cam_K`, nested (3 x 3), flat (9, row by row) or as ROS writes
+    it (`data`). Text holds nine numbers, or four in the order fx fy cx cy.
+
+    Raises:
+        InputError: the file is missing, of another format, or holds something else.
+    """
+    if not path.is_file():
+        raise InputError(f"no intrinsics file {path}; {_EXPECTED} in a .json, .yaml or .txt file")
+    suffix = path.suffix.lower()
+    try:
+        text = path.read_text(encoding="utf-8")
+        if suffix == ".json":
+            return _from_content(json.loads(text), path)
+        if suffix in {".yaml", ".yml"}:
+            return _from_content(yaml.safe_load(text), path)
+        if suffix == ".txt":
+            return _from_numbers(text.replace(",", " ").split(), path)
+    except (ValueError, TypeError, yaml.YAMLError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(f"cannot read intrinsics {path}: {reason}; {_EXPECTED}") from error
+    raise InputError(f"unknown intrinsics format '{suffix}' of {path}; use .json, .yaml or .txt")
+
+
+def camera_from_matrix(K: ArrayLike, height: int, width: int, name: str) -> Camera:  # noqa: N803
+    """A camera at the origin with intrinsics K (3, 3) for an image of this size.
+
+    Raises:
+        InputError: K has another shape or can't belong to an image of this size.
+    """
+    matrix = np.asarray(K, dtype=np.float64)
+    if matrix.shape != (3, 3):
+        raise InputError(f"intrinsics of {name} have shape {matrix.shape}; {_EXPECTED}")
+    (fx, _, cx), (_, fy, cy) = matrix[:2]
+    if not (np.isfinite(matrix).all() and fx > 0 and fy > 0):
+        raise InputError(
+            f"intrinsics of {name} have fx = {fx:g}, fy = {fy:g}; {_EXPECTED} in pixels"
+        )
+    if not (0 <= cx < width and 0 <= cy < height):
+        raise InputError(
+            f"intrinsics of {name} have their centre at ({cx:g}, {cy:g}), outside the image of "
+            f"{width} x {height} pixels; give the intrinsics of this image size"
+        )
+    return Camera(width, height, float(fx), float(fy), float(cx), float(cy))
+
+
+def _from_content(content: Any, path: Path) -> NDArray[np.float64]:
+    if isinstance(content, dict):
+        if {"fx", "fy", "cx", "cy"} <= content.keys():
+            return _from_numbers([content[key] for key in ("fx", "fy", "cx", "cy")], path)
+        key = next((key for key in _KEYS if key in content), None)
+        if key is None:
+            raise InputError(f"no intrinsics in {path} (keys: {', '.join(content)}); {_EXPECTED}")
+        return _from_content(content[key], path)
+    return _from_numbers(content, path)
+
+
+def _from_numbers(content: Any, path: Path) -> NDArray[np.float64]:
+    numbers = np.asarray(content, dtype=np.float64)
+    if numbers.size == 4:
+        fx, fy, cx, cy = numbers.ravel()
+        return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    if numbers.size == 9:
+        return numbers.reshape(3, 3)
+    raise InputError(f"intrinsics {path} hold {numbers.size} numbers; {_EXPECTED}")

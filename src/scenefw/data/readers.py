@@ -1,0 +1,256 @@
+"""Frames from files: .npz, or a depth image (.png, .npy) with an intrinsics file beside it."""
+
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
+
+from scenefw.core.errors import InputError
+from scenefw.core.types import Frame
+from scenefw.data.intrinsics import camera_from_matrix, read_intrinsics
+
+Array = NDArray[Any]
+
+FARTHEST_MEDIAN = 20.0
+"""A table-top whose median depth is above this (m) was given in millimetres."""
+NEAREST_MEDIAN = 0.05
+"""A table-top whose median depth is below this (m) was given in metres, read as millimetres."""
+
+_SUFFIXES = (".npz", ".npy", ".png")
+_INTRINSICS_SUFFIXES = (".json", ".yaml", ".yml", ".txt")
+_INTRINSICS_STEMS = ("intrinsics", "camera", "K")
+_COLOUR_SUFFIXES = (".rgb.jpg", ".rgb.png", ".rgb.jpeg", "_rgb.png", "_rgb.jpg", ".jpg", ".jpeg")
+_COLOUR_WORDS = ("rgb", "color", "colour")
+
+
+def read_frames(
+    path: Path | str, *, intrinsics: Path | str | None = None, depth_scale: float = 0.001
+) -> list[Frame]:
+    """All frames at a path: one image, or a folder of them in the order of their names.
+
+    Raises:
+        InputError: as `find_images` and `read_frame`.
+    """
+    return [
+        read_frame(image, intrinsics=intrinsics, depth_scale=depth_scale)
+        for image in find_images(path)
+    ]
+
+
+def find_images(path: Path | str) -> list[Path]:
+    """Depth images at a path: the file itself, or the .npz, .npy and 16-bit .png of a folder, sorted.
+
+    A folder without any is searched with its subfolders.
+
+    Raises:
+        InputError: nothing is there, or a folder holds no depth image.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise InputError(f"no file or folder {path}; give input=PATH of a depth image or a folder")
+    if path.is_file():
+        return [path]
+    images = [entry for entry in sorted(path.iterdir()) if _is_depth_image(entry)]
+    images = images or [entry for entry in sorted(path.rglob("*")) if _is_depth_image(entry)]
+    if not images:
+        raise InputError(f"no depth image in {path}; expected .npz, .npy or 16-bit .png files")
+    return images
+
+
+def read_frame(
+    path: Path | str, *, intrinsics: Path | str | None = None, depth_scale: float = 0.001
+) -> Frame:
+    """One frame; its camera stands at the origin until a floor is found.
+
+    .npz: `depth_mm` (millimetres) or `depth` (metres), (H, W); `K` (3, 3); optionally `rgb`
+    (H, W, 3) uint8 and labels: `instances` (-1 unknown, 0 none, 1..N) or `label` as the Object
+    Segmentation Database codes it (see `decode_labels`). .png: 16-bit, metres = value times
+    `depth_scale`. .npy: floating point in metres, integers as .png. The colour image lies beside,
+    as NAME.rgb.jpg.
+
+    Args:
+        path: a .npz, .png or .npy file.
+        intrinsics: file for .png and .npy; None looks beside for NAME.json, intrinsics.json ...
+        depth_scale: metres per unit of integer depth.
+
+    Raises:
+        InputError: a missing, damaged or unusable file; the message says how to mend it.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"no file {path}; give input=PATH of a depth image or a folder")
+    reader = _READERS.get(path.suffix.lower())
+    if reader is None:
+        known = ", ".join(_READERS)
+        raise InputError(f"unknown format '{path.suffix}' of {path}; expected one of {known}")
+    try:
+        return reader(path, intrinsics, depth_scale)
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, UnidentifiedImageError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(f"cannot read {path}: {reason}; is the file complete?") from error
+
+
+def decode_labels(coded: Array) -> NDArray[np.int32]:
+    """Instance ids of labels (H, W) coded as in the Object Segmentation Database.
+
+    0 is invalid (-> -1), 1 to 9 the table (-> 0), from 10 on object `value // 10` with its parts in
+    the last digit; the objects are renumbered 1..N in the order of their codes.
+    """
+    labels = np.zeros(coded.shape, dtype=np.int32)
+    labels[coded == 0] = -1
+    is_object = coded >= 10
+    _, order = np.unique(coded[is_object] // 10, return_inverse=True)
+    labels[is_object] = order + 1
+    return labels
+
+
+def check_depth(depth: Array, name: str) -> NDArray[np.float32]:
+    """Depth (H, W) in metres as float32 with every unusable value (NaN, infinite, <= 0) set to 0.
+
+    Raises:
+        InputError: not two-dimensional, without any measurement, or in the wrong unit.
+    """
+    if depth.ndim != 2 or min(depth.shape) < 2:
+        raise InputError(f"depth of {name} has shape {depth.shape}; expected one image (H, W)")
+    depth = depth.astype(np.float32)
+    clean = np.where(np.isfinite(depth) & (depth > 0), depth, np.float32(0))
+    valid = clean[clean > 0]
+    if valid.size == 0:
+        raise InputError(
+            f"depth of {name} has no measurement (all {depth.size} pixels are 0 or NaN); "
+            "record it again or check the file"
+        )
+    median = float(np.median(valid))
+    if median > FARTHEST_MEDIAN:
+        raise InputError(
+            f"depth of {name} has a median of {median:.0f} m: millimetres given as metres? "
+            "store it as depth_mm, or give depth_scale=0.001"
+        )
+    if median < NEAREST_MEDIAN:
+        raise InputError(
+            f"depth of {name} has a median of {median * 1000:.2g} mm: metres given as millimetres? "
+            "store it as depth, or give depth_scale=1"
+        )
+    return clean
+
+
+def _read_npz(path: Path, intrinsics: Path | str | None, depth_scale: float) -> Frame:
+    with np.load(path, allow_pickle=False) as file:
+        content = {key: file[key] for key in file.files}
+    depth = _npz_depth(content, path)
+    if "K" not in content and intrinsics is None:
+        raise InputError(
+            f"{path} has no intrinsics K (3, 3); store them in it or give intrinsics=PATH"
+        )
+    matrix = content["K"] if intrinsics is None else read_intrinsics(Path(intrinsics))
+    return _frame(depth, matrix, path, colour=content.get("rgb"), labels=_npz_labels(content))
+
+
+def _npz_depth(content: dict[str, Array], path: Path) -> Array:
+    if "depth_mm" in content:
+        return content["depth_mm"].astype(np.float32) / np.float32(1000)
+    if "depth" in content:
+        return content["depth"]
+    keys = ", ".join(content) or "nothing"
+    raise InputError(
+        f"{path} holds {keys}, no depth; store depth_mm (millimetres) or depth (metres)"
+    )
+
+
+def _npz_labels(content: dict[str, Array]) -> Array | None:
+    if "instances" in content:
+        return content["instances"].astype(np.int32)
+    return decode_labels(content["label"]) if "label" in content else None
+
+
+def _read_png(path: Path, intrinsics: Path | str | None, depth_scale: float) -> Frame:
+    with Image.open(path) as image:
+        if not image.mode.startswith("I"):
+            raise InputError(
+                f"{path} is a picture of mode {image.mode}; a depth image has one 16-bit channel"
+            )
+        values = np.array(image)
+    return _frame(values * np.float32(depth_scale), _matrix(path, intrinsics), path)
+
+
+def _read_npy(path: Path, intrinsics: Path | str | None, depth_scale: float) -> Frame:
+    values = np.load(path, allow_pickle=False)
+    if not np.issubdtype(values.dtype, np.floating):
+        values = values * np.float32(depth_scale)
+    return _frame(values, _matrix(path, intrinsics), path)
+
+
+_READERS: dict[str, Callable[[Path, Path | str | None, float], Frame]] = {
+    ".npz": _read_npz,
+    ".png": _read_png,
+    ".npy": _read_npy,
+}
+
+
+def _frame(
+    depth: Array,
+    matrix: Array,
+    path: Path,
+    colour: Array | None = None,
+    labels: Array | None = None,
+) -> Frame:
+    depth = check_depth(depth, path.name)
+    camera = camera_from_matrix(matrix, *depth.shape, path.name)
+    if colour is None:
+        colour = _read_colour(path, depth.shape)
+    for what, image in (("colour", colour), ("labels", labels)):
+        if image is not None and image.shape[:2] != depth.shape:
+            raise InputError(
+                f"{what} of {path.name} has shape {image.shape}, its depth {depth.shape}; "
+                "both must be aligned images of one size"
+            )
+    return Frame(depth, camera, colour, labels, path.stem)
+
+
+def _matrix(path: Path, intrinsics: Path | str | None) -> Array:
+    if intrinsics is not None:
+        return read_intrinsics(Path(intrinsics))
+    stems = (path.stem, f"{path.stem}.intrinsics", *_INTRINSICS_STEMS)
+    for stem in stems:
+        for suffix in _INTRINSICS_SUFFIXES:
+            candidate = path.with_name(stem + suffix)
+            if candidate.is_file():
+                return read_intrinsics(candidate)
+    raise InputError(
+        f"no intrinsics for {path}; put {path.stem}.json or intrinsics.json with fx, fy, cx, cy "
+        "beside it, or give intrinsics=PATH"
+    )
+
+
+def _read_colour(path: Path, shape: tuple[int, ...]) -> NDArray[np.uint8] | None:
+    """The colour image beside a depth image, None if there is none of the same size."""
+    names = [path.stem + suffix for suffix in _COLOUR_SUFFIXES]
+    if "depth" in path.stem:
+        names += [
+            path.stem.replace("depth", word) + suffix
+            for word in _COLOUR_WORDS
+            for suffix in (".png", ".jpg", ".jpeg")
+        ]
+    found = next((path.with_name(name) for name in names if path.with_name(name).is_file()), None)
+    if found is None:
+        return None
+    with Image.open(found) as image:
+        colour = np.array(image.convert("RGB"))
+    return colour if colour.shape[:2] == tuple(shape) else None
+
+
+def _is_depth_image(path: Path) -> bool:
+    suffix = path.suffix.lower()
+    if suffix not in _SUFFIXES or not path.is_file():
+        return False
+    if suffix != ".png":
+        return True
+    try:
+        with Image.open(path) as image:
+            return image.mode.startswith("I")
+    except (OSError, UnidentifiedImageError):
+        return False
