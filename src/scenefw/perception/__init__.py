@@ -1,0 +1,1 @@
+"""From a real depth image to a scene estimate: floor, checks, reconstruction."""
