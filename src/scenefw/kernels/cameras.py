@@ -1,0 +1,71 @@
+"""Cameras of a batch as tensors that kernels read."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+
+from scenefw.core.errors import InputError
+from scenefw.core.types import Camera, CameraBatch
+
+
+def stack_cameras(
+    cameras: Sequence[Camera], device: torch.device | str | None = None
+) -> CameraBatch:
+    """Stacks B cameras of one image size into a batch on `device` (default: the CPU).
+
+    Raises:
+        InputError: no camera, several image sizes, or intrinsics or a pose that no camera has.
+    """
+    sizes = {(camera.width, camera.height) for camera in cameras}
+    if len(sizes) != 1:
+        raise InputError(
+            f"a batch of cameras needs one image size, got {sorted(sizes) or 'no camera'}; "
+            "resize the images or batch them by size"
+        )
+    for camera in cameras:
+        _require_usable(camera)
+    width, height = sizes.pop()
+    intrinsics = np.array([[c.fx, c.fy, c.cx, c.cy] for c in cameras], dtype=np.float32)
+    poses = np.stack([c.T_world_camera for c in cameras]).astype(np.float32)
+    return CameraBatch(
+        width, height, torch.from_numpy(intrinsics).to(device), torch.from_numpy(poses).to(device)
+    )
+
+
+def require_depth(depth: torch.Tensor, cameras: CameraBatch) -> torch.Tensor:
+    """Returns depth (B, H, W) as contiguous float32 with 0 where not finite.
+
+    Raises:
+        InputError: its shape is not that of the cameras, or it lies on another device.
+    """
+    expected = (len(cameras.intrinsics), cameras.height, cameras.width)
+    if tuple(depth.shape) != expected:
+        raise InputError(
+            f"depth has shape {tuple(depth.shape)}, but its cameras make {expected}; "
+            "give one camera per image, with the intrinsics of this image size"
+        )
+    if depth.device != cameras.intrinsics.device:
+        raise InputError(
+            f"depth is on {depth.device}, its cameras on {cameras.intrinsics.device}; "
+            "move them to one device"
+        )
+    return torch.nan_to_num(depth.detach().float(), nan=0.0, posinf=0.0, neginf=0.0).contiguous()
+
+
+def _require_usable(camera: Camera) -> None:
+    pose = np.asarray(camera.T_world_camera)
+    rotation = pose[:3, :3]
+    if pose.shape != (4, 4) or not np.isfinite(pose).all():
+        raise InputError(f"camera pose {pose.tolist()} is no finite 4x4 matrix; check its source")
+    if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4):
+        raise InputError(
+            f"camera pose has no rotation in its upper left 3x3 {rotation.tolist()}; "
+            "orthonormalise it (and leave scale out of it)"
+        )
+    focal = (camera.fx, camera.fy)
+    if not np.isfinite([*focal, camera.cx, camera.cy]).all() or min(focal) <= 0:
+        raise InputError(
+            f"camera intrinsics fx, fy = {focal}, cx, cy = {(camera.cx, camera.cy)} are unusable; "
+            "expected finite values with positive focal lengths, in pixels"
+        )

@@ -1,0 +1,1 @@
+"""Mapping: depth images fused into partial TSDFs."""

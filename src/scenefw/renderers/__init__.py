@@ -1,0 +1,1 @@
+"""Renderers: views of TSDF grids through pinhole cameras."""

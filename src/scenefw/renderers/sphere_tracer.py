@@ -1,0 +1,105 @@
+"""Sphere tracing of TSDF grids into depth, normals and instance images."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from scenefw.core.errors import InputError
+from scenefw.core.types import CameraBatch, GridSpec
+from scenefw.kernels import rays
+
+
+@dataclass(frozen=True)
+class Surface:
+    """What B cameras see.
+
+    Args:
+        depth: (B, H, W) z-depth in metres, 0 = nothing hit.
+        normals: (B, 3, H, W) unit vectors in the world frame, (0, 0, 1) on the floor, 0 = nothing.
+        instances: (B, H, W) int32: labels, 0 = floor or unlabelled surface, -1 = nothing hit.
+    """
+
+    depth: Tensor
+    normals: Tensor
+    instances: Tensor
+
+
+class SphereTracer:
+    """Renders TSDFs by sphere tracing (Hart 1996; thesis 5.2.1).
+
+    Distances lie at voxel centres and are interpolated trilinearly; beyond the outermost centres
+    the field is continued unchanged up to the faces of the cube. Objects which a face cuts are seen
+    there as solid.
+
+    Args:
+        max_steps: upper bound of steps per ray.
+        tolerance: the distance at a hit is refined to less than this (m).
+        floor: also hit the plane z = 0, outside the grid too.
+    """
+
+    def __init__(
+        self, max_steps: int = 256, tolerance: float = 1e-4, *, floor: bool = True
+    ) -> None:
+        self.max_steps = max_steps
+        self.tolerance = tolerance
+        self.floor = floor
+
+    def render(self, tsdf: Tensor, grid: GridSpec, cameras: CameraBatch) -> Tensor:
+        """Z-depth (B, H, W) in metres of TSDFs (B, 1, X, Y, Z) in metres; 0 = nothing hit."""
+        return self._trace(_flat(tsdf, grid, cameras, "TSDF"), grid, cameras)[0]
+
+    def render_surface(
+        self, tsdf: Tensor, instances: Tensor, grid: GridSpec, cameras: CameraBatch
+    ) -> Surface:
+        """Depth, normals and instance labels of what the cameras see.
+
+        Args:
+            tsdf: (B, 1, X, Y, Z) metres.
+            instances: (B, X, Y, Z) integer labels, 0 = no object.
+            grid: the voxel grid of both.
+            cameras: one per scene.
+        """
+        volume = _flat(tsdf, grid, cameras, "TSDF")
+        labels = _flat(instances, grid, cameras, "instance volume").to(torch.int32)
+        depth, kind = self._trace(volume, grid, cameras)
+        batch, height, width = depth.shape
+        normals = depth.new_empty(batch, 3, height, width)
+        seen = torch.empty_like(depth, dtype=torch.int32)
+        rays.shade(
+            depth.numel(), volume, labels, cameras.intrinsics, cameras.T_world_camera,
+            depth.view(-1), kind, normals.view(-1), seen.view(-1),
+            grid.resolution, width, height, grid.voxel_size, *grid.lower,
+        )  # fmt: skip
+        return Surface(depth, normals, seen)
+
+    def _trace(self, volume: Tensor, grid: GridSpec, cameras: CameraBatch) -> tuple[Tensor, Tensor]:
+        size = (len(cameras.intrinsics), cameras.height, cameras.width)
+        depth = torch.empty(size, dtype=torch.float32, device=volume.device)
+        kind = torch.empty(depth.numel(), dtype=torch.uint8, device=volume.device)
+        rays.trace(
+            depth.numel(), volume, cameras.intrinsics, cameras.T_world_camera, depth.view(-1), kind,
+            grid.resolution, cameras.width, cameras.height, grid.voxel_size, *grid.lower,
+            self.tolerance, self.max_steps, self.floor,
+        )  # fmt: skip
+        return depth, kind
+
+
+def _flat(volume: Tensor, grid: GridSpec, cameras: CameraBatch, name: str) -> Tensor:
+    batch = len(cameras.intrinsics)
+    lead = (batch, 1) if volume.ndim == 5 else (batch,)
+    if tuple(volume.shape) != (*lead, *grid.shape):
+        raise InputError(
+            f"{name} has shape {tuple(volume.shape)}, expected {(*lead, *grid.shape)} for "
+            f"{batch} cameras and this grid; give one scene per camera, at the grid's resolution"
+        )
+    if volume.device != cameras.intrinsics.device:
+        raise InputError(
+            f"{name} is on {volume.device}, its cameras on {cameras.intrinsics.device}; "
+            "move them to one device"
+        )
+    volume = volume.detach()
+    if volume.is_floating_point():
+        far = grid.truncation
+        volume = torch.nan_to_num(volume.float(), nan=far, posinf=far, neginf=-far)
+    return volume.contiguous().view(-1)
