@@ -1,0 +1,147 @@
+"""The command line: `python -m scenefw experiment=simstack`, with Hydra's overrides and sweeps."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from scenefw import config, plugins, registry
+from scenefw.core.errors import SceneFWError
+
+if TYPE_CHECKING:
+    from omegaconf import DictConfig
+
+_TRACEBACK = "SCENEFW_TRACEBACK"  # set to 1 by -v; runs of a sweep in other processes see it too
+
+USAGE = """\
+scenefw: complete, instance-segmented 3D scenes from depth views of cluttered table-tops
+
+usage: python -m scenefw [group=option ...] [key=value ...] [-m] [-v]
+
+  python -m scenefw experiment=simstack                         stacks, training, evaluation, report
+  python -m scenefw experiment=simstack run=predict input=PATH  a depth image to a 3D scene
+  python -m scenefw experiment=simstack run=train trainer.max_time=00:01:00:00
+  python -m scenefw experiment=simstack run=evaluate            figures of the shipped weights
+  python -m scenefw experiment=simstack run=generate            makes the stacks anew
+  python -m scenefw experiment=osd input=FOLDER                 scores on labelled real images
+  python -m scenefw -m experiment=simstack debug=smoke seed=1,2 a sweep: one run per value
+
+  --list         every group and option with a line on each, plugins included
+  --cfg job      prints the composed settings and stops
+  -m             sweeps over comma-separated values
+  -v             shows the whole traceback of an error
+  --hydra-help   what Hydra adds to all this
+  --version      prints the version
+
+groups (group=option):"""
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Runs the command line; ends the process with 2 after an error that the user can mend."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if "-v" in words or os.environ.get("HYDRA_FULL_ERROR") == "1":
+        os.environ[_TRACEBACK] = "1"
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra hands errors on instead of printing and exiting
+    sys.argv[1:] = [word for word in words if word != "-v"]
+    try:
+        _dispatch(sys.argv[1:])
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        sys.exit(130)
+    except Exception as error:
+        _stop(error)
+        raise
+
+
+def _dispatch(words: list[str]) -> None:
+    if not words or {"-h", "--help"} & set(words):
+        _print_help()
+    elif "--version" in words:
+        from importlib import metadata
+
+        print(f"scenefw {metadata.version('scenefw')}")
+    elif "--list" in words:
+        _print_catalogue()
+    else:
+        _run()
+
+
+def _print_help() -> None:
+    print(USAGE)
+    plugins.activate()
+    for group, options in registry.catalogue().items():
+        print(f"  {group:<15} {', '.join(sorted(options))}")
+
+
+def _print_catalogue() -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    owners = {pair: plugin.name for plugin in plugins.activate() for pair in plugin.options()}
+    table = Table("group", "option", "what it is", "plugin", title="scenefw: group=option")
+    for group, options in registry.catalogue().items():
+        table.add_section()
+        for name, path in sorted(options.items()):
+            about = registry.description(path)
+            table.add_row(group, name, about, owners.get((group, name), ""))
+    console = Console()
+    if not console.is_terminal:  # nothing is cut where there's no window to fit
+        console = Console(width=160)
+    console.print(table)
+
+
+def _run() -> None:
+    import hydra
+
+    plugins.activate()
+    start = hydra.main(
+        version_base="1.3", config_path=str(config.conf_dir()), config_name=config.ROOT_CONFIG
+    )
+    start(_task)()
+
+
+def _task(settings: DictConfig) -> Mapping[str, Any]:
+    """One run; errors end the process here, before Hydra adds lines of its own to them."""
+    from scenefw.tasks.run import execute
+
+    try:
+        return execute(settings)
+    except Exception as error:
+        _stop(error)
+        raise
+
+
+def _stop(error: Exception) -> None:
+    """Ends the process with one line, unless scenefw itself is at fault or -v is given."""
+    line = None if os.environ.get(_TRACEBACK) == "1" else _complaint(error)
+    if line is not None:
+        print(f"error: {line}", file=sys.stderr)
+        sys.exit(2)
+
+
+def _complaint(error: Exception) -> str | None:
+    """The one line for the user, or None for an error that is a fault of scenefw itself."""
+    cause: BaseException | None = error
+    while cause is not None:
+        if isinstance(cause, SceneFWError):
+            return " ".join(str(cause).split())
+        cause = cause.__cause__
+    if isinstance(error, OSError) and error.filename is not None:
+        return (
+            f"cannot use {error.filename}: {error.strerror}; give another path, or make it writable"
+        )
+    return _misconfigured(error)
+
+
+def _misconfigured(error: Exception) -> str | None:
+    if not type(error).__module__.startswith(("hydra.", "omegaconf.")):
+        return None
+    overrides = [word for word in sys.argv[1:] if "=" in word or word.startswith("~")]
+    options = {group: sorted(found) for group, found in registry.catalogue().items()}
+    return f"{config.explain(error, overrides, options)} (-v shows the traceback)"
+
+
+if __name__ == "__main__":
+    main()

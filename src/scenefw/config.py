@@ -1,0 +1,159 @@
+"""Configs: where they lie, how Hydra composes them, and what is wrong with them in one line."""
+
+from __future__ import annotations
+
+import difflib
+import importlib.util
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from scenefw.core.errors import ConfigError
+
+if TYPE_CHECKING:
+    from hydra.core.override_parser.types import Override
+    from omegaconf import DictConfig
+
+ROOT_CONFIG = "config"
+_search_path: list[Path] = []  # folders of plugins, read whenever Hydra starts
+
+
+def conf_dir(package: str = "scenefw") -> Path:
+    """The folder of a package's configs: the copy packed into it, else `conf` beside its `src`.
+
+    Raises:
+        ConfigError: the package isn't installed or brings no configs.
+    """
+    found = importlib.util.find_spec(package)
+    if found is None or not found.submodule_search_locations:
+        raise ConfigError(f"package {package} is not installed; its configs can't be found")
+    root = Path(next(iter(found.submodule_search_locations)))
+    for folder in (root / "conf", root.parent.parent / "conf"):
+        if folder.is_dir():
+            return folder
+    raise ConfigError(f"package {package} has no folder conf, neither in {root} nor beside its src")
+
+
+def search_also(folders: Sequence[Path]) -> None:
+    """Makes Hydra look for options in these folders after the core's own."""
+    from hydra.core.config_search_path import ConfigSearchPath
+    from hydra.core.plugins import Plugins
+    from hydra.plugins.search_path_plugin import SearchPathPlugin
+
+    class PluginConfigs(SearchPathPlugin):
+        def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
+            for folder in _search_path:
+                search_path.append(provider=folder.parent.name, path=f"file://{folder}")
+
+    if not _search_path and folders:
+        Plugins.instance().register(PluginConfigs)
+    _search_path.extend(folder for folder in folders if folder not in _search_path)
+
+
+def compose(overrides: Sequence[str] = ()) -> DictConfig:
+    """The whole config with these command-line overrides; for tests, notebooks and the registry.
+
+    Raises:
+        ConfigError: an option or a key doesn't exist, or a value doesn't parse.
+    """
+    import hydra
+    from hydra.core.global_hydra import GlobalHydra
+    from hydra.errors import HydraException
+    from omegaconf.errors import OmegaConfBaseException
+
+    running = GlobalHydra.instance().hydra  # Hydra composes one config at a time
+    GlobalHydra.instance().clear()
+    try:
+        with hydra.initialize_config_dir(str(conf_dir()), job_name="scenefw", version_base="1.3"):
+            return hydra.compose(ROOT_CONFIG, list(overrides))
+    except (HydraException, OmegaConfBaseException) as error:
+        raise ConfigError(squash(error)) from error
+    finally:
+        GlobalHydra.instance().hydra = running
+
+
+def near_misses(name: str, known: Sequence[str]) -> str:
+    """A question that names what the user may have meant; what there is, if nothing comes near."""
+    close = difflib.get_close_matches(name, known, n=3, cutoff=0.6)
+    if close:
+        return "did you mean " + " or ".join(close) + "?"
+    return "there are " + ", ".join(sorted(known)) if known else "there are none"
+
+
+def explain(
+    error: Exception, overrides: Sequence[str], options: Mapping[str, Sequence[str]]
+) -> ConfigError:
+    """Says in one line which override is wrong and what was perhaps meant.
+
+    Args:
+        error: what Hydra raised.
+        overrides: what the user typed.
+        options: names of the options of every group.
+    """
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+    from hydra.errors import HydraException
+
+    parser, parsed = OverridesParser.create(), []
+    for text in overrides:
+        try:
+            parsed.append(parser.parse_override(text))
+        except HydraException:
+            return ConfigError(f"'{text}' is not understood; overrides look like key=value")
+    complaints = (_unknown_option(override, options) for override in parsed)
+    wrong = next(filter(None, complaints), None) or _unknown_key(parsed, options)
+    return ConfigError(wrong or squash(error))
+
+
+def squash(error: BaseException) -> str:
+    """The message of an error, and of what caused it, as one line."""
+    parts = [" ".join(str(error).split())]
+    if error.__cause__ is not None and str(error.__cause__) not in str(error):
+        parts.append(" ".join(str(error.__cause__).split()))
+    return ": ".join(part for part in parts if part) or type(error).__name__
+
+
+def _unknown_option(override: Override, options: Mapping[str, Sequence[str]]) -> str | None:
+    group = override.key_or_group
+    if group not in options or override.is_delete():
+        return None
+    for name in _chosen(override):
+        if name not in options[group]:
+            return f"group {group} has no option '{name}'; {near_misses(name, options[group])}"
+    return None
+
+
+def _chosen(override: Override) -> Iterator[str]:
+    value: Any = override.value()
+    if override.is_sweep_override():
+        values = list(override.sweep_string_iterator())
+    else:
+        values = value if isinstance(value, list) else [value]
+    return (str(v) for v in values if v is not None and not str(v).startswith("["))
+
+
+def _unknown_key(overrides: Sequence[Override], options: Mapping[str, Sequence[str]]) -> str | None:
+    choices = [o for o in overrides if o.key_or_group in options and not o.is_sweep_override()]
+    try:
+        config = compose([str(o.input_line) for o in choices])
+    except ConfigError:
+        return None
+    keys = sorted({*_keys(config), *options})
+    for override in overrides:
+        key = override.key_or_group
+        if key.startswith("hydra") or override.is_add() or override.is_force_add() or key in keys:
+            continue
+        known = [k for k in keys if k.count(".") <= key.count(".")]
+        return f"there is no key '{key}'; {near_misses(key, known)} (+{key}=... adds a new one)"
+    return None
+
+
+def _keys(config: DictConfig, prefix: str = "") -> Iterator[str]:
+    from omegaconf import DictConfig, OmegaConf
+
+    for key in config:
+        yield f"{prefix}{key}"
+        if OmegaConf.is_missing(config, key) or OmegaConf.is_interpolation(config, key):
+            continue
+        value = config[key]
+        if isinstance(value, DictConfig):
+            yield from _keys(value, f"{prefix}{key}.")

@@ -1,0 +1,123 @@
+"""Plugins: folders in `plugins/` and packages installed by pip, found without importing them.
+
+A plugin is `<name>/{pyproject.toml, src/<package>/, conf/<group>/<option>.yaml}`; its pyproject
+declares `[project.entry-points."scenefw.plugins"]` with one line `name = "package"`.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+import tomllib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+
+from scenefw.config import conf_dir, search_also
+from scenefw.core.errors import ConfigError
+
+ENTRY_POINTS = "scenefw.plugins"
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """A plugin that was found.
+
+    Args:
+        name: as declared in its entry point.
+        package: the Python package that its configs point to.
+        conf: folder of its options.
+        source: folder that must join `sys.path`, None if pip installed it.
+    """
+
+    name: str
+    package: str
+    conf: Path
+    source: Path | None = None
+
+    def options(self) -> Iterator[tuple[str, str]]:
+        """Pairs (group, option) of everything it adds."""
+        return ((path.parent.name, path.stem) for path in sorted(self.conf.glob("*/*.yaml")))
+
+
+def activate() -> tuple[Plugin, ...]:
+    """Finds all plugins, makes them importable and their options known to Hydra.
+
+    Raises:
+        ConfigError: two plugins, or a plugin and the core, have an option of one name.
+    """
+    found = find()
+    refuse_clashes(found)
+    for plugin in found:
+        if plugin.source is not None and str(plugin.source) not in sys.path:
+            sys.path.append(str(plugin.source))
+    if found:
+        search_also([plugin.conf for plugin in found])
+    return found
+
+
+def find(folders: Sequence[Path] | None = None) -> tuple[Plugin, ...]:
+    """The plugins of these folders (default: `search_folders()`), then the installed ones."""
+    by_name: dict[str, Plugin] = {}
+    for plugin in (*_dropped_in(search_folders() if folders is None else folders), *_installed()):
+        by_name.setdefault(plugin.name, plugin)
+    return tuple(by_name.values())
+
+
+def search_folders() -> list[Path]:
+    """Where plugins are dropped in: SCENEFW_PLUGINS, ./plugins and the project's own `plugins`."""
+    listed = [Path(p) for p in os.environ.get("SCENEFW_PLUGINS", "").split(os.pathsep) if p]
+    folders = [*listed, Path("plugins"), conf_dir().parent / "plugins"]
+    return list(dict.fromkeys(folder.resolve() for folder in folders))
+
+
+def refuse_clashes(plugins: Sequence[Plugin]) -> None:
+    """Raises a ConfigError where an option would silently hide another of the same name."""
+    core = conf_dir()
+    owners: dict[tuple[str, str], str] = {}
+    for plugin in plugins:
+        for group, option in plugin.options():
+            is_core = (core / group / f"{option}.yaml").exists()
+            other = "the core" if is_core else owners.setdefault((group, option), plugin.name)
+            if other != plugin.name:
+                raise ConfigError(
+                    f"plugin {plugin.name} brings {group}={option}, a name that {other} has "
+                    f"already; rename {plugin.conf / group / option}.yaml"
+                )
+
+
+def _dropped_in(folders: Sequence[Path]) -> Iterator[Plugin]:
+    for folder in folders:
+        for project in sorted(folder.glob("*/pyproject.toml")):
+            yield from _tolerated(project.parent)
+
+
+def _tolerated(folder: Path) -> Iterator[Plugin]:
+    """A broken plugin costs a warning, nothing else, to those who don't use it."""
+    try:
+        yield _read(folder)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        _log.warning("plugin %s is left out: %s", folder, " ".join(str(error).split()))
+
+
+def _read(folder: Path) -> Plugin:
+    project = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))
+    declared = project.get("project", {}).get("entry-points", {}).get(ENTRY_POINTS)
+    if not declared:
+        raise ValueError(f'pyproject.toml has no [project.entry-points."{ENTRY_POINTS}"]')
+    name, package = next(iter(declared.items()))
+    for needed in (folder / "src" / package, folder / "conf"):
+        if not needed.is_dir():
+            raise ValueError(f"there is no folder {needed.relative_to(folder)}")
+    return Plugin(name, package, folder / "conf", folder / "src")
+
+
+def _installed() -> Iterator[Plugin]:
+    for entry in metadata.entry_points(group=ENTRY_POINTS):
+        try:
+            yield Plugin(entry.name, entry.value, conf_dir(entry.value))
+        except (ConfigError, ValueError, ImportError) as error:
+            _log.warning("plugin %s is left out: %s", entry.name, error)

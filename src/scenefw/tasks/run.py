@@ -1,0 +1,100 @@
+"""One run: builds the chosen task from its config, and keeps beside its results what made them."""
+
+from __future__ import annotations
+
+import json
+import platform
+import subprocess
+import sys
+from collections.abc import Mapping
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from scenefw import plugins
+from scenefw.config import conf_dir
+from scenefw.core.errors import ConfigError
+from scenefw.core.files import require_writable, write_text
+
+if TYPE_CHECKING:
+    from omegaconf import DictConfig
+
+_RECORDED = ("scenefw", "torch", "lightning", "numpy", "numba", "hydra-core")
+
+
+def execute(config: DictConfig) -> Mapping[str, Any]:
+    """Runs the task of a composed config; returns its figures.
+
+    Writes `config.yaml` (resolved) and `run.json` (versions, seed, command line) before the work
+    starts and `metrics.json` after it, all in `paths.output`.
+
+    Raises:
+        StorageError: the output folder can't be written.
+        ConfigError: a setting is wrong.
+    """
+    from hydra.core.hydra_config import HydraConfig
+    from hydra.utils import instantiate
+    from omegaconf import OmegaConf
+
+    plugins.activate()
+    if HydraConfig.initialized():  # a sweep gives each run a folder of its own
+        config.paths.output = HydraConfig.get().runtime.output_dir
+    output = require_writable(Path(config.paths.output).absolute())
+    config.paths.output = str(output)
+    config.device = pick_device(config.device)
+    write_text(output / "config.yaml", OmegaConf.to_yaml(config, resolve=True))
+    record = {"seed": config.seed, "versions": versions(), "command": sys.argv[1:]}
+    write_text(output / "run.json", json.dumps(record, indent=2) + "\n")
+    task = instantiate(config.run, _convert_="all")
+    figures = task.run()
+    write_text(output / "metrics.json", json.dumps(dict(figures), indent=2) + "\n")
+    print(output)
+    return dict(figures)
+
+
+def pick_device(wanted: str) -> str:
+    """The device to use: `auto` takes the GPU where both torch and numba can use it.
+
+    Raises:
+        ConfigError: a GPU is asked for and there is none, or the name is unknown.
+    """
+    if wanted == "cpu":
+        return "cpu"
+    import torch
+
+    if wanted == "auto":
+        return "cuda" if torch.cuda.is_available() and _numba_has_gpu() else "cpu"
+    if not str(wanted).startswith("cuda"):
+        raise ConfigError(f"device={wanted} is unknown; give cpu, cuda or auto")
+    if not torch.cuda.is_available():
+        raise ConfigError(f"device={wanted} but torch sees no GPU; give device=cpu")
+    return str(wanted)
+
+
+def versions() -> dict[str, str]:
+    """Versions of what computes, and the git commit if the project is a checkout."""
+    found = {"python": platform.python_version()}
+    for package in _RECORDED:
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            continue
+    commit = _commit(conf_dir().parent)
+    return found | ({"commit": commit} if commit else {})
+
+
+def _commit(root: Path) -> str | None:
+    if not (root / ".git").exists():
+        return None
+    command = ["git", "-C", str(root), "rev-parse", "HEAD"]
+    try:
+        answer = subprocess.run(command, capture_output=True, text=True, timeout=5, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return answer.stdout.strip()
+
+
+def _numba_has_gpu() -> bool:
+    from numba import cuda
+
+    return bool(cuda.is_available())
