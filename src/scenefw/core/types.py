@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenefw.core import geometry
-from scenefw.core.errors import InputError
+from scenefw.core.errors import ConfigError, InputError
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -126,6 +126,13 @@ class GridSpec:
     extent: float = 1.0
     lower: tuple[float, float, float] = (-0.5, -0.5, -0.096)
     truncation_voxels: float = 5.0
+
+    def __post_init__(self) -> None:
+        if self.resolution < 2 or not self.extent > 0 or not self.truncation_voxels > 0:
+            raise ConfigError(
+                f"{self} is no voxel grid; give 2 voxels or more and positive lengths"
+            )
+        object.__setattr__(self, "lower", tuple(float(x) for x in self.lower))  # configs hold lists
 
     @property
     def voxel_size(self) -> float:
