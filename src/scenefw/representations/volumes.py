@@ -1,0 +1,84 @@
+"""Exact volumes of scenes of superquadrics, from parameters, on the device that holds them."""
+
+import torch
+from torch import Tensor
+
+from scenefw.core.errors import InputError
+from scenefw.core.types import GridSpec, SceneParameters, SceneVolumes
+from scenefw.kernels.scenes import object_voxels, scene_voxels
+
+
+def scene_volumes(parameters: SceneParameters, grid: GridSpec) -> SceneVolumes:
+    """Signed distance, centre votes and instance labels of B scenes, objects alone (no floor).
+
+    The distance is the true one to the surface of eq. 5.1 and the smallest over the objects; a
+    voxel is labelled by the object in which it lies deepest.
+
+    Args:
+        parameters: B scenes of up to N superquadrics, exponents >= 1.
+        grid: the voxel grid, world frame.
+
+    Returns:
+        Volumes on the device of the parameters, shapes as in `SceneVolumes`.
+
+    Raises:
+        InputError: tensors don't fit together.
+    """
+    objects = _table(parameters)
+    batch, cells = len(objects), grid.resolution**3
+    tsdf = objects.new_empty((batch, cells))
+    votes = objects.new_empty((batch, 3, cells))
+    instances = torch.empty((batch, cells), dtype=torch.int32, device=objects.device)
+    spec = _grid_tensor(grid, objects)
+    scene_voxels(batch * cells, grid.resolution, objects, spec, tsdf, votes, instances)
+    return SceneVolumes(
+        tsdf.view(batch, 1, *grid.shape),
+        votes.view(batch, 3, *grid.shape),
+        instances.view(batch, *grid.shape),
+    )
+
+
+def object_occupancy(parameters: SceneParameters, grid: GridSpec) -> Tensor:
+    """Whether each voxel centre lies in each object: (B, N, X, Y, Z) bool, False where absent.
+
+    Raises:
+        InputError: tensors don't fit together.
+    """
+    objects = _table(parameters)
+    batch, count = objects.shape[:2]
+    cells = grid.resolution**3
+    occupancy = torch.empty((batch, count, cells), dtype=torch.bool, device=objects.device)
+    spec = _grid_tensor(grid, objects)
+    object_voxels(batch * cells, grid.resolution, objects, spec, occupancy)
+    return occupancy.view(batch, count, *grid.shape)
+
+
+def _table(p: SceneParameters) -> Tensor:
+    """All objects as rows (B, N, 19); the bounding radius of an absent one is 0."""
+    _require_shapes(p)
+    rotations = p.rotations.flatten(2)
+    radius = torch.linalg.vector_norm(p.half_axes, dim=-1) * p.present
+    columns = [p.half_axes, p.exponents, p.positions, rotations, radius[..., None]]
+    table = torch.cat([column.float() for column in columns], dim=-1)
+    return torch.where(p.present[..., None], table, torch.zeros_like(table)).contiguous()
+
+
+def _require_shapes(p: SceneParameters) -> None:
+    batch = tuple(p.present.shape)
+    expected = {
+        "half_axes": (*batch, 3),
+        "exponents": (*batch, 3),
+        "positions": (*batch, 3),
+        "rotations": (*batch, 3, 3),
+    }
+    for name, shape in expected.items():
+        found = tuple(getattr(p, name).shape)
+        if len(batch) != 2 or found != shape:
+            raise InputError(
+                f"{name} of the scenes has shape {found}, expected (B, N, ...) = {shape} as "
+                f"`present` is {batch}; stack scenes into one batch of equally many objects"
+            )
+
+
+def _grid_tensor(grid: GridSpec, like: Tensor) -> Tensor:
+    return like.new_tensor([*grid.lower, grid.voxel_size, grid.truncation])
