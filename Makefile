@@ -1,0 +1,68 @@
+# make run    installs everything at pinned versions into .venv, then runs experiment=simstack
+# make test   the same for the checks and tests
+#
+# PYTHON=...       the Python to use (3.11 or newer)
+# ARGS="..."       more overrides for `make run`, e.g. ARGS="run=predict input=view.npz"
+# TORCH_INDEX=...  where pip takes torch from, e.g. the index of a CPU-only build
+# PYTEST="..."     more options for pytest, e.g. PYTEST="-k voting"
+
+PYTHON ?= python3
+TORCH ?= torch==2.13.0
+TORCH_INDEX ?=
+ARGS ?=
+PYTEST ?=
+
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+PIP := $(BIN)/python -m pip install --disable-pip-version-check --quiet --constraint constraints.txt
+SYSTEM := libusb-1.0-0 libgl1 libgomp1
+LOADABLE := import ctypes; [ctypes.CDLL(name) for name in \
+	("libusb-1.0.so.0", "libGL.so.1", "libgomp.so.1")]
+# Two test processes share the cores: their thread pools must not multiply.
+THREADS := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=2
+
+.DELETE_ON_ERROR:
+.PHONY: run test lint types install python system clean help
+
+run: install
+	$(BIN)/python -m scenefw experiment=simstack $(ARGS)
+
+test: lint types
+	$(THREADS) $(BIN)/python -m pytest -n 2 $(PYTEST)
+
+lint: install
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports
+
+types: install
+	$(BIN)/mypy
+
+install: $(STAMP)
+
+$(STAMP): pyproject.toml constraints.txt | python system
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || \
+	  { $(PYTHON) -m pip install --quiet --user virtualenv && $(PYTHON) -m virtualenv $(VENV); }
+	$(PIP) $(if $(TORCH_INDEX),--index-url $(TORCH_INDEX)) "$(TORCH)"
+	$(PIP) --editable ".[all,test]"
+	touch $@
+
+python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "scenefw needs Python 3.11 or newer: make run PYTHON=/path/to/python3.11"; exit 1; }
+
+# open3d, the peer in tests and benchmarks, loads these libraries.
+system:
+	@if $(PYTHON) -c '$(LOADABLE)' 2>/dev/null; then :; \
+	elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	  { apt-get update -qq && \
+	    DEBIAN_FRONTEND=noninteractive apt-get install -qq -y --no-install-recommends $(SYSTEM); } \
+	  || echo "the tests against open3d need: apt-get install $(SYSTEM)"; \
+	else echo "the tests against open3d need: sudo apt-get install $(SYSTEM)"; fi
+
+clean:
+	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+
+help:
+	@sed -n 's/^# \?//p' Makefile | head -7

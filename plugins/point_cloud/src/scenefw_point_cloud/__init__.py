@@ -1,0 +1,1 @@
+"""Point clouds with normals and labels: a plugin of scenefw."""

@@ -1,0 +1,135 @@
+"""Point clouds of depth images and of TSDFs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.geometry import transform_points
+from scenefw.core.types import Frame, GridSpec
+from scenefw_point_cloud.cloud import PointCloud, palette
+
+Floats = NDArray[np.float64]
+
+
+class PointClouds:
+    """Makes point clouds with outward normals and instance labels.
+
+    Args:
+        stride: takes every n-th pixel of a depth image along both axes.
+        edge: neighbours whose depths differ by more than this share of the depth lie on two
+            surfaces; normals are taken on one side of such an edge.
+    """
+
+    def __init__(self, stride: int = 1, edge: float = 0.02) -> None:
+        if stride < 1 or edge <= 0:
+            raise ConfigError(f"stride={stride}, edge={edge}: give a stride >= 1 and an edge > 0")
+        self.stride = stride
+        self.edge = edge
+
+    def of_frame(self, frame: Frame) -> PointCloud:
+        """Every measured pixel as a point in world coordinates; lone pixels are left out.
+
+        Raises:
+            InputError: no pixel holds a depth.
+        """
+        depth = np.asarray(frame.depth, dtype=np.float64)
+        depth = np.where(np.isfinite(depth) & (depth > 0), depth, 0.0)
+        if not depth.any():
+            raise InputError(f"depth image {frame.name} holds no depth > 0; give metres")
+        points = _back_projected(depth, frame)
+        normals = np.cross(self._slope(points, 0), self._slope(points, 1))
+        length = np.linalg.norm(normals, axis=-1)
+        kept = (depth > 0) & (length > 0)
+        kept &= _every(self.stride, depth.shape)
+        away = np.sign(np.sum(normals * points, axis=-1))  # a seen surface faces the camera
+        normals = normals[kept] * (-away / np.where(length > 0, length, 1))[kept][:, None]
+        labels = np.zeros(depth.shape, np.int32) if frame.labels is None else frame.labels
+        labels = labels[kept].astype(np.int32)
+        colours = palette(labels) if frame.colour is None else frame.colour[kept]
+        pose = frame.camera.T_world_camera
+        turned = normals @ pose[:3, :3].T
+        return PointCloud(transform_points(pose, points[kept]), turned, labels, colours)
+
+    def of_volume(self, tsdf: Any, instances: Any, grid: GridSpec) -> PointCloud:
+        """Where the TSDF crosses zero along the grid's edges, with its gradient as normal.
+
+        Args:
+            tsdf: (X, Y, Z) metres, tensor or array.
+            instances: (X, Y, Z) labels; a point takes that of the voxel inside. None: all 0.
+            grid: the voxel grid of both.
+
+        Raises:
+            InputError: the shapes don't fit the grid, or nothing is inside.
+        """
+        distance = _array(tsdf, grid)
+        labels = np.zeros(grid.shape, np.int32) if instances is None else _array(instances, grid)
+        gradient = np.stack(np.gradient(distance), axis=-1)
+        found = [_crossings(distance, labels, gradient, grid, axis) for axis in range(3)]
+        points, normals, ids = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        if not len(points):
+            raise InputError("the TSDF crosses zero nowhere; it holds no surface")
+        ids = ids.astype(np.int32)
+        return PointCloud(grid.to_world(points), normals, ids, palette(ids))
+
+    def _slope(self, points: Floats, axis: int) -> Floats:
+        """Tangent (H, W, 3) along an image axis: from both sides, or the one without an edge."""
+        step = np.diff(points, axis=axis)
+        near = np.minimum(*_pair(points[..., 2], axis))
+        smooth = (near > 0) & (np.abs(step[..., 2]) <= self.edge * near)
+        step = np.where(smooth[..., None], step, 0.0)
+        pad = [(0, 0)] * 3
+        pad[axis] = (1, 1)
+        padded = np.pad(step, pad)
+        before, after = _pair(padded, axis)
+        return before + after
+
+
+def _pair(values: Floats, axis: int) -> tuple[Floats, Floats]:
+    """All but the last, and all but the first along an axis: neighbours."""
+    count = values.shape[axis]
+    return (
+        np.take(values, np.arange(count - 1), axis=axis),
+        np.take(values, np.arange(1, count), axis=axis),
+    )
+
+
+def _back_projected(depth: Floats, frame: Frame) -> Floats:
+    camera = frame.camera
+    v, u = np.indices(depth.shape)
+    x, y = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
+    return np.stack([x * depth, y * depth, depth], axis=-1)
+
+
+def _every(stride: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    chosen = np.zeros(shape, dtype=bool)
+    chosen[::stride, ::stride] = True
+    return chosen
+
+
+def _array(volume: Any, grid: GridSpec) -> NDArray[Any]:
+    array = np.asarray(volume.detach().cpu() if hasattr(volume, "detach") else volume)
+    if array.shape != grid.shape:
+        raise InputError(
+            f"a volume has shape {array.shape}, its grid {grid.shape}; give both alike"
+        )
+    return array
+
+
+def _crossings(
+    distance: NDArray[Any], labels: NDArray[Any], gradient: Floats, grid: GridSpec, axis: int
+) -> tuple[Floats, Floats, NDArray[Any]]:
+    low, high = _pair(distance, axis)
+    cut = grid.truncation * (1 - 1e-6)  # beyond it, distances say nothing of the surface
+    crossing = ((low < 0) != (high < 0)) & ((np.abs(low) < cut) | (np.abs(high) < cut))
+    voxel = np.argwhere(crossing)
+    share = (low[crossing] / (low[crossing] - high[crossing]))[:, None]
+    step = np.eye(3)[axis]
+    first, second = tuple(voxel.T), tuple((voxel + step.astype(int)).T)
+    normals = (1 - share) * gradient[first] + share * gradient[second]
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    ids = np.where(low[crossing] < 0, labels[first], labels[second])
+    return voxel + share * step, normals, ids
