@@ -1,0 +1,1 @@
+"""Timings of scenefw beside other libraries: `python -m benchmarks`."""
