@@ -42,7 +42,7 @@ def read_frames(
 
 
 def find_images(path: Path | str) -> list[Path]:
-    """Depth images at a path: the file itself, or the .npz, .npy and 16-bit .png of a folder, sorted.
+    """Depth images at a path: the file itself, or the .npz, .npy and 16-bit .png of a folder.
 
     A folder without any is searched with its subfolders.
 

@@ -39,7 +39,7 @@ class Floor:
 
     @property
     def T_world_camera(self) -> Array:  # noqa: N802
-        """Camera pose (4, 4) in the floor's frame: z up, z = 0 on the floor, below the camera's centre.
+        """Camera pose (4, 4) in the floor's frame: z up, origin on the floor below the camera.
 
         The camera looks along +y; straight down, the top of its image points along +y.
         """

@@ -8,7 +8,7 @@ from scenefw.core.types import Frame
 
 
 def camera_points(frame: Frame, stride: int = 1) -> NDArray[np.float64]:
-    """Points (H', W', 3) in camera coordinates (m) of every `stride`-th pixel, NaN where no depth."""
+    """Points (H', W', 3), camera coordinates (m), of every `stride`-th pixel; NaN without depth."""
     camera = frame.camera
     depth = frame.depth[::stride, ::stride].astype(np.float64)
     depth = np.where(depth > 0, depth, np.nan)
@@ -20,5 +20,5 @@ def camera_points(frame: Frame, stride: int = 1) -> NDArray[np.float64]:
 
 
 def world_points(frame: Frame, stride: int = 1) -> NDArray[np.float64]:
-    """Points (H', W', 3) in world coordinates (m) of every `stride`-th pixel, NaN where no depth."""
+    """Points (H', W', 3), world coordinates (m), of every `stride`-th pixel; NaN without depth."""
     return geometry.transform_points(frame.camera.T_world_camera, camera_points(frame, stride))

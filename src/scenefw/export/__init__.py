@@ -1,0 +1,1 @@
+"""Scene estimates as files: GLB, PLY and a JSON summary."""

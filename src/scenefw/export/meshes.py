@@ -1,0 +1,94 @@
+"""Meshes of a scene estimate as files: one PLY per object, one GLB of the scene."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenefw.core.errors import MissingDependencyError
+from scenefw.core.files import replacing
+from scenefw.core.types import SceneEstimate, TriangleMesh
+
+Colour = Sequence[float]
+
+_Y_UP = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], dtype=np.float64)
+
+
+def write_ply(path: Path, mesh: TriangleMesh, colour: Colour | None = None) -> None:
+    """Writes a mesh as binary little-endian PLY: float32 metres, world coordinates (z up).
+
+    Args:
+        path: the file, replaced as a whole.
+        mesh: triangles.
+        colour: red, green, blue in [0, 1] of all vertices.
+    """
+    fields = [("x", "<f4"), ("y", "<f4"), ("z", "<f4")]
+    if colour is not None:
+        fields += [("red", "u1"), ("green", "u1"), ("blue", "u1")]
+    vertices = np.empty(len(mesh.vertices), dtype=fields)
+    for axis, name in enumerate("xyz"):
+        vertices[name] = mesh.vertices[:, axis]
+    if colour is not None:
+        for name, value in zip(("red", "green", "blue"), _bytes(colour), strict=True):
+            vertices[name] = value
+    faces = np.empty(len(mesh.faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
+    faces["count"], faces["corners"] = 3, mesh.faces
+    names = {"<f4": "float", "u1": "uchar"}
+    properties = "".join(f"property {names[kind]} {name}\n" for name, kind in fields)
+    header = (
+        "ply\nformat binary_little_endian 1.0\ncomment metres, z up\n"
+        f"element vertex {len(vertices)}\n{properties}"
+        f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    with replacing(path) as temporary:
+        temporary.write_bytes(header.encode("ascii") + vertices.tobytes() + faces.tobytes())
+
+
+def write_glb(path: Path, estimate: SceneEstimate, colours: Sequence[Colour]) -> None:
+    """Writes all objects of an estimate as one GLB; glTF is y-up, so world z becomes its y.
+
+    Each object is a node `object_01`, ... with a material of its colour.
+
+    Args:
+        path: the file, replaced as a whole.
+        estimate: its objects' meshes, world coordinates (m).
+        colours: red, green, blue in [0, 1] of each object, in their order.
+
+    Raises:
+        MissingDependencyError: trimesh is not installed.
+    """
+    try:
+        import trimesh
+    except ImportError as error:
+        raise MissingDependencyError("GLB files need trimesh: pip install 'trimesh>=4'") from error
+    scene = trimesh.Scene()
+    for item, colour in zip(estimate.objects, colours, strict=True):
+        material = trimesh.visual.material.PBRMaterial(
+            name=f"object_{item.id:02d}",
+            baseColorFactor=[*_bytes(colour), 255],
+            metallicFactor=0.0,
+            roughnessFactor=0.7,
+        )
+        mesh = trimesh.Trimesh(item.mesh.vertices, item.mesh.faces, process=False)
+        mesh.visual = trimesh.visual.TextureVisuals(material=material)
+        name = f"object_{item.id:02d}"
+        scene.add_geometry(mesh, node_name=name, geom_name=name, transform=_Y_UP)
+    with replacing(path) as temporary:
+        temporary.write_bytes(scene.export(file_type="glb") if scene.geometry else _EMPTY_GLB)
+
+
+def _bytes(colour: Colour) -> list[int]:
+    rgb: NDArray[np.int64] = np.rint(np.clip(colour, 0, 1) * 255).astype(np.int64)
+    return [int(value) for value in rgb]
+
+
+def _empty_glb() -> bytes:
+    """A valid GLB without any object: trimesh refuses to write one."""
+    chunk = b'{"asset":{"version":"2.0"},"scene":0,"scenes":[{}]}'
+    chunk += b" " * (-len(chunk) % 4)
+    header = b"glTF" + np.array([2, 20 + len(chunk)], dtype="<u4").tobytes()
+    return header + np.array([len(chunk)], dtype="<u4").tobytes() + b"JSON" + chunk
+
+
+_EMPTY_GLB = _empty_glb()

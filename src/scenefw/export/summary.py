@@ -1,0 +1,72 @@
+"""scene.json: what a depth image shows and hides, in numbers."""
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scenefw.core.files import write_text
+from scenefw.core.types import Camera, ObjectEstimate, SceneEstimate
+
+
+def summarise(estimate: SceneEstimate, mesh_files: Mapping[int, str]) -> dict[str, Any]:
+    """Plain data of a scene estimate: metres, world frame (z up, floor z = 0).
+
+    `objects` is a list of id, centre, extents along the axes of the pose, pose (position and
+    quaternion w, x, y, z), confidence and mesh file; `camera` has intrinsics and the matrix from
+    camera (OpenCV) to world coordinates. Every further key comes from the estimate's details.
+
+    Args:
+        estimate: the scene.
+        mesh_files: name of the mesh file of each object id, beside the JSON.
+    """
+    return {
+        "name": estimate.frame.name,
+        "objects": [_object(item, mesh_files[item.id]) for item in estimate.objects],
+        "camera": _camera(estimate.frame.camera),
+        **{key: plain(value) for key, value in estimate.details.items()},
+    }
+
+
+def write_summary(path: Path, estimate: SceneEstimate, mesh_files: Mapping[int, str]) -> None:
+    """Writes `summarise` as JSON, atomically."""
+    write_text(path, json.dumps(summarise(estimate, mesh_files), indent=2, allow_nan=False) + "\n")
+
+
+def plain(value: Any) -> Any:
+    """The same data in what JSON has: numbers, text, lists, dicts; NaN and infinity become None."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple | set | frozenset):
+        return [plain(item) for item in value]
+    if isinstance(value, bool | int | str) or value is None:
+        return value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return str(value)
+
+
+def _object(item: ObjectEstimate, mesh_file: str) -> dict[str, Any]:
+    return {
+        "id": int(item.id),
+        "centre": plain(item.pose.position),
+        "extents": plain(np.asarray(item.extents)),
+        "pose": {
+            "position": plain(item.pose.position),
+            "quaternion": plain(item.pose.quaternion),
+        },
+        "confidence": float(item.confidence),
+        "mesh": mesh_file,
+    }
+
+
+def _camera(camera: Camera) -> dict[str, Any]:
+    names = ("width", "height", "fx", "fy", "cx", "cy")
+    return {name: plain(getattr(camera, name)) for name in names} | {
+        "T_world_camera": plain(camera.T_world_camera)
+    }

@@ -1,0 +1,39 @@
+"""A raster of cells on the floor, to reason about tables and groups of objects from above."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class FloorRaster:
+    """Square cells on the floor around the z axis.
+
+    Args:
+        reach: the raster covers -reach..reach along x and y (m).
+        cell: side of a cell (m).
+    """
+
+    def __init__(self, reach: float = 3.0, cell: float = 0.02) -> None:
+        self.reach = reach
+        self.cell = cell
+        self.side = round(2 * reach / cell)
+
+    def count(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Number of points (N, 3) per cell, (side, side)."""
+        inside, cells = self._cells(points)
+        flat = np.ravel_multi_index(tuple(cells[inside].T), (self.side, self.side))
+        counts = np.bincount(flat, minlength=self.side**2)
+        return counts.reshape(self.side, self.side)
+
+    def look_up(self, values: NDArray, points: NDArray[np.float64]) -> NDArray:
+        """Value of the cell that each point (..., 3) lies over; 0 beyond the raster and for NaN."""
+        inside, cells = self._cells(points)
+        return np.where(inside, values[cells[..., 0], cells[..., 1]], 0)
+
+    def centres(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """World x and y (N, 2) of the centres of cells in a mask (side, side)."""
+        return (np.argwhere(mask) + 0.5) * self.cell - self.reach
+
+    def _cells(self, points: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+        scaled = np.floor((points[..., :2] + self.reach) / self.cell)
+        inside = ((scaled >= 0) & (scaled < self.side)).all(axis=-1)
+        return inside, np.where(inside[..., None], scaled, 0).astype(np.int64)
