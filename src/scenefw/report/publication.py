@@ -1,0 +1,66 @@
+"""Results as Markdown for the project's documents, with how they were made beside them."""
+
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from scenefw.core.files import replacing, write_text
+from scenefw.report.page import Block, Drawing, Picture, Section, Text, command_line
+from scenefw.report.tables import Table, to_markdown
+
+_GREY = "#808890"  # reads on white and on black: GitHub shows drawings on either
+
+
+def publish(
+    target: Path, title: str, sections: Sequence[Section], folder: Path, record: Mapping[str, Any]
+) -> Path:
+    """Writes sections to a Markdown file, their drawings and shareable pictures to a folder beside.
+
+    Args:
+        target: e.g. docs/results/reconstruction.md; pictures go to docs/results/reconstruction/.
+        title: heading.
+        sections: as on the page; pictures that are not shareable are left out.
+        folder: that of the page, which pictures are relative to.
+        record: of the run: command line, seed, versions (`run.json`).
+
+    Raises:
+        StorageError: the file or the folder can't be written.
+    """
+    lines = [f"# {title}", "", *_origin(record)]
+    for i, section in enumerate(sections):
+        lines += [f"## {section.title}", ""]
+        for j, block in enumerate(section.blocks):
+            lines += _block(block, target, folder, f"{i}-{j}")
+    write_text(target, "\n".join(lines).rstrip() + "\n")
+    return target
+
+
+def _origin(record: Mapping[str, Any]) -> list[str]:
+    versions = record.get("versions", {})
+    facts = [f"seed {record['seed']}"] if "seed" in record else []
+    if "commit" in versions:
+        facts.append(f"commit {versions['commit'][:10]}")
+    names = ("scenefw", "torch", "numpy", "python")
+    facts += [f"{name} {versions[name]}" for name in names if name in versions]
+    return ["```", command_line(record), "```", "", ", ".join(facts) + ".", ""]
+
+
+def _block(block: Block, target: Path, folder: Path, number: str) -> list[str]:
+    beside = target.with_suffix("")
+    match block:
+        case Text(text):
+            return [text, ""]
+        case Table():
+            return [to_markdown(block), ""]
+        case Drawing(svg, caption):
+            drawing = beside / f"figure-{number}.svg"
+            write_text(drawing, svg.replace("currentColor", _GREY))
+            return [f"![{caption}]({beside.name}/{drawing.name})", "", caption, ""]
+        case Picture(path, caption, _, shareable):
+            if not shareable:
+                return []
+            picture = beside / Path(path).name
+            with replacing(picture) as temporary:
+                shutil.copyfile(folder / path, temporary)
+            return [f"![{caption}]({beside.name}/{picture.name})", "", caption, ""]

@@ -1,0 +1,55 @@
+"""Curves from CSV files and figures as SVG."""
+
+from xml.etree import ElementTree
+
+import pytest
+
+from scenefw.core.errors import StorageError
+from scenefw.report.figures import bin_figure, loss_figure, read_curves
+
+CSV = """epoch,step,train/loss,train/tsdf,val/loss
+0,10,2.5,1.5,
+0,20,2.0,1.2,
+0,20,,,2.2
+"""
+
+
+def _texts(svg):
+    root = ElementTree.fromstring(svg)
+    return {"".join(e.itertext()).strip() for e in root.iter("{http://www.w3.org/2000/svg}text")}
+
+
+def test_curves_skip_cells_that_a_logger_left_empty(tmp_path):
+    path = tmp_path / "metrics.csv"
+    path.write_text(CSV)
+    curves = read_curves(path)
+    assert curves["train/loss"] == [(10, 2.5), (20, 2.0)]
+    assert curves["val/loss"] == [(20, 2.2)]
+
+
+def test_unusable_files_are_named(tmp_path):
+    with pytest.raises(StorageError, match=r"none\.csv"):
+        read_curves(tmp_path / "none.csv")
+    odd = tmp_path / "odd.csv"
+    odd.write_text("a,b\n1,2\n")
+    with pytest.raises(StorageError, match="no column"):
+        read_curves(odd)
+    empty = tmp_path / "empty.csv"
+    empty.write_text("")
+    assert read_curves(empty) == {}
+
+
+def test_loss_figure_has_a_panel_per_term(tmp_path):
+    path = tmp_path / "metrics.csv"
+    path.write_text(CSV)
+    svg = loss_figure(read_curves(path))
+    assert {"loss", "tsdf", "train", "val"} <= _texts(svg)
+    assert "currentColor" in svg  # follows light and dark pages
+    assert "#010203" not in svg
+
+
+def test_bin_figure_skips_empty_bins():
+    svg = bin_figure(
+        "IoU", [0, 0.1, 0.2, 0.3], {"ours": [0.5, None, 0.7]}, x_label="visible", y_label="IoU"
+    )
+    assert {"ours", "visible", "IoU"} <= _texts(svg)

@@ -1,0 +1,46 @@
+"""Markdown for the documents: tables and origin in, pictures that must stay here out."""
+
+import re
+
+from scenefw.report.page import Drawing, Picture, Section, Text
+from scenefw.report.publication import publish
+from scenefw.report.tables import Column, Table
+
+RECORD = {
+    "seed": 3,
+    "versions": {"torch": "2.6", "commit": "0123456789abc"},
+    "command": ["run=evaluate"],
+}
+
+
+def test_published_file_and_its_pictures(tmp_path):
+    folder = tmp_path / "run"
+    (folder / "pictures").mkdir(parents=True)
+    (folder / "pictures" / "open.png").write_bytes(b"open")
+    (folder / "pictures" / "secret.png").write_bytes(b"secret")
+    section = Section(
+        "Results",
+        (
+            Text("Words."),
+            Table("T", (Column("a"),), (("ours", (1.0,)),), note="10 scenes"),
+            Drawing("<svg>currentColor</svg>", "curve"),
+            Picture("pictures/open.png", "simulated"),
+            Picture("pictures/secret.png", "real", shareable=False),
+        ),
+    )
+    target = publish(tmp_path / "docs" / "r.md", "Reconstruction", [section], folder, RECORD)
+    text = target.read_text()
+    for words in (
+        "# Reconstruction",
+        "python -m scenefw run=evaluate",
+        "seed 3, commit 0123456789, torch 2.6.",
+        "| ours | 1.000 |",
+        "10 scenes",
+    ):
+        assert words in text
+    assert "secret" not in text
+    pictures = re.findall(r"\]\((.*?)\)", text)
+    assert len(pictures) == 2
+    assert all((target.parent / picture).is_file() for picture in pictures)
+    assert not list(target.parent.rglob("*secret*"))
+    assert "currentColor" not in next(target.parent.rglob("*.svg")).read_text()
