@@ -50,7 +50,15 @@ def require_depth(depth: torch.Tensor, cameras: CameraBatch) -> torch.Tensor:
             f"depth is on {depth.device}, its cameras on {cameras.intrinsics.device}; "
             "move them to one device"
         )
-    return torch.nan_to_num(depth.detach().float(), nan=0.0, posinf=0.0, neginf=0.0).contiguous()
+    return finite(depth, 0.0)
+
+
+def finite(values: torch.Tensor, otherwise: float) -> torch.Tensor:
+    """Returns contiguous float32 values with NaN and infinities replaced."""
+    values = values.detach().float().contiguous()
+    if values.device.type == "cpu" and bool(values.sum().isfinite()):  # cheaper than a copy
+        return values
+    return torch.nan_to_num(values, nan=otherwise, posinf=otherwise, neginf=otherwise)
 
 
 def _require_usable(camera: Camera) -> None:

@@ -26,10 +26,13 @@ from pathlib import Path
 from typing import Any
 
 import numba
+import numpy as np
 import torch
 from numba import cuda
 from numba.extending import overload
 from torch import Tensor
+
+Argument = Tensor | float | bool | np.number | tuple[Any, ...]
 
 _THREADS_PER_BLOCK = 128
 
@@ -97,6 +100,11 @@ def _min_on_cuda(array, index, value):  # noqa: ANN001, ANN202
     return lower
 
 
+def float32(*values: float) -> tuple[np.float32, ...]:
+    """Numbers as kernels take them: a plain float is a double there and widens what it meets."""
+    return tuple(np.float32(value) for value in values)
+
+
 class Kernel:
     """Runs a per-element function over `count` elements on the device of its tensors.
 
@@ -110,7 +118,7 @@ class Kernel:
         self.cpu_loop = cpu_loop
         self._cuda_grid: Any = None
 
-    def __call__(self, count: int, *arguments: Tensor | float | bool) -> None:
+    def __call__(self, count: int, *arguments: Argument) -> None:
         """Runs all elements; tensors are passed without copies and must be contiguous."""
         device = next(a.device for a in arguments if isinstance(a, Tensor))
         if device.type == "cuda":
@@ -122,7 +130,7 @@ class Kernel:
         else:
             self.cpu_loop(count, *[_on_cpu(a) for a in arguments])
 
-    def simulate(self, count: int, *arguments: Tensor | float | bool) -> None:
+    def simulate(self, count: int, *arguments: Argument) -> None:
         """Runs the CUDA grid on CPU tensors in the simulator (NUMBA_ENABLE_CUDASIM=1)."""
         blocks = -(-count // _THREADS_PER_BLOCK)
         self._compiled()[blocks, _THREADS_PER_BLOCK](count, *[_on_cpu(a) for a in arguments])
@@ -148,13 +156,13 @@ def _cuda_grid(per_element: Callable[..., None]) -> Any:
     return cuda.jit(fastmath=True)(scope["grid"])
 
 
-def _on_cpu(argument: Tensor | float | bool) -> Any:
+def _on_cpu(argument: Argument) -> Any:
     if not isinstance(argument, Tensor):
         return argument
     return _contiguous(argument).detach().numpy()
 
 
-def _on_cuda(argument: Tensor | float | bool) -> Any:
+def _on_cuda(argument: Argument) -> Any:
     if not isinstance(argument, Tensor):
         return argument
     return cuda.as_cuda_array(_contiguous(argument).detach())

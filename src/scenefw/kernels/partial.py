@@ -1,8 +1,19 @@
 """Partial TSDFs of depth images: per voxel by projection, per ray by inverse ray tracing.
 
-Volumes are flat: B scenes of n^3 values one after the other. Constants are float32, as a double
-would widen everything. Distances are along the ray of the voxel or sample, positive in front.
+Volumes are flat: B scenes of n^3 values one after the other; `size` is (n, image width, image
+height), `box` is (voxel size, lowest corner x, y, z, truncation) in metres. Distances are along the
+ray of the voxel or sample, positive in front. Constants are float32, as a double would widen
+everything. Loops call the inner functions with rows and columns, as a 64-bit division costs a CPU
+more than a sample.
+
+Inverse ray tracing works in cells: cell c of an axis lies between the centres of voxels c - 1 and
+c, so n + 1 cells cover what touches any voxel, and voxel c - 1 has number c in a grid padded by one
+(cells are padded by one too).
+Each thread of a CPU adds to private grids (`slots` per scene): no atomics, and sums in fixed order.
 """
+
+# Types are inferred at compilation, and numba ignores annotations.
+# ruff: noqa: ANN001, ANN202
 
 import math
 
@@ -16,6 +27,7 @@ _ZERO = np.float32(0)
 _HALF = np.float32(0.5)
 _ONE = np.float32(1)
 _NEAREST = np.float32(1e-3)  # metres before the camera; nothing closer is projected
+_UNKNOWN = np.float32(-1e30)
 NO_SAMPLE = np.float32(1e29)
 _RIVALRY = np.float32(2)  # voxels: samples this much farther from their surface lose to the nearest
 # Phases of neighbouring pixels' samples: the two-dimensional golden ratio fills [0, 1) evenly.
@@ -24,260 +36,263 @@ _PHASE_V = np.float32(0.5698403)
 
 
 @element
-def _look_up(depth, intrinsics, poses, scene, width, height, x, y, z):  # noqa: ANN001, ANN202
-    """Along-ray distance of a world point to the surface at its nearest pixel, and whether any."""
-    x -= poses[scene, 0, 3]
-    y -= poses[scene, 1, 3]
-    z -= poses[scene, 2, 3]
-    ahead = poses[scene, 0, 2] * x + poses[scene, 1, 2] * y + poses[scene, 2, 2] * z
-    if ahead < _NEAREST:
-        return _ZERO, False
-    a = (poses[scene, 0, 0] * x + poses[scene, 1, 0] * y + poses[scene, 2, 0] * z) / ahead
-    b = (poses[scene, 0, 1] * x + poses[scene, 1, 1] * y + poses[scene, 2, 1] * z) / ahead
-    u = intrinsics[scene, 0] * a + intrinsics[scene, 2] + _HALF
-    v = intrinsics[scene, 1] * b + intrinsics[scene, 3] + _HALF
-    if u < _ZERO or v < _ZERO or u >= np.float32(width) or v >= np.float32(height):
-        return _ZERO, False
-    surface = depth[(scene * height + int(v)) * width + int(u)]
-    if surface <= _ZERO:
-        return _ZERO, False
-    return (surface - ahead) * math.sqrt(_ONE + a * a + b * b), True
+def _camera(intrinsics, poses, scene, ix, iy, box):
+    """Of a column of voxels: camera coordinates of the first, those of a step along z, intrinsics.
+
+    Loaded ahead of the loop over the column, as compilers must not assume that its stores leave the
+    camera's arrays alone.
+    """
+    voxel, lower_x, lower_y, lower_z, _ = box
+    x = lower_x + (np.float32(ix) + _HALF) * voxel - poses[scene, 0, 3]
+    y = lower_y + (np.float32(iy) + _HALF) * voxel - poses[scene, 1, 3]
+    z = lower_z + _HALF * voxel - poses[scene, 2, 3]
+    return (
+        poses[scene, 0, 0] * x + poses[scene, 1, 0] * y + poses[scene, 2, 0] * z,
+        poses[scene, 0, 1] * x + poses[scene, 1, 1] * y + poses[scene, 2, 1] * z,
+        poses[scene, 0, 2] * x + poses[scene, 1, 2] * y + poses[scene, 2, 2] * z,
+        poses[scene, 2, 0] * voxel,
+        poses[scene, 2, 1] * voxel,
+        poses[scene, 2, 2] * voxel,
+        intrinsics[scene, 0],
+        intrinsics[scene, 1],
+        intrinsics[scene, 2] + _HALF,
+        intrinsics[scene, 3] + _HALF,
+    )
 
 
 @element
-def _project(
-    i, depth, intrinsics, poses, distance, observed, n, width, height,
-    voxel, lower_x, lower_y, lower_z, truncation,
-):  # fmt: skip  # noqa: ANN001, ANN202
-    voxel = np.float32(voxel)
-    truncation = np.float32(truncation)
-    x = np.float32(lower_x) + (np.float32((i // (n * n)) % n) + _HALF) * voxel
-    y = np.float32(lower_y) + (np.float32((i // n) % n) + _HALF) * voxel
-    z = np.float32(lower_z) + (np.float32(i % n) + _HALF) * voxel
-    value, measured = _look_up(depth, intrinsics, poses, i // (n * n * n), width, height, x, y, z)
-    observed[i] = measured and value > -voxel
-    distance[i] = min(value, truncation) if measured and value > -truncation else truncation
+def _look_up(depth, first_pixel, camera, iz, width, height):
+    """Along-ray distance of a voxel centre to the surface at its nearest pixel, or _UNKNOWN."""
+    x, y, z, step_x, step_y, step_z, fx, fy, cx, cy = camera
+    at = np.float32(iz)
+    ahead = z + at * step_z
+    if ahead < _NEAREST:
+        return _UNKNOWN
+    inverse = _ONE / ahead
+    a = (x + at * step_x) * inverse
+    b = (y + at * step_y) * inverse
+    u = fx * a + cx
+    v = fy * b + cy
+    if min(u, v) < _ZERO or u >= np.float32(width) or v >= np.float32(height):
+        return _UNKNOWN
+    surface = depth[first_pixel + int(v) * width + int(u)]
+    if surface <= _ZERO:
+        return _UNKNOWN
+    return (surface - ahead) * math.sqrt(_ONE + a * a + b * b)
+
+
+@element
+def _project(i, depth, intrinsics, poses, distance, observed, size, box):
+    n, width, height = size
+    column = i // n
+    scene = column // (n * n)
+    camera = _camera(intrinsics, poses, scene, column // n % n, column % n, box)
+    value = _look_up(depth, scene * width * height, camera, i % n, width, height)
+    observed[i] = value > -box[0]
+    distance[i] = min(value, box[4]) if value > -box[4] else box[4]
 
 
 @loop
-def _project_all(
-    count, depth, intrinsics, poses, distance, observed, n, width, height,
-    voxel, lower_x, lower_y, lower_z, truncation,
-):  # fmt: skip  # noqa: ANN001, ANN202
+def _project_all(count, depth, intrinsics, poses, distance, observed, size, box):
+    n, width, height = size
     for column in prange(count // n):
-        for i in range(column * n, (column + 1) * n):
-            _project(
-                i, depth, intrinsics, poses, distance, observed, n, width, height,
-                voxel, lower_x, lower_y, lower_z, truncation,
-            )  # fmt: skip
+        scene = column // (n * n)
+        camera = _camera(intrinsics, poses, scene, column // n % n, column % n, box)
+        for iz in range(n):
+            value = _look_up(depth, scene * width * height, camera, iz, width, height)
+            observed[column * n + iz] = value > -box[0]
+            distance[column * n + iz] = min(value, box[4]) if value > -box[4] else box[4]
 
 
 @element
-def _pixel_ray(i, depth, intrinsics, poses, width, height, voxel, lower_x, lower_y, lower_z):  # noqa: ANN001, ANN202
-    """Where a pixel's ray meets the surface and its unit direction, both in voxels.
-
-    Voxel coordinates are those of cells of a grid padded by one voxel on each side.
-    """
-    pixels = width * height
-    scene = i // pixels
-    pixel = i % pixels
-    wx, wy, wz = direction(intrinsics, poses, scene, pixel % width, pixel // width)
-    scale = _ONE / np.float32(voxel)
-    x = (poses[scene, 0, 3] + depth[i] * wx - np.float32(lower_x)) * scale + _HALF
-    y = (poses[scene, 1, 3] + depth[i] * wy - np.float32(lower_y)) * scale + _HALF
-    z = (poses[scene, 2, 3] + depth[i] * wz - np.float32(lower_z)) * scale + _HALF
+def _surface(scene, u, v, depth, intrinsics, poses, size, box):
+    """Where a pixel's ray meets the surface, in cells, and its unit direction."""
+    _, width, height = size
+    voxel, lower_x, lower_y, lower_z, _ = box
+    wx, wy, wz = direction(intrinsics, poses, scene, u, v)
+    z_depth = depth[(scene * height + v) * width + u]
+    scale = _ONE / voxel
+    x = (poses[scene, 0, 3] + z_depth * wx - lower_x) * scale + _HALF
+    y = (poses[scene, 1, 3] + z_depth * wy - lower_y) * scale + _HALF
+    z = (poses[scene, 2, 3] + z_depth * wz - lower_z) * scale + _HALF
     length = math.sqrt(wx * wx + wy * wy + wz * wz)
     return x, y, z, wx / length, wy / length, wz / length
 
 
 @element
-def _first_sample(i, width, height, step, behind):  # noqa: ANN001, ANN202
-    """Signed distance (voxels) of a ray's sample farthest behind the surface."""
-    pixel = i % (width * height)
-    phase = np.float32(pixel % width) * _PHASE_U + np.float32(pixel // width) * _PHASE_V
-    return (phase - np.float32(int(phase))) * step - behind
+def _samples(u, v, sampling, box):
+    """First sample of a ray (the one farthest behind), step and end, signed distances in voxels."""
+    scale = _ONE / box[0]
+    step, behind = sampling
+    phase = np.float32(u) * _PHASE_U + np.float32(v) * _PHASE_V
+    phase -= np.float32(int(phase))
+    return (phase * step - behind) * scale, step * scale, box[4] * scale
 
 
 @element
-def _slot(i, rays_per_scene, slots_per_scene):  # noqa: ANN001, ANN202
-    """Number of the private grid that ray i adds to: the slot k with k R / S <= i < (k + 1) R / S."""
-    return ((i + 1) * slots_per_scene - 1) // rays_per_scene
-
-
-@element
-def _find_nearest(
-    i, depth, intrinsics, poses, closest, slots_per_scene, n, width, height,
-    voxel, lower_x, lower_y, lower_z, truncation, step, behind,
-):  # fmt: skip  # noqa: ANN001, ANN202
+def _find_nearest_of(scene, slot, u, v, depth, intrinsics, poses, closest, size, box, sampling):
     """Lowers each cell's smallest |distance| by the samples of one ray."""
-    if depth[i] <= _ZERO:
+    if depth[(scene * size[2] + v) * size[1] + u] <= _ZERO:
         return
-    x, y, z, dx, dy, dz = _pixel_ray(
-        i, depth, intrinsics, poses, width, height, voxel, lower_x, lower_y, lower_z
-    )
-    scale = _ONE / np.float32(voxel)
-    step = np.float32(step) * scale
-    end = np.float32(truncation) * scale
-    distance = _first_sample(i, width, height, step, np.float32(behind) * scale)
-    m = n + 1
-    top = np.float32(m)
-    base = _slot(i, width * height, slots_per_scene) * m * m * m
+    x, y, z, dx, dy, dz = _surface(scene, u, v, depth, intrinsics, poses, size, box)
+    distance, step, end = _samples(u, v, sampling, box)
+    m = size[0] + 3
+    top = np.float32(m - 2)
+    base = slot * m * m * m
     while distance < end:
         px, py, pz = x - distance * dx, y - distance * dy, z - distance * dz
-        if (
-            px >= _ZERO and py >= _ZERO and pz >= _ZERO
-            and px < top and py < top and pz < top
-        ):  # fmt: skip
-            cell = base + (int(px) * m + int(py)) * m + int(pz)
+        if min(px, py, pz) >= _ZERO and max(px, py, pz) < top:
+            cell = base + ((int(px) + 1) * m + int(py) + 1) * m + int(pz) + 1
             atomic_min(closest, cell, abs(distance))
         distance += step
 
 
 @element
-def _spread(
-    i, depth, intrinsics, poses, limit, sums, slots_per_scene, n, width, height,
-    voxel, lower_x, lower_y, lower_z, truncation, step, behind,
-):  # fmt: skip  # noqa: ANN001, ANN202
+def _add(sums, at, far, limit, weight, value):
+    if far <= limit:
+        atomic_add(sums, at, weight * value)
+        atomic_add(sums, at + 1, weight)
+
+
+@element
+def _spread_of(scene, slot, u, v, depth, intrinsics, poses, limit, sums, size, box, sampling):
     """Adds weights and weighted distances of the samples of one ray to the voxels around them."""
-    if depth[i] <= _ZERO:
+    if depth[(scene * size[2] + v) * size[1] + u] <= _ZERO:
         return
-    x, y, z, dx, dy, dz = _pixel_ray(
-        i, depth, intrinsics, poses, width, height, voxel, lower_x, lower_y, lower_z
-    )
-    scale = _ONE / np.float32(voxel)
-    step = np.float32(step) * scale
-    end = np.float32(truncation) * scale
-    distance = _first_sample(i, width, height, step, np.float32(behind) * scale)
-    m = n + 2
-    top = np.float32(n + 1)
-    scene_base = (i // (width * height)) * m * m * m
-    slot_base = _slot(i, width * height, slots_per_scene) * m * m * m
+    x, y, z, dx, dy, dz = _surface(scene, u, v, depth, intrinsics, poses, size, box)
+    distance, step, end = _samples(u, v, sampling, box)
+    m = size[0] + 2
+    top = np.float32(m - 1)
+    to_limit, to_sums = scene * m * m * m, slot * m * m * m
     while distance < end:
         px, py, pz = x - distance * dx, y - distance * dy, z - distance * dz
-        if (
-            px >= _ZERO and py >= _ZERO and pz >= _ZERO
-            and px < top and py < top and pz < top
-        ):  # fmt: skip
+        if min(px, py, pz) >= _ZERO and max(px, py, pz) < top:
             ix, iy, iz = int(px), int(py), int(pz)
             fx, fy, fz = px - np.float32(ix), py - np.float32(iy), pz - np.float32(iz)
-            cell = (ix * m + iy) * m + iz
-            # A voxel ahead of the sample along the ray is as much closer to the surface.
-            at_cell = distance + fx * dx + fy * dy + fz * dz
+            gx, gy, gz = _ONE - fx, _ONE - fy, _ONE - fz
             far = abs(distance)
-            for corner in range(8):
-                cx, cy, cz = corner >> 2, (corner >> 1) & 1, corner & 1
-                voxel_index = cell + (cx * m + cy) * m + cz
-                if far <= limit[scene_base + voxel_index]:
-                    weight = (
-                        (fx if cx else _ONE - fx)
-                        * (fy if cy else _ONE - fy)
-                        * (fz if cz else _ONE - fz)
-                    )
-                    value = at_cell
-                    if cx:
-                        value -= dx
-                    if cy:
-                        value -= dy
-                    if cz:
-                        value -= dz
-                    at = 2 * (slot_base + voxel_index)
-                    atomic_add(sums, at, weight * value)
-                    atomic_add(sums, at + 1, weight)
+            # A voxel farther along the ray than the sample is as much closer to the surface.
+            value = distance + fx * dx + fy * dy + fz * dz
+            a = (ix * m + iy) * m + iz
+            b, c = a + m, a + m * m
+            d = c + m
+            p, q = to_limit, to_sums
+            _add(sums, 2 * (q + a), far, limit[p + a], gx * gy * gz, value)
+            _add(sums, 2 * (q + a + 1), far, limit[p + a + 1], gx * gy * fz, value - dz)
+            _add(sums, 2 * (q + b), far, limit[p + b], gx * fy * gz, value - dy)
+            _add(sums, 2 * (q + b + 1), far, limit[p + b + 1], gx * fy * fz, value - dy - dz)
+            value -= dx
+            _add(sums, 2 * (q + c), far, limit[p + c], fx * gy * gz, value)
+            _add(sums, 2 * (q + c + 1), far, limit[p + c + 1], fx * gy * fz, value - dz)
+            _add(sums, 2 * (q + d), far, limit[p + d], fx * fy * gz, value - dy)
+            _add(sums, 2 * (q + d + 1), far, limit[p + d + 1], fx * fy * fz, value - dy - dz)
         distance += step
 
 
-@loop
-def _find_nearest_all(
-    count, depth, intrinsics, poses, closest, slots_per_scene, n, width, height,
-    voxel, lower_x, lower_y, lower_z, truncation, step, behind,
-):  # fmt: skip  # noqa: ANN001, ANN202
-    slots = count // (width * height) * slots_per_scene
-    for slot in prange(slots):  # no two threads share a slot, whatever their number
-        for i in range(slot * count // slots, (slot + 1) * count // slots):
-            _find_nearest(
-                i, depth, intrinsics, poses, closest, slots_per_scene, n, width, height,
-                voxel, lower_x, lower_y, lower_z, truncation, step, behind,
-            )  # fmt: skip
+@element
+def _find_nearest(i, slots, depth, intrinsics, poses, closest, size, box, sampling):
+    row, u = i // size[1], i % size[1]
+    scene, v = row // size[2], row % size[2]
+    slot = scene * slots + v * slots // size[2]
+    _find_nearest_of(scene, slot, u, v, depth, intrinsics, poses, closest, size, box, sampling)
 
 
 @loop
-def _spread_all(
-    count, depth, intrinsics, poses, limit, sums, slots_per_scene, n, width, height,
-    voxel, lower_x, lower_y, lower_z, truncation, step, behind,
-):  # fmt: skip  # noqa: ANN001, ANN202
-    slots = count // (width * height) * slots_per_scene
-    for slot in prange(slots):  # no two threads share a slot, whatever their number
-        for i in range(slot * count // slots, (slot + 1) * count // slots):
-            _spread(
-                i, depth, intrinsics, poses, limit, sums, slots_per_scene, n, width, height,
-                voxel, lower_x, lower_y, lower_z, truncation, step, behind,
-            )  # fmt: skip
+def _find_nearest_all(count, slots, depth, intrinsics, poses, closest, size, box, sampling):
+    _, width, height = size
+    for slot in prange(count // (width * height) * slots):
+        scene, part = slot // slots, slot % slots
+        for v in range(-(-part * height // slots), -(-(part + 1) * height // slots)):
+            for u in range(width):
+                _find_nearest_of(
+                    scene, slot, u, v, depth, intrinsics, poses, closest, size, box, sampling
+                )
 
 
 @element
-def _set_limit(i, closest, limit, n):  # noqa: ANN001, ANN202
+def _spread(i, slots, depth, intrinsics, poses, limit, sums, size, box, sampling):
+    row, u = i // size[1], i % size[1]
+    scene, v = row // size[2], row % size[2]
+    slot = scene * slots + v * slots // size[2]
+    _spread_of(scene, slot, u, v, depth, intrinsics, poses, limit, sums, size, box, sampling)
+
+
+@loop
+def _spread_all(count, slots, depth, intrinsics, poses, limit, sums, size, box, sampling):
+    _, width, height = size
+    for slot in prange(count // (width * height) * slots):
+        scene, part = slot // slots, slot % slots
+        for v in range(-(-part * height // slots), -(-(part + 1) * height // slots)):
+            for u in range(width):
+                _spread_of(
+                    scene, slot, u, v, depth, intrinsics, poses, limit, sums, size, box, sampling
+                )
+
+
+@element
+def _limit_at(row, y, z, closest, limit, m):
+    cells = m + 1
+    a = (row // m * cells + row % m) * cells * cells + y * cells + z
+    b = a + cells
+    c = a + cells * cells
+    d = c + cells
+    best = min(
+        min(min(closest[a], closest[a + 1]), min(closest[b], closest[b + 1])),
+        min(min(closest[c], closest[c + 1]), min(closest[d], closest[d + 1])),
+    )
+    limit[(row * m + y) * m + z] = best + _RIVALRY
+
+
+@element
+def _limit(i, closest, limit, m):
     """Largest |distance| (voxels) of samples that count for voxel i of the padded grid."""
-    m = n + 2
-    cells = n + 1
-    base = i // (m * m * m) * cells * cells * cells
-    x, y, z = (i // (m * m)) % m, (i // m) % m, i % m
-    best = NO_SAMPLE
-    for ix in range(max(x - 1, 0), min(x + 1, cells)):
-        for iy in range(max(y - 1, 0), min(y + 1, cells)):
-            for iz in range(max(z - 1, 0), min(z + 1, cells)):
-                best = min(best, closest[base + (ix * cells + iy) * cells + iz])
-    limit[i] = best + _RIVALRY
+    _limit_at(i // (m * m), i // m % m, i % m, closest, limit, m)
 
 
 @loop
-def _set_limit_all(count, closest, limit, n):  # noqa: ANN001, ANN202
-    for i in prange(count):
-        _set_limit(i, closest, limit, n)
+def _limit_all(count, closest, limit, m):
+    for row in prange(count // (m * m)):
+        for y in range(m):
+            for z in range(m):
+                _limit_at(row, y, z, closest, limit, m)
 
 
 @element
-def _finish(
-    i, depth, intrinsics, poses, sums, distance, observed, slots_per_scene, n, width, height,
-    voxel, lower_x, lower_y, lower_z, truncation,
-):  # fmt: skip  # noqa: ANN001, ANN202
-    """Normalises one voxel and looks up whether it was observed."""
-    voxel = np.float32(voxel)
-    truncation = np.float32(truncation)
-    scene = i // (n * n * n)
-    ix, iy, iz = (i // (n * n)) % n, (i // n) % n, i % n
+def _normalise_at(scene, ix, iy, iz, slots, sums, distance, size, box):
+    n = size[0]
     m = n + 2
     weighted, weight = _ZERO, _ZERO
-    for slot in range(scene * slots_per_scene, (scene + 1) * slots_per_scene):
+    for slot in range(scene * slots, (scene + 1) * slots):
         at = 2 * (((slot * m + ix + 1) * m + iy + 1) * m + iz + 1)
         weighted += sums[at]
         weight += sums[at + 1]
-    distance[i] = truncation
+    value = box[4]
     if weight > _ZERO:
-        distance[i] = max(min(weighted / weight * voxel, truncation), -truncation)
-    value, measured = _look_up(
-        depth, intrinsics, poses, scene, width, height,
-        np.float32(lower_x) + (np.float32(ix) + _HALF) * voxel,
-        np.float32(lower_y) + (np.float32(iy) + _HALF) * voxel,
-        np.float32(lower_z) + (np.float32(iz) + _HALF) * voxel,
-    )  # fmt: skip
-    observed[i] = measured and value > -voxel
+        value = max(min(weighted / weight * box[0], value), -value)
+    distance[((scene * n + ix) * n + iy) * n + iz] = value
+
+
+@element
+def _normalise(i, slots, sums, distance, size, box):
+    """Divides the sum of weighted distances of voxel i by its weight; +truncation where none."""
+    n = size[0]
+    column = i // n
+    _normalise_at(
+        column // (n * n), column // n % n, column % n, i % n, slots, sums, distance, size, box
+    )
 
 
 @loop
-def _finish_all(
-    count, depth, intrinsics, poses, sums, distance, observed, slots_per_scene, n, width, height,
-    voxel, lower_x, lower_y, lower_z, truncation,
-):  # fmt: skip  # noqa: ANN001, ANN202
+def _normalise_all(count, slots, sums, distance, size, box):
+    n = size[0]
     for column in prange(count // n):
-        for i in range(column * n, (column + 1) * n):
-            _finish(
-                i, depth, intrinsics, poses, sums, distance, observed, slots_per_scene,
-                n, width, height, voxel, lower_x, lower_y, lower_z, truncation,
-            )  # fmt: skip
+        scene, ix, iy = column // (n * n), column // n % n, column % n
+        for iz in range(n):
+            _normalise_at(scene, ix, iy, iz, slots, sums, distance, size, box)
 
 
 project = Kernel(_project, _project_all)
 find_nearest = Kernel(_find_nearest, _find_nearest_all)
-set_limit = Kernel(_set_limit, _set_limit_all)
+set_limits = Kernel(_limit, _limit_all)
 spread = Kernel(_spread, _spread_all)
-finish = Kernel(_finish, _finish_all)
+normalise = Kernel(_normalise, _normalise_all)

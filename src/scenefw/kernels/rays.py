@@ -1,8 +1,14 @@
 """Rays through a TSDF grid: sphere tracing (Hart 1996), one ray per pixel, float32 throughout.
 
 Positions are in voxels: 0 is the centre of the first voxel of an axis. Volumes are flat and hold B
-scenes of n^3 values one after the other. Constants are float32, as a double would widen everything.
+scenes of n^3 values one after the other. `size` is (n, image width, image height), `box` is (voxel
+size, lowest corner x, y, z) in metres. Constants are float32, as a double would widen everything.
+Loops call the per-pixel functions with row and column, as a 64-bit division costs a CPU more than a
+step of a ray.
 """
+
+# Types are inferred at compilation, and numba ignores annotations.
+# ruff: noqa: ANN001, ANN201, ANN202
 
 import math
 
@@ -26,7 +32,7 @@ NOTHING, FLOOR, OBJECT = 0, 1, 2
 
 
 @element
-def trilinear(volume, base, n, x, y, z):  # noqa: ANN001, ANN201
+def trilinear(volume, base, n, x, y, z):
     """Value between voxel centres; outside them, that of the nearest border point."""
     top = np.float32(n - 1)
     x = min(max(x, ZERO), top)
@@ -52,7 +58,7 @@ def trilinear(volume, base, n, x, y, z):  # noqa: ANN001, ANN201
 
 
 @element
-def nearest(volume, base, n, x, y, z):  # noqa: ANN001, ANN201
+def nearest(volume, base, n, x, y, z):
     """Value of the nearest voxel."""
     top = np.float32(n - 1)
     ix = int(min(max(x, ZERO), top) + HALF)
@@ -62,7 +68,7 @@ def nearest(volume, base, n, x, y, z):  # noqa: ANN001, ANN201
 
 
 @element
-def direction(intrinsics, poses, scene, u, v):  # noqa: ANN001, ANN201
+def direction(intrinsics, poses, scene, u, v):
     """World direction of a pixel's ray, scaled to advance by 1 along the optical axis."""
     a = (np.float32(u) - intrinsics[scene, 2]) / intrinsics[scene, 0]
     b = (np.float32(v) - intrinsics[scene, 3]) / intrinsics[scene, 1]
@@ -73,7 +79,7 @@ def direction(intrinsics, poses, scene, u, v):  # noqa: ANN001, ANN201
 
 
 @element
-def _clip(origin, slope, n, enter, leave):  # noqa: ANN001, ANN202
+def _clip(origin, slope, n, enter, leave):
     """Narrows the part of a ray inside the grid's cube along one axis."""
     if abs(slope) < _TINY:
         outside = origin < -HALF or origin > np.float32(n) - HALF
@@ -84,8 +90,8 @@ def _clip(origin, slope, n, enter, leave):  # noqa: ANN001, ANN202
 
 
 @element
-def _root(volume, base, n, scale, tolerance, start, slope, near, above, far, below):  # noqa: ANN001, ANN202
-    """Where the interpolated value vanishes between `near` (positive) and `far` (Illinois method)."""
+def _root(volume, base, n, scale, tolerance, start, slope, near, above, far, below):
+    """Zero of the interpolated value between `near` (positive) and `far` (Illinois method)."""
     ox, oy, oz = start
     dx, dy, dz = slope
     middle = far
@@ -111,7 +117,7 @@ def _root(volume, base, n, scale, tolerance, start, slope, near, above, far, bel
 
 
 @element
-def _march(volume, base, n, scale, tolerance, start, slope, t, leave, max_steps):  # noqa: ANN001, ANN202
+def _march(volume, base, n, scale, tolerance, start, slope, t, leave, max_steps):
     """Distance (voxels) to the first zero along a ray inside the grid, or -1."""
     ox, oy, oz = start
     dx, dy, dz = slope
@@ -136,23 +142,20 @@ def _march(volume, base, n, scale, tolerance, start, slope, t, leave, max_steps)
 
 
 @element
-def _trace(
-    i, volume, intrinsics, poses, depth, kind, n, width, height,
-    voxel, lower_x, lower_y, lower_z, tolerance, max_steps, floor,
-):  # fmt: skip  # noqa: ANN001, ANN202
-    scene = i // (width * height)
-    v = (i // width) % height
-    u = i % width
-    voxel = np.float32(voxel)
+def _trace_pixel(
+    scene, u, v, volume, intrinsics, poses, depth, kind, size, box, tolerance, max_steps, floor
+):
+    n, width, height = size
+    voxel, lower_x, lower_y, lower_z = box
     scale = ONE / voxel
     wx, wy, wz = direction(intrinsics, poses, scene, u, v)
     length = math.sqrt(wx * wx + wy * wy + wz * wz)
     slope = (wx / length, wy / length, wz / length)
     height_above = poses[scene, 2, 3]
     start = (
-        (poses[scene, 0, 3] - np.float32(lower_x)) * scale - HALF,
-        (poses[scene, 1, 3] - np.float32(lower_y)) * scale - HALF,
-        (height_above - np.float32(lower_z)) * scale - HALF,
+        (poses[scene, 0, 3] - lower_x) * scale - HALF,
+        (poses[scene, 1, 3] - lower_y) * scale - HALF,
+        (height_above - lower_z) * scale - HALF,
     )
     enter, leave = ZERO, _NEVER
     enter, leave = _clip(start[0], slope[0], n, enter, leave)
@@ -164,10 +167,11 @@ def _trace(
         leave = min(leave, ground * length * scale)
     hit = -ONE
     if enter < leave:
+        base = scene * n * n * n
         hit = _march(
-            volume, scene * n * n * n, n, scale, np.float32(tolerance) * scale,
-            start, slope, enter, leave, max_steps,
-        )  # fmt: skip
+            volume, base, n, scale, tolerance * scale, start, slope, enter, leave, max_steps
+        )
+    i = (scene * height + v) * width + u
     if hit >= ZERO:
         depth[i] = hit * voxel / length
         kind[i] = OBJECT
@@ -179,23 +183,31 @@ def _trace(
         kind[i] = NOTHING
 
 
+@element
+def _trace(i, volume, intrinsics, poses, depth, kind, size, box, tolerance, max_steps, floor):
+    row, u = i // size[1], i % size[1]
+    _trace_pixel(
+        row // size[2], u, row % size[2],
+        volume, intrinsics, poses, depth, kind, size, box, tolerance, max_steps, floor,
+    )  # fmt: skip
+
+
 @loop
 def _trace_all(
-    count, volume, intrinsics, poses, depth, kind, n, width, height,
-    voxel, lower_x, lower_y, lower_z, tolerance, max_steps, floor,
-):  # fmt: skip  # noqa: ANN001, ANN202
-    rows = count // width
+    count, volume, intrinsics, poses, depth, kind, size, box, tolerance, max_steps, floor
+):
+    _, width, height = size
     for lane in prange(_LANES):
-        for row in range(lane, rows, _LANES):
-            for i in range(row * width, (row + 1) * width):
-                _trace(
-                    i, volume, intrinsics, poses, depth, kind, n, width, height,
-                    voxel, lower_x, lower_y, lower_z, tolerance, max_steps, floor,
+        for row in range(lane, count // width, _LANES):
+            for u in range(width):
+                _trace_pixel(
+                    row // height, u, row % height,
+                    volume, intrinsics, poses, depth, kind, size, box, tolerance, max_steps, floor,
                 )  # fmt: skip
 
 
 @element
-def _instance(instances, base, n, x, y, z):  # noqa: ANN001, ANN202
+def _instance(instances, base, n, x, y, z):
     """Label of the nearest labelled voxel among the 4^3 around a point, or 0."""
     best, label = _NEVER, 0
     cx, cy, cz = int(x + ONE) - 1, int(y + ONE) - 1, int(z + ONE) - 1
@@ -212,25 +224,24 @@ def _instance(instances, base, n, x, y, z):  # noqa: ANN001, ANN202
 
 
 @element
-def _shade(
-    i, volume, labels, intrinsics, poses, depth, kind, normals, instances, n, width, height,
-    voxel, lower_x, lower_y, lower_z,
-):  # fmt: skip  # noqa: ANN001, ANN202
-    pixels = width * height
-    scene = i // pixels
-    pixel = i % pixels
+def _shade_pixel(
+    scene, u, v, volume, labels, intrinsics, poses, depth, kind, normals, instances, size, box
+):
+    n, width, height = size
+    voxel, lower_x, lower_y, lower_z = box
+    i = (scene * height + v) * width + u
     nx, ny, nz = ZERO, ZERO, ZERO
     label = -1
     if kind[i] == FLOOR:
         nz = ONE
         label = 0
     elif kind[i] == OBJECT:
-        scale = ONE / np.float32(voxel)
+        scale = ONE / voxel
         base = scene * n * n * n
-        wx, wy, wz = direction(intrinsics, poses, scene, pixel % width, pixel // width)
-        x = (poses[scene, 0, 3] + depth[i] * wx - np.float32(lower_x)) * scale - HALF
-        y = (poses[scene, 1, 3] + depth[i] * wy - np.float32(lower_y)) * scale - HALF
-        z = (poses[scene, 2, 3] + depth[i] * wz - np.float32(lower_z)) * scale - HALF
+        wx, wy, wz = direction(intrinsics, poses, scene, u, v)
+        x = (poses[scene, 0, 3] + depth[i] * wx - lower_x) * scale - HALF
+        y = (poses[scene, 1, 3] + depth[i] * wy - lower_y) * scale - HALF
+        z = (poses[scene, 2, 3] + depth[i] * wz - lower_z) * scale - HALF
         nx = trilinear(volume, base, n, x + HALF, y, z) - trilinear(volume, base, n, x - HALF, y, z)
         ny = trilinear(volume, base, n, x, y + HALF, z) - trilinear(volume, base, n, x, y - HALF, z)
         nz = trilinear(volume, base, n, x, y, z + HALF) - trilinear(volume, base, n, x, y, z - HALF)
@@ -240,24 +251,32 @@ def _shade(
             length = math.sqrt(wx * wx + wy * wy + wz * wz)
         nx, ny, nz = nx / length, ny / length, nz / length
         label = _instance(labels, base, n, x, y, z)
-    normals[scene * 3 * pixels + pixel] = nx
-    normals[(scene * 3 + 1) * pixels + pixel] = ny
-    normals[(scene * 3 + 2) * pixels + pixel] = nz
+    normals[scene, 0, v, u] = nx
+    normals[scene, 1, v, u] = ny
+    normals[scene, 2, v, u] = nz
     instances[i] = label
+
+
+@element
+def _shade(i, volume, labels, intrinsics, poses, depth, kind, normals, instances, size, box):
+    row, u = i // size[1], i % size[1]
+    _shade_pixel(
+        row // size[2], u, row % size[2],
+        volume, labels, intrinsics, poses, depth, kind, normals, instances, size, box,
+    )  # fmt: skip
 
 
 @loop
 def _shade_all(
-    count, volume, labels, intrinsics, poses, depth, kind, normals, instances, n, width, height,
-    voxel, lower_x, lower_y, lower_z,
-):  # fmt: skip  # noqa: ANN001, ANN202
-    rows = count // width
+    count, volume, labels, intrinsics, poses, depth, kind, normals, instances, size, box
+):
+    _, width, height = size
     for lane in prange(_LANES):
-        for row in range(lane, rows, _LANES):
-            for i in range(row * width, (row + 1) * width):
-                _shade(
-                    i, volume, labels, intrinsics, poses, depth, kind, normals, instances,
-                    n, width, height, voxel, lower_x, lower_y, lower_z,
+        for row in range(lane, count // width, _LANES):
+            for u in range(width):
+                _shade_pixel(
+                    row // height, u, row % height,
+                    volume, labels, intrinsics, poses, depth, kind, normals, instances, size, box,
                 )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.types import CameraBatch, GridSpec, PartialTSDF
 from scenefw.kernels import partial
 from scenefw.kernels.cameras import require_depth
+from scenefw.kernels.compile import float32
 
 _SLOTS_PER_SCENE = (
     4  # private grids per scene on a CPU; fixed, so that sums don't vary with threads
@@ -25,7 +26,7 @@ class InverseRayTracing:
     - of the samples that touch a voxel, those more than two voxels farther from their own surface
       than the closest one don't count: the nearest surface wins;
     - samples of neighbouring rays are staggered, so that no resolution leaves gaps between steps;
-    - samples farther in front than the truncation are left out, as free space is +truncation anyway.
+    - samples farther in front than the truncation are left out: free space is +truncation.
 
     Untouched voxels, seen free space and unseen space alike, are +truncation. `observed` is true
     for voxel centres that project in front of the measured surface or up to one voxel behind it.
@@ -54,35 +55,27 @@ class InverseRayTracing:
         depth = require_depth(depth, cameras)
         slots = 1 if depth.is_cuda else _SLOTS_PER_SCENE
         view = (depth.view(-1), cameras.intrinsics, cameras.T_world_camera)
-        sizes = (slots, grid.resolution, cameras.width, cameras.height)
-        metres = (grid.voxel_size, *grid.lower, grid.truncation)
-        limit = self._limits(depth, view, grid, sizes, metres)
-        sums = depth.new_zeros(len(depth) * slots * (grid.resolution + 2) ** 3 * 2)
-        partial.spread(depth.numel(), *view, limit, sums, *sizes, *metres, self.step, self.behind)
+        size = (grid.resolution, cameras.width, cameras.height)
+        box = float32(grid.voxel_size, *grid.lower, grid.truncation)
+        sampling = float32(self.step, self.behind)
+        cells = (len(depth), slots, (grid.resolution + 3) ** 3)
+        closest = depth.new_full(cells, float(partial.NO_SAMPLE))
+        partial.find_nearest(depth.numel(), slots, *view, closest.view(-1), size, box, sampling)
+        limits = _limits(closest, grid)
+        sums = depth.new_zeros(slots * limits.numel() * 2)
+        partial.spread(depth.numel(), slots, *view, limits, sums, size, box, sampling)
         shape = (len(depth), 1, *grid.shape)
         distance = torch.empty(shape, dtype=torch.float32, device=depth.device)
         observed = torch.empty(shape, dtype=torch.bool, device=depth.device)
-        partial.finish(
-            distance.numel(), *view, sums, distance.view(-1), observed.view(-1), *sizes, *metres
-        )
+        voxels = distance.numel()
+        partial.project(voxels, *view, distance.view(-1), observed.view(-1), size, box)
+        partial.normalise(voxels, slots, sums, distance.view(-1), size, box)
         return PartialTSDF(distance, observed)
 
-    def _limits(
-        self,
-        depth: Tensor,
-        view: tuple[Tensor, ...],
-        grid: GridSpec,
-        sizes: tuple[int, ...],
-        metres: tuple[float, ...],
-    ) -> Tensor:
-        """Per padded voxel the largest |distance| (voxels) at which a sample counts."""
-        cells = (len(depth), sizes[0], (grid.resolution + 1) ** 3)
-        closest = depth.new_full(cells, float(partial.NO_SAMPLE))
-        partial.find_nearest(
-            depth.numel(), *view, closest.view(-1), *sizes, *metres, self.step, self.behind
-        )
-        limit = depth.new_empty(len(depth) * (grid.resolution + 2) ** 3)
-        partial.set_limit(
-            len(limit), closest.amin(dim=1).contiguous().view(-1), limit, grid.resolution
-        )
-        return limit
+
+def _limits(closest: Tensor, grid: GridSpec) -> Tensor:
+    """Per padded voxel the largest |distance| (voxels) at which a sample counts."""
+    padded = grid.resolution + 2
+    limits = closest.new_empty(len(closest) * padded**3)
+    partial.set_limits(len(limits), closest.amin(dim=1).view(-1), limits, padded)
+    return limits

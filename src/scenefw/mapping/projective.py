@@ -6,6 +6,7 @@ from torch import Tensor
 from scenefw.core.types import CameraBatch, GridSpec, PartialTSDF
 from scenefw.kernels import partial
 from scenefw.kernels.cameras import require_depth
+from scenefw.kernels.compile import float32
 
 
 class Projective:
@@ -28,8 +29,9 @@ class Projective:
         distance = torch.empty(shape, dtype=torch.float32, device=depth.device)
         observed = torch.empty(shape, dtype=torch.bool, device=depth.device)
         partial.project(
-            distance.numel(), depth.view(-1), cameras.intrinsics, cameras.T_world_camera,
-            distance.view(-1), observed.view(-1), grid.resolution, cameras.width, cameras.height,
-            grid.voxel_size, *grid.lower, grid.truncation,
+            distance.numel(), depth.view(-1),
+            cameras.intrinsics, cameras.T_world_camera, distance.view(-1), observed.view(-1),
+            (grid.resolution, cameras.width, cameras.height),
+            float32(grid.voxel_size, *grid.lower, grid.truncation),
         )  # fmt: skip
         return PartialTSDF(distance, observed)

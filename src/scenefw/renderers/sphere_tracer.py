@@ -8,6 +8,8 @@ from torch import Tensor
 from scenefw.core.errors import InputError
 from scenefw.core.types import CameraBatch, GridSpec
 from scenefw.kernels import rays
+from scenefw.kernels.cameras import finite
+from scenefw.kernels.compile import float32
 
 
 @dataclass(frozen=True)
@@ -68,8 +70,8 @@ class SphereTracer:
         seen = torch.empty_like(depth, dtype=torch.int32)
         rays.shade(
             depth.numel(), volume, labels, cameras.intrinsics, cameras.T_world_camera,
-            depth.view(-1), kind, normals.view(-1), seen.view(-1),
-            grid.resolution, width, height, grid.voxel_size, *grid.lower,
+            depth.view(-1), kind, normals, seen.view(-1),
+            (grid.resolution, width, height), float32(grid.voxel_size, *grid.lower),
         )  # fmt: skip
         return Surface(depth, normals, seen)
 
@@ -79,8 +81,9 @@ class SphereTracer:
         kind = torch.empty(depth.numel(), dtype=torch.uint8, device=volume.device)
         rays.trace(
             depth.numel(), volume, cameras.intrinsics, cameras.T_world_camera, depth.view(-1), kind,
-            grid.resolution, cameras.width, cameras.height, grid.voxel_size, *grid.lower,
-            self.tolerance, self.max_steps, self.floor,
+            (grid.resolution, cameras.width, cameras.height),
+            float32(grid.voxel_size, *grid.lower), *float32(self.tolerance),
+            self.max_steps, self.floor,
         )  # fmt: skip
         return depth, kind
 
@@ -98,8 +101,6 @@ def _flat(volume: Tensor, grid: GridSpec, cameras: CameraBatch, name: str) -> Te
             f"{name} is on {volume.device}, its cameras on {cameras.intrinsics.device}; "
             "move them to one device"
         )
-    volume = volume.detach()
     if volume.is_floating_point():
-        far = grid.truncation
-        volume = torch.nan_to_num(volume.float(), nan=far, posinf=far, neginf=-far)
+        return finite(volume, grid.truncation).view(-1)
     return volume.contiguous().view(-1)
