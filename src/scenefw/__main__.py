@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import sys
+import traceback
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from scenefw import config, plugins, registry
-from scenefw.core.errors import SceneFWError
+from scenefw.core.errors import ConfigError, SceneFWError
 
 if TYPE_CHECKING:
     from omegaconf import DictConfig
@@ -51,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print("interrupted", file=sys.stderr)
         sys.exit(130)
     except Exception as error:
-        _stop(error)
+        _stop(error, composing=True)
         raise
 
 
@@ -69,8 +70,8 @@ def _dispatch(words: list[str]) -> None:
 
 
 def _print_help() -> None:
+    plugins.refuse_clashes(plugins.find())
     print(USAGE)
-    plugins.activate()
     for group, options in registry.catalogue().items():
         print(f"  {group:<15} {', '.join(sorted(options))}")
 
@@ -79,7 +80,9 @@ def _print_catalogue() -> None:
     from rich.console import Console
     from rich.table import Table
 
-    owners = {pair: plugin.name for plugin in plugins.activate() for pair in plugin.options()}
+    found = plugins.find()
+    plugins.refuse_clashes(found)
+    owners = {pair: plugin.name for plugin in found for pair in plugin.options()}
     table = Table("group", "option", "what it is", "plugin", title="scenefw: group=option")
     for group, options in registry.catalogue().items():
         table.add_section()
@@ -110,18 +113,19 @@ def _task(settings: DictConfig) -> Mapping[str, Any]:
         return execute(settings)
     except Exception as error:
         _stop(error)
-        raise
+        traceback.print_exception(error)
+        sys.exit(1)
 
 
-def _stop(error: Exception) -> None:
+def _stop(error: Exception, *, composing: bool = False) -> None:
     """Ends the process with one line, unless scenefw itself is at fault or -v is given."""
-    line = None if os.environ.get(_TRACEBACK) == "1" else _complaint(error)
+    line = None if os.environ.get(_TRACEBACK) == "1" else _complaint(error, composing)
     if line is not None:
         print(f"error: {line}", file=sys.stderr)
         sys.exit(2)
 
 
-def _complaint(error: Exception) -> str | None:
+def _complaint(error: Exception, composing: bool) -> str | None:
     """The one line for the user, or None for an error that is a fault of scenefw itself."""
     cause: BaseException | None = error
     while cause is not None:
@@ -132,15 +136,15 @@ def _complaint(error: Exception) -> str | None:
         return (
             f"cannot use {error.filename}: {error.strerror}; give another path, or make it writable"
         )
-    return _misconfigured(error)
+    if composing or type(error).__module__.startswith(("hydra.", "omegaconf.")):
+        return f"{_misconfigured(error)} (-v shows the traceback)"
+    return None
 
 
-def _misconfigured(error: Exception) -> str | None:
-    if not type(error).__module__.startswith(("hydra.", "omegaconf.")):
-        return None
+def _misconfigured(error: Exception) -> ConfigError:
     overrides = [word for word in sys.argv[1:] if "=" in word or word.startswith("~")]
     options = {group: sorted(found) for group, found in registry.catalogue().items()}
-    return f"{config.explain(error, overrides, options)} (-v shows the traceback)"
+    return config.explain(error, overrides, options)
 
 
 if __name__ == "__main__":

@@ -59,10 +59,10 @@ def activate() -> tuple[Plugin, ...]:
     return found
 
 
-def find(folders: Sequence[Path] | None = None) -> tuple[Plugin, ...]:
-    """The plugins of these folders (default: `search_folders()`), then the installed ones."""
+def find() -> tuple[Plugin, ...]:
+    """The plugins of `search_folders()`, then the installed ones; of one name, the first counts."""
     by_name: dict[str, Plugin] = {}
-    for plugin in (*_dropped_in(search_folders() if folders is None else folders), *_installed()):
+    for plugin in (*_dropped_in(search_folders()), *_installed()):
         by_name.setdefault(plugin.name, plugin)
     return tuple(by_name.values())
 

@@ -1,0 +1,42 @@
+"""Settings and fixtures that all tests share."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+ROOT = Path(__file__).parents[1]
+
+# Compiled kernels make first examples slow, and the same commit must give the same verdict.
+settings.register_profile("scenefw", deadline=None, max_examples=50, derandomize=True)
+settings.load_profile("scenefw")
+
+
+@pytest.fixture(scope="session")
+def real_data():
+    """Folder of real depth images: SCENEFW_DATA, else ../shared/data beside the project."""
+    folder = Path(os.environ.get("SCENEFW_DATA", ROOT.parent / "shared" / "data"))
+    if not folder.is_dir():
+        pytest.skip(f"no real images: {folder} is missing; set SCENEFW_DATA to their folder")
+    return folder
+
+
+@pytest.fixture
+def scenefw(tmp_path):
+    """Runs `python -m scenefw ...` in an empty folder, as a user would."""
+
+    def run(*words, cwd=None, env=None, timeout=300):
+        return subprocess.run(
+            [sys.executable, "-m", "scenefw", *map(str, words)],
+            cwd=cwd or tmp_path,
+            env={**os.environ, "COLUMNS": "200", **(env or {})},
+            capture_output=True,
+            text=True,
+            timeout=timeout,
+            check=False,
+        )
+
+    return run

@@ -1,0 +1,176 @@
+"""What a user types, and what comes back: in processes of their own."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+TASK = """
+import os
+from scenefw.core.errors import InputError
+
+class Task:
+    def __init__(self, grid, seed=0, trouble=""):
+        self.grid, self.seed, self.trouble = grid, seed, trouble
+        if trouble == "building":
+            raise InputError("a value of 3 is\\nno good; give 4")
+
+    def run(self):
+        if self.trouble == "running":
+            raise InputError("a value of 5 is no good; give 6")
+        if self.trouble == "fault":
+            raise ZeroDivisionError("a fault of the program")
+        if self.trouble == "interrupt":
+            raise KeyboardInterrupt
+        return {"extent": self.grid.extent, "seed": self.seed}
+"""
+CONFIG = """# A run that does nothing
+_target_: scenefw_nil.Task
+grid: ${grid}
+seed: ${seed}
+trouble: ''
+"""
+PROJECT = """
+[project]
+name = "scenefw-nil"
+version = "1"
+[project.entry-points."scenefw.plugins"]
+nil = "scenefw_nil"
+"""
+
+
+@pytest.fixture
+def nil(tmp_path, scenefw):
+    """A command line that has the option run=nil."""
+    folder = tmp_path / "plugins" / "nil"
+    (folder / "src" / "scenefw_nil").mkdir(parents=True)
+    (folder / "conf" / "run").mkdir(parents=True)
+    (folder / "src" / "scenefw_nil" / "__init__.py").write_text(TASK)
+    (folder / "conf" / "run" / "nil.yaml").write_text(CONFIG)
+    (folder / "pyproject.toml").write_text(PROJECT)
+    return scenefw
+
+
+def assert_one_line(done, *words):
+    assert done.returncode == 2, done.stderr
+    lines = done.stderr.strip().splitlines()
+    assert len(lines) == 1, done.stderr
+    for word in words:
+        assert word in lines[0]
+
+
+def test_help_names_commands_and_groups_without_torch(tmp_path):
+    code = (
+        "import sys; from scenefw.__main__ import main; main(['--help']);"
+        "sys.exit(bool({'torch', 'numpy', 'hydra', 'matplotlib'} & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout
+    for word in ("experiment=simstack", "run=predict", "--list", "grid", "renderer"):
+        assert word in done.stdout
+
+
+def test_list_shows_every_option_with_its_description(nil):
+    done = nil("--list")
+    assert done.returncode == 0, done.stderr
+    assert "A run that does nothing" in done.stdout
+    assert "Voxel grid over a 1 m cube" in done.stdout
+    assert "nil" in next(line for line in done.stdout.splitlines() if "does nothing" in line)
+
+
+def test_version(scenefw):
+    assert scenefw("--version").stdout.startswith("scenefw 0.")
+
+
+@pytest.mark.parametrize(
+    ("typed", "expected"),
+    [
+        ("experiment=simstak", "simstack"),
+        ("run=nill", "nil"),
+        ("grid.resoluton=32", "grid.resolution"),
+        ("sed=1", "seed"),
+        ("experiement=simstack", "experiment"),
+        ("seed=[1", "key=value"),
+        ("seed=${sede}", "sede"),
+    ],
+)
+def test_a_slip_of_the_pen_gets_one_line_with_near_misses(nil, typed, expected):
+    assert_one_line(nil("run=nil", typed), expected)
+
+
+def test_a_run_leaves_its_settings_versions_and_figures(nil, tmp_path):
+    done = nil("run=nil", "seed=7", "device=cpu", "paths.output=out")
+    assert done.returncode == 0, done.stderr
+    out = tmp_path / "out"
+    assert done.stdout.splitlines()[-1] == str(out)
+    assert json.loads((out / "metrics.json").read_text()) == {"extent": 1.0, "seed": 7}
+    record = json.loads((out / "run.json").read_text())
+    assert record["seed"] == 7
+    assert {"python", "torch", "scenefw"} <= set(record["versions"])
+    settings = (out / "config.yaml").read_text()
+    assert "seed: 7" in settings
+    assert "${" not in settings
+
+
+def test_a_sweep_gives_each_run_a_folder(nil, tmp_path):
+    done = nil("-m", "run=nil", "seed=1,2", "device=cpu", "paths.output=out")
+    assert done.returncode == 0, done.stderr
+    for number, seed in enumerate((1, 2)):
+        figures = json.loads((tmp_path / "out" / str(number) / "metrics.json").read_text())
+        assert figures["seed"] == seed
+
+
+def test_runs_of_a_sweep_side_by_side(nil, tmp_path):
+    pytest.importorskip("hydra_plugins.hydra_joblib_launcher")
+    words = ("-m", "run=nil", "seed=1,2", "launcher=joblib", "device=cpu", "paths.output=out")
+    done = nil(*words)
+    assert done.returncode == 0, done.stderr
+    assert len(list((tmp_path / "out").glob("*/metrics.json"))) == 2
+
+
+@pytest.mark.parametrize("when", ["building", "running"])
+def test_an_error_of_ours_is_one_line(nil, when):
+    done = nil("run=nil", f"run.trouble={when}", "device=cpu")
+    assert_one_line(done, "error: a value of", "no good")
+
+
+def test_an_error_in_a_sweep_is_one_line(nil):
+    done = nil("-m", "run=nil", "run.trouble=running", "seed=1,2", "device=cpu")
+    assert_one_line(done, "error: a value of 5")
+
+
+def test_v_shows_the_traceback(nil):
+    done = nil("run=nil", "run.trouble=running", "-v", "device=cpu")
+    assert done.returncode != 0
+    assert "Traceback" in done.stderr
+
+
+def test_a_fault_of_the_program_keeps_its_traceback(nil):
+    done = nil("run=nil", "run.trouble=fault", "device=cpu")
+    assert done.returncode == 1
+    assert "Traceback" in done.stderr
+
+
+def test_an_interrupt_is_quiet(nil):
+    done = nil("run=nil", "run.trouble=interrupt", "device=cpu")
+    assert done.returncode == 130
+    assert "Traceback" not in done.stderr
+
+
+def test_a_wrong_argument_is_named(nil):
+    assert_one_line(nil("run=nil", "+run.depth=3", "device=cpu"), "depth")
+
+
+@pytest.mark.parametrize("folder", ["file/below", "/proc/nowhere/out"])
+def test_an_unwritable_output_folder_is_named_before_work_starts(nil, tmp_path, folder):
+    (tmp_path / "file").write_text("")
+    done = nil("run=nil", "run.trouble=fault", f"paths.output={folder}", "device=cpu")
+    assert_one_line(done, folder.split("/")[1] if folder[0] == "/" else "file")
+
+
+@pytest.mark.parametrize("device", ["tpu", "cuda:99"])
+def test_an_unknown_device_is_named(nil, device):
+    assert_one_line(nil("run=nil", f"device={device}"), device)

@@ -1,0 +1,35 @@
+"""Every experiment, plugins' too, runs to its end at the size of `debug=smoke`."""
+
+import json
+
+import pytest
+
+from scenefw import registry
+
+NEEDS_INPUT = {"osd"}  # scores images of the user
+
+
+@pytest.mark.parametrize("name", [e for e in registry.names("experiment") if e not in NEEDS_INPUT])
+def test_experiment_runs(scenefw, tmp_path, name):
+    out = tmp_path / "out"
+    done = scenefw(f"experiment={name}", "debug=smoke", f"paths.output={out}")
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert done.stdout.strip().splitlines()[-1] == str(out)
+    figures = json.loads((out / "metrics.json").read_text())
+    assert figures
+    assert all(isinstance(value, int | float) for value in figures.values())
+    assert (out / "config.yaml").exists()
+    assert (out / "run.json").exists()
+
+
+def test_two_seeds_give_two_runs(scenefw, tmp_path):
+    words = ("experiment=simstack", "debug=smoke", "run=generate", "seed=1,2")
+    done = scenefw("-m", *words, "paths.output=out")
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert sorted(p.parent.name for p in (tmp_path / "out").glob("*/metrics.json")) == ["0", "1"]
+
+
+def test_osd_without_images_says_what_it_needs(scenefw):
+    done = scenefw("experiment=osd", "debug=smoke")
+    assert done.returncode == 2, done.stderr[-3000:]
+    assert "input" in done.stderr

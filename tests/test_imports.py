@@ -1,0 +1,65 @@
+"""What may be imported where: training and predicting need no simulator and no mesh library."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SOURCE = Path(__file__).parents[1] / "src" / "scenefw"
+HEAVY = {"open3d", "pybullet", "trimesh", "mesh_to_sdf", "pyrender"}
+
+
+def modules(*packages):
+    for package in packages:
+        for path in sorted((SOURCE / package).rglob("*.py")):
+            dotted = ".".join(path.relative_to(SOURCE.parent).with_suffix("").parts)
+            yield dotted.removesuffix(".__init__")
+
+
+def imported_with(names):
+    code = f"import sys, importlib; [importlib.import_module(n) for n in {list(names)!r}];"
+    done = subprocess.run(
+        [sys.executable, "-c", code + "print(*{m.split('.')[0] for m in sys.modules})"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return set(done.stdout.split())
+
+
+def test_the_package_and_the_core_need_numpy_at_most():
+    assert "numpy" not in imported_with(["scenefw", "scenefw.core.errors"])
+    assert not {"torch", "hydra", "scipy", "numba"} & imported_with(modules("core"))
+
+
+@pytest.mark.parametrize(
+    "packages",
+    [
+        pytest.param(("learning", "models", "losses", "data", "noise", "mapping"), id="training"),
+        pytest.param(("perception", "postprocessing", "export", "renderers"), id="predicting"),
+    ],
+)
+def test_no_simulator_and_no_mesh_library_is_imported(packages):
+    assert not HEAVY & imported_with(modules(*packages))
+
+
+def test_tasks_are_imported_without_them():
+    assert not HEAVY & imported_with(modules("tasks", "evaluation", "report"))
+
+
+def test_configs_are_read_without_torch():
+    assert "torch" not in imported_with(["scenefw.config", "scenefw.registry", "scenefw.plugins"])
+
+
+def test_packages_hold_a_docstring_only():
+    for path in SOURCE.rglob("__init__.py"):
+        lines = path.read_text(encoding="utf-8").splitlines()
+        assert lines, path
+        assert lines[0].startswith('"""'), path
+        assert not any(line.startswith(("import ", "from ")) for line in lines), path
+
+
+def test_no_package_is_called_utils():
+    assert not [p for p in SOURCE.rglob("*") if p.stem in {"utils", "helpers", "misc", "common"}]

@@ -1,0 +1,132 @@
+"""Plugins written into a folder, and packed by pip: found, run, refused."""
+
+import json
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from scenefw import plugins
+from scenefw.core.errors import ConfigError
+
+ROOT = Path(__file__).parents[1]
+PROJECT = """
+[build-system]
+requires = ["hatchling"]
+build-backend = "hatchling.build"
+[project]
+name = "scenefw-{name}"
+version = "1"
+[project.entry-points."scenefw.plugins"]
+{name} = "scenefw_{name}"
+"""
+TASK = """
+class Count:
+    def __init__(self, upto):
+        self.upto = upto
+
+    def run(self):
+        return {"counted": sum(range(self.upto + 1))}
+"""
+
+
+def write_plugin(folder, name="counting", option="run/count", code=TASK):
+    package = folder / "src" / f"scenefw_{name}"
+    package.mkdir(parents=True)
+    (package / "__init__.py").write_text('"""A plugin."""\n')
+    (package / "count.py").write_text(code)
+    file = folder / "conf" / f"{option}.yaml"
+    file.parent.mkdir(parents=True)
+    file.write_text(f"# Counts to a number\n_target_: scenefw_{name}.count.Count\nupto: 4\n")
+    (folder / "pyproject.toml").write_text(PROJECT.format(name=name))
+    return folder
+
+
+@pytest.mark.parametrize("where", ["beside", "elsewhere"])
+def test_a_plugin_dropped_in_runs_at_once(scenefw, tmp_path, where):
+    folder = tmp_path / ("plugins" if where == "beside" else "mine")
+    write_plugin(folder / "counting")
+    env = {} if where == "beside" else {"SCENEFW_PLUGINS": str(folder)}
+    done = scenefw("run=count", "run.upto=10", "device=cpu", "paths.output=out", env=env)
+    assert done.returncode == 0, done.stderr
+    assert json.loads((tmp_path / "out" / "metrics.json").read_text()) == {"counted": 55}
+
+
+def test_a_broken_plugin_costs_a_warning_only(scenefw, tmp_path):
+    write_plugin(tmp_path / "plugins" / "counting")
+    broken = tmp_path / "plugins" / "broken"
+    broken.mkdir()
+    (broken / "pyproject.toml").write_text("[project\n")
+    words = "run=count", "device=cpu", "paths.output=out"
+    done = scenefw(*words)
+    assert done.returncode == 0, done.stderr
+    assert [line for line in done.stderr.splitlines() if "left out" in line and "broken" in line]
+
+
+def test_faulty_code_of_a_plugin_hurts_only_those_who_use_it(scenefw, tmp_path):
+    write_plugin(tmp_path / "plugins" / "counting")
+    write_plugin(tmp_path / "plugins" / "bad", "bad", "run/bad", "this is no Python\n")
+    assert scenefw("run=count", "device=cpu", "paths.output=out").returncode == 0
+    done = scenefw("run=bad", "device=cpu", "paths.output=out")
+    assert done.returncode == 2
+    assert "scenefw_bad" in done.stderr
+
+
+def test_an_option_with_a_name_of_the_core_is_refused(scenefw, tmp_path):
+    write_plugin(tmp_path / "plugins" / "counting", option="grid/default")
+    for words in (("run=count",), ("--list",), ("--help",)):
+        done = scenefw(*words)
+        assert done.returncode == 2
+        assert "grid=default" in done.stderr
+        assert len(done.stderr.splitlines()) == 1
+
+
+def test_two_plugins_with_one_option_are_refused(tmp_path, monkeypatch):
+    for name in ("one", "two"):
+        write_plugin(tmp_path / name, name)
+    monkeypatch.setenv("SCENEFW_PLUGINS", str(tmp_path))
+    with pytest.raises(ConfigError, match="run=count"):
+        plugins.refuse_clashes(plugins.find())
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """A folder with the plugin point_cloud as pip installs it."""
+    target = tmp_path_factory.mktemp("installed")
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    how = ["--no-deps", "--no-build-isolation", "--no-index", "--target", str(target)]
+    subprocess.run([*pip, *how, str(ROOT / "plugins" / "point_cloud")], check=True)
+    return target
+
+
+def test_an_installed_plugin_is_found_without_its_folder(installed, tmp_path):
+    code = (
+        "import sys; from scenefw import plugins;"
+        "plugins.search_folders = lambda: [];"
+        "found = plugins.activate(); print(*[(p.name, p.source, p.conf) for p in found]);"
+        "assert 'scenefw_point_cloud' not in sys.modules;"
+        "from scenefw import registry;"
+        "print(type(registry.build('representation', 'point_cloud', stride=2)).__name__)"
+    )
+    env = {**os.environ, "PYTHONPATH": str(installed)}
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env=env, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert "point_cloud" in done.stdout
+    assert str(installed) in done.stdout
+    assert done.stdout.split()[-1] == "PointClouds"
+
+
+def test_the_wheel_holds_configs_and_assets(tmp_path):
+    pip = [sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check"]
+    how = ["--no-deps", "--no-build-isolation", "--no-index", "--wheel-dir", str(tmp_path)]
+    subprocess.run([*pip, *how, str(ROOT)], check=True)
+    names = set(zipfile.ZipFile(next(tmp_path.glob("*.whl"))).namelist())
+    assert "scenefw/conf/config.yaml" in names
+    assert "scenefw/conf/grid/default.yaml" in names
+    assets = [p for p in (ROOT / "src/scenefw/assets").glob("*") if p.suffix != ".py"]
+    assert {f"scenefw/assets/{p.name}" for p in assets if p.is_file()} <= names

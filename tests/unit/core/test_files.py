@@ -1,0 +1,47 @@
+import stat
+
+import pytest
+
+from scenefw.core.errors import StorageError
+from scenefw.core.files import replacing, require_writable, write_text
+
+
+def test_a_block_that_ends_well_replaces_the_file(tmp_path):
+    target = tmp_path / "deep" / "file.txt"
+    write_text(target, "old")
+    with replacing(target) as temporary:
+        assert temporary.suffix == ".txt"
+        temporary.write_text("new")
+        assert target.read_text() == "old"
+    assert target.read_text() == "new"
+    assert [p.name for p in target.parent.iterdir()] == ["file.txt"]
+
+
+def test_a_block_that_fails_leaves_the_old_file_alone(tmp_path):
+    target = tmp_path / "file.txt"
+    write_text(target, "old")
+    with pytest.raises(ZeroDivisionError), replacing(target) as temporary:
+        temporary.write_text("half")
+        raise ZeroDivisionError
+    assert target.read_text() == "old"
+    assert [p.name for p in tmp_path.iterdir()] == ["file.txt"]
+
+
+def test_others_may_read_what_was_written(tmp_path):
+    plain = tmp_path / "plain"
+    plain.write_text("")
+    write_text(tmp_path / "file", "text")
+    assert stat.S_IMODE((tmp_path / "file").stat().st_mode) == stat.S_IMODE(plain.stat().st_mode)
+
+
+def test_an_impossible_folder_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StorageError, match=r"paths\.output"):
+        write_text(tmp_path / "file" / "below", "text")
+    with pytest.raises(StorageError, match="file"):
+        require_writable(tmp_path / "file" / "below")
+
+
+def test_a_writable_folder_is_left_empty(tmp_path):
+    assert require_writable(tmp_path / "new") == tmp_path / "new"
+    assert list((tmp_path / "new").iterdir()) == []
