@@ -1,0 +1,1 @@
+"""Scenes: generation under physics, storage, cameras."""

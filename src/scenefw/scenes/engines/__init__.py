@@ -1,0 +1,1 @@
+"""Rigid-body simulators behind the Engine protocol, one file each."""

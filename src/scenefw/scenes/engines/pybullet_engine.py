@@ -1,0 +1,201 @@
+"""Rigid-body simulation in PyBullet (Coumans and Bai 2019)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from scenefw.core.errors import MissingDependencyError
+from scenefw.core.types import Pose, SceneObject
+from scenefw.shapes.hulls import collision_hull
+from scenefw.shapes.superquadric import Superquadric
+
+
+class PyBulletEngine:
+    """A PyBullet world of convex objects on the floor z = 0, in a client of its own.
+
+    Objects collide as convex hulls whose corners are drawn in by the collision margin, which Bullet
+    adds all around: without that, objects rest two margins apart. What is simulated depends on the
+    calls since `reset` alone. The world lives in this process: a pickled engine starts empty.
+
+    Args:
+        time_step: length of a step (s).
+        gravity: along -z (m/s^2).
+        friction: lateral friction of objects and floor.
+        solver_iterations: of the contact solver, per step.
+        damping: share of the angular speed lost per second.
+        hull_tolerance: width of the band in which a hull follows its shape (m).
+        margin: collision margin (m).
+        linear_speed: an object rests below this speed (m/s) ...
+        angular_speed: ... and below this one (rad/s) ...
+        quiet_steps: ... for so many steps in a row.
+        check_every: speeds are looked at every so many steps.
+    """
+
+    def __init__(
+        self,
+        time_step: float = 1 / 240,
+        gravity: float = 9.81,
+        friction: float = 1.0,
+        solver_iterations: int = 50,
+        damping: float = 0.5,
+        hull_tolerance: float = 7.5e-4,
+        margin: float = 1e-3,
+        linear_speed: float = 0.005,
+        angular_speed: float = 0.05,
+        quiet_steps: int = 32,
+        check_every: int = 8,
+    ) -> None:
+        self.time_step = time_step
+        self.gravity = gravity
+        self.friction = friction
+        self.solver_iterations = solver_iterations
+        self.damping = damping
+        self.hull_tolerance = hull_tolerance
+        self.margin = margin
+        self.linear_speed = linear_speed
+        self.angular_speed = angular_speed
+        self.quiet_steps = quiet_steps
+        self.check_every = check_every
+        self._bullet: Any = None
+        self._client = -1
+        self._floor = -1
+        self._objects: list[int] = []
+        self._quiet = 0
+
+    def reset(self) -> None:
+        """Empties the world but for the floor."""
+        bullet = self._connect()
+        bullet.resetSimulation(physicsClientId=self._client)
+        bullet.setPhysicsEngineParameter(
+            fixedTimeStep=self.time_step,
+            numSolverIterations=self.solver_iterations,
+            deterministicOverlappingPairs=1,
+            physicsClientId=self._client,
+        )
+        bullet.setGravity(0, 0, -self.gravity, physicsClientId=self._client)
+        plane = bullet.createCollisionShape(bullet.GEOM_PLANE, physicsClientId=self._client)
+        self._floor = bullet.createMultiBody(
+            0, plane, useMaximalCoordinates=True, physicsClientId=self._client
+        )
+        bullet.changeDynamics(
+            self._floor, -1, lateralFriction=self.friction, physicsClientId=self._client
+        )
+        self._objects = []
+        self._quiet = 0
+
+    def add(self, item: SceneObject) -> int:
+        """Adds an object and returns its handle."""
+        if self._bullet is None:
+            self.reset()
+        bullet, client = self._bullet, self._client
+        corners = collision_hull(item.shape, self.hull_tolerance, self.margin)
+        shape = bullet.createCollisionShape(
+            bullet.GEOM_MESH, vertices=corners.tolist(), physicsClientId=client
+        )
+        w, x, y, z = item.pose.quaternion
+        handle = bullet.createMultiBody(
+            item.mass,
+            shape,
+            basePosition=item.pose.position.tolist(),
+            baseOrientation=[x, y, z, w],
+            useMaximalCoordinates=True,  # a plain rigid body: three times as fast as a multibody
+            physicsClientId=client,
+        )
+        bullet.changeDynamics(
+            handle,
+            -1,
+            lateralFriction=self.friction,
+            angularDamping=self.damping,
+            collisionMargin=self.margin,
+            physicsClientId=client,
+        )
+        if isinstance(item.shape, Superquadric):  # Bullet's own inertia is that of the bounding box
+            moments = np.float32(item.mass * item.shape.inertia()).tolist()
+            bullet.changeDynamics(
+                handle,
+                -1,
+                mass=item.mass,  # else read as 0
+                localInertiaDiagonal=moments,
+                physicsClientId=client,
+            )
+        self._objects.append(handle)
+        self._quiet = 0
+        return int(handle)
+
+    def remove(self, handle: int) -> None:
+        """Takes an object out."""
+        self._objects.remove(handle)
+        self._bullet.removeBody(handle, physicsClientId=self._client)
+        self._quiet = 0
+
+    def overlaps(self, handle: int) -> bool:
+        """Whether the object touches another object or the floor where it is now."""
+        others = [self._floor, *(other for other in self._objects if other != handle)]
+        return any(
+            self._bullet.getClosestPoints(handle, other, 0.0, physicsClientId=self._client)
+            for other in others
+        )
+
+    def settle(self, max_steps: int) -> bool:
+        """Simulates until everything rests, at most `max_steps` steps; whether it came to rest."""
+        for _ in range(0, max_steps, self.check_every):
+            self.simulate(self.check_every)
+            self._quiet = self._quiet + self.check_every if self._slow() else 0
+            if self._quiet >= self.quiet_steps:
+                return True
+        return False
+
+    def simulate(self, steps: int) -> None:
+        """Simulates exactly `steps` steps."""
+        step, client = self._bullet.stepSimulation, self._client
+        for _ in range(steps):
+            step(physicsClientId=client)
+
+    def pose(self, handle: int) -> Pose:
+        """Pose of the object now."""
+        position, (x, y, z, w) = self._bullet.getBasePositionAndOrientation(
+            handle, physicsClientId=self._client
+        )
+        quaternion = np.array([w, x, y, z])
+        return Pose(np.array(position), quaternion if w >= 0 else -quaternion)
+
+    def penetration(self) -> float:
+        """Depth of the deepest contact of collision hulls (m), 0 if none touch."""
+        contacts = self._bullet.getContactPoints(physicsClientId=self._client) or ()
+        return max(0.0, -min((contact[8] for contact in contacts), default=0.0))
+
+    def close(self) -> None:
+        """Ends the simulation; the next `reset` starts another."""
+        if getattr(self, "_bullet", None) is not None and self._bullet.isConnected(self._client):
+            self._bullet.disconnect(physicsClientId=self._client)
+        self._bullet = None
+
+    def __del__(self) -> None:
+        self.close()
+
+    def __getstate__(self) -> dict[str, Any]:
+        fresh = {"_bullet": None, "_client": -1, "_objects": [], "_quiet": 0}
+        return self.__dict__ | fresh
+
+    def _connect(self) -> Any:
+        if self._bullet is None:
+            try:
+                import pybullet
+            except ImportError as error:
+                raise MissingDependencyError(
+                    "simulating scenes needs pybullet: pip install 'scenefw[simulation]'"
+                ) from error
+            self._bullet = pybullet
+            self._client = pybullet.connect(pybullet.DIRECT)
+        return self._bullet
+
+    def _slow(self) -> bool:
+        for handle in self._objects:
+            linear, angular = self._bullet.getBaseVelocity(handle, physicsClientId=self._client)
+            if sum(v * v for v in linear) > self.linear_speed**2:
+                return False
+            if sum(v * v for v in angular) > self.angular_speed**2:
+                return False
+        return True

@@ -1,0 +1,246 @@
+"""Scenes of superquadrics as one compressed file of parameters, with a manifest beside it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zipfile
+import zlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenefw.core import rng as streams
+from scenefw.core.errors import StorageError
+from scenefw.core.files import replacing, write_text
+from scenefw.core.types import Float32, Int32, Pose, Scene, SceneObject
+from scenefw.shapes.superquadric import Superquadric
+
+UInt8 = NDArray[np.uint8]
+
+SPLITS = ("train", "val", "test")
+_SHARES = (0.70, 0.15, 0.15)
+_FORMAT = 1
+_SPLIT_STREAM = 1  # apart from the stream that makes the scene
+
+
+@dataclass(frozen=True, eq=False)
+class StoredScenes:
+    """S scenes of up to N superquadrics; rows beyond `count` are harmless fillers.
+
+    Args:
+        half_axes: (S, N, 3) float32 metres.
+        exponents: (S, N, 3) float32, r, s, t of eq. 5.1.
+        positions: (S, N, 3) float32 metres, world.
+        quaternions: (S, N, 4) float32 (w, x, y, z), object to world.
+        masses: (S, N) float32 kilograms.
+        count: (S,) uint8, objects of each scene.
+        index: (S,) int32, number of the attempt that made the scene.
+        split: (S,) uint8, position in `SPLITS`.
+    """
+
+    half_axes: Float32
+    exponents: Float32
+    positions: Float32
+    quaternions: Float32
+    masses: Float32
+    count: UInt8
+    index: Int32
+    split: UInt8
+
+    def __len__(self) -> int:
+        return len(self.count)
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """The arrays by name."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    def scene(self, row: int, seed: int = 0) -> Scene:
+        """One scene as objects."""
+        objects = tuple(
+            SceneObject(
+                Superquadric(
+                    self.half_axes[row, i].astype(np.float64),
+                    self.exponents[row, i].astype(np.float64),
+                ),
+                Pose(
+                    self.positions[row, i].astype(np.float64),
+                    self.quaternions[row, i].astype(np.float64),
+                ),
+                float(self.masses[row, i]),
+            )
+            for i in range(self.count[row])
+        )
+        return Scene(objects, int(self.index[row]), seed)
+
+
+def split_of(seed: int, index: int) -> int:
+    """Position in `SPLITS` (70 / 15 / 15 %) of a scene; depends on (seed, index) alone.
+
+    So a scene stays in its part however many others are generated.
+    """
+    draw = streams.generator(seed, index, _SPLIT_STREAM).random()
+    return int(np.searchsorted(np.cumsum(_SHARES)[:-1], draw, side="right"))
+
+
+def pack(scenes: Sequence[Scene]) -> StoredScenes:
+    """Scenes of superquadrics as arrays.
+
+    Raises:
+        StorageError: a scene holds a shape that is no superquadric.
+    """
+    most = max((len(scene.objects) for scene in scenes), default=0)
+    stored = _fillers(len(scenes), most)
+    for row, scene in enumerate(scenes):
+        stored.count[row] = len(scene.objects)
+        stored.index[row] = scene.index
+        stored.split[row] = split_of(scene.seed, scene.index)
+        for i, item in enumerate(scene.objects):
+            if not isinstance(item.shape, Superquadric):
+                raise StorageError(
+                    f"scene {scene.index} holds a {type(item.shape).__name__}; "
+                    "this format stores superquadrics alone"
+                )
+            stored.half_axes[row, i] = item.shape.half_axes
+            stored.exponents[row, i] = item.shape.exponents
+            stored.positions[row, i] = item.pose.position
+            stored.quaternions[row, i] = item.pose.quaternion
+            stored.masses[row, i] = item.mass
+    return stored
+
+
+def concatenate(parts: Iterable[StoredScenes]) -> StoredScenes:
+    """All scenes of several files, ordered by index."""
+    found = list(parts)
+    total = sum(len(part) for part in found)
+    most = max((part.masses.shape[1] for part in found), default=0)
+    merged, start = _fillers(total, most), 0
+    for part in found:
+        rows = slice(start, start + len(part))
+        for name, array in merged.arrays().items():
+            values = part.arrays()[name]
+            array[(rows, slice(values.shape[1])) if values.ndim > 1 else rows] = values
+        start += len(part)
+    order = np.argsort(merged.index, kind="stable")
+    return StoredScenes(**{name: array[order] for name, array in merged.arrays().items()})
+
+
+def save_scenes(path: Path | str, stored: StoredScenes, facts: Mapping[str, Any]) -> Path:
+    """Writes the arrays (.npz) and, beside them, a manifest (.json) of `facts` and check sums.
+
+    The manifest goes last, so a file with a manifest is whole.
+
+    Raises:
+        StorageError: the folder can't be written.
+    """
+    path = Path(path)
+    with replacing(path) as temporary:
+        np.savez_compressed(temporary, **stored.arrays())
+    manifest = {
+        "format": _FORMAT,
+        "scenes": len(stored),
+        "objects": _tally(stored.count),
+        "split": {name: int((stored.split == i).sum()) for i, name in enumerate(SPLITS)},
+        **facts,
+        "arrays": {
+            name: {"dtype": str(a.dtype), "shape": list(a.shape), "sha256": _digest(a)}
+            for name, a in stored.arrays().items()
+        },
+    }
+    write_text(path.with_suffix(".json"), json.dumps(manifest, indent=2) + "\n")
+    return path
+
+
+def load_scenes(path: Path | str) -> StoredScenes:
+    """Reads scenes; checked against the manifest where there is one.
+
+    Raises:
+        StorageError: missing, damaged, of another format, or not what the manifest says.
+    """
+    path = Path(path)
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            found = {field.name: file[field.name] for field in fields(StoredScenes)}
+    except FileNotFoundError as error:
+        raise StorageError(f"no scenes at {path}; make them with run=generate") from error
+    except KeyError as error:
+        raise StorageError(f"{path} holds no scenes: {error.args[0]}") from error
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        raise StorageError(
+            f"{path} is damaged or no .npz file ({error}); make it anew with run=generate"
+        ) from error
+    _check_layout(path, found)
+    if path.with_suffix(".json").exists():
+        _check_manifest(path, found)
+    return StoredScenes(**found)
+
+
+def load_manifest(path: Path | str) -> dict[str, Any]:
+    """The manifest beside a scene file.
+
+    Raises:
+        StorageError: missing or damaged.
+    """
+    source = Path(path).with_suffix(".json")
+    try:
+        manifest: dict[str, Any] = json.loads(source.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise StorageError(f"manifest {source} is missing or damaged: {error}") from error
+    return manifest
+
+
+def _fillers(scenes: int, objects: int) -> StoredScenes:
+    shape = (scenes, objects)
+    quaternions = np.zeros((*shape, 4), dtype=np.float32)
+    quaternions[..., 0] = 1
+    return StoredScenes(
+        half_axes=np.full((*shape, 3), 0.05, dtype=np.float32),
+        exponents=np.full((*shape, 3), 2, dtype=np.float32),
+        positions=np.zeros((*shape, 3), dtype=np.float32),
+        quaternions=quaternions,
+        masses=np.zeros(shape, dtype=np.float32),
+        count=np.zeros(scenes, dtype=np.uint8),
+        index=np.zeros(scenes, dtype=np.int32),
+        split=np.zeros(scenes, dtype=np.uint8),
+    )
+
+
+def _check_layout(path: Path, found: Mapping[str, NDArray[Any]]) -> None:
+    scenes, objects = (*found["masses"].shape, 0, 0)[:2]
+    for name, wanted in _fillers(scenes, objects).arrays().items():
+        array = found[name]
+        if array.shape != wanted.shape or array.dtype != wanted.dtype:
+            raise StorageError(
+                f"{path}: {name} is {array.dtype} {array.shape}, expected {wanted.dtype} "
+                f"{wanted.shape}; make the file anew with run=generate"
+            )
+    if (found["count"] > objects).any():
+        raise StorageError(f"{path}: a scene counts more objects than it has rows ({objects})")
+
+
+def _check_manifest(path: Path, found: Mapping[str, NDArray[Any]]) -> None:
+    manifest = load_manifest(path)
+    if manifest.get("format") != _FORMAT:
+        raise StorageError(
+            f"{path} has format {manifest.get('format')}, this version reads {_FORMAT}; "
+            "make it anew with run=generate"
+        )
+    for name, array in found.items():
+        if manifest.get("arrays", {}).get(name, {}).get("sha256") != _digest(array):
+            raise StorageError(
+                f"{path}: {name} is not what {path.with_suffix('.json').name} says; "
+                "fetch both again or make them anew with run=generate"
+            )
+
+
+def _tally(count: UInt8) -> dict[str, int]:
+    values, times = np.unique(count, return_counts=True)
+    return {str(value): int(n) for value, n in zip(values, times, strict=True)}
+
+
+def _digest(array: NDArray[Any]) -> str:
+    return hashlib.sha256(np.ascontiguousarray(array).tobytes()).hexdigest()

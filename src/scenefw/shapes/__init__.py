@@ -1,0 +1,1 @@
+"""Shapes: superquadrics and the library that stacks are made of."""

@@ -1,0 +1,72 @@
+"""The repertoire of superquadrics that stacks are made of (thesis 5.2.1)."""
+
+from functools import cached_property
+
+import numpy as np
+
+from scenefw.core import rng as streams
+from scenefw.core.errors import ConfigError
+from scenefw.shapes.superquadric import Array, Superquadric
+
+
+class SuperquadricLibrary:
+    """A fixed repertoire of superquadrics, of which scenes draw uniformly.
+
+    Extents are uniform, exponents log-uniform (uniform ones would give almost only boxes). All
+    parameters are exact in float32, the precision in which scenes are stored.
+
+    Args:
+        size: number of shapes.
+        extents: smallest and largest full extent along each axis (m).
+        exponents: smallest and largest exponent of eq. 5.1.
+        paired: share of shapes with two equal exponents; the others have r != s != t.
+        seed: of the repertoire, apart from the seed of a data set.
+
+    Raises:
+        ConfigError: a range is empty, an exponent below 1, or the library is empty.
+    """
+
+    def __init__(
+        self,
+        size: int = 3500,
+        extents: tuple[float, float] = (0.05, 0.30),
+        exponents: tuple[float, float] = (2.0, 100.0),
+        paired: float = 0.5,
+        seed: int = 0,
+    ) -> None:
+        if size < 1:
+            raise ConfigError(f"shape.size = {size}: expected at least one shape")
+        if not 0 < extents[0] <= extents[1]:
+            raise ConfigError(f"shape.extents = {extents}: expected 0 < smallest <= largest (m)")
+        if not 1 <= exponents[0] <= exponents[1]:
+            raise ConfigError(f"shape.exponents = {exponents}: expected 1 <= smallest <= largest")
+        self.size = size
+        self.extents = tuple(extents)
+        self.exponents = tuple(exponents)
+        self.paired = paired
+        self.seed = seed
+
+    def __len__(self) -> int:
+        return self.size
+
+    def __getitem__(self, index: int) -> Superquadric:
+        half_axes, exponents = self._parameters
+        return Superquadric(half_axes[index], exponents[index])
+
+    def sample(self, rng: np.random.Generator) -> Superquadric:
+        """One shape of the library."""
+        return self[int(rng.integers(self.size))]
+
+    @cached_property
+    def _parameters(self) -> tuple[Array, Array]:
+        rng = streams.generator(self.seed)
+        half_axes = rng.uniform(*self.extents, size=(self.size, 3)) / 2
+        exponents = np.exp(rng.uniform(*np.log(self.exponents), size=(self.size, 3)))
+        pairs = np.flatnonzero(rng.random(self.size) < self.paired)
+        first = rng.integers(3, size=len(pairs))
+        exponents[pairs, first] = exponents[pairs, (first + 1) % 3]
+        return _single(half_axes), _single(exponents)
+
+
+def _single(array: Array) -> Array:
+    return array.astype(np.float32).astype(np.float64)

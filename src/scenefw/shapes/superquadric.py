@@ -1,0 +1,163 @@
+"""Superquadrics |x/a1|^r + |y/a2|^s + |z/a3|^t = 1 (thesis eq. 5.1), convex for exponents >= 1."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import gammaln
+
+from scenefw.core.errors import InputError
+from scenefw.core.types import TriangleMesh
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Superquadric:
+    """A superquadric centred on its centre of mass, axes along x, y, z.
+
+    Args:
+        half_axes: (3,) a1, a2, a3 in metres, > 0.
+        exponents: (3,) r, s, t of eq. 5.1, each >= 1 (2, 2, 2: ellipsoid; large: box).
+
+    Raises:
+        InputError: an axis is not positive, an exponent is below 1, or a shape is wrong.
+    """
+
+    half_axes: Array
+    exponents: Array
+
+    def __post_init__(self) -> None:
+        for name, least in (("half_axes", np.finfo(float).tiny), ("exponents", 1.0)):
+            given = getattr(self, name)
+            array = np.array(given, dtype=np.float64)
+            if array.shape != (3,) or not np.isfinite(array).all() or (array < least).any():
+                bound = "> 0 (metres)" if name == "half_axes" else ">= 1 (below 1: not convex)"
+                raise InputError(
+                    f"superquadric {name} = {given}: expected 3 finite numbers {bound}"
+                )
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+
+    @classmethod
+    def from_superellipsoid(cls, half_axes: ArrayLike, e1: float, e2: float) -> "Superquadric":
+        """The superquadric of a superellipsoid (eq. 5.4, 2/e exponents): there is one if e1 = e2.
+
+        Eq. 5.5 is no identity (it makes a sphere, e1 = e2 = 1, one of exponents 3, 3, 2): the
+        cross-section z = 0 of eq. 5.4 needs r = s = 2/e2 and y = 0 needs r = t = 2/e1.
+
+        Raises:
+            InputError: e1 and e2 differ; `scenefw.shapes.superellipsoid` holds those shapes.
+        """
+        if not np.isclose(e1, e2):
+            raise InputError(
+                f"superellipsoid e1 = {e1}, e2 = {e2}: only e1 = e2 is a superquadric of eq. 5.1; "
+                "use scenefw.shapes.superellipsoid.Superellipsoid"
+            )
+        return cls(np.asarray(half_axes, dtype=np.float64), np.full(3, 2.0 / e1))
+
+    def value(self, points: ArrayLike) -> Array:
+        """Left side of eq. 5.1 for points (..., 3) in metres: < 1 inside, 1 on the surface."""
+        ratio = np.abs(np.asarray(points, dtype=np.float64)) / self.half_axes
+        return (ratio**self.exponents).sum(axis=-1)
+
+    def volume(self) -> float:
+        """Volume (m^3), Dirichlet's integral; with r = s = t the Beta-function formula."""
+        return float(8 * self.half_axes.prod() * _dirichlet(1 / self.exponents, 1 / self.exponents))
+
+    def inertia(self) -> Array:
+        """Principal moments of inertia (3,) about x, y, z per unit mass (m^2)."""
+        inverse, squares = 1 / self.exponents, np.empty(3)
+        for axis in range(3):
+            raised = inverse.copy()
+            raised[axis] *= 3
+            squares[axis] = self.half_axes[axis] ** 2 * _dirichlet(raised, inverse)
+        squares /= _dirichlet(inverse, inverse)
+        return squares.sum() - squares
+
+    def support(self, directions: ArrayLike) -> Array:
+        """Surface points (..., 3) that lie furthest along directions (..., 3), of any length."""
+        return support_points(self.half_axes, self.exponents, directions)
+
+    def project(self, directions: ArrayLike) -> Array:
+        """Surface points (..., 3) on the rays from the centre along directions (..., 3)."""
+        q = np.asarray(directions, dtype=np.float64)
+        with np.errstate(divide="ignore"):
+            offset = np.log(np.abs(q) / self.half_axes)
+        logs = _unit_sum(self.exponents, offset)
+        return np.sign(q) * self.half_axes * np.exp(logs / self.exponents)
+
+    def normals(self, points: ArrayLike) -> Array:
+        """Outward unit normals (..., 3) at surface points (..., 3)."""
+        p = np.asarray(points, dtype=np.float64)
+        slope = self.exponents / self.half_axes
+        gradient = np.sign(p) * slope * (np.abs(p) / self.half_axes) ** (self.exponents - 1)
+        return gradient / np.linalg.norm(gradient, axis=-1, keepdims=True)
+
+    def mesh(self, resolution: int = 32) -> TriangleMesh:
+        """Watertight surface with 6 x resolution^2 quads, vertices exactly on the superquadric."""
+        lattice, faces = _cube(resolution)
+        return TriangleMesh(self.project(lattice * self.half_axes), faces)
+
+
+def support_points(half_axes: ArrayLike, exponents: ArrayLike, directions: ArrayLike) -> Array:
+    """Surface points (..., 3) furthest along directions (..., 3), of many superquadrics at once.
+
+    Args:
+        half_axes: (..., 3) metres.
+        exponents: (..., 3) of eq. 5.1.
+        directions: (..., 3) in the frame of each, of any length.
+    """
+    axes, d = np.asarray(half_axes, dtype=np.float64), np.asarray(directions, dtype=np.float64)
+    # Stationarity: |x_i|/a_i = (mu a_i |d_i| / r_i)^(1/(r_i - 1)); log mu makes F = 1. An exponent
+    # of 1 has corners and no normals there; 1.001 rounds them by less than 0.1 %.
+    powers = np.maximum(np.asarray(exponents, dtype=np.float64), 1.001)
+    with np.errstate(divide="ignore"):
+        offsets = np.log(np.abs(d) * axes / powers)
+    logs = _unit_sum(powers / (powers - 1), offsets)
+    return np.sign(d) * axes * np.exp(logs / powers)
+
+
+def _dirichlet(raised: Array, inverse: Array) -> float:
+    """Integral of a monomial over the octant of eq. 5.1 with unit axes (Dirichlet 1839)."""
+    logs = gammaln(raised).sum() - gammaln(1 + raised.sum())
+    return float(np.exp(logs) * inverse.prod())
+
+
+def _unit_sum(slopes: Array, offsets: Array) -> Array:
+    """Terms t_i = slopes_i (s + offsets_i), (..., 3), with s such that sum exp(t_i) = 1.
+
+    The log of the sum is convex and rises with s, so Newton steps from the right never overshoot.
+    """
+    s = -offsets.max(axis=-1, keepdims=True)
+    for _ in range(60):
+        terms = np.exp(slopes * (s + offsets))
+        total = terms.sum(axis=-1, keepdims=True)
+        step = np.log(total) * total / (slopes * terms).sum(axis=-1, keepdims=True)
+        s = s - step
+        if np.abs(step).max(initial=0.0) < 1e-13:
+            break
+    return slopes * (s + offsets)
+
+
+@lru_cache(maxsize=8)
+def _cube(resolution: int) -> tuple[Array, NDArray[np.int64]]:
+    """Vertices (V, 3) on the surface of the cube [-1, 1]^3 and faces (F, 3), closed, outward."""
+    if resolution < 1:
+        raise InputError(f"superquadric mesh resolution = {resolution}: expected at least 1")
+    i, j = np.meshgrid(np.arange(resolution), np.arange(resolution), indexing="ij")
+    corners = [np.stack([i + a, j + b], axis=-1) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    quads = []
+    for axis in range(3):
+        for side in (0, resolution):
+            ring = corners if side else corners[::-1]
+            quad = np.stack([np.insert(c, 0, side, axis=-1) for c in ring], axis=2)
+            quads.append(np.roll(quad, axis, axis=-1).reshape(-1, 4, 3))
+    keys, index = np.unique(np.concatenate(quads).reshape(-1, 3), axis=0, return_inverse=True)
+    index = index.reshape(-1, 4)
+    faces = np.concatenate([index[:, [0, 1, 2]], index[:, [0, 2, 3]]]).astype(np.int64)
+    # Between even angles (good for balls) and crowded at the edges (good for boxes).
+    t = keys * (2.0 / resolution) - 1
+    vertices = (np.tan(np.pi / 4 * t) + np.sin(np.pi / 2 * t)) / 2
+    return vertices, faces

@@ -1,0 +1,158 @@
+"""Generates a data set of scenes on all cores, in shards that survive a kill."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scenefw.core.errors import ConfigError
+from scenefw.core.files import require_writable
+from scenefw.core.protocols import SceneSource
+from scenefw.scenes import statistics
+from scenefw.scenes.storage import concatenate, load_scenes, pack, save_scenes
+
+_SIMULATORS = ("scenefw", "pybullet", "numpy", "scipy")
+
+
+class Generate:
+    """Runs attempts 0 .. attempts - 1 of a data set and merges the scenes that succeed.
+
+    Finished shards lie in a folder named by a digest of everything that decides what comes out, so
+    that a rerun after a kill continues, and another setting or version starts afresh. Any number of
+    workers makes the same scenes.
+
+    Args:
+        source: makes the scenes.
+        attempts: how many are tried.
+        seed: of the data set.
+        workers: processes; -1 = one per core.
+        shard_size: attempts per shard.
+        shards: folder of the shards of all data sets.
+        output: where the data set, its manifest and its figure go.
+        name: file name of the data set, without suffix.
+
+    Raises:
+        ConfigError: a count is below one.
+        StorageError: a folder can't be written.
+    """
+
+    def __init__(
+        self,
+        source: SceneSource,
+        attempts: int = 10_000,
+        seed: int = 0,
+        workers: int = -1,
+        shard_size: int = 50,
+        shards: str = "outputs/scenes",
+        output: str = "outputs",
+        name: str = "superquadric_stacks",
+    ) -> None:
+        for key, value in (("attempts", attempts), ("shard_size", shard_size)):
+            if value < 1:
+                raise ConfigError(f"run.{key} = {value}: expected at least 1")
+        if workers == 0:
+            raise ConfigError(
+                "run.workers = 0: expected a number of processes, or -1 for all cores"
+            )
+        self.source = source
+        self.attempts = attempts
+        self.seed = seed
+        self.workers = workers
+        self.shard_size = shard_size
+        self.shards = shards
+        self.output = output
+        self.name = name
+
+    def run(self) -> dict[str, float]:
+        """Generates what is missing, merges it; returns the numbers of scenes and objects."""
+        facts = {"seed": self.seed, "recipe": recipe(self.source), "versions": _versions()}
+        folder = require_writable(Path(self.shards) / _digest(facts))
+        require_writable(self.output)
+        starts = range(0, self.attempts, self.shard_size)
+        shards = [(s, min(s + self.shard_size, self.attempts)) for s in starts]
+        paths = [folder / f"{start:07d}-{stop:07d}.npz" for start, stop in shards]
+        missing = [(p, s) for p, s in zip(paths, shards, strict=True) if not _whole(p)]
+        left = sum(stop - start for _, (start, stop) in missing)
+        self._generate(missing, done=self.attempts - left)
+        stored = concatenate(load_scenes(path) for path in paths)
+        target = Path(self.output) / f"{self.name}.npz"
+        save_scenes(target, stored, {"attempts": self.attempts, **facts})
+        figures = statistics.summary(stored)
+        statistics.draw(stored, target.with_suffix(".png"))
+        print(target)
+        return {"attempts": float(self.attempts), **figures}
+
+    def _generate(self, missing: Sequence[tuple[Path, tuple[int, int]]], done: int) -> None:
+        from rich.progress import Progress
+
+        with Progress(*Progress.get_default_columns(), "{task.fields[rate]}") as progress:
+            bar = progress.add_task("scenes", total=self.attempts, completed=done, rate="")
+            found = 0
+            for attempts, scenes in self._results(missing):
+                found += scenes
+                elapsed = progress.tasks[0].elapsed or np.inf
+                progress.update(bar, advance=attempts, rate=f"{found / elapsed:.1f} scenes/s")
+
+    def _results(
+        self, missing: Sequence[tuple[Path, tuple[int, int]]]
+    ) -> Iterator[tuple[int, int]]:
+        if self.workers == 1:
+            for path, (start, stop) in missing:
+                yield make_shard(self.source, self.seed, start, stop, path)
+            return
+        from joblib import Parallel, delayed
+
+        workers = Parallel(n_jobs=self.workers, backend="loky", return_as="generator_unordered")
+        yield from workers(
+            delayed(make_shard)(self.source, self.seed, start, stop, path)
+            for path, (start, stop) in missing
+        )
+
+
+def make_shard(
+    source: SceneSource, seed: int, start: int, stop: int, path: Path
+) -> tuple[int, int]:
+    """Runs attempts start .. stop - 1 and writes their scenes; returns the numbers of both."""
+    attempts = (source.generate(index, seed) for index in range(start, stop))
+    scenes = [scene for scene in attempts if scene is not None]
+    save_scenes(path, pack(scenes), {"seed": seed, "attempts": stop - start})
+    return stop - start, len(scenes)
+
+
+def recipe(component: Any) -> Any:
+    """The settings of a component, from its public attributes, as plain data."""
+    if isinstance(component, np.ndarray):
+        return component.tolist()
+    if isinstance(component, (list, tuple)):
+        return [recipe(value) for value in component]
+    if component is None or isinstance(component, (bool, int, float, str)):
+        return component
+    kind = type(component)
+    public = {k: recipe(v) for k, v in sorted(vars(component).items()) if not k.startswith("_")}
+    return {"_target_": f"{kind.__module__}.{kind.__qualname__}", **public}
+
+
+def _whole(path: Path) -> bool:
+    """Whether a shard is there; its manifest is written last."""
+    return path.exists() and path.with_suffix(".json").exists()
+
+
+def _digest(facts: dict[str, Any]) -> str:
+    text = json.dumps(facts, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+def _versions() -> dict[str, str]:
+    found = {}
+    for package in _SIMULATORS:
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            continue
+    return found
