@@ -23,7 +23,7 @@ import inspect
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numba
 import numpy as np
@@ -32,7 +32,7 @@ from numba import cuda
 from numba.extending import overload
 from torch import Tensor
 
-Argument = Tensor | float | bool | np.number | tuple[Any, ...]
+Argument: TypeAlias = Tensor | float | bool | np.number | tuple[Any, ...]
 
 _THREADS_PER_BLOCK = 128
 

@@ -1,0 +1,1 @@
+"""Noise: depth images disturbed as a sensor does."""
