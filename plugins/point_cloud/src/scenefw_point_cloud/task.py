@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ class PointCloudTask:
         representation: makes the clouds.
         input: depth image(s) to read; None: views of simulated test scenes.
         output: folder of the results.
-        dataset: simulated scenes, used without an input.
+        scenes: opens the simulated scenes, called without an input only.
         viewpoints: where cameras stand around them.
         renderer: draws their depth and labels.
         grid: voxel grid of the renderer.
@@ -34,7 +34,7 @@ class PointCloudTask:
         representation: PointClouds,
         input: str | None,  # noqa: A002 - the name of the setting
         output: str,
-        dataset: Any,
+        scenes: Callable[[], Any],
         viewpoints: Any,
         renderer: Any,
         grid: GridSpec,
@@ -44,7 +44,7 @@ class PointCloudTask:
         self.representation = representation
         self.input = input
         self.output = Path(output)
-        self.dataset = dataset
+        self.scenes = scenes
         self.viewpoints = viewpoints
         self.renderer = renderer
         self.grid = grid
@@ -75,9 +75,10 @@ class PointCloudTask:
         from scenefw.kernels.cameras import stack_cameras
         from scenefw.representations.volumes import scene_volumes
 
-        for index in range(min(self.views, len(self.dataset))):
+        scenes = self.scenes()
+        for index in range(min(self.views, len(scenes))):
             camera = self.viewpoints.sample(generator(self.seed, index))
-            volumes = scene_volumes(self.dataset.parameters([index], "cpu"), self.grid)
+            volumes = scene_volumes(scenes.parameters([index], "cpu"), self.grid)
             surface = self.renderer.render_surface(
                 volumes.tsdf, volumes.instances, self.grid, stack_cameras([camera], "cpu")
             )
