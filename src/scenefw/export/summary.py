@@ -12,7 +12,11 @@ from scenefw.core.files import write_text
 from scenefw.core.types import Camera, ObjectEstimate, SceneEstimate
 
 
-def summarise(estimate: SceneEstimate, mesh_files: Mapping[int, str]) -> dict[str, Any]:
+def summarise(
+    estimate: SceneEstimate,
+    mesh_files: Mapping[int, str],
+    versions: Mapping[str, str] | None = None,
+) -> dict[str, Any]:
     """Plain data of a scene estimate: metres, world frame (z up, floor z = 0).
 
     `objects` is a list of id, centre, extents along the axes of the pose, pose (position and
@@ -22,18 +26,26 @@ def summarise(estimate: SceneEstimate, mesh_files: Mapping[int, str]) -> dict[st
     Args:
         estimate: the scene.
         mesh_files: name of the mesh file of each object id, beside the JSON.
+        versions: of what computed it.
     """
     return {
         "name": estimate.frame.name,
         "objects": [_object(item, mesh_files[item.id]) for item in estimate.objects],
         "camera": _camera(estimate.frame.camera),
         **{key: plain(value) for key, value in estimate.details.items()},
+        "versions": dict(versions or {}),
     }
 
 
-def write_summary(path: Path, estimate: SceneEstimate, mesh_files: Mapping[int, str]) -> None:
+def write_summary(
+    path: Path,
+    estimate: SceneEstimate,
+    mesh_files: Mapping[int, str],
+    versions: Mapping[str, str] | None = None,
+) -> None:
     """Writes `summarise` as JSON, atomically."""
-    write_text(path, json.dumps(summarise(estimate, mesh_files), indent=2, allow_nan=False) + "\n")
+    summary = summarise(estimate, mesh_files, versions)
+    write_text(path, json.dumps(summary, indent=2, allow_nan=False) + "\n")
 
 
 def plain(value: Any) -> Any:

@@ -17,6 +17,7 @@ from scenefw.report.palette import Colour
 Picture = NDArray[np.float32]
 
 _SUPERSAMPLING = 2
+_FILLED = 0.8  # of the picture
 _GREY = (0.62, 0.62, 0.62)
 _FLOOR = (0.90, 0.90, 0.91)
 _GRID_LINES = 0.05  # m
@@ -78,33 +79,33 @@ def draw(solid: Solid, camera: Camera, *, reach: float = 0.62) -> Picture:
     return _reduced(picture).astype(np.float32)
 
 
-def behind(camera: Camera, size: float, turn: float = 180.0, lift: float = 0.0) -> Camera:
-    """The camera turned about the stack's axis, so far away that the stack fills the picture.
+def turned(camera: Camera, points: NDArray[np.float64], turn: float) -> Camera:
+    """The camera moved about the z axis, so near that points fill four fifths of its picture.
 
     Args:
-        camera: gives image size and the first point of view.
-        size: diameter of the stack (m).
+        camera: gives image size and the first point of view; the elevation is kept within 20 to 60
+            degrees.
+        points: (N, 3) to show (m).
         turn: degrees about the z axis.
-        lift: degrees added to the elevation, which stays within 25 to 60 degrees.
     """
     x, y, z = camera.T_world_camera[:3, 3]
     azimuth = np.arctan2(y, x) + np.radians(turn)
-    elevation = np.degrees(np.arctan2(z, np.hypot(x, y))) + lift
-    elevation = np.radians(np.clip(elevation, 25.0, 60.0))
-    focal = 1.6 * min(camera.width, camera.height)
-    distance = 1.12 * size * focal / min(camera.width, camera.height) + size / 2
-    flat = np.cos(elevation) * distance
-    target = np.array([0.0, 0.0, 0.25 * size])
-    offset = (flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation) * distance)
-    return Camera(
-        camera.width,
-        camera.height,
-        focal,
-        focal,
-        (camera.width - 1) / 2,
-        (camera.height - 1) / 2,
-        look_at(target + offset, target),
-    )
+    elevation = np.clip(np.arctan2(z, np.hypot(x, y)), np.radians(20), np.radians(60))
+    flat = np.cos(elevation)
+    direction = np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
+    points = points if len(points) else np.array([[0.2, 0.2, 0.0], [-0.2, -0.2, 0.2]])
+    target = (points.min(axis=0) + points.max(axis=0)) / 2
+    rotation = look_at(target + direction, target)[:3, :3]
+    right, down, forward = ((points - target) @ rotation).T
+    focal = 1.6 * camera.height
+    needed = [
+        focal * np.abs(sideways) / (_FILLED * side / 2) - forward
+        for sideways, side in ((right, camera.width), (down, camera.height))
+    ]
+    distance = max(float(np.max(needed)), 0.4)
+    middle = ((camera.width - 1) / 2, (camera.height - 1) / 2)
+    pose = look_at(target + distance * direction, target)
+    return Camera(camera.width, camera.height, focal, focal, *middle, pose)
 
 
 def _points(depth: Float32, camera: Camera) -> Float32:

@@ -1,0 +1,181 @@
+"""From one real depth image to complete objects: checks, floor, workspace, network, objects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+import torch
+
+from scenefw.core import rng
+from scenefw.core.protocols import Reconstructor
+from scenefw.core.types import GridSpec, PartialTSDF, SceneEstimate
+from scenefw.kernels.cameras import stack_cameras
+from scenefw.perception.doctor import Doctor
+from scenefw.perception.floor import Floor, FloorFinder
+from scenefw.perception.objects import estimate_objects
+from scenefw.perception.workspace import Workspace, WorkspaceFinder
+from scenefw.postprocessing.confidence import confidences
+from scenefw.postprocessing.surfaces import instance_meshes
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from torch import Tensor
+
+    from scenefw.core.protocols import MappingMethod
+    from scenefw.core.types import Frame
+
+    Sample = tuple[Tensor, Tensor]
+
+
+class GridReconstructor(Reconstructor, Protocol):
+    """A reconstructor that knows the grid it works on, and what made it."""
+
+    grid: GridSpec
+    metadata: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class View:
+    """A depth image made ready for the network.
+
+    Args:
+        frame: as it was read.
+        floor: what the objects stand on, in the frame's camera coordinates.
+        workspace: the frame in the world frame, and which pixels show objects.
+        partial: batch of one.
+        warnings: what looks wrong, one line each.
+    """
+
+    frame: Frame
+    floor: Floor
+    workspace: Workspace
+    partial: PartialTSDF
+    warnings: tuple[str, ...]
+
+
+class Pipeline:
+    """Completes the objects of a real depth image (thesis 5.2.4, "Real data experiments").
+
+    Args:
+        reconstructor: from partial TSDF to complete TSDF and instances.
+        mapping: from depth to partial TSDF.
+        floor: finds the floor.
+        workspace: finds the objects on it.
+        doctor: checks the image before, and what was found.
+        samples: latent codes tried; the first is the zero code and makes the result, the others
+            its confidences.
+        carve: also takes away what the network puts into seen free space or below the floor.
+        seed: of the codes.
+    """
+
+    def __init__(
+        self,
+        reconstructor: GridReconstructor,
+        mapping: MappingMethod,
+        floor: FloorFinder | None = None,
+        workspace: WorkspaceFinder | None = None,
+        doctor: Doctor | None = None,
+        samples: int = 4,
+        *,
+        carve: bool = True,
+        seed: int = 0,
+    ) -> None:
+        self.reconstructor = reconstructor
+        self.mapping = mapping
+        self.floor = floor or FloorFinder()
+        self.workspace = workspace or WorkspaceFinder()
+        self.doctor = doctor or Doctor()
+        self.samples = samples
+        self.carve = carve
+        self.seed = seed
+
+    @property
+    def grid(self) -> GridSpec:
+        """The voxel grid of partial views and results."""
+        return self.reconstructor.grid
+
+    def estimate(self, frame: Frame) -> SceneEstimate:
+        """The complete scene of a frame, whose camera needs no pose.
+
+        Raises:
+            InputError: the image is unusable; the message says how to mend it.
+        """
+        return self.complete(self.prepare(frame))
+
+    def prepare(self, frame: Frame) -> View:
+        """Checks, floor, workspace and partial TSDF of a frame.
+
+        Raises:
+            InputError: as `estimate`.
+        """
+        warnings = self.doctor.examine_frame(frame)
+        floor = self.floor.find(frame)
+        workspace = self.workspace.find(frame, floor, self.grid)
+        warnings += self.doctor.examine_workspace(floor, workspace)
+        depth = torch.from_numpy(workspace.frame.depth)[None]
+        cameras = stack_cameras([workspace.frame.camera])
+        partial = self.mapping.fuse(depth, self.grid, cameras)
+        return View(frame, floor, workspace, partial, tuple(warnings))
+
+    def complete(self, view: View) -> SceneEstimate:
+        """The complete scene of a view."""
+        samples = self._samples(view.partial)
+        tsdf, instances = samples[0]
+        meshes = instance_meshes(tsdf, instances, self.grid)
+        sure = confidences(instances, [labels for _, labels in samples[1:]])
+        floor = view.floor
+        details = {
+            "floor": {
+                "normal": floor.normal,
+                "height": floor.height,
+                "share": floor.share,
+                "deviation": floor.deviation,
+            },
+            "grid": {
+                "resolution": self.grid.resolution,
+                "extent": self.grid.extent,
+                "lower": list(self.grid.lower),
+            },
+            "samples": self.samples,
+            "seed": self.seed,
+            "checkpoint": self.reconstructor.metadata,
+            "warnings": list(view.warnings),
+        }
+        return SceneEstimate(
+            estimate_objects(meshes, sure),
+            self.grid,
+            tsdf.cpu().numpy(),
+            instances.cpu().numpy(),
+            view.workspace.frame,
+            details,
+        )
+
+    def _samples(self, partial: PartialTSDF) -> Sequence[Sample]:
+        """TSDF (X, Y, Z) and instances (X, Y, Z) of each code."""
+        generator = torch.Generator().manual_seed(rng.torch_seed(self.seed))
+        samples = self.reconstructor.reconstruct(partial, self.grid, self.samples, generator)
+        cleaned = []
+        for tsdf, instances in samples:
+            distance, labels = tsdf[0], instances[0]
+            if self.carve:
+                distance = self._carved(distance, partial)
+                labels = torch.where(distance < 0, labels, 0).to(torch.int32)
+            cleaned.append((distance, labels))
+        return cleaned
+
+    def _carved(self, tsdf: Tensor, partial: PartialTSDF) -> Tensor:
+        """The TSDF without what lies below the floor or in space that was seen to be free.
+
+        A projective distance is never smaller than the true one, so only its sign is used, a voxel
+        and more in front of the surface.
+        """
+        voxel = self.grid.voxel_size
+        heights = self.grid.centres()[0, 0, :, 2]
+        below = torch.from_numpy(-heights.astype(np.float32)).to(tsdf.device)
+        seen = partial.distance[0, 0].to(tsdf.device)
+        free = partial.observed[0, 0].to(tsdf.device) & (seen > voxel)
+        carved = torch.where(free, torch.maximum(tsdf, torch.full_like(tsdf, voxel / 2)), tsdf)
+        return torch.maximum(carved, below).clamp(max=self.grid.truncation)

@@ -1,0 +1,167 @@
+"""Predicts complete objects from real depth images."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from scenefw.core.errors import ConfigError, InputError, StorageError
+from scenefw.core.files import require_writable
+from scenefw.core.types import SceneEstimate
+from scenefw.data.readers import find_images, read_frame
+from scenefw.export.meshes import write_glb, write_ply
+from scenefw.export.summary import write_summary
+from scenefw.perception.pipeline import Pipeline
+from scenefw.report.overview import write_overview
+from scenefw.report.palette import instance_colours
+from scenefw.tasks.run import versions
+
+
+class Predict:
+    """Completes the objects of depth images; each image gets a folder of its own.
+
+    A folder holds `scene.glb`, `object_01.ply` ..., `scene.json` and `overview.png`; it appears
+    when all of them are written. An unusable image doesn't lose the others: it is reported at the
+    end. Only if every image is unusable does the task fail.
+
+    Args:
+        input: a depth image or a folder of them.
+        pipeline: makes the scene of an image.
+        output: where the folders go.
+        intrinsics: file with the intrinsics of .png and .npy images; None looks beside them.
+        depth_scale: metres per unit of integer depth.
+        overview: also draw `overview.png`.
+
+    Raises:
+        ConfigError: no input is given, or the depth scale is not positive.
+    """
+
+    def __init__(
+        self,
+        input: str | Path | None,  # noqa: A002 - named as the setting on the command line
+        pipeline: Pipeline,
+        output: str | Path = "outputs",
+        intrinsics: str | Path | None = None,
+        depth_scale: float = 0.001,
+        *,
+        overview: bool = True,
+    ) -> None:
+        if input is None:
+            raise ConfigError("run=predict needs input=PATH of a depth image or a folder of them")
+        if not depth_scale > 0:
+            raise ConfigError(f"run.depth_scale = {depth_scale}: expected metres per unit, above 0")
+        self.input = Path(input)
+        self.pipeline = pipeline
+        self.output = Path(output)
+        self.intrinsics = intrinsics
+        self.depth_scale = depth_scale
+        self.overview = overview
+
+    def run(self) -> dict[str, float]:
+        """Predicts all images; returns how many, how many failed, objects and seconds per image.
+
+        Raises:
+            InputError: there is no image, or none is usable.
+            StorageError: the output folder can't be written.
+        """
+        from rich.progress import track
+
+        images = find_images(self.input)
+        require_writable(self.output)
+        start, objects, failures = time.perf_counter(), 0, {}
+        folders = _folders(images, self.input)
+        steps = list(zip(images, folders, strict=True))
+        for image, folder in track(steps, "images", disable=len(images) == 1):
+            try:
+                objects += len(self.predict(image, self.output / folder).objects)
+            except InputError as error:
+                failures[image] = error
+        if len(failures) == len(images):
+            raise _all_failed(failures)
+        for image, error in failures.items():
+            print(f"left out {image}: {error}", file=sys.stderr)
+        done = len(images) - len(failures)
+        return {
+            "images": float(len(images)),
+            "failed": float(len(failures)),
+            "objects_per_image": objects / done,
+            "seconds_per_image": (time.perf_counter() - start) / len(images),
+        }
+
+    def predict(self, image: Path, folder: Path) -> SceneEstimate:
+        """Predicts one image and writes its folder, which appears whole or not at all.
+
+        Raises:
+            InputError: the image is unusable.
+            StorageError: the folder can't be written.
+        """
+        frame = read_frame(image, intrinsics=self.intrinsics, depth_scale=self.depth_scale)
+        view = self.pipeline.prepare(frame)
+        for warning in view.warnings:
+            print(f"{frame.name}: {warning}", file=sys.stderr)
+        estimate = self.pipeline.complete(view)
+        colours = instance_colours(len(estimate.objects))
+        with _replacing_folder(folder) as temporary:
+            files = {item.id: f"object_{item.id:02d}.ply" for item in estimate.objects}
+            for item, colour in zip(estimate.objects, colours, strict=True):
+                write_ply(temporary / files[item.id], item.mesh, colour)
+            write_glb(temporary / "scene.glb", estimate, colours)
+            write_summary(temporary / "scene.json", estimate, files, versions())
+            if self.overview:
+                partial = view.partial.distance[0, 0].cpu().numpy()
+                write_overview(temporary / "overview.png", estimate, partial, colours, frame)
+        return estimate
+
+
+def _folders(images: Sequence[Path], root: Path) -> list[Path]:
+    """A folder for each image, relative to the output: its path below the input, without suffix."""
+    base = root if root.is_dir() else root.parent
+    names = [image.relative_to(base).with_suffix("") for image in images]
+    shared = Counter(names)
+    return [
+        name.with_name(image.name.replace(".", "_")) if shared[name] > 1 else name
+        for name, image in zip(names, images, strict=True)
+    ]
+
+
+@contextmanager
+def _replacing_folder(target: Path) -> Iterator[Path]:
+    """Yields a temporary folder beside `target` which takes its place when the block ends well.
+
+    Raises:
+        StorageError: the folder can't be written.
+    """
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
+    except OSError as error:
+        raise _unwritable(target, error) from error
+    try:
+        new = temporary / target.name
+        new.mkdir()
+        yield new
+        if target.exists():
+            target.rename(temporary / "old")
+        new.rename(target)
+    except OSError as error:
+        raise _unwritable(target, error) from error
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _unwritable(target: Path, error: OSError) -> StorageError:
+    reason = error.strerror or str(error)
+    return StorageError(f"cannot write {target}: {reason}; choose a writable paths.output=FOLDER")
+
+
+def _all_failed(failures: dict[Path, InputError]) -> InputError:
+    if len(failures) == 1:
+        return next(iter(failures.values()))
+    image, error = next(iter(failures.items()))
+    return InputError(f"none of {len(failures)} images is usable; the first, {image}: {error}")
