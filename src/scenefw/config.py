@@ -150,7 +150,7 @@ def _unknown_key(overrides: Sequence[Override], options: Mapping[str, Sequence[s
 def _keys(config: DictConfig, prefix: str = "") -> Iterator[str]:
     from omegaconf import DictConfig, OmegaConf
 
-    for key in config:
+    for key in map(str, config):
         yield f"{prefix}{key}"
         if OmegaConf.is_missing(config, key) or OmegaConf.is_interpolation(config, key):
             continue

@@ -61,7 +61,8 @@ def inverse(transform: ArrayLike) -> Array:
 def transform_points(transform: ArrayLike, points: ArrayLike) -> Array:
     """Points (..., 3) moved by a 4x4 matrix."""
     t = np.asarray(transform, dtype=np.float64)
-    return np.asarray(points, dtype=np.float64) @ t[:3, :3].T + t[:3, 3]
+    moved: Array = np.asarray(points, dtype=np.float64) @ t[:3, :3].T + t[:3, 3]
+    return moved
 
 
 def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> Array:
@@ -87,4 +88,5 @@ def rotation_between(source: ArrayLike, target: ArrayLike) -> Array:
         axis /= np.linalg.norm(axis)
         return 2 * np.outer(axis, axis) - np.eye(3)
     skew = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    return np.eye(3) + skew + skew @ skew / (1 + cosine)
+    rotation: Array = np.eye(3) + skew + skew @ skew / (1 + cosine)
+    return rotation

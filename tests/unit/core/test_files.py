@@ -17,12 +17,16 @@ def test_a_block_that_ends_well_replaces_the_file(tmp_path):
     assert [p.name for p in target.parent.iterdir()] == ["file.txt"]
 
 
+def write_half(path):
+    path.write_text("half")
+    raise ZeroDivisionError
+
+
 def test_a_block_that_fails_leaves_the_old_file_alone(tmp_path):
     target = tmp_path / "file.txt"
     write_text(target, "old")
     with pytest.raises(ZeroDivisionError), replacing(target) as temporary:
-        temporary.write_text("half")
-        raise ZeroDivisionError
+        write_half(temporary)
     assert target.read_text() == "old"
     assert [p.name for p in tmp_path.iterdir()] == ["file.txt"]
 

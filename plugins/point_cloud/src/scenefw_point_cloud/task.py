@@ -57,7 +57,7 @@ class PointCloudTask:
         for frame in self._frames():
             cloud = self.representation.of_frame(frame)
             cloud.save(self.output / f"{frame.name}.ply")
-            draw(cloud, self.output / f"{frame.name}.png", frame.name)
+            draw(cloud, frame.camera, self.output / f"{frame.name}.png", frame.name)
             counts.append(len(cloud))
         return {"clouds": float(len(counts)), "points": float(np.mean(counts))}
 
