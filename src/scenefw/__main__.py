@@ -111,7 +111,7 @@ def _task(settings: DictConfig) -> Mapping[str, Any]:
 
     try:
         return execute(settings)
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001 - the end of the line for every error
         _stop(error)
         traceback.print_exception(error)
         sys.exit(1)
