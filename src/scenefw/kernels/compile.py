@@ -21,6 +21,7 @@ code lies in a folder named by the sources of all kernels: an edit anywhere neve
 import hashlib
 import inspect
 import os
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -31,6 +32,8 @@ import torch
 from numba import cuda
 from numba.extending import overload
 from torch import Tensor
+
+from scenefw.core.errors import MissingDependencyError
 
 Argument: TypeAlias = Tensor | float | bool | np.number | tuple[Any, ...]
 
@@ -57,14 +60,19 @@ loop = numba.njit(
 )
 
 
+_simulated = threading.Lock()  # numba's CUDA simulator runs Python threads
+
+
 def atomic_add(array: Any, index: Any, value: Any) -> None:
     """Adds to an array element; atomic on CUDA, where threads share the array."""
-    array[index] += value
+    with _simulated:
+        array[index] += value
 
 
 def atomic_min(array: Any, index: Any, value: Any) -> None:
     """Lowers an array element; atomic on CUDA, where threads share the array."""
-    array[index] = min(array[index], value)
+    with _simulated:
+        array[index] = min(array[index], value)
 
 
 # numba compares the signatures of an overload and of what it returns, annotations included.
@@ -126,7 +134,10 @@ class Kernel:
                 stream = cuda.external_stream(torch.cuda.current_stream(device).cuda_stream)
                 views = [_on_cuda(a) for a in arguments]
                 blocks = -(-count // _THREADS_PER_BLOCK)
-                self._compiled()[blocks, _THREADS_PER_BLOCK, stream](count, *views)
+                try:
+                    self._compiled()[blocks, _THREADS_PER_BLOCK, stream](count, *views)
+                except ImportError as error:  # base of numba's errors of a missing driver or NVVM
+                    raise _no_toolkit(error) from error
         else:
             self.cpu_loop(count, *[_on_cpu(a) for a in arguments])
 
@@ -154,6 +165,14 @@ def _cuda_grid(per_element: Callable[..., None]) -> Any:
     scope = {"cuda": cuda, "per_element": per_element}
     exec(source, scope)  # the text above, nothing from outside
     return cuda.jit(fastmath=True)(scope["grid"])
+
+
+def _no_toolkit(error: Exception) -> MissingDependencyError:
+    reason = " ".join(str(error).split())
+    return MissingDependencyError(
+        f"numba can't compile for this GPU ({reason}); pip install 'numba-cuda[cu12]' (or [cu13], "
+        "as torch.version.cuda says), or choose device=cpu"
+    )
 
 
 def _on_cpu(argument: Argument) -> Any:
