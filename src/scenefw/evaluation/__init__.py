@@ -1,0 +1,1 @@
+"""Protocols: one file per table or figure, over named methods."""

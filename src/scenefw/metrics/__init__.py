@@ -1,0 +1,1 @@
+"""Measures of surfaces, occupancy and instances: pure functions of arrays."""

@@ -1,0 +1,1 @@
+"""From predicted volumes to objects: instances, surfaces, confidence."""
