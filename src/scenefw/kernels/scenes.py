@@ -6,7 +6,7 @@ import numpy as np
 from numba import prange
 
 from scenefw.kernels.compile import Kernel, element, loop
-from scenefw.kernels.superquadrics import signed_distance
+from scenefw.kernels.superquadrics import is_inside, signed_distance
 
 _ZERO = np.float32(0)
 _HALF = np.float32(0.5)
@@ -14,11 +14,8 @@ _TINY = np.float32(1e-12)
 
 
 @element
-def _local(objects, scene, item, x, y, z):  # noqa: ANN001, ANN202, PLR0913
-    """The world point in the object's frame, moved to the octant of positive coordinates."""
-    dx = x - objects[scene, item, 6]
-    dy = y - objects[scene, item, 7]
-    dz = z - objects[scene, item, 8]
+def _local(objects, scene, item, dx, dy, dz):  # noqa: ANN001, ANN202
+    """An offset from the object's centre in its frame, moved to the octant of positive coordinates."""
     px = (
         objects[scene, item, 9] * dx + objects[scene, item, 12] * dy + objects[scene, item, 15] * dz
     )
@@ -36,7 +33,7 @@ def _local(objects, scene, item, x, y, z):  # noqa: ANN001, ANN202, PLR0913
 
 
 @element
-def _distance(objects, scene, item, px, py, pz, limit):  # noqa: ANN001, ANN202, PLR0913
+def _distance(objects, scene, item, px, py, pz, limit):  # noqa: ANN001, ANN202
     """Signed distance (m) if it is below `limit`, else `limit` or more: far boxes are not solved."""
     ax, ay, az = objects[scene, item, 0], objects[scene, item, 1], objects[scene, item, 2]
     ox, oy, oz = max(px - ax, _ZERO), max(py - ay, _ZERO), max(pz - az, _ZERO)
@@ -44,17 +41,13 @@ def _distance(objects, scene, item, px, py, pz, limit):  # noqa: ANN001, ANN202,
     if outside > _ZERO and (limit <= _ZERO or outside >= limit * limit):
         return max(limit, _ZERO)
     rx, ry, rz = objects[scene, item, 3], objects[scene, item, 4], objects[scene, item, 5]
-    return signed_distance(px, py, pz, ax, ay, az, rx, ry, rz)
+    return signed_distance(px, py, pz, ax, ay, az, rx, ry, rz, limit)
 
 
 @element
-def _voxel(i, resolution, objects, grid, tsdf, votes, instances):  # noqa: ANN001, ANN202, PLR0913
-    cells = resolution * resolution * resolution
-    scene, cell = i // cells, i % cells
-    x = grid[0] + (np.float32(cell // (resolution * resolution)) + _HALF) * grid[3]
-    y = grid[1] + (np.float32(cell // resolution % resolution) + _HALF) * grid[3]
-    z = grid[2] + (np.float32(cell % resolution) + _HALF) * grid[3]
-    best = grid[4]
+def _nearest(objects, scene, x, y, z, truncation):  # noqa: ANN001, ANN202
+    """Signed distance of the nearest object, at most `truncation`, and its label if it holds (x, y, z)."""
+    best = truncation
     label = 0
     for item in range(objects.shape[1]):
         reach = objects[scene, item, 18]
@@ -64,14 +57,18 @@ def _voxel(i, resolution, objects, grid, tsdf, votes, instances):  # noqa: ANN00
             dz = z - objects[scene, item, 8]
             reach += max(best, _ZERO)
             if dx * dx + dy * dy + dz * dz < reach * reach:
-                px, py, pz = _local(objects, scene, item, x, y, z)
+                px, py, pz = _local(objects, scene, item, dx, dy, dz)
                 distance = _distance(objects, scene, item, px, py, pz, best)
                 if distance < best:
                     best = distance
                     if best < _ZERO:
                         label = item + 1
-    tsdf[scene, cell] = max(best, -grid[4])
-    instances[scene, cell] = label
+    return best, label
+
+
+@element
+def _fill(scene, cell, x, y, z, objects, grid, tsdf, votes, instances):  # noqa: ANN001, ANN202
+    best, label = _nearest(objects, scene, x, y, z, grid[4])
     vx, vy, vz = _ZERO, _ZERO, _ZERO
     if label > 0:
         vx = objects[scene, label - 1, 6] - x
@@ -79,15 +76,39 @@ def _voxel(i, resolution, objects, grid, tsdf, votes, instances):  # noqa: ANN00
         vz = objects[scene, label - 1, 8] - z
         length = max(math.sqrt(vx * vx + vy * vy + vz * vz), _TINY)
         vx, vy, vz = vx / length, vy / length, vz / length
+    tsdf[scene, cell] = max(best, -grid[4])
+    instances[scene, cell] = label
     votes[scene, 0, cell] = vx
     votes[scene, 1, cell] = vy
     votes[scene, 2, cell] = vz
 
 
+@element
+def _centre(index, axis, grid):  # noqa: ANN001, ANN202
+    return grid[axis] + (np.float32(index) + _HALF) * grid[3]
+
+
+@element
+def _voxel(i, resolution, objects, grid, tsdf, votes, instances):  # noqa: ANN001, ANN202
+    row, k = i // resolution, i % resolution
+    column, j = row // resolution, row % resolution
+    scene, n = column // resolution, column % resolution
+    x, y, z = _centre(n, 0, grid), _centre(j, 1, grid), _centre(k, 2, grid)
+    cell = (n * resolution + j) * resolution + k
+    _fill(scene, cell, x, y, z, objects, grid, tsdf, votes, instances)
+
+
 @loop
-def _voxels(count, resolution, objects, grid, tsdf, votes, instances):  # noqa: ANN001, ANN202, PLR0913
-    for i in prange(count):
-        _voxel(i, resolution, objects, grid, tsdf, votes, instances)
+def _voxels(count, resolution, objects, grid, tsdf, votes, instances):  # noqa: ANN001, ANN202
+    # By rows along z: unravelling every index costs as much as the voxels that no object reaches.
+    for row in prange(count // resolution):
+        column, j = row // resolution, row % resolution
+        scene, n = column // resolution, column % resolution
+        x, y = _centre(n, 0, grid), _centre(j, 1, grid)
+        first = (n * resolution + j) * resolution
+        for k in range(resolution):
+            z = _centre(k, 2, grid)
+            _fill(scene, first + k, x, y, z, objects, grid, tsdf, votes, instances)
 
 
 scene_voxels = Kernel(_voxel, _voxels)
@@ -101,26 +122,26 @@ voxel size, truncation; then the three outputs (float32, float32, int32).
 
 @element
 def _occupied(i, resolution, objects, grid, occupancy):  # noqa: ANN001, ANN202
-    cells = resolution * resolution * resolution
-    scene, cell = i // cells, i % cells
-    x = grid[0] + (np.float32(cell // (resolution * resolution)) + _HALF) * grid[3]
-    y = grid[1] + (np.float32(cell // resolution % resolution) + _HALF) * grid[3]
-    z = grid[2] + (np.float32(cell % resolution) + _HALF) * grid[3]
+    row, k = i // resolution, i % resolution
+    column, j = row // resolution, row % resolution
+    scene, n = column // resolution, column % resolution
+    x, y, z = _centre(n, 0, grid), _centre(j, 1, grid), _centre(k, 2, grid)
+    cell = (n * resolution + j) * resolution + k
     for item in range(objects.shape[1]):
         inside = False
         if objects[scene, item, 18] > _ZERO:
-            px, py, pz = _local(objects, scene, item, x, y, z)
-            ux, uy, uz = (
+            dx = x - objects[scene, item, 6]
+            dy = y - objects[scene, item, 7]
+            dz = z - objects[scene, item, 8]
+            px, py, pz = _local(objects, scene, item, dx, dy, dz)
+            inside = is_inside(
                 px / objects[scene, item, 0],
                 py / objects[scene, item, 1],
                 pz / objects[scene, item, 2],
+                objects[scene, item, 3],
+                objects[scene, item, 4],
+                objects[scene, item, 5],
             )
-            if max(ux, max(uy, uz)) < np.float32(1):
-                inside = (
-                    ux ** objects[scene, item, 3]
-                    + uy ** objects[scene, item, 4]
-                    + uz ** objects[scene, item, 5]
-                ) < np.float32(1)
         occupancy[scene, item, cell] = inside
 
 
@@ -131,4 +152,4 @@ def _occupied_all(count, resolution, objects, grid, occupancy):  # noqa: ANN001,
 
 
 object_voxels = Kernel(_occupied, _occupied_all)
-"""Whether each of C voxels lies in each object: occupancy (B, N, C) bool; else as `scene_voxels`."""
+"""Whether each of C voxels lies in each object, (B, N, C) bool; arguments as of `scene_voxels`."""

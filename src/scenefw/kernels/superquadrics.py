@@ -1,7 +1,7 @@
-"""Exact signed distances to superquadrics |x/a1|^r + |y/a2|^s + |z/a3|^t = 1 (eq. 5.1), r, s, t >= 1.
+"""Signed distance to superquadrics |x/a1|^r + |y/a2|^s + |z/a3|^t = 1 (eq. 5.1), r, s, t >= 1.
 
 By symmetry a point p >= 0 of one octant is enough. Everything is float32 in logarithms, as u^100
-leaves the range of float32: y_i = ln(q_i / a_i) of the surface point q, b_i = ln(p_i / a_i).
+leaves the range of float32: b_i = ln(p_i / a_i), y_i = ln(q_i / a_i) of a surface point q.
 """
 
 import math
@@ -9,9 +9,9 @@ import math
 import numpy as np
 
 from scenefw.kernels.compile import element
+from scenefw.kernels.elementary import exp, log
 
 _ZERO = np.float32(0)
-_HALF = np.float32(0.5)
 _ONE = np.float32(1)
 _TWO = np.float32(2)
 _LN2 = np.float32(math.log(2))
@@ -19,26 +19,35 @@ _TINY = np.float32(1e-30)
 _NEAR = np.float32(1e-9)
 _TOLERANCE = np.float32(3e-2)
 _OUTSIDE_STEPS = 10
-_INSIDE_STEPS = 4
+_INSIDE_STEPS = 5
+_NEGLIGIBLE = np.float32(2e-5)
+_SHORTER = np.float32(0.3)
+_STIFF = np.float32(0.2)
 
 
 @element
-def signed_distance(px, py, pz, ax, ay, az, rx, ry, rz):  # noqa: ANN001, ANN201, PLR0913
-    """Signed distance (m) of the point p >= 0 of the object's frame; negative inside."""
-    bx = math.log(max(px, _NEAR) / ax)
-    by = math.log(max(py, _NEAR) / ay)
-    bz = math.log(max(pz, _NEAR) / az)
-    level = _log_sum(rx * bx, ry * by, rz * bz)
-    if level > _ZERO:
-        return _outside(px, py, pz, ax, ay, az, rx, ry, rz, bx, by, bz)
+def signed_distance(px, py, pz, ax, ay, az, rx, ry, rz, limit):  # noqa: ANN001, ANN201
+    """Signed distance (m) of the point p >= 0 of the object's frame; negative inside.
+
+    Distances of `limit` and more may come out as `limit`, which is quicker.
+    """
+    bx = log(max(px, _NEAR) / ax)
+    by = log(max(py, _NEAR) / ay)
+    bz = log(max(pz, _NEAR) / az)
+    if max(bx, by, bz) >= _ZERO or exp(rx * bx) + exp(ry * by) + exp(rz * bz) >= _ONE:
+        return _outside(px, py, pz, ax, ay, az, rx, ry, rz, bx, by, bz, limit)
     return -_inside(px, py, pz, ax, ay, az, rx, ry, rz, bx, by, bz)
 
 
 @element
-def _log_sum(x, y, z):  # noqa: ANN001, ANN202
-    """ln(e^x + e^y + e^z) without overflow."""
-    top = max(x, max(y, z))
-    return top + math.log(math.exp(x - top) + math.exp(y - top) + math.exp(z - top))
+def is_inside(ux, uy, uz, rx, ry, rz):  # noqa: ANN001, ANN201
+    """Whether a point u >= 0, in units of the half-axes, lies inside, as `signed_distance` has it."""
+    if max(ux, uy, uz) >= _ONE:
+        return False
+    vx = exp(rx * log(max(ux, _NEAR)))
+    vy = exp(ry * log(max(uy, _NEAR)))
+    vz = exp(rz * log(max(uz, _NEAR)))
+    return vx + vy + vz < _ONE
 
 
 @element
@@ -47,101 +56,144 @@ def _radial(bx, by, bz, rx, ry, rz, steps):  # noqa: ANN001, ANN202
 
     The logarithm of the sum is convex and increasing in c, so Newton from the right is monotone.
     """
-    c = -max(bx, max(by, bz))
+    c = -max(bx, by, bz)
     for _ in range(steps):
-        vx = math.exp(rx * (bx + c))
-        vy = math.exp(ry * (by + c))
-        vz = math.exp(rz * (bz + c))
+        vx = exp(rx * (bx + c))
+        vy = exp(ry * (by + c))
+        vz = exp(rz * (bz + c))
         total = vx + vy + vz
-        c -= math.log(total) * total / (rx * vx + ry * vy + rz * vz)
+        c -= log(total) * total / (rx * vx + ry * vy + rz * vz)
     return c
 
 
 @element
 def _stretch(y, k, r, b):  # noqa: ANN001, ANN202
     """Newton terms of h(y) = ln((e^y + e^(k + (r - 1) y)) / e^b) = 0: h / h_y and h_k / h_y."""
-    linear = math.exp(y - b)
-    power = math.exp(k + (r - _ONE) * y - b)
+    linear = exp(y - b)
+    power = exp(k + (r - _ONE) * y - b)
     slope = linear + (r - _ONE) * power
     total = linear + power
-    return math.log(total) * total / slope, power / slope
+    return log(total) * total / slope, power / slope
 
 
 @element
 def _bounded(y, k, r, b):  # noqa: ANN001, ANN202
-    """`y` moved between the bounds of the root of h: one term alone makes up all, or half, of e^b."""
+    """`y` moved to where the root of h must lie: one term alone makes all, or half, of e^b."""
     high = min(b, (b - k) / (r - _ONE + _NEAR))
     return max(min(y, high), high - _LN2)
 
 
 @element
-def _outside(px, py, pz, ax, ay, az, rx, ry, rz, bx, by, bz):  # noqa: ANN001, ANN202, PLR0913
+def _outside(px, py, pz, ax, ay, az, rx, ry, rz, bx, by, bz, limit):  # noqa: ANN001, ANN202
     """Distance of an outside point by Newton's method on the Lagrange conditions.
 
     q_i + l (r_i / a_i) (q_i / a_i)^(r_i - 1) = p_i and sum (q_i / a_i)^r_i = 1, in y and ln l.
+    The first guess of l is from the point clamped to the box and scaled to the surface; the plane
+    that touches there bounds the distance from below.
     """
     cx, cy, cz = min(bx, _ZERO), min(by, _ZERO), min(bz, _ZERO)
     c = _radial(cx, cy, cz, rx, ry, rz, 2)
-    nx = rx / ax * math.exp((rx - _ONE) * (cx + c))
-    ny = ry / ay * math.exp((ry - _ONE) * (cy + c))
-    nz = rz / az * math.exp((rz - _ONE) * (cz + c))
-    dx = px - ax * math.exp(cx + c)
-    dy = py - ay * math.exp(cy + c)
-    dz = pz - az * math.exp(cz + c)
-    multiplier = (dx * nx + dy * ny + dz * nz) / (nx * nx + ny * ny + nz * nz)
-    stretch = math.log(max(multiplier, _NEAR))
-    kx = math.log(rx / (ax * ax))
-    ky = math.log(ry / (ay * ay))
-    kz = math.log(rz / (az * az))
-    yx = _bounded(cx + c, kx + stretch, rx, bx)
-    yy = _bounded(cy + c, ky + stretch, ry, by)
-    yz = _bounded(cz + c, kz + stretch, rz, bz)
+    gx, gy, gz = rx / ax, ry / ay, rz / az
+    nx = gx * exp((rx - _ONE) * (cx + c))
+    ny = gy * exp((ry - _ONE) * (cy + c))
+    nz = gz * exp((rz - _ONE) * (cz + c))
+    dx = px - ax * exp(cx + c)
+    dy = py - ay * exp(cy + c)
+    dz = pz - az * exp(cz + c)
+    ascent, steepness = dx * nx + dy * ny + dz * nz, nx * nx + ny * ny + nz * nz
+    if ascent > _ZERO and ascent * ascent >= limit * limit * steepness:
+        return limit
+    scale = log(max(ascent / steepness, _NEAR))
+    kx, ky, kz = log(gx / ax), log(gy / ay), log(gz / az)
+    yx = _bounded(cx + c, kx + scale, rx, bx)
+    yy = _bounded(cy + c, ky + scale, ry, by)
+    yz = _bounded(cz + c, kz + scale, rz, bz)
     for _ in range(_OUTSIDE_STEPS):
-        hx, sx = _stretch(yx, kx + stretch, rx, bx)
-        hy, sy = _stretch(yy, ky + stretch, ry, by)
-        hz, sz = _stretch(yz, kz + stretch, rz, bz)
-        top = max(rx * yx, max(ry * yy, rz * yz))
-        wx = math.exp(rx * yx - top)
-        wy = math.exp(ry * yy - top)
-        wz = math.exp(rz * yz - top)
+        hx, sx = _stretch(yx, kx + scale, rx, bx)
+        hy, sy = _stretch(yy, ky + scale, ry, by)
+        hz, sz = _stretch(yz, kz + scale, rz, bz)
+        top = max(rx * yx, ry * yy, rz * yz)
+        wx = exp(rx * yx - top)
+        wy = exp(ry * yy - top)
+        wz = exp(rz * yz - top)
         total = wx + wy + wz
-        level = top + math.log(total)
+        level = top + log(total)
         wx, wy, wz = wx * rx, wy * ry, wz * rz
-        step = (level * total - wx * hx - wy * hy - wz * hz) / max(
-            wx * sx + wy * sy + wz * sz, _TINY
-        )
+        step = level * total - wx * hx - wy * hy - wz * hz
+        step = step / max(wx * sx + wy * sy + wz * sz, _TINY)
         step = max(min(step, _TWO), -_TWO)
-        stretch += step
-        yx = _bounded(yx - hx - sx * step, kx + stretch, rx, bx)
-        yy = _bounded(yy - hy - sy * step, ky + stretch, ry, by)
-        yz = _bounded(yz - hz - sz * step, kz + stretch, rz, bz)
+        scale += step
+        yx = _bounded(yx - hx - sx * step, kx + scale, rx, bx)
+        yy = _bounded(yy - hy - sy * step, ky + scale, ry, by)
+        yz = _bounded(yz - hz - sz * step, kz + scale, rz, bz)
         if max(abs(step), abs(level), abs(hx), abs(hy), abs(hz)) < _TOLERANCE:
             break
-    dx = px - ax * math.exp(yx)
-    dy = py - ay * math.exp(yy)
-    dz = pz - az * math.exp(yz)
-    return math.sqrt(dx * dx + dy * dy + dz * dz)
+    return _length(px - ax * exp(yx), py - ay * exp(yy), pz - az * exp(yz))
+
+
+@element
+def _length(x, y, z):  # noqa: ANN001, ANN202
+    return math.sqrt(x * x + y * y + z * z)
 
 
 @element
 def _rest(x, y, r):  # noqa: ANN001, ANN202
-    """ln (1 - e^x - e^y)^(1/r): where the axis that is left meets the surface."""
-    return math.log(max(_ONE - math.exp(x) - math.exp(y), _TINY)) / r
+    """The factor (1 - x - y)^(1/r): where the axis that is left meets the surface."""
+    return exp(log(max(_ONE - x - y, _TINY)) / r)
 
 
 @element
-def _inside(px, py, pz, ax, ay, az, rx, ry, rz, bx, by, bz):  # noqa: ANN001, ANN202, PLR0913
-    """Depth of an inside point: the best of the radial and the three axis projections, refined."""
-    c = _radial(bx, by, bz, rx, ry, rz, 3)
-    qx, qy, qz = px * math.exp(c), py * math.exp(c), pz * math.exp(c)
-    best = math.sqrt((qx - px) ** 2 + (qy - py) ** 2 + (qz - pz) ** 2)
-    ex = ax * math.exp(_rest(ry * by, rz * bz, rx))
-    ey = ay * math.exp(_rest(rx * bx, rz * bz, ry))
-    ez = az * math.exp(_rest(rx * bx, ry * by, rz))
+def _inside(px, py, pz, ax, ay, az, rx, ry, rz, bx, by, bz):  # noqa: ANN001, ANN202
+    """Depth of an inside point: the best of the radial and the three axis projections, refined.
+
+    Every candidate lies on the surface, so the depth is never less than the true one.
+    """
+    vx, vy, vz = exp(rx * bx), exp(ry * by), exp(rz * bz)
+    c = exp(_radial(bx, by, bz, rx, ry, rz, 3))
+    qx, qy, qz = px * c, py * c, pz * c
+    best = _length(qx - px, qy - py, qz - pz)
+    ex, ey, ez = ax * _rest(vy, vz, rx), ay * _rest(vx, vz, ry), az * _rest(vx, vy, rz)
     if ex - px < best:
         best, qx, qy, qz = ex - px, ex, py, pz
     if ey - py < best:
         best, qx, qy, qz = ey - py, px, ey, pz
     if ez - pz < best:
         best, qx, qy, qz = ez - pz, px, py, ez
+    damping = _ONE
+    for _ in range(_INSIDE_STEPS):
+        sx, sy, sz = _step(px, py, pz, qx, qy, qz, ax, ay, az, rx, ry, rz)
+        ex, ey, ez = abs(qx + damping * sx), abs(qy + damping * sy), abs(qz + damping * sz)
+        bx, by, bz = log(max(ex, _NEAR) / ax), log(max(ey, _NEAR) / ay), log(max(ez, _NEAR) / az)
+        c = exp(_radial(bx, by, bz, rx, ry, rz, 3))
+        ex, ey, ez = ex * c, ey * c, ez * c
+        distance = _length(ex - px, ey - py, ez - pz)
+        gain = best - distance
+        if gain > _ZERO:
+            best, qx, qy, qz = distance, ex, ey, ez
+            damping = min(damping * _TWO, _ONE)
+        else:
+            damping *= _SHORTER
+        if abs(gain) < _NEGLIGIBLE:
+            break
     return best
+
+
+@element
+def _step(px, py, pz, qx, qy, qz, ax, ay, az, rx, ry, rz):  # noqa: ANN001, ANN202
+    """Newton step along the surface from its point q to the one nearest to the inside point p.
+
+    Minimises |q - p|^2 / 2 with the constraint linearised: (1 - m H) s = p - q - c g with s g = 0,
+    g and the diagonal H the derivatives of eq. 5.1 and m the multiplier. Where the surface bends
+    more than the ball around p, 1 - m H is kept positive, so that the step still descends.
+    """
+    ux, uy, uz = max(qx / ax, _NEAR), max(qy / ay, _NEAR), max(qz / az, _NEAR)
+    gx = rx / ax * exp((rx - _ONE) * log(ux))
+    gy = ry / ay * exp((ry - _ONE) * log(uy))
+    gz = rz / az * exp((rz - _ONE) * log(uz))
+    dx, dy, dz = px - qx, py - qy, pz - qz
+    m = -(gx * dx + gy * dy + gz * dz) / (gx * gx + gy * gy + gz * gz)
+    wx = _ONE / max(_ONE - m * gx * (rx - _ONE) / (ux * ax), _STIFF)
+    wy = _ONE / max(_ONE - m * gy * (ry - _ONE) / (uy * ay), _STIFF)
+    wz = _ONE / max(_ONE - m * gz * (rz - _ONE) / (uz * az), _STIFF)
+    c = (wx * gx * dx + wy * gy * dy + wz * gz * dz) / (wx * gx * gx + wy * gy * gy + wz * gz * gz)
+    return wx * (dx - c * gx), wy * (dy - c * gy), wz * (dz - c * gz)
