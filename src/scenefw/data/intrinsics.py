@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scenefw.core.errors import InputError
 from scenefw.core.types import Camera
 
-_KEYS = ("K", "camera_matrix", "intrinsic_matrix", "intrinsics", "cam_K")
+_KEYS = ("K", "camera_matrix", "intrinsic_matrix", "intrinsics", "cam_K", "data")
 _EXPECTED = "give a 3 x 3 matrix K, or fx, fy, cx, cy"
 
 

@@ -1,0 +1,80 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.unit.perception.synthetic import camera_at, frame_of
+
+from scenefw.core.errors import InputError
+from scenefw.core.types import Camera, GridSpec
+from scenefw.perception.doctor import Doctor
+from scenefw.perception.floor import Floor, FloorFinder
+from scenefw.perception.workspace import Workspace, WorkspaceFinder
+
+
+@pytest.fixture(scope="module")
+def frame():
+    return frame_of(camera_at())
+
+
+def with_camera(frame, **changes):
+    camera = frame.camera
+    settings = {k: getattr(camera, k) for k in ("width", "height", "fx", "fy", "cx", "cy")}
+    return replace(frame, camera=Camera(**(settings | changes)))
+
+
+def test_a_good_view_has_no_warning(frame):
+    assert Doctor().examine_frame(frame) == []
+    floor = FloorFinder().find(frame)
+    workspace = WorkspaceFinder().find(frame, floor, GridSpec())
+    assert Doctor().examine_workspace(floor, workspace) == []
+
+
+def test_millimetres_as_metres(frame):
+    with pytest.raises(InputError, match=r"millimetres given as metres\? .*depth_scale=0.001"):
+        Doctor().examine_frame(replace(frame, depth=frame.depth * 1000))
+
+
+def test_focal_length_of_another_size(frame):
+    with pytest.raises(InputError, match="give a view of"):
+        Doctor().examine_frame(with_camera(frame, fx=5000.0, fy=5000.0))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [({"fx": 500.0}, "differ"), ({"cx": 10.0}, "far from the middle")],
+)
+def test_odd_intrinsics_are_warned_of(frame, changes, words):
+    (warning,) = Doctor().examine_frame(with_camera(frame, **changes))
+    assert words in warning
+
+
+def test_few_measurements_are_warned_of(frame):
+    depth = frame.depth.copy()
+    depth[60:] = 0
+    (warning,) = Doctor().examine_frame(replace(frame, depth=depth))
+    assert "25%" in warning
+
+
+@pytest.mark.parametrize(
+    ("distance", "size", "left_out", "deviation", "words"),
+    [
+        (3.0, 0.3, (), 0.002, "3.0"),
+        (0.2, 0.3, (), 0.002, "0.2"),
+        (0.9, 0.02, (), 0.002, "2.0 cm"),
+        (0.9, 0.3, ((0.6, 0.1),), 0.002, "1 object group"),
+        (0.9, 0.3, (), 0.015, "15 mm"),
+    ],
+)
+def test_workspace_warnings(frame, distance, size, left_out, deviation, words):
+    pose = np.eye(4)
+    pose[2, 3] = 0.1 + distance
+    placed = replace(frame, camera=frame.camera.moved(pose))
+    workspace = Workspace(
+        placed,
+        np.ones(frame.depth.shape, dtype=bool),
+        np.full(3, size),
+        np.reshape(left_out, (-1, 2)),
+    )
+    floor = Floor(np.array([0.0, 0.0, -1.0]), distance, 0.5, deviation)
+    (warning,) = Doctor().examine_workspace(floor, workspace)
+    assert words in warning
