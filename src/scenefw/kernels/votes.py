@@ -15,14 +15,14 @@ _serial = numba.njit(cache=True, error_model="numpy")
 
 @element
 def _count_traversals(i, starts, directions, bricks, subdivisions, counts):  # noqa: ANN001, ANN202
-    """One ray by Amanatides and Woo (1987); `bricks` is < -1 outside, -1 uncounted, else a block."""
+    """One ray by Amanatides and Woo (1987); bricks: < -1 outside, -1 uncounted, else a block."""
     x, y, z = starts[i, 0], starts[i, 1], starts[i, 2]
     dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
     middle = numba.float32(0.5) * subdivisions
     # Cells (ax, ay, az) inside voxel (x, y, z); a ray that starts on a cell's face enters forwards.
-    ax = int(math.ceil(middle)) - 1 if dx < 0 else int(math.floor(middle))
-    ay = int(math.ceil(middle)) - 1 if dy < 0 else int(math.floor(middle))
-    az = int(math.ceil(middle)) - 1 if dz < 0 else int(math.floor(middle))
+    ax = math.ceil(middle) - 1 if dx < 0 else math.floor(middle)
+    ay = math.ceil(middle) - 1 if dy < 0 else math.floor(middle)
+    az = math.ceil(middle) - 1 if dz < 0 else math.floor(middle)
     sx = 1 if dx > 0 else -1
     sy = 1 if dy > 0 else -1
     sz = 1 if dz > 0 else -1
@@ -77,11 +77,12 @@ def _count_all(count, starts, directions, bricks, subdivisions, counts):  # noqa
 
 
 count_traversals = Kernel(_count_traversals, _count_all)
-"""count_traversals(M, starts, directions, bricks, subdivisions, counts): adds one to each cell a ray crosses.
+"""count_traversals(M, starts, directions, bricks, subdivisions, counts): adds one to each cell a
+ray crosses.
 
 starts (M, 3) int32 voxels, from whose centres the rays go; directions (M, 3) float32, unit;
-bricks (X, Y, Z) int32: number of the voxel's block of subdivisions^3 cells in `counts` (flat int32),
--1 where rays pass uncounted, -2 where they end.
+bricks (X, Y, Z) int32: number of the voxel's block of subdivisions^3 cells in `counts` (flat
+int32), -1 where rays pass uncounted, -2 where they end.
 """
 
 
@@ -121,7 +122,8 @@ def _shift_all(count, points, weights, bandwidth, steps, modes, densities):  # n
 
 
 shift_to_modes = Kernel(_shift_to_mode, _shift_all)
-"""shift_to_modes(S, points, weights, bandwidth, steps, modes, densities): moves seeds uphill, in place.
+"""shift_to_modes(S, points, weights, bandwidth, steps, modes, densities): moves seeds uphill, in
+place.
 
 points (P, 3) and weights (P,) float32; modes (S, 3) float32 hold the seeds; densities (S,) float32
 becomes the kernel-weighted mass around each mode.

@@ -36,16 +36,18 @@ class Rays(NamedTuple):
 class HoughVoting:
     """Finds object centres where many centre votes meet and gives each voxel to one of them.
 
-    Every voxel inside an object sends a ray along its vote through a grid `subdivisions` times finer,
-    as far as the inside of objects reaches. Cells crossed more than `threshold` times go to a mean
-    shift, weighted by their counts; its modes are the centres. A voxel with unit vote v belongs to the
-    centre c_n (seen from the voxel) of least |arccos(v . c_n/|c_n|)| + gamma |c_n| (eq. 5.6).
+    Every voxel inside an object sends a ray along its vote through a grid `subdivisions` times
+    finer, as far as the inside of objects reaches. Cells crossed more than `threshold` times go to
+    a mean shift, weighted by their counts; its modes are the centres. A voxel with unit vote v
+    belongs to the centre c_n (seen from the voxel) of least |arccos(v . c_n/|c_n|)| + gamma |c_n|
+    (eq. 5.6).
 
-    The thesis stops there, which suits exact votes. Noisy votes miss each other in cells this fine, and
-    whole objects would be lost. So the vote is repeated in cells of twice the size, down to whole voxels,
-    for centres that the finer cells do not show; costs are averaged with those of neighbouring voxels;
-    and a centre must earn its place: those are removed, worst first, whose voxels could go to the second
-    best centre for less than `gain` more on average, or that hold less than `smallest`.
+    The thesis stops there, which suits exact votes. Noisy votes miss each other in cells this
+    fine, and whole objects would be lost. So the vote is repeated in cells of twice the size, down
+    to whole voxels, for centres that the finer cells do not show; costs are averaged with those of
+    neighbouring voxels; and a centre must earn its place: those are removed, worst first, whose
+    voxels could go to the second best centre for less than `gain` more on average, or that hold
+    less than `smallest`.
 
     Args:
         threshold: mu: a cell needs more rays than this.
@@ -71,8 +73,8 @@ class HoughVoting:
     ) -> None:
         if subdivisions < 1 or bandwidth <= 0 or threshold < 0:
             raise ConfigError(
-                f"subdivisions={subdivisions}, bandwidth={bandwidth}, threshold={threshold}: expected "
-                "subdivisions >= 1, bandwidth > 0 and threshold >= 0"
+                f"subdivisions={subdivisions}, bandwidth={bandwidth}, threshold={threshold}: "
+                "expected subdivisions >= 1, bandwidth > 0 and threshold >= 0"
             )
         self.threshold = threshold
         self.subdivisions = subdivisions
@@ -85,7 +87,7 @@ class HoughVoting:
 
     @torch.no_grad()
     def extract(self, tsdf: Tensor, votes: Tensor, grid: GridSpec) -> tuple[Tensor, Tensor]:
-        """Instances (X, Y, Z) int32, 1..N from largest to smallest, and their centres (N, 3) metres.
+        """Instances (X, Y, Z) int32, 1..N by size, and their centres (N, 3) metres.
 
         Args:
             tsdf: (X, Y, Z) metres, negative inside.
@@ -207,7 +209,10 @@ def _count(rays: Rays, blocks: Tensor, subdivisions: int) -> Tensor:
 
 
 def _modes(cells: Tensor, counts: Tensor, shape: torch.Size, bandwidth: float) -> Tensor:
-    """Modes (N, 3) of weighted cells, densest first; seeds are the voxels busier than their neighbours."""
+    """Modes (N, 3) of weighted cells, densest first.
+
+    Seeds are the voxels busier than their neighbours.
+    """
     if not len(cells):
         return cells.float()
     points, weights = _binned(cells, counts, bandwidth / 2)
@@ -263,8 +268,9 @@ def _by_size(chosen: Tensor, count: int) -> tuple[Tensor, Tensor]:
 def _require(tsdf: Tensor, votes: Tensor, grid: GridSpec) -> None:
     if tuple(tsdf.shape) != grid.shape or tuple(votes.shape) != (3, *grid.shape):
         raise InputError(
-            f"tsdf {tuple(tsdf.shape)} and votes {tuple(votes.shape)} do not fit the grid: expected "
-            f"{grid.shape} and {(3, *grid.shape)}; give one scene without its batch dimension"
+            f"tsdf {tuple(tsdf.shape)} and votes {tuple(votes.shape)} do not fit the grid: "
+            f"expected {grid.shape} and {(3, *grid.shape)}; give one scene without its batch "
+            "dimension"
         )
     if not (torch.isfinite(tsdf).all() and torch.isfinite(votes).all()):
         raise InputError("tsdf or votes contain NaN or infinity; expected finite numbers")

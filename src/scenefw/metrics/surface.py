@@ -1,0 +1,71 @@
+"""How near two surfaces are, from points sampled on both: Chamfer, F-score, normals.
+
+Chamfer distances from n random points have a floor: two samplings of one surface of area A are
+sqrt(A / n) apart in the summed measure, whatever the method (each direction averages 0.5 sqrt(A /
+n), the mean distance to the nearest of n points spread over A). Print it beside the distance.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from scenefw.core.errors import InputError
+from scenefw.metrics.sampling import SurfacePoints
+
+Float64 = NDArray[np.float64]
+
+
+class Nearest(NamedTuple):
+    """Distances (m) from each point to the nearest of the other set, and which that is."""
+
+    forth: Float64
+    back: Float64
+    forth_index: NDArray[np.int64]
+    back_index: NDArray[np.int64]
+
+
+def nearest(predicted: Float64, true: Float64) -> Nearest:
+    """Nearest neighbours both ways between points (P, 3) and (T, 3): forth = predicted to true.
+
+    Raises:
+        InputError: a set is empty, or not (N, 3).
+    """
+    for name, points in (("predicted", predicted), ("true", true)):
+        if points.ndim != 2 or points.shape[1] != 3 or not len(points):
+            raise InputError(
+                f"{name} points have shape {points.shape}, expected (N, 3) with N >= 1"
+            )
+    forth, forth_index = cKDTree(true).query(predicted)
+    back, back_index = cKDTree(predicted).query(true)
+    return Nearest(forth, back, forth_index, back_index)
+
+
+def chamfer(predicted: Float64, true: Float64) -> float:
+    """Chamfer distance in metres: mean Euclidean distances, both directions summed (eq. 5.16)."""
+    return chamfer_of(nearest(predicted, true))
+
+
+def chamfer_of(found: Nearest) -> float:
+    """Chamfer distance of nearest neighbours already found."""
+    return float(found.forth.mean() + found.back.mean())
+
+
+def expected_floor(area: float, count: int) -> float:
+    """Chamfer distance (m) between two samplings of `count` points of one surface of `area` m^2."""
+    return float(np.sqrt(area / count))
+
+
+def f_score(found: Nearest, threshold: float) -> float:
+    """Harmonic mean of the shares of points of either set within `threshold` (m) of the other."""
+    precision = float((found.forth <= threshold).mean())
+    recall = float((found.back <= threshold).mean())
+    return 2 * precision * recall / (precision + recall) if precision + recall > 0 else 0.0
+
+
+def normal_consistency(predicted: SurfacePoints, true: SurfacePoints, found: Nearest) -> float:
+    """Mean cosine between the normals of nearest points, both directions averaged, in [-1, 1]."""
+    forth = (predicted.normals * true.normals[found.forth_index]).sum(axis=1)
+    back = (true.normals * predicted.normals[found.back_index]).sum(axis=1)
+    return float(0.5 * (forth.mean() + back.mean()))
