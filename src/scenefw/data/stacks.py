@@ -1,0 +1,124 @@
+"""Stacks of superquadrics as parameters: the shipped data set, or one of `run=generate`."""
+
+import json
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from scenefw.core import geometry
+from scenefw.core.errors import ConfigError, StorageError
+from scenefw.core.types import SceneParameters
+
+SPLITS = ("train", "val", "test")
+_SHAPES = {"half_axes": 3, "exponents": 3, "positions": 3, "quaternions": 4}
+
+
+class StackScenes:
+    """Scenes of one split of a data set of superquadric stacks.
+
+    Args:
+        path: the `.npz` of a data set; None means the shipped one.
+        split: train, val, test or all.
+        limit: at most this many scenes, the first of the split; None means all.
+
+    Raises:
+        StorageError: the file is missing, damaged or no data set of stacks.
+        ConfigError: no such split, or it holds no scene.
+    """
+
+    def __init__(
+        self, path: Path | str | None = None, split: str = "train", limit: int | None = None
+    ) -> None:
+        self.path = Path(path) if path else shipped_stacks()
+        arrays = _read(self.path)
+        rows = _rows(arrays["split"], split, limit, self.path)
+        self.split = split
+        self.indices = arrays["index"][rows]
+        self.masses = arrays["masses"][rows]
+        self._numbers = {name: torch.from_numpy(arrays[name][rows]) for name in _SHAPES}
+        count = torch.from_numpy(arrays["count"][rows].astype(np.int64))
+        slots = torch.arange(self._numbers["half_axes"].shape[1])
+        self._present = slots[None, :] < count[:, None]
+
+    def __len__(self) -> int:
+        return len(self._present)
+
+    def parameters(
+        self, indices: Tensor | list[int], device: torch.device | str | None = None
+    ) -> SceneParameters:
+        """The scenes of the given positions in this split, on `device` (default: the CPU)."""
+        chosen = torch.as_tensor(indices, dtype=torch.int64).cpu()
+        half_axes, exponents, positions, quaternions = (self._numbers[n][chosen] for n in _SHAPES)
+        rotations = geometry.rotation_from_quaternion(_unit_where_empty(quaternions))
+        fields = (
+            half_axes.float(),
+            exponents.float(),
+            torch.from_numpy(rotations).float(),
+            positions.float(),
+            self._present[chosen],
+        )
+        return SceneParameters(*(f.to(device) for f in fields))
+
+    def manifest(self) -> dict[str, object]:
+        """What the file beside the data set says of its making; empty if there is none."""
+        path = self.path.with_suffix(".json")
+        return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+
+
+def shipped_stacks() -> Path:
+    """The data set that comes with the package."""
+    return Path(str(resources.files("scenefw") / "assets" / "superquadric_stacks.npz"))
+
+
+def _unit_where_empty(quaternions: Tensor) -> np.ndarray:
+    values = quaternions.numpy().astype(np.float64)
+    values[(values == 0).all(axis=-1)] = (1.0, 0.0, 0.0, 0.0)
+    return values
+
+
+def _read(path: Path) -> dict[str, np.ndarray]:
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+    except FileNotFoundError as error:
+        raise StorageError(
+            f"no data set at {path}; make one with `python -m scenefw run=generate`, or leave "
+            "dataset.path=null to use the shipped one"
+        ) from error
+    except Exception as error:  # numpy raises many kinds for damaged archives
+        raise StorageError(
+            f"the data set {path} cannot be read ({type(error).__name__}); generate it anew"
+        ) from error
+    _require_arrays(arrays, path)
+    return arrays
+
+
+def _require_arrays(arrays: dict[str, np.ndarray], path: Path) -> None:
+    missing = {*_SHAPES, "masses", "count", "index", "split"} - arrays.keys()
+    if missing:
+        raise StorageError(
+            f"{path} lacks {', '.join(sorted(missing))}, so it is no data set of stacks; give an "
+            ".npz made by `run=generate`"
+        )
+    for name, width in _SHAPES.items():
+        array = arrays[name]
+        if array.ndim != 3 or array.shape[-1] != width or not np.isfinite(array).all():
+            raise StorageError(
+                f"{name} in {path} has shape {array.shape} or holds values that are not finite, "
+                f"expected (scenes, objects, {width}); generate the data set anew"
+            )
+
+
+def _rows(splits: np.ndarray, split: str, limit: int | None, path: Path) -> np.ndarray:
+    if split != "all" and split not in SPLITS:
+        raise ConfigError(f"split is {split!r}, expected one of all, {', '.join(SPLITS)}")
+    if limit is not None and limit < 1:
+        raise ConfigError(f"the limit of scenes is {limit}, expected at least 1 or null for all")
+    everything = np.arange(len(splits))
+    rows = everything if split == "all" else everything[splits == SPLITS.index(split)]
+    if len(rows) == 0:
+        raise ConfigError(f"{path} holds no scene of the split {split}; generate more scenes")
+    return rows[:limit]

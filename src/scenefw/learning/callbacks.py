@@ -1,0 +1,191 @@
+"""What happens beside the steps of a training: snapshots, the table of losses, the progress bar."""
+
+import csv
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import lightning
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+from scenefw.core.files import replacing
+from scenefw.learning.shape_instance import ShapeInstanceLearning
+
+
+class Snapshots(lightning.Callback):
+    """Saves the whole training every few minutes, so that a kill costs no more than that.
+
+    Args:
+        path: of the file, replaced atomically.
+        minutes: time between snapshots.
+        steps: steps between snapshots instead, if given.
+        export: called after each snapshot.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        minutes: float = 3.0,
+        steps: int | None = None,
+        export: Callable[[], None] | None = None,
+    ) -> None:
+        self.path, self.minutes, self.steps, self.export = path, minutes, steps, export
+        self._last = time.monotonic()
+
+    def on_train_batch_end(
+        self, trainer: lightning.Trainer, module: ShapeInstanceLearning, *_: Any
+    ) -> None:
+        """Saves if it is time."""
+        late = time.monotonic() - self._last >= 60 * self.minutes
+        if (module.batches_seen % self.steps == 0) if self.steps else late:
+            self._save(trainer)
+
+    def on_train_end(self, trainer: lightning.Trainer, module: lightning.LightningModule) -> None:
+        """Saves the end of it."""
+        self._save(trainer)
+
+    def _save(self, trainer: lightning.Trainer) -> None:
+        if trainer.world_size > 1:  # every process takes part; Lightning writes atomically too
+            trainer.save_checkpoint(self.path)
+        else:
+            with replacing(self.path) as temporary:
+                trainer.save_checkpoint(temporary)
+        if self.export is not None and trainer.is_global_zero:
+            self.export()
+        self._last = time.monotonic()
+
+
+class LossTable(lightning.Callback):
+    """Writes losses and validation scores as one flat CSV: step, epoch, seconds, name, value.
+
+    A resumed training first drops the rows that come after its snapshot.
+
+    Args:
+        path: of the file, appended to.
+        every: steps between rows of the training losses, each the mean since the last.
+    """
+
+    def __init__(self, path: Path, every: int = 20) -> None:
+        self.path, self.every = path, every
+        self._sums: dict[str, float] = {}
+        self._count = 0
+
+    def on_fit_start(self, trainer: lightning.Trainer, module: ShapeInstanceLearning) -> None:
+        """Starts the file, or cuts it back to where the training goes on."""
+        rows = []
+        if module.batches_seen and self.path.exists():
+            with self.path.open(newline="", encoding="utf-8") as file:
+                rows = [r for r in list(csv.reader(file))[1:] if int(r[0]) <= module.batches_seen]
+        with replacing(self.path) as temporary, temporary.open("w", newline="") as file:
+            csv.writer(file).writerows([["step", "epoch", "seconds", "name", "value"], *rows])
+
+    def on_train_batch_end(
+        self, trainer: lightning.Trainer, module: ShapeInstanceLearning, *_: Any
+    ) -> None:
+        """Adds up, and writes the means every few steps."""
+        self._count += 1
+        for name, value in trainer.callback_metrics.items():
+            if name.startswith("train/"):
+                self._sums[name] = self._sums.get(name, 0.0) + float(value)
+        if module.batches_seen % self.every == 0:
+            self._write(trainer, module, {n: s / self._count for n, s in self._sums.items()})
+            self._sums, self._count = {}, 0
+
+    def on_validation_end(self, trainer: lightning.Trainer, module: ShapeInstanceLearning) -> None:
+        """Writes the scores."""
+        values = {n: float(v) for n, v in trainer.callback_metrics.items() if n.startswith("val/")}
+        self._write(trainer, module, values)
+
+    def _write(
+        self, trainer: lightning.Trainer, module: ShapeInstanceLearning, values: dict[str, float]
+    ) -> None:
+        if not trainer.is_global_zero:
+            return
+        place = [module.batches_seen, trainer.current_epoch, f"{module.seconds:.1f}"]
+        with self.path.open("a", newline="", encoding="utf-8") as file:
+            csv.writer(file).writerows([[*place, n, f"{v:.6g}"] for n, v in values.items()])
+
+
+class ProgressBar(lightning.Callback):
+    """A rich bar with rate, losses and time left, whichever limit comes first.
+
+    Args:
+        lines: print a plain line every this many seconds instead, for logs; None draws the bar.
+    """
+
+    def __init__(self, lines: float | None = None) -> None:
+        self.lines = lines
+        self._bar: Progress | None = None
+        self._began = self._printed = time.monotonic()
+        self._first = 0
+
+    def on_train_start(self, trainer: lightning.Trainer, module: ShapeInstanceLearning) -> None:
+        """Starts the bar."""
+        self._began, self._first = time.monotonic(), module.batches_seen
+        if self.lines is None:
+            self._bar = Progress(
+                TextColumn("training"),
+                BarColumn(),
+                MofNCompleteColumn(),
+                TextColumn("{task.fields[rate]}"),
+                TimeElapsedColumn(),
+                TimeRemainingColumn(),
+                TextColumn("{task.fields[losses]}"),
+            )
+            self._bar.start()
+            total = _steps(trainer)
+            self._task = self._bar.add_task(
+                "", total=total, completed=module.batches_seen, rate="", losses=""
+            )
+
+    def on_train_batch_end(
+        self, trainer: lightning.Trainer, module: ShapeInstanceLearning, *_: Any
+    ) -> None:
+        """Moves the bar."""
+        done = module.batches_seen - self._first
+        now = time.monotonic()
+        rate = f"{done / max(now - self._began, 1e-9):.2f} steps/s"
+        if self._bar is not None:
+            self._bar.update(
+                self._task, completed=module.batches_seen, rate=rate, losses=_losses(trainer)
+            )
+        elif self.lines is not None and now - self._printed >= self.lines:
+            self._printed = now
+            print(
+                f"step {module.batches_seen} epoch {trainer.current_epoch} {rate} "
+                f"{module.seconds:.0f} s {_losses(trainer)}",
+                flush=True,
+            )
+
+    def on_train_end(self, trainer: lightning.Trainer, module: lightning.LightningModule) -> None:
+        """Stops the bar."""
+        self._stop()
+
+    def on_exception(
+        self, trainer: lightning.Trainer, module: lightning.LightningModule, error: BaseException
+    ) -> None:
+        """Stops the bar, so that the terminal is usable."""
+        self._stop()
+
+    def _stop(self) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+            self._bar = None
+
+
+def _steps(trainer: lightning.Trainer) -> int | None:
+    total = trainer.estimated_stepping_batches
+    return int(total) if total != float("inf") else None
+
+
+def _losses(trainer: lightning.Trainer) -> str:
+    values = {n: float(v) for n, v in trainer.callback_metrics.items()}
+    return " ".join(f"{name.split('/')[1]} {value:.3f}" for name, value in values.items())

@@ -1,0 +1,161 @@
+"""Checkpoints that rebuild themselves: weights, recipe, grid and versions in one file."""
+
+import dataclasses
+import importlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import metadata as packages
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import nn
+
+from scenefw.core.errors import CheckpointError
+from scenefw.core.files import replacing
+from scenefw.core.types import GridSpec
+
+_FORMAT = "scenefw-checkpoint"
+_VERSION = 1
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A network ready to predict, and what must be known to use it.
+
+    Args:
+        model: in eval mode.
+        grid: the voxel grid it was trained on.
+        observed: whether its condition has the channel of what was observed.
+        recipe: class and arguments of the network.
+        metadata: how it was trained.
+    """
+
+    model: nn.Module
+    grid: GridSpec
+    observed: bool
+    recipe: dict[str, Any]
+    metadata: dict[str, Any]
+
+
+def shipped_checkpoint() -> Path:
+    """The weights that come with the package."""
+    return Path(str(resources.files("scenefw") / "assets" / "simstack.safetensors"))
+
+
+def save_checkpoint(
+    path: Path | str,
+    model: nn.Module,
+    recipe: Mapping[str, Any],
+    grid: GridSpec,
+    metadata: Mapping[str, Any] | None = None,
+    *,
+    half: bool = False,
+) -> None:
+    """Writes a network with all that rebuilds it, atomically.
+
+    Args:
+        path: ends in `.safetensors`.
+        model: its weights are stored.
+        recipe: `_target_` and plain arguments of the network.
+        grid: the voxel grid it was trained on.
+        metadata: plain facts of the training.
+        half: store weights as float16, for half the size; they are read back as float32.
+
+    Raises:
+        StorageError: the file can't be written.
+    """
+    header = {
+        "format": _FORMAT,
+        "version": _VERSION,
+        "recipe": dict(recipe),
+        "grid": dataclasses.asdict(grid),
+        "versions": {name: packages.version(name) for name in ("scenefw", "torch")},
+        "metadata": dict(metadata or {}),
+    }
+    tensors = {}
+    for name, value in model.state_dict().items():
+        value = value.detach().cpu()
+        narrow = half and value.dtype == torch.float32 and value.ndim > 1
+        tensors[name] = (value.half() if narrow else value).contiguous().clone()
+    with replacing(path) as temporary:
+        save_file(tensors, str(temporary), {_FORMAT: json.dumps(header)})
+
+
+def load_checkpoint(
+    path: Path | str | None = None, device: torch.device | str = "cpu"
+) -> Checkpoint:
+    """Rebuilds a network from a file; None means the shipped one.
+
+    Raises:
+        CheckpointError: the file is missing, truncated, from elsewhere or from another version.
+    """
+    path = Path(path) if path is not None else shipped_checkpoint()
+    header, tensors = _read(path)
+    model = _build(header["recipe"], path)
+    weights = {n: v.float() if v.dtype == torch.float16 else v for n, v in tensors.items()}
+    try:
+        model.load_state_dict(weights)
+    except RuntimeError as error:
+        raise CheckpointError(
+            f"the weights in {path} don't fit the network of its recipe, "
+            f"{header['recipe']['_target_']}; use the version of scenefw that wrote it "
+            f"({header['versions'].get('scenefw')})"
+        ) from error
+    grid = GridSpec(**{**header["grid"], "lower": tuple(header["grid"]["lower"])})
+    observed = getattr(model, "channels", 1) == 2
+    model = model.to(device).eval()
+    return Checkpoint(model, grid, observed, header["recipe"], header["metadata"])
+
+
+def _read(path: Path) -> tuple[dict[str, Any], dict[str, torch.Tensor]]:
+    if not path.is_file():
+        raise CheckpointError(
+            f"no checkpoint at {path}; train one with `python -m scenefw run=train` and give its "
+            "path as checkpoint=..."
+        )
+    try:
+        with safe_open(str(path), framework="pt") as stored:
+            notes = stored.metadata() or {}
+            if _FORMAT not in notes:
+                raise CheckpointError(
+                    f"{path} is a safetensors file but no checkpoint of scenefw; give one that "
+                    "`run=train` wrote"
+                )
+            tensors = {name: stored.get_tensor(name) for name in stored.keys()}  # noqa: SIM118
+    except (SafetensorError, OSError) as error:
+        raise CheckpointError(
+            f"{path} is truncated or no safetensors file ({error}); copy or train it again"
+        ) from error
+    header = json.loads(notes[_FORMAT])
+    if header.get("version") != _VERSION:
+        raise CheckpointError(
+            f"{path} has checkpoint version {header.get('version')}, this scenefw reads "
+            f"{_VERSION}; it was written by scenefw {header.get('versions', {}).get('scenefw')}"
+        )
+    return header, tensors
+
+
+def _build(recipe: Mapping[str, Any], path: Path) -> nn.Module:
+    """The network of a recipe: only network classes of scenefw and its plugins are ever called."""
+    target = str(recipe.get("_target_", ""))
+    module, _, name = target.rpartition(".")
+    arguments = {key: value for key, value in recipe.items() if key != "_target_"}
+    if module.split(".")[0].split("_")[0] != "scenefw":
+        raise CheckpointError(
+            f"{path} names {target!r}, which is no network of scenefw or a plugin"
+        )
+    try:
+        found = getattr(importlib.import_module(module), name)
+        if not issubclass(found, nn.Module):
+            raise CheckpointError(f"{path} names {target!r}, which is no network")
+        return found(**arguments)
+    except (ImportError, AttributeError, TypeError, ValueError) as error:
+        raise CheckpointError(
+            f"the network {target!r} of {path} cannot be built ({error}); install the version of "
+            "scenefw, or the plugin, that wrote it"
+        ) from error

@@ -1,0 +1,73 @@
+"""Learning rates as functions of how far a training is, so that a resumed one needs no state."""
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+from scenefw.core.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a training is: steps done, epochs begun before this one, seconds spent."""
+
+    step: int
+    epoch: int
+    seconds: float
+
+
+class Schedule(Protocol):
+    """Factor of the learning rate."""
+
+    def factor(self, progress: Progress) -> float:
+        """Multiplies the learning rate of the next step."""
+
+
+class StepDecay:
+    """Times `factor` every `every` epochs (thesis 5.2.3: 0.99 every 5).
+
+    Args:
+        decay: factor of each drop.
+        every: epochs between drops.
+    """
+
+    def __init__(self, decay: float = 0.99, every: int = 5) -> None:
+        self.decay, self.every = decay, every
+
+    def factor(self, progress: Progress) -> float:
+        """Multiplies the learning rate of the next step."""
+        return self.decay ** (progress.epoch // self.every)
+
+
+class CosineDecay:
+    """Warm-up, then half a cosine down to `lowest` over a budget of steps or of time.
+
+    Args:
+        steps: the budget in steps; None means no limit.
+        minutes: the budget in minutes of training; None means no limit. With both, what is nearer
+            its end counts.
+        warmup: steps over which the rate rises from 0.
+        lowest: factor at the end.
+    """
+
+    def __init__(
+        self,
+        steps: int | None = None,
+        minutes: float | None = None,
+        warmup: int = 100,
+        lowest: float = 0.01,
+    ) -> None:
+        if not steps and not minutes:
+            raise ConfigError(
+                "a cosine schedule needs a budget: learning.schedule.steps or .minutes"
+            )
+        self.steps, self.minutes, self.warmup, self.lowest = steps, minutes, warmup, lowest
+
+    def factor(self, progress: Progress) -> float:
+        """Multiplies the learning rate of the next step."""
+        done = progress.step / self.steps if self.steps else 0.0
+        if self.minutes:
+            done = max(done, progress.seconds / (60 * self.minutes))
+        cosine = 0.5 * (1 + math.cos(math.pi * min(done, 1.0)))
+        rise = min((progress.step + 1) / max(self.warmup, 1), 1.0)
+        return rise * (self.lowest + (1 - self.lowest) * cosine)

@@ -1,0 +1,35 @@
+"""Loss of the conditioning autoencoder: the partial TSDF rebuilt from its code."""
+
+from torch import Tensor
+
+from scenefw.core.errors import ConfigError
+from scenefw.core.types import ShapeInstanceBatch, ShapeInstancePrediction
+from scenefw.losses.tsdf import weighted_distance_error
+
+
+class PartialTsdfLoss:
+    """Error of the rebuilt partial TSDF, weighted as the complete one (thesis eq. 5.15).
+
+    Args:
+        weight: factor of this term in the total.
+        floor: smallest |v| in the weight, in truncations.
+        one_sided: don't punish distances beyond the truncation where the truth is cut there.
+    """
+
+    def __init__(self, weight: float = 1.0, floor: float = 0.1, *, one_sided: bool = True) -> None:
+        self.weight, self.floor, self.one_sided = weight, floor, one_sided
+
+    def __call__(self, prediction: ShapeInstancePrediction, batch: ShapeInstanceBatch) -> Tensor:
+        """A scalar, the mean over voxels.
+
+        Raises:
+            ConfigError: the network doesn't rebuild its condition.
+        """
+        if prediction.partial is None:
+            raise ConfigError(
+                "the loss partial_tsdf needs a network that rebuilds its condition; leave it out"
+            )
+        truth = batch.condition[:, :1]
+        return weighted_distance_error(
+            prediction.partial, truth, self.floor, one_sided=self.one_sided
+        )

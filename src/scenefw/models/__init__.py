@@ -1,0 +1,1 @@
+"""Networks: plain torch modules from conditions to shape and instances."""

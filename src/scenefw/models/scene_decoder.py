@@ -1,0 +1,87 @@
+"""Scene decoder: from a code and the view's features to complete shape and votes."""
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor, nn
+
+from scenefw.models.blocks import ConvUnit, ResidualBlock, UpUnit, depth_to_space
+
+
+class SceneDecoder(nn.Module):
+    """Two linear layers, five joint SE-residual levels, one branch per modality (fig. 5.20).
+
+    Mirrors the encoder. Each branch has two layers, the last of which gives blocks of 2^3 voxels
+    (TSDF) or 4^3 voxels (votes).
+
+    Args:
+        sizes: side of the five joint levels, coarsest first; the last is a quarter of the grid's.
+        widths: channels of the five joint levels.
+        condition_widths: channels of the condition's maps, coarsest first.
+        branch: channels of the TSDF's branch.
+        code_size: size of the latent code and the condition's code together.
+    """
+
+    def __init__(
+        self,
+        sizes: Sequence[int],
+        widths: Sequence[int],
+        condition_widths: Sequence[int],
+        branch: int,
+        code_size: int,
+    ) -> None:
+        super().__init__()
+        self.coarsest = (widths[0], *(sizes[0],) * 3)
+        flat = widths[0] * sizes[0] ** 3
+        self.linear = nn.Sequential(
+            nn.Linear(code_size, 2 * code_size),
+            nn.PReLU(),
+            nn.Linear(2 * code_size, flat),
+            nn.PReLU(),
+        )
+        self.first = ResidualBlock(widths[0])
+        self.levels = nn.ModuleList()
+        for i in range(1, 5):
+            up = UpUnit(widths[i - 1], widths[i], stride=sizes[i] // sizes[i - 1])
+            merge = ConvUnit(widths[i] + condition_widths[i - 1], widths[i])
+            self.levels.append(nn.ModuleList([up, merge, ResidualBlock(widths[i])]))
+        self.tsdf = _FineBranch(widths[4], condition_widths[4], branch)
+        self.votes = _CoarseBranch(widths[4])
+
+    def forward(self, code: Tensor, maps: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
+        """TSDF (B, 1, X, Y, Z) and votes (B, 3, X, Y, Z).
+
+        Args:
+            code: (B, code_size).
+            maps: five feature maps of the condition, coarsest first.
+        """
+        features = self.first(self.linear(code).reshape(-1, *self.coarsest))
+        for (up, merge, block), condition in zip(self.levels, maps[:4], strict=True):
+            features = block(merge(torch.cat([up(features), condition], dim=1)))
+        return self.tsdf(features, maps[4]), self.votes(features)
+
+
+class _FineBranch(nn.Module):
+    """TSDF: one layer at half the grid's side, with the condition's finest map, then sub-voxels."""
+
+    def __init__(self, inputs: int, condition: int, width: int) -> None:
+        super().__init__()
+        self.up = nn.ConvTranspose3d(inputs, width, 2, 2, bias=False)
+        self.merge = ConvUnit(width + condition, width)
+        self.head = nn.Conv3d(width, 8, 1)
+
+    def forward(self, features: Tensor, condition: Tensor) -> Tensor:
+        merged = self.merge(torch.cat([self.up(features), condition], dim=1))
+        return depth_to_space(self.head(merged), 2)
+
+
+class _CoarseBranch(nn.Module):
+    """Votes, which are smooth: one layer at a quarter of the grid's side, then sub-voxels."""
+
+    def __init__(self, inputs: int) -> None:
+        super().__init__()
+        self.layer = ConvUnit(inputs, inputs)
+        self.head = nn.Conv3d(inputs, 3 * 64, 1)
+
+    def forward(self, features: Tensor) -> Tensor:
+        return depth_to_space(self.head(self.layer(features)), 4)

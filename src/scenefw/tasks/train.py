@@ -1,0 +1,132 @@
+"""Trains a network, from the start or from where the last training in a folder stopped."""
+
+import shutil
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from scenefw.core.errors import CheckpointError
+from scenefw.core.files import replacing, require_writable
+from scenefw.data.modules import StackData
+from scenefw.learning.callbacks import LossTable, ProgressBar, Snapshots
+from scenefw.learning.checkpoint import save_checkpoint
+from scenefw.learning.shape_instance import ShapeInstanceLearning
+from scenefw.learning.trainer import TrainerSettings
+
+_STATE, _WEIGHTS, _TABLE = "last.ckpt", "simstack.safetensors", "losses.csv"
+
+
+class Train:
+    """Trains in a stable folder and exports the weights (`run=train`).
+
+    Args:
+        learning: what a step does, with its network and losses.
+        data: the scenes.
+        trainer: how long and on what.
+        output: folder of this run, where weights and the table of losses end up.
+        folder: keeps the state of the training; one found there is gone on with.
+        fresh: start anew even if there is one.
+        snapshot_minutes: time between snapshots.
+        snapshot_steps: steps between snapshots instead, if given.
+        log_every: steps between rows of the table of losses.
+        half: export weights as float16.
+    """
+
+    def __init__(
+        self,
+        learning: ShapeInstanceLearning,
+        data: StackData,
+        trainer: TrainerSettings,
+        output: Path | str,
+        folder: Path | str,
+        snapshot_minutes: float = 3.0,
+        snapshot_steps: int | None = None,
+        log_every: int = 20,
+        *,
+        fresh: bool = False,
+        half: bool = True,
+    ) -> None:
+        self.learning, self.data, self.trainer = learning, data, trainer
+        self.output, self.folder = Path(output), Path(folder)
+        self.snapshot_minutes, self.snapshot_steps = snapshot_minutes, snapshot_steps
+        self.log_every, self.fresh, self.half = log_every, fresh, half
+
+    def run(self) -> Mapping[str, Any]:
+        """Trains until a limit of the trainer; returns steps, time and the last scores.
+
+        Raises:
+            CheckpointError: the folder holds a training with other settings.
+            StorageError: a folder can't be written.
+        """
+        require_writable(self.output)
+        require_writable(self.folder)
+        state = self.folder / _STATE
+        trainer = self.trainer.build(self.folder, self._callbacks(state))
+        resumed = state.exists() and not self.fresh
+        try:
+            trainer.fit(self.learning, self.data, ckpt_path=str(state) if resumed else None)
+        except (RuntimeError, KeyError, EOFError) as error:
+            if not resumed or self.learning.batches_seen:
+                raise
+            raise _unusable(state, error) from error
+        if trainer.interrupted:
+            raise KeyboardInterrupt
+        self._collect()
+        return self._figures(trainer)
+
+    def _callbacks(self, state: Path) -> list[Any]:
+        bar = ProgressBar(None if sys.stdout.isatty() else 60.0)
+        table = LossTable(self.folder / _TABLE, self.log_every)
+        return [
+            bar,
+            table,
+            Snapshots(state, self.snapshot_minutes, self.snapshot_steps, self._export),
+        ]
+
+    def _export(self) -> None:
+        """Writes the averaged weights into the folder of the training."""
+        learning = self.learning
+        facts = {
+            "steps": learning.batches_seen,
+            "samples": learning.batches_seen * self.data.batch_size,
+            "seconds": round(learning.seconds, 1),
+            "scenes": len(self.data.scenes),
+            "batch_size": self.data.batch_size,
+            "learning_rate": learning.learning_rate,
+            "losses": {name: loss.weight for name, loss in learning.losses.items()},
+            "seed": learning.seed,
+        }
+        model = learning.model
+        with learning.averaged():
+            save_checkpoint(
+                self.folder / _WEIGHTS,
+                model,
+                model.recipe,
+                learning.views.grid,
+                facts,
+                half=self.half,
+            )
+
+    def _collect(self) -> None:
+        for name in (_WEIGHTS, _TABLE):
+            if self.folder.resolve() != self.output.resolve():
+                with replacing(self.output / name) as temporary:
+                    shutil.copyfile(self.folder / name, temporary)
+        print(self.output / _WEIGHTS)
+
+    def _figures(self, trainer: Any) -> dict[str, float]:
+        figures = {
+            "train/steps": float(self.learning.batches_seen),
+            "train/seconds": self.learning.seconds,
+            "train/parameters": float(sum(p.numel() for p in self.learning.model.parameters())),
+        }
+        return figures | {n: float(v) for n, v in trainer.callback_metrics.items()}
+
+
+def _unusable(state: Path, error: Exception) -> CheckpointError:
+    line = " ".join(str(error).split())
+    return CheckpointError(
+        f"the training in {state} can't be gone on with ({line[:200]}); it was damaged or made with "
+        "other settings: give run.fresh=true to start anew, or another run.folder"
+    )
