@@ -1,19 +1,22 @@
 """Predicted instances against hand-labelled real depth images (overlap, boundary, object count)."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
-from scenefw.core.errors import InputError
+from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import Float64, Frame, Int32, SceneEstimate
+from scenefw.data.readers import find_images, read_frame
 from scenefw.evaluation.depth_components import DepthComponents
 from scenefw.metrics.masks import MaskScores, mask_scores
 from scenefw.perception.points import world_points
 
-Tracker = Callable[[Sequence[Frame], str], Iterable[Frame]]
+Tracker = Callable[[Sequence[Path], str], Iterable[Path]]
 
 # Whole Object Segmentation Database, depth only (Xie et al. 2021, UOIS-Net-3D).
 PUBLISHED = {"overlap_f": 0.833, "boundary_f": 0.712}
@@ -28,14 +31,21 @@ class Estimator(Protocol):
 
 @dataclass(frozen=True)
 class ImageResult:
-    """One labelled image: the method's scores, the reference's, and what they were scored on."""
+    """One labelled image.
+
+    Args:
+        name: of the image.
+        scores: of the method.
+        reference: scores of the segmentation without learning.
+        labels: (H, W) int16 of `true` (-1 = unknown), `method` and `reference`.
+        colour: (H, W, 3) uint8 or None.
+    """
 
     name: str
     scores: MaskScores
     reference: MaskScores
-    labels: Int32
-    reference_labels: Int32
-    frame: Frame
+    labels: Mapping[str, NDArray[np.int16]]
+    colour: NDArray[np.uint8] | None = None
 
 
 @dataclass(frozen=True)
@@ -65,65 +75,72 @@ class RealMasks:
     from the image and not from the silhouettes of voxels.
 
     Args:
-        frames: images to score; those without labels are left out.
+        input: a labelled depth image or a folder of them; those without labels are left out.
         method: makes the scenes.
         reference: segments the same images without learning.
         margin: points up to this height above the floor belong to no object (m).
         reach: how far outside a predicted object a seen point may lie and still be its (voxels).
         tolerance: see `metrics.masks.mask_scores`.
+
+    Raises:
+        ConfigError: no input is given.
     """
 
     def __init__(
         self,
-        frames: Sequence[Frame],
+        input: str | Path | None,  # noqa: A002 - named as the setting on the command line
         method: Estimator,
         reference: DepthComponents,
         margin: float = 0.005,
         reach: float = 2.0,
         tolerance: float = 0.003,
     ) -> None:
-        self.frames = frames
+        if input is None:
+            raise ConfigError(
+                "evaluation=osd needs input=FOLDER of labelled depth images (.npz with `label`)"
+            )
+        self.input = Path(input)
         self.method = method
         self.reference = reference
         self.margin = margin
         self.reach = reach
         self.tolerance = tolerance
 
-    def run(self, track: Tracker = lambda frames, _: frames) -> RealMaskResult:
+    def run(self, track: Tracker = lambda paths, _: paths) -> RealMaskResult:
         """Scores every labelled image; `track` wraps the loop in a progress bar.
 
         Raises:
             InputError: no image has labels, or no labelled image could be used.
         """
-        labelled = [frame for frame in self.frames if frame.labels is not None]
-        if not labelled:
+        paths = find_images(self.input)
+        images, failures = [], []
+        for path in track(paths, "labelled images"):
+            try:
+                frame = read_frame(path)
+                if frame.labels is not None:
+                    images.append(self._score(frame, frame.labels))
+            except InputError as error:
+                failures.append((path.stem, str(error)))
+        if not images and failures:
+            raise InputError(f"no labelled image could be used; the first: {failures[0][1]}")
+        if not images:
             raise InputError(
-                f"none of the {len(self.frames)} images has labels; this evaluation needs a "
+                f"none of the {len(paths)} images in {self.input} has labels; this needs a "
                 "`label` array beside the depth (input=FOLDER of labelled .npz files)"
             )
-        images, failures = [], []
-        for frame in track(labelled, "labelled images"):
-            try:
-                images.append(self._score(frame))
-            except InputError as error:
-                failures.append((frame.name, str(error)))
-        if not images:
-            raise InputError(f"no labelled image could be used; the first: {failures[0][1]}")
         return RealMaskResult(tuple(images), tuple(failures))
 
-    def _score(self, frame: Frame) -> ImageResult:
+    def _score(self, frame: Frame, true: Int32) -> ImageResult:
         estimate = self.method.estimate(frame)
-        true = frame.labels
-        assert true is not None  # `run` keeps labelled frames alone
         ours = seen_instances(estimate, self.margin, self.reach)
         plain = self.reference.segment(estimate.frame)
+        labels = {"true": true, "method": ours, "reference": plain}
         return ImageResult(
             frame.name,
             mask_scores(ours, true, self.tolerance),
             mask_scores(plain, true, self.tolerance),
-            ours,
-            plain,
-            frame,
+            {name: image.astype(np.int16) for name, image in labels.items()},
+            frame.colour,
         )
 
 

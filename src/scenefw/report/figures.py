@@ -34,29 +34,24 @@ COLOURS = ("#4477cc", "#dd7733", "#339966", "#bb4477", "#8866bb", "#aa9922", "#3
 
 
 def read_curves(path: Path | str) -> dict[str, Curve]:
-    """Curves by name from a CSV file of training figures: (step, value) of every filled cell.
-
-    The file has a column `step` (or `epoch`) and a column per figure; empty cells are skipped, as a
-    logger that writes training and validation figures at different steps leaves them.
+    """Curves (step, value) by name from the table that training writes: a row per step and name.
 
     Raises:
-        StorageError: the file can't be read or has no such column.
+        StorageError: the file can't be read or is no such table.
     """
+    curves: dict[str, list[tuple[float, float]]] = {}
     try:
         with Path(path).open(newline="", encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
-    except (OSError, UnicodeDecodeError) as error:
-        raise StorageError(f"cannot read training figures {path}: {error}") from error
-    if not rows:
-        return {}
-    key = next((k for k in ("step", "epoch") if k in rows[0]), None)
-    if key is None:
-        raise StorageError(f"{path} has no column `step` or `epoch`; was it written by training?")
-    names = [name for name in rows[0] if name not in {"step", "epoch", None}]
-    curves = {
-        name: [(float(r[key]), float(r[name])) for r in rows if r.get(name)] for name in names
-    }
-    return {name: curve for name, curve in curves.items() if curve}
+            for row in csv.DictReader(file):
+                curves.setdefault(row["name"], []).append((float(row["step"]), float(row["value"])))
+    except OSError as error:
+        raise StorageError(f"cannot read the losses {path}: {error.strerror}") from error
+    except (KeyError, TypeError, ValueError) as error:
+        raise StorageError(
+            f"{path} is no table of losses with columns step, name and value ({error}); give the "
+            "losses.csv of a training"
+        ) from error
+    return dict(curves)
 
 
 def loss_figure(curves: Mapping[str, Curve], *, width: float = 4.2, height: float = 2.6) -> str:

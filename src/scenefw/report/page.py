@@ -1,59 +1,17 @@
 """The report of a run: one HTML page with its pictures beside it."""
 
 import html
-import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from scenefw.core.files import write_text
+from scenefw.report.blocks import Block, Drawing, Picture, Section, Text
+from scenefw.report.publication import publish
+from scenefw.report.record import command_line, read_record
 from scenefw.report.tables import Table, to_html
 
 _STYLE = Path(__file__).with_name("page.css")
-
-
-@dataclass(frozen=True)
-class Text:
-    """A paragraph."""
-
-    text: str
-
-
-@dataclass(frozen=True)
-class Drawing:
-    """A figure as SVG, with a line below it."""
-
-    svg: str
-    caption: str = ""
-
-
-@dataclass(frozen=True)
-class Picture:
-    """An image file in the folder of the page, with a line below it and files that belong to it.
-
-    Args:
-        path: relative to the page.
-        caption: one line.
-        links: (text, path relative to the page), e.g. of meshes.
-        shareable: False for pictures of data that must not be published.
-    """
-
-    path: str
-    caption: str = ""
-    links: tuple[tuple[str, str], ...] = ()
-    shareable: bool = True
-
-
-Block = Text | Drawing | Picture | Table
-
-
-@dataclass(frozen=True)
-class Section:
-    """A heading and what stands below it."""
-
-    title: str
-    blocks: tuple[Block, ...]
 
 
 class Page:
@@ -61,10 +19,13 @@ class Page:
 
     Args:
         title: heading of the page.
+        publish: also write the sections as Markdown to this file, e.g. docs/results/osd.md;
+            pictures of data that must not be published are left out. None = don't.
     """
 
-    def __init__(self, title: str = "scenefw") -> None:
+    def __init__(self, title: str = "scenefw", publish: str | Path | None = None) -> None:
         self.title = title
+        self.publish = Path(publish) if publish else None
 
     def write(self, folder: Path, sections: Sequence[Section], figures: Mapping[str, Any]) -> Path:
         """Writes the page and returns its path.
@@ -83,6 +44,8 @@ class Page:
         body += [_figures(figures), _settings(folder / "config.yaml"), _versions(record)]
         target = folder / "report.html"
         write_text(target, _document(self.title, "\n".join(filter(None, body))))
+        if self.publish:
+            publish(self.publish, self.title, sections, folder, record)
         return target
 
 
@@ -182,14 +145,3 @@ def _folded(title: str, body: str) -> str:
     return (
         f"<details><summary>{html.escape(title)}</summary><div class=scroll>{body}</div></details>"
     )
-
-
-def read_record(folder: Path) -> dict[str, Any]:
-    """What the run's folder says of it: seed, versions, command line (`run.json`), or nothing."""
-    path = folder / "run.json"
-    return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-
-
-def command_line(record: Mapping[str, Any]) -> str:
-    """The command of a run's record as one would type it."""
-    return " ".join(["python -m scenefw", *record.get("command", ())])

@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from scenefw.core.files import replacing, write_text
-from scenefw.report.page import Block, Drawing, Picture, Section, Text, command_line
+from scenefw.report.blocks import Block, Drawing, Picture, Section, Text
+from scenefw.report.record import command_line
 from scenefw.report.tables import Table, to_markdown
 
 _GREY = "#808890"  # reads on white and on black: GitHub shows drawings on either

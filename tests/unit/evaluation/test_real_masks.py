@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenefw.core.errors import InputError
+from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.geometry import look_at, transform_points
 from scenefw.core.types import Camera, Frame, GridSpec, SceneEstimate
 from scenefw.evaluation.depth_components import DepthComponents
@@ -44,13 +44,16 @@ def _estimate(frame, resolution, boxes=BOXES):
 
 
 class _Method:
-    def __init__(self, resolution=64, fails=()):
-        self.resolution, self.fails = resolution, fails
+    """Knows scene and camera; finds no floor in images with a hole in the first pixel."""
 
     def estimate(self, frame):
-        if frame.name in self.fails:
+        if frame.depth[0, 0] == 0:
             raise InputError("no floor")
-        return _estimate(frame, self.resolution)
+        return _estimate(replace(frame, camera=CAMERA), 64)
+
+
+def _save(path, frame, **arrays):
+    np.savez(path, depth=frame.depth, K=CAMERA.matrix, **arrays)
 
 
 @pytest.mark.parametrize("resolution", [32, 64])
@@ -82,23 +85,45 @@ def test_floor_distant_points_and_holes_belong_to_nothing():
     assert np.mean(seen_instances(box)[frame.labels == 2] > 0) < 0.2  # only what is within reach
 
 
-def test_run_gives_means_of_method_and_reference():
-    frames = [_frame(), replace(_frame(), name="bad"), replace(_frame(), labels=None)]
-    result = RealMasks(frames, _Method(fails={"bad"}), DepthComponents(smallest=50)).run()
+def test_run_gives_means_of_method_and_reference(tmp_path):
+    frame = _frame()
+    hole = frame.depth.copy()
+    hole[0, 0] = 0
+    _save(tmp_path / "a.npz", frame, instances=frame.labels)
+    _save(tmp_path / "b.npz", replace(frame, depth=hole), instances=frame.labels)
+    _save(tmp_path / "c.npz", frame)
+    result = RealMasks(tmp_path, _Method(), DepthComponents(smallest=50)).run()
     figures = result.figures
-    assert figures["images"] == 1
-    assert figures["failures"] == 1
-    assert result.failures == (("bad", "no floor"),)
+    assert (figures["images"], figures["failures"]) == (1, 1)
+    assert result.failures == (("b", "no floor"),)
     assert figures["overlap_f"] == result.images[0].scores.overlap_f > 0.95
     assert figures["count_error"] == 0
     assert figures["reference/count_error"] == result.images[0].reference.count_error
     assert {"boundary_f", "objects_f75", "reference/boundary_f"} <= set(figures)
 
 
-def test_without_labels_or_usable_images_one_line_says_so():
+def test_the_whole_folder_is_followed_by_a_bar(tmp_path):
     frame = _frame()
-    unlabelled = RealMasks([replace(frame, labels=None)], _Method(), DepthComponents())
-    with pytest.raises(InputError, match="none of the 1 images has labels"):
-        unlabelled.run()
+    for name in "ab":
+        _save(tmp_path / f"{name}.npz", frame, instances=frame.labels)
+    seen = []
+
+    def track(paths, what):
+        seen.append((len(paths), what))
+        return paths
+
+    RealMasks(tmp_path, _Method(), DepthComponents()).run(track)
+    assert seen == [(2, "labelled images")]
+
+
+def test_unusable_input_is_one_line(tmp_path):
+    frame = _frame()
+    with pytest.raises(ConfigError, match="input=FOLDER"):
+        RealMasks(None, _Method(), DepthComponents())
+    _save(tmp_path / "a.npz", frame)
+    with pytest.raises(InputError, match="none of the 1 images"):
+        RealMasks(tmp_path, _Method(), DepthComponents()).run()
+    frame.depth[0, 0] = 0
+    _save(tmp_path / "a.npz", frame, instances=frame.labels)
     with pytest.raises(InputError, match="no floor"):
-        RealMasks([frame], _Method(fails={"boxes"}), DepthComponents()).run()
+        RealMasks(tmp_path, _Method(), DepthComponents()).run()

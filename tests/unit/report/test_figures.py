@@ -7,10 +7,12 @@ import pytest
 from scenefw.core.errors import StorageError
 from scenefw.report.figures import bin_figure, loss_figure, read_curves
 
-CSV = """epoch,step,train/loss,train/tsdf,val/loss
-0,10,2.5,1.5,
-0,20,2.0,1.2,
-0,20,,,2.2
+CSV = """step,epoch,seconds,name,value
+10,0,1.5,train/loss,2.5
+10,0,1.5,train/tsdf,1.5
+20,0,3.0,train/loss,2.0
+20,0,3.0,train/tsdf,1.2
+20,0,3.1,val/loss,2.2
 """
 
 
@@ -19,7 +21,7 @@ def _texts(svg):
     return {"".join(e.itertext()).strip() for e in root.iter("{http://www.w3.org/2000/svg}text")}
 
 
-def test_curves_skip_cells_that_a_logger_left_empty(tmp_path):
+def test_curves_by_name(tmp_path):
     path = tmp_path / "metrics.csv"
     path.write_text(CSV)
     curves = read_curves(path)
@@ -32,7 +34,7 @@ def test_unusable_files_are_named(tmp_path):
         read_curves(tmp_path / "none.csv")
     odd = tmp_path / "odd.csv"
     odd.write_text("a,b\n1,2\n")
-    with pytest.raises(StorageError, match="no column"):
+    with pytest.raises(StorageError, match="no table of losses"):
         read_curves(odd)
     empty = tmp_path / "empty.csv"
     empty.write_text("")

@@ -4,7 +4,8 @@ import json
 import re
 from html.parser import HTMLParser
 
-from scenefw.report.page import Drawing, Page, Picture, Section, Text
+from scenefw.report.blocks import Drawing, Picture, Section, Text
+from scenefw.report.page import Page
 from scenefw.report.tables import Column, Table
 
 TABLE = Table("Figures", (Column("a"),), (("ours <1>", (1.0,)),))
@@ -79,3 +80,10 @@ def test_page_without_a_record(tmp_path):
     text = Page("bare").write(tmp_path, [], {}).read_text()
     assert "bare" in text
     assert "Settings" not in text
+
+
+def test_publishing_writes_the_document_too(tmp_path):
+    target = tmp_path / "docs" / "results.md"
+    Page("A run", publish=target).write(_folder(tmp_path), [Section("R", (TABLE,))], {})
+    assert target.read_text().startswith("# A run")
+    assert "| ours <1> | 1.000 |" in target.read_text()

@@ -2,7 +2,7 @@
 
 import re
 
-from scenefw.report.page import Drawing, Picture, Section, Text
+from scenefw.report.blocks import Drawing, Picture, Section, Text
 from scenefw.report.publication import publish
 from scenefw.report.tables import Column, Table
 

@@ -1,0 +1,118 @@
+"""A few test views with what a method makes of them, to be looked at."""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from scipy.optimize import linear_sum_assignment
+
+from scenefw.core import rng
+from scenefw.core.protocols import Reconstructor
+from scenefw.core.types import Camera, Float32, GridSpec, Int32
+from scenefw.data.stacks import StackScenes
+from scenefw.data.views import ViewBatch, ViewMaker
+
+_STREAM = 5  # of views; evaluation has its own
+
+
+@dataclass(frozen=True)
+class Example:
+    """One view of one scene, its truth and a prediction.
+
+    Args:
+        name: of the scene.
+        grid: the voxel grid of all volumes.
+        depth: (H, W) z-depth (m).
+        camera: that saw it.
+        partial: (X, Y, Z) partial TSDF (m).
+        tsdf: (X, Y, Z) predicted (m).
+        instances: (X, Y, Z) predicted labels; those that fit a true object have its label.
+        true_tsdf: (X, Y, Z) metres.
+        true_instances: (X, Y, Z) labels.
+    """
+
+    name: str
+    grid: GridSpec
+    depth: Float32
+    camera: Camera
+    partial: Float32
+    tsdf: Float32
+    instances: Int32
+    true_tsdf: Float32
+    true_instances: Int32
+
+
+class Examples:
+    """Views that do not depend on how many of them are made.
+
+    Args:
+        scenes: of the split to show.
+        views: makes views of them.
+        method: completes them.
+        count: how many scenes, spread evenly over the split.
+        seed: of viewpoints and codes.
+        device: where volumes and views are computed.
+    """
+
+    def __init__(
+        self,
+        scenes: StackScenes,
+        views: ViewMaker,
+        method: Reconstructor,
+        count: int = 4,
+        seed: int = 0,
+        device: str = "cpu",
+    ) -> None:
+        self.scenes = scenes
+        self.views = views
+        self.method = method
+        self.count = count
+        self.seed = seed
+        self.device = device
+
+    def make(self) -> tuple[Example, ...]:
+        """The examples, in the order of their scenes."""
+        chosen = np.linspace(0, len(self.scenes) - 1, min(self.count, len(self.scenes)))
+        return tuple(self._example(int(i)) for i in np.unique(chosen.astype(int)))
+
+    @torch.no_grad()
+    def _example(self, scene: int) -> Example:
+        parameters = self.scenes.parameters([scene], self.device)
+        view = self.views.make(parameters, [rng.generator(self.seed, _STREAM, scene)])
+        codes = torch.Generator().manual_seed(rng.torch_seed(self.seed, _STREAM, scene))
+        grid = self.views.grid
+        tsdf, instances = self.method.reconstruct(view.partial, grid, 1, codes)[0]
+        true = view.volumes.instances[0].cpu().numpy()
+        return Example(
+            f"scene {int(self.scenes.indices[scene])}",
+            grid,
+            view.depth[0].cpu().numpy(),
+            _camera(view),
+            view.partial.distance[0, 0].cpu().numpy(),
+            tsdf[0].cpu().numpy(),
+            like_truth(instances[0].cpu().numpy(), true),
+            view.volumes.tsdf[0, 0].cpu().numpy(),
+            true,
+        )
+
+
+def like_truth(instances: Int32, true: Int32) -> Int32:
+    """Predicted labels renumbered: those matched to a true object by overlap have its label."""
+    ids, truths = np.unique(instances[instances > 0]), np.unique(true[true > 0])
+    overlap = np.array([[np.sum((instances == i) & (true == j)) for j in truths] for i in ids])
+    labels: dict[int, int] = {}
+    if overlap.size:
+        pairs = zip(*linear_sum_assignment(overlap, maximize=True), strict=True)
+        labels = {int(ids[r]): int(truths[c]) for r, c in pairs if overlap[r, c] > 0}
+    unused = itertools.count(int(truths.max(initial=0)) + 1)
+    renumbered = np.zeros_like(instances)
+    for i in ids.tolist():
+        renumbered[instances == i] = labels[i] if i in labels else next(unused)
+    return renumbered
+
+
+def _camera(view: ViewBatch) -> Camera:
+    fx, fy, cx, cy = view.cameras.intrinsics[0].tolist()
+    pose = view.cameras.T_world_camera[0].double().cpu().numpy()
+    return Camera(view.cameras.width, view.cameras.height, fx, fy, cx, cy, pose)

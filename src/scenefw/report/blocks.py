@@ -1,0 +1,48 @@
+"""What pages and documents are made of: text, drawings, pictures and tables, in sections."""
+
+from dataclasses import dataclass
+
+from scenefw.report.tables import Table
+
+
+@dataclass(frozen=True)
+class Text:
+    """A paragraph."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure as SVG, with a line below it."""
+
+    svg: str
+    caption: str = ""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """An image file in the folder of the page, with a line below it and files that belong to it.
+
+    Args:
+        path: relative to the page.
+        caption: one line.
+        links: (text, path relative to the page), e.g. of meshes.
+        shareable: False for pictures of data that must not be published.
+    """
+
+    path: str
+    caption: str = ""
+    links: tuple[tuple[str, str], ...] = ()
+    shareable: bool = True
+
+
+Block = Text | Drawing | Picture | Table
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading and what stands below it."""
+
+    title: str
+    blocks: tuple[Block, ...]
