@@ -19,6 +19,7 @@ if TYPE_CHECKING:
         Pose,
         Scene,
         SceneObject,
+        SceneParameters,
         ShapeInstanceBatch,
         ShapeInstancePrediction,
         TriangleMesh,
@@ -70,6 +71,13 @@ class SceneSource(Protocol):
 
     def generate(self, index: int, seed: int) -> Scene | None:
         """Attempt number `index` of the data set `seed`; None if the attempt failed."""
+
+
+class Representation(Protocol):
+    """A volume that describes scenes (group `representation`)."""
+
+    def of_scenes(self, parameters: SceneParameters, grid: GridSpec) -> Tensor:
+        """(B, C, X, Y, Z) of B scenes, on the device of the parameters."""
 
 
 class Renderer(Protocol):

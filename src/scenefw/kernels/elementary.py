@@ -1,8 +1,8 @@
 """Exponential and logarithm in float32, inlined on the CPU, where the library calls cost most.
 
-Polynomials of the Cephes library (Moshier), relative error about 2e-7, for arguments that need no
-care: `exp` saturates at 2^-126 and 2^126, `log` takes normal positive numbers. CUDA and its
-simulator use their own functions.
+Polynomials of the Cephes library (Moshier), relative error below 4e-6 (exp) and 2e-7 (log), for
+arguments that need no care: `exp` saturates at 2^-126 and 2^126, `log` takes normal positive
+numbers. CUDA and its simulator use their own functions.
 """
 
 import math
@@ -18,15 +18,23 @@ _ROOT_2 = np.float32(math.sqrt(2))
 _RANGE = np.float32(126)
 _ROUNDED_BIAS = np.float32(127.5)
 _E1, _E2, _E3, _E4, _E5, _E6 = (
-    np.float32(c)
-    for c in (1.9875691500e-4, 1.3981999507e-3, 8.3334519073e-3)
-    + (4.1665795894e-2, 1.6666665459e-1, 5.0000001201e-1)
+    np.float32(1.9875691500e-4),
+    np.float32(1.3981999507e-3),
+    np.float32(8.3334519073e-3),
+    np.float32(4.1665795894e-2),
+    np.float32(1.6666665459e-1),
+    np.float32(5.0000001201e-1),
 )
 _L1, _L2, _L3, _L4, _L5, _L6, _L7, _L8, _L9 = (
-    np.float32(c)
-    for c in (7.0376836292e-2, -1.1514610310e-1, 1.1676998740e-1)
-    + (-1.2420140846e-1, 1.4249322787e-1, -1.6668057665e-1)
-    + (2.0000714765e-1, -2.4999993993e-1, 3.3333331174e-1)
+    np.float32(7.0376836292e-2),
+    np.float32(-1.1514610310e-1),
+    np.float32(1.1676998740e-1),
+    np.float32(-1.2420140846e-1),
+    np.float32(1.4249322787e-1),
+    np.float32(-1.6668057665e-1),
+    np.float32(2.0000714765e-1),
+    np.float32(-2.4999993993e-1),
+    np.float32(3.3333331174e-1),
 )
 _BIAS, _MANTISSA_BITS = np.int32(127), np.int32(23)
 _MANTISSA, _ONE_BITS = np.int32(0x7FFFFF), np.int32(0x3F800000)
@@ -38,7 +46,7 @@ def exp(x: float) -> float:
 
 
 def log(x: float) -> float:
-    """ln x, x > 0."""
+    """Natural logarithm of x > 0."""
     return math.log(x)
 
 

@@ -15,7 +15,7 @@ _TINY = np.float32(1e-12)
 
 @element
 def _local(objects, scene, item, dx, dy, dz):  # noqa: ANN001, ANN202
-    """An offset from the object's centre in its frame, moved to the octant of positive coordinates."""
+    """An offset from the object's centre in its frame, moved to the octant x, y, z >= 0."""
     px = (
         objects[scene, item, 9] * dx + objects[scene, item, 12] * dy + objects[scene, item, 15] * dz
     )
@@ -34,7 +34,7 @@ def _local(objects, scene, item, dx, dy, dz):  # noqa: ANN001, ANN202
 
 @element
 def _distance(objects, scene, item, px, py, pz, limit):  # noqa: ANN001, ANN202
-    """Signed distance (m) if it is below `limit`, else `limit` or more: far boxes are not solved."""
+    """Signed distance (m), or `limit` or more: what lies far from the box is not solved."""
     ax, ay, az = objects[scene, item, 0], objects[scene, item, 1], objects[scene, item, 2]
     ox, oy, oz = max(px - ax, _ZERO), max(py - ay, _ZERO), max(pz - az, _ZERO)
     outside = ox * ox + oy * oy + oz * oz
@@ -46,7 +46,7 @@ def _distance(objects, scene, item, px, py, pz, limit):  # noqa: ANN001, ANN202
 
 @element
 def _nearest(objects, scene, x, y, z, truncation):  # noqa: ANN001, ANN202
-    """Signed distance of the nearest object, at most `truncation`, and its label if it holds (x, y, z)."""
+    """Signed distance of the nearest object, cut at `truncation`, and its label if inside."""
     best = truncation
     label = 0
     for item in range(objects.shape[1]):
@@ -98,6 +98,20 @@ def _voxel(i, resolution, objects, grid, tsdf, votes, instances):  # noqa: ANN00
     _fill(scene, cell, x, y, z, objects, grid, tsdf, votes, instances)
 
 
+@element
+def _reached(objects, scene, x, y, truncation):  # noqa: ANN001, ANN202
+    """Whether any object may come within `truncation` of the vertical line through (x, y)."""
+    for item in range(objects.shape[1]):
+        reach = objects[scene, item, 18]
+        if reach > _ZERO:
+            dx = x - objects[scene, item, 6]
+            dy = y - objects[scene, item, 7]
+            reach += truncation
+            if dx * dx + dy * dy < reach * reach:
+                return True
+    return False
+
+
 @loop
 def _voxels(count, resolution, objects, grid, tsdf, votes, instances):  # noqa: ANN001, ANN202
     # By rows along z: unravelling every index costs as much as the voxels that no object reaches.
@@ -106,9 +120,14 @@ def _voxels(count, resolution, objects, grid, tsdf, votes, instances):  # noqa: 
         scene, n = column // resolution, column % resolution
         x, y = _centre(n, 0, grid), _centre(j, 1, grid)
         first = (n * resolution + j) * resolution
-        for k in range(resolution):
-            z = _centre(k, 2, grid)
-            _fill(scene, first + k, x, y, z, objects, grid, tsdf, votes, instances)
+        if _reached(objects, scene, x, y, grid[4]):
+            for k in range(resolution):
+                z = _centre(k, 2, grid)
+                _fill(scene, first + k, x, y, z, objects, grid, tsdf, votes, instances)
+        else:
+            tsdf[scene, first : first + resolution] = grid[4]
+            votes[scene, :, first : first + resolution] = _ZERO
+            instances[scene, first : first + resolution] = 0
 
 
 scene_voxels = Kernel(_voxel, _voxels)

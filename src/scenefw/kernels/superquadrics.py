@@ -41,7 +41,7 @@ def signed_distance(px, py, pz, ax, ay, az, rx, ry, rz, limit):  # noqa: ANN001,
 
 @element
 def is_inside(ux, uy, uz, rx, ry, rz):  # noqa: ANN001, ANN201
-    """Whether a point u >= 0, in units of the half-axes, lies inside, as `signed_distance` has it."""
+    """Whether a point u >= 0, in units of the half-axes, lies inside."""
     if max(ux, uy, uz) >= _ONE:
         return False
     vx = exp(rx * log(max(ux, _NEAR)))

@@ -22,7 +22,7 @@ def scene_volumes(parameters: SceneParameters, grid: GridSpec) -> SceneVolumes:
         Volumes on the device of the parameters, shapes as in `SceneVolumes`.
 
     Raises:
-        InputError: tensors don't fit together.
+        InputError: tensors don't fit together, or a present object is no convex solid.
     """
     objects = _table(parameters)
     batch, cells = len(objects), grid.resolution**3
@@ -42,7 +42,7 @@ def object_occupancy(parameters: SceneParameters, grid: GridSpec) -> Tensor:
     """Whether each voxel centre lies in each object: (B, N, X, Y, Z) bool, False where absent.
 
     Raises:
-        InputError: tensors don't fit together.
+        InputError: tensors don't fit together, or a present object is no convex solid.
     """
     objects = _table(parameters)
     batch, count = objects.shape[:2]
@@ -56,8 +56,9 @@ def object_occupancy(parameters: SceneParameters, grid: GridSpec) -> Tensor:
 def _table(p: SceneParameters) -> Tensor:
     """All objects as rows (B, N, 19); the bounding radius of an absent one is 0."""
     _require_shapes(p)
+    _require_solids(p)
     rotations = p.rotations.flatten(2)
-    radius = torch.linalg.vector_norm(p.half_axes, dim=-1) * p.present
+    radius = torch.linalg.vector_norm(p.half_axes, dim=-1)
     columns = [p.half_axes, p.exponents, p.positions, rotations, radius[..., None]]
     table = torch.cat([column.float() for column in columns], dim=-1)
     return torch.where(p.present[..., None], table, torch.zeros_like(table)).contiguous()
@@ -78,6 +79,21 @@ def _require_shapes(p: SceneParameters) -> None:
                 f"{name} of the scenes has shape {found}, expected (B, N, ...) = {shape} as "
                 f"`present` is {batch}; stack scenes into one batch of equally many objects"
             )
+
+
+def _require_solids(p: SceneParameters) -> None:
+    positive = (p.half_axes > 0) & torch.isfinite(p.half_axes)
+    convex = (p.exponents >= 1) & torch.isfinite(p.exponents)
+    placed = torch.isfinite(p.positions) & torch.isfinite(p.rotations).all(-1)
+    bad = p.present & ~(positive & convex & placed).all(-1)
+    if bad.any():
+        scene, item = bad.nonzero()[0].tolist()
+        raise InputError(
+            f"object {item} of scene {scene} has half-axes {p.half_axes[scene, item].tolist()}, "
+            f"exponents {p.exponents[scene, item].tolist()}, position "
+            f"{p.positions[scene, item].tolist()}; expected finite numbers, half-axes > 0 (m) and "
+            "exponents >= 1: mend it, or mark the object as not present"
+        )
 
 
 def _grid_tensor(grid: GridSpec, like: Tensor) -> Tensor:
