@@ -94,6 +94,7 @@ def test_version(scenefw):
         ("sed=1", "seed"),
         ("experiement=simstack", "experiment"),
         ("seed=[1", "key=value"),
+        ("renderer=null", "~renderer"),
         ("seed=${sede}", "sede"),
     ],
 )

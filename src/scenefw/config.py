@@ -66,7 +66,7 @@ def compose(overrides: Sequence[str] = ()) -> DictConfig:
     try:
         with hydra.initialize_config_dir(str(conf_dir()), job_name="scenefw", version_base="1.3"):
             return hydra.compose(ROOT_CONFIG, list(overrides))
-    except (HydraException, OmegaConfBaseException) as error:
+    except (HydraException, OmegaConfBaseException, ValueError) as error:
         raise ConfigError(squash(error)) from error
     finally:
         GlobalHydra.instance().hydra = running
@@ -116,6 +116,8 @@ def _unknown_option(override: Override, options: Mapping[str, Sequence[str]]) ->
     group = override.key_or_group
     if group not in options or override.is_delete():
         return None
+    if override.value() is None:
+        return f"{group}=null names no option; ~{group} leaves the group out"
     for name in _chosen(override):
         if name not in options[group]:
             return f"group {group} has no option '{name}'; {near_misses(name, options[group])}"
