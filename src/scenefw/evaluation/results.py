@@ -1,0 +1,126 @@
+"""What an evaluation of reconstructions found, view by view, and its summaries."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+VISIBILITY_EDGES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 1.0)
+
+
+@dataclass(frozen=True)
+class ViewScores:
+    """Scores of all methods on one view.
+
+    Args:
+        scene: number of the scene in its data set.
+        view: number of the view.
+        visibility: visible area of the true surface over its whole area.
+        floors: what the Chamfer distances of the truth to itself are, by name.
+        methods: scores by method and name, means over the samples of the view.
+    """
+
+    scene: int
+    view: int
+    visibility: float
+    floors: Mapping[str, float]
+    methods: Mapping[str, Mapping[str, float]]
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Mean and standard deviation over views, and how many views those are."""
+
+    mean: float
+    sigma: float
+    count: int
+
+
+@dataclass(frozen=True)
+class ReconstructionResult:
+    """Scores of every view of every scene.
+
+    Names of scores: chamfer_visible, chamfer_full, chamfer_full_dense (m) with `_floor` (the truth
+    sampled twice) and `_excess` over it, fscore_1cm, normal_consistency, occupancy_bce (hard
+    occupancies averaged over samples), occupancy_bce_probability (nats), occupancy_iou,
+    hidden_coverage, instance_iou, panoptic_quality, instance_recall, count_error, count_excess.
+
+    Args:
+        views: scores by view.
+        methods: names, the main one first.
+        samples: latent samples per view.
+        seed: of views, codes and points.
+    """
+
+    views: tuple[ViewScores, ...]
+    methods: tuple[str, ...]
+    samples: int
+    seed: int
+
+    @property
+    def scenes(self) -> int:
+        """Number of scenes."""
+        return len({view.scene for view in self.views})
+
+    @property
+    def visibility(self) -> NDArray[np.float64]:
+        """Visible share of the true surface of each view."""
+        return np.array([view.visibility for view in self.views])
+
+    def names(self, method: str) -> tuple[str, ...]:
+        """Names of a method's scores, in the order they were made, floors after what they floor."""
+        names = []
+        for name in self.views[0].methods[method]:
+            names.append(name)
+            if name in self.views[0].floors:
+                names += [f"{name}_floor", f"{name}_excess"]
+        return tuple(names)
+
+    def values(self, method: str, name: str) -> NDArray[np.float64]:
+        """A score of each view; NaN where a view has none."""
+        if name.endswith("_floor"):
+            return np.array([view.floors[name.removesuffix("_floor")] for view in self.views])
+        if name.endswith("_excess") and name.removesuffix("_excess") in self.views[0].floors:
+            base = name.removesuffix("_excess")
+            return self.values(method, base) - self.values(method, f"{base}_floor")
+        return np.array([view.methods[method].get(name, np.nan) for view in self.views])
+
+    def summary(
+        self, method: str, name: str, visibility: tuple[float, float] | None = None
+    ) -> Summary:
+        """Mean and sigma over views, or over those with low <= visible share < high."""
+        values = self.values(method, name)
+        if visibility is not None:
+            low, high = visibility
+            values = values[(self.visibility >= low) & (self.visibility < high)]
+        values = values[np.isfinite(values)]
+        if not len(values):
+            return Summary(float("nan"), float("nan"), 0)
+        return Summary(float(values.mean()), float(values.std()), len(values))
+
+    def by_visibility(
+        self, method: str, name: str, edges: Sequence[float] = VISIBILITY_EDGES
+    ) -> tuple[tuple[float, float, Summary], ...]:
+        """(low, high, summary) of each bin of the visible share that holds views."""
+        bins = [
+            (low, high, self.summary(method, name, (low, high))) for low, high in pairwise(edges)
+        ]
+        return tuple(row for row in bins if row[2].count)
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """Means over views by name; other methods than the main one as `<method>/<name>`."""
+        found = {}
+        for method in self.methods:
+            prefix = "" if method == self.methods[0] else f"{method}/"
+            for name in self.names(method):
+                if prefix and name.endswith("_floor"):
+                    continue  # that of the truth, the same for all
+                summary = self.summary(method, name)
+                if summary.count:
+                    found[prefix + name] = summary.mean
+        counts = {"scenes": self.scenes, "views": len(self.views), "samples": self.samples}
+        shares = {"visibility": float(self.visibility.mean())}
+        return found | shares | {name: float(count) for name, count in counts.items()}
