@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
-import numpy as np
 import torch
 
 from scenefw.core import rng
 from scenefw.core.protocols import Reconstructor
 from scenefw.core.types import GridSpec, PartialTSDF, SceneEstimate
 from scenefw.kernels.cameras import stack_cameras
+from scenefw.perception.carving import carve, whole_objects
 from scenefw.perception.doctor import Doctor
 from scenefw.perception.floor import Floor, FloorFinder
 from scenefw.perception.objects import estimate_objects
@@ -20,8 +20,6 @@ from scenefw.postprocessing.confidence import confidences
 from scenefw.postprocessing.surfaces import instance_meshes
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from torch import Tensor
 
     from scenefw.core.protocols import MappingMethod
@@ -153,29 +151,12 @@ class Pipeline:
             details,
         )
 
-    def _samples(self, partial: PartialTSDF) -> Sequence[Sample]:
-        """TSDF (X, Y, Z) and instances (X, Y, Z) of each code."""
+    def _samples(self, partial: PartialTSDF) -> list[Sample]:
+        """TSDF (X, Y, Z) and instances (X, Y, Z) of each code, without contradictions."""
         generator = torch.Generator().manual_seed(rng.torch_seed(self.seed))
         samples = self.reconstructor.reconstruct(partial, self.grid, self.samples, generator)
         cleaned = []
         for tsdf, instances in samples:
-            distance, labels = tsdf[0], instances[0]
-            if self.carve:
-                distance = self._carved(distance, partial)
-                labels = torch.where(distance < 0, labels, 0).to(torch.int32)
-            cleaned.append((distance, labels))
+            shape = carve(tsdf[0], partial, self.grid) if self.carve else tsdf[0]
+            cleaned.append(whole_objects(shape, instances[0], self.grid))
         return cleaned
-
-    def _carved(self, tsdf: Tensor, partial: PartialTSDF) -> Tensor:
-        """The TSDF without what lies below the floor or in space that was seen to be free.
-
-        A projective distance is never smaller than the true one, so only its sign is used, a voxel
-        and more in front of the surface.
-        """
-        voxel = self.grid.voxel_size
-        heights = self.grid.centres()[0, 0, :, 2]
-        below = torch.from_numpy(-heights.astype(np.float32)).to(tsdf.device)
-        seen = partial.distance[0, 0].to(tsdf.device)
-        free = partial.observed[0, 0].to(tsdf.device) & (seen > voxel)
-        carved = torch.where(free, torch.maximum(tsdf, torch.full_like(tsdf, voxel / 2)), tsdf)
-        return torch.maximum(carved, below).clamp(max=self.grid.truncation)

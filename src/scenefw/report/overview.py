@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_WIDTH, _HEIGHT = 480, 360  # of drawn pictures (pixels)
+_WIDTH, _HEIGHT = 600, 450  # of drawn pictures (pixels)
 _DPI = 200
 _INK = "#333333"
 _TURN_OF_PARTIAL = 70.0
@@ -102,7 +102,7 @@ def _figure(
         [_SEEN],
     )
 
-    figure = Figure(figsize=(11, 8.6))
+    figure = Figure(figsize=(9.4, 7.35))
     grid = figure.add_gridspec(
         2, 6, height_ratios=(2, 3.0), left=0.01, right=0.99, top=0.93, bottom=0.075,
         wspace=0.04, hspace=0.10,
@@ -112,7 +112,9 @@ def _figure(
     _show_colour(top[0], frame, rows, columns)
     _show_depth(top[1], frame, rows, columns)
     _show(
-        top[2], draw(seen, turned(camera, points, _TURN_OF_PARTIAL)), "seen surface, from the side"
+        top[2],
+        draw(seen, turned(camera, points, _TURN_OF_PARTIAL)),
+        "partial TSDF: what was seen, from the side",
     )
     _show(bottom[0], draw(solid, camera), "predicted objects, from the camera")
     _show(bottom[1], draw(solid, turned(camera, points, _TURN_BEHIND)), "from behind")
@@ -150,7 +152,7 @@ def _above_floor(partial: Float32, grid: GridSpec) -> Float32:
 
 
 def _show(axes: "Axes", picture: NDArray[Any], title: str) -> None:
-    axes.imshow(picture, interpolation="lanczos")
+    axes.imshow(picture, interpolation="antialiased")
     _dress(axes, title)
 
 
@@ -184,14 +186,14 @@ def _dress(axes: "Axes", title: str) -> None:
     axes.set_xticks(())
     axes.set_yticks(())
     axes.spines[:].set_visible(False)
-    axes.set_title(title, fontsize=10.5, color=_INK, loc="left", pad=4)
+    axes.set_title(title, fontsize=9.5, color=_INK, loc="left", pad=4)
 
 
 def _title(figure: "Figure", estimate: SceneEstimate) -> None:
     count = len(estimate.objects)
     name = estimate.frame.name or "scene"
     text = f"{name}: {count} object{'' if count == 1 else 's'}"
-    figure.text(0.01, 0.972, text, fontsize=15, color=_INK, weight="bold", va="center")
+    figure.text(0.01, 0.972, text, fontsize=14, color=_INK, weight="bold", va="center")
 
 
 def _legend(figure: "Figure", estimate: SceneEstimate, colours: Sequence[Colour]) -> None:
@@ -200,6 +202,6 @@ def _legend(figure: "Figure", estimate: SceneEstimate, colours: Sequence[Colour]
     for index, (item, colour) in enumerate(shown):
         x, y = 0.012 + index % 5 * 0.198, 0.05 - index // 5 * 0.03
         size = " x ".join(f"{100 * side:.0f}" for side in item.extents)
-        figure.text(x, y, "\u25a0", fontsize=14, color=colour, va="center")
+        figure.text(x, y, "\u25a0", fontsize=12, color=colour, va="center")
         text = f"{item.id}   {size} cm   {item.confidence:.0%}"
-        figure.text(x + 0.018, y, text, fontsize=9, color=_INK, va="center")
+        figure.text(x + 0.018, y, text, fontsize=8, color=_INK, va="center")

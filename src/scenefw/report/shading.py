@@ -17,6 +17,8 @@ from scenefw.report.palette import Colour
 Picture = NDArray[np.float32]
 
 _SUPERSAMPLING = 2
+_FLOOR_REACH = 0.8  # m
+_FLOOR_SAMPLES = 320
 _FILLED = 0.8  # of the picture
 _GREY = (0.62, 0.62, 0.62)
 _FLOOR = (0.90, 0.90, 0.91)
@@ -71,7 +73,7 @@ def draw(solid: Solid, camera: Camera, *, reach: float = 0.62) -> Picture:
     labels[on_object] = _smooth_labels(solid, points[on_object])
     picture = np.ones((*depth.shape, 3), dtype=np.float32)
     colour = _base_colours(solid, labels[hit], points[hit], is_floor[hit])
-    light = _light(solid, points[hit], normals[hit], fine)
+    light = _light(solid, points[hit], normals[hit], is_floor[hit], fine)
     shaded = np.clip(colour * light, 0, 1)
     fade = _fade(points[hit], is_floor[hit], reach)[:, None]
     picture[hit] = shaded * (1 - fade) + fade
@@ -146,18 +148,44 @@ def _base_colours(
     return colour
 
 
-def _light(solid: Solid, points: Float32, normals: Float32, camera: Camera) -> Float32:
-    """Brightness (N, 1) from a key light with shadow, the sky, and the occlusion of both."""
+def _light(
+    solid: Solid, points: Float32, normals: Float32, is_floor: NDArray[np.bool_], camera: Camera
+) -> Float32:
+    """Brightness (N, 1) of points on objects and floor."""
     right, down, forward = camera.T_world_camera[:3, :3].T
     key = -0.55 * right - 0.5 * down - 0.35 * forward + np.array([0.0, 0.0, 0.9])
     key = (key / np.linalg.norm(key)).astype(np.float32)
     field = _far_distance(solid)
-    lifted = points + np.float32(0.004) * normals
+    brightness = np.empty(len(points), dtype=np.float32)
+    objects = ~is_floor
+    brightness[objects] = _brightness(field, solid.grid, points[objects], normals[objects], key)
+    brightness[is_floor] = _floor_brightness(field, solid.grid, points[is_floor], key)
+    return brightness[:, None]
+
+
+def _floor_brightness(field: Float32, grid: GridSpec, points: Float32, key: Float32) -> Float32:
+    """Brightness of floor points (N, 3), read off a map: it varies slowly and pixels are many."""
+    axis = np.linspace(-_FLOOR_REACH, _FLOOR_REACH, _FLOOR_SAMPLES, dtype=np.float32)
+    x, y = np.meshgrid(axis, axis)
+    cells = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
+    up = np.broadcast_to(np.array([0, 0, 1], dtype=np.float32), cells.shape)
+    light = _brightness(field, grid, cells, up, key).reshape(1, 1, len(axis), len(axis))
+    where = torch.from_numpy(points[:, :2] / np.float32(_FLOOR_REACH))[None, :, None]
+    found = functional.grid_sample(
+        torch.from_numpy(light), where, padding_mode="border", align_corners=True
+    )
+    return found.view(-1).numpy()
+
+
+def _brightness(
+    field: Float32, grid: GridSpec, points: Float32, normals: Float32, key: Float32
+) -> Float32:
+    """Brightness (N,) from a key light with shadow, the sky, and the occlusion of both."""
     lambert = np.clip(normals @ key, 0, 1)
-    shadow = _shadow(field, solid.grid, lifted, key)
-    occlusion = _occlusion(field, solid.grid, points, normals)
+    shadow = _shadow(field, grid, points + np.float32(0.004) * normals, key)
     sky = 0.5 + 0.5 * normals[:, 2]
-    return ((0.36 + 0.22 * sky) * occlusion + 0.52 * lambert * shadow)[:, None]
+    ambient = (0.36 + 0.22 * sky) * _occlusion(field, grid, points, normals)
+    return (ambient + 0.52 * lambert * shadow).astype(np.float32)
 
 
 def _far_distance(solid: Solid) -> Float32:

@@ -1,0 +1,110 @@
+import json
+
+import numpy as np
+import pytest
+import torch
+from tests.unit.perception.synthetic import STACK, camera_at, frame_of
+
+from scenefw.core.errors import InputError
+from scenefw.core.types import GridSpec, PartialTSDF
+from scenefw.export.summary import plain
+from scenefw.mapping.projective import Projective
+from scenefw.perception.pipeline import Pipeline
+
+
+class KnownBoxes:
+    """Answers with the true boxes, turned into the frame that the pipeline has found."""
+
+    def __init__(self, grid, boxes=STACK):
+        self.grid = grid
+        self.metadata = {"made": "by hand"}
+        self.boxes = boxes
+        self.seen = []
+
+    def reconstruct(self, partial, grid, samples, generator):
+        self.seen.append((partial, torch.rand(1, generator=generator).item()))
+        fields = np.stack([self._distance(grid, box) for box in self.boxes])
+        tsdf = fields.min(axis=0).clip(-grid.truncation, grid.truncation)
+        instances = np.where(tsdf < 0, fields.argmin(axis=0) + 1, 0)
+        pair = (torch.from_numpy(tsdf).float()[None], torch.from_numpy(instances).int()[None])
+        return [pair] * samples
+
+    @staticmethod
+    def _distance(grid, box):
+        """Signed distance of a box, exact (Quilez)."""
+        lower, upper = np.array(box.lower), np.array(box.upper)
+        q = np.abs(grid.centres() - (lower + upper) / 2) - (upper - lower) / 2
+        return np.linalg.norm(q.clip(min=0), axis=-1) + q.max(axis=-1).clip(max=0)
+
+
+# Seen along +y, so that the frame that is found differs by a shift along y alone.
+CAMERA = camera_at(eye=(0.0, -0.85, 0.6))
+
+
+@pytest.mark.parametrize("resolution", [32, 64])
+def test_objects_of_a_known_scene(resolution):
+    grid = GridSpec(resolution=resolution)
+    pipeline = Pipeline(KnownBoxes(grid), Projective(), samples=3)
+    estimate = pipeline.estimate(frame_of(CAMERA, noise=0.001))
+    assert [item.id for item in estimate.objects] == [1, 2]
+    below, above = estimate.objects
+    assert below.confidence > 0.9
+    np.testing.assert_allclose(np.sort(below.extents), (0.12, 0.16, 0.20), atol=1.2 / resolution)
+    np.testing.assert_allclose(above.pose.position[2], 0.16, atol=1 / resolution)
+    assert estimate.tsdf.shape == estimate.instances.shape == grid.shape
+    json.dumps(plain(estimate.details), allow_nan=False)
+
+
+@pytest.mark.parametrize("resolution", [32, 64])
+def test_partial_tsdf_is_zero_on_seen_surfaces(resolution):
+    grid = GridSpec(resolution=resolution)
+    method = KnownBoxes(grid)
+    frame = frame_of(CAMERA)
+    view = Pipeline(method, Projective()).prepare(frame)
+    truth, _ = method.reconstruct(view.partial, grid, 1, torch.Generator())[0]
+    partial: PartialTSDF = view.partial
+    x, y, z = np.moveaxis(grid.centres(), -1, 0)
+    top = (np.abs(x) < 0.03) & (y > 0.0) & (y < 0.04) & (np.abs(z - 0.2) < 1.5 * grid.voxel_size)
+    assert top.sum() >= 2
+    seen = partial.distance[0, 0].numpy()
+    assert partial.observed[0, 0].numpy()[top & (z > 0.2)].all()
+    assert ((seen > 0) == (truth[0].numpy() > 0))[top].mean() > 0.9
+    floor = (x > 0.2) & (x < 0.3) & (np.abs(y) < 0.2) & (z > 0) & (z < 2 * grid.voxel_size)
+    assert (np.abs(seen[floor]) < 4 * grid.voxel_size).all()
+
+
+def test_same_image_same_estimate():
+    grid = GridSpec(resolution=32)
+    method = KnownBoxes(grid)
+    pipeline = Pipeline(method, Projective(), seed=7)
+    frame = frame_of(CAMERA)
+    first, second = pipeline.estimate(frame), pipeline.estimate(frame)
+    np.testing.assert_array_equal(first.tsdf, second.tsdf)
+    assert method.seen[0][1] == method.seen[1][1]
+    other = KnownBoxes(grid)
+    Pipeline(other, Projective(), seed=8).estimate(frame)
+    assert other.seen[0][1] != method.seen[0][1]
+
+
+def test_carving_can_be_switched_off():
+    grid = GridSpec(resolution=32)
+    ghost = (*STACK, type(STACK[0])((-0.1, -0.35, 0.05), (0.1, -0.25, 0.2)))
+    frame = frame_of(CAMERA)
+    carved = Pipeline(KnownBoxes(grid, ghost), Projective()).estimate(frame)
+    kept = Pipeline(KnownBoxes(grid, ghost), Projective(), carve=False).estimate(frame)
+    assert len(carved.objects) == 2
+    assert len(kept.objects) == 3
+
+
+def test_a_network_that_sees_nothing_gives_no_object():
+    grid = GridSpec(resolution=32)
+    far = (type(STACK[0])((5, 5, 5), (6, 6, 6)),)
+    estimate = Pipeline(KnownBoxes(grid, far), Projective()).estimate(frame_of(CAMERA))
+    assert estimate.objects == ()
+
+
+def test_unusable_images_stop_before_the_network():
+    method = KnownBoxes(GridSpec(resolution=32))
+    with pytest.raises(InputError, match="nothing stands"):
+        Pipeline(method, Projective()).estimate(frame_of(CAMERA, boxes=()))
+    assert method.seen == []

@@ -1,0 +1,69 @@
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+from scenefw.core.geometry import look_at
+from scenefw.core.types import (
+    Camera,
+    Frame,
+    GridSpec,
+    ObjectEstimate,
+    Pose,
+    SceneEstimate,
+    TriangleMesh,
+)
+from scenefw.report.overview import window, write_overview
+
+
+def estimate_of(resolution=32, objects=1, colour=True):
+    grid = GridSpec(resolution=resolution)
+    camera = Camera(160, 120, 180.0, 180.0, 79.5, 59.5, look_at((0, -0.9, 0.6), (0, 0, 0.1)))
+    distance = np.linalg.norm(grid.centres() - (0, 0, 0.12), axis=-1) - 0.12
+    tsdf = np.clip(distance, -grid.truncation, grid.truncation).astype(np.float32)
+    ball = trimesh.creation.icosphere(radius=0.12)
+    mesh = TriangleMesh(ball.vertices + np.array((0, 0, 0.12)), np.array(ball.faces))
+    pose = Pose(np.array((0, 0, 0.12)), np.array([1.0, 0, 0, 0]))
+    items = tuple(ObjectEstimate(i + 1, mesh, pose, np.full(3, 0.24), 0.9) for i in range(objects))
+    depth = np.full((120, 160), 0.9, dtype=np.float32)
+    depth[:5] = 0
+    picture = np.full((120, 160, 3), 90, dtype=np.uint8) if colour else None
+    frame = Frame(depth, camera, picture, name="ball")
+    labels = (tsdf < 0).astype(np.int32) * (objects > 0)
+    return SceneEstimate(items, grid, tsdf, labels, frame, {})
+
+
+@pytest.mark.parametrize(("objects", "colour"), [(1, True), (0, True), (1, False), (13, True)])
+def test_overview_is_a_picture_with_the_objects_colour(tmp_path, objects, colour):
+    estimate = estimate_of(objects=objects, colour=colour)
+    colours = [(0.0, 0.4, 0.9)] * objects
+    write_overview(tmp_path / "o.png", estimate, estimate.tsdf, colours)
+    picture = np.asarray(Image.open(tmp_path / "o.png").convert("RGB")).astype(int)
+    assert min(picture.shape[:2]) > 1000
+    blue = picture[..., 2] - picture[..., 0] > 100
+    lower = picture.shape[0] // 2
+    if objects:
+        assert blue[lower:].mean() > 0.03
+    else:
+        assert blue[lower:].mean() < 0.03
+    assert [path.name for path in tmp_path.iterdir()] == ["o.png"]
+
+
+def test_window_shows_the_objects_in_the_pictures_proportions():
+    estimate = estimate_of()
+    rows, columns = window(estimate, aspect=4 / 3)
+    height, width = rows.stop - rows.start, columns.stop - columns.start
+    assert width / height == pytest.approx(4 / 3, rel=0.03)
+    pose = estimate.frame.camera.T_world_camera
+    local = (estimate.objects[0].mesh.vertices - pose[:3, 3]) @ pose[:3, :3]
+    pixels = local[:, :2] / local[:, 2:] * 180 + (79.5, 59.5)
+    assert (pixels > (columns.start, rows.start)).all()
+    assert (pixels < (columns.stop, rows.stop)).all()
+    assert rows.start >= 0
+    assert columns.start >= 0
+    assert rows.stop <= 120
+    assert columns.stop <= 160
+
+
+def test_window_without_objects_is_the_image():
+    assert window(estimate_of(objects=0)) == (slice(0, 120), slice(0, 160))

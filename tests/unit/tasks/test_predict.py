@@ -1,0 +1,148 @@
+import json
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+from tests.unit.perception.synthetic import camera_at, frame_of
+from tests.unit.perception.test_pipeline import KnownBoxes
+
+from scenefw.core.errors import ConfigError, InputError, StorageError
+from scenefw.core.types import GridSpec
+from scenefw.learning.checkpoint import save_checkpoint
+from scenefw.mapping.projective import Projective
+from scenefw.models.shape_instance_vae import ShapeInstanceVAE
+from scenefw.perception.pipeline import Pipeline
+from scenefw.tasks.predict import Predict
+
+CAMERA = camera_at(eye=(0.0, -0.85, 0.6), size=(160, 120))
+
+
+@pytest.fixture
+def pipeline():
+    return Pipeline(KnownBoxes(GridSpec(resolution=32)), Projective(), samples=2)
+
+
+def save(path, scale=1000.0, **changes):
+    frame = frame_of(CAMERA)
+    content = {"depth_mm": np.rint(frame.depth * scale), "K": CAMERA.matrix} | changes
+    path.parent.mkdir(parents=True, exist_ok=True)
+    np.savez(path, **content)
+    return path
+
+
+def names(folder):
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+
+
+def test_one_image_gives_all_files(tmp_path, pipeline):
+    image = save(tmp_path / "in" / "view.npz")
+    colour = np.full((120, 160, 3), 120, dtype=np.uint8)
+    Image.fromarray(colour).save(tmp_path / "in" / "view.rgb.png")
+    figures = Predict(image, pipeline, tmp_path / "out").run()
+    files = ["object_01.ply", "object_02.ply", "overview.png", "scene.glb", "scene.json"]
+    assert names(tmp_path / "out") == [f"view/{name}" for name in files]
+    assert figures["images"] == 1
+    assert figures["failed"] == 0
+    assert figures["objects_per_image"] == 2
+    scene = json.loads((tmp_path / "out" / "view" / "scene.json").read_text())
+    assert {"objects", "camera", "floor", "versions", "warnings"} <= scene.keys()
+    for item in scene["objects"]:
+        assert {"id", "centre", "extents", "pose", "confidence", "mesh"} <= item.keys()
+        mesh = trimesh.load(tmp_path / "out" / "view" / item["mesh"])
+        assert mesh.is_watertight
+        np.testing.assert_allclose(mesh.center_mass, item["centre"], atol=1e-4)
+
+
+def test_a_bad_image_does_not_lose_the_others(tmp_path, pipeline, capsys):
+    for name in ("a", "c"):
+        save(tmp_path / "in" / f"{name}.npz")
+    save(tmp_path / "in" / "b.npz", depth_mm=np.zeros((120, 160)))
+    (tmp_path / "in" / "d.npz").write_bytes(b"PK")
+    figures = Predict(tmp_path / "in", pipeline, tmp_path / "out", overview=False).run()
+    assert (figures["images"], figures["failed"]) == (4, 2)
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["a", "c"]
+    told = capsys.readouterr().err
+    assert "b.npz: depth of b.npz has no measurement" in told
+    assert "d.npz: cannot read" in told
+
+
+def test_all_bad_is_an_error_of_one_line(tmp_path, pipeline):
+    for name in ("a", "b"):
+        save(tmp_path / "in" / f"{name}.npz", depth_mm=np.zeros((120, 160)))
+    with pytest.raises(InputError, match=r"none of 2 images is usable; the first, .*a\.npz"):
+        Predict(tmp_path / "in", pipeline, tmp_path / "out").run()
+    with pytest.raises(InputError, match=r"^depth of a\.npz has no measurement"):
+        Predict(tmp_path / "in" / "a.npz", pipeline, tmp_path / "out").run()
+    assert names(tmp_path / "out") == []
+
+
+def test_a_rerun_replaces_the_folder(tmp_path, pipeline):
+    image = save(tmp_path / "view.npz")
+    task = Predict(image, pipeline, tmp_path / "out", overview=False)
+    task.run()
+    (tmp_path / "out" / "view" / "object_09.ply").write_text("of an earlier run")
+    task.run()
+    assert "object_09.ply" not in {path.name for path in (tmp_path / "out" / "view").iterdir()}
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["view"]
+
+
+def test_a_failure_half_way_leaves_nothing(tmp_path, pipeline, monkeypatch):
+    def full(*_):
+        raise StorageError("cannot write: no space left on device")
+
+    monkeypatch.setattr("scenefw.tasks.predict.write_summary", full)
+    with pytest.raises(StorageError, match="no space"):
+        Predict(save(tmp_path / "view.npz"), pipeline, tmp_path / "out").run()
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_images_of_one_name_get_folders_of_their_own(tmp_path, pipeline):
+    save(tmp_path / "in" / "one" / "view.npz")
+    save(tmp_path / "in" / "two" / "view.npz")
+    frame = frame_of(CAMERA)
+    Image.fromarray(np.rint(frame.depth * 1000).astype(np.uint16)).save(
+        tmp_path / "in" / "two" / "view.png"
+    )
+    np.savetxt(tmp_path / "in" / "two" / "intrinsics.txt", CAMERA.matrix)
+    figures = Predict(tmp_path / "in", pipeline, tmp_path / "out", overview=False).run()
+    assert figures["failed"] == 0
+    found = sorted(
+        str(p.parent.relative_to(tmp_path / "out")) for p in (tmp_path / "out").rglob("scene.json")
+    )
+    assert found == ["one/view", "two/view_npz", "two/view_png"]
+
+
+def test_settings_are_checked(tmp_path, pipeline):
+    with pytest.raises(ConfigError, match="input=PATH"):
+        Predict(None, pipeline, tmp_path)
+    with pytest.raises(ConfigError, match="depth_scale"):
+        Predict(tmp_path, pipeline, tmp_path, depth_scale=0)
+
+
+def test_output_that_cannot_be_written(tmp_path, pipeline):
+    image = save(tmp_path / "view.npz")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StorageError, match="cannot write"):
+        Predict(image, pipeline, tmp_path / "file" / "out").run()
+
+
+def test_command_line(tmp_path, scenefw):
+    """The whole way from the command line, with an untrained network of a small grid."""
+    grid = GridSpec(resolution=16)
+    widths = [4] * 5
+    model = ShapeInstanceVAE(16, 1, 8, 8, widths, widths, widths, 4, 4)
+    recipe = {"_target_": "scenefw.models.shape_instance_vae.ShapeInstanceVAE", **model.recipe}
+    save_checkpoint(tmp_path / "net.safetensors", model, recipe, grid)
+    image = save(tmp_path / "view.npz")
+    words = ["experiment=simstack", "run=predict", "paths.output=out", "device=cpu"]
+    done = scenefw(*words, f"input={image}", "checkpoint=net.safetensors")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == str(tmp_path / "out")
+    assert (tmp_path / "out" / "view" / "scene.json").exists()
+    save(tmp_path / "bad.npz", depth_mm=np.full((120, 160), 0.8))
+    done = scenefw(*words, f"input={tmp_path / 'bad.npz'}", "checkpoint=net.safetensors")
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("error: depth of bad.npz has a median of 0.8 mm")
+    assert not (tmp_path / "out" / "bad").exists()
