@@ -3,19 +3,18 @@
 from itertools import combinations
 
 import numpy as np
-from scipy.optimize import minimize
 
 from scenefw.core.types import Scene, SceneObject
 from scenefw.shapes.hulls import sphere_points
 from scenefw.shapes.superquadric import Array, Superquadric
 
 
-def deepest_penetration(scene: Scene, directions: int = 2000) -> float:
+def deepest_penetration(scene: Scene, directions: int = 1000) -> float:
     """Largest depth (m) by which two superquadrics, or one and the floor, cut into each other.
 
-    Negative when nothing touches: then minus the narrowest gap. For convex bodies the depth is the
-    smallest move that parts them: the minimum over directions of the overlap of their shadows
-    (support functions), found by a local search from the best of `directions`.
+    For convex bodies the depth is the smallest move that parts them: the minimum over directions of
+    the overlap of their shadows (support functions), found by a local search from the best of
+    `directions`. Negative when nothing touches: then minus a lower bound of the narrowest gap.
     """
     depths = [-_lowest(item) for item in scene.objects]
     depths += [_overlap(a, b, directions) for a, b in combinations(scene.objects, 2)]
@@ -29,22 +28,31 @@ def _lowest(item: SceneObject) -> float:
 
 def _overlap(a: SceneObject, b: SceneObject, directions: int) -> float:
     between = b.pose.position - a.pose.position
+    gap = np.linalg.norm(between) - _radius(a) - _radius(b)
+    if gap > 0:
+        return -float(gap)
 
     def shadow(normals: Array) -> Array:
         return _reach(a, normals) + _reach(b, -normals) - normals @ between
 
     faces = np.concatenate([a.pose.rotation.T, b.pose.rotation.T])
     normals = np.concatenate([sphere_points(directions), faces, -faces])
-    values = shadow(normals)
-    best = normals[np.argmin(values)]
-    # The minimum has kinks for box-like shapes, so the search uses no derivatives.
-    found = minimize(
-        lambda n: float(shadow((n / np.linalg.norm(n))[None])[0]),
-        best,
-        method="Nelder-Mead",
-        options={"xatol": 1e-5, "fatol": 1e-7, "initial_simplex": best + 0.02 * np.eye(4, 3)},
-    )
-    return min(float(values.min()), float(found.fun))
+    best = normals[np.argmin(shadow(normals))]
+    # The minimum has kinks for box-like shapes, so the search uses no derivatives: it looks around
+    # the best so far in ever smaller circles.
+    around = sphere_points(100)
+    for radius in 0.1 * 0.4 ** np.arange(10):
+        normals = np.concatenate([best[None], best + radius * around])
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        values = shadow(normals)
+        best = normals[np.argmin(values)]
+    return float(values.min())
+
+
+def _radius(item: SceneObject) -> float:
+    """Radius of a ball about the object's centre that holds it (m)."""
+    shape = item.shape
+    return float(np.linalg.norm(shape.half_axes)) if isinstance(shape, Superquadric) else np.inf
 
 
 def _reach(item: SceneObject, normals: Array) -> Array:

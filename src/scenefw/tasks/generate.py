@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from scenefw.core.errors import ConfigError
+from scenefw.core.errors import ConfigError, StorageError
 from scenefw.core.files import require_writable
 from scenefw.core.protocols import SceneSource
 from scenefw.scenes import statistics
@@ -71,7 +71,7 @@ class Generate:
 
     def run(self) -> dict[str, float]:
         """Generates what is missing, merges it; returns the numbers of scenes and objects."""
-        facts = {"seed": self.seed, "recipe": recipe(self.source), "versions": _versions()}
+        facts = {"seed": self.seed, "recipe": recipe(self.source), "versions": versions()}
         folder = require_writable(Path(self.shards) / _digest(facts))
         require_writable(self.output)
         starts = range(0, self.attempts, self.shard_size)
@@ -139,8 +139,14 @@ def recipe(component: Any) -> Any:
 
 
 def _whole(path: Path) -> bool:
-    """Whether a shard is there; its manifest is written last."""
-    return path.exists() and path.with_suffix(".json").exists()
+    """Whether a shard is finished and undamaged; its manifest is written last."""
+    if not path.with_suffix(".json").exists():
+        return False
+    try:
+        load_scenes(path)
+    except StorageError:
+        return False
+    return True
 
 
 def _digest(facts: dict[str, Any]) -> str:
@@ -148,7 +154,8 @@ def _digest(facts: dict[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
+    """Versions of the packages that decide how scenes come out."""
     found = {}
     for package in _SIMULATORS:
         try:
