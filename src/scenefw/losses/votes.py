@@ -8,15 +8,33 @@ from scenefw.core.types import ShapeInstanceBatch, ShapeInstancePrediction
 class VoteLoss:
     """L2 norm of the difference of predicted and true centre votes (thesis eq. 5.14).
 
+    Objects fill some 2 % of a grid, so that in the plain mean a network that votes for nothing at
+    all does well for a long time; `object_share` gives the voxels of objects a share of the loss.
+
     Args:
         weight: factor of this term in the total.
         epsilon: added under the root (squared), so that the gradient of a perfect vote is finite.
+        object_share: share of the loss that voxels of objects have together, free voxels the rest;
+            None: every voxel counts the same, as in the thesis.
     """
 
-    def __init__(self, weight: float = 1.0, epsilon: float = 1e-3) -> None:
-        self.weight, self.epsilon = weight, epsilon
+    def __init__(
+        self, weight: float = 1.0, epsilon: float = 1e-3, object_share: float | None = None
+    ) -> None:
+        self.weight, self.epsilon, self.object_share = weight, epsilon, object_share
 
     def __call__(self, prediction: ShapeInstancePrediction, batch: ShapeInstanceBatch) -> Tensor:
-        """A scalar, the mean over voxels."""
-        squared = (prediction.votes.float() - batch.votes.float()).square().sum(dim=1)
-        return ((squared + self.epsilon**2).sqrt() - self.epsilon).mean()
+        """A scalar, the (weighted) mean over voxels."""
+        truth = batch.votes.float()
+        squared = (prediction.votes.float() - truth).square().sum(dim=1)
+        error = (squared + self.epsilon**2).sqrt() - self.epsilon
+        if self.object_share is None:
+            return error.mean()
+        inside = (truth.square().sum(dim=1) > 0.5).to(error.dtype)  # votes are unit vectors, or 0
+        return self.object_share * _mean(error, inside) + (1 - self.object_share) * _mean(
+            error, 1 - inside
+        )
+
+
+def _mean(error: Tensor, weight: Tensor) -> Tensor:
+    return (error * weight).sum() / weight.sum().clamp(min=1)
