@@ -4,7 +4,8 @@ Positions are in voxels: 0 is the centre of the first voxel of an axis. Volumes 
 scenes of n^3 values one after the other. `size` is (n, image width, image height), `box` is (voxel
 size, lowest corner x, y, z) in metres. Constants are float32, as a double would widen everything.
 Loops call the per-pixel functions with row and column, as a 64-bit division costs a CPU more than a
-step of a ray.
+step of a ray. Rays march inside `bounds` alone (scene, lowest or highest, axis; in voxels), outside
+which no value is negative.
 """
 
 # Types are inferred at compilation, and numba ignores annotations.
@@ -79,13 +80,13 @@ def direction(intrinsics, poses, scene, u, v):
 
 
 @element
-def _clip(origin, slope, n, enter, leave):
-    """Narrows the part of a ray inside the grid's cube along one axis."""
+def _clip(origin, slope, low, high, enter, leave):
+    """Narrows the part of a ray between two planes along one axis."""
     if abs(slope) < _TINY:
-        outside = origin < -HALF or origin > np.float32(n) - HALF
-        return enter, -ONE if outside else leave
-    first = (-HALF - origin) / slope
-    second = (np.float32(n) - HALF - origin) / slope
+        return enter, -ONE if origin < low or origin > high else leave
+    inverse = ONE / slope
+    first = (low - origin) * inverse
+    second = (high - origin) * inverse
     return max(enter, min(first, second)), min(leave, max(first, second))
 
 
@@ -118,7 +119,7 @@ def _root(volume, base, n, scale, tolerance, start, slope, near, above, far, bel
 
 @element
 def _march(volume, base, n, scale, tolerance, start, slope, t, leave, max_steps):
-    """Distance (voxels) to the first zero along a ray inside the grid, or -1."""
+    """Distance (voxels) to the first zero along a ray between `t` and `leave`, or -1."""
     ox, oy, oz = start
     dx, dy, dz = slope
     last, above = t, -ONE
@@ -143,7 +144,20 @@ def _march(volume, base, n, scale, tolerance, start, slope, t, leave, max_steps)
 
 @element
 def _trace_pixel(
-    scene, u, v, volume, intrinsics, poses, depth, kind, size, box, tolerance, max_steps, floor
+    scene,
+    u,
+    v,
+    volume,
+    bounds,
+    intrinsics,
+    poses,
+    depth,
+    kind,
+    size,
+    box,
+    tolerance,
+    max_steps,
+    floor,
 ):
     n, width, height = size
     voxel, lower_x, lower_y, lower_z = box
@@ -158,15 +172,15 @@ def _trace_pixel(
         (height_above - lower_z) * scale - HALF,
     )
     enter, leave = ZERO, _NEVER
-    enter, leave = _clip(start[0], slope[0], n, enter, leave)
-    enter, leave = _clip(start[1], slope[1], n, enter, leave)
-    enter, leave = _clip(start[2], slope[2], n, enter, leave)
+    for axis in range(3):
+        low, high = bounds[scene, 0, axis], bounds[scene, 1, axis]
+        enter, leave = _clip(start[axis], slope[axis], low, high, enter, leave)
     ground = _NEVER
     if floor and abs(wz) > _TINY and height_above * wz < ZERO:
         ground = -height_above / wz
         leave = min(leave, ground * length * scale)
     hit = -ONE
-    if enter < leave:
+    if enter < leave and bounds[scene, 0, 0] < bounds[scene, 1, 0]:
         base = scene * n * n * n
         hit = _march(
             volume, base, n, scale, tolerance * scale, start, slope, enter, leave, max_steps
@@ -184,25 +198,27 @@ def _trace_pixel(
 
 
 @element
-def _trace(i, volume, intrinsics, poses, depth, kind, size, box, tolerance, max_steps, floor):
+def _trace(
+    i, volume, bounds, intrinsics, poses, depth, kind, size, box, tolerance, max_steps, floor
+):
     row, u = i // size[1], i % size[1]
     _trace_pixel(
         row // size[2], u, row % size[2],
-        volume, intrinsics, poses, depth, kind, size, box, tolerance, max_steps, floor,
+        volume, bounds, intrinsics, poses, depth, kind, size, box, tolerance, max_steps, floor,
     )  # fmt: skip
 
 
 @loop
 def _trace_all(
-    count, volume, intrinsics, poses, depth, kind, size, box, tolerance, max_steps, floor
+    count, volume, bounds, intrinsics, poses, depth, kind, size, box, tolerance, max_steps, floor
 ):
     _, width, height = size
     for lane in prange(_LANES):
         for row in range(lane, count // width, _LANES):
             for u in range(width):
                 _trace_pixel(
-                    row // height, u, row % height,
-                    volume, intrinsics, poses, depth, kind, size, box, tolerance, max_steps, floor,
+                    row // height, u, row % height, volume, bounds, intrinsics, poses,
+                    depth, kind, size, box, tolerance, max_steps, floor,
                 )  # fmt: skip
 
 

@@ -32,7 +32,7 @@ class SphereTracer:
 
     Distances lie at voxel centres and are interpolated trilinearly; beyond the outermost centres
     the field is continued unchanged up to the faces of the cube. Objects which a face cuts are seen
-    there as solid.
+    there as solid. Only the box around negative values is marched through, at no loss.
 
     Args:
         max_steps: upper bound of steps per ray.
@@ -80,12 +80,30 @@ class SphereTracer:
         depth = torch.empty(size, dtype=torch.float32, device=volume.device)
         kind = torch.empty(depth.numel(), dtype=torch.uint8, device=volume.device)
         rays.trace(
-            depth.numel(), volume, cameras.intrinsics, cameras.T_world_camera, depth.view(-1), kind,
+            depth.numel(), volume, _bounds(volume.view(-1, *grid.shape)),
+            cameras.intrinsics, cameras.T_world_camera, depth.view(-1), kind,
             (grid.resolution, cameras.width, cameras.height),
             float32(grid.voxel_size, *grid.lower), *float32(self.tolerance),
             self.max_steps, self.floor,
         )  # fmt: skip
         return depth, kind
+
+
+def _bounds(volume: Tensor) -> Tensor:
+    """Boxes (B, 2, 3) in voxels outside which interpolated values of (B, X, Y, Z) are positive.
+
+    A box ends a voxel beyond the outermost values that are not, and at most at the cube's faces.
+    Where all are positive its lower end lies above its upper end.
+    """
+    columns = volume.amin(dim=3)
+    lowest = (columns.amin(dim=2), columns.amin(dim=1), volume.amin(dim=(1, 2)))
+    solid = torch.stack(lowest, dim=1) <= 0
+    number = torch.arange(solid.shape[2], device=volume.device)
+    low = torch.where(solid, number, 2 * len(number)).amin(dim=2)
+    high = torch.where(solid, number, -2 * len(number)).amax(dim=2)
+    return torch.stack(
+        [(low - 1.0).clamp(min=-0.5), (high + 1.0).clamp(max=len(number) - 0.5)], dim=1
+    )
 
 
 def _flat(volume: Tensor, grid: GridSpec, cameras: CameraBatch, name: str) -> Tensor:

@@ -4,6 +4,7 @@ import numba
 import numpy as np
 import pytest
 import torch
+from benchmarks.rays import scatter_inverse_rays
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.unit.kernels import analytic
@@ -117,6 +118,19 @@ def test_a_wall_is_as_far_as_its_depth_says(resolution):
     band &= (np.abs(grid.centres()[..., 1:]) < 0.2).all(-1)
     error = np.abs(distance - exact)[band] / grid.voxel_size
     assert error.max() < 0.05
+
+
+@pytest.mark.parametrize(("resolution", "width", "height"), SIZES)
+def test_it_equals_the_same_definition_in_scatter_operations(resolution, width, height):
+    grid, view = GridSpec(resolution=resolution), analytic.camera(width=width, height=height)
+    depth = analytic.depth(analytic.SCENE, view)[None]
+    depth[:, ::7] = 0
+    expected = scatter_inverse_rays(depth, grid, stack_cameras([view])).numpy()
+    distance, _ = fuse(view, grid, depth)
+    error = np.abs(distance - expected) / grid.voxel_size
+    assert (expected < grid.truncation).sum() > 3000
+    assert (error > 1e-3).mean() < 5e-4  # samples that rounding puts into another cell
+    assert error.max() < 0.5
 
 
 @settings(max_examples=15)
