@@ -32,6 +32,7 @@ class Kinect:
         dropout: share of pixels lost at random.
         nearest: no measurement below this depth (m).
         farthest: no measurement beyond this depth (m).
+        share: share of the images that are disturbed; the others pass as they are.
     """
 
     def __init__(
@@ -45,6 +46,7 @@ class Kinect:
         dropout: float = 0.002,
         nearest: float = 0.4,
         farthest: float = 8.0,
+        share: float = 1.0,
     ) -> None:
         _require(baseline != 0, "baseline", baseline, "a distance other than 0 in metres")
         _require(disparity_step > 0, "disparity_step", disparity_step, "pixels above 0")
@@ -53,6 +55,7 @@ class Kinect:
         _require(0 <= grazing_from < grazing_to, "grazing_from", grazing_from, "below grazing_to")
         _require(0 <= dropout <= 1, "dropout", dropout, "a share between 0 and 1")
         _require(0 <= nearest < farthest, "nearest", nearest, "metres below farthest")
+        _require(0 <= share <= 1, "share", share, "a share between 0 and 1")
         self.baseline = baseline
         self.disparity_step = disparity_step
         self.lateral = lateral
@@ -62,6 +65,7 @@ class Kinect:
         self.dropout = dropout
         self.nearest = nearest
         self.farthest = farthest
+        self.share = share
 
     def apply(self, depth: Tensor, cameras: CameraBatch, generator: torch.Generator) -> Tensor:
         """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0, as long as nothing shifts onto it.
@@ -78,7 +82,8 @@ class Kinect:
         stepped = self._steps(noisy, cameras)
         keep = (stepped >= self.nearest) & (stepped <= self.farthest) & (shifted > 0)
         keep &= _uniform(depth, generator) >= self.dropout
-        return torch.where(keep, stepped, 0.0)
+        disturbed = _uniform(depth[:, :1, :1], generator) < self.share
+        return torch.where(disturbed, torch.where(keep, stepped, 0.0), depth)
 
     def _disparity(self, depth: Tensor, cameras: CameraBatch) -> Tensor:
         focal = cameras.intrinsics[:, 0, None, None]

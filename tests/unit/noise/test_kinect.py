@@ -137,3 +137,13 @@ def test_the_generator_decides(seed, z):
 def test_impossible_settings_are_named(settings):
     with pytest.raises(ConfigError, match=next(iter(settings))):
         Kinect(**settings)
+
+
+def test_a_share_of_the_images_passes_as_it_is():
+    depth = wall(1.3).repeat(60, 1, 1)[:, :24, :32]
+    camera = Camera().resized(32, 24)
+    noisy = apply(depth, camera, share=0.5)
+    untouched = (noisy == depth).flatten(1).all(dim=1).sum().item()
+    assert 15 <= untouched <= 45
+    assert (apply(depth, camera, share=0.0) == depth).all()
+    assert not (apply(depth, camera) == depth).flatten(1).all(dim=1).any()
