@@ -1,7 +1,7 @@
-"""Signed distance to superquadrics |x/a1|^r + |y/a2|^s + |z/a3|^t = 1 (eq. 5.1), r, s, t >= 1.
+"""Signed distance to superquadrics |x/a1|^r + |y/a2|^s + |z/a3|^t = 1 (eq. 5.1).
 
-By symmetry a point p >= 0 of one octant is enough. Everything is float32 in logarithms, as u^100
-leaves the range of float32: b_i = ln(p_i / a_i), y_i = ln(q_i / a_i) of a surface point q.
+Exponents are 1.1 or more. By symmetry a point p >= 0 of one octant is enough. Everything is float32
+in logarithms, as u^100 leaves the range of float32: b_i = ln(p_i / a_i), y_i = ln(q_i / a_i) of a surface point q.
 """
 
 import math
@@ -31,9 +31,8 @@ def signed_distance(px, py, pz, ax, ay, az, rx, ry, rz, limit):  # noqa: ANN001,
 
     Distances of `limit` and more may come out as `limit`, which is quicker.
     """
-    bx = log(max(px, _NEAR) / ax)
-    by = log(max(py, _NEAR) / ay)
-    bz = log(max(pz, _NEAR) / az)
+    px, py, pz = max(px, _NEAR), max(py, _NEAR), max(pz, _NEAR)
+    bx, by, bz = log(px / ax), log(py / ay), log(pz / az)
     if max(bx, by, bz) >= _ZERO or exp(rx * bx) + exp(ry * by) + exp(rz * bz) >= _ONE:
         return _outside(px, py, pz, ax, ay, az, rx, ry, rz, bx, by, bz, limit)
     return -_inside(px, py, pz, ax, ay, az, rx, ry, rz, bx, by, bz)
@@ -80,7 +79,7 @@ def _stretch(y, k, r, b):  # noqa: ANN001, ANN202
 def _bounded(y, k, r, b):  # noqa: ANN001, ANN202
     """`y` moved to where the root of h must lie: one term alone makes all, or half, of e^b."""
     high = min(b, (b - k) / (r - _ONE + _NEAR))
-    return max(min(y, high), high - _LN2)
+    return max(min(y, high), high - _LN2 / min(r - _ONE + _NEAR, _ONE))
 
 
 @element
@@ -162,8 +161,10 @@ def _inside(px, py, pz, ax, ay, az, rx, ry, rz, bx, by, bz):  # noqa: ANN001, AN
     damping = _ONE
     for _ in range(_INSIDE_STEPS):
         sx, sy, sz = _step(px, py, pz, qx, qy, qz, ax, ay, az, rx, ry, rz)
-        ex, ey, ez = abs(qx + damping * sx), abs(qy + damping * sy), abs(qz + damping * sz)
-        bx, by, bz = log(max(ex, _NEAR) / ax), log(max(ey, _NEAR) / ay), log(max(ez, _NEAR) / az)
+        ex = max(abs(qx + damping * sx), _NEAR)
+        ey = max(abs(qy + damping * sy), _NEAR)
+        ez = max(abs(qz + damping * sz), _NEAR)
+        bx, by, bz = log(ex / ax), log(ey / ay), log(ez / az)
         c = exp(_radial(bx, by, bz, rx, ry, rz, 3))
         ex, ey, ez = ex * c, ey * c, ez * c
         distance = _length(ex - px, ey - py, ez - pz)
@@ -186,7 +187,7 @@ def _step(px, py, pz, qx, qy, qz, ax, ay, az, rx, ry, rz):  # noqa: ANN001, ANN2
     g and the diagonal H the derivatives of eq. 5.1 and m the multiplier. Where the surface bends
     more than the ball around p, 1 - m H is kept positive, so that the step still descends.
     """
-    ux, uy, uz = max(qx / ax, _NEAR), max(qy / ay, _NEAR), max(qz / az, _NEAR)
+    ux, uy, uz = qx / ax, qy / ay, qz / az
     gx = rx / ax * exp((rx - _ONE) * log(ux))
     gy = ry / ay * exp((ry - _ONE) * log(uy))
     gz = rz / az * exp((rz - _ONE) * log(uz))

@@ -15,7 +15,7 @@ def scene_volumes(parameters: SceneParameters, grid: GridSpec) -> SceneVolumes:
     voxel is labelled by the object in which it lies deepest.
 
     Args:
-        parameters: B scenes of up to N superquadrics, exponents >= 1.
+        parameters: B scenes of up to N superquadrics, exponents >= 1.1.
         grid: the voxel grid, world frame.
 
     Returns:
@@ -83,7 +83,7 @@ def _require_shapes(p: SceneParameters) -> None:
 
 def _require_solids(p: SceneParameters) -> None:
     positive = (p.half_axes > 0) & torch.isfinite(p.half_axes)
-    convex = (p.exponents >= 1) & torch.isfinite(p.exponents)
+    convex = (p.exponents >= 1.1) & torch.isfinite(p.exponents)
     placed = torch.isfinite(p.positions) & torch.isfinite(p.rotations).all(-1)
     bad = p.present & ~(positive & convex & placed).all(-1)
     if bad.any():
@@ -92,7 +92,7 @@ def _require_solids(p: SceneParameters) -> None:
             f"object {item} of scene {scene} has half-axes {p.half_axes[scene, item].tolist()}, "
             f"exponents {p.exponents[scene, item].tolist()}, position "
             f"{p.positions[scene, item].tolist()}; expected finite numbers, half-axes > 0 (m) and "
-            "exponents >= 1: mend it, or mark the object as not present"
+            "exponents >= 1.1: mend it, or mark the object as not present"
         )
 
 

@@ -1,0 +1,45 @@
+"""Occupancy against the implicit function."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from scenefw.core.types import GridSpec, SceneParameters
+from scenefw.representations.occupancy import Occupancy
+
+SCENE = SceneParameters(
+    torch.tensor([[[0.1, 0.05, 0.12], [0.08, 0.15, 0.07], [0.1, 0.1, 0.1]]]),
+    torch.tensor([[[2.0, 90, 7], [30, 2, 2.5], [3, 3, 3]]]),
+    torch.eye(3).expand(1, 3, 3, 3),
+    torch.tensor([[[0.0, 0.05, 0.1], [0.1, -0.1, 0.2], [0, 0, 0.3]]]),
+    torch.tensor([[True, True, False]]),
+)
+
+
+@pytest.mark.parametrize("resolution", [32, 64])
+def test_per_object(resolution):
+    grid = GridSpec(resolution=resolution)
+    occupancy = Occupancy(per_object=True).of_scenes(SCENE, grid)
+    assert occupancy.shape == (1, 3, *grid.shape)
+    for i in range(2):
+        u = np.abs(grid.centres() - SCENE.positions[0, i].numpy()) / SCENE.half_axes[0, i].numpy()
+        with np.errstate(over="ignore"):
+            value = (u ** SCENE.exponents[0, i].numpy()).sum(-1)
+        clear = np.abs(value - 1) > 1e-4
+        assert ((value < 1) == occupancy[0, i].numpy())[clear].all()
+    assert not occupancy[0, 2].any()
+
+
+def test_union():
+    grid = GridSpec(resolution=20)
+    union = Occupancy().of_scenes(SCENE, grid)
+    each = Occupancy(per_object=True).of_scenes(SCENE, grid)
+    assert union.shape == (1, 1, *grid.shape)
+    assert torch.equal(union[:, 0], each[:, 0] | each[:, 1])
+
+
+def test_nobody_there():
+    empty = replace(SCENE, present=torch.zeros(1, 3, dtype=torch.bool))
+    assert not Occupancy().of_scenes(empty, GridSpec(resolution=8)).any()
