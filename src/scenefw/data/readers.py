@@ -199,7 +199,8 @@ def _frame(
     labels: Array | None = None,
 ) -> Frame:
     depth = check_depth(depth, path.name)
-    camera = camera_from_matrix(matrix, *depth.shape, path.name)
+    height, width = depth.shape
+    camera = camera_from_matrix(matrix, height, width, path.name)
     if colour is None:
         colour = _read_colour(path, depth.shape)
     for what, image in (("colour", colour), ("labels", labels)):

@@ -8,6 +8,7 @@ from torch import Tensor
 from scenefw.core.types import GridSpec, PartialTSDF
 
 _SMALLEST = 3e-5  # m^3: less is a splinter, no object
+_SMALLEST_FURTHER = 1e-4  # m^3: of a second part of an instance
 
 
 def carve(tsdf: Tensor, partial: PartialTSDF, grid: GridSpec) -> Tensor:
@@ -30,22 +31,25 @@ def carve(tsdf: Tensor, partial: PartialTSDF, grid: GridSpec) -> Tensor:
 
 
 def whole_objects(tsdf: Tensor, instances: Tensor, grid: GridSpec) -> tuple[Tensor, Tensor]:
-    """TSDF and instances (X, Y, Z) without splinters: connected parts too small for an object.
+    """TSDF and instances (X, Y, Z) in which each instance is in one piece.
 
-    Instances keep their voxels inside the TSDF alone, and are renumbered 1..N in their order. What
-    is inside without an instance is taken away as well.
+    The largest connected part of an instance keeps its place among the labels, which are renumbered
+    1..N; a further part becomes an instance of its own, at the end, if it is large enough for an
+    object. What is left is taken away, as is what is inside without an instance.
     """
     inside = (tsdf < 0).cpu().numpy()
     labels = np.where(inside, instances.cpu().numpy(), 0)
-    kept = np.zeros_like(labels)
-    number = 0
+    first, further = [], []
     for label in np.unique(labels[labels > 0]):
         parts, _ = ndimage.label(labels == label)
-        large = np.bincount(parts.ravel()) * grid.voxel_size**3 >= _SMALLEST
-        large[0] = False
-        if large.any():
-            number += 1
-            kept[large[parts]] = number
+        volumes = np.bincount(parts.ravel())[1:] * grid.voxel_size**3
+        order = np.argsort(-volumes, kind="stable")
+        if volumes[order[0]] >= _SMALLEST:
+            first.append(parts == order[0] + 1)
+        further += [parts == i + 1 for i in order[1:] if volumes[i] >= _SMALLEST_FURTHER]
+    kept = np.zeros(labels.shape, dtype=np.int32)
+    for number, mask in enumerate([*first, *further], start=1):
+        kept[mask] = number
     outside = torch.from_numpy(inside & (kept == 0)).to(tsdf.device)
     shape = torch.where(outside, torch.full_like(tsdf, grid.voxel_size / 2), tsdf)
-    return shape, torch.from_numpy(kept.astype(np.int32)).to(instances.device)
+    return shape, torch.from_numpy(kept).to(instances.device)

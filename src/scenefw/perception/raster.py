@@ -31,9 +31,11 @@ class FloorRaster:
 
     def centres(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
         """World x and y (N, 2) of the centres of cells in a mask (side, side)."""
-        return (np.argwhere(mask) + 0.5) * self.cell - self.reach
+        cells: NDArray[np.float64] = np.argwhere(mask).astype(np.float64)
+        return (cells + 0.5) * self.cell - self.reach
 
-    def _cells(self, points: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+    def _cells(self, points: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
+        """Whether each point is over the raster, and its cell (..., 2), (0, 0) if not."""
         scaled = np.floor((points[..., :2] + self.reach) / self.cell)
-        inside = ((scaled >= 0) & (scaled < self.side)).all(axis=-1)
+        inside = np.all((scaled >= 0) & (scaled < self.side), axis=-1)
         return inside, np.where(inside[..., None], scaled, 0).astype(np.int64)

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_WIDTH, _HEIGHT = 600, 450  # of drawn pictures (pixels)
+_WIDTH, _HEIGHT = 560, 420  # of drawn pictures (pixels)
+_SMALL = (400, 300)
 _DPI = 200
 _INK = "#333333"
 _TURN_OF_PARTIAL = 70.0
@@ -45,7 +46,7 @@ def write_overview(
     figure = _figure(estimate, partial, colours, frame or estimate.frame)
     FigureCanvasAgg(figure)
     with replacing(path) as temporary:
-        figure.savefig(temporary, dpi=_DPI, facecolor="white")
+        figure.savefig(temporary, dpi=_DPI, facecolor="white", pil_kwargs={"compress_level": 4})
 
 
 def window(estimate: SceneEstimate, aspect: float = _WIDTH / _HEIGHT) -> tuple[slice, slice]:
@@ -105,7 +106,7 @@ def _figure(
     figure = Figure(figsize=(9.4, 7.35))
     grid = figure.add_gridspec(
         2, 6, height_ratios=(2, 3.0), left=0.01, right=0.99, top=0.93, bottom=0.075,
-        wspace=0.04, hspace=0.10,
+        wspace=0.04, hspace=0.09,
     )  # fmt: skip
     top = [figure.add_subplot(grid[0, 2 * i : 2 * i + 2]) for i in range(3)]
     bottom = [figure.add_subplot(grid[1, 3 * i : 3 * i + 3]) for i in range(2)]
@@ -113,7 +114,7 @@ def _figure(
     _show_depth(top[1], frame, rows, columns)
     _show(
         top[2],
-        draw(seen, turned(camera, points, _TURN_OF_PARTIAL)),
+        draw(seen, turned(camera.resized(*_SMALL), points, _TURN_OF_PARTIAL)),
         "partial TSDF: what was seen, from the side",
     )
     _show(bottom[0], draw(solid, camera), "predicted objects, from the camera")
@@ -173,12 +174,11 @@ def _show_depth(axes: "Axes", frame: Frame, rows: slice, columns: slice) -> None
     near, far = np.percentile(measured, (1, 97)) if measured.size else (0.0, 1.0)
     palette = colormaps["viridis_r"].with_extremes(bad="#f0f0f0")
     image = axes.imshow(depth, cmap=palette, vmin=near, vmax=far, interpolation="nearest")
-    bar = axes.inset_axes((0.03, 0.05, 0.3, 0.035))
-    axes.figure.colorbar(image, cax=bar, orientation="horizontal", ticks=(near, far))
-    bar.set_xticks((near, far), (f"{near:.2f}", f"{far:.2f} m"), fontsize=7, color="white")
-    bar.xaxis.set_ticks_position("top")
-    bar.tick_params(length=0, pad=1)
+    bar = axes.inset_axes((0.03, 0.04, 0.3, 0.03))
+    axes.figure.colorbar(image, cax=bar, orientation="horizontal", ticks=())
     bar.spines[:].set_visible(False)
+    for x, text, side in ((0.03, f"{near:.2f}", "left"), (0.33, f"{far:.2f} m", "right")):
+        axes.text(x, 0.085, text, transform=axes.transAxes, ha=side, fontsize=7, color="white")
     _dress(axes, "depth")
 
 

@@ -78,7 +78,7 @@ def draw(solid: Solid, camera: Camera, *, reach: float = 0.62) -> Picture:
     fade = _fade(points[hit], is_floor[hit], reach)[:, None]
     picture[hit] = shaded * (1 - fade) + fade
     picture = _outlined(picture, np.where(on_object, labels + 1, 0), depth)
-    return _reduced(picture).astype(np.float32)
+    return _reduced(picture)
 
 
 def turned(camera: Camera, points: NDArray[np.float64], turn: float) -> Camera:
@@ -239,9 +239,12 @@ def _outlined(picture: Float32, labels: NDArray[np.int64], depth: Float32) -> Fl
         step = (np.abs(np.diff(depth, axis=axis)) > jump) & (np.delete(labels, 0, axis) > 0)
         pad = [(0, 1) if a == axis else (0, 0) for a in (0, 1)]
         edge |= np.pad(change | step, pad)
-    return np.where(edge[..., None], picture * 0.45, picture)
+    picture[edge] *= 0.45
+    return picture
 
 
 def _reduced(picture: Float32) -> Float32:
-    height, width = picture.shape[0] // _SUPERSAMPLING, picture.shape[1] // _SUPERSAMPLING
-    return picture.reshape(height, _SUPERSAMPLING, width, _SUPERSAMPLING, 3).mean(axis=(1, 3))
+    """Mean of each block of rays."""
+    n = _SUPERSAMPLING
+    parts = [picture[i::n, j::n] for i in range(n) for j in range(n)]
+    return sum(parts[1:], start=parts[0]) / np.float32(n * n)

@@ -84,8 +84,8 @@ class Predict:
                 failures[image] = error
         if len(failures) == len(images):
             raise _all_failed(failures)
-        for image, error in failures.items():
-            print(f"left out {image}: {error}", file=sys.stderr)
+        for image, reason in failures.items():
+            print(f"left out {image}: {reason}", file=sys.stderr)
         done = len(images) - len(failures)
         return {
             "images": float(len(images)),

@@ -54,6 +54,20 @@ def test_splinters_go_and_labels_close_up(resolution, label):
     assert labels.dtype == torch.int32
 
 
+@pytest.mark.parametrize("resolution", [32, 64])
+def test_two_pieces_are_two_objects(resolution):
+    grid = GridSpec(resolution=resolution)
+    large = sphere(grid, (0.2, 0, 0.2), 0.1)
+    small = sphere(grid, (-0.2, 0, 0.2), 0.06)
+    third = sphere(grid, (0, 0.3, 0.2), 0.08)
+    tsdf = cut(torch.minimum(torch.minimum(large, small), third), grid)
+    instances = ((large < 0) | (small < 0)).int() + 2 * (third < 0).int()
+    shape, labels = whole_objects(tsdf, instances, grid)
+    assert torch.equal(shape, tsdf)
+    for mask, label in ((large < 0, 1), (third < 0, 2), (small < 0, 3)):
+        assert (labels[mask] == label).all()
+
+
 def test_labels_outside_the_shape_are_dropped():
     grid = GridSpec(resolution=32)
     tsdf = cut(sphere(grid, (0, 0, 0.2), 0.1), grid)
