@@ -62,6 +62,9 @@ class Engine(Protocol):
     def settle(self, max_steps: int) -> bool:
         """Simulates until everything rests, at most `max_steps` steps; whether it came to rest."""
 
+    def simulate(self, steps: int) -> None:
+        """Simulates exactly `steps` steps."""
+
     def pose(self, handle: int) -> Pose:
         """Pose of the object now."""
 

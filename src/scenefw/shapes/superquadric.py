@@ -97,7 +97,7 @@ class Superquadric:
 
     def mesh(self, resolution: int = 32) -> TriangleMesh:
         """Watertight surface with 6 x resolution^2 quads, vertices exactly on the superquadric."""
-        lattice, faces = _cube(resolution)
+        lattice, faces = cube_lattice(resolution)
         return TriangleMesh(self.project(lattice * self.half_axes), faces)
 
 
@@ -142,10 +142,14 @@ def _unit_sum(slopes: Array, offsets: Array) -> Array:
 
 
 @lru_cache(maxsize=8)
-def _cube(resolution: int) -> tuple[Array, NDArray[np.int64]]:
-    """Vertices (V, 3) on the surface of the cube [-1, 1]^3 and faces (F, 3), closed, outward."""
+def cube_lattice(resolution: int) -> tuple[Array, NDArray[np.int64]]:
+    """Vertices (V, 3) on the cube [-1, 1]^3 and faces (F, 3), closed and outward.
+
+    Raises:
+        InputError: the resolution is below one.
+    """
     if resolution < 1:
-        raise InputError(f"superquadric mesh resolution = {resolution}: expected at least 1")
+        raise InputError(f"mesh resolution = {resolution}: expected at least 1")
     i, j = np.meshgrid(np.arange(resolution), np.arange(resolution), indexing="ij")
     corners = [np.stack([i + a, j + b], axis=-1) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
     quads = []

@@ -29,7 +29,9 @@ def test_depends_on_the_seed_alone():
     one, two = SuperquadricLibrary(size=5, seed=3), SuperquadricLibrary(size=5, seed=3)
     for a, b in zip(parameters(one), parameters(two), strict=True):
         np.testing.assert_array_equal(a, b)
-    assert not np.array_equal(parameters(one)[0], parameters(SuperquadricLibrary(size=5, seed=0))[0])
+    assert not np.array_equal(
+        parameters(one)[0], parameters(SuperquadricLibrary(size=5, seed=0))[0]
+    )
 
 
 def test_parameters_are_exact_in_single_precision():

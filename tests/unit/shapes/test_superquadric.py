@@ -13,7 +13,9 @@ from scenefw.shapes.superquadric import Superquadric, support_points
 
 axes = st.lists(st.floats(0.02, 0.2), min_size=3, max_size=3)
 powers = st.lists(st.floats(1.0, 100.0), min_size=3, max_size=3)
-vectors = st.lists(st.floats(-1, 1), min_size=3, max_size=3).filter(lambda v: np.hypot(*v[:2]) > 0.1)
+vectors = st.lists(st.floats(-1, 1), min_size=3, max_size=3).filter(
+    lambda v: np.hypot(*v[:2]) > 0.1
+)
 
 
 def as_trimesh(shape: Superquadric, resolution: int) -> trimesh.Trimesh:
@@ -37,7 +39,9 @@ def test_mesh_is_closed_outward_and_on_the_surface(half_axes, exponents):
     np.testing.assert_allclose(mesh.extents / 2, half_axes, rtol=1e-6)
 
 
-@pytest.mark.parametrize("exponents", [(2, 2, 2), (2, 5, 40), (100, 100, 100), (1, 1, 1), (3, 3, 12)])
+@pytest.mark.parametrize(
+    "exponents", [(2, 2, 2), (2, 5, 40), (100, 100, 100), (1, 1, 1), (3, 3, 12)]
+)
 def test_volume_and_inertia_are_those_of_a_fine_mesh(exponents):
     shape = Superquadric([0.03, 0.08, 0.15], exponents)
     mesh = as_trimesh(shape, 96)
@@ -105,7 +109,8 @@ def test_normals_match_numerical_gradients():
     points = shape.project(np.random.default_rng(0).normal(size=(50, 3)))
     step = 1e-7
     gradient = np.stack(
-        [shape.value(points + step * e) - shape.value(points - step * e) for e in np.eye(3)], axis=-1
+        [shape.value(points + step * e) - shape.value(points - step * e) for e in np.eye(3)],
+        axis=-1,
     )
     gradient /= np.linalg.norm(gradient, axis=-1, keepdims=True)
     np.testing.assert_allclose(shape.normals(points), gradient, atol=1e-5)
