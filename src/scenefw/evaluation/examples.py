@@ -1,17 +1,20 @@
 """A few test views with what a method makes of them, to be looked at."""
 
 import itertools
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import torch
 from scipy.optimize import linear_sum_assignment
 
 from scenefw.core import rng
-from scenefw.core.protocols import Reconstructor
+from scenefw.core.protocols import MappingMethod, Noise, Reconstructor, Renderer
 from scenefw.core.types import Camera, Float32, GridSpec, Int32
 from scenefw.data.stacks import StackScenes
-from scenefw.data.views import ViewBatch, ViewMaker
+from scenefw.data.views import ViewMaker, Viewpoints
+from scenefw.evaluation.visibility import camera_of
 
 _STREAM = 5  # of views; evaluation has its own
 
@@ -43,13 +46,22 @@ class Example:
     true_instances: Int32
 
 
+class GridMethod(Reconstructor, Protocol):
+    """A method that knows its voxel grid."""
+
+    grid: GridSpec
+
+
 class Examples:
     """Views that do not depend on how many of them are made.
 
     Args:
         scenes: of the split to show.
-        views: makes views of them.
-        method: completes them.
+        method: completes them; views are on its grid.
+        viewpoints: draws cameras.
+        renderer: makes depth images.
+        mapping: from depth to partial TSDF.
+        noise: disturbs the depth images.
         count: how many scenes, spread evenly over the split.
         seed: of viewpoints and codes.
         device: where volumes and views are computed.
@@ -58,14 +70,17 @@ class Examples:
     def __init__(
         self,
         scenes: StackScenes,
-        views: ViewMaker,
-        method: Reconstructor,
+        method: GridMethod,
+        viewpoints: Viewpoints,
+        renderer: Renderer,
+        mapping: MappingMethod,
+        noise: Mapping[str, Noise] | None = None,
         count: int = 4,
         seed: int = 0,
         device: str = "cpu",
     ) -> None:
         self.scenes = scenes
-        self.views = views
+        self.views = ViewMaker(method.grid, viewpoints, renderer, mapping, noise)
         self.method = method
         self.count = count
         self.seed = seed
@@ -88,7 +103,7 @@ class Examples:
             f"scene {int(self.scenes.indices[scene])}",
             grid,
             view.depth[0].cpu().numpy(),
-            _camera(view),
+            camera_of(view.cameras, 0),
             view.partial.distance[0, 0].cpu().numpy(),
             tsdf[0].cpu().numpy(),
             like_truth(instances[0].cpu().numpy(), true),
@@ -110,9 +125,3 @@ def like_truth(instances: Int32, true: Int32) -> Int32:
     for i in ids.tolist():
         renumbered[instances == i] = labels[i] if i in labels else next(unused)
     return renumbered
-
-
-def _camera(view: ViewBatch) -> Camera:
-    fx, fy, cx, cy = view.cameras.intrinsics[0].tolist()
-    pose = view.cameras.T_world_camera[0].double().cpu().numpy()
-    return Camera(view.cameras.width, view.cameras.height, fx, fy, cx, cy, pose)

@@ -64,7 +64,7 @@ def beside(tiles: Sequence[Picture], titles: Sequence[str], columns: int = 3) ->
         pen.text((x + 2, y + 2), title, fill="#444444", font=font)
         pixels = np.rint(np.clip(tile, 0, 1) * 255).astype(np.uint8)
         sheet.paste(Image.fromarray(pixels), (x, y + _TITLE))
-    return np.asarray(sheet, dtype=np.float32) / 255
+    return np.asarray(sheet, dtype=np.float32) / np.float32(255)
 
 
 def save_picture(picture: Picture, path: Path) -> None:
@@ -99,4 +99,4 @@ def _window(picture: Picture, camera: Camera, points: NDArray[np.float64]) -> Pi
     image = Image.fromarray(np.rint(picture * 255).astype(np.uint8))
     box = (left, top, left + width, min(top + height, picture.shape[0]))
     shown = image.resize(_TILE, Image.Resampling.BICUBIC, box)
-    return np.asarray(shown, dtype=np.float32) / 255
+    return np.asarray(shown, dtype=np.float32) / np.float32(255)

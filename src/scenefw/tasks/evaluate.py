@@ -1,14 +1,13 @@
 """Evaluates methods and shows how they do."""
 
-from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
 from scenefw.core.files import require_writable
 from scenefw.report.blocks import Section
+from scenefw.report.console import print_tables, track
 from scenefw.report.page import Page
 from scenefw.report.sections import sections
-from scenefw.report.tables import Table, to_console
 from scenefw.tasks.gallery import Gallery
 
 
@@ -49,30 +48,10 @@ class Evaluate:
         """
         require_writable(self.output)
         result = self.evaluation.run(track)
-        shown = list(sections(result))
+        shown = list(sections(result, self.output))
         print_tables(shown)
         if self.gallery is not None:
             shown.append(Section("Predictions", self.gallery.show()))
         figures = dict(result.figures)
         print(self.page.write(self.output, shown, figures))
         return figures
-
-
-def track(items: Iterable[Any], what: str) -> Iterable[Any]:
-    """The items behind a bar with rate and time left."""
-    from rich.progress import track as bar
-
-    return bar(items, what)
-
-
-def print_tables(shown: Sequence[Section]) -> None:
-    """Prints the tables of sections to the console."""
-    from rich.console import Console
-
-    console = Console()
-    if not console.is_terminal:  # nothing is cut where there's no window to fit
-        console = Console(width=160)
-    for section in shown:
-        for block in section.blocks:
-            if isinstance(block, Table):
-                console.print(to_console(block))

@@ -1,4 +1,4 @@
-"""Sections of results: real masks with references beside them, and results of any other kind."""
+"""Sections of results: as in the thesis, real masks with references, results of any other kind."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from scenefw.evaluation.real_masks import ImageResult, RealMaskResult
+from scenefw.evaluation.results import ReconstructionResult, ViewScores
 from scenefw.metrics.masks import MaskScores
+from scenefw.report.blocks import Drawing
 from scenefw.report.sections import sections
 from scenefw.report.tables import Table
 
@@ -20,9 +22,9 @@ def _image(name, scores):
     return ImageResult(name, scores, POOR, labels)
 
 
-def test_masks_beside_reference_and_published():
+def test_masks_beside_reference_and_published(tmp_path):
     images = (_image("a", GOOD), _image("b", POOR))
-    (section,) = sections(RealMaskResult(images, (("c", "no floor"),)))
+    section, gallery = sections(RealMaskResult(images, (("c", "no floor"),)), tmp_path)
     table, spread, failure = section.blocks
     ours, reference, published = (cells for _, cells in table.rows)
     assert ours[0] == pytest.approx(67.5)  # per cent, mean of 0.85 and 0.5
@@ -34,10 +36,57 @@ def test_masks_beside_reference_and_published():
     assert spread.rows[0][1][0] == pytest.approx(85)
     assert spread.rows[-1][1][0] == pytest.approx(50)
     assert "c: no floor" in failure.text
+    assert [block.path for block in gallery.blocks] == [
+        f"gallery/{word}.jpg" for word in ("best", "median", "worst")
+    ]
+    assert all((tmp_path / block.path).is_file() for block in gallery.blocks)
+    assert not any(block.shareable for block in gallery.blocks)  # of somebody's data
 
 
-def test_any_result_with_figures():
-    (section,) = sections(SimpleNamespace(figures={"some_figure": 0.25}))
+def test_any_result_with_figures(tmp_path):
+    (section,) = sections(SimpleNamespace(figures={"some_figure": 0.25}), tmp_path)
     (table,) = section.blocks
     assert isinstance(table, Table)
     assert table.rows == (("some_figure", (0.25,)),)
+
+
+def _view(number, visibility, **changes):
+    ours = {
+        "chamfer_visible": 0.02,
+        "chamfer_full": 0.03,
+        "occupancy_bce": 0.1,
+        "instance_iou": 0.6,
+        "count_error": 1.0,
+    }
+    methods = {
+        "scenefw": ours | changes,
+        "partial_tsdf": {name: 2 * value for name, value in ours.items()},
+        "connected_components": {"instance_iou": 0.3, "count_error": 2.0},
+    }
+    floors = {"chamfer_visible": 0.016, "chamfer_full": 0.024}
+    return ViewScores(number // 2, number % 2, visibility, floors, methods)
+
+
+def test_reconstruction_beside_the_thesis(tmp_path):
+    views = (_view(0, 0.25), _view(1, 0.45, chamfer_full=0.05), _view(2, 0.45))
+    methods = ("scenefw", "partial_tsdf", "connected_components")
+    beside, instances, by_visibility = sections(
+        ReconstructionResult(views, methods, samples=3, seed=7), tmp_path
+    )
+    table, _, surfaces = beside.blocks
+    rows = dict(table.rows)
+    assert rows["scenefw"][2] == pytest.approx(np.mean([0.03, 0.05, 0.03]))
+    assert rows["scenefw"][3] == pytest.approx(np.std([0.03, 0.05, 0.03]))
+    assert rows["floor: truth sampled twice"] == pytest.approx((0.016, 0, 0.024, 0, None, None))
+    assert rows["SIMstack (thesis)"] == (0.016, 0.0002, 0.028, 0.0003, 0.089, 0.003)
+    assert rows["SSCNet** (thesis)"][:2] == (0.036, 0.002)
+    assert not any("components" in name for name in rows)  # it has no surface of its own
+    assert "3 views of 2 test scenes, 3 samples per view, seed 7" in table.note
+    assert dict(surfaces.rows)["scenefw"][0] == pytest.approx(4.0)  # mm over the floor
+    found = dict(instances.blocks[0].rows)
+    assert found["components of scenefw's shape (no votes)"][0] == pytest.approx(0.3)
+    drawing, bins = by_visibility.blocks[:2]
+    assert isinstance(drawing, Drawing)
+    assert [column.name for column in bins.columns] == ["20%–30%", "40%–50%"]
+    assert dict(bins.rows)["views"] == ("1", "2")
+    assert dict(bins.rows)["scenefw"] == pytest.approx((6.0, np.mean([26.0, 6.0])))

@@ -1,0 +1,29 @@
+"""Bars and tables in the terminal."""
+
+from collections.abc import Iterable, Sequence
+from typing import TypeVar
+
+from scenefw.report.blocks import Section
+from scenefw.report.tables import Table, to_console
+
+Item = TypeVar("Item")
+
+
+def track(items: Sequence[Item], what: str) -> Iterable[Item]:
+    """The items behind a bar with rate and time left."""
+    from rich.progress import track as bar
+
+    return bar(items, what)
+
+
+def print_tables(shown: Sequence[Section]) -> None:
+    """Prints the tables of sections to the console."""
+    from rich.console import Console
+
+    console = Console()
+    if not console.is_terminal:  # nothing is cut where there's no window to fit
+        console = Console(width=160)
+    for section in shown:
+        for block in section.blocks:
+            if isinstance(block, Table):
+                console.print(to_console(block))
