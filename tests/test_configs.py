@@ -17,6 +17,10 @@ OPTIONS = [
 ]
 
 
+# The default run compares what it trains by evaluation=reconstruction, so others run alone.
+CONTEXT = {"evaluation": ["run=evaluate"]}
+
+
 @pytest.fixture(scope="module", autouse=True)
 def _plugins():
     plugins.activate()
@@ -40,7 +44,8 @@ def test_an_option_says_what_it_is(group, name):
 @pytest.mark.parametrize(("group", "name"), OPTIONS)
 def test_an_option_composes_and_resolves(group, name):
     several = isinstance(default_option(group), list)
-    whole = config.compose([f"{group}=[{name}]" if several else f"{group}={name}"])
+    chosen = f"{group}=[{name}]" if several else f"{group}={name}"
+    whole = config.compose([chosen, *CONTEXT.get(group, [])])
     resolved = OmegaConf.to_container(whole, resolve=True)
     for node in targets(resolved):
         assert_fits(node)
