@@ -105,7 +105,9 @@ class Noise(Protocol):
 
 
 class Loss(Protocol):
-    """One named term of the training loss (group `loss`)."""
+    """One named term of the training loss (group `loss`), and what it counts in the sum."""
+
+    weight: float
 
     def __call__(self, prediction: ShapeInstancePrediction, batch: ShapeInstanceBatch) -> Tensor:
         """A scalar."""

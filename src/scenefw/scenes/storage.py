@@ -138,8 +138,9 @@ def save_scenes(path: Path | str, stored: StoredScenes, facts: Mapping[str, Any]
         StorageError: the folder can't be written.
     """
     path = Path(path)
+    arrays: dict[str, Any] = dict(stored.arrays())
     with replacing(path) as temporary:
-        np.savez_compressed(temporary, **stored.arrays())
+        np.savez_compressed(temporary, **arrays)
     manifest = {
         "format": _FORMAT,
         "scenes": len(stored),

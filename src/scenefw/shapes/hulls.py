@@ -43,7 +43,7 @@ def _superquadric_hull(
     # that centres the error. Flat sides lie exactly at the half-axes and stay there.
     inset = chosen - (margin - tolerance / 2) * shape.normals(chosen)
     limit = np.maximum(shape.half_axes - margin, shape.half_axes / 2)
-    return np.round(np.clip(inset, -limit, limit), 8)
+    return np.asarray(np.round(np.clip(inset, -limit, limit), 8), dtype=np.float64)
 
 
 def _directions(shape: Superquadric) -> Array:

@@ -60,8 +60,9 @@ class SuperquadricLibrary:
     @cached_property
     def _parameters(self) -> tuple[Array, Array]:
         rng = streams.generator(self.seed)
-        half_axes = rng.uniform(*self.extents, size=(self.size, 3)) / 2
-        exponents = np.exp(rng.uniform(*np.log(self.exponents), size=(self.size, 3)))
+        (shortest, longest), (least, most) = self.extents, np.log(self.exponents)
+        half_axes = rng.uniform(shortest, longest, size=(self.size, 3)) / 2
+        exponents = np.exp(rng.uniform(least, most, size=(self.size, 3)))
         pairs = np.flatnonzero(rng.random(self.size) < self.paired)
         first = rng.integers(3, size=len(pairs))
         exponents[pairs, first] = exponents[pairs, (first + 1) % 3]

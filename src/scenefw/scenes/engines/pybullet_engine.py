@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -92,7 +93,7 @@ class PyBulletEngine:
         bullet, client = self._bullet, self._client
         corners = collision_hull(item.shape, self.hull_tolerance, self.margin)
         shape = bullet.createCollisionShape(
-            bullet.GEOM_MESH, vertices=corners.tolist(), physicsClientId=client
+            bullet.GEOM_MESH, vertices=_listed(corners.tobytes()), physicsClientId=client
         )
         w, x, y, z = item.pose.quaternion
         handle = bullet.createMultiBody(
@@ -176,7 +177,7 @@ class PyBulletEngine:
         self.close()
 
     def __getstate__(self) -> dict[str, Any]:
-        fresh = {"_bullet": None, "_client": -1, "_objects": [], "_quiet": 0}
+        fresh: dict[str, Any] = {"_bullet": None, "_client": -1, "_objects": [], "_quiet": 0}
         return self.__dict__ | fresh
 
     def _connect(self) -> Any:
@@ -199,3 +200,10 @@ class PyBulletEngine:
             if sum(v * v for v in angular) > self.angular_speed**2:
                 return False
         return True
+
+
+@lru_cache(maxsize=8192)
+def _listed(corners: bytes) -> list[list[float]]:
+    """The same list for the same corners: PyBullet never lets go of a list that it was given."""
+    points: list[list[float]] = np.frombuffer(corners).reshape(-1, 3).tolist()
+    return points
