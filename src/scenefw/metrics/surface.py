@@ -37,8 +37,8 @@ def nearest(predicted: Float64, true: Float64) -> Nearest:
             raise InputError(
                 f"{name} points have shape {points.shape}, expected (N, 3) with N >= 1"
             )
-    forth, forth_index = cKDTree(true).query(predicted)
-    back, back_index = cKDTree(predicted).query(true)
+    forth, forth_index = cKDTree(true).query(predicted, workers=-1)
+    back, back_index = cKDTree(predicted).query(true, workers=-1)
     return Nearest(forth, back, forth_index, back_index)
 
 

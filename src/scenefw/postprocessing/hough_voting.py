@@ -11,8 +11,9 @@ from scenefw.core.types import GridSpec
 from scenefw.kernels.votes import count_traversals, shift_to_modes
 
 _SHORTEST_VOTE = 1e-3
-_MOST_BRICKS = 16384
-_MOST_CENTRES = 48
+_MOST_BRICKS = 4096  # busiest voxels that are given cells
+_MOST_CENTRES = 32
+_MOST_JUDGES = 32768  # voxels that decide which centres stay
 _STEPS = 64
 _REFERENCE_VOXEL = 1 / 64  # m: the thesis's voxel, for which its gamma was found
 
@@ -44,7 +45,7 @@ class HoughVoting:
 
     The thesis stops there, which suits exact votes. Noisy votes miss each other in cells this
     fine, and whole objects would be lost. So the vote is repeated in cells of twice the size, down
-    to whole voxels, for centres that the finer cells do not show; costs are averaged with those of
+    to whole voxels, for centres that the finer cells do not show; costs are mixed with those of
     neighbouring voxels; and a centre must earn its place: those are removed, worst first, whose
     voxels could go to the second best centre for less than `gain` more on average, or that hold
     less than `smallest`.
@@ -57,7 +58,7 @@ class HoughVoting:
         merging: centres nearer than this to a stronger one join it (m).
         gain: what a centre must spare its voxels on average (rad).
         smallest: least volume of an instance (m^3).
-        smoothing: costs are averaged over this many voxels around each, 0 for none.
+        smoothing: share of the neighbours' mean in a voxel's cost, 0 for none.
     """
 
     def __init__(
@@ -69,7 +70,7 @@ class HoughVoting:
         merging: float = 0.025,
         gain: float = 0.5,
         smallest: float = 3e-5,
-        smoothing: int = 1,
+        smoothing: float = 0.7,
     ) -> None:
         if subdivisions < 1 or bandwidth <= 0 or threshold < 0:
             raise ConfigError(
@@ -154,12 +155,14 @@ class HoughVoting:
         cosine = (to_centre * rays.votes[:, None]).sum(dim=2) / distance.clamp(min=1e-6)
         gamma = self.gamma * voxel / _REFERENCE_VOXEL
         costs = torch.acos(cosine.clamp(-1, 1)) + gamma * distance
-        if self.smoothing < 1:
+        if self.smoothing <= 0:
             return costs
-        return _averaged(costs, rays, self.smoothing)
+        return torch.lerp(costs, _averaged(costs, rays), self.smoothing)
 
     def _deserving(self, costs: Tensor, voxel: float) -> Tensor:
         """Indices of the centres that stay."""
+        stride = -(-len(costs) // _MOST_JUDGES)
+        costs, volume = costs[::stride], stride * voxel**3
         alive = torch.arange(costs.shape[1], device=costs.device)
         while len(alive) > 1:
             best, chosen = torch.topk(costs[:, alive], 2, dim=1, largest=False)
@@ -167,7 +170,7 @@ class HoughVoting:
             spared = torch.zeros(len(alive), device=costs.device)
             spared.index_add_(0, chosen[:, 0], best[:, 1] - best[:, 0])
             means = spared / sizes.clamp(min=1)
-            means[sizes * voxel**3 < self.smallest] = -1.0
+            means[sizes * volume < self.smallest] = -1.0
             worst = int(means.argmin())
             if means[worst] >= self.gain:
                 break
@@ -194,8 +197,9 @@ def _rays(tsdf: Tensor, votes: Tensor, grid: GridSpec) -> Rays | None:
 
 def _span(mask: Tensor, axis: int) -> slice:
     others = tuple(other for other in range(3) if other != axis)
-    hits = mask.sum(dim=others).nonzero()
-    return slice(int(hits[0]), int(hits[-1]) + 1)
+    hits = mask.any(dim=others[1]).any(dim=others[0]).nonzero()
+    # A voxel more on each side: neighbourhoods of 3 voxels fit even around a flat object.
+    return slice(max(0, int(hits[0]) - 1), int(hits[-1]) + 2)
 
 
 def _count(rays: Rays, blocks: Tensor, subdivisions: int) -> Tensor:
@@ -247,12 +251,13 @@ def _joined(found: Tensor, modes: Tensor, radius: float) -> Tensor:
     return found
 
 
-def _averaged(costs: Tensor, rays: Rays, radius: int) -> Tensor:
+def _averaged(costs: Tensor, rays: Rays) -> Tensor:
+    """Means over the 3 x 3 x 3 voxels around each, of those inside."""
     x, y, z = rays.voxels.long().unbind(dim=1)
     volume = torch.zeros(costs.shape[1] + 1, *rays.blocks.shape, device=costs.device)
     volume[:-1, x, y, z] = costs.T
     volume[-1, x, y, z] = 1.0
-    mean = avg_pool3d(volume[:, None], 2 * radius + 1, stride=1, padding=radius)[:, 0]
+    mean = avg_pool3d(volume[:, None], 3, stride=1, padding=1)[:, 0]
     return (mean[:-1, x, y, z] / mean[-1, x, y, z]).T.contiguous()
 
 
