@@ -7,7 +7,6 @@ from typing import Protocol
 
 import numpy as np
 import torch
-from scipy.optimize import linear_sum_assignment
 
 from scenefw.core import rng
 from scenefw.core.protocols import MappingMethod, Noise, Reconstructor, Renderer
@@ -15,6 +14,7 @@ from scenefw.core.types import Camera, Float32, GridSpec, Int32
 from scenefw.data.stacks import StackScenes
 from scenefw.data.views import ViewMaker, Viewpoints
 from scenefw.evaluation.visibility import camera_of
+from scenefw.matching.assignment import Assignment
 
 _STREAM = 5  # of views; evaluation has its own
 
@@ -118,7 +118,7 @@ def like_truth(instances: Int32, true: Int32) -> Int32:
     overlap = np.array([[np.sum((instances == i) & (true == j)) for j in truths] for i in ids])
     labels: dict[int, int] = {}
     if overlap.size:
-        pairs = zip(*linear_sum_assignment(overlap, maximize=True), strict=True)
+        pairs = Assignment().assign(-overlap)
         labels = {int(ids[r]): int(truths[c]) for r, c in pairs if overlap[r, c] > 0}
     unused = itertools.count(int(truths.max(initial=0)) + 1)
     renumbered = np.zeros_like(instances)

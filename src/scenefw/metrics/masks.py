@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
-from scipy.optimize import linear_sum_assignment
 
 from scenefw.core.errors import InputError
+from scenefw.matching.assignment import Assignment
 
 Labels = NDArray[np.integer]
 Masks = NDArray[np.bool_]
@@ -70,8 +70,8 @@ def mask_scores(predicted: Labels, true: Labels, tolerance: float = 0.003) -> Ma
         return _without_pairs(len(ours), len(theirs))
     overlap = _products(ours, theirs)
     f = 2 * overlap / (ours.sum((1, 2))[:, None] + theirs.sum((1, 2))[None, :])
-    pairs = linear_sum_assignment(f, maximize=True)
-    pairs = tuple(index[f[pairs] > 0] for index in pairs)  # masks apart are left over, no pair
+    i, j = Assignment().assign(-f).T
+    pairs = i[f[i, j] > 0], j[f[i, j] > 0]  # masks apart are left over, no pair
     radius = math.ceil(tolerance * math.hypot(*true.shape))
     hits, found = _boundary_matches(ours, theirs, pairs, radius)
     return MaskScores(

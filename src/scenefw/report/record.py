@@ -13,5 +13,6 @@ def read_record(folder: Path) -> dict[str, Any]:
 
 
 def command_line(record: Mapping[str, Any]) -> str:
-    """The command of a run's record as one would type it."""
-    return " ".join(["python -m scenefw", *record.get("command", ())])
+    """The command of a run's record as one would type it elsewhere, without where results went."""
+    words = [w for w in record.get("command", ()) if not w.startswith(("paths.", "report.publish"))]
+    return " ".join(["python -m scenefw", *words])

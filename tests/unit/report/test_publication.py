@@ -9,7 +9,7 @@ from scenefw.report.tables import Column, Table
 RECORD = {
     "seed": 3,
     "versions": {"torch": "2.6", "commit": "0123456789abc"},
-    "command": ["run=evaluate"],
+    "command": ["run=evaluate", "paths.output=/tmp/x", "report.publish=y.md"],
 }
 
 
@@ -39,6 +39,7 @@ def test_published_file_and_its_pictures(tmp_path):
     ):
         assert words in text
     assert "secret" not in text
+    assert "/tmp/x" not in text
     pictures = re.findall(r"\]\((.*?)\)", text)
     assert len(pictures) == 2
     assert all((target.parent / picture).is_file() for picture in pictures)
