@@ -111,7 +111,7 @@ class Check:
             parts=parts,
             size=size,
             versions=versions,
-            commit=manifest.get("commit", "not recorded"),
+            commit=manifest.get("commit") or "not recorded",
             number=int(figures["checked"]),
             rows=rows,
             picture=picture,

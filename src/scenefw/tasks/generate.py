@@ -16,6 +16,7 @@ from scenefw.core.files import require_writable
 from scenefw.core.protocols import SceneSource
 from scenefw.scenes import statistics
 from scenefw.scenes.storage import concatenate, load_scenes, pack, save_scenes
+from scenefw.tasks import run
 
 _SIMULATORS = ("scenefw", "pybullet", "numpy", "scipy")
 
@@ -82,7 +83,8 @@ class Generate:
         self._generate(missing, done=self.attempts - left)
         stored = concatenate(load_scenes(path) for path in paths)
         target = Path(self.output) / f"{self.name}.npz"
-        save_scenes(target, stored, {"attempts": self.attempts, **facts})
+        extra = {"attempts": self.attempts, "commit": run.versions().get("commit")}
+        save_scenes(target, stored, extra | facts)
         figures = statistics.summary(stored)
         statistics.draw(stored, target.with_suffix(".png"))
         print(target)
