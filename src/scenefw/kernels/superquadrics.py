@@ -1,7 +1,8 @@
 """Signed distance to superquadrics |x/a1|^r + |y/a2|^s + |z/a3|^t = 1 (eq. 5.1).
 
 Exponents are 1.1 or more. By symmetry a point p >= 0 of one octant is enough. Everything is float32
-in logarithms, as u^100 leaves the range of float32: b_i = ln(p_i / a_i), y_i = ln(q_i / a_i) of a surface point q.
+in logarithms, as u^100 leaves the range of float32: b_i = ln(p_i / a_i), and y_i = ln(q_i / a_i) of
+a surface point q.
 """
 
 import math
