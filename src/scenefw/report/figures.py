@@ -6,10 +6,13 @@ import itertools
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from matplotlib import rc_context
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import NullFormatter
 
 from scenefw.core.errors import StorageError
 
@@ -54,55 +57,67 @@ def read_curves(path: Path | str) -> dict[str, Curve]:
     return dict(curves)
 
 
-def loss_figure(curves: Mapping[str, Curve], *, width: float = 4.2, height: float = 2.6) -> str:
-    """One panel per loss term on a logarithmic axis, training and validation in it together (SVG).
+def loss_figure(curves: Mapping[str, Curve]) -> str:
+    """One panel per loss and score, training and validation in it together (SVG).
 
     Args:
-        curves: by name; `train/tsdf`, `train_tsdf` and `val/tsdf` belong to the term `tsdf`.
-        width: of a panel (inches).
-        height: of a panel (inches).
+        curves: by name; `train/tsdf` and `val/tsdf` belong to one panel.
     """
     panels: dict[str, dict[str, Curve]] = {}
     for name, curve in curves.items():
-        stage, term = _split(name)
+        stage, _, term = name.rpartition("/")
         panels.setdefault(term, {})[stage] = curve
-    panels = dict(sorted(panels.items(), key=lambda item: (item[0] != "loss", item[0])))
-    columns = min(3, max(1, len(panels)))
-    rows = -(-len(panels) // columns)
+    order = sorted(panels, key=lambda term: (term != "total", "train" not in panels[term], term))
+    columns = min(3, max(1, len(order)))
+    rows = -(-len(order) // columns)
     with rc_context(_STYLE):
-        figure = Figure(figsize=(width * columns, height * rows), layout="constrained")
-        for i, (term, stages) in enumerate(panels.items()):
-            axes = figure.add_subplot(rows, columns, i + 1, title=term)
-            for (stage, curve), colour in zip(sorted(stages.items()), COLOURS, strict=False):
-                x, y = zip(*curve, strict=True)
-                axes.plot(x, y, color=colour, label=stage, marker="." if len(x) < 20 else "")
-            if all(value > 0 for curve in stages.values() for _, value in curve):
-                axes.set_yscale("log")
-            axes.set_xlabel("step")
-            if len(stages) > 1 or next(iter(stages)):
-                axes.legend()
+        figure = Figure(figsize=(4.0 * columns, 2.5 * rows), layout="constrained")
+        for i, term in enumerate(order):
+            _loss_panel(figure.add_subplot(rows, columns, i + 1, title=term), panels[term])
         return to_svg(figure)
 
 
+def _loss_panel(axes: Any, stages: Mapping[str, Curve]) -> None:
+    colours = {"train": COLOURS[0], "val": COLOURS[1]}
+    for stage, curve in stages.items():
+        x, y = zip(*curve, strict=True)
+        marker = "." if len(x) < 20 else ""
+        axes.plot(x, y, color=colours.get(stage, COLOURS[2]), label=stage, marker=marker)
+    values = [value for curve in stages.values() for _, value in curve]
+    if "train" in stages and min(values) > 0 and max(values) > 10 * min(values):
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.set_xlabel("step")
+    axes.legend()
+
+
 def bin_figure(
-    title: str,
-    edges: Sequence[float],
-    lines: Mapping[str, Sequence[float | None]],
-    *,
-    x_label: str,
-    y_label: str,
+    edges: Sequence[float], panels: Mapping[str, Mapping[str, Sequence[float | None]]], x_label: str
 ) -> str:
-    """Means per bin as one line per method (SVG); bins without views are gaps."""
+    """Means per bin, a panel per figure and a line per method, in one row with one legend (SVG).
+
+    Args:
+        edges: of the bins, one more than values.
+        panels: values by title and method; None where a bin holds nothing.
+        x_label: what the bins are of.
+    """
     centres = [(a + b) / 2 for a, b in itertools.pairwise(edges)]
+    methods = list(dict.fromkeys(name for lines in panels.values() for name in lines))
+    colours = dict(zip(methods, itertools.cycle(COLOURS)))
     with rc_context(_STYLE):
-        figure = Figure(figsize=(5.2, 3.2), layout="constrained")
-        axes = figure.add_subplot(title=title, xlabel=x_label, ylabel=y_label)
-        for (name, values), colour in zip(lines.items(), COLOURS, strict=False):
-            heights = [float("nan") if v is None else v for v in values]
-            axes.plot(centres, heights, color=colour, label=name, marker="o", markersize=4)
-        axes.set_xlim(edges[0], edges[-1])
-        axes.grid(alpha=0.2, color=_INK)
-        axes.legend()
+        figure = Figure(figsize=(4.0 * len(panels), 3.0), layout="constrained")
+        for i, (title, lines) in enumerate(panels.items()):
+            axes = figure.add_subplot(1, len(panels), i + 1, title=title, xlabel=x_label)
+            for name, values in lines.items():
+                heights = [float("nan") if v is None else v for v in values]
+                axes.plot(centres, heights, color=colours[name], marker="o", markersize=4)
+            axes.set_ylim(bottom=0)
+            axes.grid(alpha=0.15, color=_INK)
+        handles = [
+            Line2D([], [], color=colours[name], marker="o", markersize=4) for name in methods
+        ]
+        figure.legend(handles, methods, loc="outside lower center", ncols=min(len(methods), 4))
         return to_svg(figure)
 
 
@@ -116,9 +131,3 @@ def to_svg(figure: Figure) -> str:
     text = buffer.getvalue()
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     return text[text.index("<svg") :].replace(_INK, "currentColor")
-
-
-def _split(name: str) -> tuple[str, str]:
-    """(stage, term): ("val", "tsdf") of `val/tsdf`, `val_tsdf`; ("", name) without a stage."""
-    found = re.match(r"(train|val|test)[/_](.+)", name)
-    return (found[1], found[2]) if found else ("", name)

@@ -37,7 +37,7 @@ _INSTANCES = {
     "count_excess": Column("too many", 2),
 }
 _BY_VISIBILITY = {
-    "chamfer_full_excess": ("Chamfer full, excess over the floor (mm)", 1000.0, 1),
+    "chamfer_full_excess": ("Chamfer full, excess (mm)", 1000.0, 1),
     "occupancy_bce": ("BCE of expected occupancy", 1.0, 3),
     "instance_iou": ("Instance IoU", 1.0, 3),
 }
@@ -154,22 +154,22 @@ def _table(
 
 
 def _by_visibility(result: ReconstructionResult) -> tuple[Drawing | Table, ...]:
-    blocks: list[Drawing | Table] = []
-    for name, (title, scale, digits) in _BY_VISIBILITY.items():
-        lines = {
+    """One drawing of all figures, then a table of each."""
+    panels = {
+        title: {
             method_name(method): _binned(result, method, name, scale)
             for method in result.methods
             if name in result.names(method)
         }
-        blocks.append(bins_drawing(title, lines))
-        blocks.append(_bins_table(result, title, lines, digits))
-    return tuple(blocks)
-
-
-def bins_drawing(title: str, lines: Mapping[str, tuple[float | None, ...]]) -> Drawing:
-    """A line per method over the visible share of the surface."""
+        for name, (title, scale, _) in _BY_VISIBILITY.items()
+    }
+    digits = [digits for _, _, digits in _BY_VISIBILITY.values()]
+    tables = [
+        _bins_table(result, title, lines, count)
+        for (title, lines), count in zip(panels.items(), digits, strict=True)
+    ]
     label = "visible share of the true surface"
-    return Drawing(bin_figure(title, VISIBILITY_EDGES, lines, x_label=label, y_label=""))
+    return (Drawing(bin_figure(VISIBILITY_EDGES, panels, label)), *tables)
 
 
 def _binned(

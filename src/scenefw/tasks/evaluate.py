@@ -51,7 +51,7 @@ class Evaluate:
         shown = list(sections(result, self.output))
         print_tables(shown)
         if self.gallery is not None:
-            shown.append(Section("Predictions", self.gallery.show()))
+            shown.insert(1, Section("Predictions beside ground truth", self.gallery.show()))
         figures = dict(result.figures)
         print(self.page.write(self.output, shown, figures))
         return figures

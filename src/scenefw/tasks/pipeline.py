@@ -80,12 +80,9 @@ class Pipeline:
         print_tables(found)
         print("4/4 report", flush=True)
         figures = {**result.figures, **figures, **trained}
-        shown = [
-            *found,
-            Section("Predictions beside ground truth", self.gallery.show()),
-            self._losses(trained),
-            stacks,
-        ]
+        main, *others = found
+        examples = Section("Predictions beside ground truth", self.gallery.show())
+        shown = [main, examples, *others, self._losses(trained), stacks]
         print(self.page.write(self.output, shown, figures))
         return figures
 

@@ -51,7 +51,6 @@ def test_loss_figure_has_a_panel_per_term(tmp_path):
 
 
 def test_bin_figure_skips_empty_bins():
-    svg = bin_figure(
-        "IoU", [0, 0.1, 0.2, 0.3], {"ours": [0.5, None, 0.7]}, x_label="visible", y_label="IoU"
-    )
-    assert {"ours", "visible", "IoU"} <= _texts(svg)
+    panels = {"IoU": {"ours": [0.5, None, 0.7]}, "BCE": {"theirs": [0.1, 0.2, 0.3]}}
+    svg = bin_figure([0, 0.1, 0.2, 0.3], panels, "visible")
+    assert {"ours", "theirs", "visible", "IoU", "BCE"} <= _texts(svg)
