@@ -3,7 +3,7 @@
 import dataclasses
 import importlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import metadata as packages
 from importlib import resources
@@ -55,6 +55,7 @@ def save_checkpoint(
     metadata: Mapping[str, Any] | None = None,
     *,
     half: bool = False,
+    omit: Sequence[str] = (),
 ) -> None:
     """Writes a network with all that rebuilds it, atomically.
 
@@ -65,6 +66,7 @@ def save_checkpoint(
         grid: the voxel grid it was trained on.
         metadata: plain facts of the training.
         half: store weights as float16, for half the size; they are read back as float32.
+        omit: children of the network to leave out; None takes their place when it is rebuilt.
 
     Raises:
         StorageError: the file can't be written.
@@ -76,9 +78,12 @@ def save_checkpoint(
         "grid": dataclasses.asdict(grid),
         "versions": {name: packages.version(name) for name in ("scenefw", "torch")},
         "metadata": dict(metadata or {}),
+        "omitted": list(omit),
     }
     tensors = {}
     for name, value in model.state_dict().items():
+        if name.split(".")[0] in omit:
+            continue
         value = value.detach().cpu()
         narrow = half and value.dtype == torch.float32 and value.ndim > 1
         tensors[name] = (value.half() if narrow else value).contiguous().clone()
@@ -97,6 +102,8 @@ def load_checkpoint(
     path = Path(path) if path is not None else shipped_checkpoint()
     header, tensors = _read(path)
     model = _build(header["recipe"], path)
+    for name in header.get("omitted", ()):
+        setattr(model, name, None)
     weights = {n: v.float() if v.dtype == torch.float16 else v for n, v in tensors.items()}
     try:
         model.load_state_dict(weights)
@@ -106,10 +113,9 @@ def load_checkpoint(
             f"{header['recipe']['_target_']}; use the version of scenefw that wrote it "
             f"({header['versions'].get('scenefw')})"
         ) from error
-    grid = GridSpec(**{**header["grid"], "lower": tuple(header["grid"]["lower"])})
     observed = getattr(model, "channels", 1) == 2
     model = model.to(device).eval()
-    return Checkpoint(model, grid, observed, header["recipe"], header["metadata"])
+    return Checkpoint(model, header["grid"], observed, header["recipe"], header["metadata"])
 
 
 def _read(path: Path) -> tuple[dict[str, Any], dict[str, torch.Tensor]]:
@@ -131,13 +137,27 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, torch.Tensor]]:
         raise CheckpointError(
             f"{path} is truncated or no safetensors file ({error}); copy or train it again"
         ) from error
-    header = json.loads(notes[_FORMAT])
-    if header.get("version") != _VERSION:
+    return _header(notes[_FORMAT], path), tensors
+
+
+def _header(text: str, path: Path) -> dict[str, Any]:
+    try:
+        header = json.loads(text)
+        version, wrote = header["version"], header["versions"].get("scenefw")
+        if version == _VERSION:
+            grid = header["grid"]
+            header["grid"] = GridSpec(**{**grid, "lower": tuple(grid["lower"])})
+            header["recipe"], header["metadata"]
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise CheckpointError(
-            f"{path} has checkpoint version {header.get('version')}, this scenefw reads "
-            f"{_VERSION}; it was written by scenefw {header.get('versions', {}).get('scenefw')}"
+            f"the header of {path} is damaged ({error}); copy or train it again"
+        ) from error
+    if version != _VERSION:
+        raise CheckpointError(
+            f"{path} has checkpoint version {version}, this scenefw reads {_VERSION}; it was "
+            f"written by scenefw {wrote}"
         )
-    return header, tensors
+    return header
 
 
 def _build(recipe: Mapping[str, Any], path: Path) -> nn.Module:

@@ -67,7 +67,7 @@ class ShapeInstanceLearning(lightning.LightningModule):
         self._began = time.monotonic()
 
     def configure_optimizers(self) -> torch.optim.Optimizer:
-        """AdamW, in the first half of whose name the decay is decoupled."""
+        """AdamW, which is Adam where `weight_decay` is 0."""
         return torch.optim.AdamW(
             self.model.parameters(), lr=self.learning_rate, weight_decay=self.weight_decay
         )
@@ -80,7 +80,8 @@ class ShapeInstanceLearning(lightning.LightningModule):
     def on_train_batch_start(self, batch: IndexBatch, batch_idx: int) -> None:
         """Sets the learning rate of this step."""
         self._began = time.monotonic()
-        progress = Progress(self.batches_seen, self.current_epoch, self.seconds)
+        epoch = self.batches_seen // len(self.trainer.train_dataloader)
+        progress = Progress(self.batches_seen, epoch, self.seconds)
         for group in self.optimizers().param_groups:  # type: ignore[union-attr]
             group["lr"] = self.learning_rate * self.schedule.factor(progress)
 
@@ -96,17 +97,24 @@ class ShapeInstanceLearning(lightning.LightningModule):
         codes.manual_seed(torch_seed(self.seed, _CODES, self.batches_seen, self.global_rank))
         prediction = self.model(volumes, codes)
         terms = {name: loss(prediction, volumes) for name, loss in self.losses.items()}
-        total = sum(self.losses[name].weight * term for name, term in terms.items())
+        total: Tensor = sum(self.losses[name].weight * term for name, term in terms.items())
         values = {f"train/{name}": term.detach() for name, term in terms.items()}
         self.log_dict({"train/total": total.detach(), **values}, batch_size=len(batch.indices))
+        self.batches_seen += 1
+        self._count_time()
         return total
 
-    def on_train_batch_end(self, outputs: Any, batch: IndexBatch, batch_idx: int) -> None:
-        """Counts, and averages the weights."""
+    def optimizer_step(self, *arguments: Any, **options: Any) -> None:
+        """Steps, then averages the weights, before callbacks see the end of the batch."""
+        super().optimizer_step(*arguments, **options)
         if self.average is not None:
             self.average.update(self.model)
-        self.batches_seen += 1
-        self.seconds += time.monotonic() - self._began
+        self._count_time()
+
+    def _count_time(self) -> None:
+        now = time.monotonic()
+        self.seconds += now - self._began
+        self._began = now
 
     def on_validation_epoch_start(self) -> None:
         """Validates the averaged weights."""

@@ -18,8 +18,8 @@ class TrainerSettings:
         precision: Lightning's name: 32-true, bf16-mixed or 16-mixed.
         max_epochs: stop after this many passes over the training scenes; -1 means never.
         max_steps: stop after this many steps; -1 means never.
-        max_time: stop after this time of training, DD:HH:MM:SS, all resumptions together; None means
-            never.
+        max_time: stop after this time of training, DD:HH:MM:SS, resumptions counted in; None
+            means never.
         validate_every: steps between validations; None means once per epoch; 0 means never.
         gradient_clip: largest norm of the gradient; None means no limit.
         accumulate: batches per optimiser step.

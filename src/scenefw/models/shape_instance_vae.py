@@ -39,6 +39,8 @@ class ShapeInstanceVAE(nn.Module):
         ConfigError: a width list has not five entries, or the resolution is no power of two.
     """
 
+    training_only = ("encoder",)
+
     def __init__(
         self,
         resolution: int = 64,
@@ -63,7 +65,9 @@ class ShapeInstanceVAE(nn.Module):
         self.condition = ConditionAutoencoder(channels, fine[:5], widths, bottleneck)
         # The code of the condition stands for a sixth map; its place is taken by the coarsest map.
         joint, maps = fine[1:], [*widths[1:], widths[4]]
-        self.encoder = SceneEncoder(joint, list(encoder_widths), maps, stem_width, latent_size)
+        self.encoder: SceneEncoder | None = SceneEncoder(
+            joint, list(encoder_widths), maps, stem_width, latent_size
+        )
         self.decoder = SceneDecoder(
             joint[::-1],
             list(decoder_widths)[::-1],
@@ -79,6 +83,11 @@ class ShapeInstanceVAE(nn.Module):
 
         Without a generator the codes are the posterior means.
         """
+        if self.encoder is None:
+            raise InputError(
+                "this network was stored without its encoder, so it only predicts; train with "
+                "run=train, which goes on from the state in paths.training"
+            )
         maps, view = self.condition.encode(batch.condition)
         mean, log_variance = self.encoder(batch.tsdf, batch.votes, [*maps[1:], maps[4]])
         latent, code = mean, mean

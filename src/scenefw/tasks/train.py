@@ -31,6 +31,7 @@ class Train:
         snapshot_steps: steps between snapshots instead, if given.
         log_every: steps between rows of the table of losses.
         half: export weights as float16.
+        lean: leave out of the export what only training needs, such as the scene encoder.
     """
 
     def __init__(
@@ -46,11 +47,12 @@ class Train:
         *,
         fresh: bool = False,
         half: bool = True,
+        lean: bool = True,
     ) -> None:
         self.learning, self.data, self.trainer = learning, data, trainer
         self.output, self.folder = Path(output), Path(folder)
         self.snapshot_minutes, self.snapshot_steps = snapshot_minutes, snapshot_steps
-        self.log_every, self.fresh, self.half = log_every, fresh, half
+        self.log_every, self.fresh, self.half, self.lean = log_every, fresh, half, lean
 
     def run(self) -> Mapping[str, Any]:
         """Trains until a limit of the trainer; returns steps, time and the last scores.
@@ -106,6 +108,7 @@ class Train:
                 learning.views.grid,
                 facts,
                 half=self.half,
+                omit=getattr(model, "training_only", ()) if self.lean else (),
             )
 
     def _collect(self) -> None:
@@ -127,6 +130,6 @@ class Train:
 def _unusable(state: Path, error: Exception) -> CheckpointError:
     line = " ".join(str(error).split())
     return CheckpointError(
-        f"the training in {state} can't be gone on with ({line[:200]}); it was damaged or made with "
-        "other settings: give run.fresh=true to start anew, or another run.folder"
+        f"the training in {state} can't be gone on with ({line[:200]}); it is damaged or had other "
+        "settings: give run.fresh=true to start anew, or another run.folder"
     )

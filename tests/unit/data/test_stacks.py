@@ -1,0 +1,98 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from tests.unit.data.stacks_file import write_stacks
+
+from scenefw.core.errors import ConfigError, StorageError
+from scenefw.data.stacks import StackScenes, shipped_stacks
+
+
+@pytest.fixture
+def stored(tmp_path):
+    path = tmp_path / "stacks.npz"
+    return path, write_stacks(path)
+
+
+@pytest.mark.parametrize(("split", "code"), [("train", 0), ("val", 1), ("test", 2)])
+def test_a_split_holds_its_scenes_in_order(stored, split, code):
+    path, arrays = stored
+    scenes = StackScenes(path, split)
+    rows = np.flatnonzero(arrays["split"] == code)
+    assert len(scenes) == len(rows)
+    np.testing.assert_array_equal(scenes.indices, arrays["index"][rows])
+    found = scenes.parameters(list(range(len(rows))))
+    np.testing.assert_array_equal(found.positions, arrays["positions"][rows])
+
+
+def test_parameters_match_the_file(stored):
+    path, arrays = stored
+    found = StackScenes(path, "all").parameters([7, 3])
+    np.testing.assert_array_equal(found.half_axes, arrays["half_axes"][[7, 3]])
+    np.testing.assert_array_equal(found.exponents, arrays["exponents"][[7, 3]])
+    for row, scene in enumerate([7, 3]):
+        assert int(found.present[row].sum()) == arrays["count"][scene]
+        for i in range(arrays["count"][scene]):
+            w, x, y, z = arrays["quaternions"][scene, i].astype(np.float64)
+            expected = Rotation.from_quat([x, y, z, w]).as_matrix()
+            np.testing.assert_allclose(found.rotations[row, i], expected, atol=1e-6)
+
+
+def test_limit_takes_the_first(stored):
+    path, _ = stored
+    few, all_of_them = StackScenes(path, "train", 3), StackScenes(path, "train")
+    assert len(few) == 3
+    np.testing.assert_array_equal(few.indices, all_of_them.indices[:3])
+
+
+def test_empty_slots_are_usable(tmp_path):
+    path = tmp_path / "stacks.npz"
+    arrays = write_stacks(path)
+    arrays["quaternions"][:, -1] = 0
+    arrays["count"][:] = 2
+    np.savez(path, **arrays)
+    found = StackScenes(path, "all").parameters([0])
+    assert np.isfinite(found.rotations.numpy()).all()
+
+
+def test_missing_file_names_the_way_out(tmp_path):
+    with pytest.raises(StorageError, match="run=generate"):
+        StackScenes(tmp_path / "none.npz")
+
+
+@pytest.mark.parametrize("keep", [0, 100, 2000])
+def test_truncated_file_is_one_line(stored, keep):
+    path, _ = stored
+    path.write_bytes(path.read_bytes()[:keep])
+    with pytest.raises(StorageError, match="cannot be read") as caught:
+        StackScenes(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_foreign_npz_names_what_lacks(tmp_path):
+    path = tmp_path / "other.npz"
+    np.savez(path, depth=np.zeros((2, 2)))
+    with pytest.raises(StorageError, match="half_axes"):
+        StackScenes(path)
+
+
+def test_values_must_be_finite(stored):
+    path, arrays = stored
+    arrays["positions"][0, 0, 0] = np.nan
+    np.savez(path, **arrays)
+    with pytest.raises(StorageError, match="positions"):
+        StackScenes(path)
+
+
+def test_unknown_split_and_limit(stored):
+    path, _ = stored
+    with pytest.raises(ConfigError, match="train, val, test"):
+        StackScenes(path, "training")
+    with pytest.raises(ConfigError, match="limit"):
+        StackScenes(path, "train", 0)
+
+
+def test_the_shipped_data_set_loads():
+    if not shipped_stacks().exists():
+        pytest.skip("the data set is not part of this checkout")
+    scenes = StackScenes(limit=4)
+    assert int(scenes.parameters([0, 1, 2, 3]).present.sum(dim=1).min()) >= 3

@@ -1,0 +1,29 @@
+import pytest
+
+from scenefw.core.errors import ConfigError
+from scenefw.learning.schedules import CosineDecay, Progress, StepDecay
+
+
+def test_the_thesis_drops_by_one_percent_every_five_epochs():
+    factors = [StepDecay().factor(Progress(0, epoch, 0.0)) for epoch in (0, 4, 5, 9, 10, 129)]
+    assert factors == pytest.approx([1, 1, 0.99, 0.99, 0.99**2, 0.99**25])
+
+
+def test_cosine_ends_with_whichever_budget_is_nearer():
+    schedule = CosineDecay(steps=100, minutes=2, warmup=0, lowest=0.1)
+    assert schedule.factor(Progress(0, 0, 0.0)) == pytest.approx(1)
+    assert schedule.factor(Progress(50, 0, 0.0)) == pytest.approx(0.55)
+    assert schedule.factor(Progress(0, 0, 60.0)) == pytest.approx(0.55)
+    assert schedule.factor(Progress(10, 0, 120.0)) == pytest.approx(0.1)
+    assert schedule.factor(Progress(500, 0, 0.0)) == pytest.approx(0.1)
+
+
+def test_warm_up_rises_evenly():
+    schedule = CosineDecay(steps=10**9, warmup=4)
+    factors = [schedule.factor(Progress(step, 0, 0.0)) for step in range(5)]
+    assert factors == pytest.approx([0.25, 0.5, 0.75, 1, 1])
+
+
+def test_a_cosine_needs_a_budget():
+    with pytest.raises(ConfigError, match=r"steps or \.minutes"):
+        CosineDecay()

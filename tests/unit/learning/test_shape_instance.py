@@ -1,0 +1,104 @@
+import lightning
+import numpy as np
+import pytest
+import torch
+from tests.unit.data.stacks_file import write_stacks
+from tests.unit.learning import tiny
+
+from scenefw.core.types import ShapeInstanceBatch, ShapeInstancePrediction
+from scenefw.data.modules import IndexBatch, StackData
+from scenefw.learning.averaging import AveragedWeights
+from scenefw.learning.scores import scores
+
+
+@pytest.fixture
+def data(tmp_path):
+    write_stacks(tmp_path / "stacks.npz")
+    return StackData(str(tmp_path / "stacks.npz"), limit=2, validation_limit=2, batch_size=2)
+
+
+def trainer(steps, **options):
+    return lightning.Trainer(
+        accelerator="cpu",
+        max_steps=steps,
+        logger=False,
+        enable_checkpointing=False,
+        enable_progress_bar=False,
+        enable_model_summary=False,
+        limit_val_batches=0,
+        **options,
+    )
+
+
+@pytest.mark.parametrize("resolution", [8, 16])
+def test_a_scene_of_an_epoch_is_the_same_in_any_batch(data, resolution):
+    module = tiny.learning(resolution)
+    both = module._draw(data.scenes, IndexBatch(3, torch.tensor([0, 1])), 2)
+    one = module._draw(data.scenes, IndexBatch(3, torch.tensor([1])), 2)
+    later = module._draw(data.scenes, IndexBatch(4, torch.tensor([1])), 2)
+    assert torch.equal(both.condition[1:], one.condition)
+    assert torch.equal(both.tsdf[1:], one.tsdf)
+    assert not torch.equal(later.condition, one.condition)
+    other = tiny.learning(resolution, seed=1)._draw(
+        data.scenes, IndexBatch(3, torch.tensor([1])), 2
+    )
+    assert not torch.equal(other.condition, one.condition)
+
+
+def test_it_learns_a_few_scenes(data):
+    module = tiny.learning(16, schedule=None, learning_rate=2e-2)
+    first = {}
+
+    class First(lightning.Callback):
+        def on_train_batch_end(self, trainer, module, *_):
+            first.setdefault("total", float(trainer.callback_metrics["train/total"]))
+
+    run = trainer(60, callbacks=[First()])
+    run.fit(module, data)
+    assert float(run.callback_metrics["train/total"]) < 0.6 * first["total"]
+    assert module.batches_seen == 60
+    assert module.seconds > 0
+
+
+def test_the_learning_rate_follows_the_schedule(data):
+    module = tiny.learning()
+    rates = []
+
+    class Rates(lightning.Callback):
+        def on_train_batch_end(self, trainer, module, *_):
+            rates.append(trainer.optimizers[0].param_groups[0]["lr"])
+
+    trainer(6, callbacks=[Rates()]).fit(module, data)
+    cosine = [0.01 + 0.99 * 0.5 * (1 + np.cos(np.pi * i / 20)) for i in range(6)]
+    rise = [1 / 3, 2 / 3, 1, 1, 1, 1]
+    np.testing.assert_allclose(rates, 1e-2 * np.array(cosine) * rise, rtol=1e-6)
+
+
+def test_averaged_weights_are_a_moving_average():
+    model = torch.nn.Linear(1, 1, bias=False)
+    average = AveragedWeights(model, decay=0.9)
+    expected = float(model.weight.detach())
+    for i in range(30):
+        with torch.no_grad():
+            model.weight.fill_(i)
+        average.update(model)
+        decay = min(0.9, (2 + i) / (11 + i))
+        expected = decay * expected + (1 - decay) * i
+    with average.swapped(model):
+        assert float(model.weight.detach()) == pytest.approx(expected, rel=1e-5)
+    assert float(model.weight.detach()) == 29
+
+
+def test_scores_of_a_known_prediction():
+    truth = torch.ones(1, 1, 2, 2, 2)
+    truth[0, 0, 0] = -0.5
+    guess = torch.ones(1, 1, 2, 2, 2)
+    guess[0, 0, 0, 0] = -0.5
+    votes = torch.zeros(1, 3, 2, 2, 2)
+    votes[0, 0, 0] = 1
+    turned = torch.zeros(1, 3, 2, 2, 2)
+    turned[0, 0, 0], turned[0, 1, 0] = 2, 2
+    found = scores(ShapeInstancePrediction(guess, turned), ShapeInstanceBatch(truth, truth, votes))
+    assert float(found["iou"]) == pytest.approx(2 / 4)
+    assert float(found["tsdf"]) == pytest.approx(2 * 1.5 / 8)
+    assert float(found["vote_degrees"]) == pytest.approx(45, abs=1e-3)

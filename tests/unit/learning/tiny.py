@@ -1,0 +1,107 @@
+"""A training of milliseconds per step; run as a script, it kills itself on the way."""
+
+import os
+import signal
+import sys
+from pathlib import Path
+
+import lightning
+import numpy as np
+import torch
+
+from scenefw.core.geometry import look_at
+from scenefw.core.types import Camera, GridSpec
+from scenefw.data.augmentation import RigidAugmentation
+from scenefw.data.modules import StackData
+from scenefw.data.views import ViewMaker
+from scenefw.learning.schedules import CosineDecay
+from scenefw.learning.shape_instance import ShapeInstanceLearning
+from scenefw.learning.trainer import TrainerSettings
+from scenefw.losses.mmd import MaximumMeanDiscrepancy
+from scenefw.losses.partial_tsdf import PartialTsdfLoss
+from scenefw.losses.tsdf import TsdfLoss
+from scenefw.losses.votes import VoteLoss
+from scenefw.mapping.projective import Projective
+from scenefw.models.shape_instance_vae import ShapeInstanceVAE
+from scenefw.renderers.sphere_tracer import SphereTracer
+from scenefw.tasks.train import Train
+
+
+class Circle:
+    def sample(self, rng):
+        angle = rng.uniform(-np.pi, np.pi)
+        eye = (0.9 * np.cos(angle), 0.9 * np.sin(angle), 0.7)
+        return Camera(40, 30, 35.0, 35.0, 19.5, 14.5, look_at(eye, (0, 0, 0.1)))
+
+
+def network(resolution=8):
+    torch.manual_seed(0)
+    return ShapeInstanceVAE(
+        resolution,
+        latent_size=4,
+        bottleneck=4,
+        condition_widths=(4, 4, 4, 4, 4),
+        encoder_widths=(4, 4, 4, 4, 4),
+        decoder_widths=(4, 4, 4, 4, 4),
+        stem_width=4,
+        branch_width=4,
+    )
+
+
+def learning(resolution=8, **options):
+    views = ViewMaker(
+        GridSpec(resolution), Circle(), SphereTracer(), Projective(), {}, RigidAugmentation()
+    )
+    losses = {
+        "tsdf": TsdfLoss(),
+        "votes": VoteLoss(),
+        "partial_tsdf": PartialTsdfLoss(),
+        "mmd": MaximumMeanDiscrepancy(),
+    }
+    return ShapeInstanceLearning(
+        network(resolution),
+        losses,
+        views,
+        **{"learning_rate": 1e-2, "schedule": CosineDecay(steps=20, warmup=3), **options},
+    )
+
+
+def task(stacks, folder, steps, resolution=8, **options):
+    """Four batches of two scenes per epoch."""
+    data = StackData(str(stacks), limit=8, validation_limit=2, batch_size=2)
+    trainer = TrainerSettings("cpu", max_steps=steps, max_epochs=-1, validate_every=3)
+    folder = Path(folder)
+    return Train(
+        learning(resolution),
+        data,
+        trainer,
+        folder / "out",
+        folder / "state",
+        snapshot_steps=2,
+        log_every=1,
+        **options,
+    )
+
+
+class Killer(lightning.Callback):
+    """Kills the process, as `kill -9` does, once so many batches are done."""
+
+    def __init__(self, after):
+        self.after = after
+
+    def on_train_batch_start(self, trainer, module, *_):
+        if module.batches_seen == self.after:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+
+class Doomed(Train):
+    after = 5
+
+    def _callbacks(self, state):
+        return [*super()._callbacks(state), Killer(self.after)]
+
+
+if __name__ == "__main__":
+    doomed = task(*sys.argv[1:3], steps=9)
+    doomed.__class__ = Doomed
+    doomed.run()

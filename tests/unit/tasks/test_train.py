@@ -1,0 +1,108 @@
+import csv
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+from tests.unit.data.stacks_file import write_stacks
+from tests.unit.learning import tiny
+
+from scenefw.core.errors import CheckpointError, StorageError
+from scenefw.learning.checkpoint import load_checkpoint
+
+
+@pytest.fixture
+def stacks(tmp_path):
+    write_stacks(tmp_path / "stacks.npz")
+    return tmp_path / "stacks.npz"
+
+
+def state(folder):
+    return torch.load(folder / "state" / "last.ckpt", weights_only=False)
+
+
+def same(first, second):
+    if isinstance(first, torch.Tensor):
+        return torch.equal(first, second)
+    if isinstance(first, dict):
+        return first.keys() == second.keys() and all(same(first[k], second[k]) for k in first)
+    if isinstance(first, (list, tuple)):
+        return len(first) == len(second) and all(map(same, first, second))
+    return first == second
+
+
+def losses(folder):
+    with (folder / "out" / "losses.csv").open(newline="") as file:
+        return [(r["step"], r["epoch"], r["name"], r["value"]) for r in csv.DictReader(file)]
+
+
+def test_a_killed_training_goes_on_as_if_never_stopped(stacks, tmp_path):
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    tiny.task(stacks, whole, steps=9).run()
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.unit.learning.tiny", str(stacks), str(killed)],
+        cwd=Path(__file__).parents[3],
+        capture_output=True,
+        check=False,
+    )
+    assert done.returncode == -signal.SIGKILL, done.stderr.decode()
+    assert state(killed)["scenefw"]["batches_seen"] == 4  # the last snapshot before the kill at 5
+    tiny.task(stacks, killed, steps=9).run()
+    first, second = state(whole), state(killed)
+    assert first["global_step"] == second["global_step"] == 9
+    assert same(first["state_dict"], second["state_dict"])
+    assert same(first["optimizer_states"], second["optimizer_states"])
+    assert same(first["scenefw"]["average"], second["scenefw"]["average"])
+    assert losses(whole) == losses(killed)
+
+
+def test_it_stops_and_goes_on_with_more_steps(stacks, tmp_path):
+    whole, parts = tmp_path / "whole", tmp_path / "parts"
+    tiny.task(stacks, whole, steps=7).run()
+    tiny.task(stacks, parts, steps=3).run()
+    figures = tiny.task(stacks, parts, steps=7).run()
+    assert figures["train/steps"] == 7
+    assert same(state(whole)["state_dict"], state(parts)["state_dict"])
+
+
+def test_the_export_holds_the_averaged_weights(stacks, tmp_path, capsys):
+    tiny.task(stacks, tmp_path, steps=4).run()
+    assert capsys.readouterr().out.strip().splitlines()[-1].endswith("out/simstack.safetensors")
+    found = load_checkpoint(tmp_path / "out" / "simstack.safetensors")
+    average = state(tmp_path)["scenefw"]["average"]["values"]
+    for name, value in found.model.state_dict().items():
+        if value.is_floating_point():
+            torch.testing.assert_close(value, average[name], rtol=1e-3, atol=1e-4)
+    assert found.grid.resolution == 8
+    assert found.metadata["steps"] == 4
+    assert found.metadata["samples"] == 8
+
+
+def test_fresh_starts_anew(stacks, tmp_path):
+    tiny.task(stacks, tmp_path, steps=3).run()
+    figures = tiny.task(stacks, tmp_path, steps=2, fresh=True).run()
+    assert figures["train/steps"] == 2
+
+
+def test_another_network_can_not_go_on(stacks, tmp_path):
+    tiny.task(stacks, tmp_path, steps=2).run()
+    with pytest.raises(CheckpointError, match=r"fresh=true"):
+        tiny.task(stacks, tmp_path, steps=4, resolution=64).run()
+
+
+def test_a_damaged_state_is_one_line(stacks, tmp_path):
+    tiny.task(stacks, tmp_path, steps=2).run()
+    file = tmp_path / "state" / "last.ckpt"
+    file.write_bytes(file.read_bytes()[:1000])
+    with pytest.raises(CheckpointError, match="damaged") as caught:
+        tiny.task(stacks, tmp_path, steps=4).run()
+    assert "\n" not in str(caught.value)
+
+
+def test_an_unwritable_folder_is_found_before_the_work(stacks, tmp_path):
+    blocked = tmp_path / "file"
+    blocked.write_text("no folder")
+    with pytest.raises(StorageError):
+        tiny.task(stacks, blocked, steps=2).run()
