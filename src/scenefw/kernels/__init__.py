@@ -1,1 +1,1 @@
-"""Per-element functions (one ray, one voxel, one vote), compiled once for the CPU and once for CUDA."""
+"""Per-element functions (one ray, one voxel, one vote), compiled for the CPU and for CUDA."""
