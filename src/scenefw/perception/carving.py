@@ -4,6 +4,7 @@ import numpy as np
 import torch
 from scipy import ndimage
 from torch import Tensor
+from torch.nn import functional
 
 from scenefw.core.types import GridSpec, PartialTSDF
 
@@ -15,7 +16,8 @@ def carve(tsdf: Tensor, partial: PartialTSDF, grid: GridSpec) -> Tensor:
     """The TSDF (X, Y, Z) without what lies below the floor or in space that was seen to be free.
 
     A distance along rays is never smaller than the true one, so of seen space only the sign is
-    used, and only a voxel and more in front of the surface.
+    used, only a voxel and more in front of the surface, and not beside space that isn't free: at
+    silhouettes the prediction is smoother than what was seen.
 
     Args:
         tsdf: (X, Y, Z) metres.
@@ -26,7 +28,8 @@ def carve(tsdf: Tensor, partial: PartialTSDF, grid: GridSpec) -> Tensor:
     heights = torch.from_numpy(grid.centres()[0, 0, :, 2].astype(np.float32)).to(tsdf.device)
     seen = partial.distance[0, 0].to(tsdf.device)
     free = partial.observed[0, 0].to(tsdf.device) & (seen > voxel)
-    carved = torch.where(free, tsdf.clamp(min=voxel / 2), tsdf)
+    beside = functional.max_pool3d((~free).float()[None, None], 3, stride=1, padding=1)[0, 0]
+    carved = torch.where(beside == 0, tsdf.clamp(min=voxel / 2), tsdf)
     return torch.maximum(carved, -heights).clamp(max=grid.truncation)
 
 

@@ -111,7 +111,7 @@ def _figure(
     top = [figure.add_subplot(grid[0, 2 * i : 2 * i + 2]) for i in range(3)]
     bottom = [figure.add_subplot(grid[1, 3 * i : 3 * i + 3]) for i in range(2)]
     _show_colour(top[0], frame, rows, columns)
-    _show_depth(top[1], frame, rows, columns)
+    _show_depth(top[1], frame.depth[rows, columns], estimate.frame.depth[rows, columns])
     _show(
         top[2],
         draw(seen, turned(camera.resized(*_SMALL), points, _TURN_OF_PARTIAL)),
@@ -166,19 +166,27 @@ def _show_colour(axes: "Axes", frame: Frame, rows: slice, columns: slice) -> Non
     _show(axes, frame.colour[rows, columns], "colour (not used)")
 
 
-def _show_depth(axes: "Axes", frame: Frame, rows: slice, columns: slice) -> None:
+def _show_depth(axes: "Axes", depth: Float32, used: Float32) -> None:
+    """Depth as it was measured, in the range of what was used of it."""
     from matplotlib import colormaps
+    from matplotlib.patheffects import withStroke
 
-    depth = np.where(frame.depth > 0, frame.depth, np.nan)[rows, columns]
-    measured = depth[np.isfinite(depth)]
-    near, far = np.percentile(measured, (1, 97)) if measured.size else (0.0, 1.0)
+    measured = used[used > 0]
+    near, far = np.percentile(measured, (1, 99)) if measured.size else (0.0, 1.0)
     palette = colormaps["viridis_r"].with_extremes(bad="#f0f0f0")
-    image = axes.imshow(depth, cmap=palette, vmin=near, vmax=far, interpolation="nearest")
+    image = axes.imshow(
+        np.where(depth > 0, depth, np.nan),
+        cmap=palette,
+        vmin=near,
+        vmax=far,
+        interpolation="nearest",
+    )
     bar = axes.inset_axes((0.03, 0.04, 0.3, 0.03))
     axes.figure.colorbar(image, cax=bar, orientation="horizontal", ticks=())
     bar.spines[:].set_visible(False)
     for x, text, side in ((0.03, f"{near:.2f}", "left"), (0.33, f"{far:.2f} m", "right")):
-        axes.text(x, 0.085, text, transform=axes.transAxes, ha=side, fontsize=7, color="white")
+        label = axes.text(x, 0.085, text, transform=axes.transAxes, ha=side, fontsize=7)
+        label.set(color="white", path_effects=[withStroke(linewidth=1.5, foreground=_INK)])
     _dress(axes, "depth")
 
 

@@ -184,8 +184,8 @@ def _brightness(
     lambert = np.clip(normals @ key, 0, 1)
     shadow = _shadow(field, grid, points + np.float32(0.004) * normals, key)
     sky = 0.5 + 0.5 * normals[:, 2]
-    ambient = (0.36 + 0.22 * sky) * _occlusion(field, grid, points, normals)
-    return (ambient + 0.52 * lambert * shadow).astype(np.float32)
+    ambient = (0.42 + 0.22 * sky) * _occlusion(field, grid, points, normals)
+    return (ambient + 0.46 * lambert * shadow).astype(np.float32)
 
 
 def _far_distance(solid: Solid) -> Float32:
