@@ -29,9 +29,9 @@ def table_of(rows: list[Row]) -> Table:
     for heading in ("ours (ms)", "peer (ms)", "ratio"):
         table.add_column(heading, justify="right")
     for row in rows:
-        theirs = row.get("note") or _number(row["peer_ms"])
-        peer = row["peer"] or "none"
-        table.add_row(row["job"], peer, _number(row["ours_ms"]), theirs, _number(row["ratio"]))
+        theirs = str(row.get("note") or _number(row["peer_ms"]))
+        name, peer = str(row["job"]), str(row["peer"] or "none")
+        table.add_row(name, peer, _number(row["ours_ms"]), theirs, _number(row["ratio"]))
     return table
 
 
