@@ -57,7 +57,8 @@ def open3d() -> Timed:
 
     vertices, faces = scene_mesh()
     caster = o3d.t.geometry.RaycastingScene()
-    caster.add_triangles(vertices.astype(np.float32), faces.astype(np.uint32))
+    tensors = o3d.core.Tensor(vertices.astype(np.float32)), o3d.core.Tensor(faces.astype(np.uint32))
+    caster.add_triangles(*tensors)
     points = GRID.centres().astype(np.float32)
     return lambda: caster.compute_signed_distance(points).numpy()
 
