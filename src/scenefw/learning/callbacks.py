@@ -7,14 +7,16 @@ from pathlib import Path
 from typing import Any
 
 import lightning
+from lightning.pytorch.callbacks import Timer
 from rich.progress import (
     BarColumn,
-    MofNCompleteColumn,
     Progress,
+    TaskProgressColumn,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+from torch import Tensor
 
 from scenefw.core.files import replacing
 from scenefw.learning.shape_instance import ShapeInstanceLearning
@@ -44,8 +46,12 @@ class Snapshots(lightning.Callback):
         self, trainer: lightning.Trainer, module: ShapeInstanceLearning, *_: Any
     ) -> None:
         """Saves if it is time."""
-        late = time.monotonic() - self._last >= 60 * self.minutes
-        if (module.batches_seen % self.steps == 0) if self.steps else late:
+        due = time.monotonic() - self._last >= 60 * self.minutes
+        if self.steps:
+            due = module.batches_seen % self.steps == 0
+        elif trainer.world_size > 1:  # clocks differ, but all processes must save together
+            due = trainer.strategy.reduce_boolean_decision(due, all=False)
+        if due:
             self._save(trainer)
 
     def on_train_end(self, trainer: lightning.Trainer, module: lightning.LightningModule) -> None:
@@ -75,7 +81,7 @@ class LossTable(lightning.Callback):
 
     def __init__(self, path: Path, every: int = 20) -> None:
         self.path, self.every = path, every
-        self._sums: dict[str, float] = {}
+        self._sums: dict[str, Tensor] = {}
         self._count = 0
 
     def on_fit_start(self, trainer: lightning.Trainer, module: ShapeInstanceLearning) -> None:
@@ -94,9 +100,10 @@ class LossTable(lightning.Callback):
         self._count += 1
         for name, value in trainer.callback_metrics.items():
             if name.startswith("train/"):
-                self._sums[name] = self._sums.get(name, 0.0) + float(value)
+                self._sums[name] = self._sums.get(name, 0.0) + value  # stays on the device
         if module.batches_seen % self.every == 0:
-            self._write(trainer, module, {n: s / self._count for n, s in self._sums.items()})
+            means = {n: float(s) / self._count for n, s in self._sums.items()}
+            self._write(trainer, module, means)
             self._sums, self._count = {}, 0
 
     def on_validation_end(self, trainer: lightning.Trainer, module: ShapeInstanceLearning) -> None:
@@ -130,21 +137,18 @@ class ProgressBar(lightning.Callback):
     def on_train_start(self, trainer: lightning.Trainer, module: ShapeInstanceLearning) -> None:
         """Starts the bar."""
         self._began, self._first = time.monotonic(), module.batches_seen
-        if self.lines is None:
+        if self.lines is None and trainer.is_global_zero:
             self._bar = Progress(
                 TextColumn("training"),
                 BarColumn(),
-                MofNCompleteColumn(),
-                TextColumn("{task.fields[rate]}"),
+                TaskProgressColumn(),
+                TextColumn("step {task.fields[step]}, {task.fields[rate]}"),
                 TimeElapsedColumn(),
                 TimeRemainingColumn(),
                 TextColumn("{task.fields[losses]}"),
             )
             self._bar.start()
-            total = _steps(trainer)
-            self._task = self._bar.add_task(
-                "", total=total, completed=module.batches_seen, rate="", losses=""
-            )
+            self._task = self._bar.add_task("", total=1.0, step=0, rate="", losses="")
 
     def on_train_batch_end(
         self, trainer: lightning.Trainer, module: ShapeInstanceLearning, *_: Any
@@ -152,13 +156,19 @@ class ProgressBar(lightning.Callback):
         """Moves the bar."""
         done = module.batches_seen - self._first
         now = time.monotonic()
+        if now - self._printed < (self.lines or 0.5):
+            return
+        self._printed = now
         rate = f"{done / max(now - self._began, 1e-9):.2f} steps/s"
         if self._bar is not None:
             self._bar.update(
-                self._task, completed=module.batches_seen, rate=rate, losses=_losses(trainer)
+                self._task,
+                completed=_share(trainer),
+                step=module.batches_seen,
+                rate=rate,
+                losses=_losses(trainer),
             )
-        elif self.lines is not None and now - self._printed >= self.lines:
-            self._printed = now
+        elif self.lines is not None and trainer.is_global_zero:
             print(
                 f"step {module.batches_seen} epoch {trainer.current_epoch} {rate} "
                 f"{module.seconds:.0f} s {_losses(trainer)}",
@@ -181,9 +191,15 @@ class ProgressBar(lightning.Callback):
             self._bar = None
 
 
-def _steps(trainer: lightning.Trainer) -> int | None:
+def _share(trainer: lightning.Trainer) -> float:
+    """How much of the training is done, by the limit that is nearest."""
     total = trainer.estimated_stepping_batches
-    return int(total) if total != float("inf") else None
+    share = trainer.global_step / total if 0 < total < float("inf") else 0.0
+    for timer in trainer.callbacks:
+        if isinstance(timer, Timer):
+            spent, left = timer.time_elapsed(), timer.time_remaining() or 0.0
+            share = max(share, spent / max(spent + left, 1e-9))
+    return min(share, 1.0)
 
 
 def _losses(trainer: lightning.Trainer) -> str:

@@ -81,6 +81,8 @@ class ShapeInstanceLearning(lightning.LightningModule):
         """Sets the learning rate of this step."""
         self._began = time.monotonic()
         epoch = self.batches_seen // len(self.trainer.train_dataloader)
+        if self.trainer.world_size > 1:  # one clock, else learning rates drift apart
+            self.seconds = self.trainer.strategy.broadcast(self.seconds)
         progress = Progress(self.batches_seen, epoch, self.seconds)
         for group in self.optimizers().param_groups:  # type: ignore[union-attr]
             group["lr"] = self.learning_rate * self.schedule.factor(progress)
@@ -141,6 +143,7 @@ class ShapeInstanceLearning(lightning.LightningModule):
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Keeps where the training is."""
         checkpoint["scenefw"] = {
+            "recipe": self.model.recipe,
             "batches_seen": self.batches_seen,
             "seconds": self.seconds,
             "average": self.average.state_dict() if self.average is not None else None,

@@ -1,10 +1,13 @@
 """Settings of Lightning's trainer that a training may change (group `trainer`)."""
 
+import logging
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import lightning
+from lightning.fabric.utilities.exceptions import MisconfigurationException
 
 from scenefw.core.errors import ConfigError
 
@@ -13,7 +16,7 @@ class TrainerSettings:
     """How long, on what and how precisely to train.
 
     Args:
-        accelerator: cpu, cuda (gpu) or auto.
+        accelerator: cpu, cuda, cuda:1 or auto.
         devices: how many, or auto.
         precision: Lightning's name: 32-true, bf16-mixed or 16-mixed.
         max_epochs: stop after this many passes over the training scenes; -1 means never.
@@ -29,7 +32,7 @@ class TrainerSettings:
     def __init__(
         self,
         accelerator: str = "auto",
-        devices: int | str = "auto",
+        devices: int | str | list[int] = "auto",
         precision: str = "32-true",
         max_epochs: int = 130,
         max_steps: int = -1,
@@ -41,6 +44,9 @@ class TrainerSettings:
     ) -> None:
         self.max_epochs, self.max_steps, self.max_time = max_epochs, max_steps, max_time
         self.validate_every = validate_every
+        accelerator, _, number = accelerator.partition(":")
+        if number:  # one device by its number, e.g. cuda:1
+            devices = [int(number)]
         self._options: dict[str, Any] = {
             "accelerator": accelerator,
             "devices": devices if accelerator != "cpu" else 1,
@@ -73,14 +79,13 @@ class TrainerSettings:
             "use_distributed_sampler": False,
             "default_root_dir": str(folder),
         }
+        logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
+        for quiet in ("num_workers", "weights_only", "LeafSpec", "dataloader is not resumable"):
+            warnings.filterwarnings("ignore", message=f".*{quiet}.*")
         try:
             return lightning.Trainer(
                 callbacks=list(callbacks), **self._options, **settings, **options
             )
-        except (
-            ValueError,
-            RuntimeError,
-            lightning.fabric.utilities.exceptions.MisconfigurationException,
-        ) as error:
+        except (ValueError, RuntimeError, MisconfigurationException) as error:
             line = " ".join(str(error).split())
             raise ConfigError(f"the trainer's settings are unusable: {line} (trainer.*)") from error

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import torch
+
 from scenefw.core.errors import CheckpointError
 from scenefw.core.files import replacing, require_writable
 from scenefw.data.modules import StackData
@@ -66,12 +68,9 @@ class Train:
         state = self.folder / _STATE
         trainer = self.trainer.build(self.folder, self._callbacks(state))
         resumed = state.exists() and not self.fresh
-        try:
-            trainer.fit(self.learning, self.data, ckpt_path=str(state) if resumed else None)
-        except (RuntimeError, KeyError, EOFError) as error:
-            if not resumed or self.learning.batches_seen:
-                raise
-            raise _unusable(state, error) from error
+        if resumed:
+            _check(state, self.learning.model.recipe)
+        trainer.fit(self.learning, self.data, ckpt_path=str(state) if resumed else None)
         if trainer.interrupted:
             raise KeyboardInterrupt
         self._collect()
@@ -97,6 +96,7 @@ class Train:
             "batch_size": self.data.batch_size,
             "learning_rate": learning.learning_rate,
             "losses": {name: loss.weight for name, loss in learning.losses.items()},
+            "noise": sorted(learning.views.noise),
             "seed": learning.seed,
         }
         model = learning.model
@@ -127,9 +127,22 @@ class Train:
         return figures | {n: float(v) for n, v in trainer.callback_metrics.items()}
 
 
-def _unusable(state: Path, error: Exception) -> CheckpointError:
-    line = " ".join(str(error).split())
-    return CheckpointError(
-        f"the training in {state} can't be gone on with ({line[:200]}); it is damaged or had other "
-        "settings: give run.fresh=true to start anew, or another run.folder"
-    )
+def _check(state: Path, recipe: Mapping[str, Any]) -> None:
+    """Finds out before the work whether a training can be gone on with.
+
+    Raises:
+        CheckpointError: it is damaged, or of another network.
+    """
+    try:
+        found = torch.load(state, map_location="cpu", weights_only=False)["scenefw"]["recipe"]
+    except Exception as error:  # torch raises many kinds for damaged archives
+        raise CheckpointError(
+            f"the state {state} is damaged ({type(error).__name__}); start anew with "
+            "run.fresh=true, or give another run.folder"
+        ) from error
+    different = [k for k in recipe if recipe[k] != found.get(k)]
+    if different:
+        raise CheckpointError(
+            f"the training in {state} had another network ({', '.join(different)}); start anew "
+            "with run.fresh=true, or give another run.folder"
+        )
