@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -30,9 +31,9 @@ def publish(
     """
     lines = [f"# {title}", "", *_origin(record)]
     for i, section in enumerate(sections):
-        lines += [f"## {section.title}", ""]
-        for j, block in enumerate(section.blocks):
-            lines += _block(block, target, folder, f"{i}-{j}")
+        body = [_block(b, target, folder, f"{i}-{j}") for j, b in enumerate(section.blocks)]
+        if any(body):  # nothing is left of a section of pictures that are not shareable
+            lines += [f"## {section.title}", "", *chain.from_iterable(body)]
     write_text(target, "\n".join(lines).rstrip() + "\n")
     return target
 

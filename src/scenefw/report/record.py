@@ -1,6 +1,7 @@
 """What a run's folder says of the run."""
 
 import json
+import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,4 +16,4 @@ def read_record(folder: Path) -> dict[str, Any]:
 def command_line(record: Mapping[str, Any]) -> str:
     """The command of a run's record as one would type it elsewhere, without where results went."""
     words = [w for w in record.get("command", ()) if not w.startswith(("paths.", "report.publish"))]
-    return " ".join(["python -m scenefw", *words])
+    return " ".join(["python -m scenefw", *map(shlex.quote, words)])

@@ -9,7 +9,12 @@ from scenefw.report.tables import Column, Table
 RECORD = {
     "seed": 3,
     "versions": {"torch": "2.6", "commit": "0123456789abc"},
-    "command": ["run=evaluate", "paths.output=/tmp/x", "report.publish=y.md"],
+    "command": [
+        "run=evaluate",
+        "report.title=Two words",
+        "paths.output=/tmp/x",
+        "report.publish=y.md",
+    ],
 }
 
 
@@ -28,17 +33,20 @@ def test_published_file_and_its_pictures(tmp_path):
             Picture("pictures/secret.png", "real", shareable=False),
         ),
     )
-    target = publish(tmp_path / "docs" / "r.md", "Reconstruction", [section], folder, RECORD)
+    hidden = Section("Unseen", (Picture("pictures/secret.png", "real", shareable=False),))
+    target = tmp_path / "docs" / "r.md"
+    publish(target, "Reconstruction", [section, hidden], folder, RECORD)
     text = target.read_text()
     for words in (
         "# Reconstruction",
-        "python -m scenefw run=evaluate",
+        "python -m scenefw run=evaluate 'report.title=Two words'",
         "seed 3, commit 0123456789, torch 2.6.",
         "| ours | 1.000 |",
         "10 scenes",
     ):
         assert words in text
     assert "secret" not in text
+    assert "Unseen" not in text
     assert "/tmp/x" not in text
     pictures = re.findall(r"\]\((.*?)\)", text)
     assert len(pictures) == 2
