@@ -172,13 +172,11 @@ def test_shipped_data_set_is_what_the_generator_makes(tmp_path):
     shapes = registry.build("shape", "superquadrics")
     source = registry.build("scene", "stacks", shapes=shapes, engine=engine)
     assert recipe(source) == manifest["recipe"]
-    row = len(stored) // 2
-    index = int(stored.index[row])
-    make_shard(source, manifest["seed"], index, index + 1, tmp_path / "again.npz")
-    again = load_scenes(tmp_path / "again.npz")
-    assert again.count.tolist() == [stored.count[row]]
-    count = int(stored.count[row])
-    for name, array in stored.arrays().items():
-        made = again.arrays()[name][0]
-        wanted = array[row, :count] if array.ndim > 1 else array[row]
-        np.testing.assert_allclose(made, wanted, atol=1e-6, err_msg=name)
+    for row in (0, len(stored) // 2, len(stored) - 1):
+        index, count = int(stored.index[row]), int(stored.count[row])
+        make_shard(source, manifest["seed"], index, index + 1, tmp_path / "again.npz")
+        again = load_scenes(tmp_path / "again.npz")
+        assert again.count.tolist() == [count]
+        for name, array in stored.arrays().items():
+            wanted = array[row, :count] if array.ndim > 1 else array[row]
+            np.testing.assert_allclose(again.arrays()[name][0], wanted, atol=1e-6, err_msg=name)
