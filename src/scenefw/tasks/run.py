@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import platform
 import subprocess
@@ -40,6 +41,8 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
     if HydraConfig.initialized():  # a sweep gives each run a folder of its own
         config.paths.output = HydraConfig.get().runtime.output_dir
     output = require_writable(Path(config.paths.output).absolute())
+    if not any(word.startswith("paths.output=") for word in sys.argv[1:]):
+        output = claim(output)
     config.paths.output = str(output)
     config.device = pick_device(config.device)
     write_text(output / "config.yaml", OmegaConf.to_yaml(config, resolve=True))
@@ -50,6 +53,22 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
     write_text(output / "metrics.json", json.dumps(dict(figures), indent=2) + "\n")
     print(output)
     return dict(figures)
+
+
+def claim(folder: Path) -> Path:
+    """The folder, or its next free neighbour (`-2`, ...) if a run of the same second has it."""
+    names = itertools.chain([folder.name], (f"{folder.name}-{n}" for n in itertools.count(2)))
+    return next(filter(_is_free, map(folder.with_name, names)))
+
+
+def _is_free(folder: Path) -> bool:
+    """Takes the folder, unless it is taken."""
+    require_writable(folder)
+    try:
+        (folder / "run.json").touch(exist_ok=False)
+    except FileExistsError:
+        return False
+    return True
 
 
 def pick_device(wanted: str) -> str:
