@@ -15,6 +15,7 @@ _MOST_BRICKS = 4096  # busiest voxels that are given cells
 _MOST_CENTRES = 32
 _MOST_JUDGES = 32768  # voxels that decide which centres stay
 _STEPS = 64
+_COARSENING = 3
 _REFERENCE_VOXEL = 1 / 64  # m: the thesis's voxel, for which its gamma was found
 
 
@@ -44,7 +45,7 @@ class HoughVoting:
     (eq. 5.6).
 
     The thesis stops there, which suits exact votes. Noisy votes miss each other in cells this
-    fine, and whole objects would be lost. So the vote is repeated in cells of twice the size, down
+    fine, and whole objects would be lost. So the vote is repeated in cells of thrice the size, down
     to whole voxels, for centres that the finer cells do not show; costs are mixed with those of
     neighbouring voxels; and a centre must earn its place: those are removed, worst first, whose
     voxels could go to the second best centre for less than `gain` more on average, or that hold
@@ -122,7 +123,7 @@ class HoughVoting:
             cells, counts = self._busy_cells(rays, traversals, subdivisions)
             modes = _modes(cells, counts, rays.blocks.shape, self.bandwidth / voxel)
             found = _joined(found, modes, self.merging / voxel)
-            subdivisions //= 2
+            subdivisions //= _COARSENING
         if not len(found):  # nothing but a handful of voxels: one object
             return rays.voxels.float().mean(dim=0, keepdim=True)
         return found[:_MOST_CENTRES]
@@ -141,7 +142,7 @@ class HoughVoting:
         passable = rays.blocks >= 0
         blocks = rays.blocks.clone()
         blocks[passable] = number
-        counts = _count(rays, blocks, subdivisions)
+        counts = _count(rays, blocks, subdivisions) if subdivisions > 1 else traversals[busy]
         kept = (counts > self.threshold).nonzero()[:, 0]
         s = subdivisions
         offset = torch.stack([kept // (s * s) % s, kept // s % s, kept % s], dim=1)
@@ -245,10 +246,13 @@ def _binned(cells: Tensor, counts: Tensor, side: float) -> tuple[Tensor, Tensor]
 
 def _joined(found: Tensor, modes: Tensor, radius: float) -> Tensor:
     """`found` and those of `modes` that are farther than `radius` from all before them."""
-    for mode in modes:
-        if not len(found) or float((found - mode).norm(dim=1).min()) >= radius:
-            found = torch.cat([found, mode[None]])
-    return found
+    every = torch.cat([found, modes])
+    near = (torch.cdist(every, every) < radius).tolist()
+    kept = list(range(len(found)))
+    for i in range(len(found), len(every)):
+        if not any(near[i][k] for k in kept):
+            kept.append(i)
+    return every[kept]
 
 
 def _averaged(costs: Tensor, rays: Rays) -> Tensor:
