@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_WIDTH, _HEIGHT = 560, 420  # of drawn pictures (pixels)
-_SMALL = (400, 300)
+_WIDTH, _HEIGHT = 520, 390  # of drawn pictures (pixels)
+_SMALL = (360, 270)
 _DPI = 200
 _INK = "#333333"
 _TURN_OF_PARTIAL = 70.0

@@ -18,13 +18,13 @@ Picture = NDArray[np.float32]
 
 _SUPERSAMPLING = 2
 _FLOOR_REACH = 0.8  # m
-_FLOOR_SAMPLES = 320
+_FLOOR_SAMPLES = 224
 _FILLED = 0.8  # of the picture
 _GREY = (0.62, 0.62, 0.62)
 _FLOOR = (0.90, 0.90, 0.91)
 _GRID_LINES = 0.05  # m
 _OCCLUSION_STEPS = (0.008, 0.02, 0.045, 0.08)  # m along the normal
-_SHADOW_STEPS = tuple(np.geomspace(0.012, 0.35, 12).tolist())  # m towards the light
+_SHADOW_STEPS = tuple(np.geomspace(0.012, 0.35, 9).tolist())  # m towards the light
 _SHADOW_SOFTNESS = 9.0
 
 
