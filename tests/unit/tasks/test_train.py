@@ -1,8 +1,5 @@
 import csv
 import signal
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 import torch
@@ -40,16 +37,13 @@ def losses(folder):
 
 def test_a_killed_training_goes_on_as_if_never_stopped(stacks, tmp_path):
     whole, killed = tmp_path / "whole", tmp_path / "killed"
-    tiny.task(stacks, whole, steps=9).run()
-    done = subprocess.run(
-        [sys.executable, "-m", "tests.unit.learning.tiny", str(stacks), str(killed)],
-        cwd=Path(__file__).parents[3],
-        capture_output=True,
-        check=False,
-    )
+    done = tiny.run_elsewhere(stacks, whole)
+    assert done.returncode == 0, done.stderr.decode()
+    done = tiny.run_elsewhere(stacks, killed, "kill")
     assert done.returncode == -signal.SIGKILL, done.stderr.decode()
     assert state(killed)["scenefw"]["batches_seen"] == 4  # the last snapshot before the kill at 5
-    tiny.task(stacks, killed, steps=9).run()
+    done = tiny.run_elsewhere(stacks, killed)
+    assert done.returncode == 0, done.stderr.decode()
     first, second = state(whole), state(killed)
     assert first["global_step"] == second["global_step"] == 9
     assert same(first["state_dict"], second["state_dict"])
