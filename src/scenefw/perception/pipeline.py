@@ -76,7 +76,7 @@ class Pipeline:
         floor: FloorFinder | None = None,
         workspace: WorkspaceFinder | None = None,
         doctor: Doctor | None = None,
-        samples: int = 4,
+        samples: int = 3,
         *,
         carve: bool = True,
         seed: int = 0,
