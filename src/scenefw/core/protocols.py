@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     import numpy as np
     import torch
@@ -14,7 +14,10 @@ if TYPE_CHECKING:
 
     from scenefw.core.types import (
         CameraBatch,
+        Frame,
         GridSpec,
+        HeightGrid,
+        HeightMap,
         PartialTSDF,
         Pose,
         Scene,
@@ -150,6 +153,94 @@ class Reconstructor(Protocol):
         self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
     ) -> Sequence[tuple[Tensor, Tensor]]:
         """`samples` pairs of TSDF (B, X, Y, Z) metres and instances (B, X, Y, Z) int32."""
+
+
+class RunningHeights(Protocol):
+    """A height map that grows frame by frame."""
+
+    def add(self, frame: Frame) -> None:
+        """Fuses depth and colour of a frame, whose camera's pose is in the world frame."""
+
+    def height_map(self) -> HeightMap:
+        """The map of all frames so far."""
+
+
+class HeightMapping(Protocol):
+    """Fuses frames into height maps (group `mapping`, options `height_*`)."""
+
+    grid: HeightGrid
+
+    def begin(self, previous: HeightMap | None = None) -> RunningHeights:
+        """An empty map, or one that goes on from an earlier one."""
+
+
+class RunningLabels(Protocol):
+    """Class probabilities of vertices that sharpen frame by frame."""
+
+    def add(self, probabilities: NDArray[np.float32], frame: Frame, heights: HeightMap) -> None:
+        """Fuses what a frame's pixels are, (C, H, W) that sum to 1; depth 0 says nothing."""
+
+    def probabilities(self) -> NDArray[np.float32]:
+        """(C, V, V), uniform where nothing was said."""
+
+
+class SemanticMapping(Protocol):
+    """Fuses labelled views into a height map (group `mapping`, options `semantic_*`)."""
+
+    def begin(
+        self, grid: HeightGrid, classes: int, previous: NDArray[np.float32] | None = None
+    ) -> RunningLabels:
+        """Uniform probabilities, or those (C, V, V) of an earlier map."""
+
+
+class LabelSource(Protocol):
+    """Says what each pixel of a frame is: a network, files of masks, the truth, a callable."""
+
+    classes: Sequence[str]
+
+    def label(self, frame: Frame) -> NDArray[np.float32]:
+        """Probabilities (C, H, W), summing to 1 over the classes."""
+
+
+class MapLabelSource(Protocol):
+    """Says what each vertex of a height map is."""
+
+    classes: Sequence[str]
+
+    def label_map(self, height_map: HeightMap) -> NDArray[np.float32]:
+        """Probabilities (C, V, V), summing to 1; uniform where the map is unseen."""
+
+
+class RunningLabelling(Protocol):
+    """A labelled height map that grows frame by frame."""
+
+    def add(self, frame: Frame) -> None:
+        """Takes in the next frame."""
+
+    def height_map(self) -> HeightMap:
+        """The map so far with probabilities, labels, sources and classes."""
+
+
+class Labelling(Protocol):
+    """A strategy of labelling a scene from many views (group `labelling`)."""
+
+    def begin(self, previous: HeightMap | None = None) -> RunningLabelling:
+        """Starts a scene, or goes on with a saved one."""
+
+
+class FrameSource(Protocol):
+    """Scenes with RGB-D views and, where known, ground truth (group `dataset`, `tabletop*`)."""
+
+    classes: Sequence[str]
+
+    def __len__(self) -> int:
+        """Number of scenes."""
+
+    def frames(self, scene: int, count: int, start: int = 0) -> Iterator[Frame]:
+        """Views number start to start + count - 1 of a scene; view i never changes."""
+
+    def truth(self, scene: int) -> HeightMap:
+        """Orthographic heights, colour and labels of the scene."""
 
 
 class Task(Protocol):
