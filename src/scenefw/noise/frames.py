@@ -1,0 +1,46 @@
+"""Noise applied to whole frames: depth as a sensor reads it, poses as tracking estimates them."""
+
+import zlib
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Protocol, runtime_checkable
+
+import torch
+
+from scenefw.core import rng
+from scenefw.core.protocols import Noise
+from scenefw.core.types import Camera, Frame
+from scenefw.kernels.cameras import stack_cameras
+
+
+@runtime_checkable
+class PoseNoise(Protocol):
+    """Noise that disturbs where a frame's camera is believed to be."""
+
+    def move(self, camera: Camera, generator: torch.Generator) -> Camera:
+        """The camera at a disturbed pose."""
+
+
+def disturb(frame: Frame, noises: Mapping[str, Noise], seed: int, scene: int, index: int) -> Frame:
+    """The frame as a noisy sensor with noisy tracking delivers it; itself if there is no noise.
+
+    Each noise draws from a stream of its own, fixed by (seed, scene, index) and the noise's name:
+    another noise beside it, or another amount, leaves its draws as they are.
+
+    Args:
+        frame: with true depth and pose.
+        noises: by name, applied in their order.
+        seed: of the data set.
+        scene: number of the scene.
+        index: number of the frame in it.
+    """
+    for name, noise in noises.items():
+        stream = (scene, index, zlib.crc32(name.encode()))
+        generator = torch.Generator().manual_seed(rng.torch_seed(seed, *stream))
+        if isinstance(noise, PoseNoise):
+            frame = replace(frame, camera=noise.move(frame.camera, generator))
+            continue
+        depth = torch.from_numpy(frame.depth.copy())[None]
+        noisy = noise.apply(depth, stack_cameras([frame.camera]), generator)
+        frame = replace(frame, depth=noisy[0].numpy())
+    return frame

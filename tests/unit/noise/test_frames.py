@@ -1,0 +1,48 @@
+import numpy as np
+
+from scenefw.core.types import Camera, Frame
+from scenefw.noise.frames import disturb
+from scenefw.noise.gaussian import Gaussian
+from scenefw.noise.pose import Jitter
+
+
+def frame():
+    depth = np.full((12, 16), 0.3, np.float32)
+    depth[0] = 0
+    return Frame(depth, Camera().resized(16, 12), np.zeros((12, 16, 3), np.uint8), name="view")
+
+
+def test_no_noise_changes_nothing():
+    view = frame()
+    assert disturb(view, {}, 0, 0, 0) is view
+
+
+def test_amounts_of_zero_change_no_bit():
+    view = frame()
+    same = disturb(view, {"gaussian": Gaussian(0.0), "pose": Jitter(0.0)}, 0, 0, 0)
+    assert same.depth.tobytes() == view.depth.tobytes()
+    assert same.camera is view.camera
+
+
+def test_seed_scene_and_frame_fix_the_noise():
+    noises = {"gaussian": Gaussian(0.002), "pose": Jitter(0.001)}
+    first, again = (disturb(frame(), noises, 1, 2, 3) for _ in range(2))
+    np.testing.assert_array_equal(first.depth, again.depth)
+    np.testing.assert_array_equal(first.camera.T_world_camera, again.camera.T_world_camera)
+    for other in ((0, 2, 3), (1, 0, 3), (1, 2, 0)):
+        assert not np.array_equal(first.depth, disturb(frame(), noises, *other).depth)
+
+
+def test_one_noise_does_not_change_the_draws_of_another():
+    alone = disturb(frame(), {"gaussian": Gaussian(0.002)}, 0, 0, 0)
+    both = disturb(frame(), {"pose": Jitter(0.001), "gaussian": Gaussian(0.002)}, 0, 0, 0)
+    np.testing.assert_array_equal(alone.depth, both.depth)
+    assert not np.array_equal(alone.camera.T_world_camera, both.camera.T_world_camera)
+
+
+def test_the_given_frame_stays_and_missing_depth_stays_missing():
+    view = frame()
+    noisy = disturb(view, {"gaussian": Gaussian(0.01)}, 0, 0, 0)
+    assert (view.depth[1:] == np.float32(0.3)).all()
+    assert (noisy.depth[0] == 0).all()
+    assert noisy.colour is view.colour
