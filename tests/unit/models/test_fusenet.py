@@ -1,0 +1,84 @@
+import pytest
+import torch
+
+from scenefw import registry
+from scenefw.core.errors import ConfigError
+from scenefw.models.fusenet import FuseNet
+from scenefw.models.receptive_field import receptive_field
+
+
+@pytest.fixture
+def network():
+    torch.manual_seed(0)
+    network = FuseNet(3, (4, 6, 6, 8)).train()
+    with torch.no_grad():
+        for _ in range(3):  # statistics that are not 0 and 1
+            network(*images(48, 64, batch=2))
+    return network.eval()
+
+
+def images(height, width, batch=1, seed=0):
+    generator = torch.Generator().manual_seed(seed)
+    colour = torch.rand(batch, 3, height, width, generator=generator)
+    distance = 0.3 * torch.rand(batch, 1, height, width, generator=generator)
+    distance[..., : height // 3, : width // 4] = torch.nan
+    return colour, distance
+
+
+@torch.no_grad()
+def test_it_moves_with_its_input(network):
+    colour, distance = images(168, 176)
+    whole = network(colour, distance)
+    margin = receptive_field(network.body).margin
+    for down, right in ((8, 0), (16, 24)):
+        part = network(colour[..., down:, right:], distance[..., down:, right:])
+        inner = (..., slice(margin, None), slice(margin, None))
+        torch.testing.assert_close(part[inner], whole[..., down:, right:][inner])
+
+
+@torch.no_grad()
+@pytest.mark.parametrize("size", [(5, 9), (41, 33), (8, 8)])
+def test_any_size_goes(network, size):
+    scores = network(*images(*size, batch=2))
+    assert scores.shape == (2, 3, *size)
+    assert scores.isfinite().all()
+
+
+@torch.no_grad()
+def test_missing_distances_are_not_zero_distances(network):
+    colour, distance = images(32, 32)
+    filled = torch.where(distance.isfinite(), distance, torch.zeros(()))
+    assert not torch.allclose(network(colour, distance), network(colour, filled))
+
+
+@torch.no_grad()
+def test_offset_and_scale_are_units(network):
+    other = FuseNet(3, (4, 6, 6, 8), offset=0.2, scale=0.01)
+    other.load_state_dict(network.state_dict())
+    colour, distance = images(32, 32)
+    torch.testing.assert_close(
+        other.eval()(colour, 0.2 + distance * 0.1), network(colour, distance), rtol=1e-4, atol=1e-4
+    )
+
+
+def test_both_encoders_learn(network):
+    network.train()(*images(16, 16)).square().sum().backward()
+    for name, parameter in network.named_parameters():
+        assert parameter.grad.abs().sum() > 0, name
+
+
+def test_the_thesis_has_eight_modules_and_the_laptop_one_million_weights():
+    small = registry.build("model", "fusenet")
+    assert sum(p.numel() for p in small.parameters()) < 1e6
+    for name in ("fusenet", "fusenet_wide"):
+        with torch.device("meta"):
+            found = registry.build("model", name)
+        assert len(found.body.colour) == len(found.body.depth) == 8
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"classes": 1}, {"modules": (1, 2)}, {"scale": 0.0}, {"dropout": 1.0}]
+)
+def test_wrong_settings_are_refused(wrong):
+    with pytest.raises(ConfigError, match="FuseNet"):
+        FuseNet(**{"widths": (4, 4, 4), "modules": (1, 1, 1), **wrong})
