@@ -1,0 +1,1 @@
+"""Labelling: from many views of a scene to one semantic height map."""

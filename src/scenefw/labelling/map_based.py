@@ -1,0 +1,101 @@
+"""Map-based labelling: geometry and colour are fused first, the map is labelled as a whole."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from scenefw.core.errors import ConfigError
+from scenefw.core.labels import FROM_MAP
+from scenefw.labelling.running import (
+    begin_heights,
+    labelled,
+    require_classes,
+    states_of,
+    unlabelled,
+)
+
+if TYPE_CHECKING:
+    from scenefw.core.protocols import HeightMapping, MapLabelSource
+    from scenefw.core.types import Float32, Frame, HeightMap
+    from scenefw.labelling.running import States
+
+
+class MapBased:
+    """Labels the fused height map (thesis 4.7.4).
+
+    Args:
+        heights: fuses depth and colour of all frames.
+        map_source: labels a height map.
+        every: the map is labelled at every so many frames; None = whenever it is asked for, so
+            once at the end if it is asked for once.
+        coverage: least share of vertices seen; before, all are unknown. The thesis waits until
+            the scene is covered, so that the network sees no half-empty map.
+    """
+
+    def __init__(
+        self,
+        heights: HeightMapping,
+        map_source: MapLabelSource,
+        every: int | None = None,
+        coverage: float = 0.0,
+    ) -> None:
+        if every is not None and every < 1:
+            raise ConfigError(f"every = {every}; expected a number of frames, or null")
+        if not 0 <= coverage <= 1:
+            raise ConfigError(f"coverage = {coverage}; expected a share from 0 to 1")
+        self.heights = heights
+        self.map_source = map_source
+        self.every = every
+        self.coverage = coverage
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Names by class id."""
+        return tuple(self.map_source.classes)
+
+    def begin(
+        self, previous: HeightMap | None = None, states: States | None = None
+    ) -> RunningMapBased:
+        """Starts a scene, or goes on with a saved one (exactly, if its states are given).
+
+        Raises:
+            InputError: the map has other classes.
+        """
+        require_classes(previous, self.classes)
+        return RunningMapBased(self, previous, states)
+
+
+class RunningMapBased:
+    """A map that grows, and is labelled when it is time."""
+
+    def __init__(
+        self, strategy: MapBased, previous: HeightMap | None, states: States | None
+    ) -> None:
+        self.strategy = strategy
+        self.heights = begin_heights(strategy.heights, previous, states)
+        self.frames = 0
+        self._latest: Float32 | None = None
+
+    def add(self, frame: Frame) -> None:
+        """Fuses the frame; labels the map if its frame has come."""
+        self.heights.add(frame)
+        self.frames += 1
+        if self.strategy.every and self.frames % self.strategy.every == 0:
+            self._label(self.heights.height_map())
+
+    def height_map(self) -> HeightMap:
+        """The map so far with its latest labels."""
+        height_map = self.heights.height_map()
+        if self.strategy.every is None:
+            self._label(height_map)
+        if self._latest is None:
+            return unlabelled(height_map, self.strategy.classes)
+        return labelled(height_map, self._latest, self.strategy.classes, FROM_MAP)
+
+    def states(self) -> dict[str, dict[str, Any]]:
+        """What to save for going on exactly."""
+        return states_of(heights=self.heights)
+
+    def _label(self, height_map: HeightMap) -> None:
+        if height_map.seen.mean() >= self.strategy.coverage:
+            self._latest = self.strategy.map_source.label_map(height_map)
