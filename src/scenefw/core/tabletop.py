@@ -1,0 +1,176 @@
+"""Table-top scenes as pure data: models with colours, what lies where, lights, posed triangles.
+
+A texture is a row of `TEXTURE` numbers and is evaluated where a ray meets it, so there are no
+image files: kind, period (m), strength (0..1), angle (rad), second colour (3), gloss (0..1).
+Colours are linear, in 0..1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from scenefw.core.types import Camera, Float32, Float64, Frame, HeightGrid, HeightMap, Int32
+
+PLAIN, STRIPES, CHECKER, NOISE, WOOD, SPECKLE = range(6)
+"""Kinds of texture."""
+
+TEXTURE = 8
+"""Numbers that describe a texture."""
+
+COMPARISON = ("surface", "remote_control", "keyboard", "model_plane")
+SMALL_OBJECTS = ("surface", "coin", "cable", "pen", "brick", "paperclip", "book")
+"""Classes by id; 0 is the table."""
+
+SPLITS = ("train", "validation", "test")
+
+
+@dataclass(frozen=True, eq=False)
+class TexturedMesh:
+    """A model at rest: its footprint about the origin, its lowest point at z = 0, metres.
+
+    Args:
+        vertices: (V, 3) float64.
+        faces: (F, 3) int64.
+        normals: (F, 3, 3) float32 unit normals of the corners of faces.
+        colours: (F, 3) float32.
+        texture_of: (F,) int32 row of `textures`.
+        textures: (M, TEXTURE) float32.
+    """
+
+    vertices: Float64
+    faces: NDArray[np.int64]
+    normals: Float32
+    colours: Float32
+    texture_of: Int32
+    textures: Float32
+
+
+@dataclass(frozen=True)
+class TabletopItem:
+    """One model on the table: class id, instance, where (m), turned by yaw (rad), scaled."""
+
+    label: int
+    instance: int
+    x: float
+    y: float
+    yaw: float
+    scale: float = 1.0
+
+
+@dataclass(frozen=True)
+class Light:
+    """A lamp: position (m), colour and intensity as it arrives at the middle of the table."""
+
+    position: tuple[float, float, float]
+    intensity: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class TabletopScene:
+    """Models on a table; equal scenes look equal.
+
+    Args:
+        items: instances of models that lie apart from each other.
+        surface: colour of the table (3) and its texture (TEXTURE).
+        lights: lamps over the table.
+        ambient: light from everywhere (3).
+        classes: names by class id.
+        index: number of the scene, with the seed its identity.
+        seed: seed of the data set.
+    """
+
+    items: tuple[TabletopItem, ...]
+    surface: tuple[float, ...]
+    lights: tuple[Light, ...]
+    ambient: tuple[float, float, float]
+    classes: tuple[str, ...] = COMPARISON
+    index: int = 0
+    seed: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class TabletopGeometry:
+    """All triangles of a scene in the world frame, without the table z = 0 itself.
+
+    Args:
+        corners: (F, 3, 3) float32 metres.
+        normals: (F, 3, 3) float32 unit normals of the corners.
+        colours: (F, 3) float32.
+        texture_of: (F,) int32 row of `textures`, from 1 on.
+        item_of: (F,) int32 position of the item a triangle belongs to.
+        labels: (N,) int32 class of each item.
+        placements: (N, 5) float32 x, y, cosine and sine of the yaw, scale; for textures.
+        textures: (M, TEXTURE) float32, row 0 is the table's.
+        surface: (3,) float32 colour of the table.
+        lights: (L, 6) float32 positions and intensities.
+        ambient: (3,) float32.
+        classes: names by class id.
+        name: of the scene.
+    """
+
+    corners: Float32
+    normals: Float32
+    colours: Float32
+    texture_of: Int32
+    item_of: Int32
+    labels: Int32
+    placements: Float32
+    textures: Float32
+    surface: Float32
+    lights: Float32
+    ambient: Float32
+    classes: tuple[str, ...] = COMPARISON
+    name: str = ""
+
+    def arrays(self) -> tuple[NDArray[np.generic], ...]:
+        """All that decides what the scene looks like."""
+        return (
+            self.corners, self.normals, self.colours, self.texture_of, self.item_of, self.labels,
+            self.placements, self.textures, self.surface, self.lights, self.ambient,
+        )  # fmt: skip
+
+
+class TabletopModels(Protocol):
+    """Models by class and instance (group `shape`, options `tabletop*` and `shapenet`)."""
+
+    classes: Sequence[str]
+
+    def instances(self, label: int, split: str) -> Sequence[int]:
+        """Numbers of the instances of a class in a part of the data."""
+
+    def model(self, label: int, instance: int) -> TexturedMesh:
+        """One model; always the same for the same numbers."""
+
+
+class TabletopSource(Protocol):
+    """Makes table-top scenes (group `scene`, options `tabletop*`)."""
+
+    classes: Sequence[str]
+
+    def numbers(self, split: str) -> Sequence[int]:
+        """Numbers of the scenes of a part of the data."""
+
+    def generate(self, index: int, seed: int) -> TabletopScene:
+        """Scene number `index` of the data set `seed`."""
+
+    def geometry(self, scene: TabletopScene) -> TabletopGeometry:
+        """The triangles of a scene."""
+
+
+class TabletopRenderer(Protocol):
+    """Colour, depth and labels of table-top scenes (group `renderer`)."""
+
+    def fingerprint(self) -> str:
+        """Changes with whatever changes the images."""
+
+    def frames(self, geometry: TabletopGeometry, cameras: Sequence[Camera]) -> Iterator[Frame]:
+        """One frame per camera: z-depth (0 = nothing), colour, class ids."""
+
+    def height_map(self, geometry: TabletopGeometry, grid: HeightGrid) -> HeightMap:
+        """The scene from straight above, every vertex seen."""

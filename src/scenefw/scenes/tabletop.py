@@ -1,0 +1,254 @@
+"""Table-top scenes: models placed side by side on a square of table, under random lamps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from itertools import accumulate
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from scenefw.core import rng as streams
+from scenefw.core.errors import ConfigError
+from scenefw.core.tabletop import (
+    SPLITS,
+    Light,
+    TabletopGeometry,
+    TabletopItem,
+    TabletopModels,
+    TabletopScene,
+)
+from scenefw.shapes.tabletop import colours
+
+Array = NDArray[np.float64]
+
+
+class TabletopGenerator:
+    """Places random models uniformly, turned at random, with gaps between their convex outlines.
+
+    Larger models are placed first, so that the table fills; one that finds no room is left out.
+    Scene i depends on (seed, i) alone. Its number says which part of the data it belongs to, and
+    that which instances of models may lie in it.
+
+    Args:
+        models: where models come from.
+        scenes: number of scenes for training, validation and test, numbered in this order.
+        minimum: of models drawn per scene.
+        maximum: of models drawn per scene.
+        scales: least and greatest size of a model by its own.
+        extent: side of the square about the origin (m).
+        border: least distance of models from its sides (m).
+        gap: least distance between the convex outlines of two models (m).
+        trials: places tried per model.
+
+    Raises:
+        ConfigError: numbers that make no scene.
+    """
+
+    def __init__(
+        self,
+        models: TabletopModels,
+        scenes: Sequence[int] = (500, 120, 27),
+        minimum: int = 9,
+        maximum: int = 16,
+        scales: tuple[float, float] = (0.95, 1.05),
+        extent: float = 1.024,
+        border: float = 0.012,
+        gap: float = 0.006,
+        trials: int = 60,
+    ) -> None:
+        if len(scenes) != len(SPLITS) or min(scenes) < 0:
+            raise ConfigError(f"scenes = {list(scenes)}: expected three numbers, one per split")
+        if not 0 <= minimum <= maximum or not 0 < scales[0] <= scales[1] or trials < 1:
+            raise ConfigError(
+                f"minimum = {minimum}, maximum = {maximum}, scales = {list(scales)}, trials = "
+                f"{trials}: expected 0 <= minimum <= maximum, scales in order and trials >= 1"
+            )
+        if border < 0 or gap < 0 or not extent > 2 * border:
+            raise ConfigError(
+                f"border = {border}, gap = {gap} m leave no room on {extent} m; lower them"
+            )
+        self.models = models
+        self.classes = tuple(models.classes)
+        self.ends = tuple(accumulate(scenes))
+        self.minimum, self.maximum = minimum, maximum
+        self.scales, self.trials = (float(scales[0]), float(scales[1])), trials
+        self.half, self.gap = extent / 2 - border, gap
+        self._outline = lru_cache(maxsize=None)(self._find_outline)
+
+    def numbers(self, split: str) -> Sequence[int]:
+        """Numbers of the scenes of a split.
+
+        Raises:
+            ConfigError: there is no such split.
+        """
+        if split not in SPLITS:
+            raise ConfigError(f"split '{split}' is unknown; there are {', '.join(SPLITS)}")
+        part = SPLITS.index(split)
+        return range((0, *self.ends)[part], self.ends[part])
+
+    def split_of(self, index: int) -> str:
+        """The split of a scene.
+
+        Raises:
+            ConfigError: there is no such scene.
+        """
+        for split, end in zip(SPLITS, self.ends, strict=True):
+            if 0 <= index < end:
+                return split
+        raise ConfigError(f"scene {index} is outside 0..{self.ends[-1] - 1}; change `scenes`")
+
+    def generate(self, index: int, seed: int) -> TabletopScene:
+        """Scene number `index` of the data set `seed`."""
+        rng = streams.generator(seed, index)
+        look = colours.table(rng)
+        lights, ambient = _lamps(rng)
+        return TabletopScene(
+            self._place(self._draw(rng, self.split_of(index)), rng),
+            (*look.colour, *look.texture()),
+            lights,
+            ambient,
+            self.classes,
+            index,
+            seed,
+        )
+
+    def geometry(self, scene: TabletopScene) -> TabletopGeometry:
+        """The triangles of a scene."""
+        return assemble(scene, self.models)
+
+    def _draw(self, rng: np.random.Generator, split: str) -> list[tuple[int, int, float]]:
+        """Labels, instances and scales, the largest model first."""
+        drawn = []
+        for _ in range(int(rng.integers(self.minimum, self.maximum + 1))):
+            label = int(rng.integers(1, len(self.classes)))
+            instance = int(rng.choice(np.asarray(self.models.instances(label, split))))
+            drawn.append((label, instance, float(rng.uniform(*self.scales))))
+        return sorted(drawn, key=self._size, reverse=True)
+
+    def _size(self, item: tuple[int, int, float]) -> float:
+        outline = self._outline(*item[:2]) * item[2]
+        return float(np.prod(np.ptp(outline, axis=0)))
+
+    def _place(
+        self, drawn: Sequence[tuple[int, int, float]], rng: np.random.Generator
+    ) -> tuple[TabletopItem, ...]:
+        items: list[TabletopItem] = []
+        taken: list[Array] = []
+        for label, instance, scale in drawn:
+            outline = self._outline(label, instance) * scale
+            for _ in range(self.trials):
+                yaw = float(rng.uniform(0, 2 * np.pi))
+                turned = outline @ _rotation(yaw).T
+                low, high = -self.half - turned.min(axis=0), self.half - turned.max(axis=0)
+                place = rng.uniform(low, np.maximum(low, high))
+                here = turned + place
+                if (high > low).all() and all(apart(here, other, self.gap) for other in taken):
+                    items.append(
+                        TabletopItem(label, instance, float(place[0]), float(place[1]), yaw, scale)
+                    )
+                    taken.append(here)
+                    break
+        return tuple(items)
+
+    def _find_outline(self, label: int, instance: int) -> Array:
+        return outline_of(self.models.model(label, instance).vertices)
+
+
+def outline_of(vertices: Array) -> Array:
+    """Convex outline (K, 2) of vertices (V, 3) seen from above, counter-clockwise."""
+    flat = np.asarray(vertices[:, :2], dtype=np.float64)
+    return np.asarray(flat[ConvexHull(flat).vertices])
+
+
+def apart(first: Array, second: Array, gap: float) -> bool:
+    """Whether a side of one of two convex outlines (K, 2) keeps the other off by `gap`.
+
+    Where corner faces corner, outlines somewhat farther apart than `gap` may count as too near.
+    """
+    return _side_separates(first, second, gap) or _side_separates(second, first, gap)
+
+
+def assemble(scene: TabletopScene, models: TabletopModels) -> TabletopGeometry:
+    """The triangles of a scene whose models come from `models`."""
+    meshes = [models.model(item.label, item.instance) for item in scene.items]
+    corners, normals, placements = [], [], []
+    for item, mesh in zip(scene.items, meshes, strict=True):
+        turn = np.eye(3)
+        turn[:2, :2] = _rotation(item.yaw)
+        place = np.array([item.x, item.y, 0.0])
+        corners.append(((item.scale * mesh.vertices) @ turn.T + place)[mesh.faces])
+        normals.append(mesh.normals @ turn.T)
+        placements.append([*place[:2], np.cos(item.yaw), np.sin(item.yaw), item.scale])
+    counts = [len(mesh.faces) for mesh in meshes]
+    first_row = 1 + np.cumsum([0, *(len(mesh.textures) for mesh in meshes)])
+    return TabletopGeometry(
+        _joined(corners, (3, 3)),
+        _joined(normals, (3, 3)),
+        _joined([mesh.colours for mesh in meshes], (3,)),
+        _joined(
+            [m.texture_of + row for m, row in zip(meshes, first_row, strict=False)], (), np.int32
+        ),
+        np.repeat(np.arange(len(meshes), dtype=np.int32), counts),
+        np.array([item.label for item in scene.items], dtype=np.int32),
+        np.array(placements, dtype=np.float32).reshape(-1, 5),
+        np.concatenate([[scene.surface[3:]], *(m.textures for m in meshes)]).astype(np.float32),
+        np.array(scene.surface[:3], dtype=np.float32),
+        np.array([[*lamp.position, *lamp.intensity] for lamp in scene.lights], dtype=np.float32),
+        np.array(scene.ambient, dtype=np.float32),
+        scene.classes,
+        f"tabletop/{scene.index}",
+    )
+
+
+def _side_separates(first: Array, second: Array, gap: float) -> bool:
+    side = np.roll(first, -1, axis=0) - first
+    outward = np.column_stack([side[:, 1], -side[:, 0]])
+    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+    distance = (second @ outward.T).min(axis=0) - (first * outward).sum(axis=1)
+    return bool(distance.max() >= gap)
+
+
+def _lamps(
+    rng: np.random.Generator,
+) -> tuple[tuple[Light, ...], tuple[float, float, float]]:
+    """One to three lamps and the light of the room; together near 1 at the table's middle."""
+    count = int(rng.integers(1, 4))
+    lamps, strength = [], 0.0
+    for number in range(count):
+        elevation, azimuth = np.deg2rad(rng.uniform(35, 80)), rng.uniform(0, 2 * np.pi)
+        ahead = np.cos(elevation) * np.array([np.cos(azimuth), np.sin(azimuth)])
+        position = rng.uniform(1.0, 2.5) * np.array([*ahead, np.sin(elevation)])
+        share = rng.uniform(0.5, 1.0) * 0.5**number
+        lamps.append((position, share * _tint(rng)))
+        strength += share * np.sin(elevation)
+    room = rng.uniform(0.35, 0.9) * strength
+    whole = rng.uniform(0.75, 1.2) / (strength + room)
+    ambient = room * whole * _tint(rng)
+    lights = tuple(
+        Light(_three(position), _three(whole * intensity)) for position, intensity in lamps
+    )
+    return lights, _three(ambient)
+
+
+def _tint(rng: np.random.Generator) -> Array:
+    """White, warm or cold."""
+    warmth = rng.uniform(-0.12, 0.18)
+    return np.array([1 + warmth, 1.0, 1 - warmth])
+
+
+def _three(values: Array) -> tuple[float, float, float]:
+    return float(values[0]), float(values[1]), float(values[2])
+
+
+def _rotation(yaw: float) -> Array:
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.array([[c, -s], [s, c]])
+
+
+def _joined(parts: Sequence[NDArray], shape: tuple[int, ...], dtype: type = np.float32) -> NDArray:
+    if not parts:
+        return np.zeros((0, *shape), dtype=dtype)
+    return np.concatenate(parts).astype(dtype)

@@ -1,0 +1,1 @@
+"""Procedural models of things on tables, one file per family."""
