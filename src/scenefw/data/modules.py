@@ -102,6 +102,10 @@ class StackData(lightning.LightningDataModule):
         self.validation_scenes = StackScenes(path, "val", validation_limit)
         self.batch_size, self.seed = batch_size, seed
 
+    def facts(self) -> dict[str, Any]:
+        """What a network learns from."""
+        return {"scenes": len(self.scenes), "batch_size": self.batch_size}
+
     def train_dataloader(self) -> EpochBatches:
         """Shuffled batches."""
         return EpochBatches(len(self.scenes), self.batch_size, self.seed, *self._processes())

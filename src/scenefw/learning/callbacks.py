@@ -19,7 +19,7 @@ from rich.progress import (
 from torch import Tensor
 
 from scenefw.core.files import replacing
-from scenefw.learning.shape_instance import ShapeInstanceLearning
+from scenefw.learning.module import TrainingModule
 
 
 class Snapshots(lightning.Callback):
@@ -43,7 +43,7 @@ class Snapshots(lightning.Callback):
         self._last = time.monotonic()
 
     def on_train_batch_end(
-        self, trainer: lightning.Trainer, module: ShapeInstanceLearning, *_: Any
+        self, trainer: lightning.Trainer, module: TrainingModule, *_: Any
     ) -> None:
         """Saves if it is time."""
         due = time.monotonic() - self._last >= 60 * self.minutes
@@ -84,7 +84,7 @@ class LossTable(lightning.Callback):
         self._sums: dict[str, Tensor] = {}
         self._count = 0
 
-    def on_fit_start(self, trainer: lightning.Trainer, module: ShapeInstanceLearning) -> None:
+    def on_fit_start(self, trainer: lightning.Trainer, module: TrainingModule) -> None:
         """Starts the file, or cuts it back to where the training goes on."""
         rows = []
         if module.batches_seen and self.path.exists():
@@ -94,7 +94,7 @@ class LossTable(lightning.Callback):
             csv.writer(file).writerows([["step", "epoch", "seconds", "name", "value"], *rows])
 
     def on_train_batch_end(
-        self, trainer: lightning.Trainer, module: ShapeInstanceLearning, *_: Any
+        self, trainer: lightning.Trainer, module: TrainingModule, *_: Any
     ) -> None:
         """Adds up, and writes the means every few steps."""
         self._count += 1
@@ -106,13 +106,13 @@ class LossTable(lightning.Callback):
             self._write(trainer, module, means)
             self._sums, self._count = {}, 0
 
-    def on_validation_end(self, trainer: lightning.Trainer, module: ShapeInstanceLearning) -> None:
+    def on_validation_end(self, trainer: lightning.Trainer, module: TrainingModule) -> None:
         """Writes the scores."""
         values = {n: float(v) for n, v in trainer.callback_metrics.items() if n.startswith("val/")}
         self._write(trainer, module, values)
 
     def _write(
-        self, trainer: lightning.Trainer, module: ShapeInstanceLearning, values: dict[str, float]
+        self, trainer: lightning.Trainer, module: TrainingModule, values: dict[str, float]
     ) -> None:
         if not trainer.is_global_zero:
             return
@@ -134,7 +134,7 @@ class ProgressBar(lightning.Callback):
         self._began = self._printed = time.monotonic()
         self._first = 0
 
-    def on_train_start(self, trainer: lightning.Trainer, module: ShapeInstanceLearning) -> None:
+    def on_train_start(self, trainer: lightning.Trainer, module: TrainingModule) -> None:
         """Starts the bar."""
         self._began, self._first = time.monotonic(), module.batches_seen
         if self.lines is None and trainer.is_global_zero:
@@ -151,7 +151,7 @@ class ProgressBar(lightning.Callback):
             self._task = self._bar.add_task("", total=1.0, step=0, rate="", losses="")
 
     def on_train_batch_end(
-        self, trainer: lightning.Trainer, module: ShapeInstanceLearning, *_: Any
+        self, trainer: lightning.Trainer, module: TrainingModule, *_: Any
     ) -> None:
         """Moves the bar."""
         done = module.batches_seen - self._first

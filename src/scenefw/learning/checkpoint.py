@@ -22,6 +22,9 @@ from scenefw.core.types import GridSpec
 _FORMAT = "scenefw-checkpoint"
 _VERSION = 1
 
+SHAPE_INSTANCE, SEGMENTATION = "shape_instance", "segmentation"
+"""What a network is for; files without a task are of the first."""
+
 
 @dataclass(frozen=True)
 class Checkpoint:
@@ -29,14 +32,14 @@ class Checkpoint:
 
     Args:
         model: in eval mode.
-        grid: the voxel grid it was trained on.
+        grid: the voxel grid it was trained on; None for a network of images.
         observed: whether its condition has the channel of what was observed.
         recipe: class and arguments of the network.
         metadata: how it was trained.
     """
 
     model: nn.Module
-    grid: GridSpec
+    grid: GridSpec | None
     observed: bool
     recipe: dict[str, Any]
     metadata: dict[str, Any]
@@ -51,11 +54,12 @@ def save_checkpoint(
     path: Path | str,
     model: nn.Module,
     recipe: Mapping[str, Any],
-    grid: GridSpec,
+    grid: GridSpec | None,
     metadata: Mapping[str, Any] | None = None,
     *,
     half: bool = False,
     omit: Sequence[str] = (),
+    task: str = SHAPE_INSTANCE,
 ) -> None:
     """Writes a network with all that rebuilds it, atomically.
 
@@ -63,10 +67,11 @@ def save_checkpoint(
         path: ends in `.safetensors`.
         model: its weights are stored.
         recipe: `_target_` and plain arguments of the network.
-        grid: the voxel grid it was trained on.
+        grid: the voxel grid it was trained on; None for a network of images.
         metadata: plain facts of the training.
         half: store weights as float16, for half the size; they are read back as float32.
         omit: children of the network to leave out; None takes their place when it is rebuilt.
+        task: what the network is for.
 
     Raises:
         StorageError: the file can't be written.
@@ -74,8 +79,9 @@ def save_checkpoint(
     header = {
         "format": _FORMAT,
         "version": _VERSION,
+        "task": task,
         "recipe": dict(recipe),
-        "grid": dataclasses.asdict(grid),
+        "grid": dataclasses.asdict(grid) if grid is not None else None,
         "versions": {name: packages.version(name) for name in ("scenefw", "torch")},
         "metadata": dict(metadata or {}),
         "omitted": list(omit),
@@ -92,15 +98,24 @@ def save_checkpoint(
 
 
 def load_checkpoint(
-    path: Path | str | None = None, device: torch.device | str = "cpu"
+    path: Path | str | None = None,
+    device: torch.device | str = "cpu",
+    task: str = SHAPE_INSTANCE,
 ) -> Checkpoint:
     """Rebuilds a network from a file; None means the shipped one.
 
     Raises:
-        CheckpointError: the file is missing, truncated, from elsewhere or from another version.
+        CheckpointError: the file is missing, truncated, from elsewhere, from another version or
+            for another task.
     """
     path = Path(path) if path is not None else shipped_checkpoint()
     header, tensors = _read(path)
+    found = header.get("task", SHAPE_INSTANCE)
+    if found != task:
+        raise CheckpointError(
+            f"the network in {path} was trained for {found}, expected one for {task}; give the "
+            "path of another"
+        )
     model = _build(header["recipe"], path)
     for name in header.get("omitted", ()):
         setattr(model, name, None)
@@ -146,7 +161,8 @@ def _header(text: str, path: Path) -> dict[str, Any]:
         version, wrote = header["version"], header["versions"].get("scenefw")
         if version == _VERSION:
             grid = header["grid"]
-            header["grid"] = GridSpec(**{**grid, "lower": tuple(grid["lower"])})
+            if grid is not None:
+                header["grid"] = GridSpec(**{**grid, "lower": tuple(grid["lower"])})
             header["recipe"], header["metadata"]
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise CheckpointError(

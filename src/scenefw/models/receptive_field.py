@@ -35,7 +35,7 @@ class ReceptiveField:
 
     @property
     def size(self) -> int:
-        """r of eq. 4.13."""
+        """The r of eq. 4.13."""
         return math.ceil(self.before + self.after) + 1
 
     @property

@@ -4,19 +4,27 @@ import shutil
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import torch
 
 from scenefw.core.errors import CheckpointError
 from scenefw.core.files import replacing, require_writable
-from scenefw.data.modules import StackData
 from scenefw.learning.callbacks import LossTable, ProgressBar, Snapshots
 from scenefw.learning.checkpoint import save_checkpoint
-from scenefw.learning.shape_instance import ShapeInstanceLearning
+from scenefw.learning.module import TrainingModule
 from scenefw.learning.trainer import TrainerSettings
 
-_STATE, _WEIGHTS, _TABLE = "last.ckpt", "simstack.safetensors", "losses.csv"
+_STATE, _TABLE = "last.ckpt", "losses.csv"
+
+
+class TrainingData(Protocol):
+    """A Lightning data module that says what is in it."""
+
+    batch_size: int
+
+    def facts(self) -> Mapping[str, Any]:
+        """What the network learns from, as plain data for the checkpoint's metadata."""
 
 
 class Train:
@@ -24,7 +32,7 @@ class Train:
 
     Args:
         learning: what a step does, with its network and losses.
-        data: the scenes.
+        data: what it learns from, a Lightning data module.
         trainer: how long and on what.
         output: folder of this run, where weights and the table of losses end up.
         folder: keeps the state of the training; one found there is gone on with.
@@ -32,20 +40,22 @@ class Train:
         snapshot_minutes: time between snapshots.
         snapshot_steps: steps between snapshots instead, if given.
         log_every: steps between rows of the table of losses.
+        name: file name of the exported weights, without suffix.
         half: export weights as float16.
         lean: leave out of the export what only training needs, such as the scene encoder.
     """
 
     def __init__(
         self,
-        learning: ShapeInstanceLearning,
-        data: StackData,
+        learning: TrainingModule,
+        data: TrainingData,
         trainer: TrainerSettings,
         output: Path | str,
         folder: Path | str,
         snapshot_minutes: float = 3.0,
         snapshot_steps: int | None = None,
         log_every: int = 20,
+        name: str = "simstack",
         *,
         fresh: bool = False,
         half: bool = True,
@@ -54,6 +64,7 @@ class Train:
         self.learning, self.data, self.trainer = learning, data, trainer
         self.output, self.folder = Path(output), Path(folder)
         self.snapshot_minutes, self.snapshot_steps = snapshot_minutes, snapshot_steps
+        self.weights = f"{name}.safetensors"
         self.log_every, self.fresh, self.half, self.lean = log_every, fresh, half, lean
 
     def run(self) -> Mapping[str, Any]:
@@ -87,36 +98,32 @@ class Train:
 
     def _export(self) -> None:
         """Writes the averaged weights into the folder of the training."""
-        learning = self.learning
+        learning, model = self.learning, self.learning.model
         facts = {
             "steps": learning.batches_seen,
             "samples": learning.batches_seen * self.data.batch_size,
             "seconds": round(learning.seconds, 1),
-            "scenes": len(self.data.scenes),
-            "batch_size": self.data.batch_size,
-            "learning_rate": learning.learning_rate,
-            "losses": {name: loss.weight for name, loss in learning.losses.items()},
-            "noise": sorted(learning.views.noise),
-            "seed": learning.seed,
+            **self.data.facts(),
+            **learning.facts(),
         }
-        model = learning.model
         with learning.averaged():
             save_checkpoint(
-                self.folder / _WEIGHTS,
+                self.folder / self.weights,
                 model,
                 model.recipe,
-                learning.views.grid,
+                learning.grid,
                 facts,
                 half=self.half,
                 omit=getattr(model, "training_only", ()) if self.lean else (),
+                task=learning.task,
             )
 
     def _collect(self) -> None:
-        for name in (_WEIGHTS, _TABLE):
+        for name in (self.weights, _TABLE):
             if self.folder.resolve() != self.output.resolve():
                 with replacing(self.output / name) as temporary:
                     shutil.copyfile(self.folder / name, temporary)
-        print(self.output / _WEIGHTS)
+        print(self.output / self.weights)
 
     def _figures(self, trainer: Any) -> dict[str, float]:
         figures = {
