@@ -1,0 +1,39 @@
+import pytest
+import torch
+from tests.unit.learning.tiny import learning, network
+
+from scenefw.core.errors import CheckpointError
+from scenefw.core.types import GridSpec
+from scenefw.learning.checkpoint import save_checkpoint
+from scenefw.learning.initial import start_from
+
+
+def moved(model):
+    with torch.no_grad():
+        for value in model.parameters():
+            value.add_(0.5)
+    return model
+
+
+def test_a_network_takes_on_the_weights_of_a_file(tmp_path):
+    stored = moved(network())
+    save_checkpoint(tmp_path / "a.safetensors", stored, stored.recipe, GridSpec(8))
+    found = start_from(network(), tmp_path / "a.safetensors").state_dict()
+    assert all(torch.equal(value, found[name]) for name, value in stored.state_dict().items())
+
+
+def test_what_only_training_needs_starts_anew(tmp_path):
+    stored, fresh = moved(network()), network()
+    path = tmp_path / "a.safetensors"
+    save_checkpoint(path, stored, stored.recipe, GridSpec(8), omit=("encoder",))
+    found = learning(initial=path).model.state_dict()
+    for name, value in fresh.state_dict().items():
+        expected = value if name.startswith("encoder.") else stored.state_dict()[name]
+        assert torch.equal(found[name], expected), name
+
+
+def test_weights_of_another_network_are_refused(tmp_path):
+    other = network(16)
+    save_checkpoint(tmp_path / "a.safetensors", other, other.recipe, GridSpec(16))
+    with pytest.raises(CheckpointError, match="another network"):
+        start_from(network(8), tmp_path / "a.safetensors")
