@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     )
     from scenefw.core.types import Float32, Frame, HeightMap
     from scenefw.labelling.key_frames import KeyFrames
-    from scenefw.labelling.running import Sources, States
+    from scenefw.labelling.running import Share, Sources, States
 
 
 class Hybrid:
@@ -74,6 +74,20 @@ class Hybrid:
     def classes(self) -> tuple[str, ...]:
         """Names by class id."""
         return self.views.classes
+
+    def sharing(self, share: Share) -> Hybrid:
+        """The same strategy with each part replaced, for runs side by side on the same frames."""
+        return Hybrid(
+            share("heights", self.views.heights),
+            share("labels", self.views.labels),
+            share("source", self.views.source),
+            share("map_source", self.map_source),
+            self.weights,
+            self.reconstruction,
+            self.views.key_frames,
+            self.every,
+            self.views.refresh,
+        )
 
     def begin(
         self, previous: HeightMap | None = None, states: States | None = None

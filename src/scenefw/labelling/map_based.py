@@ -17,7 +17,7 @@ from scenefw.labelling.running import (
 if TYPE_CHECKING:
     from scenefw.core.protocols import HeightMapping, MapLabelSource
     from scenefw.core.types import Float32, Frame, HeightMap
-    from scenefw.labelling.running import States
+    from scenefw.labelling.running import Share, States
 
 
 class MapBased:
@@ -52,6 +52,15 @@ class MapBased:
     def classes(self) -> tuple[str, ...]:
         """Names by class id."""
         return tuple(self.map_source.classes)
+
+    def sharing(self, share: Share) -> MapBased:
+        """The same strategy with each part replaced, for runs side by side on the same frames."""
+        return MapBased(
+            share("heights", self.heights),
+            share("map_source", self.map_source),
+            self.every,
+            self.coverage,
+        )
 
     def begin(
         self, previous: HeightMap | None = None, states: States | None = None

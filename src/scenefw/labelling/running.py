@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,6 +17,8 @@ from scenefw.core.types import Float32, HeightGrid, HeightMap
 Sources = NDArray[np.uint8]
 State = Mapping[str, NDArray[Any]]
 States = Mapping[str, State]
+Share = Callable[[str, Any], Any]
+"""From the name of a part and the part to what a strategy should use in its place."""
 
 _TOLERANCE = 1e-6  # float32 probabilities this close to uniform say nothing
 

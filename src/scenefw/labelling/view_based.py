@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from scenefw.core.protocols import HeightMapping, LabelSource, SemanticMapping
     from scenefw.core.types import Frame, HeightMap
     from scenefw.labelling.key_frames import KeyFrames
-    from scenefw.labelling.running import States
+    from scenefw.labelling.running import Share, States
 
 
 class ViewBased:
@@ -54,6 +54,16 @@ class ViewBased:
     def classes(self) -> tuple[str, ...]:
         """Names by class id."""
         return tuple(self.source.classes)
+
+    def sharing(self, share: Share) -> ViewBased:
+        """The same strategy with each part replaced, for runs side by side on the same frames."""
+        return ViewBased(
+            share("heights", self.heights),
+            share("labels", self.labels),
+            share("source", self.source),
+            self.key_frames,
+            self.refresh,
+        )
 
     def begin(
         self, previous: HeightMap | None = None, states: States | None = None

@@ -1,0 +1,131 @@
+"""Fusion and label sources that strategies share while they run side by side on one scene."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from scenefw.core.errors import ConfigError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from scenefw.core.protocols import (
+        HeightMapping,
+        LabelSource,
+        MapLabelSource,
+        RunningHeights,
+        RunningLabels,
+        SemanticMapping,
+    )
+    from scenefw.core.types import Float32, Frame, HeightGrid, HeightMap
+    from scenefw.evaluation.stopwatch import SharedWork
+
+LOADING = "data loading"
+RECONSTRUCTION = "reconstruction"
+VIEW_NETWORK = "network, one view"
+FUSION = "semantic fusion"
+MAP_NETWORK = "network, whole map"
+STAGES = (LOADING, RECONSTRUCTION, VIEW_NETWORK, FUSION, MAP_NETWORK)
+"""What seconds are counted for."""
+
+
+class SharedParts:
+    """One wrapper per kind of part; every strategy that names the kind gets the same one.
+
+    Args:
+        work: does the work once per turn.
+    """
+
+    def __init__(self, work: SharedWork) -> None:
+        self.work = work
+        self._wrapped: dict[str, Any] = {}
+
+    def share(self, kind: str, part: Any) -> Any:
+        """The wrapper of a kind of part; made of the first part that is given."""
+        if kind not in self._wrapped:
+            self._wrapped[kind] = _WRAPPERS[kind](part, self.work)
+        return self._wrapped[kind]
+
+
+class _Heights:
+    """Height fusion of one scene: whoever begins gets the same map."""
+
+    def __init__(self, part: HeightMapping, work: SharedWork) -> None:
+        self.grid: HeightGrid = part.grid
+        self.work = work
+        self.running = part.begin()
+
+    def begin(self, previous: HeightMap | None = None) -> RunningHeights:
+        return self
+
+    def add(self, frame: Frame) -> None:
+        self.work.do(RECONSTRUCTION, "frame", lambda: self.running.add(frame))
+
+    def height_map(self) -> HeightMap:
+        return self.work.do(RECONSTRUCTION, "map", self.running.height_map)
+
+
+class _Labels:
+    """Label fusion of one scene; all who use it must fuse the same key frames."""
+
+    def __init__(self, part: SemanticMapping, work: SharedWork) -> None:
+        self.part = part
+        self.work = work
+        self.running: RunningLabels | None = None
+        self.turns: list[int] = []
+
+    def begin(
+        self, grid: HeightGrid, classes: int, previous: Float32 | None = None
+    ) -> RunningLabels:
+        self.running = self.running or self.part.begin(grid, classes)
+        return _LabelsOfOne(self, self.running)
+
+
+class _LabelsOfOne:
+    """What one strategy sees of the shared label fusion."""
+
+    def __init__(self, shared: _Labels, running: RunningLabels) -> None:
+        self.shared, self.running = shared, running
+        self.turns: list[int] = []
+
+    def add(self, probabilities: Float32, frame: Frame, heights: HeightMap) -> None:
+        def fuse() -> None:
+            self.running.add(probabilities, frame, heights)
+            self.shared.turns.append(self.shared.work.turn)
+
+        self.shared.work.do(FUSION, "frame", fuse)
+        self.turns.append(self.shared.work.turn)
+
+    def probabilities(self) -> Float32:
+        if self.turns != self.shared.turns:
+            raise ConfigError(
+                "strategies that are compared have different key frames; give all the same "
+                "key_frames, or evaluate them one by one (labelling=[...])"
+            )
+        return self.shared.work.do(FUSION, "map", self.running.probabilities)
+
+
+class _Source:
+    def __init__(self, part: LabelSource, work: SharedWork) -> None:
+        self.part, self.work = part, work
+        self.classes: Sequence[str] = part.classes
+
+    def label(self, frame: Frame) -> Float32:
+        return self.work.do(VIEW_NETWORK, "frame", lambda: self.part.label(frame))
+
+
+class _MapSource:
+    def __init__(self, part: MapLabelSource, work: SharedWork) -> None:
+        self.part, self.work = part, work
+        self.classes: Sequence[str] = part.classes
+
+    def label_map(self, height_map: HeightMap) -> Float32:
+        return self.work.do(MAP_NETWORK, "map", lambda: self.part.label_map(height_map))
+
+
+_WRAPPERS: dict[str, Any] = {
+    "heights": _Heights,
+    "labels": _Labels,
+    "source": _Source,
+    "map_source": _MapSource,
+}

@@ -1,0 +1,113 @@
+"""Strategies side by side: each gives what it gives alone, and shared work is done once."""
+
+import numpy as np
+import pytest
+from tests.unit.labelling.fakes import Heights, Labels, Maps, Scenes, Views, frames
+
+from scenefw.core.errors import ConfigError, InputError
+from scenefw.evaluation.labelling_bench import Bench
+from scenefw.evaluation.shared_parts import (
+    FUSION,
+    LOADING,
+    MAP_NETWORK,
+    RECONSTRUCTION,
+    VIEW_NETWORK,
+)
+from scenefw.evaluation.stopwatch import SharedWork
+from scenefw.labelling.hybrid import Hybrid
+from scenefw.labelling.key_frames import EveryNth
+from scenefw.labelling.map_based import MapBased
+from scenefw.labelling.view_based import ViewBased
+from scenefw.noise.gaussian import Gaussian
+
+
+def strategies(**views):
+    return {
+        "view_based": ViewBased(Heights(), Labels(), Views(), **views),
+        "map_based": MapBased(Heights(), Maps()),
+        "hybrid": Hybrid(Heights(), Labels(), Views(), Maps(), **views),
+    }
+
+
+def test_side_by_side_is_as_alone():
+    together = Bench(Scenes(), strategies(key_frames=EveryNth(2), refresh=1))
+    for name, strategy in strategies(key_frames=EveryNth(2), refresh=1).items():
+        running = strategy.begin()
+        snapshots = together.run(0, [2, 5])
+        for i, frame in enumerate(frames(5)):
+            running.add(frame)
+            if i + 1 in (2, 5):
+                ours, alone = next(snapshots)[name].height_map, running.height_map()
+                np.testing.assert_array_equal(ours.labels, alone.labels)
+                np.testing.assert_array_equal(ours.probabilities, alone.probabilities)
+                np.testing.assert_array_equal(ours.heights, alone.heights)
+
+
+def test_shared_work_is_done_once():
+    chosen = strategies()
+    list(Bench(Scenes(), chosen).run(0, [2, 4]))
+    assert chosen["view_based"].source.calls == 4
+    assert chosen["map_based"].map_source.calls == 2
+    assert chosen["hybrid"].views.source.calls == chosen["hybrid"].map_source.calls == 0
+
+
+def test_every_strategy_pays_for_its_stages():
+    (snapshots,) = Bench(Scenes(), strategies()).run(0, [3])
+    spent = {name: snapshot.seconds for name, snapshot in snapshots.items()}
+    assert set(spent["view_based"]) == {LOADING, RECONSTRUCTION, VIEW_NETWORK, FUSION}
+    assert set(spent["map_based"]) == {LOADING, RECONSTRUCTION, MAP_NETWORK}
+    assert set(spent["hybrid"]) == set(spent["view_based"]) | {MAP_NETWORK}
+    for stage, seconds in spent["view_based"].items():
+        assert seconds == spent["hybrid"][stage]
+    hybrid = snapshots["hybrid"]
+    assert hybrid.processing == pytest.approx(
+        sum(hybrid.seconds.values()) - hybrid.seconds[LOADING]
+    )
+
+
+def test_the_map_is_paid_once_however_often_it_was_asked_for(monkeypatch):
+    """The map's labels after 2 frames don't count for the map after 4."""
+    clock = iter(range(1000))
+    monkeypatch.setattr("scenefw.evaluation.stopwatch.time.perf_counter", lambda: next(clock))
+    first, second = Bench(Scenes(), strategies()).run(0, [2, 4])
+    for snapshots in (first, second):
+        assert snapshots["map_based"].seconds[MAP_NETWORK] == 1
+    assert first["map_based"].seconds[RECONSTRUCTION] == 2 + 1
+    assert second["map_based"].seconds[RECONSTRUCTION] == 4 + 1
+
+
+def test_work_of_a_turn():
+    work, done = SharedWork(), []
+    for turn in (0, 0, 1):
+        work.turn = turn
+        for method in ("a", "b"):
+            with work.of(method):
+                work.do("stage", "what", lambda: done.append(1))
+    assert len(done) == 2
+    assert work.spent("a") == work.spent("b")
+    assert work.spent("c") == {}
+
+
+def test_key_frames_must_be_shared_to_be_compared():
+    chosen = strategies()
+    chosen["hybrid"] = Hybrid(Heights(), Labels(), Views(), Maps(), key_frames=EveryNth(2))
+    with pytest.raises(ConfigError, match="key frames"):
+        list(Bench(Scenes(), chosen).run(0, [2]))
+
+
+def test_noise_reaches_the_frames():
+    bench = Bench(Scenes(), strategies(), {"gaussian": Gaussian(0.01)})
+    (noisy,) = bench.run(0, [1])
+    (clean,) = bench.run(0, [1], {})
+    assert not np.array_equal(
+        noisy["map_based"].height_map.heights, clean["map_based"].height_map.heights
+    )
+
+
+def test_wrong_use():
+    with pytest.raises(ConfigError, match="no strategy"):
+        Bench(Scenes(), {})
+    short = Scenes()
+    short.frames = lambda scene, count: iter([])
+    with pytest.raises(InputError, match="fewer frames"):
+        list(Bench(short, strategies()).run(0, [1]))
