@@ -382,6 +382,21 @@ class ShapeInstancePrediction:
 
 
 @dataclass(frozen=True)
+class SegmentationBatch:
+    """B labelled images or crops of maps.
+
+    Args:
+        colour: (B, 3, H, W) float32 in [0, 1].
+        distance: (B, 1, H, W) float32 depth or height (m), NaN = missing.
+        labels: (B, H, W) int64 class ids, -1 = unknown.
+    """
+
+    colour: Tensor
+    distance: Tensor
+    labels: Tensor
+
+
+@dataclass(frozen=True)
 class TriangleMesh:
     """Vertices (V, 3) float64 metres, faces (F, 3) int64, counter-clockwise from outside."""
 
