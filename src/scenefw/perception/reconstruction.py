@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any, Protocol
 
 import torch
+from torch.nn.functional import conv3d, pad
 
-from scenefw.core.errors import InputError
+from scenefw.core.errors import ConfigError, InputError
 from scenefw.data.conditioning import condition
 
 if TYPE_CHECKING:
@@ -36,15 +38,25 @@ class NetworkReconstructor:
         checkpoint: a loaded checkpoint; its grid is the grid of everything here.
         extractor: from TSDF and centre votes to instances.
         device: where the network runs.
+        smoothing: standard deviation (voxels) of a Gaussian over predicted distances, 0 for none.
+            The network's last layer predicts blocks of 2^3 voxels, whose pattern would show as
+            bumps on the surface.
     """
 
     def __init__(
-        self, checkpoint: TrainedNetwork, extractor: InstanceExtractor, device: str = "cpu"
+        self,
+        checkpoint: TrainedNetwork,
+        extractor: InstanceExtractor,
+        device: str = "cpu",
+        smoothing: float = 0.6,
     ) -> None:
+        if smoothing < 0:
+            raise ConfigError(f"smoothing is {smoothing}, expected voxels >= 0")
         self.grid = checkpoint.grid
         self.observed = checkpoint.observed
         self.metadata = dict(checkpoint.metadata)
         self.extractor = extractor
+        self.smoothing = smoothing
         self.device = torch.device(device)
         self.model = checkpoint.model.to(self.device).eval()
 
@@ -69,8 +81,8 @@ class NetworkReconstructor:
         for sample in range(samples):
             latent = torch.zeros(shape) if sample == 0 else torch.randn(shape, generator=generator)
             prediction = self.model.predict(inputs, latent.to(self.device))
-            tsdf = prediction.tsdf[:, 0].float().clamp(-1, 1) * grid.truncation
-            results.append((tsdf, prediction.votes.float()))
+            tsdf = smoothed(prediction.tsdf.float().clamp(-1, 1), self.smoothing)[:, 0]
+            results.append((tsdf * grid.truncation, prediction.votes.float()))
         return results
 
     def reconstruct(
@@ -85,6 +97,22 @@ class NetworkReconstructor:
             ]
             results.append((tsdf, torch.stack(instances)))
         return results
+
+
+def smoothed(volumes: Tensor, sigma: float) -> Tensor:
+    """Volumes (B, 1, X, Y, Z) convolved with a Gaussian cut at three sigma, borders repeated."""
+    if sigma == 0:
+        return volumes
+    radius = math.ceil(3 * sigma)
+    offsets = torch.arange(-radius, radius + 1, device=volumes.device, dtype=volumes.dtype)
+    weights = torch.exp(-0.5 * (offsets / sigma) ** 2)
+    weights /= weights.sum()
+    padded = pad(volumes, (radius,) * 6, mode="replicate")
+    for axis in (2, 3, 4):
+        shape = [1] * 5
+        shape[axis] = len(weights)
+        padded = conv3d(padded, weights.view(shape))
+    return padded
 
 
 def _memory_format(device: torch.device) -> torch.memory_format:

@@ -1,11 +1,13 @@
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 import torch
+from scipy.ndimage import gaussian_filter
 
 from scenefw.core.errors import InputError
 from scenefw.core.types import GridSpec, PartialTSDF, ShapeInstancePrediction
-from scenefw.perception.reconstruction import NetworkReconstructor
+from scenefw.perception.reconstruction import NetworkReconstructor, smoothed
 
 
 class Echo(torch.nn.Module):
@@ -26,11 +28,15 @@ class Signs:
         return (tsdf < 0).int(), torch.zeros(1, 3)
 
 
-def make(resolution, observed=False):
+def make(resolution, observed=False, smoothing=0.0):
     grid = GridSpec(resolution=resolution)
     checkpoint = SimpleNamespace(model=Echo(), grid=grid, observed=observed, metadata={})
     distance = grid.truncation * (2 * torch.rand(2, 1, *grid.shape) - 1)
-    return NetworkReconstructor(checkpoint, Signs()), grid, PartialTSDF(distance, distance > 0)
+    return (
+        NetworkReconstructor(checkpoint, Signs(), smoothing=smoothing),
+        grid,
+        PartialTSDF(distance, distance > 0),
+    )
 
 
 @pytest.mark.parametrize("observed", [False, True])
@@ -61,3 +67,29 @@ def test_another_grid_is_one_line():
     volume = torch.zeros(1, 1, *other.shape)
     with pytest.raises(InputError, match="was trained on"):
         method.volumes(PartialTSDF(volume, volume > 0), other, 1, torch.Generator())
+
+
+@pytest.mark.parametrize("resolution", [8, 16])
+@pytest.mark.parametrize("sigma", [0.4, 0.6, 1.5])
+def test_smoothing_is_a_gaussian(resolution, sigma):
+    volumes = torch.rand(2, 1, *(resolution,) * 3)
+    radius = int(np.ceil(3 * sigma))
+    for mine, given in zip(smoothed(volumes, sigma), volumes, strict=True):
+        expected = gaussian_filter(given[0].numpy(), sigma, mode="nearest", radius=radius)
+        np.testing.assert_allclose(mine[0].numpy(), expected, atol=1e-5)
+
+
+def test_a_plane_stays_where_it_is():
+    heights = torch.linspace(-1, 1, 16).expand(1, 1, 16, 16, 16)
+    inner = slice(3, -3)
+    mine = smoothed(heights, 0.6)
+    torch.testing.assert_close(mine[..., inner], heights[..., inner].contiguous())
+    assert smoothed(heights, 0.0) is heights
+
+
+def test_distances_are_smoothed_before_instances_are_found():
+    plain, grid, partial = make(16)
+    method, _, _ = make(16, smoothing=0.6)
+    raw = plain.volumes(partial, grid, 1, torch.Generator())[0][0]
+    tsdf = method.volumes(partial, grid, 1, torch.Generator())[0][0]
+    torch.testing.assert_close(tsdf, smoothed(raw[:, None], 0.6)[:, 0])
