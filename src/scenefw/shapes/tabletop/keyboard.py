@@ -12,12 +12,12 @@ from scenefw.shapes.tabletop.parts import Look, Part
 
 # Widths of the keys of a row in units of one key; each row is 15 units wide.
 _ROWS = (
-    (1.5, 1, 1, 1, 1, 1.1, 5.9, 1, 1, 1.5),
+    (1.5, 1.25, 1.25, 5.75, 1.25, 1.25, 1.25, 1.5),
     (2.25, *[1.0] * 10, 2.75),
     (1.75, *[1.0] * 11, 2.25),
     (1.5, *[1.0] * 12, 1.5),
     (*[1.0] * 13, 2.0),
-    (1.2, *[1.06] * 13),
+    (1.22, *[1.06] * 13),
 )
 
 

@@ -45,7 +45,7 @@ class _Plane:
 
     def _fuselage(self) -> Part:
         nose = {"airliner": 0.12, "propeller": 0.10, "biplane": 0.08, "jet": 0.35}[self.kind]
-        tail, end = self.rng.uniform(0.35, 0.5), self.rng.uniform(0.12, 0.3)
+        tail, end = self.rng.uniform(0.3, 0.45), self.rng.uniform(0.12, 0.3)
         if self.kind == "jet":
             tail, end = 0.15, 0.75
         t = np.linspace(0, 1, 22)
@@ -71,13 +71,14 @@ class _Plane:
         return found
 
     def _windows(self) -> list[Part]:
-        size = 0.022 * self.length
-        places = np.arange(-0.2, 0.34, 0.045) * self.length
+        size, r = 0.022 * self.length, self.radius
+        out = 0.954 * r - 0.0007  # 0.3 mm proud of the side at this height
+        places = np.arange(-0.03, 0.34, 0.045) * self.length
         return [
-            parts.box((size, 0.002, 1.3 * size), (x, side * 0.95 * self.radius, 0.3 * self.radius),
-                      self.glass)
-            for x in places for side in (-1, 1)
-        ]  # fmt: skip
+            parts.box((size, 0.002, 1.3 * size), (x, side * out, 0.3 * r), self.glass)
+            for x in places
+            for side in (-1, 1)
+        ]
 
     def _tail(self) -> list[Part]:
         end, r = -0.5 * self.length, self.radius

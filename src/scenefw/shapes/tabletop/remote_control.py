@@ -16,19 +16,19 @@ def remote_control(rng: np.random.Generator) -> list[Part]:
     width = min(length * rng.uniform(0.22, 0.36), 0.06)
     height = rng.uniform(0.013, 0.026)
     body = colours.plastic(rng)
-    case = _case(rng, length, width, height, colours.device(rng, body))
+    radius = width * rng.choice([0.12, 0.25, 0.49])
+    case = _case(rng, length, width, height, radius, colours.device(rng, body))
     ink = Look(colours.contrast(body, rng), gloss=0.1)
     keys = Look(colours.shade(body, rng.choice([0.45, 1.8])), gloss=0.2)
     if float(np.mean(keys.colour)) < 0.01 or rng.random() < 0.4:  # else hardly seen on the case
         keys = Look(colours.shade(ink.colour, 0.6), gloss=0.2)
-    panel = _Panel(rng, length, width, height, keys, ink)
+    panel = _Panel(rng, length, width, height, max(0.011, 0.75 * radius), keys, ink)
     return [*case, *panel.parts()]
 
 
 def _case(
-    rng: np.random.Generator, length: float, width: float, height: float, look: Look
+    rng: np.random.Generator, length: float, width: float, height: float, radius: float, look: Look
 ) -> list[Part]:
-    radius = width * rng.choice([0.12, 0.25, 0.49])
     outline = parts.rounded(length, width, radius, 5)
     waist = rng.uniform(0.0, 0.15) * rng.integers(0, 2)  # narrower in the middle, held there
     outline[:, 1] *= 1 - waist * np.cos(np.pi * outline[:, 0] / length) ** 2
@@ -51,6 +51,7 @@ class _Panel:
         length: float,
         width: float,
         height: float,
+        start: float,
         keys: Look,
         ink: Look,
     ) -> None:
@@ -61,13 +62,12 @@ class _Panel:
         self.row = self.pitch * rng.uniform(0.7, 1.0)
         self.round = bool(rng.random() < 0.4)
         self.rise = rng.uniform(0.001, 0.003)
-        self.used = 0.0
+        self.used = start
 
     def parts(self) -> Iterator[Part]:
         """All buttons."""
         end = 2 * self.half - 0.012 - self.rng.uniform(0.0, 0.35) * 2 * self.half
         groups = [self._arrows, self._numbers, self._colours, self._rockers]
-        self.used = 0.012
         yield from self._power()
         for number in self.rng.permutation(len(groups)):
             group = groups[number]

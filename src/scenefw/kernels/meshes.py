@@ -1,0 +1,307 @@
+"""Rays through triangles: a tree of boxes walked without a stack, one ray per element.
+
+`bounds` (B, 6) float32 holds lowest and highest corners of boxes in the order of a walk down the
+tree; `links` (B, 3) int32 the box to go on with when a box is missed, and the first triangle and
+the number of triangles of a leaf (0 = inner box, go on with the next one). `triangles` (F, 9)
+float32 are a corner and the two sides from it, in the order of the leaves. `rays` (R, 6) float32
+are origins and directions; distances count in lengths of the direction.
+"""
+
+# Types are inferred at compilation, and numba ignores annotations.
+# ruff: noqa: ANN001, ANN201, ANN202
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from numba import njit, prange
+from numpy.typing import NDArray
+from torch import Tensor
+
+from scenefw.kernels.compile import Kernel, element, loop
+
+ZERO = np.float32(0)
+ONE = np.float32(1)
+FAR = np.float32(1e30)
+_TINY = np.float32(1e-30)
+_EDGE = np.float32(-1e-6)  # so that no ray slips between neighbours
+_LEAF = 4
+_BINS = 12
+_BLOCK = 128  # rays that a thread takes at a time
+_LANES = 64
+
+NOTHING, TABLE = -2, -1
+"""Hits that are no triangle."""
+
+
+@element
+def _inverse(x):
+    if abs(x) < _TINY:
+        return FAR if x >= ZERO else -FAR
+    return ONE / x
+
+
+@element
+def _meets(bounds, node, ox, oy, oz, ix, iy, iz, limit):
+    """Whether a ray enters a box before `limit`."""
+    ax, bx = (bounds[node, 0] - ox) * ix, (bounds[node, 3] - ox) * ix
+    ay, by = (bounds[node, 1] - oy) * iy, (bounds[node, 4] - oy) * iy
+    az, bz = (bounds[node, 2] - oz) * iz, (bounds[node, 5] - oz) * iz
+    enter = max(max(min(ax, bx), min(ay, by)), max(min(az, bz), ZERO))
+    leave = min(min(max(ax, bx), max(ay, by)), min(max(az, bz), limit))
+    return enter <= leave
+
+
+@element
+def _intersect(triangles, k, ox, oy, oz, dx, dy, dz):
+    """Distance and barycentric coordinates where a ray meets a triangle (Moeller, Trumbore 1997).
+
+    The distance is negative where it does not.
+    """
+    ax, ay, az = triangles[k, 3], triangles[k, 4], triangles[k, 5]
+    bx, by, bz = triangles[k, 6], triangles[k, 7], triangles[k, 8]
+    px, py, pz = dy * bz - dz * by, dz * bx - dx * bz, dx * by - dy * bx
+    determinant = ax * px + ay * py + az * pz
+    if abs(determinant) < _TINY:
+        return -ONE, ZERO, ZERO
+    scale = ONE / determinant
+    sx, sy, sz = ox - triangles[k, 0], oy - triangles[k, 1], oz - triangles[k, 2]
+    u = (sx * px + sy * py + sz * pz) * scale
+    qx, qy, qz = sy * az - sz * ay, sz * ax - sx * az, sx * ay - sy * ax
+    v = (dx * qx + dy * qy + dz * qz) * scale
+    if u < _EDGE or v < _EDGE or u + v > ONE - _EDGE:
+        return -ONE, ZERO, ZERO
+    return (bx * qx + by * qy + bz * qz) * scale, u, v
+
+
+@element
+def nearest(bounds, links, triangles, ox, oy, oz, dx, dy, dz, limit):
+    """Nearest triangle before `limit`, or NOTHING; distance; barycentric coordinates."""
+    ix, iy, iz = _inverse(dx), _inverse(dy), _inverse(dz)
+    node, last = 0, links.shape[0]
+    hit, best_u, best_v = NOTHING, ZERO, ZERO
+    while node < last:
+        if not _meets(bounds, node, ox, oy, oz, ix, iy, iz, limit):
+            node = links[node, 0]
+            continue
+        first = links[node, 1]
+        for k in range(first, first + links[node, 2]):
+            t, u, v = _intersect(triangles, k, ox, oy, oz, dx, dy, dz)
+            if t > ZERO and t < limit:
+                limit, hit, best_u, best_v = t, k, u, v
+        node += 1
+    return hit, limit, best_u, best_v
+
+
+@element
+def blocked(bounds, links, triangles, ox, oy, oz, dx, dy, dz, limit):
+    """Whether any triangle lies on a ray before `limit`."""
+    ix, iy, iz = _inverse(dx), _inverse(dy), _inverse(dz)
+    node, last = 0, links.shape[0]
+    while node < last:
+        if not _meets(bounds, node, ox, oy, oz, ix, iy, iz, limit):
+            node = links[node, 0]
+            continue
+        first = links[node, 1]
+        for k in range(first, first + links[node, 2]):
+            t, _, _ = _intersect(triangles, k, ox, oy, oz, dx, dy, dz)
+            if t > ZERO and t < limit:
+                return True
+        node += 1
+    return False
+
+
+@element
+def _cast(i, bounds, links, triangles, rays, table, distance, hit, place):
+    ox, oy, oz = rays[i, 0], rays[i, 1], rays[i, 2]
+    dx, dy, dz = rays[i, 3], rays[i, 4], rays[i, 5]
+    limit, ground = FAR, NOTHING
+    if table and oz * dz < ZERO:
+        limit, ground = -oz / dz, TABLE
+    face, t, u, v = nearest(bounds, links, triangles, ox, oy, oz, dx, dy, dz, limit)
+    if face == NOTHING:
+        face = ground
+    distance[i] = t if face != NOTHING else ZERO
+    hit[i] = face
+    place[i, 0] = u
+    place[i, 1] = v
+
+
+@loop
+def _cast_all(count, bounds, links, triangles, rays, table, distance, hit, place):
+    for lane in prange(_LANES):  # interleaved, so that threads share costly and cheap parts evenly
+        for start in range(lane * _BLOCK, count, _LANES * _BLOCK):
+            for i in range(start, min(start + _BLOCK, count)):
+                _cast(i, bounds, links, triangles, rays, table, distance, hit, place)
+
+
+cast = Kernel(_cast, _cast_all)
+"""cast(R, bounds, links, triangles, rays, table, distance (R,), hit (R,) int32, place (R, 2)).
+
+`hit` is a row of `triangles`, TABLE (the plane z = 0, if `table`) or NOTHING, where distance is 0.
+"""
+
+
+class Tree:
+    """Triangles sorted into boxes, as tensors that kernels read.
+
+    Args:
+        corners: (F, 3, 3) metres.
+        device: where the rays are.
+
+    Attributes:
+        order: (F,) int64, row of `corners` of each row of `triangles`.
+    """
+
+    def __init__(self, corners: NDArray[np.float32], device: torch.device | str = "cpu") -> None:
+        corners = np.ascontiguousarray(corners, dtype=np.float32)
+        low, high = corners.min(axis=1), corners.max(axis=1)
+        bounds, links, order = _build(low, high) if len(corners) else _empty()
+        picked = corners[order]
+        sides = picked[:, 1:] - picked[:, :1]
+        triangles = np.concatenate([picked[:, :1], sides], axis=1).reshape(-1, 9)
+        self.order = order
+        self.bounds = torch.from_numpy(bounds).to(device)
+        self.links = torch.from_numpy(links).to(device)
+        self.triangles = torch.from_numpy(triangles).to(device)
+
+    def cast(self, rays: Tensor, *, table: bool = True) -> tuple[Tensor, Tensor, Tensor]:
+        """Distances (R,), hits (R,) int32 and barycentric places (R, 2) of rays (R, 6)."""
+        count = len(rays)
+        distance = rays.new_empty(count)
+        hit = torch.empty(count, dtype=torch.int32, device=rays.device)
+        place = rays.new_empty(count, 2)
+        cast(count, self.bounds, self.links, self.triangles, rays, table, distance, hit, place)
+        return distance, hit, place
+
+
+def _empty() -> tuple[NDArray, NDArray, NDArray]:
+    bounds = np.full((1, 6), 1e9, dtype=np.float32)
+    return bounds, np.array([[1, 0, 0]], dtype=np.int32), np.zeros(0, dtype=np.int64)
+
+
+@njit(cache=True)
+def _build(low, high):
+    """Boxes in walking order, links and the order of triangles (surface area heuristic)."""
+    count = len(low)
+    order = np.arange(count)
+    centres = (low + high) * np.float32(0.5)
+    bounds = np.empty((2 * count, 6), dtype=np.float32)
+    links = np.zeros((2 * count, 3), dtype=np.int32)
+    depths = np.empty(2 * count, dtype=np.int64)
+    waiting = np.empty((count + 2, 3), dtype=np.int64)
+    waiting[0] = 0, count, 0
+    stacked, nodes = 1, 0
+    while stacked > 0:
+        stacked -= 1
+        first, end, depth = waiting[stacked]
+        _surround(low, high, order, first, end, bounds[nodes])
+        depths[nodes] = depth
+        links[nodes, 1] = first
+        middle = first
+        if end - first > _LEAF:
+            middle = _split(low, high, centres, order, first, end)
+        if middle == first:
+            links[nodes, 2] = end - first
+        else:  # the higher half first, as cameras look down
+            halves = ((first, middle, depth + 1), (middle, end, depth + 1))
+            upper = _top(high, order, first, middle) >= _top(high, order, middle, end)
+            waiting[stacked] = halves[1] if upper else halves[0]
+            waiting[stacked + 1] = halves[0] if upper else halves[1]
+            stacked += 2
+        nodes += 1
+    _link(links[:nodes], depths[:nodes])
+    return bounds[:nodes], links[:nodes], order
+
+
+@njit(cache=True)
+def _surround(low, high, order, first, end, box):
+    box[:3] = np.inf
+    box[3:] = -np.inf
+    for k in range(first, end):
+        for axis in range(3):
+            box[axis] = min(box[axis], low[order[k], axis])
+            box[3 + axis] = max(box[3 + axis], high[order[k], axis])
+
+
+@njit(cache=True)
+def _top(high, order, first, end):
+    top = high[order[first], 2]
+    for k in range(first, end):
+        top = max(top, high[order[k], 2])
+    return top
+
+
+@njit(cache=True)
+def _split(low, high, centres, order, first, end):
+    """Sorts triangles into two halves along the longest axis; where the second one begins."""
+    least, most = np.full(3, np.inf), np.full(3, -np.inf)
+    for k in range(first, end):
+        for axis in range(3):
+            least[axis] = min(least[axis], centres[order[k], axis])
+            most[axis] = max(most[axis], centres[order[k], axis])
+    axis = np.argmax(most - least)
+    width = most[axis] - least[axis]
+    if width <= 0:
+        return first
+    counts, areas = _bin(low, high, centres, order, first, end, axis, least[axis], width)
+    best, cut = np.inf, 0
+    for place in range(1, _BINS):
+        if counts[0, place] > 0 and counts[1, place] > 0:
+            cost = counts[0, place] * areas[0, place] + counts[1, place] * areas[1, place]
+            if cost < best:
+                best, cut = cost, place
+    left, right = first, end - 1
+    while left <= right:
+        if _bin_of(centres[order[left], axis], least[axis], width) < cut:
+            left += 1
+        else:
+            order[left], order[right] = order[right], order[left]
+            right -= 1
+    return left
+
+
+@njit(cache=True)
+def _bin_of(value, least, width):
+    return min(_BINS - 1, int((value - least) / width * _BINS))
+
+
+@njit(cache=True)
+def _bin(low, high, centres, order, first, end, axis, least, width):
+    """Numbers of triangles and areas of their boxes, left and right of each cut."""
+    boxes = np.empty((_BINS, 6))
+    boxes[:, :3] = np.inf
+    boxes[:, 3:] = -np.inf
+    held = np.zeros(_BINS)
+    for k in range(first, end):
+        i = order[k]
+        b = _bin_of(centres[i, axis], least, width)
+        held[b] += 1
+        for a in range(3):
+            boxes[b, a] = min(boxes[b, a], low[i, a])
+            boxes[b, 3 + a] = max(boxes[b, 3 + a], high[i, a])
+    counts, areas = np.zeros((2, _BINS)), np.zeros((2, _BINS))
+    for side in range(2):
+        total, box = 0.0, np.empty(6)
+        box[:3] = np.inf
+        box[3:] = -np.inf
+        for step in range(_BINS - 1):
+            b = step if side == 0 else _BINS - 1 - step
+            total += held[b]
+            for a in range(3):
+                box[a] = min(box[a], boxes[b, a])
+                box[3 + a] = max(box[3 + a], boxes[b, 3 + a])
+            cut = b + 1 if side == 0 else b
+            counts[side, cut] = total
+            x, y, z = box[3] - box[0], box[4] - box[1], box[5] - box[2]
+            areas[side, cut] = x * y + y * z + z * x if total > 0 else 0.0
+    return counts, areas
+
+
+@njit(cache=True)
+def _link(links, depths):
+    """Where to go on when a box is missed: the next one in the walk that is not inside it."""
+    following = np.full(depths.max() + 1, len(links))
+    for node in range(len(links) - 1, -1, -1):
+        links[node, 0] = following[depths[node]]
+        following[depths[node] :] = node
