@@ -39,6 +39,27 @@ class StepDecay:
         return self.decay ** (progress.epoch // self.every)
 
 
+class ExponentialDecay:
+    """Times `decay` over every `every` steps, step by step (thesis 4.7.1: 0.96 over 1e5 steps).
+
+    Args:
+        decay: factor after `every` steps.
+        every: steps.
+    """
+
+    def __init__(self, decay: float = 0.96, every: int = 100_000) -> None:
+        if not 0 < decay <= 1 or every < 1:
+            raise ConfigError(
+                f"an exponential schedule has decay = {decay}, every = {every}; expected a factor "
+                "up to 1 and steps"
+            )
+        self.decay, self.every = decay, every
+
+    def factor(self, progress: Progress) -> float:
+        """Multiplies the learning rate of the next step."""
+        return self.decay ** (progress.step / self.every)
+
+
 class CosineDecay:
     """Warm-up, then half a cosine down to `lowest` over a budget of steps or of time.
 

@@ -1,7 +1,7 @@
 import pytest
 
 from scenefw.core.errors import ConfigError
-from scenefw.learning.schedules import CosineDecay, Progress, StepDecay
+from scenefw.learning.schedules import CosineDecay, ExponentialDecay, Progress, StepDecay
 
 
 def test_the_thesis_drops_by_one_percent_every_five_epochs():
@@ -27,3 +27,10 @@ def test_warm_up_rises_evenly():
 def test_a_cosine_needs_a_budget():
     with pytest.raises(ConfigError, match=r"steps or \.minutes"):
         CosineDecay()
+
+
+def test_labels_lose_four_percent_every_hundred_thousand_steps():
+    factors = [ExponentialDecay().factor(Progress(step, 0, 0.0)) for step in (0, 100_000, 250_000)]
+    assert factors == pytest.approx([1, 0.96, 0.96**2.5])
+    with pytest.raises(ConfigError, match="exponential"):
+        ExponentialDecay(decay=0)

@@ -1,0 +1,63 @@
+"""Cross entropy of labels per pixel."""
+
+from collections.abc import Sequence
+
+from torch import Tensor
+from torch.nn import functional
+
+from scenefw.core.errors import ConfigError
+from scenefw.core.labels import UNKNOWN
+from scenefw.core.types import SegmentationBatch
+
+
+class CrossEntropy:
+    """Mean cross entropy over the pixels whose class is known (thesis 4.7.1, 4.5.4).
+
+    Args:
+        weight: factor of this term in the total.
+        class_weights: what a pixel of each class counts, by class id, e.g. less for the surface,
+            which covers most; None: all count the same, as in the thesis.
+        smoothing: share of the truth spread evenly over the classes, which keeps the network's
+            probabilities from 0 and 1.
+    """
+
+    def __init__(
+        self,
+        weight: float = 1.0,
+        class_weights: Sequence[float] | None = None,
+        smoothing: float = 0.0,
+    ) -> None:
+        if not 0 <= smoothing < 1 or (class_weights and min(class_weights) < 0):
+            raise ConfigError(
+                f"cross entropy has class_weights = {class_weights} and smoothing = {smoothing}; "
+                "expected weights of 0 or more and a share below 1"
+            )
+        self.weight = weight
+        self.class_weights = list(class_weights) if class_weights else None
+        self.smoothing = smoothing
+
+    def __call__(self, prediction: Tensor, batch: SegmentationBatch) -> Tensor:
+        """A scalar of logits (B, C, H, W): the weighted mean; 0 if no pixel counts.
+
+        Raises:
+            ConfigError: there are not as many class weights as classes.
+        """
+        logits, labels = prediction.float(), batch.labels
+        weights = logits.new_ones(logits.shape[1])
+        if self.class_weights is not None:
+            if len(self.class_weights) != logits.shape[1]:
+                raise ConfigError(
+                    f"loss.cross_entropy.class_weights has {len(self.class_weights)} numbers, but "
+                    f"there are {logits.shape[1]} classes; give one for each"
+                )
+            weights = logits.new_tensor(self.class_weights)
+        total = functional.cross_entropy(
+            logits,
+            labels,
+            weights,
+            ignore_index=UNKNOWN,
+            label_smoothing=self.smoothing,
+            reduction="sum",
+        )
+        known = labels != UNKNOWN
+        return total / weights[labels.clamp(min=0)][known].sum().clamp(min=1e-6)

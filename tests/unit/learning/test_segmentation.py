@@ -1,0 +1,87 @@
+import csv
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+from tests.unit.data.rectangles import Rectangles
+from tests.unit.learning import tiny_labels
+
+from scenefw.core.errors import CheckpointError, ConfigError
+from scenefw.learning.checkpoint import load_checkpoint
+
+ROOT = Path(__file__).parents[3]
+
+
+def run_elsewhere(*words):
+    """Killed trainings and whole ones are compared in processes of their own (see `tiny`)."""
+    command = [sys.executable, "-m", "tests.unit.learning.tiny_labels", *map(str, words)]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, check=False)
+
+
+def state(folder):
+    return torch.load(folder / "state" / "last.ckpt", weights_only=False)
+
+
+def rows(folder):
+    with (folder / "out" / "losses.csv").open(newline="") as file:
+        return [(r["step"], r["epoch"], r["name"], r["value"]) for r in csv.DictReader(file)]
+
+
+def test_a_killed_training_goes_on_as_if_never_stopped(tmp_path):
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    done = run_elsewhere(whole)
+    assert done.returncode == 0, done.stderr.decode()
+    done = run_elsewhere(killed, "kill")
+    assert done.returncode == -signal.SIGKILL, done.stderr.decode()
+    assert state(killed)["scenefw"]["batches_seen"] == 4
+    done = run_elsewhere(killed)
+    assert done.returncode == 0, done.stderr.decode()
+    first, second = state(whole), state(killed)
+    assert first["global_step"] == second["global_step"] == 9
+    for name, value in first["state_dict"].items():
+        assert torch.equal(value, second["state_dict"][name]), name
+    average = second["scenefw"]["average"]["values"]
+    for name, value in first["scenefw"]["average"]["values"].items():
+        assert torch.equal(value, average[name]), name
+    assert rows(whole) == rows(killed)
+
+
+def test_it_learns_a_few_images(tmp_path):
+    task = tiny_labels.task(tmp_path, steps=80, average=0.9)
+    task.trainer.validate_every = 80
+    figures = task.run()
+    assert figures["val/miou"] > 0.9
+    assert figures["val/red"] > 0.85
+    assert figures["train/cross_entropy"] < 0.3
+    found = load_checkpoint(tmp_path / "out" / "labels.safetensors", task="segmentation")
+    assert found.metadata["classes"] == ["surface", "red", "blue"]
+    assert found.metadata["input"] == "views"
+    assert found.grid is None
+    frame = next(Rectangles(seed=5).frames(0, 1))
+    assert found.model.classes == 3
+    assert frame.labels.max() == 2
+
+
+def test_a_network_for_another_task_is_refused(tmp_path):
+    tiny_labels.task(tmp_path, steps=1).run()
+    with pytest.raises(CheckpointError, match="for segmentation, expected one for shape"):
+        load_checkpoint(tmp_path / "out" / "labels.safetensors")
+    with pytest.raises(CheckpointError, match="expected one for segmentation"):
+        load_checkpoint(task="segmentation")
+
+
+def test_network_and_data_have_the_same_classes(tmp_path):
+    with pytest.raises(ConfigError, match=r"model\.classes=3"):
+        tiny_labels.task(tmp_path, steps=1, classes=4).run()
+
+
+def test_the_global_generator_is_left_alone(tmp_path):
+    task = tiny_labels.task(tmp_path, steps=2)
+    torch.manual_seed(7)
+    expected = torch.rand(3)
+    torch.manual_seed(7)
+    task.run()
+    assert torch.equal(torch.rand(3), expected)

@@ -1,0 +1,58 @@
+"""A training of a tiny labelling network; run as a script, it may kill itself on the way."""
+
+import sys
+from pathlib import Path
+
+import torch
+from tests.unit.data.rectangles import Rectangles
+from tests.unit.learning.tiny import Killer
+
+from scenefw.data.segmentation import ColourJitter, SegmentationData, ViewSamples
+from scenefw.learning.schedules import CosineDecay
+from scenefw.learning.segmentation import SegmentationLearning
+from scenefw.learning.trainer import TrainerSettings
+from scenefw.losses.cross_entropy import CrossEntropy
+from scenefw.models.fusenet import FuseNet
+from scenefw.noise.gaussian import Gaussian
+from scenefw.tasks.train import Train
+
+
+def learning(classes=3, widths=(6, 8), **options):
+    torch.manual_seed(0)
+    network = FuseNet(classes, widths, (1,) * len(widths), offset=0.3, scale=0.02)
+    options = {"learning_rate": 1e-2, "schedule": CosineDecay(steps=80, warmup=3), **options}
+    return SegmentationLearning(network, {"cross_entropy": CrossEntropy()}, **options)
+
+
+def data(views=4, **options):
+    noise = {"gaussian": Gaussian(0.001)}
+    train = ViewSamples(Rectangles(), views, noise, ColourJitter(), **options)
+    return SegmentationData(train, ViewSamples(Rectangles(1, seed=1), 2), batch_size=2)
+
+
+def task(folder, steps, **options):
+    """Four batches of two views per epoch."""
+    trainer = TrainerSettings("cpu", max_steps=steps, max_epochs=-1, validate_every=3)
+    folder = Path(folder)
+    return Train(
+        learning(**options),
+        data(),
+        trainer,
+        folder / "out",
+        folder / "state",
+        snapshot_steps=2,
+        log_every=1,
+        name="labels",
+    )
+
+
+class Doomed(Train):
+    def _callbacks(self, state):
+        return [*super()._callbacks(state), Killer(5)]
+
+
+if __name__ == "__main__":
+    training = task(sys.argv[1], steps=9)
+    if "kill" in sys.argv[2:]:
+        training.__class__ = Doomed
+    training.run()
