@@ -240,7 +240,7 @@ def _split(low, high, centres, order, first, end):
         for axis in range(3):
             least[axis] = min(least[axis], centres[order[k], axis])
             most[axis] = max(most[axis], centres[order[k], axis])
-    axis = np.argmax(most - least)
+    axis = int(np.argmax(most - least))
     width = most[axis] - least[axis]
     if width <= 0:
         return first

@@ -51,7 +51,7 @@ class MeshRaycaster:
             raise ConfigError(f"contrast = {contrast}: expected 0 or more, e.g. 0.1")
         self.contrast = contrast
         self.device = torch.device(device)
-        self._prepared = lru_cache(maxsize=2)(self._prepare)
+        self._last: tuple[TabletopGeometry, _Prepared] | None = None
 
     def fingerprint(self) -> str:
         """Changes with whatever changes the images."""
@@ -105,8 +105,11 @@ class MeshRaycaster:
         depth, labels, colour = picture.render(self.contrast)
         return Frame(depth, camera, colour, labels, geometry.name)
 
-    def _prepare(self, geometry: TabletopGeometry) -> _Prepared:
-        return _Prepared(geometry, self.device)
+    def _prepared(self, geometry: TabletopGeometry) -> _Prepared:
+        """The tree of the scene that was rendered last is kept."""
+        if self._last is None or self._last[0] is not geometry:
+            self._last = (geometry, _Prepared(geometry, self.device))
+        return self._last[1]
 
 
 class _Prepared:
@@ -198,7 +201,6 @@ def _edges(image: Tensor, contrast: float) -> Tensor:
 def _sources() -> str:
     """Digest of the code that decides what images look like."""
     digest = hashlib.sha256()
-    for module in (meshes, shading, textures):
-        digest.update(Path(module.__file__).read_bytes())
-    digest.update(Path(__file__).read_bytes())
+    for path in (meshes.__file__, shading.__file__, textures.__file__, __file__):
+        digest.update(Path(str(path)).read_bytes())
     return digest.hexdigest()[:16]

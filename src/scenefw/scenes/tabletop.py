@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 from itertools import accumulate
 
 import numpy as np
@@ -76,7 +75,7 @@ class TabletopGenerator:
         self.minimum, self.maximum = minimum, maximum
         self.scales, self.trials = (float(scales[0]), float(scales[1])), trials
         self.half, self.gap = extent / 2 - border, gap
-        self._outline = lru_cache(maxsize=None)(self._find_outline)
+        self._outlines: dict[tuple[int, int], Array] = {}
 
     def numbers(self, split: str) -> Sequence[int]:
         """Numbers of the scenes of a split.
@@ -153,8 +152,11 @@ class TabletopGenerator:
                     break
         return tuple(items)
 
-    def _find_outline(self, label: int, instance: int) -> Array:
-        return outline_of(self.models.model(label, instance).vertices)
+    def _outline(self, label: int, instance: int) -> Array:
+        if (label, instance) not in self._outlines:
+            found = outline_of(self.models.model(label, instance).vertices)
+            self._outlines[label, instance] = found
+        return self._outlines[label, instance]
 
 
 def outline_of(vertices: Array) -> Array:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache
 
 import numpy as np
 
@@ -58,7 +57,7 @@ class ProceduralModels:
         self.classes = _class_names(classes)
         self.parts = split_instances(count)
         self.seed = seed
-        self._models = lru_cache(maxsize=None)(self._make)
+        self._models: dict[tuple[int, int], TexturedMesh] = {}
 
     def instances(self, label: int, split: str) -> Sequence[int]:
         """Numbers of the instances of a class in a part of the data."""
@@ -66,7 +65,9 @@ class ProceduralModels:
 
     def model(self, label: int, instance: int) -> TexturedMesh:
         """One model; always the same for the same numbers."""
-        return self._models(label, instance)
+        if (label, instance) not in self._models:
+            self._models[label, instance] = self._make(label, instance)
+        return self._models[label, instance]
 
     def _make(self, label: int, instance: int) -> TexturedMesh:
         name = self.classes[label]

@@ -181,7 +181,8 @@ class _Plane:
         for x, y in ((0.3, 0.0), (0.02, 1.0), (0.02, -1.0)):
             at = np.array([x * long, y * 1.1 * r, -1.35 * r])
             found.append(wheel.moved(at))
-            found.append(parts.tube([at, [at[0], 0.5 * at[1], 0]], 0.006 * long, self.dark, 6))
+            up = np.array([at, [at[0], 0.5 * at[1], 0.0]])
+            found.append(parts.tube(up, 0.006 * long, self.dark, 6))
         return found
 
 

@@ -1,0 +1,170 @@
+"""Table-top scenes as sources of frames: views on demand, kept on disk.
+
+    source = registry.build("dataset", "tabletop", split="test", limit=2)
+    for frame in source.frames(scene=0, count=100):
+        ...                                   # depth, colour, labels, camera with its pose
+    truth = source.truth(0)                   # heights, colour, labels from above
+
+Other options: `tabletop_small` (seven classes of small things), `tabletop_shapenet` (models from a
+folder of ShapeNetCore). `cache=None` renders every time; what comes out is the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from scenefw.core import rng as streams
+from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.geometry import look_at
+from scenefw.core.tabletop import (
+    TabletopGeometry,
+    TabletopRenderer,
+    TabletopScene,
+    TabletopSource,
+)
+from scenefw.core.types import Camera, Frame, HeightGrid, HeightMap
+from scenefw.data.view_cache import ViewCache, exact, key_of
+
+_VIEW_STREAM = 1  # apart from the stream that makes the scene
+
+
+class TabletopScenes:
+    """Views and ground truth of procedural table-tops (thesis 4.6).
+
+    Cameras look at points all over the table from random sides, turned at random about their
+    axis. Scene i of the data set depends on (seed, i) alone, its view j on (seed, i, j); depth is
+    a multiple of 0.05 mm, whether or not it was read from the cache.
+
+    Args:
+        scenes: makes the scenes.
+        renderer: makes the images.
+        split: train, validation or test.
+        limit: at most so many scenes; None = all.
+        seed: of scenes and views.
+        size: width and height of images (pixels) of a camera with 45 degrees of vertical view.
+        heights: lowest and highest camera over the table (m).
+        angles: least and greatest angle of the view from straight down (degrees).
+        reach: points looked at lie in +-reach (m).
+        vertices: of the ground truth's grid, per side.
+        cache: folder for rendered views, None = render every time. Entries are named by all that
+            decides what they show, so a folder may serve any number of settings.
+
+    Raises:
+        ConfigError: numbers that make no view, or no such split.
+    """
+
+    def __init__(
+        self,
+        scenes: TabletopSource,
+        renderer: TabletopRenderer,
+        split: str = "train",
+        limit: int | None = None,
+        seed: int = 0,
+        size: Sequence[int] = (320, 240),
+        heights: Sequence[float] = (0.18, 0.40),
+        angles: Sequence[float] = (0.0, 40.0),
+        reach: float = 0.5,
+        vertices: int = 1025,
+        cache: str | None = None,
+    ) -> None:
+        _require(size, heights, angles, limit)
+        self.scenes, self.renderer = scenes, renderer
+        self.classes = tuple(scenes.classes)
+        self.numbers = scenes.numbers(split)[:limit]
+        self.seed, self.reach = seed, reach
+        self.heights = (float(heights[0]), float(heights[1]))
+        self.angles = (float(angles[0]), float(angles[1]))
+        self.grid = HeightGrid(vertices)
+        self.cache = None if cache is None else Path(cache)
+        self._camera = Camera().resized(int(size[0]), int(size[1]))
+        self._last: tuple[int, TabletopGeometry] | None = None
+        self._stores: dict[int, ViewCache] = {}
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def scene(self, scene: int) -> TabletopScene:
+        """Parameters of scene number 0 .. len - 1 of this split.
+
+        Raises:
+            InputError: there is no such scene.
+        """
+        if not 0 <= scene < len(self):
+            raise InputError(f"scene {scene} of {len(self)}; give 0 to {len(self) - 1}")
+        return self.scenes.generate(self.numbers[scene], self.seed)
+
+    def camera(self, scene: int, view: int) -> Camera:
+        """The camera of a view."""
+        rng = streams.generator(self.seed, self.numbers[scene], _VIEW_STREAM, view)
+        target = np.array([*rng.uniform(-self.reach, self.reach, 2), 0.0])
+        height = rng.uniform(*self.heights)
+        angle = np.deg2rad(rng.uniform(*self.angles))
+        side, roll = rng.uniform(0, 2 * np.pi, 2)
+        away = height * np.tan(angle) * np.array([np.cos(side), np.sin(side)])
+        pose = look_at(target + [*away, height], target)
+        c, s = np.cos(roll), np.sin(roll)
+        pose[:3, :2] = pose[:3, :2] @ [[c, -s], [s, c]]
+        return self._camera.moved(pose)
+
+    def frames(self, scene: int, count: int, start: int = 0) -> Iterator[Frame]:
+        """Views number start to start + count - 1 of a scene; view i never changes."""
+        views = range(start, start + count)
+        store = self._store(scene)
+        for block in store.blocks(views) if store else [views]:
+            found = store.load(block) if store else {}
+            missing = [view for view in block if view not in found]
+            if missing:
+                cameras = [self.camera(scene, view) for view in missing]
+                made = self.renderer.frames(self._geometry(scene), cameras)
+                new = {view: exact(frame) for view, frame in zip(missing, made, strict=True)}
+                if store:
+                    store.add(block, new)
+                found |= new
+            for view in block:
+                name = f"tabletop/{self.numbers[scene]}/{view}"
+                yield found[view].frame(self.camera(scene, view), name)
+
+    def truth(self, scene: int) -> HeightMap:
+        """Orthographic heights, colour and labels of the scene; every vertex is seen."""
+        store = self._store(scene)
+        known = store.load_truth(self.grid, self.classes) if store else None
+        if known is None:
+            known = self.renderer.height_map(self._geometry(scene), self.grid)
+            if store:
+                store.add_truth(known)
+        return known
+
+    def _geometry(self, scene: int) -> TabletopGeometry:
+        """The scene asked for last is kept, and with it what the renderer made of it."""
+        if self._last is None or self._last[0] != scene:
+            self._last = (scene, self.scenes.geometry(self.scene(scene)))
+        return self._last[1]
+
+    def _store(self, scene: int) -> ViewCache | None:
+        if self.cache is not None and scene not in self._stores:
+            self._stores[scene] = ViewCache(self.cache / self._key(scene))
+        return self._stores.get(scene)
+
+    def _key(self, scene: int) -> str:
+        geometry = self._geometry(scene)
+        cameras = [self.camera(scene, view) for view in range(3)]  # stand for the settings
+        settings = [self.renderer.fingerprint(), self.seed, self.numbers[scene]]
+        settings += [str((c.width, c.height, c.matrix, c.T_world_camera)) for c in cameras]
+        return f"scene_{self.numbers[scene]:05d}_{key_of(geometry, settings)}"
+
+
+def _require(
+    size: Sequence[int], heights: Sequence[float], angles: Sequence[float], limit: int | None
+) -> None:
+    if len(size) != 2 or min(size) < 1:
+        raise ConfigError(f"size = {list(size)}: expected width and height in pixels")
+    if not 0 < heights[0] <= heights[1] or not 0 <= angles[0] <= angles[1] < 80:
+        raise ConfigError(
+            f"heights = {list(heights)} m, angles = {list(angles)} degrees: expected each lowest "
+            "first, heights above 0 and angles from 0 to below 80"
+        )
+    if limit is not None and limit < 1:
+        raise ConfigError(f"limit = {limit}: expected 1 scene or more, or null for all")
