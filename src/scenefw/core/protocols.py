@@ -177,8 +177,16 @@ class HeightMapping(Protocol):
 class RunningLabels(Protocol):
     """Class probabilities of vertices that sharpen frame by frame."""
 
-    def add(self, probabilities: NDArray[np.float32], frame: Frame, heights: HeightMap) -> None:
-        """Fuses what a frame's pixels are, (C, H, W) that sum to 1; depth 0 says nothing."""
+    def add(
+        self, probabilities: NDArray[np.float32], frame: Frame, heights: HeightMap | None
+    ) -> None:
+        """Fuses what a frame's pixels are, (C, H, W) that sum to 1; depth 0 says nothing.
+
+        Args:
+            probabilities: (C, H, W) float32.
+            frame: that they are of.
+            heights: a recent map; None only for fusion that reads the frame alone.
+        """
 
     def probabilities(self) -> NDArray[np.float32]:
         """(C, V, V), uniform where nothing was said."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
 from scenefw.core.errors import ConfigError, InputError
@@ -35,11 +35,13 @@ class Snapshot:
         frames: number of frames that made it.
         height_map: with labels.
         seconds: by stage: what it takes to have this map if it is asked for once.
+        calls: by stage: pieces of work that these seconds are of.
     """
 
     frames: int
     height_map: HeightMap
     seconds: Mapping[str, float]
+    calls: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def processing(self) -> float:
@@ -118,6 +120,7 @@ def _snapshot(name: str, running: RunningLabelling, count: int, work: SharedWork
     asking = f"{name} after {count} frames"
     with work.of(asking):
         height_map = running.height_map()
-    seconds = Counter(work.spent(name))
+    seconds, calls = Counter(work.spent(name)), Counter(work.calls(name))
     seconds.update(work.spent(asking))
-    return Snapshot(count, height_map, dict(seconds))
+    calls.update(work.calls(asking))
+    return Snapshot(count, height_map, dict(seconds), dict(calls))

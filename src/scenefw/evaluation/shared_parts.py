@@ -88,7 +88,7 @@ class _LabelsOfOne:
         self.shared, self.running = shared, running
         self.turns: list[int] = []
 
-    def add(self, probabilities: Float32, frame: Frame, heights: HeightMap) -> None:
+    def add(self, probabilities: Float32, frame: Frame, heights: HeightMap | None) -> None:
         def fuse() -> None:
             self.running.add(probabilities, frame, heights)
             self.shared.turns.append(self.shared.work.turn)

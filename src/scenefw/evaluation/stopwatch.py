@@ -25,6 +25,7 @@ class SharedWork:
         self.turn = 0
         self._kept: dict[tuple[str, str], tuple[int, Any, float]] = {}
         self._spent: dict[str, dict[str, float]] = defaultdict(lambda: defaultdict(float))
+        self._calls: dict[str, dict[str, int]] = defaultdict(lambda: defaultdict(int))
         self._asking = ""
 
     @contextmanager
@@ -52,12 +53,17 @@ class SharedWork:
             _wait_for_gpu()
             kept = self._kept[stage, what] = (self.turn, value, time.perf_counter() - start)
         self._spent[self._asking][stage] += kept[2]
+        self._calls[self._asking][stage] += 1
         result: Value = kept[1]
         return result
 
     def spent(self, method: str) -> dict[str, float]:
         """Seconds of a method by stage."""
         return dict(self._spent[method])
+
+    def calls(self, method: str) -> dict[str, int]:
+        """How often a method asked for work, by stage."""
+        return dict(self._calls[method])
 
 
 def _wait_for_gpu() -> None:

@@ -114,9 +114,9 @@ class RunningViewBased:
         """What to save for going on exactly."""
         return states_of(heights=self.heights, labels=self.labels)
 
-    def _recent(self) -> HeightMap:
+    def _recent(self) -> HeightMap | None:
         """A height map for label fusion, as old as the strategy allows."""
         every = self.strategy.refresh
-        if self._surface is None or (every and self.key_frames % every == 0):
+        if every and self.key_frames % every == 0:
             self._surface = self.heights.height_map()
         return self._surface

@@ -18,8 +18,8 @@ from scenefw.core.errors import StorageError
 
 Curve = Sequence[tuple[float, float]]
 
-_INK = "#010203"  # stands for the page's text colour, put in by `to_svg`
-_STYLE = {
+INK = "#010203"  # stands for the page's text colour, put in by `to_svg`
+STYLE = {
     "svg.fonttype": "none",
     "svg.hashsalt": "scenefw",
     "font.family": "sans-serif",
@@ -29,7 +29,7 @@ _STYLE = {
     "axes.facecolor": "none",
     "legend.frameon": False,
     **dict.fromkeys(
-        ["text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color"], _INK
+        ["text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color"], INK
     ),
 }
 COLOURS = ("#4477cc", "#dd7733", "#339966", "#bb4477", "#8866bb", "#aa9922", "#3399aa")
@@ -70,7 +70,7 @@ def loss_figure(curves: Mapping[str, Curve]) -> str:
     order = sorted(panels, key=lambda term: (term != "total", "train" not in panels[term], term))
     columns = min(3, max(1, len(order)))
     rows = -(-len(order) // columns)
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         figure = Figure(figsize=(4.0 * columns, 2.5 * rows), layout="constrained")
         for i, term in enumerate(order):
             _loss_panel(figure.add_subplot(rows, columns, i + 1, title=term), panels[term])
@@ -105,7 +105,7 @@ def bin_figure(
     centres = [(a + b) / 2 for a, b in itertools.pairwise(edges)]
     methods = list(dict.fromkeys(name for lines in panels.values() for name in lines))
     colours = dict(zip(methods, itertools.cycle(COLOURS)))
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         figure = Figure(figsize=(4.0 * len(panels), 3.0), layout="constrained")
         for i, (title, lines) in enumerate(panels.items()):
             axes = figure.add_subplot(1, len(panels), i + 1, title=title, xlabel=x_label)
@@ -113,7 +113,7 @@ def bin_figure(
                 heights = [float("nan") if v is None else v for v in values]
                 axes.plot(centres, heights, color=colours[name], marker="o", markersize=4)
             axes.set_ylim(bottom=0)
-            axes.grid(alpha=0.15, color=_INK)
+            axes.grid(alpha=0.15, color=INK)
         handles = [
             Line2D([], [], color=colours[name], marker="o", markersize=4) for name in methods
         ]
@@ -124,10 +124,10 @@ def bin_figure(
 def to_svg(figure: Figure) -> str:
     """The figure as an `<svg>` element with no background, its ink in the page's text colour."""
     buffer = io.StringIO()
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         FigureCanvasSVG(figure).print_figure(
             buffer, format="svg", facecolor="none", edgecolor="none", metadata={"Date": None}
         )
     text = buffer.getvalue()
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    return text[text.index("<svg") :].replace(_INK, "currentColor")
+    return text[text.index("<svg") :].replace(INK, "currentColor")

@@ -14,6 +14,11 @@ def instance_colours(number: int) -> list[Colour]:
     return [_rgb(_HEX[index % len(_HEX)]) for index in range(number)]
 
 
+def class_colours(number: int) -> list[Colour]:
+    """Red, green, blue in [0, 1] of classes 0..number - 1: the surface light grey, then objects."""
+    return [(0.85, 0.85, 0.83), *instance_colours(max(number - 1, 0))][:number]
+
+
 def _rgb(text: str) -> Colour:
     red, green, blue = (int(text[i : i + 2], 16) / 255 for i in (1, 3, 5))
     return red, green, blue

@@ -4,9 +4,21 @@ from functools import singledispatch
 from pathlib import Path
 from typing import Any
 
+from scenefw.evaluation.labelling_curves import CurvesResult
+from scenefw.evaluation.labelling_networks import NetworksResult
+from scenefw.evaluation.labelling_noise import NoiseResult
+from scenefw.evaluation.labelling_times import TimesResult
+from scenefw.evaluation.labelling_weights import WeightsResult
 from scenefw.evaluation.real_masks import RealMaskResult
 from scenefw.evaluation.results import ReconstructionResult
 from scenefw.report.blocks import Section
+from scenefw.report.labelling import (
+    curves_sections,
+    network_sections,
+    noise_sections,
+    times_sections,
+    weights_sections,
+)
 from scenefw.report.real_masks import real_mask_sections
 from scenefw.report.reconstruction import reconstruction_sections
 from scenefw.report.tables import Column, Table
@@ -32,3 +44,28 @@ def _(result: ReconstructionResult, folder: Path) -> tuple[Section, ...]:
 @sections.register
 def _(result: RealMaskResult, folder: Path) -> tuple[Section, ...]:
     return real_mask_sections(result, folder)
+
+
+@sections.register
+def _(result: CurvesResult, folder: Path) -> tuple[Section, ...]:
+    return curves_sections(result, folder)
+
+
+@sections.register
+def _(result: NoiseResult, folder: Path) -> tuple[Section, ...]:
+    return noise_sections(result, folder)
+
+
+@sections.register
+def _(result: NetworksResult, folder: Path) -> tuple[Section, ...]:
+    return network_sections(result)
+
+
+@sections.register
+def _(result: TimesResult, folder: Path) -> tuple[Section, ...]:
+    return times_sections(result)
+
+
+@sections.register
+def _(result: WeightsResult, folder: Path) -> tuple[Section, ...]:
+    return weights_sections(result)

@@ -58,7 +58,7 @@ def test_view_based_labels_key_frames_only():
     assert (result.labels[:, 8:16] == UNKNOWN).all()  # seen, never labelled
 
 
-@pytest.mark.parametrize(("refresh", "asked"), [(0, 1), (2, 2), (1, 4)])
+@pytest.mark.parametrize(("refresh", "asked"), [(0, 0), (2, 2), (1, 4)])
 def test_view_based_renews_the_map_that_fusion_reads(refresh, asked):
     assert run(view_based(refresh=refresh), 4).heights.asked == asked
 

@@ -1,0 +1,135 @@
+"""How well the two networks label single views and fused maps (thesis table 4.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenefw.core.errors import ConfigError, InputError
+from scenefw.evaluation.semantic_scores import class_ious, count_classes, mean_iou, weighted_iou
+from scenefw.noise.frames import disturb
+
+if TYPE_CHECKING:
+    from scenefw.core.protocols import (
+        FrameSource,
+        HeightMapping,
+        LabelSource,
+        MapLabelSource,
+        Noise,
+    )
+    from scenefw.core.types import HeightMap
+
+Counts = NDArray[np.int64]
+Tracker = Callable[[Sequence[int], str], Iterable[int]]
+VIEWS, MAPS = "views", "maps"
+
+
+@dataclass(frozen=True)
+class NetworksResult:
+    """Counts of both networks over the whole test set.
+
+    Args:
+        counts: (C, C + 1) of true against predicted classes, by network (`views`, `maps`).
+        classes: names by class id.
+        number: of views and of maps.
+        frames: fused into each map.
+    """
+
+    counts: Mapping[str, Counts]
+    classes: tuple[str, ...]
+    number: Mapping[str, int]
+    frames: int
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """Class-mean and frequency-weighted IoU and that of each class, by network."""
+        found: dict[str, float] = {}
+        for name, counts in self.counts.items():
+            found[f"{name}/miou"] = mean_iou(counts)
+            found[f"{name}/weighted_iou"] = weighted_iou(counts)
+            ious = zip(self.classes, class_ious(counts), strict=True)
+            found |= {f"{name}/{label}": float(iou) for label, iou in ious}
+            found[f"{name}/number"] = float(self.number[name])
+        return {name: value for name, value in found.items() if np.isfinite(value)}
+
+
+class LabellingNetworks:
+    """Counts right and wrong labels of test views, and of seen vertices of test maps.
+
+    A map counts as a whole, each seen vertex once, instead of the thesis's random crops of it.
+
+    Args:
+        scenes: views and truth.
+        source: labels views.
+        map_source: labels maps.
+        heights: fuses the maps.
+        views: of each scene.
+        frames: fused into each map.
+        noise: disturbs views and the frames of maps.
+        seed: of the noise.
+    """
+
+    def __init__(
+        self,
+        scenes: FrameSource,
+        source: LabelSource,
+        map_source: MapLabelSource,
+        heights: HeightMapping,
+        views: int,
+        frames: int,
+        noise: Mapping[str, Noise] | None = None,
+        seed: int = 0,
+    ) -> None:
+        for what, part in (("views", source), ("maps", map_source)):
+            if tuple(part.classes) != tuple(scenes.classes):
+                raise ConfigError(
+                    f"the network of {what} knows {', '.join(part.classes)}, the scenes hold "
+                    f"{', '.join(scenes.classes)}; give a checkpoint for these classes"
+                )
+        self.scenes = scenes
+        self.source = source
+        self.map_source = map_source
+        self.heights = heights
+        self.views = views
+        self.frames = frames
+        self.noise = dict(noise or {})
+        self.seed = seed
+
+    def run(self, track: Tracker = lambda scenes, _: scenes) -> NetworksResult:
+        """Counts over all scenes; `track` wraps the loop in a progress bar."""
+        scenes = range(len(self.scenes))
+        empty = np.zeros((len(self.scenes.classes), len(self.scenes.classes) + 1), np.int64)
+        counts = {VIEWS: empty, MAPS: empty.copy()}
+        for scene in track(scenes, "scenes"):
+            counts[VIEWS] = counts[VIEWS] + self._views(scene)
+            counts[MAPS] = counts[MAPS] + self._map(scene)
+        number = {VIEWS: len(scenes) * self.views, MAPS: len(scenes)}
+        return NetworksResult(counts, tuple(self.scenes.classes), number, self.frames)
+
+    def _views(self, scene: int) -> Counts:
+        total = np.zeros((len(self.scenes.classes), len(self.scenes.classes) + 1), np.int64)
+        for index, frame in enumerate(self.scenes.frames(scene, self.views)):
+            if frame.labels is None:
+                raise InputError(f"{frame.name} has no true labels to score against")
+            seen = disturb(frame, self.noise, self.seed, scene, index)
+            predicted = self.source.label(seen).argmax(axis=0)
+            total += count_classes(predicted, frame.labels, len(self.scenes.classes))
+        return total
+
+    def _map(self, scene: int) -> Counts:
+        truth = self.scenes.truth(scene)
+        fused = self._fused(scene)
+        if truth.labels is None:
+            raise InputError(f"scene {scene} has no true labels to score against")
+        predicted = self.map_source.label_map(fused).argmax(axis=0)
+        return count_classes(predicted, truth.labels, len(self.scenes.classes), fused.seen)
+
+    def _fused(self, scene: int) -> HeightMap:
+        running = self.heights.begin()
+        for index, frame in enumerate(self.scenes.frames(scene, self.frames)):
+            running.add(disturb(frame, self.noise, self.seed, scene, index))
+        return running.height_map()

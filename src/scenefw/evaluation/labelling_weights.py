@@ -1,0 +1,146 @@
+"""Weights of the hybrid's pool, estimated on scenes that are not tested on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from scenefw.core import rng
+from scenefw.core.errors import ConfigError, InputError
+from scenefw.evaluation.labelling_curves import frame_counts
+from scenefw.evaluation.labelling_results import MAP_BASED, VIEW_BASED
+from scenefw.labelling.pooling import Reconstruction, Weights, fit_weights, pool
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from scenefw.core.types import Float32, HeightMap, Int32
+    from scenefw.evaluation.labelling_bench import Bench, Snapshot
+
+Tracker = Callable[[Sequence[int], str], Iterable[int]]
+
+
+@dataclass(frozen=True)
+class WeightsResult:
+    """Weights and how right the pool is with them, each class counting the same.
+
+    Args:
+        weights: found.
+        accuracy: mean over classes of the share of vertices labelled right: views, map, pool.
+        vertices: number of vertices that they were estimated on.
+        scenes: number of scenes.
+    """
+
+    weights: Weights
+    accuracy: dict[str, float]
+    vertices: int
+    scenes: int
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """Weights, accuracies and numbers."""
+        accuracy = {f"accuracy/{name}": value for name, value in self.accuracy.items()}
+        return (
+            asdict(self.weights)
+            | accuracy
+            | {
+                "vertices": float(self.vertices),
+                "scenes": float(self.scenes),
+            }
+        )
+
+
+class HybridWeights:
+    """Estimates the weights from what views and maps say of true labels, after ever more frames.
+
+    Args:
+        bench: runs `view_based` and `map_based`, on validation scenes.
+        reconstruction: that of the hybrid.
+        frames: of each sequence.
+        steps: numbers of frames looked at, evenly spaced.
+        first: an earlier number of frames; None = none.
+        vertices: drawn of each class, scene and number of frames.
+        seed: of the draw.
+    """
+
+    def __init__(
+        self,
+        bench: Bench,
+        reconstruction: Reconstruction,
+        frames: int,
+        steps: int = 5,
+        first: int | None = None,
+        vertices: int = 500,
+        seed: int = 0,
+    ) -> None:
+        missing = {VIEW_BASED, MAP_BASED} - set(bench.strategies)
+        if missing:
+            raise ConfigError(
+                f"the hybrid's weights need {' and '.join(sorted(missing))} too; give "
+                "labelling=[view_based,map_based]"
+            )
+        self.bench = bench
+        self.reconstruction = reconstruction
+        self.counts = frame_counts(frames, steps, first)
+        self.vertices = vertices
+        self.seed = seed
+
+    def run(self, track: Tracker = lambda scenes, _: scenes) -> WeightsResult:
+        """The weights; `track` wraps the loop in a progress bar."""
+        scenes = range(len(self.bench.scenes))
+        parts = []
+        for scene in track(scenes, "scenes"):
+            truth = self.bench.scenes.truth(scene)
+            if truth.labels is None:
+                raise InputError(f"scene {scene} has no true labels to calibrate on")
+            for snapshots in self.bench.run(scene, self.counts):
+                frames = snapshots[VIEW_BASED].frames
+                chosen = self._draw(snapshots[VIEW_BASED].height_map, truth.labels, scene, frames)
+                parts.append(self._samples(snapshots, truth.labels, chosen))
+        views, of_map, well, labels = (
+            np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)
+        )
+        weights = fit_weights(views, of_map, well, labels)
+        pooled = pool(views, of_map, well, weights)
+        accuracy = {
+            name: balanced_accuracy(said.argmax(axis=0), labels)
+            for name, said in (("views", views), ("map", of_map), ("pool", pooled))
+        }
+        return WeightsResult(weights, accuracy, len(labels), len(scenes))
+
+    def _draw(
+        self, height_map: HeightMap, truth: Int32, scene: int, frames: int
+    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Rows and columns of seen vertices, as many of each class."""
+        random = rng.generator(self.seed, scene, frames)
+        chosen = []
+        for label in np.unique(truth[truth >= 0]):
+            (places,) = np.nonzero((height_map.seen & (truth == label)).ravel())
+            chosen.append(random.permutation(places)[: self.vertices])
+        rows, columns = np.unravel_index(np.concatenate(chosen), truth.shape)
+        return rows, columns
+
+    def _samples(
+        self,
+        snapshots: dict[str, Snapshot],
+        truth: Int32,
+        chosen: tuple[NDArray[np.intp], NDArray[np.intp]],
+    ) -> tuple[Float32, Float32, Float32, Int32]:
+        """Of these: probabilities (C, N) of views and of the map, how well built, truth."""
+        maps = [snapshots[name].height_map for name in (VIEW_BASED, MAP_BASED)]
+        views, of_map = (_probabilities(m)[:, chosen[0], chosen[1]] for m in maps)
+        return views, of_map, self.reconstruction.of(maps[0])[chosen], truth[chosen]
+
+
+def balanced_accuracy(predicted: NDArray[np.intp], truth: Int32) -> float:
+    """Mean over the classes of the truth of the share that is labelled right."""
+    return float(np.mean([np.mean(predicted[truth == c] == c) for c in np.unique(truth)]))
+
+
+def _probabilities(height_map: HeightMap) -> Float32:
+    if height_map.probabilities is None:
+        raise InputError("a strategy's map has no probabilities; the hybrid can't pool it")
+    return height_map.probabilities

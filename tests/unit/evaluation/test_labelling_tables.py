@@ -1,0 +1,72 @@
+"""Tables 4.1 and 4.2, and the hybrid's weights, on fakes whose scores are known."""
+
+import numpy as np
+import pytest
+from tests.unit.evaluation.test_labelling_bench import strategies
+from tests.unit.labelling.fakes import CLASSES, Heights, Maps, Scenes, Views
+
+from scenefw.core.errors import ConfigError
+from scenefw.evaluation.labelling_bench import Bench
+from scenefw.evaluation.labelling_networks import LabellingNetworks
+from scenefw.evaluation.labelling_times import LabellingTimes
+from scenefw.evaluation.labelling_weights import HybridWeights, balanced_accuracy
+from scenefw.labelling.pooling import Reconstruction
+
+NEAR = Reconstruction(confidence=0.1, deviation=0.01, window=3)
+
+
+@pytest.fixture(scope="module")
+def networks():
+    return LabellingNetworks(Scenes(), Views(), Maps(), Heights(), views=4, frames=5).run()
+
+
+def test_networks_are_scored_on_all_views_and_maps(networks):
+    figures = networks.figures
+    assert [figures[f"views/{name}"] for name in CLASSES] == pytest.approx([1, 10 / 11, 0])
+    assert [figures[f"maps/{name}"] for name in CLASSES] == pytest.approx([1, 0.5, 1 / 6])
+    assert figures["views/miou"] == pytest.approx(np.mean([1, 10 / 11, 0]))
+    share = np.array([22, 10, 1]) / 33  # rows
+    assert figures["views/weighted_iou"] == pytest.approx(share @ [1, 10 / 11, 0])
+    assert (figures["views/number"], figures["maps/number"]) == (8, 2)
+    assert networks.counts["views"].sum() == 8 * 33 * 8
+
+
+def test_networks_of_other_classes_are_refused():
+    views = Views()
+    views.classes = ("surface", "coin")
+    with pytest.raises(ConfigError, match="surface, coin"):
+        LabellingNetworks(Scenes(), views, Maps(), Heights(), 1, 1)
+
+
+def test_times_are_per_pass_and_per_frame(monkeypatch):
+    clock = iter(range(10000))
+    monkeypatch.setattr("scenefw.evaluation.stopwatch.time.perf_counter", lambda: next(clock))
+    result = LabellingTimes(Bench(Scenes(), strategies()), frames=4, scenes=1).run()
+    assert result.milliseconds["map_based"]["network, whole map"] == 1000
+    assert result.milliseconds["view_based"]["network, one view"] == 1000
+    assert result.milliseconds["view_based"]["reconstruction"] == 1000 * (4 + 1) / 4
+    assert result.per_frame["map_based"] == 1000 * (4 + 1 + 1) / 4
+    assert result.memory["process"] > 10
+    assert all(np.isfinite(list(result.figures.values())))
+    with pytest.raises(ConfigError, match="frames"):
+        LabellingTimes(Bench(Scenes(), strategies()), frames=0)
+
+
+def test_weights_make_the_pool_as_right_as_the_better_one():
+    bench = Bench(Scenes(), strategies())
+    result = HybridWeights(bench, NEAR, frames=5, steps=3, first=1, vertices=40).run()
+    found = result.accuracy
+    assert found["pool"] > max(found["views"], found["map"]) - 0.01  # likelihood is what is fitted
+    assert result.figures["vertices"] == result.vertices > 0
+    again = HybridWeights(bench, NEAR, frames=5, steps=3, first=1, vertices=40).run()
+    assert again == result
+
+
+def test_weights_need_both_experts():
+    with pytest.raises(ConfigError, match="map_based"):
+        HybridWeights(Bench(Scenes(), {"view_based": strategies()["view_based"]}), NEAR, 5)
+
+
+def test_balanced_accuracy():
+    truth = np.array([0, 0, 0, 0, 1])
+    assert balanced_accuracy(np.array([0, 0, 0, 1, 1]), truth) == pytest.approx((0.75 + 1) / 2)

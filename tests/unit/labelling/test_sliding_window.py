@@ -1,0 +1,77 @@
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenefw.core.errors import ConfigError
+from scenefw.labelling.sliding_window import SlidingWindow, bytes_per_pixel, windows
+from scenefw.models.fusenet import FuseNet
+
+
+@pytest.fixture(scope="module")
+def network():
+    torch.manual_seed(0)
+    network = FuseNet(3, (4, 4, 6, 6), (1, 2, 2, 3)).train()
+    with torch.no_grad():
+        for _ in range(2):  # statistics that are not 0 and 1
+            network(*(image[None] for image in images(48, 64)))
+    return network.eval()
+
+
+def images(height, width):
+    generator = torch.Generator().manual_seed(height)
+    colour = torch.rand(3, height, width, generator=generator)
+    distance = 0.3 * torch.rand(1, height, width, generator=generator)
+    distance[:, height // 3 : height // 2, : width // 4] = torch.nan
+    return colour, distance
+
+
+@pytest.mark.parametrize("size", [(1025, 1025), (300, 437)])
+@pytest.mark.parametrize("options", [{"window": 250}, {"memory": 25.0}])
+def test_it_equals_one_pass(network, size, options):
+    colour, distance = images(*size)
+    with torch.no_grad():
+        whole = network(colour[None], distance[None])[0].softmax(dim=0)
+    found = SlidingWindow(**options).probabilities(network, colour, distance)
+    assert float((found - whole).abs().max()) < 1e-4
+
+
+def test_a_window_must_begin_at_the_stride(network):
+    """What the alignment is for: the same margins from an odd place give other labels."""
+    colour, distance = images(260, 260)
+    with torch.no_grad():
+        whole = network(colour[None], distance[None])[0]
+        part = network(colour[None, :, 3:, 3:], distance[None, :, 3:, 3:])[0]
+    assert float((whole[:, 70:, 70:] - part[:, 67:, 67:]).abs().max()) > 1e-3
+
+
+@given(st.integers(1, 700), st.integers(0, 5), st.integers(1, 40))
+def test_windows_cover_a_line_once(size, margin, extra):
+    margin, side = 8 * margin, 16 * margin + 8 * extra
+    kept, found = np.zeros(size, int), list(windows(size, side, margin))
+    for window in found:
+        kept[window.begin : window.end] += 1
+        assert window.first % 8 == 0
+        assert window.last - window.first <= side
+        assert window.first == 0 or window.begin - window.first >= margin
+        assert window.last == size or window.last - window.end >= margin
+    assert (kept == 1).all()
+
+
+def test_inner_windows_lie_apart_by_eq_4_11():
+    begins = [w.begin for w in windows(1025, 256, 56)]
+    assert set(np.diff(begins[1:])) == {256 - 2 * 56}
+
+
+def test_more_memory_gives_larger_windows(network):
+    small, large = (SlidingWindow(memory)._side(network, 56) for memory in (20.0, 80.0))
+    assert large == pytest.approx(2 * small, abs=2 * 8)
+    assert large % 8 == small % 8 == 0
+    assert large**2 * bytes_per_pixel(network) <= 80e6
+    assert SlidingWindow(1e-3)._side(network, 56) == 4 * 56
+
+
+def test_wrong_settings_are_refused():
+    with pytest.raises(ConfigError, match="sliding window"):
+        SlidingWindow(memory=0)
