@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.evaluation.semantic_scores import class_ious, count_classes, mean_iou, weighted_iou
+from scenefw.metrics.semantic import class_ious, count_classes, mean_iou, weighted_iou
 from scenefw.noise.frames import disturb
 
 if TYPE_CHECKING:

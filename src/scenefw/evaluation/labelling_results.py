@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from scenefw.core.errors import InputError
 from scenefw.core.files import write_text
-from scenefw.evaluation.semantic_scores import class_ious, count_classes, mean_iou
 from scenefw.evaluation.statistics import Interval, mean_interval, paired_interval
+from scenefw.metrics.semantic import class_ious, count_classes, mean_iou
 
 if TYPE_CHECKING:
     from scenefw.core.types import HeightMap
@@ -192,7 +192,7 @@ def score(
 def scene_counts(
     height_map: HeightMap, truth: HeightMap, where: NDArray[np.bool_] | None = None
 ) -> NDArray[np.int64]:
-    """Counts (C, C + 1) of true against predicted classes, see `semantic_scores`."""
+    """Counts (C, C + 1) of true against predicted classes, see `metrics.semantic`."""
     if height_map.labels is None or truth.labels is None:
         raise InputError("a map without labels can't be scored")
     return count_classes(height_map.labels, truth.labels, len(truth.classes), where)
