@@ -1,0 +1,121 @@
+"""Labels of maps of any size, window by window, as one pass over the whole map would give them."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+from scenefw.core.errors import ConfigError
+from scenefw.models.receptive_field import receptive_field
+
+
+@dataclass(frozen=True)
+class Window:
+    """One pass along one axis: pixels `first` to `last` go in, `begin` to `end` are kept."""
+
+    first: int
+    last: int
+    begin: int
+    end: int
+
+
+class SlidingWindow:
+    """Runs a network over windows that overlap by what their borders don't know (thesis 4.7.3).
+
+    Windows of d pixels lie o = d - 2 r apart (eq. 4.11). With r the receptive field, as in the
+    thesis, that is more than enough: a pixel depends on no more than half of it to either side, so
+    here r is the longer reach of the actual layers, rounded up to a multiple of the network's
+    total stride. The rounding, and d a multiple of it too, let every window begin where the
+    network's coarsest cells begin in a pass over everything; else strided layers would look at
+    other pixels. Borders of the map are those of its outer windows, padded as in one pass.
+
+    Args:
+        memory: megabytes that the features of one window may take.
+        window: d in pixels instead, rounded up to fit; None takes what the memory holds.
+    """
+
+    def __init__(self, memory: float = 512.0, window: int | None = None) -> None:
+        if not memory > 0 or (window is not None and window < 1):
+            raise ConfigError(
+                f"the sliding window has memory = {memory} and window = {window}; expected "
+                "megabytes and pixels above 0"
+            )
+        self.memory, self.window = memory, window
+
+    @torch.inference_mode()
+    def probabilities(self, network: nn.Module, colour: Tensor, distance: Tensor) -> Tensor:
+        """Probabilities (C, H, W) on the CPU.
+
+        Args:
+            network: a `FuseNet`, in eval mode.
+            colour: (3, H, W) in [0, 1].
+            distance: (1, H, W) metres, NaN = missing.
+        """
+        height, width = colour.shape[1:]
+        margin = max(receptive_field(network.body, axis).margin for axis in (0, 1))
+        side = self._side(network, margin)
+        device = next(network.parameters()).device
+        result = torch.empty(network.classes, height, width)
+        for rows in windows(height, side, margin):
+            for columns in windows(width, side, margin):
+                seen = (..., slice(rows.first, rows.last), slice(columns.first, columns.last))
+                kept = (..., slice(rows.begin, rows.end), slice(columns.begin, columns.end))
+                inner = (
+                    ...,
+                    slice(rows.begin - rows.first, rows.end - rows.first),
+                    slice(columns.begin - columns.first, columns.end - columns.first),
+                )
+                scores = network(colour[seen][None].to(device), distance[seen][None].to(device))
+                result[kept] = scores[0][inner].softmax(dim=0).float().cpu()
+        return result
+
+    def _side(self, network: nn.Module, margin: int) -> int:
+        """The window's side d: a multiple of the stride, wide enough to keep a quarter of it."""
+        stride = network.stride
+        if self.window is not None:
+            side = -(-self.window // stride) * stride
+        else:
+            pixels = self.memory * 1e6 / bytes_per_pixel(network)
+            side = int(pixels**0.5) // stride * stride
+        return max(side, 4 * margin)
+
+
+def windows(size: int, side: int, margin: int) -> Iterator[Window]:
+    """Windows along an axis of `size` pixels; what they keep covers it once.
+
+    Args:
+        size: of the map.
+        side: of a window, d.
+        margin: on either side of what is kept, r; o = d - 2 r pixels are kept.
+    """
+    begin = 0
+    while begin < size:
+        first = max(begin - margin, 0)
+        last = min(first + side, size)
+        end = size if last == size else last - margin
+        yield Window(first, last, begin, end)
+        begin = end
+
+
+@torch.inference_mode()
+def bytes_per_pixel(network: nn.Module) -> float:
+    """Bytes of all features that a pass over an image makes, per pixel: more than live at once."""
+    total, side = 0, 8 * network.stride
+
+    def count(_module: nn.Module, _inputs: object, output: Tensor) -> None:
+        nonlocal total
+        total += output.numel() * output.element_size()
+
+    leaves = [m for m in network.modules() if not list(m.children())]
+    hooks = [m.register_forward_hook(count) for m in leaves]
+    try:
+        device = next(network.parameters()).device
+        network(
+            torch.zeros(1, 3, side, side, device=device),
+            torch.zeros(1, 1, side, side, device=device),
+        )
+    finally:
+        for hook in hooks:
+            hook.remove()
+    return total / side**2

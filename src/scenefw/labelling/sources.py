@@ -1,0 +1,265 @@
+"""Where labels come from: networks, the truth, files of masks, any function."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from scenefw.core.errors import CheckpointError, ConfigError, InputError
+from scenefw.core.rng import generator
+from scenefw.core.types import Frame, HeightMap
+from scenefw.data.segmentation import image_tensor
+from scenefw.labelling.sliding_window import SlidingWindow
+
+Probabilities = NDArray[np.float32]
+Labels = NDArray[np.integer]
+
+
+class TrainedLabeller(Protocol):
+    """What a loaded checkpoint gives (`learning.checkpoint.load_checkpoint`)."""
+
+    model: Any
+    metadata: Mapping[str, Any]
+
+
+class NetworkLabels:
+    """Labels views with a network that was trained on views.
+
+    Args:
+        checkpoint: a loaded checkpoint.
+        classes: names by class id that are wanted; None takes those of the checkpoint.
+        device: where the network runs.
+
+    Raises:
+        CheckpointError: the checkpoint has other classes, or was trained on maps.
+    """
+
+    def __init__(
+        self,
+        checkpoint: TrainedLabeller,
+        classes: Sequence[str] | None = None,
+        device: str = "cpu",
+    ) -> None:
+        self.classes = agreed_classes(checkpoint, classes, "views")
+        self.device = torch.device(device)
+        self.model = _ready(checkpoint.model, self.device)
+
+    @torch.inference_mode()
+    def label(self, frame: Frame) -> Probabilities:
+        """Probabilities (C, H, W) of the classes.
+
+        Raises:
+            InputError: the frame has no colour.
+        """
+        if frame.colour is None:
+            raise InputError(f"frame {frame.name} has no colour image, which the network needs")
+        depth = torch.from_numpy(frame.depth)
+        distance = torch.where(depth > 0, depth, torch.nan)[None, None]
+        colour = image_tensor(frame.colour)[None]
+        scores = self.model(colour.to(self.device), distance.to(self.device))
+        return scores[0].float().softmax(dim=0).cpu().numpy()
+
+
+class NetworkMapLabels:
+    """Labels whole height maps with a network that was trained on crops of maps.
+
+    Args:
+        checkpoint: a loaded checkpoint.
+        window: cuts the map into windows; None takes as large ones as 512 MB hold.
+        classes: names by class id that are wanted; None takes those of the checkpoint.
+        device: where the network runs.
+
+    Raises:
+        CheckpointError: the checkpoint has other classes, or was trained on views.
+    """
+
+    def __init__(
+        self,
+        checkpoint: TrainedLabeller,
+        window: SlidingWindow | None = None,
+        classes: Sequence[str] | None = None,
+        device: str = "cpu",
+    ) -> None:
+        self.classes = agreed_classes(checkpoint, classes, "maps")
+        self.window = window or SlidingWindow()
+        self.model = _ready(checkpoint.model, torch.device(device))
+
+    def label_map(self, height_map: HeightMap) -> Probabilities:
+        """Probabilities (C, V, V) of the classes, uniform where the map is unseen."""
+        colour = image_tensor(height_map.colour)
+        distance = torch.from_numpy(height_map.heights)[None]
+        found = self.window.probabilities(self.model, colour, distance).numpy()
+        found[:, ~height_map.seen] = 1 / len(self.classes)
+        return found
+
+
+class TrueLabels:
+    """The true labels of frames, a share of them wrong if asked for: for studies and tests.
+
+    Args:
+        classes: names by class id.
+        error_rate: share of pixels that are given another class, any with the same chance.
+        confidence: probability of the class that is given; the others share the rest.
+        seed: of the errors, which for a frame depend on (seed, its name) alone.
+    """
+
+    def __init__(
+        self,
+        classes: Sequence[str],
+        error_rate: float = 0.0,
+        confidence: float = 1.0,
+        seed: int = 0,
+    ) -> None:
+        if not 0 <= error_rate <= 1 or not 0 < confidence <= 1:
+            raise ConfigError(
+                f"true labels have error_rate = {error_rate}, confidence = {confidence}; expected "
+                "shares up to 1"
+            )
+        self.classes = tuple(classes)
+        self.error_rate, self.confidence, self.seed = error_rate, confidence, seed
+
+    def label(self, frame: Frame) -> Probabilities:
+        """Probabilities (C, H, W); uniform where the truth is unknown.
+
+        Raises:
+            InputError: the frame has no labels.
+        """
+        if frame.labels is None:
+            raise InputError(f"frame {frame.name} has no true labels; give another source of them")
+        labels, count = frame.labels, len(self.classes)
+        if self.error_rate:
+            rng = generator(self.seed, zlib.crc32(frame.name.encode()))
+            wrong = (rng.random(labels.shape) < self.error_rate) & (labels >= 0)
+            other = (labels + rng.integers(1, count, labels.shape)) % count
+            labels = np.where(wrong, other, labels)
+        return one_hot(labels, count, self.confidence, frame.name)
+
+
+class MaskFiles:
+    """Labels from image files of class ids, one per frame and named as it.
+
+    Args:
+        folder: holds `<name of the frame>.png`, 8 or 16 bits of one channel; 255 = unknown.
+        classes: names by class id.
+        confidence: probability of the class that a file gives.
+    """
+
+    def __init__(
+        self, folder: str | Path, classes: Sequence[str], confidence: float = 0.95
+    ) -> None:
+        self.folder, self.classes, self.confidence = Path(folder), tuple(classes), confidence
+
+    def label(self, frame: Frame) -> Probabilities:
+        """Probabilities (C, H, W); uniform where the file says unknown.
+
+        Raises:
+            InputError: there is no such file, or it doesn't fit the frame or the classes.
+        """
+        path = self.folder / f"{frame.name}.png"
+        labels = _read_mask(path)
+        if labels.shape != frame.depth.shape:
+            raise InputError(
+                f"{path} is {labels.shape[::-1]} pixels, its frame {frame.depth.shape[::-1]}; "
+                "give a mask of one channel and of the size of the frame"
+            )
+        labels = np.where(labels == 255, -1, labels.astype(np.int32))
+        return one_hot(labels, len(self.classes), self.confidence, str(path))
+
+
+class FunctionLabels:
+    """Labels from any function of a frame.
+
+    Args:
+        function: from a frame to class ids (H, W), below 0 where unknown, or to probabilities
+            (C, H, W).
+        classes: names by class id.
+        confidence: probability of a class that is given as an id.
+    """
+
+    def __init__(
+        self,
+        function: Callable[[Frame], NDArray[Any]],
+        classes: Sequence[str],
+        confidence: float = 0.95,
+    ) -> None:
+        self.function, self.classes, self.confidence = function, tuple(classes), confidence
+
+    def label(self, frame: Frame) -> Probabilities:
+        """Probabilities (C, H, W).
+
+        Raises:
+            InputError: what the function returned has another shape.
+        """
+        found = np.asarray(self.function(frame))
+        if found.shape == frame.depth.shape and found.dtype.kind in "iu":
+            return one_hot(found, len(self.classes), self.confidence, frame.name)
+        if found.shape == (len(self.classes), *frame.depth.shape) and found.dtype.kind == "f":
+            return found.astype(np.float32)
+        raise InputError(
+            f"the labels of frame {frame.name} are {found.dtype} of shape {found.shape}; expected "
+            f"ids {frame.depth.shape} or probabilities {(len(self.classes), *frame.depth.shape)}"
+        )
+
+
+def one_hot(labels: Labels, classes: int, confidence: float, name: str) -> Probabilities:
+    """Probabilities (C, H, W) of ids (H, W): `confidence` for the id, uniform where below 0.
+
+    Raises:
+        InputError: there is an id that no class has.
+    """
+    if labels.max(initial=0) >= classes:
+        raise InputError(
+            f"{name} has the class id {labels.max()}, but there are {classes} classes; give the "
+            "classes that it was labelled with"
+        )
+    result = np.full((classes, *labels.shape), (1 - confidence) / (classes - 1), np.float32)
+    np.put_along_axis(result, np.maximum(labels, 0)[None].astype(np.int64), confidence, axis=0)
+    result[:, labels < 0] = 1 / classes
+    return result
+
+
+def agreed_classes(
+    checkpoint: TrainedLabeller, classes: Sequence[str] | None, kind: str
+) -> tuple[str, ...]:
+    """The classes of a checkpoint, which must be those that are wanted.
+
+    Raises:
+        CheckpointError: they differ, or it was trained on something else than `kind`.
+    """
+    found = tuple(checkpoint.metadata.get("classes", ()))
+    trained_on = checkpoint.metadata.get("input", kind)
+    if trained_on != kind:
+        raise CheckpointError(
+            f"the network was trained on {trained_on}, expected one trained on {kind}; give the "
+            "other checkpoint"
+        )
+    if classes is not None and tuple(classes) != found:
+        raise CheckpointError(
+            f"the network labels {', '.join(found)}, but {', '.join(classes)} are wanted; give a "
+            "checkpoint that was trained on these classes"
+        )
+    return found
+
+
+def _ready(model: Any, device: torch.device) -> Any:
+    """The network as it runs fastest."""
+    return model.to(device, memory_format=torch.channels_last).eval()
+
+
+def _read_mask(path: Path) -> Labels:
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(path) as image:
+            return np.asarray(image)
+    except (OSError, UnidentifiedImageError) as error:
+        reason = getattr(error, "strerror", None) or "no image"
+        raise InputError(
+            f"cannot read the mask {path} ({reason}); there must be one PNG per frame, named as it"
+        ) from error
