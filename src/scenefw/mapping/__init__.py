@@ -1,1 +1,1 @@
-"""Mapping: depth images fused into partial TSDFs."""
+"""Mapping: views fused into partial TSDFs, height maps and labels; odometry."""
