@@ -17,8 +17,8 @@ OPTIONS = [
 ]
 
 
-# The default run compares what it trains by evaluation=reconstruction, so others run alone.
-CONTEXT = {"evaluation": ["run=evaluate"]}
+# The default run compares by evaluation=reconstruction and of stacks alone, so others run alone.
+CONTEXT = {"evaluation": ["run=evaluate"], "dataset": ["run=train"]}
 
 
 @pytest.fixture(scope="module", autouse=True)
