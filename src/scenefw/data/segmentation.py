@@ -120,14 +120,15 @@ class ViewSamples:
         return LabelledImage(colour, distance, labels)
 
     def _frame(self, index: int) -> Frame:
+        """The frame; as long as there is room, with all views of its scene, which go together."""
         scene, view = divmod(index, self.views)
-        frame = next(iter(self.source.frames(scene, 1, view)))
-        if frame.colour is None or frame.labels is None:
-            raise ConfigError(
-                f"frame {frame.name} has no {'colour' if frame.colour is None else 'labels'}; "
-                "training needs both"
-            )
-        return replace(frame, labels=frame.labels.astype(np.int8))  # a quarter of the memory
+        if self._kept.full:
+            return _compact(next(iter(self.source.frames(scene, 1, view))))
+        frames = list(map(_compact, self.source.frames(scene, self.views)))
+        for number, frame in enumerate(frames):
+            if number != view:
+                self._kept.keep(scene * self.views + number, frame)
+        return frames[view]
 
     def _disturbed(self, frame: Frame, rng: np.random.Generator) -> NDArray[np.float32]:
         depth, cameras = torch.from_numpy(frame.depth.copy())[None], stack_cameras([frame.camera])
@@ -221,17 +222,23 @@ class Kept:
     def __init__(self, memory: float) -> None:
         self._left = memory * 1e6
         self._things: dict[int, Any] = {}
+        self.full = False
 
     def get(self, key: int, fetch: Callable[[], Any]) -> Any:
         """What is kept under the key, else what is fetched."""
-        if key in self._things:
-            return self._things[key]
-        thing = fetch()
+        if key not in self._things:
+            thing = fetch()
+            self.keep(key, thing)
+            return thing
+        return self._things[key]
+
+    def keep(self, key: int, thing: Any) -> None:
+        """Keeps a dataclass of arrays, if there is room."""
         size = sum(v.nbytes for v in vars(thing).values() if isinstance(v, np.ndarray))
-        if size <= self._left:
+        self.full |= size > self._left
+        if not self.full and key not in self._things:
             self._things[key] = thing
             self._left -= size
-        return thing
 
 
 class SegmentationData(lightning.LightningDataModule):
@@ -289,6 +296,20 @@ class SegmentationData(lightning.LightningDataModule):
     def _processes(self) -> tuple[int, int]:
         trainer = self.trainer
         return (trainer.global_rank, trainer.world_size) if trainer is not None else (0, 1)
+
+
+def _compact(frame: Frame) -> Frame:
+    """The frame with labels in a quarter of the memory.
+
+    Raises:
+        ConfigError: it has no colour or no labels.
+    """
+    if frame.colour is None or frame.labels is None:
+        raise ConfigError(
+            f"frame {frame.name} has no {'colour' if frame.colour is None else 'labels'}; "
+            "training needs both"
+        )
+    return replace(frame, labels=frame.labels.astype(np.int8))
 
 
 def collate(samples: Sequence[LabelledImage], device: torch.device | str) -> SegmentationBatch:
