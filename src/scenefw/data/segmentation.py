@@ -210,7 +210,7 @@ class MapCrops:
     def _changed(self, part: LabelledImage, rng: np.random.Generator) -> LabelledImage:
         colour = self.jitter.apply(part.colour, rng) if self.jitter else part.colour
         noise = rng.standard_normal(part.distance.shape, np.float32) * np.float32(self.height_noise)
-        axes = tuple(np.flatnonzero(rng.random(2) < 0.5)) if self.flips else ()
+        axes = tuple(axis for axis in (0, 1) if self.flips and rng.random() < 0.5)
         return LabelledImage(
             np.flip(colour, axes), np.flip(part.distance + noise, axes), np.flip(part.labels, axes)
         )
