@@ -78,6 +78,10 @@ class Bench:
         """Names by class id."""
         return tuple(self.scenes.classes)
 
+    def warm_up(self) -> None:
+        """One frame for nothing, so that no strategy pays for compiling."""
+        list(self.run(0, [1]))
+
     def run(
         self, scene: int, counts: Sequence[int], noise: Mapping[str, Noise] | None = None
     ) -> Iterator[dict[str, Snapshot]]:

@@ -59,6 +59,7 @@ class LabellingCurves:
         seconds: dict[str, list[Mapping[str, float]]] = defaultdict(list)
         counts: dict[str, list[NDArray[np.int64]]] = defaultdict(list)
         example = None
+        self.bench.warm_up()
         for scene in track(range(len(self.bench.scenes)), "scenes"):
             truth = self.bench.scenes.truth(scene)
             example = example or _ExampleMaker(truth, self._shown())

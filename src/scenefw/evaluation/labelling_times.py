@@ -73,7 +73,7 @@ class LabellingTimes:
 
     def run(self, track: Tracker = lambda scenes, _: scenes) -> TimesResult:
         """Means over scenes; `track` wraps the loop in a progress bar."""
-        list(self.bench.run(0, [1]))  # compiles kernels, warms caches
+        self.bench.warm_up()
         number = min(self.scenes or len(self.bench.scenes), len(self.bench.scenes))
         seconds: dict[str, Counter[str]] = {name: Counter() for name in self.bench.strategies}
         calls: dict[str, Counter[str]] = {name: Counter() for name in self.bench.strategies}
