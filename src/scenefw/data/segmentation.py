@@ -8,6 +8,7 @@ import lightning
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from rich.progress import track
 from torch import Tensor
 
 from scenefw.core.errors import ConfigError
@@ -40,6 +41,10 @@ class Samples(Protocol):
 
     kind: str
     classes: Sequence[str]
+    source: FrameSource
+
+    def fetch(self, scene: int) -> bool:
+        """Keeps what a scene gives; False if there is no more room."""
 
     def __len__(self) -> int:
         """Number of samples per epoch."""
@@ -119,16 +124,16 @@ class ViewSamples:
         distance = np.where(depth > 0, depth, np.float32(np.nan))
         return LabelledImage(colour, distance, labels)
 
+    def fetch(self, scene: int) -> bool:
+        """Keeps the views of a scene, which are fastest made together; whether there is room."""
+        if not self._kept.full:
+            for view, frame in enumerate(self.source.frames(scene, self.views)):
+                self._kept.keep(scene * self.views + view, _compact(frame))
+        return not self._kept.full
+
     def _frame(self, index: int) -> Frame:
-        """The frame; as long as there is room, with all views of its scene, which go together."""
         scene, view = divmod(index, self.views)
-        if self._kept.full:
-            return _compact(next(iter(self.source.frames(scene, 1, view))))
-        frames = list(map(_compact, self.source.frames(scene, self.views)))
-        for number, frame in enumerate(frames):
-            if number != view:
-                self._kept.keep(scene * self.views + number, frame)
-        return frames[view]
+        return _compact(next(iter(self.source.frames(scene, 1, view))))
 
     def _disturbed(self, frame: Frame, rng: np.random.Generator) -> NDArray[np.float32]:
         depth, cameras = torch.from_numpy(frame.depth.copy())[None], stack_cameras([frame.camera])
@@ -186,6 +191,12 @@ class MapCrops:
         rng = generator(self.seed, *stream)
         part = self._crop(whole, rng)
         return part if epoch is None else self._changed(part, rng)
+
+    def fetch(self, scene: int) -> bool:
+        """Keeps the map of a scene; whether there is room."""
+        if not self._kept.full:
+            self._kept.get(scene, lambda: self._whole(scene))
+        return not self._kept.full
 
     def _whole(self, scene: int) -> LabelledImage:
         truth = self.source.truth(scene)
@@ -267,6 +278,13 @@ class SegmentationData(lightning.LightningDataModule):
     def classes(self) -> tuple[str, ...]:
         """Names by class id."""
         return tuple(self.train.classes)
+
+    def setup(self, stage: str | None = None) -> None:
+        """Fetches what there is room for, so that a training's clock counts training alone."""
+        for samples in (self.train, self.validation):
+            for scene in track(range(len(samples.source)), f"fetching {samples.kind}"):
+                if not samples.fetch(scene):
+                    break
 
     def facts(self) -> dict[str, Any]:
         """What a network learns from."""

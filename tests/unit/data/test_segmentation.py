@@ -97,24 +97,26 @@ def test_fused_maps_take_the_place_of_the_truth():
         crops(source, maps=small.truth).sample(0, None)
 
 
-def test_views_of_a_scene_are_fetched_together_and_once():
+@pytest.mark.parametrize(("make", "fetches"), [(views, 6), (crops, 2)])
+def test_all_is_fetched_before_a_training_and_once(make, fetches):
     source = Rectangles()
-    samples = views(source)
-    for epoch in range(3):
-        for index in (4, 0, 5, 1, 3, 2):
-            samples.sample(index, epoch)
-    assert source.fetched == 6
+    data = SegmentationData(make(source), make())
+    data.setup("fit")
+    assert source.fetched == fetches
+    found = [data.train.sample(index, 3) for index in range(6)]
+    assert source.fetched == fetches
+    assert all(same(sample, make().sample(i, 3)) for i, sample in enumerate(found))
 
 
 def test_memory_is_bounded():
-    """A view of 48 x 40 takes 21 kB as kept: room for one; when that is known, one by one."""
+    """A view of 48 x 40 takes 15 kB as kept: room for two, the others are fetched each time."""
     source = Rectangles()
-    samples = views(source, memory=0.03)
-    fresh = views()
-    for epoch in range(3):
-        for index in (4, 0, 5, 1, 3, 2):
-            assert same(samples.sample(index, epoch), fresh.sample(index, epoch))
-    assert source.fetched == 3 + 4 + 2 * 5  # view 3, the first of scene 1, stays
+    samples = views(source, memory=0.035)
+    assert not samples.fetch(0)
+    assert source.fetched == 3
+    for index in range(6):
+        assert same(samples.sample(index, 0), views().sample(index, 0))
+    assert source.fetched == 3 + 4
 
 
 def test_jitter_of_nothing_changes_nothing():
