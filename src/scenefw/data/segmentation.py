@@ -12,6 +12,7 @@ from rich.progress import track
 from torch import Tensor
 
 from scenefw.core.errors import ConfigError
+from scenefw.core.labels import UNKNOWN
 from scenefw.core.protocols import FrameSource, Noise
 from scenefw.core.rng import generator
 from scenefw.core.types import Frame, HeightMap, SegmentationBatch
@@ -155,6 +156,8 @@ class MapCrops:
         flips: mirror crops at random, for classes that don't tell left from right.
         jitter: changes the light; None leaves it.
         height_noise: standard deviation of noise on heights (m), as fused maps are not smooth.
+        unseen: share of crops of which a random line cuts off a part as unseen, as maps have that
+            are not finished.
         memory: megabytes of maps kept, the first ones; the others are fetched again.
         seed: of places, flips, noise and light.
     """
@@ -169,13 +172,15 @@ class MapCrops:
         maps: Callable[[int], HeightMap] | None = None,
         jitter: ColourJitter | None = None,
         height_noise: float = 0.0,
+        unseen: float = 0.0,
         memory: float = 1500.0,
         seed: int = 0,
         *,
         flips: bool = True,
     ) -> None:
         self.source, self.crops, self.size, self.maps = source, crops, tuple(size), maps
-        self.jitter, self.height_noise, self.seed, self.flips = jitter, height_noise, seed, flips
+        self.jitter, self.height_noise, self.unseen = jitter, height_noise, unseen
+        self.seed, self.flips = seed, flips
         self.classes = tuple(source.classes)
         self._kept = Kept(memory)
 
@@ -207,7 +212,7 @@ class MapCrops:
                 f"{truth.heights.shape} with{'' if truth.labels is not None else 'out'} labels; "
                 "give maps and truth on one grid"
             )
-        labels = np.where(shown.seen, truth.labels, -1).astype(np.int8)
+        labels = np.where(shown.seen, truth.labels, UNKNOWN).astype(np.int8)
         return LabelledImage(shown.colour, shown.heights, labels)
 
     def _crop(self, whole: LabelledImage, rng: np.random.Generator) -> LabelledImage:
@@ -222,9 +227,22 @@ class MapCrops:
         colour = self.jitter.apply(part.colour, rng) if self.jitter else part.colour
         noise = rng.standard_normal(part.distance.shape, np.float32) * np.float32(self.height_noise)
         axes = tuple(axis for axis in (0, 1) if self.flips and rng.random() < 0.5)
-        return LabelledImage(
-            np.flip(colour, axes), np.flip(part.distance + noise, axes), np.flip(part.labels, axes)
+        hidden = np.flip(
+            _beyond_a_line(part.labels.shape, rng) & (rng.random() < self.unseen), axes
         )
+        return LabelledImage(
+            np.where(hidden[..., None], np.uint8(0), np.flip(colour, axes)),
+            np.where(hidden, np.float32(np.nan), np.flip(part.distance + noise, axes)),
+            np.where(hidden, np.int8(UNKNOWN), np.flip(part.labels, axes)),
+        )
+
+
+def _beyond_a_line(shape: tuple[int, ...], rng: np.random.Generator) -> NDArray[np.bool_]:
+    """One side of a line through a random point of an image."""
+    row, column = rng.uniform(0, shape[0]), rng.uniform(0, shape[1])
+    angle = rng.uniform(0, 2 * np.pi)
+    y, x = np.ogrid[: shape[0], : shape[1]]
+    return (y - row) * np.sin(angle) + (x - column) * np.cos(angle) > 0
 
 
 class Kept:

@@ -78,6 +78,18 @@ def test_a_crop_shows_one_place_of_the_map(index, epoch):
     assert np.abs(found.colour.astype(int) - COLOURS[found.labels]).max() <= 15
 
 
+def test_a_line_cuts_off_what_is_unseen():
+    found = [crops(unseen=1.0, flips=False).sample(0, epoch) for epoch in range(20)]
+    shares = [np.isnan(f.distance).mean() for f in found]
+    assert 0.2 < np.mean(shares) < 0.8
+    for one in found:
+        hidden = np.isnan(one.distance)
+        np.testing.assert_array_equal(hidden, one.labels == -1)
+        assert not one.colour[hidden].any()
+        assert one.colour[~hidden].any(axis=-1).all()
+    assert not np.isnan(crops(unseen=1.0).sample(0, None).distance).any()
+
+
 def test_fused_maps_take_the_place_of_the_truth():
     source = Rectangles()
 
