@@ -1,0 +1,378 @@
+"""RGB-D sequences with poses: a folder of images, or the format of the TUM RGB-D benchmark."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
+
+from scenefw.core.errors import InputError
+from scenefw.core.files import write_text
+from scenefw.core.labels import UNKNOWN
+from scenefw.core.types import Frame
+from scenefw.data import poses as pose_files
+from scenefw.data.intrinsics import read_intrinsics
+from scenefw.data.readers import read_frame
+
+IGNORED = 255
+"""Value of unknown pixels in an image of labels."""
+
+_INTRINSICS = tuple(
+    f"{stem}{suffix}"
+    for stem in ("intrinsics", "camera", "K")
+    for suffix in (".json", ".yaml", ".yml", ".txt")
+)
+_COLOURS = ("rgb", "colour", "color")
+_IMAGES = (".png", ".jpg", ".jpeg")
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """Files of one frame and its pose."""
+
+    depth: Path
+    colour: Path | None
+    labels: Path | None
+    pose: NDArray[np.float64] | None
+
+
+class RGBDFolder:
+    """A folder with `depth/`, maybe `rgb/` and `labels/`, `poses.txt` and an intrinsics file.
+
+    Depth images are 16-bit .png or .npy, in the order of their names; colours and labels have the
+    same names (labels: 8-bit .png of class ids, 255 = unknown). `poses.txt` holds one camera-to-
+    world pose per depth image: 16 or 12 numbers row by row, or x y z qx qy qz qw.
+
+    Args:
+        path: the folder.
+        intrinsics: file; None = intrinsics.json (.yaml, .txt), camera.* or K.* in the folder.
+        depth_scale: metres per unit of integer depth.
+        largest_jump: most that the camera moves between two frames (m); None = any.
+        require_poses: raise an error if there are none, instead of frames at the origin.
+
+    Raises:
+        InputError: something is missing or does not fit; the message says what to do.
+    """
+
+    def __init__(
+        self,
+        path: Path | str,
+        intrinsics: Path | str | None = None,
+        depth_scale: float = 0.001,
+        largest_jump: float | None = 0.2,
+        *,
+        require_poses: bool = True,
+    ) -> None:
+        path = Path(path)
+        folder = path / "depth"
+        if not folder.is_dir():
+            raise InputError(f"no folder {folder}; expected depth/, rgb/ and poses.txt in {path}")
+        depths = [file for file in sorted(folder.iterdir()) if file.suffix in (".png", ".npy")]
+        if not depths:
+            raise InputError(f"no depth image in {folder}; expected 16-bit .png or .npy files")
+        poses = _folder_poses(path, len(depths), largest_jump, require_poses)
+        colours, labels = _beside(path, _COLOURS, depths), _beside(path, ("labels",), depths)
+        entries = [_Entry(*each) for each in zip(depths, colours, labels, poses, strict=True)]
+        self._frames = _Frames(entries, _intrinsics(path, intrinsics), depth_scale)
+
+    def __len__(self) -> int:
+        """Number of frames."""
+        return len(self._frames.entries)
+
+    def __getitem__(self, index: int) -> Frame:
+        """One frame; raises an InputError if its files are unusable."""
+        return self._frames.read(index)
+
+    def __iter__(self) -> Iterator[Frame]:
+        """All frames in order."""
+        return (self[i] for i in range(len(self)))
+
+
+class TUMSequence:
+    """A sequence of the TUM RGB-D benchmark (Sturm et al. 2012).
+
+    `rgb.txt` and `depth.txt` list times and files, `groundtruth.txt` times and poses (x y z qx qy
+    qz qw); every depth image gets the colour image and the pose nearest in time. Depth images
+    without a pose near enough are left out.
+
+    Args:
+        path: the folder.
+        intrinsics: file; None = intrinsics.json (.yaml, .txt), camera.* or K.* in the folder.
+        depth_scale: metres per unit of depth, 1/5000 in the benchmark.
+        largest_jump: most that the camera moves between two frames (m); None = any.
+        largest_delay: most between a depth image and its colour image or pose (s).
+        require_poses: raise an error if there are none, instead of frames at the origin.
+
+    Raises:
+        InputError: something is missing or does not fit; the message says what to do.
+    """
+
+    def __init__(
+        self,
+        path: Path | str,
+        intrinsics: Path | str | None = None,
+        depth_scale: float = 1 / 5000,
+        largest_jump: float | None = 0.2,
+        largest_delay: float = 0.02,
+        *,
+        require_poses: bool = True,
+    ) -> None:
+        path = Path(path)
+        depth_times, depths = _timed(path / "depth.txt")
+        colour_times, colours = _timed(path / "rgb.txt")
+        colour_of = _nearest(depth_times, colour_times, largest_delay)
+        poses: list[NDArray[np.float64]] = []
+        pose_of = np.full(len(depths), -1)
+        if (path / "groundtruth.txt").is_file():
+            pose_times, poses = _timed_poses(path / "groundtruth.txt")
+            pose_of = _nearest(depth_times, pose_times, largest_delay)
+        if require_poses and (pose_of < 0).all():
+            raise _no_poses(path, "groundtruth.txt", f"within {largest_delay} s of a depth image")
+        entries = [
+            _Entry(
+                path / words[0],
+                path / colours[colour][0] if colour >= 0 else None,
+                None,
+                poses[pose] if pose >= 0 else None,
+            )
+            for words, colour, pose in zip(depths, colour_of, pose_of, strict=True)
+            if pose >= 0 or not require_poses
+        ]
+        if largest_jump is not None and (pose_of >= 0).any():
+            known = [entry.pose for entry in entries if entry.pose is not None]
+            pose_files.require_smooth(known, largest_jump, str(path))
+        self._frames = _Frames(entries, _intrinsics(path, intrinsics), depth_scale)
+
+    def __len__(self) -> int:
+        """Number of frames."""
+        return len(self._frames.entries)
+
+    def __getitem__(self, index: int) -> Frame:
+        """One frame; raises an InputError if its files are unusable."""
+        return self._frames.read(index)
+
+    def __iter__(self) -> Iterator[Frame]:
+        """All frames in order."""
+        return (self[i] for i in range(len(self)))
+
+
+def open_sequence(path: Path | str, **options: Any) -> RGBDFolder | TUMSequence:
+    """The sequence at a path: TUM's format if `rgb.txt` and `depth.txt` are there, else a folder.
+
+    Raises:
+        InputError: nothing usable is there.
+    """
+    path = Path(path)
+    if not path.is_dir():
+        raise InputError(f"no folder {path}; give the folder of an RGB-D sequence")
+    if (path / "rgb.txt").is_file() and (path / "depth.txt").is_file():
+        return TUMSequence(path, **options)
+    return RGBDFolder(path, **options)
+
+
+def transformed(frames: Iterable[Frame], T: NDArray[np.float64]) -> Iterator[Frame]:  # noqa: N803
+    """The frames in another world: T (4, 4) takes the old world's coordinates to the new one's."""
+    for frame in frames:
+        yield replace(frame, camera=frame.camera.moved(T @ frame.camera.T_world_camera))
+
+
+def write_sequence(
+    folder: Path | str,
+    frames: Iterable[Frame],
+    classes: Sequence[str] = (),
+    *,
+    ordered: bool = True,
+) -> Path:
+    """Writes frames as a folder that `RGBDFolder` reads; depth in millimetres, 16 bits.
+
+    Args:
+        folder: where to; files of an earlier sequence are overwritten.
+        frames: of one camera; labels, where they are, as class ids.
+        classes: names by id, written to classes.json.
+        ordered: the frames are a video, so that poses must not jump.
+
+    Raises:
+        InputError: no frame, or frames of several image sizes.
+    """
+    folder, poses, camera = Path(folder), [], None
+    for index, frame in enumerate(frames):
+        camera = camera or frame.camera
+        _require_size(frame, camera.width, camera.height)
+        millimetres = np.rint(np.clip(frame.depth * 1000, 0, 65535)).astype(np.uint16)
+        _write_image(folder / "depth" / f"{index:06d}.png", millimetres)
+        if frame.colour is not None:
+            _write_image(folder / "rgb" / f"{index:06d}.png", frame.colour)
+        if frame.labels is not None:
+            known = np.where(frame.labels == UNKNOWN, IGNORED, frame.labels).astype(np.uint8)
+            _write_image(folder / "labels" / f"{index:06d}.png", known)
+        poses.append(frame.camera.T_world_camera)
+    if camera is None:
+        raise InputError(f"no frame to write to {folder}; give one or more")
+    _remove_from(folder, len(poses))
+    pose_files.write_poses(folder / "poses.txt", poses, ordered=ordered)
+    values = {key: getattr(camera, key) for key in ("fx", "fy", "cx", "cy")}
+    write_text(folder / "intrinsics.json", json.dumps(values, indent=1) + "\n")
+    if classes:
+        write_text(folder / "classes.json", json.dumps(list(classes), indent=1) + "\n")
+    return folder
+
+
+def _remove_from(folder: Path, first: int) -> None:
+    """Images of an earlier, longer sequence would have no poses."""
+    for file in folder.glob("*/[0-9][0-9][0-9][0-9][0-9][0-9].png"):
+        if file.parent.name in ("depth", "rgb", "labels") and int(file.stem) >= first:
+            file.unlink()
+
+
+@dataclass(frozen=True)
+class _Frames:
+    """Reads the frames of a list of files; all have the size of the first."""
+
+    entries: list[_Entry]
+    intrinsics: Path
+    depth_scale: float
+
+    def read(self, index: int) -> Frame:
+        entry = self.entries[index]
+        frame = read_frame(entry.depth, intrinsics=self.intrinsics, depth_scale=self.depth_scale)
+        _require_size(frame, *_size(self.entries[0].depth))
+        colour = None if entry.colour is None else _image(entry.colour, "RGB", frame)
+        labels = None
+        if entry.labels is not None:
+            labels = _image(entry.labels, "L", frame).astype(np.int32)
+            labels[labels == IGNORED] = UNKNOWN
+        camera = frame.camera if entry.pose is None else frame.camera.moved(entry.pose)
+        return replace(frame, camera=camera, colour=colour, labels=labels)
+
+
+def _folder_poses(
+    path: Path, count: int, largest_jump: float | None, require: bool
+) -> list[NDArray[np.float64]] | list[None]:
+    file = path / "poses.txt"
+    if not file.is_file():
+        if require:
+            raise _no_poses(path, "poses.txt", "one line per depth image")
+        return [None] * count
+    poses = pose_files.read_poses(file)
+    if len(poses) != count:
+        raise InputError(
+            f"{file} holds {len(poses)} poses, but {path / 'depth'} {count} images; give one pose "
+            "per depth image, in the order of their names"
+        )
+    unordered = file.read_text(encoding="utf-8").startswith(pose_files.UNORDERED)
+    if largest_jump is not None and not unordered:
+        pose_files.require_smooth(poses, largest_jump, str(path))
+    return poses
+
+
+def _no_poses(path: Path, file: str, what: str) -> InputError:
+    return InputError(
+        f"{path} has no camera poses: expected {file} with {what}; add it, or track the camera "
+        "(mapping=odometry)"
+    )
+
+
+def _beside(path: Path, names: Sequence[str], depths: list[Path]) -> list[Path | None]:
+    """Images of the same names as the depth images in the first of some folders that exists."""
+    folder = next((path / name for name in names if (path / name).is_dir()), None)
+    if folder is None:
+        return [None] * len(depths)
+    found: list[Path | None] = []
+    for depth in depths:
+        files = (folder / f"{depth.stem}{suffix}" for suffix in _IMAGES)
+        file = next((file for file in files if file.is_file()), None)
+        if file is None:
+            raise InputError(f"no image {folder / depth.stem}.png beside {depth}; add it")
+        found.append(file)
+    return found
+
+
+def _intrinsics(path: Path, given: Path | str | None) -> Path:
+    candidates = [Path(given)] if given else [path / name for name in _INTRINSICS]
+    found = next((file for file in candidates if file.is_file()), None)
+    if found is None:
+        raise InputError(
+            f"no intrinsics {given or f'in {path}'}; put intrinsics.json with fx, fy, cx, cy there "
+            "or give intrinsics=PATH (the TUM benchmark's own default: 525, 525, 319.5, 239.5)"
+        )
+    read_intrinsics(found)
+    return found
+
+
+def _timed(path: Path) -> tuple[NDArray[np.float64], list[list[str]]]:
+    """Times and the words after them, in the order of time."""
+    lines = pose_files.read_numbers(path)
+    try:
+        times = np.array([float(line[0]) for line in lines])
+    except ValueError as error:
+        raise InputError(
+            f"{path} has a line without a time: {error}; expected 'time ...'"
+        ) from error
+    if not lines or min(len(line) for line in lines) < 2:
+        raise InputError(f"{path} has no line, or one with a time alone; expected 'time file'")
+    order = np.argsort(times, kind="stable")
+    return times[order], [lines[i][1:] for i in order]
+
+
+def _timed_poses(path: Path) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
+    times, lines = _timed(path)
+    return times, [
+        pose_files.pose_of(words, f"time {time} of {path}")
+        for time, words in zip(times, lines, strict=True)
+    ]
+
+
+def _nearest(
+    times: NDArray[np.float64], others: NDArray[np.float64], most: float
+) -> NDArray[np.int64]:
+    """Index of the nearest other time, -1 where none is within `most` seconds."""
+    after = np.clip(np.searchsorted(others, times), 1, max(len(others) - 1, 1))
+    before = after - 1
+    after = np.minimum(after, len(others) - 1)
+    closer = np.abs(others[after] - times) < np.abs(others[before] - times)
+    nearest = np.where(closer, after, before)
+    return np.where(np.abs(others[nearest] - times) <= most, nearest, -1)
+
+
+def _size(path: Path) -> tuple[int, int]:
+    """Width and height of a depth image, from its header if it has one."""
+    if path.suffix == ".npy":
+        height, width = np.load(path, mmap_mode="r", allow_pickle=False).shape[:2]
+        return int(width), int(height)
+    with Image.open(path) as image:
+        width, height = image.size
+    return width, height
+
+
+def _require_size(frame: Frame, width: int, height: int) -> None:
+    size = (frame.camera.width, frame.camera.height)
+    if size != (width, height):
+        raise InputError(
+            f"frame {frame.name} is {size[0]} x {size[1]} pixels, the first one {width} x "
+            f"{height}; all frames of a sequence have one size"
+        )
+
+
+def _image(path: Path, mode: str, frame: Frame) -> NDArray[np.uint8]:
+    try:
+        with Image.open(path) as image:
+            values = np.array(image.convert(mode))
+    except (OSError, UnidentifiedImageError) as error:
+        raise InputError(f"cannot read {path}: {error}; is the file complete?") from error
+    if values.shape[:2] != frame.depth.shape:
+        raise InputError(
+            f"{path} has shape {values.shape[:2]}, its depth image {frame.depth.shape}; both must "
+            "be aligned images of one size"
+        )
+    return values
+
+
+def _write_image(path: Path, values: NDArray[Any]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(np.ascontiguousarray(values)).save(path)

@@ -1,0 +1,211 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from scenefw.core.errors import InputError
+from scenefw.core.geometry import look_at, quaternion_from_rotation, rigid
+from scenefw.core.types import Camera, Frame
+from scenefw.data.sequences import (
+    RGBDFolder,
+    TUMSequence,
+    open_sequence,
+    transformed,
+    write_sequence,
+)
+
+CAMERA = Camera().resized(32, 24)
+
+
+def frames(count=4, step=0.05):
+    rng = np.random.default_rng(0)
+    return [
+        Frame(
+            (0.3 + 0.001 * rng.integers(0, 100, (24, 32))).astype(np.float32),
+            CAMERA.moved(look_at((i * step, 0.0, 0.4), (i * step + 0.1, 0.05, 0.0))),
+            rng.integers(0, 255, (24, 32, 3), dtype=np.uint8),
+            rng.integers(-1, 4, (24, 32), dtype=np.int32),
+        )
+        for i in range(count)
+    ]
+
+
+def write_tum(folder, given, *, lag=0.005, poses=True):
+    """Depth at i / 30 s, colours and poses a little later; lines out of order."""
+    lines = {"depth": [], "rgb": [], "groundtruth": ["# time tx ty tz qx qy qz qw"]}
+    for i, frame in enumerate(given):
+        time = i / 30
+        for kind in ("depth", "rgb"):
+            (folder / kind).mkdir(exist_ok=True)
+            lines[kind].insert(0, f"{time + lag * (kind == 'rgb'):.6f} {kind}/{i}.png")
+        depth = np.rint(frame.depth * 5000).astype(np.uint16)
+        Image.fromarray(depth).save(folder / "depth" / f"{i}.png")
+        Image.fromarray(frame.colour).save(folder / "rgb" / f"{i}.png")
+        pose = frame.camera.T_world_camera
+        w, x, y, z = quaternion_from_rotation(pose[:3, :3])
+        numbers = (time - lag, *pose[:3, 3], x, y, z, w)
+        lines["groundtruth"].append(" ".join(f"{value:.9f}" for value in numbers))
+    for kind, text in lines.items():
+        if poses or kind != "groundtruth":
+            (folder / f"{kind}.txt").write_text("\n".join(text) + "\n")
+    values = {key: getattr(CAMERA, key) for key in ("fx", "fy", "cx", "cy")}
+    (folder / "intrinsics.json").write_text(json.dumps(values))
+    return folder
+
+
+def assert_same(read, given, *, labels=True):
+    assert len(read) == len(given)
+    for got, expected in zip(read, given, strict=True):
+        np.testing.assert_allclose(got.depth, expected.depth, atol=5.1e-4)
+        np.testing.assert_array_equal(got.colour, expected.colour)
+        np.testing.assert_allclose(
+            got.camera.T_world_camera, expected.camera.T_world_camera, atol=1e-6
+        )
+        assert got.camera.fx == pytest.approx(expected.camera.fx)
+        if labels:
+            np.testing.assert_array_equal(got.labels, expected.labels)
+
+
+def test_a_folder_comes_back(tmp_path):
+    write_sequence(tmp_path, frames(6))
+    write_sequence(tmp_path, frames(), ["a", "b"])  # a shorter one over it
+    read = open_sequence(tmp_path)
+    assert isinstance(read, RGBDFolder)
+    assert_same(read, frames())
+    assert json.loads((tmp_path / "classes.json").read_text()) == ["a", "b"]
+
+
+@pytest.mark.parametrize("numbers", [7, 12])
+def test_poses_have_several_formats(tmp_path, numbers):
+    given = frames()
+    write_sequence(tmp_path, given)
+    lines = []
+    for frame in given:
+        pose = frame.camera.T_world_camera
+        w, x, y, z = quaternion_from_rotation(pose[:3, :3])
+        values = pose[:3].ravel() if numbers == 12 else (*pose[:3, 3], x, y, z, w)
+        lines.append(", ".join(map(str, values)))
+    (tmp_path / "poses.txt").write_text("\n".join(lines))
+    assert_same(RGBDFolder(tmp_path), given)
+
+
+def test_tum_format_is_associated_by_time(tmp_path):
+    given = frames()
+    read = open_sequence(write_tum(tmp_path, given))
+    assert isinstance(read, TUMSequence)
+    assert_same(read, given, labels=False)
+    assert read[0].labels is None
+
+
+def test_tum_images_without_a_pose_in_time_are_left_out(tmp_path):
+    write_tum(tmp_path, frames())
+    file = tmp_path / "groundtruth.txt"
+    file.write_text("\n".join(file.read_text().splitlines()[:-1]))
+    assert len(TUMSequence(tmp_path)) == 3
+    assert len(TUMSequence(tmp_path, require_poses=False)) == 4
+    with pytest.raises(InputError, match="no camera poses"):
+        TUMSequence(tmp_path, largest_delay=0.001)
+
+
+def test_frames_move_to_another_world():
+    shift = rigid(np.diag([-1.0, -1.0, 1.0]), (1.0, 2.0, 3.0))
+    moved = list(transformed(frames(2), shift))
+    expected = shift @ frames(2)[1].camera.T_world_camera
+    np.testing.assert_allclose(moved[1].camera.T_world_camera, expected)
+    np.testing.assert_array_equal(moved[1].depth, frames(2)[1].depth)
+
+
+def test_missing_poses_are_named_unless_not_needed(tmp_path):
+    write_sequence(tmp_path, frames())
+    (tmp_path / "poses.txt").unlink()
+    with pytest.raises(InputError, match=r"no camera poses.*poses\.txt"):
+        RGBDFolder(tmp_path)
+    read = RGBDFolder(tmp_path, require_poses=False)
+    np.testing.assert_array_equal(read[1].camera.T_world_camera, np.eye(4))
+    tum = tmp_path / "tum"
+    tum.mkdir()
+    with pytest.raises(InputError, match=r"groundtruth\.txt"):
+        TUMSequence(write_tum(tum, frames(), poses=False))
+
+
+def test_a_jump_is_named(tmp_path):
+    given = [*frames(3), *frames(4, step=0.5)[3:]]
+    write_sequence(tmp_path, given)
+    with pytest.raises(InputError, match=r"jump 1 time.*1\.40 m from frame 2 to 3"):
+        RGBDFolder(tmp_path)
+    assert len(RGBDFolder(tmp_path, largest_jump=None)) == 4
+    write_sequence(tmp_path, given, ordered=False)
+    assert len(RGBDFolder(tmp_path)) == 4
+    tum = tmp_path / "tum"
+    tum.mkdir()
+    with pytest.raises(InputError, match="jump"):
+        TUMSequence(write_tum(tum, given))
+
+
+def test_a_frame_of_another_size_is_named(tmp_path):
+    write_sequence(tmp_path, frames())
+    Image.fromarray(np.full((48, 64), 300, np.uint16)).save(tmp_path / "depth" / "000002.png")
+    with pytest.raises(InputError, match=r"000002 is 64 x 48 pixels, the first one 32 x 24"):
+        RGBDFolder(tmp_path)[2]
+    Image.fromarray(np.zeros((48, 64, 3), np.uint8)).save(tmp_path / "rgb" / "000001.png")
+    with pytest.raises(InputError, match="aligned"):
+        RGBDFolder(tmp_path)[1]
+    small = Frame(np.full((6, 8), 0.3, np.float32), Camera().resized(8, 6))
+    with pytest.raises(InputError, match="one size"):
+        write_sequence(tmp_path, [*frames(1), small])
+
+
+def test_millimetres_given_as_metres_are_named(tmp_path):
+    write_sequence(tmp_path, frames())
+    with pytest.raises(InputError, match="millimetres"):
+        RGBDFolder(tmp_path, depth_scale=1.0)[0]
+
+
+def poses_text(tmp_path, text):
+    write_sequence(tmp_path, frames(2))
+    (tmp_path / "poses.txt").write_text(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("0 0 0 0 0 0 1\n", "1 poses, but .* 2 images"),
+        ("1 2 3\n4 5 6\n", "3 numbers, no pose"),
+        ("0 0 0 0 0 0 0\n0 0 0 0 0 0 1\n", "no rotation"),
+        ("a b c d e f g\n", "is no pose: a b"),
+        ("2 0 0 0 0 2 0 0 0 0 2 0\n" * 2, "no rigid motion"),
+    ],
+)
+def test_damaged_poses_are_named(tmp_path, text, message):
+    poses_text(tmp_path, text)
+    with pytest.raises(InputError, match=message):
+        RGBDFolder(tmp_path)
+
+
+def test_missing_files_are_named(tmp_path):
+    with pytest.raises(InputError, match="no folder"):
+        open_sequence(tmp_path / "none")
+    with pytest.raises(InputError, match=r"no folder .*depth"):
+        open_sequence(tmp_path)
+    write_sequence(tmp_path, frames())
+    (tmp_path / "rgb" / "000001.png").unlink()
+    with pytest.raises(InputError, match=r"no image .*000001"):
+        RGBDFolder(tmp_path)
+    (tmp_path / "intrinsics.json").unlink()
+    write_sequence(tmp_path, frames())
+    (tmp_path / "intrinsics.json").unlink()
+    with pytest.raises(InputError, match="no intrinsics"):
+        RGBDFolder(tmp_path)
+    with pytest.raises(InputError, match="no frame to write"):
+        write_sequence(tmp_path, [])
+    (tmp_path / "rgb.txt").write_text("x y\n")
+    (tmp_path / "depth.txt").write_text("1.0\n")
+    with pytest.raises(InputError, match="time alone"):
+        open_sequence(tmp_path)
+
+
+def test_frames_without_labels_have_none(tmp_path):
+    write_sequence(tmp_path, [replace(frame, labels=None) for frame in frames()])
+    assert RGBDFolder(tmp_path)[0].labels is None
