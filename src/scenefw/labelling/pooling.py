@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float32, HeightMap, Int32
 
 _LARGEST = 20.0  # of the weights that calibration tries
+_PRIOR = 1e-3  # pulls weights that vertices say little about towards 1
 _LEAST_DOUBT, _MOST_DOUBT = 1e-6, 0.5
 
 
@@ -138,7 +139,8 @@ def fit_weights(
     def loss(values: NDArray[np.float64]) -> float:
         pooled = pool(views, of_map, well, Weights(*values))
         likelihood = np.take_along_axis(pooled, truth[None], axis=0)[0]
-        return float(-(share * np.log(np.maximum(likelihood, 1e-12))).sum())
+        fit = -(share * np.log(np.maximum(likelihood, 1e-12))).sum()
+        return float(fit + _PRIOR * np.square(values[:4] - 1).sum())
 
     bounds = [(0.0, _LARGEST)] * 4 + [(_LEAST_DOUBT, _MOST_DOUBT)] * 2
     first = np.asarray(astuple(start or Weights()))

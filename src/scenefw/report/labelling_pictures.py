@@ -63,7 +63,7 @@ def map_picture(height_map: HeightMap) -> Picture:
     """RGB: colour, heights, labels and sources of a map side by side, with a legend below."""
     labels, sources = height_map.labels, height_map.sources
     shown = {
-        "colour": _colour(height_map.colour, height_map.seen),
+        "colour": colour_picture(height_map),
         "height": height_picture(height_map),
     }
     if labels is not None:
@@ -72,8 +72,18 @@ def map_picture(height_map: HeightMap) -> Picture:
         shown["labels come from"] = source_picture(sources)
     side = 2 * _SIDE
     sheet = beside([resized(tile, side) for tile in shown.values()], list(shown), columns=2)
-    names = dict(zip(height_map.classes, class_colours(len(height_map.classes)), strict=True))
-    return _above(sheet, legend(names | _source_names(), sheet.shape[1]))
+    return stacked(sheet, class_legend(height_map.classes, sheet.shape[1]))
+
+
+def colour_picture(height_map: HeightMap) -> Picture:
+    """RGB (V, V, 3) of the fused colour, dark where unseen."""
+    return _colour(height_map.colour, height_map.seen)
+
+
+def class_legend(classes: Sequence[str], width: int) -> Picture:
+    """RGB (22, width, 3): the colours of classes and of where labels come from."""
+    names = dict(zip(classes, class_colours(len(classes)), strict=True))
+    return legend(names | _source_names(), width)
 
 
 def example_picture(example: Example, classes: Sequence[str], strategies: Sequence[str]) -> Picture:
@@ -104,7 +114,7 @@ def example_picture(example: Example, classes: Sequence[str], strategies: Sequen
     sheet = beside(tiles, titles, columns=len(example.frames) + 1)
     names = dict(zip(classes, class_colours(len(classes)), strict=True))
     marks = {"wrong": _WRONG, "unknown": _MISSED} | _source_names()
-    return _above(sheet, legend(names | marks, sheet.shape[1]))
+    return stacked(sheet, legend(names | marks, sheet.shape[1]))
 
 
 def legend(colours: Mapping[str, Sequence[float]], width: int) -> Picture:
@@ -127,6 +137,11 @@ def resized(picture: Picture, side: int) -> Picture:
     return np.asarray(scaled, dtype=np.float32) / np.float32(255)
 
 
+def stacked(top: Picture, bottom: Picture) -> Picture:
+    """One picture above another of the same width."""
+    return np.concatenate([top, bottom])
+
+
 def _colour(colour: NDArray[np.uint8], seen: NDArray[np.bool_]) -> Picture:
     picture: Picture = (colour / 255).astype(np.float32)
     picture[~seen] = UNSEEN
@@ -135,7 +150,3 @@ def _colour(colour: NDArray[np.uint8], seen: NDArray[np.bool_]) -> Picture:
 
 def _source_names() -> dict[str, Sequence[float]]:
     return {f"from {name}": colour for name, (_, colour) in SOURCES.items()}
-
-
-def _above(top: Picture, bottom: Picture) -> Picture:
-    return np.concatenate([top, bottom])

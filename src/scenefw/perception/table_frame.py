@@ -1,0 +1,90 @@
+"""Frames brought into the frame of the table: z up, the table z = 0, what is seen about the origin.
+
+Height maps lie on the table. A single image has no pose, tracked cameras start at the first one,
+and recorded poses may be of any world, so the floor finder of prediction says where the table is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from scenefw.core import geometry
+from scenefw.core.errors import InputError
+from scenefw.core.types import Float64, Frame
+from scenefw.perception.floor import FloorFinder
+from scenefw.perception.points import world_points
+
+_HIGHEST = 0.3  # m above the table: what is higher doesn't say where its middle is
+_UPRIGHT = np.cos(np.radians(5))
+_LEVEL = 0.03  # m
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """How to get from the world of some poses to the table's frame.
+
+    Args:
+        T_table_world: (4, 4), takes the old world's coordinates to the table's.
+        note: what was done, in words; empty if the poses were right already.
+    """
+
+    T_table_world: Float64
+    note: str = ""
+
+
+class TableFrame:
+    """Finds the table in a frame and the motion that brings it to z = 0.
+
+    Args:
+        floor: finds the table.
+        farthest: points farther from the camera don't say where the middle is (m).
+    """
+
+    def __init__(self, floor: FloorFinder | None = None, farthest: float = 2.0) -> None:
+        self.floor = floor or FloorFinder()
+        self.farthest = farthest
+
+    def rectified(self, frame: Frame) -> Frame:
+        """The frame in the table's frame, whatever its camera's pose was.
+
+        Raises:
+            InputError: no table is found.
+        """
+        pose = self._pose(frame)
+        return replace(frame, camera=frame.camera.moved(pose))
+
+    def alignment(self, frame: Frame, *, posed: bool) -> Alignment:
+        """The motion that brings a sequence into the table's frame, from its first frame.
+
+        Args:
+            frame: the first, with its pose in the old world.
+            posed: whether the old world may be the table's: then it is kept if its plane z = 0
+                holds the table (within 5 degrees and 3 cm), or if no table is found.
+
+        Raises:
+            InputError: no table is found, and the poses have none either.
+        """
+        old = np.asarray(frame.camera.T_world_camera)
+        try:
+            floor = self.floor.find(frame)
+        except InputError as error:
+            if posed:
+                return Alignment(np.eye(4), f"poses are used as they are: {error}")
+            raise
+        normal = old[:3, :3] @ floor.normal
+        level = float(normal @ old[:3, 3]) - floor.height  # of the table along its normal
+        if posed and normal[2] > _UPRIGHT and abs(level) < _LEVEL:
+            return Alignment(np.eye(4))
+        note = "the table was found in the first frame and is the map's plane z = 0"
+        return Alignment(self._pose(frame) @ geometry.inverse(old), note)
+
+    def _pose(self, frame: Frame) -> Float64:
+        """Camera pose in the table's frame, its origin in the middle of what is seen."""
+        pose = self.floor.find(frame).T_world_camera
+        points = world_points(replace(frame, camera=frame.camera.moved(pose)), stride=4)
+        near = (frame.depth[::4, ::4] > 0) & (frame.depth[::4, ::4] < self.farthest)
+        near &= np.abs(np.nan_to_num(points[..., 2], nan=np.inf)) < _HIGHEST
+        middle = np.median(points[near][:, :2], axis=0) if near.any() else np.zeros(2)
+        return geometry.rigid(np.eye(3), (-middle[0], -middle[1], 0.0)) @ pose

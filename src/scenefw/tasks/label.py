@@ -1,0 +1,220 @@
+"""Labels a recording: one map of an RGB-D sequence, or a one-frame map of each single image."""
+
+from __future__ import annotations
+
+import itertools
+import sys
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.files import require_writable
+from scenefw.data.height_maps import load_map, save_map
+from scenefw.data.readers import find_images, read_frame
+from scenefw.data.sequences import open_sequence, transformed
+from scenefw.perception.table_frame import TableFrame
+from scenefw.report.console import track
+from scenefw.report.gallery import save_picture
+from scenefw.report.growth import Growth
+from scenefw.report.labelling_pictures import map_picture
+
+if TYPE_CHECKING:
+    from scenefw.core.types import Frame, HeightGrid, HeightMap
+
+MAP, PICTURE = "map.npz", "map.png"
+
+
+class Strategy(Protocol):
+    """A labelling strategy whose maps can be saved and gone on with."""
+
+    def begin(self, previous: HeightMap | None = None, states: Any = None) -> Any:
+        """Starts a map or goes on with one."""
+
+
+class Tracking(Protocol):
+    """Finds camera poses of frames without any."""
+
+    def track(self, frames: Iterable[Frame]) -> Iterator[Frame]:
+        """The frames with poses relative to the first camera."""
+
+
+class Label:
+    """Fuses and labels what a camera recorded.
+
+    A sequence (folder with `depth/`, or TUM's format) becomes one map: `map.npz`, `map.png`, and
+    while it grows `growth/000020.png` ... and `growth.gif`. It is saved as it grows, and when it is
+    interrupted; `resume` goes on with it. Any other depth image, or each of a folder of them,
+    becomes a map of its own; an unusable one doesn't lose the others.
+
+    Args:
+        input: folder of a sequence, a depth image or a folder of images.
+        strategies: by name; one of them.
+        grid: of the map.
+        output: the run's folder.
+        resume: a saved map to go on with.
+        start: frames of the sequence to leave out, e.g. those that the saved map holds.
+        frames: frames at most; None = all.
+        table: finds the table.
+        odometry: finds poses, if `tracked`.
+        tracked: the sequence has no poses; odometry finds them.
+        intrinsics: file; None = that in the folder.
+        depth_scale: metres per unit of integer depth; None = that of the format.
+        largest_jump: most that the camera moves between two frames (m); None = any.
+        picture_every: frames from one picture of the growing map to the next; None = no pictures.
+        save_every: frames from one saved map to the next.
+
+    Raises:
+        ConfigError: no input, or not one strategy.
+    """
+
+    def __init__(
+        self,
+        input: str | Path | None,  # noqa: A002 - named as the setting on the command line
+        strategies: Mapping[str, Strategy],
+        grid: HeightGrid,
+        output: str | Path,
+        resume: str | Path | None = None,
+        start: int = 0,
+        frames: int | None = None,
+        table: TableFrame | None = None,
+        odometry: Tracking | None = None,
+        *,
+        tracked: bool = False,
+        intrinsics: str | Path | None = None,
+        depth_scale: float | None = None,
+        largest_jump: float | None = 0.2,
+        picture_every: int | None = 20,
+        save_every: int = 200,
+    ) -> None:
+        if input is None:
+            raise ConfigError("run=label needs input=FOLDER of an RGB-D sequence or depth images")
+        if len(strategies) != 1:
+            raise ConfigError(
+                f"run=label takes one strategy, got {', '.join(strategies) or 'none'}; give "
+                "labelling=hybrid (or view_based, map_based)"
+            )
+        if depth_scale is not None and not depth_scale > 0:
+            raise ConfigError(f"run.depth_scale = {depth_scale}: expected metres per unit, above 0")
+        self.input = Path(input)
+        self.strategy = next(iter(strategies.values()))
+        self.grid = grid
+        self.output = Path(output)
+        self.resume = Path(resume) if resume else None
+        self.start, self.frames = start, frames
+        self.table = table or TableFrame()
+        self.odometry = odometry
+        self.tracked = tracked
+        self.options: dict[str, Any] = {"intrinsics": intrinsics, "largest_jump": largest_jump}
+        if depth_scale is not None:
+            self.options["depth_scale"] = depth_scale
+        self.picture_every, self.save_every = picture_every, save_every
+
+    def run(self) -> dict[str, float]:
+        """Labels all there is; returns how many frames, coverage and seconds per frame.
+
+        Raises:
+            InputError: the input or the saved map is unusable.
+            StorageError: the output folder can't be written.
+        """
+        require_writable(self.output)
+        is_sequence = (self.input / "depth").is_dir() or (self.input / "depth.txt").is_file()
+        return self._sequence() if is_sequence else self._images()
+
+    def _sequence(self) -> dict[str, float]:
+        sequence = open_sequence(self.input, require_poses=not self.tracked, **self.options)
+        last = (
+            len(sequence) if self.frames is None else min(len(sequence), self.start + self.frames)
+        )
+        if self.start >= last:
+            raise InputError(f"{self.input} has {len(sequence)} frames; run.start is {self.start}")
+        frames = self._aligned(sequence[i] for i in range(self.start, last))
+        running, growth = self._begin(), Growth(self.output)
+        began, number = time.perf_counter(), 0
+        try:
+            bar = track(range(self.start, last), "frames")
+            for number, (_, frame) in enumerate(zip(bar, frames, strict=False), 1):
+                running.add(frame)
+                if self.picture_every and number % self.picture_every == 0:
+                    growth.show(running.height_map(), self.start + number)
+                if number % self.save_every == 0:
+                    self._save(running)
+        finally:  # an interrupted map is a map too
+            if number:
+                seconds = time.perf_counter() - began
+                height_map = self._save(running)
+        if self.picture_every:
+            growth.show(height_map, self.start + number)
+            growth.film()
+        save_picture(map_picture(height_map), self.output / PICTURE)
+        return {"frames": float(number), "seconds_per_frame": seconds / number} | _facts(height_map)
+
+    def _aligned(self, frames: Iterator[Frame]) -> Iterator[Frame]:
+        """The frames in the table's frame, tracked if they have no poses."""
+        if self.tracked:
+            if self.odometry is None:
+                raise ConfigError("run.tracked=true needs run.odometry; give mapping@run.odometry")
+            frames = self.odometry.track(frames)
+        first = next(frames)
+        alignment = self.table.alignment(first, posed=not self.tracked)
+        if alignment.note:
+            print(f"{self.input}: {alignment.note}", file=sys.stderr)
+        return transformed(itertools.chain([first], frames), alignment.T_table_world)
+
+    def _begin(self) -> Any:
+        if self.resume is None:
+            return self.strategy.begin()
+        saved = load_map(self.resume, self.grid)
+        return self.strategy.begin(saved.height_map, saved.states)
+
+    def _save(self, running: Any) -> HeightMap:
+        height_map: HeightMap = running.height_map()
+        save_map(self.output / MAP, height_map, running.states())
+        return height_map
+
+    def _images(self) -> dict[str, float]:
+        """A map of each image."""
+        images = find_images(self.input)
+        began, failures, coverage = time.perf_counter(), {}, []
+        base = self.input if self.input.is_dir() else self.input.parent
+        for image in track(images, "images"):
+            folder = self.output / image.relative_to(base).with_suffix("")
+            try:
+                coverage.append(_facts(self._image(image, folder))["coverage"])
+            except InputError as error:
+                failures[image] = error
+        if len(failures) == len(images):
+            raise next(iter(failures.values()))
+        for image, reason in failures.items():
+            print(f"left out {image}: {reason}", file=sys.stderr)
+        return {
+            "images": float(len(images)),
+            "failed": float(len(failures)),
+            "coverage": float(np.mean(coverage)),
+            "seconds_per_image": (time.perf_counter() - began) / len(images),
+        }
+
+    def _image(self, image: Path, folder: Path) -> HeightMap:
+        options = {k: v for k, v in self.options.items() if k != "largest_jump"}
+        frame = self.table.rectified(read_frame(image, **options))
+        running = self.strategy.begin()
+        running.add(replace(frame, labels=None))
+        height_map: HeightMap = running.height_map()
+        save_map(folder / MAP, height_map, running.states())
+        save_picture(map_picture(height_map), folder / PICTURE)
+        return height_map
+
+
+def _facts(height_map: HeightMap) -> dict[str, float]:
+    """Share of vertices seen, and of these the share of each class."""
+    facts = {"coverage": float(height_map.seen.mean())}
+    if height_map.labels is not None and height_map.seen.any():
+        seen = height_map.labels[height_map.seen]
+        facts |= {
+            f"share/{name}": float(np.mean(seen == i)) for i, name in enumerate(height_map.classes)
+        }
+    return facts

@@ -1,0 +1,117 @@
+"""Labels by hand: a map's picture to paint on, and what was painted made into training data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from scenefw.core.errors import ConfigError
+from scenefw.core.files import require_writable
+from scenefw.data.height_maps import load_map, save_map
+from scenefw.data.painting import export_painting, load_painting, write_views
+from scenefw.data.sequences import open_sequence
+from scenefw.report.console import track
+from scenefw.report.gallery import save_picture
+from scenefw.report.labelling_pictures import map_picture
+
+
+class PaintExport:
+    """Writes the colour picture of a saved map, to paint labels on, with the palette beside it.
+
+    Args:
+        input: a saved map (.npz).
+        classes: names of what can be painted; None = those of the map.
+        output: the run's folder.
+
+    Raises:
+        ConfigError: no input is given.
+    """
+
+    def __init__(
+        self,
+        input: str | Path | None,  # noqa: A002 - named as the setting on the command line
+        output: str | Path,
+        classes: Sequence[str] | None = None,
+    ) -> None:
+        if input is None:
+            raise ConfigError("run=paint_export needs input=map.npz, a saved height map")
+        self.input = Path(input)
+        self.output = Path(output)
+        self.classes = classes
+
+    def run(self) -> dict[str, float]:
+        """Returns how many vertices there are to paint.
+
+        Raises:
+            InputError: the map can't be read.
+            ConfigError: neither the map nor the settings name classes.
+        """
+        require_writable(self.output)
+        height_map = load_map(self.input).height_map
+        classes = tuple(self.classes or height_map.classes)
+        if not classes:
+            raise ConfigError(f"{self.input} names no classes; give run.classes=[surface,...]")
+        print(export_painting(self.output, height_map, classes))
+        return {"vertices": float(height_map.seen.sum()), "classes": float(len(classes))}
+
+
+class PaintImport:
+    """Reads a painted picture as the true labels of its map and labels views by it.
+
+    Args:
+        input: the painted picture; `palette.json` of the export lies beside it.
+        map: the saved map that was exported.
+        output: the run's folder; gets `labelled.npz`, `labelled.png` and `views/`.
+        views: folder of a sequence with poses in the map's frame, whose views are labelled; None =
+            none are.
+        every: every so many views.
+        border: pixels on either side of a border between labels that count as unknown.
+        background: class of what was left unpainted; None = unknown.
+
+    Raises:
+        ConfigError: no picture or no map is given.
+    """
+
+    def __init__(
+        self,
+        input: str | Path | None,  # noqa: A002 - named as the setting on the command line
+        map: str | Path | None,  # noqa: A002 - named as the setting on the command line
+        output: str | Path,
+        views: str | Path | None = None,
+        every: int = 1,
+        border: int = 2,
+        background: str | None = None,
+    ) -> None:
+        if input is None or map is None:
+            raise ConfigError("run=paint_import needs input=PAINTED.png and run.map=map.npz")
+        self.input = Path(input)
+        self.map = Path(map)
+        self.output = Path(output)
+        self.views = Path(views) if views else None
+        self.every, self.border, self.background = every, border, background
+
+    def run(self) -> dict[str, float]:
+        """Returns the share of each class and the number of labelled views.
+
+        Raises:
+            InputError: the picture, the map or the sequence can't be used.
+        """
+        require_writable(self.output)
+        saved = load_map(self.map)
+        painted = load_painting(self.input, saved.height_map, background=self.background)
+        save_map(self.output / "labelled.npz", painted)
+        save_picture(map_picture(painted), self.output / "labelled.png")
+        count = 0
+        if self.views is not None:
+            sequence = open_sequence(self.views)
+            chosen = range(0, len(sequence), self.every)
+            frames = (sequence[i] for i in track(chosen, "views"))
+            write_views(self.output / "views", painted, frames, self.border)
+            count = len(chosen)
+        labels = painted.labels if painted.labels is not None else np.zeros(0, np.int32)
+        shares = {
+            f"share/{name}": float(np.mean(labels == i)) for i, name in enumerate(painted.classes)
+        }
+        return shares | {"views": float(count)}
