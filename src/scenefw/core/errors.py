@@ -17,6 +17,10 @@ class CheckpointError(SceneFWError):
     """A checkpoint is missing, truncated, of another version or for another task."""
 
 
+class TrainingError(SceneFWError):
+    """A training can't go on: its numbers are no longer finite."""
+
+
 class StorageError(SceneFWError):
     """A file or folder can't be written or is damaged."""
 

@@ -19,11 +19,14 @@ from rich.progress import (
 from torch import Tensor
 
 from scenefw.core.files import replacing
+from scenefw.learning.divergence import require_finite
 from scenefw.learning.module import TrainingModule
 
 
 class Snapshots(lightning.Callback):
     """Saves the whole training every few minutes, so that a kill costs no more than that.
+
+    A training that diverged is not saved: it raises a TrainingError instead.
 
     Args:
         path: of the file, replaced atomically.
@@ -52,13 +55,14 @@ class Snapshots(lightning.Callback):
         elif trainer.world_size > 1:  # clocks differ, but all processes must save together
             due = trainer.strategy.reduce_boolean_decision(due, all=False)
         if due:
-            self._save(trainer)
+            self._save(trainer, module)
 
-    def on_train_end(self, trainer: lightning.Trainer, module: lightning.LightningModule) -> None:
+    def on_train_end(self, trainer: lightning.Trainer, module: TrainingModule) -> None:
         """Saves the end of it."""
-        self._save(trainer)
+        self._save(trainer, module)
 
-    def _save(self, trainer: lightning.Trainer) -> None:
+    def _save(self, trainer: lightning.Trainer, module: TrainingModule) -> None:
+        require_finite(module)
         if trainer.world_size > 1:  # every process takes part; Lightning writes atomically too
             trainer.save_checkpoint(self.path)
         else:

@@ -12,6 +12,7 @@ from scenefw.core.errors import CheckpointError
 from scenefw.core.files import replacing, require_writable
 from scenefw.learning.callbacks import LossTable, ProgressBar, Snapshots
 from scenefw.learning.checkpoint import save_checkpoint
+from scenefw.learning.divergence import Divergence
 from scenefw.learning.module import TrainingModule
 from scenefw.learning.trainer import TrainerSettings
 
@@ -73,6 +74,7 @@ class Train:
         Raises:
             CheckpointError: the folder holds a training with other settings.
             StorageError: a folder can't be written.
+            TrainingError: the training diverged; its last snapshot is kept.
         """
         require_writable(self.output)
         require_writable(self.folder)
@@ -91,6 +93,7 @@ class Train:
         bar = ProgressBar(None if sys.stdout.isatty() else 60.0)
         table = LossTable(self.folder / _TABLE, self.log_every)
         return [
+            Divergence(),
             bar,
             table,
             Snapshots(state, self.snapshot_minutes, self.snapshot_steps, self._export),

@@ -6,7 +6,7 @@ import torch
 from tests.unit.data.stacks_file import write_stacks
 from tests.unit.learning import tiny
 
-from scenefw.core.errors import CheckpointError, StorageError
+from scenefw.core.errors import CheckpointError, StorageError, TrainingError
 from scenefw.learning.checkpoint import load_checkpoint
 
 
@@ -100,3 +100,15 @@ def test_an_unwritable_folder_is_found_before_the_work(stacks, tmp_path):
     blocked.write_text("no folder")
     with pytest.raises(StorageError):
         tiny.task(stacks, blocked, steps=2).run()
+
+
+def test_a_training_that_diverges_keeps_its_last_snapshot(stacks, tmp_path):
+    tiny.task(stacks, tmp_path, steps=2).run()
+    before = state(tmp_path)
+    task = tiny.task(stacks, tmp_path, steps=6)
+    task.learning.losses["tsdf"].weight = float("nan")
+    with pytest.raises(TrainingError, match="learning_rate") as caught:
+        task.run()
+    assert "\n" not in str(caught.value)
+    assert state(tmp_path)["scenefw"]["batches_seen"] == 2
+    assert same(state(tmp_path)["state_dict"], before["state_dict"])
