@@ -1,0 +1,79 @@
+"""What both ways of fusing labels check of their input, and where they go on from."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.types import Frame, HeightGrid
+
+_LEAST = 1e-7  # of a probability taken from a map file, which may be float16
+
+
+def require_settings(floor: float, angle_power: float, classes: int = 2) -> None:
+    """Raises a ConfigError unless the floor leaves room for `classes` and the power is >= 0."""
+    if classes < 2:
+        raise ConfigError(f"labels of {classes} class(es) say nothing; give 2 classes or more")
+    if not 0 < floor < 1 / classes:
+        raise ConfigError(
+            f"the smallest likelihood of {classes} classes is floor = {floor}; expected more than "
+            f"0 and less than {1 / classes:.3g}"
+        )
+    if not angle_power >= 0:
+        raise ConfigError(f"angle_power = {angle_power}, expected 0 (off) or more")
+
+
+def require_labels(probabilities: NDArray[np.float32], frame: Frame, classes: int) -> Tensor:
+    """Returns per-pixel distributions (C, H, W) as contiguous float32.
+
+    Raises:
+        InputError: another shape, or not finite.
+    """
+    values = np.ascontiguousarray(probabilities, dtype=np.float32)
+    expected = (classes, *frame.depth.shape)
+    if values.shape != expected:
+        raise InputError(
+            f"probabilities of {frame.name or 'a frame'} have shape {values.shape}, expected "
+            f"{expected}: classes, then the size of its depth image"
+        )
+    if not np.isfinite(values.sum()):
+        raise InputError(
+            f"probabilities of {frame.name or 'a frame'} are not all finite; check the network"
+        )
+    return torch.from_numpy(values)
+
+
+def initial_logits(previous: NDArray[np.float32], grid: HeightGrid, classes: int) -> Tensor:
+    """Log-probabilities (V * V, C) of an earlier map's (C, V, V).
+
+    Raises:
+        InputError: another shape.
+    """
+    expected = (classes, *grid.shape)
+    if previous.shape != expected:
+        raise InputError(
+            f"probabilities of the earlier map have shape {previous.shape}, expected {expected}; "
+            "go on with the grid and the classes that it was saved with"
+        )
+    values = torch.from_numpy(np.asarray(previous, dtype=np.float32)).flatten(1)
+    logits = values.clamp(min=_LEAST).log()
+    return (logits - logits.mean(dim=0)).T.contiguous()
+
+
+def restored_logits(state: Mapping[str, NDArray[Any]], shape: Sequence[int]) -> Tensor:
+    """The sums of a state.
+
+    Raises:
+        InputError: they are of another grid or other classes, or missing.
+    """
+    logits = np.asarray(state.get("logits", ()), dtype=np.float32)
+    if logits.shape != tuple(shape):
+        raise InputError(
+            f"state of a label fusion has logits of shape {logits.shape}, expected {tuple(shape)}; "
+            "go on with the grid, the classes and the method that it was saved with"
+        )
+    return torch.from_numpy(logits)

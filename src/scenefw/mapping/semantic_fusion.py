@@ -1,0 +1,143 @@
+"""Class probabilities of a height map's vertices from labelled views, in map space (thesis 4.4)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from scenefw.core.errors import ConfigError
+from scenefw.core.types import Frame, HeightGrid, HeightMap
+from scenefw.kernels import label_fusion
+from scenefw.kernels.compile import float32
+from scenefw.mapping.label_state import (
+    initial_logits,
+    require_labels,
+    require_settings,
+    restored_logits,
+)
+from scenefw.mapping.pyramid import Pyramid
+
+
+class SemanticFusion:
+    """Bayesian fusion of per-pixel distributions into the triangles they fall in (eqs 4.4-4.10).
+
+    Each pixel adds the logarithm of its expected likelihood (eq. 4.10) to the three vertices of its
+    triangle, times their barycentric coefficients as exponents: these add up to one, so a pixel is
+    counted once (the thesis says "divided by" the coefficient, against its own figure 4.4). A pixel
+    belongs to the level of detail that fits its footprint, as in height fusion, else a far camera
+    would leave vertices between pixels unsaid; a coarser level's sums are divided among the finer
+    vertices it stands for. Eq. 4.8 gives likelihood 0 to other classes at distance 0: here the
+    distribution is mixed with the uniform one so that none falls below `floor`.
+
+    Results don't depend on the number of threads; on CUDA sums vary in their last bits.
+
+    Args:
+        alpha: decay of a pixel's say with its horizontal distance from the vertex, per spacing of
+            the vertices of its level (eq. 4.8).
+        floor: smallest likelihood of a class, in (0, 1 / C).
+        angle_power: pixels weigh cos^power of the angle between their ray and the vertical.
+        a: pixels that a triangle of the chosen level covers.
+        device: where the probabilities live.
+    """
+
+    def __init__(
+        self,
+        alpha: float = 1.0,
+        floor: float = 1e-3,
+        angle_power: float = 0.0,
+        a: float = 0.5,
+        device: str = "cpu",
+    ) -> None:
+        if not alpha >= 0:
+            raise ConfigError(f"semantic fusion has alpha = {alpha}, expected a decay >= 0")
+        require_settings(floor, angle_power)
+        self.alpha, self.floor, self.angle_power = alpha, floor, angle_power
+        self.a, self.device = a, device
+
+    def begin(
+        self,
+        grid: HeightGrid,
+        classes: int,
+        previous: NDArray[np.float32] | None = None,
+        state: Mapping[str, NDArray[Any]] | None = None,
+    ) -> RunningSemanticFusion:
+        """Uniform probabilities, or those of an earlier map.
+
+        Args:
+            grid: vertices and levels of detail.
+            classes: C.
+            previous: (C, V, V) of an earlier map; certainty beyond float16's is forgotten.
+            state: of `RunningSemanticFusion.state`; goes on as if never interrupted.
+
+        Raises:
+            InputError: the earlier probabilities or state have another grid or other classes.
+        """
+        return RunningSemanticFusion(self, grid, classes, previous, state)
+
+
+class RunningSemanticFusion:
+    """Class probabilities that sharpen frame by frame; made by `SemanticFusion.begin`."""
+
+    def __init__(
+        self,
+        fusion: SemanticFusion,
+        grid: HeightGrid,
+        classes: int,
+        previous: NDArray[np.float32] | None,
+        state: Mapping[str, NDArray[Any]] | None,
+    ) -> None:
+        require_settings(fusion.floor, fusion.angle_power, classes)
+        self._fusion, self._classes = fusion, classes
+        self._pyramid = Pyramid(grid, fusion.a, fusion.device)
+        self._logits = torch.zeros((self._pyramid.vertices, classes), device=fusion.device)
+        if state is not None:
+            self._logits.copy_(restored_logits(state, self._logits.shape))
+        elif previous is not None:
+            self._logits[self._pyramid.finest] = initial_logits(previous, grid, classes).to(
+                self._logits
+            )
+
+    def add(
+        self,
+        probabilities: NDArray[np.float32],
+        frame: Frame,
+        heights: HeightMap | None = None,
+    ) -> None:
+        """Fuses what a frame's pixels are; pixels without depth say nothing.
+
+        Args:
+            probabilities: (C, H, W) that sum to 1 over the classes.
+            frame: depth and camera, whose pose is in the world frame.
+            heights: not needed here.
+
+        Raises:
+            InputError: probabilities of another shape, or not finite.
+        """
+        labels = require_labels(probabilities, frame, self._classes).to(self._logits.device)
+        landed = self._pyramid.locate(frame)
+        size = (landed.pixels, self._classes)
+        settings = float32(self._fusion.alpha, self._fusion.floor, self._fusion.angle_power)
+        label_fusion.add(
+            landed.pixels, *landed.arguments, labels.view(-1), self._logits.view(-1), size, settings
+        )
+
+    def probabilities(self) -> NDArray[np.float32]:
+        """(C, V, V), uniform where nothing was said."""
+        classes, grid = self._classes, self._pyramid.grid
+        logits, merged = self._logits.view(-1), self._logits.new_empty(0)
+        for level in self._pyramid.levels():
+            coarse, count = merged, level[1] ** 2
+            merged = self._logits.new_empty(count * classes)
+            label_fusion.merge(count, logits, coarse, merged, level, classes)
+        vertices = grid.vertices**2
+        found = self._logits.new_empty((classes, *grid.shape))
+        label_fusion.normalise(vertices, merged, found.view(-1), vertices, classes)
+        return found.cpu().numpy()
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """All that is known: `logits` (vertices of all levels, C)."""
+        return {"logits": self._logits.cpu().numpy().copy()}
