@@ -1,0 +1,214 @@
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+from tests.unit.tasks.recordings import CLASSES, GRID, frames, table
+
+from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.geometry import inverse, rigid
+from scenefw.data.height_maps import load_map, save_map
+from scenefw.data.sequences import transformed, write_sequence
+from scenefw.labelling.by_height import ByHeight
+from scenefw.labelling.hybrid import Hybrid
+from scenefw.labelling.map_based import MapBased
+from scenefw.labelling.sources import TrueLabels
+from scenefw.mapping.height_fusion import HeightFusion
+from scenefw.mapping.semantic_fusion import SemanticFusion
+from scenefw.tasks.label import Label
+from scenefw.tasks.paint import PaintExport, PaintImport
+
+WORDS = ["run=label", "labelling=hybrid", "debug=smoke", "paths.output=out"]
+
+
+def hybrid():
+    maps = ByHeight(CLASSES, "keyboard")
+    return {"hybrid": Hybrid(HeightFusion(GRID), SemanticFusion(), TrueLabels(CLASSES), maps)}
+
+
+def label(folder, out, strategies=None, **options):
+    options = {"picture_every": 2, "save_every": 3} | options
+    return Label(folder, strategies or hybrid(), GRID, out, **options)
+
+
+@pytest.fixture(scope="module")
+def sequence(tmp_path_factory):
+    return write_sequence(tmp_path_factory.mktemp("recording"), frames(), CLASSES)
+
+
+def test_a_sequence_becomes_a_map_that_is_seen_to_grow(sequence, tmp_path):
+    figures = label(sequence, tmp_path).run()
+    assert figures["frames"] == 6
+    saved = load_map(tmp_path / "map.npz", GRID)
+    known = saved.height_map.labels >= 0
+    assert known.mean() == pytest.approx(figures["coverage"], abs=1e-3)
+    assert np.mean(saved.height_map.labels[known] == table().labels[known]) > 0.97
+    grown = sorted(path.name for path in (tmp_path / "growth").iterdir())
+    assert grown == ["000002.png", "000004.png", "000006.png"]
+    with Image.open(tmp_path / "growth.gif") as film:
+        assert film.n_frames >= 3
+    assert (tmp_path / "map.png").is_file()
+
+
+def test_a_saved_map_goes_on_as_if_never_interrupted(sequence, tmp_path):
+    label(sequence, tmp_path / "whole").run()
+    label(sequence, tmp_path / "first", frames=4).run()
+    resume = tmp_path / "first" / "map.npz"
+    label(sequence, tmp_path / "rest", resume=resume, start=4).run()
+    whole, rest = (load_map(tmp_path / name / "map.npz").height_map for name in ("whole", "rest"))
+    np.testing.assert_array_equal(whole.heights, rest.heights)
+    np.testing.assert_array_equal(whole.labels, rest.labels)
+
+
+def test_an_interrupted_map_is_saved(sequence, tmp_path):
+    strategies = hybrid()
+    source = strategies["hybrid"].views.source
+    original = source.label
+
+    def stop_at_fourth(frame):
+        if frame.name.endswith("3"):
+            raise KeyboardInterrupt
+        return original(frame)
+
+    source.label = stop_at_fourth
+    with pytest.raises(KeyboardInterrupt):
+        label(sequence, tmp_path, strategies).run()
+    assert load_map(tmp_path / "map.npz").height_map.seen.any()
+
+
+def test_poses_of_another_world_are_brought_to_the_table(sequence, tmp_path, capsys):
+    turn = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # z of the table is y of the recording
+    other = write_sequence(tmp_path / "in", transformed(frames(), rigid(turn, (1.0, 2.0, 3.0))))
+    maps = {"map_based": MapBased(HeightFusion(GRID), ByHeight(CLASSES, "keyboard"))}
+    label(other, tmp_path / "out", maps).run()
+    assert "the table was found" in capsys.readouterr().err
+    heights = load_map(tmp_path / "out" / "map.npz").height_map.heights
+    assert np.nanmedian(heights) == pytest.approx(0, abs=0.002)
+    assert np.nanpercentile(heights, 99) == pytest.approx(0.03, abs=0.003)
+
+
+class Perfect:
+    """Odometry that knows the motion."""
+
+    def track(self, shown):
+        first = None
+        for truth, frame in zip(frames(), shown, strict=False):
+            pose = truth.camera.T_world_camera
+            first = inverse(pose) if first is None else first
+            yield type(frame)(
+                frame.depth, frame.camera.moved(first @ pose), frame.colour, frame.labels
+            )
+
+
+def test_a_sequence_without_poses_is_tracked(sequence, tmp_path):
+    (bare := tmp_path / "in").mkdir()
+    for name in ("depth", "rgb", "intrinsics.json"):
+        (bare / name).symlink_to(sequence / name)
+    with pytest.raises(InputError, match="no camera poses"):
+        label(bare, tmp_path / "out").run()
+    with pytest.raises(ConfigError, match="odometry"):
+        label(bare, tmp_path / "out", tracked=True).run()
+    maps = {"map_based": MapBased(HeightFusion(GRID), ByHeight(CLASSES, "keyboard"))}
+    label(bare, tmp_path / "out", maps, tracked=True, odometry=Perfect()).run()
+    heights = load_map(tmp_path / "out" / "map.npz").height_map.heights
+    assert np.nanmedian(heights) == pytest.approx(0, abs=0.002)
+
+
+def test_single_images_become_maps_of_their_own(sequence, tmp_path, capsys):
+    (folder := tmp_path / "in").mkdir()
+    (folder / "intrinsics.json").write_text((sequence / "intrinsics.json").read_text())
+    for i, frame in enumerate(frames(2)):
+        np.save(folder / f"view{i}.npy", frame.depth)
+        Image.fromarray(frame.colour).save(folder / f"view{i}.rgb.png")
+    np.save(folder / "view9.npy", np.zeros((60, 80), np.float32))
+    maps = {"map_based": MapBased(HeightFusion(GRID), ByHeight(CLASSES, "keyboard"))}
+    figures = label(folder, tmp_path / "out", maps).run()
+    assert (figures["images"], figures["failed"]) == (3, 1)
+    assert "left out" in capsys.readouterr().err
+    found = load_map(tmp_path / "out" / "view1" / "map.npz").height_map
+    assert np.nanpercentile(found.heights, 99) == pytest.approx(0.03, abs=0.003)
+    assert (tmp_path / "out" / "view0" / "map.png").is_file()
+
+
+def test_settings_are_checked(sequence, tmp_path):
+    with pytest.raises(ConfigError, match="input=FOLDER"):
+        label(None, tmp_path)
+    with pytest.raises(ConfigError, match="one strategy"):
+        Label(sequence, {}, GRID, tmp_path)
+    with pytest.raises(ConfigError, match="depth_scale"):
+        label(sequence, tmp_path, depth_scale=0.0)
+    with pytest.raises(InputError, match="6 frames"):
+        label(sequence, tmp_path, start=6).run()
+
+
+def test_labels_by_hand_there_and_back(sequence, tmp_path):
+    whole = table()
+    save_map(tmp_path / "map.npz", whole)
+    figures = PaintExport(tmp_path / "map.npz", tmp_path / "paint").run()
+    assert figures["classes"] == 4
+    names = json.loads((tmp_path / "paint" / "palette.json").read_text())
+    with Image.open(tmp_path / "paint" / "colours.png") as image:
+        painted = np.array(image)
+    for i, name in enumerate(CLASSES):
+        painted[whole.labels == i] = names[name]
+    picture = tmp_path / "paint" / "painted.png"
+    Image.fromarray(painted).save(picture)
+    out = tmp_path / "labelled"
+    figures = PaintImport(picture, tmp_path / "map.npz", out, views=sequence, every=2).run()
+    assert figures["views"] == 3
+    assert figures["share/keyboard"] == pytest.approx(np.mean(whole.labels == 2))
+    np.testing.assert_array_equal(load_map(out / "labelled.npz").height_map.labels, whole.labels)
+    assert len(list((out / "views" / "labels").iterdir())) == 3
+    with pytest.raises(ConfigError, match=r"map\.npz"):
+        PaintImport(picture, None, out)
+    with pytest.raises(ConfigError, match=r"map\.npz"):
+        PaintExport(None, out)
+
+
+def complaint(scenefw, *words):
+    """The one line that a wrong command is answered with."""
+    done = scenefw(*words)
+    assert done.returncode == 2, done.stderr[-3000:]
+    lines = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+    assert len(lines) == 1
+    assert "Traceback" not in done.stderr
+    return lines[0]
+
+
+def test_command_line(scenefw, sequence, tmp_path):
+    done = scenefw(*WORDS, f"input={sequence}")
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert done.stdout.splitlines()[-1] == str(tmp_path / "out")
+    assert (tmp_path / "out" / "map.npz").is_file()
+    save_map(tmp_path / "other.npz", table_of(65))
+    line = complaint(scenefw, *WORDS, f"input={sequence}", "run.resume=other.npz")
+    assert "other.npz lies on" in line
+
+
+def test_a_recording_that_jumps_or_changes_size(scenefw, tmp_path):
+    folder = write_sequence(tmp_path / "jumps", frames(3, step=0.5))
+    assert "0.5" in complaint(scenefw, *WORDS, f"input={folder}")
+    folder = write_sequence(tmp_path / "sizes", frames(3))
+    Image.fromarray(np.full((30, 40), 600, np.uint16)).save(folder / "depth" / "000001.png")
+    assert "40 x 30" in complaint(scenefw, *WORDS, f"input={folder}")
+
+
+def test_a_map_of_other_classes_and_wrong_paint(scenefw, sequence, tmp_path):
+    other = table()
+    object.__setattr__(other, "classes", ("surface", "coin", "pen", "book"))
+    save_map(tmp_path / "coins.npz", other)
+    line = complaint(scenefw, *WORDS, f"input={sequence}", "run.resume=coins.npz")
+    assert "surface, coin, pen, book" in line
+    PaintExport(tmp_path / "coins.npz", tmp_path / "paint").run()
+    Image.fromarray(np.full((129, 129, 3), 7, np.uint8)).save(tmp_path / "paint" / "wrong.png")
+    words = ("run=paint_import", "input=paint/wrong.png", "run.map=coins.npz", "paths.output=out")
+    line = complaint(scenefw, *words)
+    assert "(7, 7, 7): 16641" in line
+
+
+def table_of(vertices):
+    from scenefw.core.types import HeightGrid, HeightMap
+
+    blank = np.zeros((vertices, vertices), np.float32)
+    colour = np.zeros((vertices, vertices, 3), np.uint8)
+    return HeightMap(HeightGrid(vertices), blank, colour, blank, blank)
