@@ -2,10 +2,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.unit.mapping import tables
 
 from scenefw.core.errors import InputError
 from scenefw.core.types import HeightGrid, HeightMap
 from scenefw.data.height_maps import load_map, save_map
+from scenefw.mapping.height_fusion import HeightFusion
+from scenefw.mapping.semantic_fusion import SemanticFusion
 
 GRID = HeightGrid(vertices=17, extent=0.16, lower=(-0.08, -0.05), levels=2)
 FIELDS = ("heights", "colour", "confidence", "variance", "labels", "sources")
@@ -100,3 +103,25 @@ def test_another_grid_a_missing_and_a_cut_file_are_named(tmp_path):
     path.write_bytes(path.read_bytes()[:500])
     with pytest.raises(InputError, match="is the file complete"):
         load_map(path)
+
+
+def test_fusion_goes_on_from_a_file_as_if_never_interrupted(tmp_path):
+    grid, fusion, semantic = tables.LEVELS, HeightFusion(tables.LEVELS), SemanticFusion()
+    frames = [tables.boxes(view) for view in tables.views(4)]
+    said = np.full((3, 60, 80), 0.2, np.float32)
+    said[1] = 0.6
+    heights, labels = fusion.begin(), semantic.begin(grid, 3)
+    for frame in frames[:2]:
+        heights.add(frame)
+        labels.add(said, frame)
+    states = {"heights": heights.state(), "labels": labels.state()}
+    saved = load_map(save_map(tmp_path / "one.npz", heights.height_map(), states), grid)
+    resumed = fusion.begin(saved.height_map, saved.states["heights"])
+    relabelled = semantic.begin(grid, 3, state=saved.states["labels"])
+    for frame in frames[2:]:
+        for running in (heights, resumed):
+            running.add(frame)
+        for running in (labels, relabelled):
+            running.add(said, frame)
+    np.testing.assert_array_equal(resumed.height_map().heights, heights.height_map().heights)
+    np.testing.assert_array_equal(relabelled.probabilities(), labels.probabilities())

@@ -1,0 +1,81 @@
+"""Height and label fusion on the CUDA grid, in numba's simulator, equal the CPU's loops."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from tests.unit.mapping import tables
+
+from scenefw.core.types import HeightGrid
+from scenefw.mapping.height_fusion import HeightFusion
+from scenefw.mapping.image_space_fusion import ImageSpaceFusion
+from scenefw.mapping.semantic_fusion import SemanticFusion
+from scenefw.representations.height_map import view
+
+ROOT = os.fspath(tables.__file__.rsplit("tests", 1)[0])
+GRID = HeightGrid(vertices=17, extent=0.128, lower=(-0.064, -0.064), levels=2)
+
+
+def results():
+    """Everything that fusion computes, by name."""
+    cameras = [tables.camera(0, 0, 0.2, 20, k, width=20, rows=15) for k in range(2)]
+    frames = [tables.boxes(camera) for camera in cameras]
+    rng = np.random.default_rng(0)
+    said = np.moveaxis(rng.dirichlet(np.ones(3), (15, 20)), -1, 0).astype(np.float32)
+    running = HeightFusion(GRID, iterations=1).begin()
+    for frame in frames:
+        running.add(frame)
+    known = running.height_map()
+    labels = SemanticFusion(angle_power=1.0).begin(GRID, 3)
+    in_images = ImageSpaceFusion(angle_power=1.0).begin(GRID, 3)
+    for frame in frames:
+        labels.add(said, frame)
+        in_images.add(said, frame, known)
+    return {
+        "heights": np.nan_to_num(known.heights),
+        "confidence": known.confidence,
+        "labels": labels.probabilities(),
+        "labels in images": in_images.probabilities(),
+        "view": view(known, cameras[0]).depth,
+    }
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory):
+    file = tmp_path_factory.mktemp("simulated") / "results.npz"
+    program = (
+        "import sys, numpy\n"
+        "from scenefw.kernels.compile import Kernel\n"
+        "Kernel.__call__ = Kernel.simulate\n"
+        "from tests.unit.kernels.test_height_simulator import results\n"
+        "numpy.savez(sys.argv[1], **results())\n"
+    )
+    subprocess.run(
+        [sys.executable, "-c", program, os.fspath(file)],
+        cwd=ROOT,
+        env={**os.environ, "NUMBA_ENABLE_CUDASIM": "1", "NUMBA_DISABLE_JIT": "1"},
+        check=True,
+        timeout=300,
+    )
+    with np.load(file) as stored:
+        return dict(stored)
+
+
+@pytest.mark.parametrize(
+    ("name", "tolerance"),
+    [
+        ("heights", 1e-5),
+        ("confidence", 1e-4),
+        ("labels", 1e-4),
+        ("labels in images", 1e-4),
+        ("view", 1e-4),
+    ],
+)
+def test_the_grid_of_threads_gives_what_the_loop_gives(simulated, name, tolerance):
+    expected, got = results()[name], simulated[name]
+    assert got.shape == expected.shape
+    assert len(np.unique(expected)) > 10
+    far = np.abs(got.astype(np.float64) - expected) > tolerance
+    assert far.mean() <= 0.02  # rounding may put a pixel on the other side of a border
