@@ -1,0 +1,88 @@
+"""Textures by formula as colours of points, for renderers that know no such formulas."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from scenefw.core.tabletop import PLAIN, TabletopGeometry
+from scenefw.kernels import shading
+from scenefw.kernels.compile import float32
+from scenefw.kernels.meshes import TABLE, Tree
+
+Array = NDArray[np.float32]
+
+_SIDEWAYS = 0.85  # the kernel's share of the room's light on surfaces without a normal
+
+
+def colour_of_points(geometry: TabletopGeometry, points: Array, face: NDArray[np.int32]) -> Array:
+    """Linear colours (P, 3) at points (P, 3) of faces (P,); TABLE is the table."""
+    tree = Tree(geometry.corners)
+    row = np.empty(len(tree.order) + 1, dtype=np.int32)
+    row[tree.order] = np.arange(len(tree.order))
+    row[TABLE] = TABLE
+    rays = np.column_stack([points + [0, 0, 1], np.broadcast_to([0, 0, -1], points.shape)])
+    count, tensor = len(points), torch.from_numpy
+    colour = torch.empty(count, 3)
+    shading.shade(
+        count, tree.bounds, tree.links, tree.triangles, tensor(rays.astype(np.float32)),
+        torch.ones(count), tensor(row[face]), torch.zeros(count, 2),
+        torch.zeros(len(tree.order), 9), tensor(geometry.colours[tree.order]),
+        tensor(geometry.texture_of[tree.order]), tensor(geometry.item_of[tree.order]),
+        tensor(geometry.placements), tensor(_matt(geometry.textures)), tensor(geometry.surface),
+        torch.zeros(0, 6), torch.ones(3), *float32(1e-3, 0.0), colour,
+    )  # fmt: skip
+    found: Array = colour.numpy()
+    found[face != TABLE] /= _SIDEWAYS
+    return found.clip(0, 1)
+
+
+def table_image(geometry: TabletopGeometry, half: float, pixels: int) -> Array:
+    """Linear colours (N, N, 3) of the table in +-half metres, row 0 at the greatest y."""
+    along = (np.arange(pixels) + 0.5) / pixels * 2 * half - half
+    x, y = np.meshgrid(along, -along)
+    points = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
+    face = np.full(len(points), TABLE, dtype=np.int32)
+    return colour_of_points(geometry, points.astype(np.float32), face).reshape(pixels, pixels, 3)
+
+
+def refined(geometry: TabletopGeometry, longest: float) -> tuple[TabletopGeometry, NDArray]:
+    """Textured triangles split until no side exceeds `longest` (m); the old face of each new one.
+
+    So colours of corners show the texture.
+    """
+    parent = np.arange(len(geometry.corners))
+    corners, normals = geometry.corners, geometry.normals
+    textured = geometry.textures[geometry.texture_of, 0] != PLAIN
+    while True:
+        side = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).max(axis=-1)
+        large = (side > longest) & textured[parent]
+        if not large.any():
+            break
+        corners = np.concatenate([corners[~large], _quarters(corners[large])])
+        split = _quarters(normals[large])
+        split /= np.maximum(np.linalg.norm(split, axis=-1, keepdims=True), 1e-9)
+        normals = np.concatenate([normals[~large], split])
+        parent = np.concatenate([parent[~large], np.tile(parent[large], 4)])
+    finer = dataclasses.replace(
+        geometry, corners=corners.astype(np.float32), normals=normals.astype(np.float32),
+        colours=geometry.colours[parent], texture_of=geometry.texture_of[parent],
+        item_of=geometry.item_of[parent],
+    )  # fmt: skip
+    return finer, parent
+
+
+def _quarters(triangles: Array) -> Array:
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+    parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+    return np.concatenate([np.stack(part, axis=1) for part in parts])
+
+
+def _matt(textures: Array) -> Array:
+    dull = textures.copy()
+    dull[:, -1] = 0
+    return dull
