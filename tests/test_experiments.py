@@ -6,7 +6,7 @@ import pytest
 
 from scenefw import registry
 
-NEEDS_INPUT = {"osd"}  # scores images of the user
+NEEDS_INPUT = {"osd", "noise_gathered"}  # images of the user, runs of a sweep
 
 
 @pytest.mark.parametrize("name", [e for e in registry.names("experiment") if e not in NEEDS_INPUT])
@@ -27,6 +27,17 @@ def test_two_seeds_give_two_runs(scenefw, tmp_path):
     done = scenefw("-m", *words, "paths.output=out")
     assert done.returncode == 0, done.stderr[-3000:]
     assert sorted(p.parent.name for p in (tmp_path / "out").glob("*/metrics.json")) == ["0", "1"]
+
+
+def test_a_sweep_of_noise_becomes_one_map(scenefw, tmp_path):
+    words = ("experiment=noise_map", "debug=smoke", "noise.gaussian.sigma=0.0", "size.frames=1")
+    done = scenefw("-m", *words, "noise.pose.sigma=0.0,0.01", "paths.output=sweep")
+    assert done.returncode == 0, done.stderr[-3000:]
+    done = scenefw("experiment=noise_gathered", "input=sweep", "paths.output=out")
+    assert done.returncode == 0, done.stderr[-3000:]
+    figures = json.loads((tmp_path / "out" / "metrics.json").read_text())
+    for name in ("view_based", "map_based", "hybrid"):
+        assert {f"{name}/pose {p} mm, depth 0 mm" for p in (0, 10)} <= figures.keys()
 
 
 def test_osd_without_images_says_what_it_needs(scenefw):
