@@ -16,12 +16,17 @@ A kernel file holds a per-element function, a CPU loop over it and a `Kernel` of
 
 The loop is spelled out because numba caches compiled code of module-level functions only. That
 code lies in a folder named by the sources of all kernels: an edit anywhere never meets old code.
+
+What numba has just compiled rounds otherwise, in the last bit, than the same read back from its
+cache (the bodies of parallel loops are optimised once more there). So that the first run equals all
+others, code is compiled in a child process, and this process only ever reads it.
 """
 
 import hashlib
 import inspect
 import os
 import threading
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -125,6 +130,7 @@ class Kernel:
         self.per_element = per_element
         self.cpu_loop = cpu_loop
         self._cuda_grid: Any = None
+        self._compiled_for: set[tuple[Any, ...]] = set()
 
     def __call__(self, count: int, *arguments: Argument) -> None:
         """Runs all elements; tensors are passed without copies and must be contiguous."""
@@ -139,7 +145,12 @@ class Kernel:
                 except ImportError as error:  # base of numba's errors of a missing driver or NVVM
                     raise _no_toolkit(error) from error
         else:
-            self.cpu_loop(count, *[_on_cpu(a) for a in arguments])
+            views = [_on_cpu(a) for a in arguments]
+            types = tuple(numba.typeof(value) for value in (count, *views))
+            if types not in self._compiled_for:
+                _compile_in_child(self.cpu_loop, types)
+                self._compiled_for.add(types)
+            self.cpu_loop(count, *views)
 
     def simulate(self, count: int, *arguments: Argument) -> None:
         """Runs the CUDA grid on CPU tensors in the simulator (NUMBA_ENABLE_CUDASIM=1)."""
@@ -150,6 +161,26 @@ class Kernel:
         if self._cuda_grid is None:
             self._cuda_grid = _cuda_grid(self.per_element)
         return self._cuda_grid
+
+
+def _compile_in_child(function: Any, types: tuple[Any, ...]) -> None:
+    """Fills numba's cache from a copy of this process, which does nothing else.
+
+    Where processes can't be copied the caller compiles for itself, as it does if the child fails.
+    """
+    if not hasattr(os, "fork") or not hasattr(function, "compile"):
+        return
+    with warnings.catch_warnings():  # Python 3.12 warns of threads, which the child never uses
+        warnings.simplefilter("ignore", DeprecationWarning)
+        child = os.fork()
+    if child == 0:
+        status = 1
+        try:
+            function.compile(types)
+            status = 0
+        finally:
+            os._exit(status)
+    os.waitpid(child, 0)
 
 
 def _cuda_grid(per_element: Callable[..., None]) -> Any:
