@@ -20,6 +20,10 @@ if TYPE_CHECKING:
 class SharingLabelling(Protocol):
     """A strategy whose parts can be shared with others."""
 
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Names by class id."""
+
     def sharing(self, share: Any) -> SharingLabelling:
         """The same strategy with each part replaced by `share(kind, part)`."""
 
@@ -68,6 +72,12 @@ class Bench:
     ) -> None:
         if not strategies:
             raise ConfigError("no strategy to run; give labelling=[view_based,map_based,hybrid]")
+        for name, strategy in strategies.items():
+            if tuple(strategy.classes) != tuple(scenes.classes):
+                raise ConfigError(
+                    f"{name} labels {', '.join(strategy.classes)}, the scenes hold "
+                    f"{', '.join(scenes.classes)}; give checkpoints of these classes"
+                )
         self.scenes = scenes
         self.strategies = dict(strategies)
         self.noise = dict(noise or {})

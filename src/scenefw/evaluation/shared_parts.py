@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from scenefw.core.errors import ConfigError
+from scenefw.evaluation.stopwatch import OTHER
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,7 +26,7 @@ RECONSTRUCTION = "reconstruction"
 VIEW_NETWORK = "network, one view"
 FUSION = "semantic fusion"
 MAP_NETWORK = "network, whole map"
-STAGES = (LOADING, RECONSTRUCTION, VIEW_NETWORK, FUSION, MAP_NETWORK)
+STAGES = (LOADING, RECONSTRUCTION, VIEW_NETWORK, FUSION, MAP_NETWORK, OTHER)
 """What seconds are counted for."""
 
 

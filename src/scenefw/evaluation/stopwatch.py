@@ -12,6 +12,9 @@ import torch
 
 Value = TypeVar("Value")
 
+OTHER = "other"
+"""Stage of what a method does that it shares with no other."""
+
 
 class SharedWork:
     """Remembers the result and the seconds of each piece of work of a turn.
@@ -27,14 +30,18 @@ class SharedWork:
         self._spent: dict[str, dict[str, float]] = defaultdict(lambda: defaultdict(float))
         self._calls: dict[str, dict[str, int]] = defaultdict(lambda: defaultdict(int))
         self._asking = ""
+        self._done = 0.0  # seconds of work that was really done
 
     @contextmanager
     def of(self, method: str) -> Iterator[None]:
-        """Charges what is asked for in this block to a method."""
+        """Charges what is asked for in this block to a method; as `OTHER` what it does alone."""
         before, self._asking = self._asking, method
+        start, done = time.perf_counter(), self._done
         try:
             yield
         finally:
+            alone = time.perf_counter() - start - (self._done - done)
+            self._spent[method][OTHER] += alone
             self._asking = before
 
     def do(self, stage: str, what: str, work: Callable[[], Value]) -> Value:
@@ -51,7 +58,9 @@ class SharedWork:
             start = time.perf_counter()
             value = work()
             _wait_for_gpu()
-            kept = self._kept[stage, what] = (self.turn, value, time.perf_counter() - start)
+            seconds = time.perf_counter() - start
+            self._done += seconds
+            kept = self._kept[stage, what] = (self.turn, value, seconds)
         self._spent[self._asking][stage] += kept[2]
         self._calls[self._asking][stage] += 1
         result: Value = kept[1]
