@@ -63,6 +63,10 @@ class Weights:
             )
 
 
+_STARTS = (Weights(), Weights(1.0, 1.0, 0.2, 0.2), Weights(0.2, 0.2, 1.0, 1.0))
+"""Of the descent, which has local minima where an expert has no weight."""
+
+
 class Reconstruction:
     """How well a map is reconstructed about each vertex, from 0 to 1.
 
@@ -113,9 +117,7 @@ def pool(views: Float32, of_map: Float32, well: Float32, weights: Weights) -> Fl
     return scores
 
 
-def fit_weights(
-    views: Float32, of_map: Float32, well: Float32, truth: Int32, start: Weights | None = None
-) -> Weights:
+def fit_weights(views: Float32, of_map: Float32, well: Float32, truth: Int32) -> Weights:
     """Weights of least negative log-likelihood of the true classes, each class counting the same.
 
     Classes count the same because the mean IoU that strategies are compared by gives a small class
@@ -126,7 +128,6 @@ def fit_weights(
         of_map: (C, N).
         well: (N,).
         truth: (N,) class ids.
-        start: of the descent.
 
     Raises:
         InputError: there is no vertex.
@@ -143,9 +144,12 @@ def fit_weights(
         return float(fit + _PRIOR * np.square(values[:4] - 1).sum())
 
     bounds = [(0.0, _LARGEST)] * 4 + [(_LEAST_DOUBT, _MOST_DOUBT)] * 2
-    first = np.asarray(astuple(start or Weights()))
-    found = minimize(loss, first, method="L-BFGS-B", bounds=bounds, options={"eps": 1e-4})
-    return Weights(*(float(value) for value in found.x))
+    found = [
+        minimize(loss, astuple(start), method="L-BFGS-B", bounds=bounds, options={"eps": 1e-4})
+        for start in _STARTS
+    ]
+    best = min(found, key=lambda result: float(result.fun))
+    return Weights(*(float(value) for value in best.x))
 
 
 def disagreement(views: Float32, of_map: Float32, pooled: Float32) -> Sequence[NDArray[np.bool_]]:
