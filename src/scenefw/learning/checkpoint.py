@@ -45,9 +45,18 @@ class Checkpoint:
     metadata: dict[str, Any]
 
 
-def shipped_checkpoint() -> Path:
-    """The weights that come with the package."""
-    return Path(str(resources.files("scenefw") / "assets" / "simstack.safetensors"))
+def shipped_checkpoint(name: str = "simstack") -> Path:
+    """Weights that come with the package: simstack, label_views or label_maps.
+
+    Raises:
+        CheckpointError: there are none of this name.
+    """
+    folder = Path(str(resources.files("scenefw") / "assets"))
+    path = folder / f"{name}.safetensors"
+    if not path.is_file():
+        there = ", ".join(sorted(entry.stem for entry in folder.glob("*.safetensors")))
+        raise CheckpointError(f"no weights {name!r} come with the package; there are {there}")
+    return path
 
 
 def save_checkpoint(
@@ -101,14 +110,21 @@ def load_checkpoint(
     path: Path | str | None = None,
     device: torch.device | str = "cpu",
     task: str = SHAPE_INSTANCE,
+    shipped: str = "simstack",
 ) -> Checkpoint:
-    """Rebuilds a network from a file; None means the shipped one.
+    """Rebuilds a network from a file.
+
+    Args:
+        path: of the file; None means the one that ships as `shipped`.
+        device: where the network goes.
+        task: what it must have been trained for.
+        shipped: name of the weights that come with the package.
 
     Raises:
         CheckpointError: the file is missing, truncated, from elsewhere, from another version or
             for another task.
     """
-    path = Path(path) if path is not None else shipped_checkpoint()
+    path = Path(path) if path is not None else shipped_checkpoint(shipped)
     header, tensors = _read(path)
     found = header.get("task", SHAPE_INSTANCE)
     if found != task:

@@ -151,3 +151,8 @@ def test_what_only_training_needs_can_be_left_out(tmp_path, path, model):
     batch = ShapeInstanceBatch(condition, condition[:, :1], torch.zeros(2, 3, 16, 16, 16))
     with pytest.raises(InputError, match="without its encoder"):
         found(batch)
+
+
+def test_unknown_weights_are_told_which_there_are():
+    with pytest.raises(CheckpointError, match="simstack"):
+        load_checkpoint(shipped="nothing")
