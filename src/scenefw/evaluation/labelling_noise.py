@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Cell = tuple[float, float, int]  # pose, depth, scene
 Tracker = Callable[[Sequence[Cell], str], Iterable[Cell]]
-SCORES_FILE = "scores.csv"
+SCORES_FILE = "noise.csv"
 
 
 @dataclass(frozen=True)

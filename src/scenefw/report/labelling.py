@@ -32,7 +32,7 @@ DEFINITION = (
 
 def curves_sections(result: CurvesResult, folder: Path) -> tuple[Section, ...]:
     """Figures 4.23 and 4.24 and the pictures of figure 4.21; writes scores and pictures."""
-    write_scores(folder / SCORES_FILE, result.scores)
+    write_scores(folder / "curves.csv", result.scores)
     scores = result.scores
     parts = [
         Section(

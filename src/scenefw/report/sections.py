@@ -11,6 +11,7 @@ from scenefw.evaluation.labelling_times import TimesResult
 from scenefw.evaluation.labelling_weights import WeightsResult
 from scenefw.evaluation.real_masks import RealMaskResult
 from scenefw.evaluation.results import ReconstructionResult
+from scenefw.evaluation.several import SeveralResults
 from scenefw.report.blocks import Section
 from scenefw.report.labelling import (
     curves_sections,
@@ -69,3 +70,8 @@ def _(result: TimesResult, folder: Path) -> tuple[Section, ...]:
 @sections.register
 def _(result: WeightsResult, folder: Path) -> tuple[Section, ...]:
     return weights_sections(result)
+
+
+@sections.register
+def _(result: SeveralResults, folder: Path) -> tuple[Section, ...]:
+    return tuple(section for part in result.parts.values() for section in sections(part, folder))

@@ -109,7 +109,7 @@ def test_a_grid_of_noise_and_a_sweep_are_the_same(tmp_path):
     assert whole.cell("hybrid", 0.0, 0.0).mean == pytest.approx(quiet)
     for i, (pose, depth) in enumerate([(0.0, 0.0), (0.0, 0.01), (0.5, 0.0), (0.5, 0.01)]):
         run = noise(pose, depth, scenes=2).run()
-        write_scores(tmp_path / str(i) / "scores.csv", run.scores)
+        write_scores(tmp_path / str(i) / "noise.csv", run.scores)
     gathered = GatheredNoise(tmp_path).run()
     for name in whole.strategies:
         np.testing.assert_array_equal(gathered.grid(name), whole.grid(name))
@@ -122,7 +122,7 @@ def test_noise_of_wrong_amounts_or_no_folder(tmp_path):
             noise(amounts, 0.0)
     with pytest.raises(ConfigError, match="input=FOLDER"):
         GatheredNoise(None)
-    with pytest.raises(InputError, match=r"no scores.csv"):
+    with pytest.raises(InputError, match=r"no noise.csv"):
         GatheredNoise(tmp_path).run()
 
 

@@ -5,6 +5,7 @@ import pytest
 from tests.unit.evaluation.test_labelling_bench import strategies
 from tests.unit.labelling.fakes import CLASSES, Heights, Maps, Scenes, Views, truth
 
+from scenefw.core.errors import ConfigError
 from scenefw.core.labels import FROM_BOTH, FROM_MAP, FROM_VIEWS, NO_SOURCE
 from scenefw.evaluation.labelling_bench import Bench
 from scenefw.evaluation.labelling_curves import LabellingCurves
@@ -13,6 +14,7 @@ from scenefw.evaluation.labelling_noise import LabellingNoise
 from scenefw.evaluation.labelling_results import read_scores
 from scenefw.evaluation.labelling_times import LabellingTimes
 from scenefw.evaluation.labelling_weights import WeightsResult
+from scenefw.evaluation.several import Several
 from scenefw.labelling.pooling import Weights
 from scenefw.noise.gaussian import Gaussian
 from scenefw.noise.pose import Jitter
@@ -37,7 +39,7 @@ def tables(shown):
 def test_curves_beside_the_thesis(tmp_path):
     result = LabellingCurves(Bench(Scenes(), strategies()), frames=5, steps=5).run()
     shown = sections(result, tmp_path)
-    assert read_scores(tmp_path / "scores.csv") == result.scores
+    assert read_scores(tmp_path / "curves.csv") == result.scores
     found = tables(shown)
     final = found["Mean IoU after 5 frames, 2 scenes"]
     rows = dict(final.rows)
@@ -62,7 +64,7 @@ def test_noise_maps(tmp_path):
     drawings = [b.svg for b in section.blocks if isinstance(b, Drawing)]
     assert len(drawings) == 2
     assert "hybrid" in drawings[0]
-    assert (tmp_path / "scores.csv").is_file()
+    assert (tmp_path / "noise.csv").is_file()
 
 
 def test_networks_beside_table_4_1(tmp_path):
@@ -116,3 +118,16 @@ def test_a_map_of_its_own():
     assert picture.min() >= 0
     assert picture.max() <= 1
     assert len(class_colours(len(CLASSES))) == 3
+
+
+def test_several_results_on_one_page(tmp_path):
+    parts = {
+        "networks": LabellingNetworks(Scenes(), Views(), Maps(), Heights(), views=1, frames=2),
+        "times": LabellingTimes(Bench(Scenes(), strategies()), frames=1, scenes=1),
+        "noise": None,
+    }
+    result = Several(parts).run()
+    assert [s.title for s in sections(result, tmp_path)] == ["Networks", "Time and memory"]
+    assert result.figures["times/scenes"] == 1
+    with pytest.raises(ConfigError, match="nothing"):
+        Several({"noise": None})
