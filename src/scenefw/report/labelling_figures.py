@@ -35,7 +35,7 @@ class Panel:
 
 
 def bounds_figure(panels: Sequence[Panel], y_label: str) -> str:
-    """Panels side by side; each curve with its bounds as a band, one legend below all."""
+    """Panels of shares in [0, 1]; each curve with its bounds as a band, one legend below all."""
     names = list(dict.fromkeys(name for panel in panels for name in panel.curves))
     colours = dict(zip(names, itertools.cycle(COLOURS), strict=False))
     with rc_context(STYLE):
@@ -61,6 +61,7 @@ def _panel(axes: Any, panel: Panel, colours: Mapping[str, str]) -> None:
         axes.annotate(
             name, (1, level), xycoords=("axes fraction", "data"), ha="right", va="bottom", size=7
         )
+    axes.set_ylim(0, 1)
     axes.grid(alpha=0.15, color=INK)
 
 
