@@ -14,7 +14,8 @@ import torch
 
 from benchmarks.harness import Job, Timed, Unavailable
 from scenefw.core.geometry import look_at
-from scenefw.core.types import Camera, Frame, HeightGrid, HeightMap
+from scenefw.core.height_maps import HeightGrid, HeightMap
+from scenefw.core.types import Camera, Frame
 from scenefw.mapping.height_fusion import HeightFusion
 from scenefw.mapping.image_space_fusion import ImageSpaceFusion
 from scenefw.mapping.semantic_fusion import SemanticFusion

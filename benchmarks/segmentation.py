@@ -11,7 +11,8 @@ import numpy as np
 import torch
 
 from benchmarks.harness import Job, Timed
-from scenefw.core.types import Camera, Frame, HeightGrid, HeightMap
+from scenefw.core.height_maps import HeightGrid, HeightMap
+from scenefw.core.types import Camera, Frame
 from scenefw.labelling.sliding_window import SlidingWindow
 from scenefw.labelling.sources import NetworkLabels, NetworkMapLabels
 from scenefw.models.fusenet import FuseNet

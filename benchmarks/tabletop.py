@@ -6,8 +6,9 @@ import numpy as np
 import torch
 
 from benchmarks.harness import Job
+from scenefw.core.height_maps import HeightGrid
 from scenefw.core.tabletop import TabletopGeometry
-from scenefw.core.types import Camera, HeightGrid
+from scenefw.core.types import Camera
 from scenefw.data.tabletop import TabletopScenes
 from scenefw.kernels.meshes import Tree
 from scenefw.renderers.mesh_raycaster import MeshRaycaster

@@ -12,12 +12,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import Tensor
 
+    from scenefw.core.height_maps import HeightGrid, HeightMap
     from scenefw.core.types import (
         CameraBatch,
         Frame,
         GridSpec,
-        HeightGrid,
-        HeightMap,
         PartialTSDF,
         Pose,
         Scene,

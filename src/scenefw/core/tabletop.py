@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from scenefw.core.types import Camera, Float32, Float64, Frame, HeightGrid, HeightMap, Int32
+    from scenefw.core.height_maps import HeightGrid, HeightMap
+    from scenefw.core.types import Camera, Float32, Float64, Frame, Int32
 
 PLAIN, STRIPES, CHECKER, NOISE, WOOD, SPECKLE = range(6)
 """Kinds of texture."""

@@ -4,8 +4,9 @@ import hashlib
 from pathlib import Path
 
 from scenefw.core.errors import ConfigError
+from scenefw.core.height_maps import HeightMap
 from scenefw.core.protocols import FrameSource, HeightMapping
-from scenefw.core.types import Frame, HeightMap
+from scenefw.core.types import Frame
 from scenefw.data.height_maps import load_map, save_map
 
 

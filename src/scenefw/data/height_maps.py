@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import replacing
-from scenefw.core.types import HeightGrid, HeightMap
+from scenefw.core.height_maps import HeightGrid, HeightMap
 
 VERSION = 1
 _PREFIX = "state/"

@@ -12,8 +12,9 @@ from scipy.ndimage import maximum_filter, minimum_filter
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import replacing, write_text
+from scenefw.core.height_maps import HeightMap
 from scenefw.core.labels import UNKNOWN
-from scenefw.core.types import Camera, Frame, HeightMap
+from scenefw.core.types import Camera, Frame
 from scenefw.data.sequences import write_sequence
 from scenefw.representations.height_map import view
 

@@ -12,10 +12,11 @@ from rich.progress import track
 from torch import Tensor
 
 from scenefw.core.errors import ConfigError
+from scenefw.core.height_maps import HeightMap
 from scenefw.core.labels import UNKNOWN
 from scenefw.core.protocols import FrameSource, Noise
 from scenefw.core.rng import generator
-from scenefw.core.types import Frame, HeightMap, SegmentationBatch
+from scenefw.core.types import Frame, SegmentationBatch
 from scenefw.data.modules import EpochBatches, IndexBatch
 from scenefw.kernels.cameras import stack_cameras
 

@@ -19,13 +19,14 @@ import numpy as np
 from scenefw.core import rng as streams
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.geometry import look_at
+from scenefw.core.height_maps import HeightGrid, HeightMap
 from scenefw.core.tabletop import (
     TabletopGeometry,
     TabletopRenderer,
     TabletopScene,
     TabletopSource,
 )
-from scenefw.core.types import Camera, Frame, HeightGrid, HeightMap
+from scenefw.core.types import Camera, Frame
 from scenefw.data.view_cache import ViewCache, exact, key_of
 
 _VIEW_STREAM = 1  # apart from the stream that makes the scene

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenefw.core.files import replacing
+from scenefw.core.height_maps import HeightGrid, HeightMap
 from scenefw.core.tabletop import TabletopGeometry
-from scenefw.core.types import Camera, Frame, HeightGrid, HeightMap
+from scenefw.core.types import Camera, Frame
 
 STEP = 5e-5
 """Depth on disk is a multiple of this (m)."""

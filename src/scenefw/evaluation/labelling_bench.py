@@ -13,8 +13,9 @@ from scenefw.evaluation.stopwatch import SharedWork
 from scenefw.noise.frames import disturb
 
 if TYPE_CHECKING:
+    from scenefw.core.height_maps import HeightMap
     from scenefw.core.protocols import FrameSource, Noise, RunningLabelling
-    from scenefw.core.types import Frame, HeightMap
+    from scenefw.core.types import Frame
 
 
 class SharingLabelling(Protocol):

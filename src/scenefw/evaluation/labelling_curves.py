@@ -22,7 +22,7 @@ from scenefw.evaluation.labelling_results import (
 )
 
 if TYPE_CHECKING:
-    from scenefw.core.types import HeightMap
+    from scenefw.core.height_maps import HeightMap
     from scenefw.evaluation.labelling_bench import Bench, Snapshot
 
 Tracker = Callable[[Sequence[int], str], Iterable[int]]

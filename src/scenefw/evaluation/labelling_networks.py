@@ -14,6 +14,7 @@ from scenefw.metrics.semantic import class_ious, count_classes, mean_iou, weight
 from scenefw.noise.frames import disturb
 
 if TYPE_CHECKING:
+    from scenefw.core.height_maps import HeightMap
     from scenefw.core.protocols import (
         FrameSource,
         HeightMapping,
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
         MapLabelSource,
         Noise,
     )
-    from scenefw.core.types import HeightMap
 
 Counts = NDArray[np.int64]
 Tracker = Callable[[Sequence[int], str], Iterable[int]]

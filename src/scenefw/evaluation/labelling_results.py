@@ -18,7 +18,7 @@ from scenefw.evaluation.statistics import Interval, mean_interval, paired_interv
 from scenefw.metrics.semantic import class_ious, count_classes, mean_iou
 
 if TYPE_CHECKING:
-    from scenefw.core.types import HeightMap
+    from scenefw.core.height_maps import HeightMap
     from scenefw.evaluation.labelling_bench import Snapshot
 
 VIEW_BASED, MAP_BASED, HYBRID = "view_based", "map_based", "hybrid"

@@ -17,7 +17,8 @@ from scenefw.labelling.pooling import Reconstruction, Weights, fit_weights, pool
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from scenefw.core.types import Float32, HeightMap, Int32
+    from scenefw.core.height_maps import HeightMap
+    from scenefw.core.types import Float32, Int32
     from scenefw.evaluation.labelling_bench import Bench, Snapshot
 
 Tracker = Callable[[Sequence[int], str], Iterable[int]]

@@ -10,6 +10,7 @@ from scenefw.evaluation.stopwatch import OTHER
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from scenefw.core.height_maps import HeightGrid, HeightMap
     from scenefw.core.protocols import (
         HeightMapping,
         LabelSource,
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
         RunningLabels,
         SemanticMapping,
     )
-    from scenefw.core.types import Float32, Frame, HeightGrid, HeightMap
+    from scenefw.core.types import Float32, Frame
     from scenefw.evaluation.stopwatch import SharedWork
 
 LOADING = "data loading"

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from scenefw.core.errors import ConfigError
-from scenefw.core.types import Float32, HeightMap
+from scenefw.core.height_maps import HeightMap
+from scenefw.core.types import Float32
 
 
 class ByHeight:

@@ -13,13 +13,14 @@ from scenefw.labelling.running import known, labelled
 from scenefw.labelling.view_based import RunningViewBased, ViewBased
 
 if TYPE_CHECKING:
+    from scenefw.core.height_maps import HeightMap
     from scenefw.core.protocols import (
         HeightMapping,
         LabelSource,
         MapLabelSource,
         SemanticMapping,
     )
-    from scenefw.core.types import Float32, Frame, HeightMap
+    from scenefw.core.types import Float32, Frame
     from scenefw.labelling.key_frames import KeyFrames
     from scenefw.labelling.running import Share, Sources, States
 
@@ -28,7 +29,7 @@ class Hybrid:
     """Fuses labels of views and refines them by labels of the map, as probabilities.
 
     The thesis only proposes it (4.9). Both distributions of a vertex are pooled (`pooling`), with
-    weights that were estimated on scenes of their own by `run=calibrate`.
+    weights that were estimated on scenes of their own (`experiment=hybrid_weights`).
 
     Args:
         heights: fuses depth and colour of all frames.

@@ -15,8 +15,9 @@ from scenefw.labelling.running import (
 )
 
 if TYPE_CHECKING:
+    from scenefw.core.height_maps import HeightMap
     from scenefw.core.protocols import HeightMapping, MapLabelSource
-    from scenefw.core.types import Float32, Frame, HeightMap
+    from scenefw.core.types import Float32, Frame
     from scenefw.labelling.running import Share, States
 
 

@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from scenefw.core.types import Float32, HeightMap, Int32
+    from scenefw.core.height_maps import HeightMap
+    from scenefw.core.types import Float32, Int32
 
 _LARGEST = 20.0  # of the weights that calibration tries
 _PRIOR = 1e-3  # pulls weights that vertices say little about towards 1

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenefw.core.errors import InputError
+from scenefw.core.height_maps import HeightGrid, HeightMap
 from scenefw.core.labels import NO_SOURCE, UNKNOWN
 from scenefw.core.protocols import HeightMapping, RunningHeights, RunningLabels, SemanticMapping
-from scenefw.core.types import Float32, HeightGrid, HeightMap
+from scenefw.core.types import Float32
 
 Sources = NDArray[np.uint8]
 State = Mapping[str, NDArray[Any]]

@@ -12,8 +12,9 @@ import torch
 from numpy.typing import NDArray
 
 from scenefw.core.errors import CheckpointError, ConfigError, InputError
+from scenefw.core.height_maps import HeightMap
 from scenefw.core.rng import generator
-from scenefw.core.types import Frame, HeightMap
+from scenefw.core.types import Frame
 from scenefw.data.segmentation import image_tensor
 from scenefw.labelling.sliding_window import SlidingWindow
 

@@ -16,8 +16,9 @@ from scenefw.labelling.running import (
 )
 
 if TYPE_CHECKING:
+    from scenefw.core.height_maps import HeightMap
     from scenefw.core.protocols import HeightMapping, LabelSource, SemanticMapping
-    from scenefw.core.types import Frame, HeightMap
+    from scenefw.core.types import Frame
     from scenefw.labelling.key_frames import KeyFrames
     from scenefw.labelling.running import Share, States
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.core.types import Frame, HeightGrid, HeightMap
+from scenefw.core.height_maps import HeightGrid, HeightMap
+from scenefw.core.types import Frame
 from scenefw.kernels import heights as kernels
 from scenefw.kernels.compile import float32
 from scenefw.mapping.pyramid import Landed, Pyramid

@@ -10,7 +10,8 @@ import torch
 from numpy.typing import NDArray
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.core.types import Camera, Frame, HeightGrid, HeightMap
+from scenefw.core.height_maps import HeightGrid, HeightMap
+from scenefw.core.types import Camera, Frame
 from scenefw.kernels import label_fusion
 from scenefw.kernels.cameras import finite, stack_cameras
 from scenefw.kernels.compile import float32

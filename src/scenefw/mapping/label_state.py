@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.core.types import Frame, HeightGrid
+from scenefw.core.height_maps import HeightGrid
+from scenefw.core.types import Frame
 
 _LEAST = 1e-7  # of a probability taken from a map file, which may be float16
 

@@ -8,7 +8,8 @@ import torch
 from torch import Tensor
 
 from scenefw.core.errors import ConfigError
-from scenefw.core.types import Camera, Frame, HeightGrid
+from scenefw.core.height_maps import HeightGrid
+from scenefw.core.types import Camera, Frame
 from scenefw.kernels import triangles
 from scenefw.kernels.cameras import finite, stack_cameras
 from scenefw.kernels.compile import float32

@@ -10,7 +10,8 @@ import torch
 from numpy.typing import NDArray
 
 from scenefw.core.errors import ConfigError
-from scenefw.core.types import Frame, HeightGrid, HeightMap
+from scenefw.core.height_maps import HeightGrid, HeightMap
+from scenefw.core.types import Frame
 from scenefw.kernels import label_fusion
 from scenefw.kernels.compile import float32
 from scenefw.mapping.label_state import (

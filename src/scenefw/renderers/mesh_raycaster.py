@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from scenefw.core.errors import ConfigError
+from scenefw.core.height_maps import HeightGrid, HeightMap
 from scenefw.core.tabletop import TabletopGeometry
-from scenefw.core.types import Camera, Frame, HeightGrid, HeightMap
+from scenefw.core.types import Camera, Frame
 from scenefw.kernels import meshes, shading, textures
 from scenefw.kernels.compile import float32
 from scenefw.kernels.meshes import Tree

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenefw.core.errors import ConfigError, MissingDependencyError
+from scenefw.core.height_maps import HeightGrid, HeightMap
 from scenefw.core.tabletop import TabletopGeometry
-from scenefw.core.types import Camera, Frame, HeightGrid, HeightMap
+from scenefw.core.types import Camera, Frame
 from scenefw.renderers.baking import colour_of_points, refined, table_image
 
 _HALF = 2.0  # m: half of the side of the table that is drawn

@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image
 
 from scenefw.core.files import replacing
-from scenefw.core.types import HeightMap
+from scenefw.core.height_maps import HeightMap
 from scenefw.report.gallery import beside, save_picture
 from scenefw.report.labelling_pictures import (
     class_legend,

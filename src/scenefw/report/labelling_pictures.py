@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from scenefw.core.height_maps import HeightMap
 from scenefw.core.labels import FROM_BOTH, FROM_MAP, FROM_VIEWS
-from scenefw.core.types import HeightMap
 from scenefw.evaluation.labelling_results import Example
 from scenefw.report.gallery import beside
 from scenefw.report.palette import class_colours

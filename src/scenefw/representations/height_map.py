@@ -3,8 +3,9 @@
 import numpy as np
 import torch
 
+from scenefw.core.height_maps import HeightGrid, HeightMap
 from scenefw.core.labels import UNKNOWN
-from scenefw.core.types import Camera, Frame, HeightGrid, HeightMap
+from scenefw.core.types import Camera, Frame
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.kernels.compile import float32
 from scenefw.kernels.height_fields import cast

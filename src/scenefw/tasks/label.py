@@ -24,7 +24,8 @@ from scenefw.report.growth import Growth
 from scenefw.report.labelling_pictures import map_picture
 
 if TYPE_CHECKING:
-    from scenefw.core.types import Frame, HeightGrid, HeightMap
+    from scenefw.core.height_maps import HeightGrid, HeightMap
+    from scenefw.core.types import Frame
 
 MAP, PICTURE = "map.npz", "map.png"
 

@@ -3,8 +3,9 @@
 import numpy as np
 
 from scenefw.core.geometry import look_at
+from scenefw.core.height_maps import HeightGrid, HeightMap
 from scenefw.core.rng import generator
-from scenefw.core.types import Camera, Frame, HeightGrid, HeightMap
+from scenefw.core.types import Camera, Frame
 
 COLOURS = np.array([[120, 120, 120], [200, 40, 40], [40, 60, 200]], np.uint8)
 HEIGHTS = np.array([0.0, 0.02, 0.03], np.float32)

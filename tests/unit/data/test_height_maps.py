@@ -5,7 +5,7 @@ import pytest
 from tests.unit.mapping import tables
 
 from scenefw.core.errors import InputError
-from scenefw.core.types import HeightGrid, HeightMap
+from scenefw.core.height_maps import HeightGrid, HeightMap
 from scenefw.data.height_maps import load_map, save_map
 from scenefw.mapping.height_fusion import HeightFusion
 from scenefw.mapping.semantic_fusion import SemanticFusion

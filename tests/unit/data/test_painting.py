@@ -6,7 +6,8 @@ from PIL import Image
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.geometry import look_at
-from scenefw.core.types import Camera, Frame, HeightGrid
+from scenefw.core.height_maps import HeightGrid
+from scenefw.core.types import Camera, Frame
 from scenefw.data.painting import (
     export_painting,
     load_painting,

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from tests.unit.data.rectangles import COLOURS, HEIGHTS, Rectangles
 
 from scenefw.core.errors import ConfigError
-from scenefw.core.types import HeightGrid
+from scenefw.core.height_maps import HeightGrid
 from scenefw.data.modules import IndexBatch
 from scenefw.data.segmentation import (
     ColourJitter,

@@ -4,7 +4,7 @@ from tests.unit.evaluation.test_labelling_bench import strategies
 from tests.unit.labelling.fakes import CLASSES, GRID, Scenes, truth
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.core.types import HeightGrid, HeightMap
+from scenefw.core.height_maps import HeightGrid, HeightMap
 from scenefw.evaluation.labelling_bench import Bench, Snapshot
 from scenefw.evaluation.labelling_curves import LabellingCurves, frame_counts
 from scenefw.evaluation.labelling_noise import GatheredNoise, LabellingNoise

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.unit.mapping import tables
 
-from scenefw.core.types import HeightGrid
+from scenefw.core.height_maps import HeightGrid
 from scenefw.mapping.height_fusion import HeightFusion
 from scenefw.mapping.image_space_fusion import ImageSpaceFusion
 from scenefw.mapping.semantic_fusion import SemanticFusion

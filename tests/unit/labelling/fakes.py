@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from scenefw.core.types import Camera, Frame, HeightGrid, HeightMap
+from scenefw.core.height_maps import HeightGrid, HeightMap
+from scenefw.core.types import Camera, Frame
 
 GRID = HeightGrid(vertices=33, extent=0.32, lower=(-0.16, -0.16), levels=6)
 CLASSES = ("surface", "book", "pen")

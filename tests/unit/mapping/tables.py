@@ -4,7 +4,8 @@ import numpy as np
 from tests.unit.kernels import analytic
 
 from scenefw.core.geometry import look_at
-from scenefw.core.types import Camera, Frame, HeightGrid
+from scenefw.core.height_maps import HeightGrid
+from scenefw.core.types import Camera, Frame
 
 SMALL = HeightGrid(vertices=33, extent=0.128, lower=(-0.064, -0.064), levels=1)
 LEVELS = HeightGrid(vertices=65, extent=0.256, lower=(-0.128, -0.128), levels=3)

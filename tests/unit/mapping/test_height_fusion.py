@@ -8,7 +8,8 @@ from scipy.sparse.linalg import spsolve
 from tests.unit.mapping import tables
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.core.types import Frame, HeightGrid
+from scenefw.core.height_maps import HeightGrid
+from scenefw.core.types import Frame
 from scenefw.mapping.height_fusion import HeightFusion
 
 

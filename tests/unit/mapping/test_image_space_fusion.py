@@ -7,7 +7,7 @@ from tests.unit.mapping.test_semantic_fusion import certain, distributions
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.geometry import inverse, transform_points
-from scenefw.core.types import HeightMap
+from scenefw.core.height_maps import HeightMap
 from scenefw.mapping.image_space_fusion import ImageSpaceFusion
 
 

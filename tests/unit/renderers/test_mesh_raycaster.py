@@ -8,8 +8,9 @@ import torch
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import look_at
+from scenefw.core.height_maps import HeightGrid
 from scenefw.core.tabletop import PLAIN, Light, TabletopItem
-from scenefw.core.types import Camera, HeightGrid
+from scenefw.core.types import Camera
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
 from scenefw.scenes.tabletop import TabletopGenerator, assemble
 from scenefw.shapes.tabletop import parts

@@ -7,8 +7,9 @@ import pytest
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import look_at
+from scenefw.core.height_maps import HeightGrid
 from scenefw.core.tabletop import NOISE
-from scenefw.core.types import Camera, HeightGrid
+from scenefw.core.types import Camera
 from scenefw.renderers.baking import refined
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
 from scenefw.renderers.physically_based import PhysicallyBased

@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.core.types import HeightGrid
+from scenefw.core.height_maps import HeightGrid
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
 from scenefw.scenes.tabletop import TabletopGenerator
 from scenefw.shapes.shapenet import ShapeNetModels, read_model

@@ -3,7 +3,8 @@
 import numpy as np
 
 from scenefw.core.geometry import rigid
-from scenefw.core.types import Camera, HeightGrid, HeightMap
+from scenefw.core.height_maps import HeightGrid, HeightMap
+from scenefw.core.types import Camera
 from scenefw.representations.height_map import view
 
 GRID = HeightGrid(129)

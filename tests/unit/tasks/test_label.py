@@ -207,7 +207,7 @@ def test_a_map_of_other_classes_and_wrong_paint(scenefw, sequence, tmp_path):
 
 
 def table_of(vertices):
-    from scenefw.core.types import HeightGrid, HeightMap
+    from scenefw.core.height_maps import HeightGrid, HeightMap
 
     blank = np.zeros((vertices, vertices), np.float32)
     colour = np.zeros((vertices, vertices, 3), np.uint8)
