@@ -17,6 +17,7 @@ from scenefw.core.labels import UNKNOWN
 from scenefw.core.protocols import FrameSource, Noise
 from scenefw.core.rng import generator
 from scenefw.core.types import Frame, SegmentationBatch
+from scenefw.data.distances import DEPTH, HEIGHT, distance_image
 from scenefw.data.modules import EpochBatches, IndexBatch
 from scenefw.kernels.cameras import stack_cameras
 
@@ -42,6 +43,7 @@ class Samples(Protocol):
     """Numbered samples, drawn anew each epoch."""
 
     kind: str
+    geometry: str
     classes: Sequence[str]
     source: FrameSource
 
@@ -83,7 +85,7 @@ class ColourJitter:
 
 
 class ViewSamples:
-    """Views of scenes: colour, depth, labels (thesis 4.6.1, fig. 4.16).
+    """Views of scenes: colour, depth or height, labels (thesis 4.6.1, fig. 4.16).
 
     Args:
         source: the scenes.
@@ -93,6 +95,7 @@ class ViewSamples:
         jitter: changes the light; None leaves it.
         memory: megabytes of views kept, the first ones; the others are fetched again.
         seed: of noise and light.
+        geometry: the network sees depth (as in the thesis), or height above the table.
     """
 
     kind = "views"
@@ -105,8 +108,10 @@ class ViewSamples:
         jitter: ColourJitter | None = None,
         memory: float = 1500.0,
         seed: int = 0,
+        geometry: str = DEPTH,
     ) -> None:
         self.source, self.views, self.jitter, self.seed = source, views, jitter, seed
+        self.geometry = geometry
         self.noise = {n: noise[n] for n in sorted(noise or {}) if hasattr(noise[n], "apply")}  # type: ignore[index]
         self.classes = tuple(source.classes)
         self._kept = Kept(memory)
@@ -123,8 +128,7 @@ class ViewSamples:
             rng = generator(self.seed, _VIEW, epoch, index)
             depth = self._disturbed(frame, rng)
             colour = self.jitter.apply(colour, rng) if self.jitter else colour
-        distance = np.where(depth > 0, depth, np.float32(np.nan))
-        return LabelledImage(colour, distance, labels)
+        return LabelledImage(colour, distance_image(frame, self.geometry, depth), labels)
 
     def fetch(self, scene: int) -> bool:
         """Keeps the views of a scene, which are fastest made together; whether there is room."""
@@ -164,6 +168,7 @@ class MapCrops:
     """
 
     kind = "maps"
+    geometry = HEIGHT
 
     def __init__(
         self,
@@ -309,6 +314,7 @@ class SegmentationData(lightning.LightningDataModule):
         """What a network learns from."""
         return {
             "input": self.train.kind,
+            "geometry": self.train.geometry,
             "classes": list(self.classes),
             "images": len(self.train),
             "batch_size": self.batch_size,

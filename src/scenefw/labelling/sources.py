@@ -15,6 +15,7 @@ from scenefw.core.errors import CheckpointError, ConfigError, InputError
 from scenefw.core.height_maps import HeightMap
 from scenefw.core.rng import generator
 from scenefw.core.types import Frame
+from scenefw.data.distances import DEPTH, distance_image
 from scenefw.data.segmentation import image_tensor
 from scenefw.labelling.sliding_window import SlidingWindow
 
@@ -48,6 +49,7 @@ class NetworkLabels:
         device: str = "cpu",
     ) -> None:
         self.classes = agreed_classes(checkpoint, classes, "views")
+        self.geometry = str(checkpoint.metadata.get("geometry", DEPTH))
         self.device = torch.device(device)
         self.model = _ready(checkpoint.model, self.device)
 
@@ -60,8 +62,7 @@ class NetworkLabels:
         """
         if frame.colour is None:
             raise InputError(f"frame {frame.name} has no colour image, which the network needs")
-        depth = torch.from_numpy(frame.depth)
-        distance = torch.where(depth > 0, depth, torch.nan)[None, None]
+        distance = torch.from_numpy(distance_image(frame, self.geometry))[None, None]
         colour = image_tensor(frame.colour)[None]
         scores = self.model(colour.to(self.device), distance.to(self.device))
         return scores[0].float().softmax(dim=0).cpu().numpy()

@@ -5,19 +5,19 @@ from pathlib import Path
 from torch import nn
 
 from scenefw.core.errors import CheckpointError
-from scenefw.learning.checkpoint import load_checkpoint
+from scenefw.learning.checkpoint import SHAPE_INSTANCE, load_checkpoint
 
 
-def start_from(model: nn.Module, path: Path | str) -> nn.Module:
+def start_from(model: nn.Module, path: Path | str, task: str = SHAPE_INSTANCE) -> nn.Module:
     """Gives a network the weights of a checkpoint; returns the network.
 
     Children that only training needs (`training_only`) may be missing there, as in the weights that
     ship, and start anew.
 
     Raises:
-        CheckpointError: the file is unusable, or of a network of other layers.
+        CheckpointError: the file is unusable, for another task, or of other layers.
     """
-    weights = load_checkpoint(path).model.state_dict()
+    weights = load_checkpoint(path, task=task).model.state_dict()
     own = model.state_dict()
     optional = getattr(model, "training_only", ())
     missing = [n for n in own if n not in weights and n.split(".")[0] not in optional]

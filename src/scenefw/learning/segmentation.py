@@ -1,6 +1,7 @@
 """Training of labelling networks on views or on crops of height maps."""
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from scenefw.core.rng import torch_seed
 from scenefw.core.types import SegmentationBatch
 from scenefw.data.modules import IndexBatch
 from scenefw.learning.checkpoint import SEGMENTATION
+from scenefw.learning.initial import start_from
 from scenefw.learning.module import TrainingModule
 from scenefw.learning.schedules import ExponentialDecay, Schedule
 from scenefw.metrics.semantic import class_ious, count_classes, mean_iou, weighted_iou
@@ -34,6 +36,7 @@ class SegmentationLearning(TrainingModule):
         schedule: factor of the learning rate; None means x0.96 every 1e5 steps (thesis 4.7.1).
         average: decay of the moving average of weights that is validated and exported; 0: none.
         seed: seed of dropout.
+        initial: checkpoint whose weights to start from; None starts from random ones.
         channels_last: memory format of the network, faster on CPUs and on tensor cores.
     """
 
@@ -48,9 +51,12 @@ class SegmentationLearning(TrainingModule):
         schedule: Schedule | None = None,
         average: float = 0.998,
         seed: int = 0,
+        initial: str | Path | None = None,
         *,
         channels_last: bool = True,
     ) -> None:
+        if initial is not None:
+            start_from(model, initial, SEGMENTATION)
         model = model.to(memory_format=torch.channels_last) if channels_last else model
         schedule = schedule or ExponentialDecay()
         super().__init__(model, learning_rate, weight_decay, schedule, average, seed)

@@ -114,3 +114,15 @@ def test_any_function(frame):
     np.testing.assert_array_equal(same, ids)
     with pytest.raises(InputError, match="expected ids"):
         FunctionLabels(lambda f: f.labels[:3], CLASSES).label(frame)
+
+
+def test_a_network_sees_the_geometry_that_it_was_trained_on(frame):
+    trained = checkpoint("views")
+    by_depth = NetworkLabels(trained).label(frame)
+    trained.metadata["geometry"] = "height"
+    by_height = NetworkLabels(trained).label(frame)
+    assert not np.allclose(by_depth, by_height)
+    higher = frame.camera.T_world_camera.copy()
+    higher[2, 3] += 0.5
+    moved = replace(frame, camera=frame.camera.moved(higher))
+    assert not np.allclose(by_height, NetworkLabels(trained).label(moved))

@@ -37,3 +37,10 @@ def test_weights_of_another_network_are_refused(tmp_path):
     save_checkpoint(tmp_path / "a.safetensors", other, other.recipe, GridSpec(16))
     with pytest.raises(CheckpointError, match="another network"):
         start_from(network(8), tmp_path / "a.safetensors")
+
+
+def test_a_network_for_another_task_is_refused(tmp_path):
+    stored = network()
+    save_checkpoint(tmp_path / "a.safetensors", stored, stored.recipe, GridSpec(8))
+    with pytest.raises(CheckpointError, match="trained for"):
+        start_from(network(), tmp_path / "a.safetensors", "segmentation")
