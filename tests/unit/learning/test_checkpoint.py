@@ -156,3 +156,12 @@ def test_what_only_training_needs_can_be_left_out(tmp_path, path, model):
 def test_unknown_weights_are_told_which_there_are():
     with pytest.raises(CheckpointError, match="simstack"):
         load_checkpoint(shipped="nothing")
+
+
+@pytest.mark.parametrize(("name", "kind"), [("label_views", "views"), ("label_maps", "maps")])
+def test_the_labelling_networks_that_ship_say_what_they_are(name, kind):
+    found = load_checkpoint(task="segmentation", shipped=name)
+    assert found.metadata["input"] == kind
+    assert found.metadata["classes"] == ["surface", "remote_control", "keyboard", "model_plane"]
+    assert found.model.classes == 4
+    assert shipped_checkpoint(name).stat().st_size < 12e6

@@ -7,12 +7,14 @@ from tests.unit.tasks.recordings import CLASSES, GRID, frames, table
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.geometry import inverse, rigid
+from scenefw.core.height_maps import HeightGrid
 from scenefw.data.height_maps import load_map, save_map
 from scenefw.data.sequences import transformed, write_sequence
 from scenefw.labelling.by_height import ByHeight
 from scenefw.labelling.hybrid import Hybrid
 from scenefw.labelling.map_based import MapBased
-from scenefw.labelling.sources import TrueLabels
+from scenefw.labelling.sources import NetworkMapLabels, TrueLabels
+from scenefw.learning.checkpoint import load_checkpoint
 from scenefw.mapping.height_fusion import HeightFusion
 from scenefw.mapping.semantic_fusion import SemanticFusion
 from scenefw.tasks.label import Label
@@ -212,3 +214,19 @@ def table_of(vertices):
     blank = np.zeros((vertices, vertices), np.float32)
     colour = np.zeros((vertices, vertices, 3), np.uint8)
     return HeightMap(HeightGrid(vertices), blank, colour, blank, blank)
+
+
+def test_a_real_image_becomes_a_map_whose_table_is_flat(real_data, tmp_path):
+    grid = HeightGrid(257)
+    network = NetworkMapLabels(load_checkpoint(task="segmentation", shipped="label_maps"))
+    strategies = {"map_based": MapBased(HeightFusion(grid), network)}
+    image = real_data / "real" / "realsense_table" / "uois_1.npz"
+    figures = Label(image, strategies, grid, tmp_path).run()
+    assert figures["failed"] == 0
+    found = load_map(tmp_path / "uois_1" / "map.npz", grid).height_map
+    surface = found.seen & (found.labels == 0)
+    assert 0.3 < found.seen.mean() < 0.9  # the camera sees neither all of it nor behind objects
+    assert surface.sum() > 0.5 * found.seen.sum()
+    assert np.median(np.abs(found.heights[surface])) < 0.005
+    raised = found.seen & (np.nan_to_num(found.heights) > 0.03)
+    assert (found.labels[raised] > 0).mean() > 0.7
