@@ -13,8 +13,7 @@ about the vertex, since that is what a network that reads the map depends on.
 
 from __future__ import annotations
 
-import itertools
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,8 +32,6 @@ if TYPE_CHECKING:
 
 _LARGEST = 20.0  # of the weights that calibration tries
 _PRIOR = 1e-3  # pulls weights that vertices say little about towards 1
-_LEAST_WEIGHT = 1e-2  # so that an expert without a say can be given one
-_TILTS = (*range(-10, -4, 2), *range(-4, 5), *range(6, 11, 2))
 _LEAST_DOUBT, _MOST_DOUBT = 1e-6, 0.5
 
 
@@ -122,12 +119,7 @@ def pool(views: Float32, of_map: Float32, well: Float32, weights: Weights) -> Fl
 
 
 def fit_weights(views: Float32, of_map: Float32, well: Float32, truth: Int32) -> Weights:
-    """Weights of a calibrated pool that is right as often as can be, classes counting the same.
-
-    First those of least negative log-likelihood of the true classes. Likelihood shuns an expert
-    that is now and then wrong when it is sure, also where it is right most often; so the say of
-    the one against the other is then shifted, for poor and for good maps, to where the pool's class
-    is right most often. It is never right less often than the better expert there, but for ties.
+    """Weights of least negative log-likelihood of the true classes, each class counting the same.
 
     Classes count the same because the mean IoU that strategies are compared by gives a small class
     as much say as the surface.
@@ -158,24 +150,7 @@ def fit_weights(views: Float32, of_map: Float32, well: Float32, truth: Int32) ->
         for start in _STARTS
     ]
     best = min(found, key=lambda result: float(result.fun))
-    likely = Weights(*(float(value) for value in best.x))
-
-    def rightness(tilts: tuple[float, float]) -> tuple[float, float]:
-        chosen = pool(views, of_map, well, _tilted(likely, *tilts)).argmax(axis=0)
-        return float(share[chosen == truth].sum()), -abs(tilts[0]) - abs(tilts[1])
-
-    return _tilted(likely, *max(itertools.product(_TILTS, _TILTS), key=rightness))
-
-
-def _tilted(weights: Weights, poor: float, well: float) -> Weights:
-    """Weights with the map's say against that of the views raised by powers of two."""
-    return replace(
-        weights,
-        views_poor=max(weights.views_poor, _LEAST_WEIGHT) * 2 ** (-poor / 2),
-        views_well=max(weights.views_well, _LEAST_WEIGHT) * 2 ** (-well / 2),
-        map_poor=max(weights.map_poor, _LEAST_WEIGHT) * 2 ** (poor / 2),
-        map_well=max(weights.map_well, _LEAST_WEIGHT) * 2 ** (well / 2),
-    )
+    return Weights(*(float(value) for value in best.x))
 
 
 def disagreement(views: Float32, of_map: Float32, pooled: Float32) -> Sequence[NDArray[np.bool_]]:

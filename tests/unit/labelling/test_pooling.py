@@ -69,19 +69,6 @@ def test_calibration_finds_the_better_expert_of_each_place():
     )
 
 
-def test_the_pool_is_right_as_often_as_the_better_expert():
-    rng = np.random.default_rng(3)
-    truth = rng.integers(0, 3, 6000).astype(np.int32)
-    well = rng.random(6000).astype(np.float32)
-    sure = expert(rng, truth, 0.9) ** 8  # right most often, and far too sure when it is wrong
-    sure /= sure.sum(axis=0)
-    views = expert(rng, truth, 0.6)
-    for first, second in ((sure, views), (views, sure)):
-        weights = fit_weights(first, second, well, truth)
-        pooled = pool(first, second, well, weights).argmax(axis=0)
-        assert np.mean(pooled == truth) >= np.mean(sure.argmax(axis=0) == truth) - 0.002
-
-
 def test_calibration_needs_vertices():
     nothing = np.zeros((3, 0), np.float32)
     with pytest.raises(InputError, match="no vertex"):
