@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -42,7 +43,28 @@ class _Entry:
     pose: NDArray[np.float64] | None
 
 
-class RGBDFolder:
+class _Sequence(ABC):
+    """Numbered frames; a subclass finds their files."""
+
+    _frames: _Frames
+
+    @abstractmethod
+    def __init__(self, path: Path | str) -> None: ...
+
+    def __len__(self) -> int:
+        """Number of frames."""
+        return len(self._frames.entries)
+
+    def __getitem__(self, index: int) -> Frame:
+        """One frame; raises an InputError if its files are unusable."""
+        return self._frames.read(index)
+
+    def __iter__(self) -> Iterator[Frame]:
+        """All frames in order."""
+        return (self[i] for i in range(len(self)))
+
+
+class RGBDFolder(_Sequence):
     """A folder with `depth/`, maybe `rgb/` and `labels/`, `poses.txt` and an intrinsics file.
 
     Depth images are 16-bit .png or .npy, in the order of their names; colours and labels have the
@@ -81,20 +103,8 @@ class RGBDFolder:
         entries = [_Entry(*each) for each in zip(depths, colours, labels, poses, strict=True)]
         self._frames = _Frames(entries, _intrinsics(path, intrinsics), depth_scale)
 
-    def __len__(self) -> int:
-        """Number of frames."""
-        return len(self._frames.entries)
 
-    def __getitem__(self, index: int) -> Frame:
-        """One frame; raises an InputError if its files are unusable."""
-        return self._frames.read(index)
-
-    def __iter__(self) -> Iterator[Frame]:
-        """All frames in order."""
-        return (self[i] for i in range(len(self)))
-
-
-class TUMSequence:
+class TUMSequence(_Sequence):
     """A sequence of the TUM RGB-D benchmark (Sturm et al. 2012).
 
     `rgb.txt` and `depth.txt` list times and files, `groundtruth.txt` times and poses (x y z qx qy
@@ -148,18 +158,6 @@ class TUMSequence:
             known = [entry.pose for entry in entries if entry.pose is not None]
             pose_files.require_smooth(known, largest_jump, str(path))
         self._frames = _Frames(entries, _intrinsics(path, intrinsics), depth_scale)
-
-    def __len__(self) -> int:
-        """Number of frames."""
-        return len(self._frames.entries)
-
-    def __getitem__(self, index: int) -> Frame:
-        """One frame; raises an InputError if its files are unusable."""
-        return self._frames.read(index)
-
-    def __iter__(self) -> Iterator[Frame]:
-        """All frames in order."""
-        return (self[i] for i in range(len(self)))
 
 
 def open_sequence(path: Path | str, **options: Any) -> RGBDFolder | TUMSequence:

@@ -1,11 +1,8 @@
 """Height and label fusion on the CUDA grid, in numba's simulator, equal the CPU's loops."""
 
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
+from tests.unit.kernels.simulator import simulate
 from tests.unit.mapping import tables
 
 from scenefw.core.height_maps import HeightGrid
@@ -14,7 +11,6 @@ from scenefw.mapping.image_space_fusion import ImageSpaceFusion
 from scenefw.mapping.semantic_fusion import SemanticFusion
 from scenefw.representations.height_map import view
 
-ROOT = os.fspath(tables.__file__.rsplit("tests", 1)[0])
 GRID = HeightGrid(vertices=17, extent=0.128, lower=(-0.064, -0.064), levels=2)
 
 
@@ -45,22 +41,7 @@ def results():
 @pytest.fixture(scope="module")
 def simulated(tmp_path_factory):
     file = tmp_path_factory.mktemp("simulated") / "results.npz"
-    program = (
-        "import sys, numpy\n"
-        "from scenefw.kernels.compile import Kernel\n"
-        "Kernel.__call__ = Kernel.simulate\n"
-        "from tests.unit.kernels.test_height_simulator import results\n"
-        "numpy.savez(sys.argv[1], **results())\n"
-    )
-    subprocess.run(
-        [sys.executable, "-c", program, os.fspath(file)],
-        cwd=ROOT,
-        env={**os.environ, "NUMBA_ENABLE_CUDASIM": "1", "NUMBA_DISABLE_JIT": "1"},
-        check=True,
-        timeout=300,
-    )
-    with np.load(file) as stored:
-        return dict(stored)
+    return simulate("tests.unit.kernels.test_height_simulator", file)
 
 
 @pytest.mark.parametrize(

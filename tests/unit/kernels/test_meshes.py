@@ -1,14 +1,11 @@
 """Rays through triangles against brute force, open3d and numba's CUDA simulator."""
 
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.unit.kernels.simulator import simulate
 
 from scenefw.core import tabletop
 from scenefw.core.geometry import look_at
@@ -16,8 +13,6 @@ from scenefw.core.tabletop import TabletopGeometry
 from scenefw.core.types import Camera
 from scenefw.kernels.meshes import NOTHING, TABLE, Tree
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
-
-ROOT = os.fspath(__file__.rsplit("tests", 1)[0])
 
 
 def soup(count, seed):
@@ -134,24 +129,10 @@ def results():
 
 def test_the_grid_of_threads_gives_what_the_loop_gives(tmp_path):
     file = tmp_path / "results.npz"
-    program = (
-        "import sys, numpy\n"
-        "from scenefw.kernels.compile import Kernel\n"
-        "Kernel.__call__ = Kernel.simulate\n"
-        "from tests.unit.kernels.test_meshes import results\n"
-        "numpy.savez(sys.argv[1], **results())\n"
-    )
-    subprocess.run(
-        [sys.executable, "-c", program, os.fspath(file)],
-        cwd=ROOT,
-        env={**os.environ, "NUMBA_ENABLE_CUDASIM": "1", "NUMBA_DISABLE_JIT": "1"},
-        check=True,
-        timeout=300,
-    )
+    simulated = simulate("tests.unit.kernels.test_meshes", file)
     expected = results()
-    with np.load(file) as simulated:
-        assert set(np.unique(expected["labels"])) == {0, 1, 2}
-        assert (np.abs(simulated["depth"] - expected["depth"]) > 1e-4).mean() <= 0.02
-        assert (simulated["labels"] != expected["labels"]).mean() <= 0.02
-        away = np.abs(simulated["colour"].astype(int) - expected["colour"]).max(axis=-1)
-        assert (away > 3).mean() <= 0.02
+    assert set(np.unique(expected["labels"])) == {0, 1, 2}
+    assert (np.abs(simulated["depth"] - expected["depth"]) > 1e-4).mean() <= 0.02
+    assert (simulated["labels"] != expected["labels"]).mean() <= 0.02
+    away = np.abs(simulated["colour"].astype(int) - expected["colour"]).max(axis=-1)
+    assert (away > 3).mean() <= 0.02

@@ -1,13 +1,10 @@
 """The CUDA grid, in numba's simulator in a process of its own, equals the CPU's loops."""
 
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 import torch
 from tests.unit.kernels import analytic
+from tests.unit.kernels.simulator import simulate
 
 from scenefw.core.types import GridSpec
 from scenefw.kernels.cameras import stack_cameras
@@ -15,7 +12,6 @@ from scenefw.mapping.inverse_ray_tracing import InverseRayTracing
 from scenefw.mapping.projective import Projective
 from scenefw.renderers.sphere_tracer import SphereTracer
 
-ROOT = os.fspath(analytic.__file__.rsplit("tests", 1)[0])
 GRID = GridSpec(resolution=10)
 EYES = ((0.8, 0.3, 0.6), (-0.2, 0.7, 0.9))
 
@@ -38,22 +34,7 @@ def results():
 @pytest.fixture(scope="module")
 def simulated(tmp_path_factory):
     file = tmp_path_factory.mktemp("simulated") / "results.npz"
-    program = (
-        "import sys, numpy\n"
-        "from scenefw.kernels.compile import Kernel\n"
-        "Kernel.__call__ = Kernel.simulate\n"
-        "from tests.unit.kernels.test_simulator import results\n"
-        "numpy.savez(sys.argv[1], **results())\n"
-    )
-    subprocess.run(
-        [sys.executable, "-c", program, os.fspath(file)],
-        cwd=ROOT,
-        env={**os.environ, "NUMBA_ENABLE_CUDASIM": "1", "NUMBA_DISABLE_JIT": "1"},
-        check=True,
-        timeout=300,
-    )
-    with np.load(file) as stored:
-        return dict(stored)
+    return simulate("tests.unit.kernels.test_simulator", file)
 
 
 @pytest.mark.parametrize(
