@@ -1,6 +1,6 @@
 """Batches of scene indices: what a training step turns into volumes on its own device."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -82,7 +82,8 @@ class StackData(lightning.LightningDataModule):
     """Hands out indices of the scenes of two splits (group `dataset`); no volume is ever stored.
 
     Args:
-        path: the `.npz` of a data set; None means the shipped one.
+        path: the `.npz` of a data set, the name of a shipped one (stacks, scattered), or several;
+            None means the shipped stacks.
         limit: at most this many training scenes; None means all.
         validation_limit: at most this many validation scenes; None means all.
         batch_size: scenes per step.
@@ -91,7 +92,7 @@ class StackData(lightning.LightningDataModule):
 
     def __init__(
         self,
-        path: str | None = None,
+        path: str | Sequence[str] | None = None,
         limit: int | None = None,
         validation_limit: int | None = 64,
         batch_size: int = 8,

@@ -1,6 +1,7 @@
-"""Stacks of superquadrics as parameters: the shipped data set, or one of `run=generate`."""
+"""Scenes of superquadrics as parameters: the shipped data sets, or those of `run=generate`."""
 
 import json
+from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 
@@ -13,16 +14,18 @@ from scenefw.core.errors import ConfigError, StorageError
 from scenefw.core.types import SceneParameters
 
 SPLITS = ("train", "val", "test")
+SHIPPED = {"stacks": "superquadric_stacks.npz", "scattered": "superquadric_scattered.npz"}
 _SHAPES = {"half_axes": 3, "exponents": 3, "positions": 3, "quaternions": 4}
 
 
 class StackScenes:
-    """Scenes of one split of a data set of superquadric stacks.
+    """Scenes of one split of one or several data sets of superquadrics.
 
     Args:
-        path: the `.npz` of a data set; None means the shipped one.
+        path: the `.npz` of a data set, or the name of a shipped one (stacks, scattered); several
+            are put one after the other; None means the shipped stacks.
         split: train, val, test or all.
-        limit: at most this many scenes, the first of the split; None means all.
+        limit: at most this many scenes of each data set, the first of the split; None means all.
 
     Raises:
         StorageError: the file is missing, damaged or no data set of stacks.
@@ -30,16 +33,19 @@ class StackScenes:
     """
 
     def __init__(
-        self, path: Path | str | None = None, split: str = "train", limit: int | None = None
+        self,
+        path: Path | str | Sequence[Path | str] | None = None,
+        split: str = "train",
+        limit: int | None = None,
     ) -> None:
-        self.path = Path(path) if path else shipped_stacks()
-        arrays = _read(self.path)
-        rows = _rows(arrays["split"], split, limit, self.path)
+        several = path if isinstance(path, Sequence) and not isinstance(path, str) else [path]
+        self.paths = [_file(entry) for entry in several]
+        arrays = _joined([_split(file, split, limit) for file in self.paths])
         self.split = split
-        self.indices = arrays["index"][rows]
-        self.masses = arrays["masses"][rows]
-        self._numbers = {name: torch.from_numpy(arrays[name][rows]) for name in _SHAPES}
-        count = torch.from_numpy(arrays["count"][rows].astype(np.int64))
+        self.indices = arrays["index"]
+        self.masses = arrays["masses"]
+        self._numbers = {name: torch.from_numpy(arrays[name]) for name in _SHAPES}
+        count = torch.from_numpy(arrays["count"].astype(np.int64))
         slots = torch.arange(self._numbers["half_axes"].shape[1])
         self._present = slots[None, :] < count[:, None]
 
@@ -63,14 +69,42 @@ class StackScenes:
         return SceneParameters(*(f.to(device) for f in fields))
 
     def manifest(self) -> dict[str, object]:
-        """What the file beside the data set says of its making; empty if there is none."""
-        path = self.path.with_suffix(".json")
+        """What the file beside the first data set says of its making; empty if there is none."""
+        path = self.paths[0].with_suffix(".json")
         return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
 
 
-def shipped_stacks() -> Path:
-    """The data set that comes with the package."""
-    return Path(str(resources.files("scenefw") / "assets" / "superquadric_stacks.npz"))
+def shipped_scenes(name: str = "stacks") -> Path:
+    """A data set that comes with the package: stacks or scattered."""
+    return Path(str(resources.files("scenefw") / "assets" / SHIPPED[name]))
+
+
+def _file(path: Path | str | None) -> Path:
+    name = "stacks" if path is None else str(path)
+    return shipped_scenes(name) if name in SHIPPED else Path(name)
+
+
+def _split(path: Path, split: str, limit: int | None) -> dict[str, np.ndarray]:
+    """The arrays of a data set, one row per scene of a split."""
+    arrays = _read(path)
+    rows = _rows(arrays["split"], split, limit, path)
+    return {name: array[rows] for name, array in arrays.items()}
+
+
+def _joined(sets: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Several data sets as one; scenes of few objects get empty slots."""
+    slots = max(arrays["half_axes"].shape[1] for arrays in sets)
+    return {
+        name: np.concatenate([_padded(a[name], slots) for a in sets])
+        for name in (*_SHAPES, "masses", "count", "index")
+    }
+
+
+def _padded(array: np.ndarray, slots: int) -> np.ndarray:
+    if array.ndim < 2:
+        return array
+    missing = slots - array.shape[1]
+    return np.pad(array, [(0, 0), (0, missing), *[(0, 0)] * (array.ndim - 2)])
 
 
 def _unit_where_empty(quaternions: Tensor) -> np.ndarray:

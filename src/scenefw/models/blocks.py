@@ -1,6 +1,24 @@
 """Building blocks of the 3D networks: convolution units, SE-residual blocks, reshaping."""
 
+import torch
 from torch import Tensor, nn
+
+_TINY = 2  # voxels per side
+
+
+class Conv3d(nn.Conv3d):
+    """Convolution that stays in float32 on volumes of 2^3 voxels or less on the CPU.
+
+    There oneDNN's gradient of bfloat16 weights is NaN at times (torch 2.13, 128 channels), and the
+    work is too small to matter.
+    """
+
+    def forward(self, volume: Tensor) -> Tensor:
+        """Features (B, C, X, Y, Z)."""
+        if volume.device.type == "cpu" and max(volume.shape[2:]) <= _TINY:
+            with torch.autocast("cpu", enabled=False):
+                return super().forward(volume.float())
+        return super().forward(volume)
 
 
 class ConvUnit(nn.Sequential):
@@ -24,7 +42,7 @@ class ConvUnit(nn.Sequential):
     ) -> None:
         padding = (kernel - 1) // 2 if padding is None else padding
         super().__init__(
-            nn.Conv3d(inputs, outputs, kernel, stride, padding, bias=False),
+            Conv3d(inputs, outputs, kernel, stride, padding, bias=False),
             nn.BatchNorm3d(outputs),
             nn.PReLU(),
         )
@@ -74,7 +92,7 @@ class ResidualBlock(nn.Module):
         super().__init__()
         self.body = nn.Sequential(
             ConvUnit(channels, channels),
-            nn.Conv3d(channels, channels, 3, padding=1, bias=False),
+            Conv3d(channels, channels, 3, padding=1, bias=False),
             nn.BatchNorm3d(channels),
             SqueezeExcitation(channels, reduction),
         )

@@ -39,9 +39,12 @@ class ConditionAutoencoder(nn.Module):
         )
 
     def encode(self, condition: Tensor) -> tuple[list[Tensor], Tensor]:
-        """Five feature maps, finest first, and the code (B, bottleneck) of (B, C, X, Y, Z)."""
+        """Six maps, finest first, and the code (B, bottleneck) of (B, C, X, Y, Z).
+
+        The first map is the condition itself, blocks of 2^3 voxels as channels; features follow.
+        """
         features = space_to_depth(condition, 2)
-        maps = []
+        maps = [features]
         for layer in self.layers:
             features = layer(features)
             maps.append(features)

@@ -5,19 +5,21 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor, nn
 
-from scenefw.models.blocks import ConvUnit, ResidualBlock, UpUnit, depth_to_space
+from scenefw.models.blocks import Conv3d, ConvUnit, ResidualBlock, UpUnit, depth_to_space
 
 
 class SceneDecoder(nn.Module):
     """Two linear layers, five joint SE-residual levels, one branch per modality (fig. 5.20).
 
     Mirrors the encoder. Each branch has two layers, the last of which gives blocks of 2^3 voxels
-    (TSDF) or 4^3 voxels (votes).
+    (TSDF) or 4^3 voxels (votes). The last layer of the TSDF also sees the condition itself, so that
+    what is visible need not be rebuilt from features.
 
     Args:
         sizes: side of the five joint levels, coarsest first; the last is a quarter of the grid's.
         widths: channels of the five joint levels.
-        condition_widths: channels of the condition's maps, coarsest first.
+        condition_widths: channels of the condition's maps, coarsest first; the last is that of the
+            condition itself.
         branch: channels of the TSDF's branch.
         code_size: size of the latent code and the condition's code together.
     """
@@ -45,7 +47,7 @@ class SceneDecoder(nn.Module):
             up = UpUnit(widths[i - 1], widths[i], stride=sizes[i] // sizes[i - 1])
             merge = ConvUnit(widths[i] + condition_widths[i - 1], widths[i])
             self.levels.append(nn.ModuleList([up, merge, ResidualBlock(widths[i])]))
-        self.tsdf = _FineBranch(widths[4], condition_widths[4], branch)
+        self.tsdf = _FineBranch(widths[4], condition_widths[4], condition_widths[5], branch)
         self.votes = _CoarseBranch(widths[4])
 
     def forward(self, code: Tensor, maps: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
@@ -53,26 +55,35 @@ class SceneDecoder(nn.Module):
 
         Args:
             code: (B, code_size).
-            maps: five feature maps of the condition, coarsest first.
+            maps: six maps of the condition, coarsest first.
         """
-        features = self.first(self.linear(code).reshape(-1, *self.coarsest))
+        features = self._features(code, maps)
+        return self.tsdf(features, maps[4], maps[5]), self.votes(features)
+
+    def shape(self, code: Tensor, maps: Sequence[Tensor]) -> Tensor:
+        """The TSDF alone."""
+        tsdf: Tensor = self.tsdf(self._features(code, maps), maps[4], maps[5])
+        return tsdf
+
+    def _features(self, code: Tensor, maps: Sequence[Tensor]) -> Tensor:
+        features: Tensor = self.first(self.linear(code).reshape(-1, *self.coarsest))
         for (up, merge, block), condition in zip(self.levels, maps[:4], strict=True):
             features = block(merge(torch.cat([up(features), condition], dim=1)))
-        return self.tsdf(features, maps[4]), self.votes(features)
+        return features
 
 
 class _FineBranch(nn.Module):
     """TSDF: one layer at half the grid's side, with the condition's finest map, then sub-voxels."""
 
-    def __init__(self, inputs: int, condition: int, width: int) -> None:
+    def __init__(self, inputs: int, condition: int, blocks: int, width: int) -> None:
         super().__init__()
         self.up = nn.ConvTranspose3d(inputs, width, 2, 2, bias=False)
         self.merge = ConvUnit(width + condition, width)
-        self.head = nn.Conv3d(width, 8, 1)
+        self.head = Conv3d(width + blocks, 8, 3, padding=1)
 
-    def forward(self, features: Tensor, condition: Tensor) -> Tensor:
+    def forward(self, features: Tensor, condition: Tensor, blocks: Tensor) -> Tensor:
         merged = self.merge(torch.cat([self.up(features), condition], dim=1))
-        return depth_to_space(self.head(merged), 2)
+        return depth_to_space(self.head(torch.cat([merged, blocks.to(merged.dtype)], dim=1)), 2)
 
 
 class _CoarseBranch(nn.Module):

@@ -20,7 +20,9 @@ class ShapeInstanceVAE(nn.Module):
     instance VAE. The encoder sees the complete scene and is dropped at test time, when the code
     comes from N(0, I), or is 0. While training, a share of the codes is replaced by such codes, so
     that the decoder has met what it gets at test time (`zero_share`, `prior_share`; both are 0 in
-    the thesis).
+    the thesis). A decoder that must be right for every drawn code learns to ignore codes; so of
+    several draws only the one that comes nearest to the truth is trained on (best of many,
+    Bhattacharyya et al. 2018; `candidates`).
 
     Args:
         resolution: voxels per side, a power of two of at least 8.
@@ -32,8 +34,9 @@ class ShapeInstanceVAE(nn.Module):
         decoder_widths: channels of the decoder's five joint levels, finest first.
         stem_width: channels of the encoder's layers of one modality.
         branch_width: channels of the decoder's layer at half the grid's side.
-        zero_share: share of the training codes replaced by the zero code.
-        prior_share: share of the training codes replaced by draws from N(0, I).
+        zero_share: share of a training batch whose codes are replaced by the zero code.
+        prior_share: share of a training batch whose codes are replaced by draws from N(0, I).
+        candidates: draws for each of the latter, of which the best is kept.
 
     Raises:
         ConfigError: a width list has not five entries, or the resolution is no power of two.
@@ -52,14 +55,16 @@ class ShapeInstanceVAE(nn.Module):
         decoder_widths: Sequence[int] = (48, 64, 96, 128, 128),
         stem_width: int = 16,
         branch_width: int = 16,
-        zero_share: float = 0.4,
-        prior_share: float = 0.2,
+        zero_share: float = 0.1,
+        prior_share: float = 0.4,
+        candidates: int = 4,
     ) -> None:
         super().__init__()
         self.recipe = _recipe(locals())
         _check(resolution, channels, condition_widths, encoder_widths, decoder_widths)
+        _check_shares(zero_share, prior_share, candidates)
         self.resolution, self.channels, self.latent_size = resolution, channels, latent_size
-        self.zero_share, self.prior_share = zero_share, prior_share
+        self.zero_share, self.prior_share, self.candidates = zero_share, prior_share, candidates
         fine = [max(resolution // 2 >> i, 2) for i in range(6)]
         widths = list(condition_widths)
         self.condition = ConditionAutoencoder(channels, fine[:5], widths, bottleneck)
@@ -71,7 +76,7 @@ class ShapeInstanceVAE(nn.Module):
         self.decoder = SceneDecoder(
             joint[::-1],
             list(decoder_widths)[::-1],
-            widths[::-1],
+            [*widths[::-1], channels * 8],
             branch_width,
             latent_size + bottleneck,
         )
@@ -89,12 +94,12 @@ class ShapeInstanceVAE(nn.Module):
                 "run=train, which goes on from the state in paths.training"
             )
         maps, view = self.condition.encode(batch.condition)
-        mean, log_variance = self.encoder(batch.tsdf, batch.votes, [*maps[1:], maps[4]])
+        mean, log_variance = self.encoder(batch.tsdf, batch.votes, [*maps[2:], maps[5]])
         latent, code = mean, mean
         if generator is not None:
             noise = _normal(mean, generator)
             latent = mean + noise * (0.5 * log_variance).exp()
-            code = self._replace(latent, generator)
+            code = self._replace(latent, view, maps, batch.tsdf, generator)
         tsdf, votes = self.decoder(torch.cat([code, view], dim=1), maps[::-1])
         statistics = {"mean": mean, "log_variance": log_variance}
         return ShapeInstancePrediction(tsdf, votes, self.condition.decode(view), latent, statistics)
@@ -123,13 +128,37 @@ class ShapeInstanceVAE(nn.Module):
         tsdf, votes = self.decoder(torch.cat([latent, view], dim=1), maps[::-1])
         return ShapeInstancePrediction(tsdf.clamp(-1, 1), votes, latent=latent)
 
-    def _replace(self, latent: Tensor, generator: torch.Generator) -> Tensor:
-        """Codes of which a share is the zero code, or drawn from the prior."""
-        draw = torch.rand(len(latent), 1, generator=generator, device=generator.device)
-        draw = draw.to(latent.device)
-        prior = _normal(latent, generator)
-        replaced = torch.where(draw < self.zero_share + self.prior_share, prior, latent)
-        return torch.where(draw < self.zero_share, torch.zeros_like(latent), replaced)
+    def _replace(
+        self,
+        latent: Tensor,
+        view: Tensor,
+        maps: list[Tensor],
+        truth: Tensor,
+        generator: torch.Generator,
+    ) -> Tensor:
+        """Codes of which the first are the zero code, and the next drawn from the prior."""
+        zeros = round(self.zero_share * len(latent))
+        end = round((self.zero_share + self.prior_share) * len(latent))
+        rows = slice(zeros, end)
+        drawn = [_normal(latent[rows], generator) for _ in range(self.candidates)]
+        if len(drawn) > 1 and end > zeros:
+            drawn = [self._best(drawn, view[rows], [m[rows] for m in maps], truth[rows])]
+        return torch.cat([torch.zeros_like(latent[:zeros]), drawn[0], latent[end:]])
+
+    @torch.no_grad()
+    def _best(self, drawn: list[Tensor], view: Tensor, maps: list[Tensor], truth: Tensor) -> Tensor:
+        """Of several codes per scene the one whose shape is nearest to the truth."""
+        training = self.decoder.training
+        self.decoder.eval()
+        errors = [
+            (self.decoder.shape(torch.cat([code, view], dim=1), maps[::-1]).clamp(-1, 1) - truth)
+            .abs()
+            .mean(dim=(1, 2, 3, 4))
+            for code in drawn
+        ]
+        self.decoder.train(training)
+        best = torch.stack(errors).argmin(dim=0)
+        return torch.stack(drawn)[best, torch.arange(len(best), device=best.device)]
 
     def _samples(self, latent: Tensor, batch: int) -> int:
         if latent.ndim != 2 or latent.shape[1] != self.latent_size or len(latent) % batch:
@@ -160,6 +189,14 @@ def _recipe(arguments: dict[str, Any]) -> dict[str, Any]:
         if name not in ("self", "__class__"):
             recipe[name] = value if isinstance(value, (int, float)) else [int(v) for v in value]
     return recipe
+
+
+def _check_shares(zero: float, prior: float, candidates: int) -> None:
+    if not (zero >= 0 and prior >= 0 and zero + prior <= 1 and candidates >= 1):
+        raise ConfigError(
+            f"model.zero_share is {zero}, prior_share {prior}, candidates {candidates}; expected "
+            "shares that add up to at most 1, and at least 1 candidate"
+        )
 
 
 def _check(resolution: int, channels: int, *widths: Sequence[int]) -> None:

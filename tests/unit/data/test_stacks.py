@@ -4,7 +4,7 @@ from scipy.spatial.transform import Rotation
 from tests.unit.data.stacks_file import write_stacks
 
 from scenefw.core.errors import ConfigError, StorageError
-from scenefw.data.stacks import StackScenes, shipped_stacks
+from scenefw.data.stacks import StackScenes, shipped_scenes
 
 
 @pytest.fixture
@@ -92,7 +92,30 @@ def test_unknown_split_and_limit(stored):
 
 
 def test_the_shipped_data_set_loads():
-    if not shipped_stacks().exists():
+    if not shipped_scenes().exists():
         pytest.skip("the data set is not part of this checkout")
     scenes = StackScenes(limit=4)
     assert int(scenes.parameters([0, 1, 2, 3]).present.sum(dim=1).min()) >= 3
+
+
+def test_several_data_sets_are_put_one_after_the_other(tmp_path):
+    few = write_stacks(tmp_path / "few.npz", objects=2)
+    many = write_stacks(tmp_path / "many.npz", objects=5)
+    scenes = StackScenes([tmp_path / "few.npz", str(tmp_path / "many.npz")], "all")
+    count = len(few["count"])
+    assert len(scenes) == count + len(many["count"])
+    found = scenes.parameters([count - 1, count])
+    assert found.half_axes.shape[1] == 5
+    assert found.present.sum(dim=1).tolist() == [few["count"][-1], many["count"][0]]
+    np.testing.assert_array_equal(found.positions[0, :2], few["positions"][-1])
+    np.testing.assert_array_equal(found.positions[1], many["positions"][0])
+    np.testing.assert_array_equal(scenes.indices[count:], many["index"])
+
+
+def test_shipped_scattered_scenes_hold_up_to_eight_objects():
+    scenes = StackScenes(["stacks", "scattered"], "test", 3)
+    assert len(scenes) == 6
+    found = StackScenes("scattered", "test").parameters(list(range(200)))
+    counts = found.present.sum(dim=1)
+    assert int(counts.min()) == 1
+    assert int(counts.max()) == 8

@@ -6,7 +6,7 @@ import torch
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import GridSpec
-from scenefw.data.stacks import StackScenes, shipped_stacks
+from scenefw.data.stacks import StackScenes, shipped_scenes
 from scenefw.evaluation.reconstruction import ReconstructionEvaluation
 from scenefw.evaluation.references import PartialSurface
 from scenefw.evaluation.surface_scores import SurfaceScoring
@@ -18,7 +18,7 @@ from scenefw.representations.volumes import scene_volumes
 from scenefw.scenes.cameras import RandomViewpoints
 
 SCENES = 2
-pytestmark = pytest.mark.skipif(not shipped_stacks().exists(), reason="no shipped data set")
+pytestmark = pytest.mark.skipif(not shipped_scenes().exists(), reason="no shipped data set")
 
 
 class Oracle:

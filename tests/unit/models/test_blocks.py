@@ -2,7 +2,13 @@ import numpy as np
 import pytest
 import torch
 
-from scenefw.models.blocks import ResidualBlock, SqueezeExcitation, depth_to_space, space_to_depth
+from scenefw.models.blocks import (
+    Conv3d,
+    ResidualBlock,
+    SqueezeExcitation,
+    depth_to_space,
+    space_to_depth,
+)
 
 
 @pytest.mark.parametrize("factor", [2, 4])
@@ -33,3 +39,14 @@ def test_residual_block_without_a_body_is_its_activation():
     features = torch.randn(1, 8, 2, 2, 2)
     expected = torch.nn.functional.prelu(features, block.activation.weight)
     np.testing.assert_allclose(block(features).detach(), expected.detach(), atol=1e-6)
+
+
+def test_tiny_volumes_keep_float32_in_mixed_precision_on_the_cpu():
+    torch.manual_seed(0)
+    layer = Conv3d(4, 4, 3, padding=1)
+    tiny, larger = torch.rand(2, 4, 2, 2, 2), torch.rand(2, 4, 4, 4, 4)
+    expected = layer(tiny)
+    with torch.autocast("cpu", torch.bfloat16):
+        assert torch.equal(layer(tiny), expected)
+        assert torch.equal(layer(tiny.bfloat16()), layer(tiny.bfloat16().float()))
+        assert layer(larger).dtype == torch.bfloat16

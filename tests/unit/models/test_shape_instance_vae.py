@@ -79,17 +79,65 @@ def test_several_codes_per_condition_come_sample_after_sample():
         )
 
 
-def test_shares_of_replaced_codes():
-    model = network(8, zero_share=0.3, prior_share=0.2)
-    latent = torch.full((4000, 6), 50.0)
-    codes = model._replace(latent, torch.Generator().manual_seed(0))
-    zero = float((codes == 0).all(dim=1).float().mean())
-    kept = float((codes == 50).all(dim=1).float().mean())
-    assert zero == pytest.approx(0.3, abs=0.03)
-    assert kept == pytest.approx(0.5, abs=0.03)
-    prior = codes[(codes != 0).all(dim=1) & (codes != 50).all(dim=1)]
-    assert float(prior.mean()) == pytest.approx(0, abs=0.06)
-    assert float(prior.std()) == pytest.approx(1, abs=0.06)
+def replaced(model, data, seed=0):
+    """Codes of the posterior means, and those that a training decodes instead."""
+    maps, view = model.condition.encode(data.condition)
+    latent = torch.full((len(view), model.latent_size), 50.0)
+    generator = torch.Generator().manual_seed(seed)
+    return model._replace(latent, view, maps, data.tsdf, generator)
+
+
+@pytest.mark.parametrize("candidates", [1, 3])
+def test_shares_of_replaced_codes(candidates):
+    model = network(8, zero_share=0.3, prior_share=0.4, candidates=candidates).eval()
+    codes = replaced(model, batch(8, 200))
+    assert (codes == 0).all(dim=1).sum() == (codes[:60] == 0).all(dim=1).sum() == 60
+    assert (codes == 50).all(dim=1).sum() == (codes[140:] == 50).all(dim=1).sum() == 60
+    prior = codes[60:140]
+    assert float(prior.mean()) == pytest.approx(0, abs=0.15)
+    assert float(prior.std()) == pytest.approx(1, abs=0.15)
+
+
+@torch.no_grad()
+def test_the_best_of_many_codes_is_trained_on():
+    model = network(16, zero_share=0.0, prior_share=1.0, candidates=5)
+    model.decoder.linear[0].weight.mul_(20)  # else one code is best for every scene
+    data = batch(16, 3)
+    model(data, torch.Generator().manual_seed(1))  # batch statistics other than the initial ones
+    model.eval()
+    chosen = replaced(model, data, seed=5)
+    generator = torch.Generator().manual_seed(5)
+    drawn = [torch.randn(3, 6, generator=generator) for _ in range(5)]
+    errors = torch.stack(
+        [
+            (model.predict(data.condition, c).tsdf - data.tsdf).abs().mean((1, 2, 3, 4))
+            for c in drawn
+        ]
+    )
+    best = errors.argmin(dim=0)
+    assert torch.equal(chosen, torch.stack([drawn[k][i] for i, k in enumerate(best)]))
+    assert len(set(best.tolist())) > 1
+
+
+def test_choosing_codes_leaves_the_training_mode_and_its_statistics():
+    model, data = network(16, zero_share=0.0, prior_share=1.0, candidates=2), batch(16, 4)
+    before = {n: b.clone() for n, b in model.decoder.named_buffers()}
+    maps, view = model.condition.encode(data.condition)
+    model._best([torch.zeros(4, 6), torch.ones(4, 6)], view, maps, data.tsdf)
+    assert all(m.training for m in model.modules())
+    assert all(torch.equal(b, before[n]) for n, b in model.decoder.named_buffers())
+
+
+def test_the_last_layer_can_copy_what_is_visible():
+    model, data = network(16).eval(), batch(16)
+    head = model.decoder.tsdf.head
+    torch.nn.init.zeros_(head.weight)
+    torch.nn.init.zeros_(head.bias)
+    with torch.no_grad():
+        for i in range(8):  # the first eight of the condition's channels are the partial TSDF
+            head.weight[i, SMALL["branch_width"] + i, 1, 1, 1] = 1
+    found = model.predict(data.condition).tsdf
+    np.testing.assert_allclose(found.detach(), data.condition[:, :1], atol=1e-6)
 
 
 def test_codes_follow_the_generator_alone():
@@ -105,7 +153,7 @@ def test_codes_follow_the_generator_alone():
 
 
 def test_it_learns_one_batch():
-    model, data = network(zero_share=0.5), batch(count=2)
+    model, data = network(zero_share=0.5, prior_share=0.0), batch(count=2)
     data = ShapeInstanceBatch(data.condition, (data.tsdf * 0.3).clamp(-1, 1), data.votes * 0.3)
     optimizer = torch.optim.Adam(model.parameters(), lr=5e-3)
     generator, errors = torch.Generator().manual_seed(0), []
@@ -134,6 +182,8 @@ def test_the_recipe_rebuilds_it():
         ({"resolution": 48}, "power of two"),
         ({"resolution": 4}, "power of two"),
         ({"channels": 3}, "channels"),
+        ({"zero_share": 0.7, "prior_share": 0.4}, "prior_share"),
+        ({"candidates": 0}, "candidates"),
         ({"decoder_widths": (1, 2, 3)}, "decoder_widths"),
     ],
 )
