@@ -96,8 +96,8 @@ def test_every_group_is_in_the_list_of_groups():
 
 def test_scale_gives_way_to_experiment_and_that_to_debug():
     order = [str(next(iter(e))) for e in _defaults() if isinstance(e, DictConfig)]
-    last = [key.removeprefix("optional ") for key in order if "hydra" not in key][-3:]
-    assert last == ["scale", "experiment", "debug"]
+    last = [key.removeprefix("optional ") for key in order if "hydra" not in key][-4:]
+    assert last == ["scale", "experiment", "ablation", "debug"]
 
 
 def _defaults():

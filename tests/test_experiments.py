@@ -6,7 +6,7 @@ import pytest
 
 from scenefw import registry
 
-NEEDS_INPUT = {"osd", "noise_gathered"}  # images of the user, runs of a sweep
+NEEDS_INPUT = {"osd", "noise_gathered", "runs_gathered"}  # images of the user, runs of a sweep
 
 
 @pytest.mark.parametrize("name", [e for e in registry.names("experiment") if e not in NEEDS_INPUT])
@@ -38,6 +38,19 @@ def test_a_sweep_of_noise_becomes_one_map(scenefw, tmp_path):
     figures = json.loads((tmp_path / "out" / "metrics.json").read_text())
     for name in ("view_based", "map_based", "hybrid"):
         assert {f"{name}/pose {p} mm, depth 0 mm" for p in (0, 10)} <= figures.keys()
+
+
+def test_an_ablation_becomes_one_table(scenefw, tmp_path):
+    words = ("experiment=simstack_ablation", "debug=smoke", "ablation=none,unobserved")
+    done = scenefw("-m", *words, "paths.output=sweep")
+    assert done.returncode == 0, done.stderr[-3000:]
+    done = scenefw("experiment=runs_gathered", "input=sweep", "paths.output=out")
+    assert done.returncode == 0, done.stderr[-3000:]
+    figures = json.loads((tmp_path / "out" / "metrics.json").read_text())
+    rows = ("ablation=none", "ablation=unobserved")
+    assert {f"{row}/stacks/occupancy_iou" for row in rows} <= figures.keys()
+    sizes = [figures[f"{row}/train/parameters"] for row in rows]
+    assert sizes[0] > sizes[1]  # the network of one channel is smaller
 
 
 def test_osd_without_images_says_what_it_needs(scenefw):

@@ -40,6 +40,7 @@ PACKAGES = {
     "paths": "",
     "scale": "",
     "experiment": "",
+    "ablation": "",
     "launcher": "",
     "debug": "",
 }

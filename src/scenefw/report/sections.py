@@ -4,6 +4,7 @@ from functools import singledispatch
 from pathlib import Path
 from typing import Any
 
+from scenefw.evaluation.gathered_runs import RunsResult
 from scenefw.evaluation.labelling_curves import CurvesResult
 from scenefw.evaluation.labelling_networks import NetworksResult
 from scenefw.evaluation.labelling_noise import NoiseResult
@@ -22,6 +23,7 @@ from scenefw.report.labelling import (
 )
 from scenefw.report.real_masks import real_mask_sections
 from scenefw.report.reconstruction import reconstruction_sections
+from scenefw.report.runs import runs_sections
 from scenefw.report.tables import Column, Table
 
 
@@ -40,6 +42,11 @@ def sections(result: Any, folder: Path) -> tuple[Section, ...]:
 @sections.register
 def _(result: ReconstructionResult, folder: Path) -> tuple[Section, ...]:
     return reconstruction_sections(result)
+
+
+@sections.register
+def _(result: RunsResult, folder: Path) -> tuple[Section, ...]:
+    return runs_sections(result)
 
 
 @sections.register

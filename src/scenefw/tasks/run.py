@@ -26,8 +26,8 @@ _RECORDED = ("scenefw", "torch", "lightning", "numpy", "numba", "hydra-core")
 def execute(config: DictConfig) -> Mapping[str, Any]:
     """Runs the task of a composed config; returns its figures.
 
-    Writes `config.yaml` (resolved) and `run.json` (versions, seed, command line) before the work
-    starts and `metrics.json` after it, all in `paths.output`.
+    Writes `config.yaml` (resolved) and `run.json` (versions, seed, command line, overrides) before
+    the work starts and `metrics.json` after it, all in `paths.output`.
 
     Raises:
         StorageError: the output folder can't be written.
@@ -38,15 +38,22 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
     from omegaconf import OmegaConf
 
     plugins.activate()
-    if HydraConfig.initialized():  # a sweep gives each run a folder of its own
+    overrides: list[str] = []
+    if HydraConfig.initialized():  # a sweep gives each run a folder and settings of its own
         config.paths.output = HydraConfig.get().runtime.output_dir
+        overrides = list(HydraConfig.get().overrides.task)
     output = require_writable(Path(config.paths.output).absolute())
     if not any(word.startswith("paths.output=") for word in sys.argv[1:]):
         output = claim(output)
     config.paths.output = str(output)
     config.device = pick_device(config.device)
     write_text(output / "config.yaml", OmegaConf.to_yaml(config, resolve=True))
-    record = {"seed": config.seed, "versions": versions(), "command": sys.argv[1:]}
+    record = {
+        "seed": config.seed,
+        "versions": versions(),
+        "command": sys.argv[1:],
+        "overrides": overrides,
+    }
     write_text(output / "run.json", json.dumps(record, indent=2) + "\n")
     task = instantiate(config.run, _convert_="all")
     figures = task.run()

@@ -1,0 +1,66 @@
+import json
+
+import pytest
+
+from scenefw.core.errors import ConfigError, InputError
+from scenefw.evaluation.gathered_runs import GatheredRuns
+from scenefw.report.runs import runs_sections
+
+COLUMNS = {
+    "iou": {"heading": "IoU", "better": "higher"},
+    "chamfer": {"heading": "Chamfer (mm)", "digits": 1, "factor": 1000.0},
+}
+
+
+def write_run(folder, overrides, figures):
+    folder.mkdir(parents=True)
+    (folder / "run.json").write_text(json.dumps({"overrides": overrides}))
+    (folder / "metrics.json").write_text(json.dumps(figures))
+
+
+@pytest.fixture
+def sweep(tmp_path):
+    for number in range(11):
+        words = ["experiment=e", f"model.widths=[{number}]", "seed=3", f"paths.output={number}"]
+        write_run(tmp_path / str(number), words, {"iou": number / 10, "chamfer": 0.001 * number})
+    return tmp_path
+
+
+def test_runs_are_named_by_what_they_do_not_share(sweep):
+    result = GatheredRuns(sweep, COLUMNS).run()
+    assert [run.name for run in result.runs] == [f"model.widths=[{n}]" for n in range(11)]
+    assert result.shared == ("experiment=e", "seed=3")
+    assert result.figures["model.widths=[10]/iou"] == 1.0
+
+
+def test_the_table_has_a_row_per_run_and_leaves_gaps(sweep):
+    write_run(sweep / "11", ["experiment=e", "model.widths=[11]", "seed=3"], {"iou": 0.5})
+    (section,) = runs_sections(GatheredRuns(sweep, COLUMNS).run())
+    (table,) = section.blocks
+    assert [column.heading for column in table.columns] == ["IoU ↑", "Chamfer (mm)"]
+    assert table.rows[10] == ("model.widths=[10]", (1.0, pytest.approx(10.0)))
+    assert table.rows[11] == ("model.widths=[11]", (0.5, None))
+    assert "experiment=e seed=3" in table.note
+
+
+def test_runs_that_broke_off_are_left_out(sweep):
+    (sweep / "10" / "metrics.json").unlink()
+    assert len(GatheredRuns(sweep, COLUMNS).run().runs) == 10
+
+
+def test_a_run_without_overrides_has_the_name_of_its_folder(tmp_path):
+    write_run(tmp_path / "mine", [], {"iou": 0.1})
+    assert GatheredRuns(tmp_path, COLUMNS).run().runs[0].name == "mine"
+
+
+def test_what_is_missing_or_damaged_is_one_line(tmp_path):
+    with pytest.raises(ConfigError, match="input=FOLDER"):
+        GatheredRuns(None, COLUMNS)
+    with pytest.raises(ConfigError, match="columns"):
+        GatheredRuns(tmp_path, {"iou": {"title": "IoU"}})
+    with pytest.raises(InputError, match=r"metrics\.json"):
+        GatheredRuns(tmp_path, COLUMNS).run()
+    write_run(tmp_path / "0", [], {})
+    (tmp_path / "0" / "metrics.json").write_text('{"iou": ')
+    with pytest.raises(InputError, match="damaged"):
+        GatheredRuns(tmp_path, COLUMNS).run()
