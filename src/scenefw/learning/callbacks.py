@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import lightning
-from lightning.pytorch.callbacks import Timer
 from rich.progress import (
     BarColumn,
     Progress,
@@ -20,13 +19,16 @@ from torch import Tensor
 
 from scenefw.core.files import replacing
 from scenefw.learning.divergence import require_finite
-from scenefw.learning.module import TrainingModule
+from scenefw.learning.limits import Limits
+from scenefw.learning.module import AGREE_EVERY, TrainingModule
 
 
 class Snapshots(lightning.Callback):
-    """Saves the whole training every few minutes, so that a kill costs no more than that.
+    """Saves the whole training every few minutes and where it stops.
 
-    A training that diverged is not saved: it raises a TrainingError instead.
+    The state is that of a step within an epoch, not that of an epoch's end, so that a training in
+    many calls has the epochs of one in a single call. A training that diverged is not saved: it
+    raises a TrainingError instead.
 
     Args:
         path: of the file, replaced atomically.
@@ -43,34 +45,45 @@ class Snapshots(lightning.Callback):
         export: Callable[[], None] | None = None,
     ) -> None:
         self.path, self.minutes, self.steps, self.export = path, minutes, steps, export
-        self._last = time.monotonic()
+        self.seconds = 0.0
+        """What the last one took."""
+        self._last, self._saved = time.monotonic(), -1
 
     def on_train_batch_end(
         self, trainer: lightning.Trainer, module: TrainingModule, *_: Any
     ) -> None:
-        """Saves if it is time."""
-        due = time.monotonic() - self._last >= 60 * self.minutes
-        if self.steps:
-            due = module.batches_seen % self.steps == 0
-        elif trainer.world_size > 1:  # clocks differ, but all processes must save together
-            due = trainer.strategy.reduce_boolean_decision(due, all=False)
-        if due:
+        """Saves if it is time, or the end."""
+        if trainer.should_stop or self._due(trainer, module):
             self._save(trainer, module)
 
     def on_train_end(self, trainer: lightning.Trainer, module: TrainingModule) -> None:
         """Saves the end of it."""
-        self._save(trainer, module)
+        if self._saved != module.batches_seen:
+            self._save(trainer, module)
+
+    def _due(self, trainer: lightning.Trainer, module: TrainingModule) -> bool:
+        if self.steps:
+            return module.batches_seen % self.steps == 0
+        due = time.monotonic() - self._last >= 60 * self.minutes
+        if trainer.world_size == 1:
+            return due
+        if module.batches_seen % AGREE_EVERY:
+            return False
+        return bool(trainer.strategy.reduce_boolean_decision(due, all=False))  # save together
 
     def _save(self, trainer: lightning.Trainer, module: TrainingModule) -> None:
         require_finite(module)
-        if trainer.world_size > 1:  # every process takes part; Lightning writes atomically too
-            trainer.save_checkpoint(self.path)
-        else:
-            with replacing(self.path) as temporary:
-                trainer.save_checkpoint(temporary)
-        if self.export is not None and trainer.is_global_zero:
-            self.export()
-        self._last = time.monotonic()
+        with module.clock_stopped():
+            began = time.monotonic()
+            if trainer.world_size > 1:  # every process takes part; Lightning writes atomically too
+                trainer.save_checkpoint(self.path)
+            else:
+                with replacing(self.path) as temporary:
+                    trainer.save_checkpoint(temporary)
+            if self.export is not None and trainer.is_global_zero:
+                self.export()
+            self._last = time.monotonic()
+            self.seconds, self._saved = self._last - began, module.batches_seen
 
 
 class LossTable(lightning.Callback):
@@ -90,6 +103,8 @@ class LossTable(lightning.Callback):
 
     def on_fit_start(self, trainer: lightning.Trainer, module: TrainingModule) -> None:
         """Starts the file, or cuts it back to where the training goes on."""
+        if not trainer.is_global_zero:
+            return
         rows = []
         if module.batches_seen and self.path.exists():
             with self.path.open(newline="", encoding="utf-8") as file:
@@ -120,27 +135,27 @@ class LossTable(lightning.Callback):
     ) -> None:
         if not trainer.is_global_zero:
             return
-        place = [module.batches_seen, trainer.current_epoch, f"{module.seconds:.1f}"]
+        epoch = max(module.batches_seen - 1, 0) // max(module.batches_per_epoch, 1)
+        place = [module.batches_seen, epoch, f"{module.seconds:.1f}"]
         with self.path.open("a", newline="", encoding="utf-8") as file:
             csv.writer(file).writerows([[*place, n, f"{v:.6g}"] for n, v in values.items()])
 
 
 class ProgressBar(lightning.Callback):
-    """A rich bar with rate, losses and time left, whichever limit comes first.
+    """A rich bar with rate, memory, losses and time left, whichever limit comes first.
 
     Args:
+        limits: say how far the training is.
         lines: print a plain line every this many seconds instead, for logs; None draws the bar.
     """
 
-    def __init__(self, lines: float | None = None) -> None:
-        self.lines = lines
+    def __init__(self, limits: Limits, lines: float | None = None) -> None:
+        self.limits, self.lines = limits, lines
         self._bar: Progress | None = None
-        self._began = self._printed = time.monotonic()
-        self._first = 0
+        self._printed = time.monotonic()
 
     def on_train_start(self, trainer: lightning.Trainer, module: TrainingModule) -> None:
         """Starts the bar."""
-        self._began, self._first = time.monotonic(), module.batches_seen
         if self.lines is None and trainer.is_global_zero:
             self._bar = Progress(
                 TextColumn("training"),
@@ -158,23 +173,23 @@ class ProgressBar(lightning.Callback):
         self, trainer: lightning.Trainer, module: TrainingModule, *_: Any
     ) -> None:
         """Moves the bar."""
-        done = module.batches_seen - self._first
         now = time.monotonic()
-        if now - self._printed < (self.lines or 0.5):
+        if now - self._printed < (self.lines or 0.5) or not trainer.is_global_zero:
             return
         self._printed = now
-        rate = f"{done / max(now - self._began, 1e-9):.2f} steps/s"
+        rate = _rate(module)
         if self._bar is not None:
             self._bar.update(
                 self._task,
-                completed=_share(trainer),
+                completed=self.limits.share(trainer, module),
                 step=module.batches_seen,
                 rate=rate,
                 losses=_losses(trainer),
             )
-        elif self.lines is not None and trainer.is_global_zero:
+        elif self.lines is not None:
+            epoch = module.batches_seen // module.batches_per_epoch
             print(
-                f"step {module.batches_seen} epoch {trainer.current_epoch} {rate} "
+                f"step {module.batches_seen} epoch {epoch}, {rate}, "
                 f"{module.seconds:.0f} s {_losses(trainer)}",
                 flush=True,
             )
@@ -195,15 +210,12 @@ class ProgressBar(lightning.Callback):
             self._bar = None
 
 
-def _share(trainer: lightning.Trainer) -> float:
-    """How much of the training is done, by the limit that is nearest."""
-    total = trainer.estimated_stepping_batches
-    share = trainer.global_step / total if 0 < total < float("inf") else 0.0
-    for timer in trainer.callbacks:
-        if isinstance(timer, Timer):
-            spent, left = timer.time_elapsed(), timer.time_remaining() or 0.0
-            share = max(share, spent / max(spent + left, 1e-9))
-    return min(share, 1.0)
+def _rate(module: TrainingModule) -> str:
+    costs = module.costs()
+    return (
+        f"{costs['samples_per_second']:.1f} samples/s, {costs['memory_mb'] / 1e3:.1f} GB, "
+        f"{costs['share_of_data']:.0%} waiting for data"
+    )
 
 
 def _losses(trainer: lightning.Trainer) -> str:

@@ -9,11 +9,12 @@ from scenefw.core.errors import ConfigError
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a training is: steps done, epochs begun before this one, seconds spent."""
+    """How far a training is: steps done, epochs done, seconds spent, share done of this epoch."""
 
     step: int
     epoch: int
     seconds: float
+    share: float = 0.0
 
 
 class Schedule(Protocol):
@@ -61,14 +62,15 @@ class ExponentialDecay:
 
 
 class CosineDecay:
-    """Warm-up, then half a cosine down to `lowest` over a budget of steps or of time.
+    """Warm-up, then half a cosine down to `lowest` over a budget of steps, epochs or time.
 
     Args:
         steps: the budget in steps; None means no limit.
-        minutes: the budget in minutes of training; None means no limit. With both, what is nearer
-            its end counts.
+        minutes: the budget in minutes of training; None means no limit. With several budgets, what
+            is nearer its end counts.
         warmup: steps over which the rate rises from 0.
         lowest: factor at the end.
+        epochs: the budget in passes over the training data; None or -1 means no limit.
     """
 
     def __init__(
@@ -77,18 +79,24 @@ class CosineDecay:
         minutes: float | None = None,
         warmup: int = 100,
         lowest: float = 0.01,
+        epochs: int | None = None,
     ) -> None:
-        if not steps and not minutes:
+        steps, epochs = (n if n is not None and n > 0 else None for n in (steps, epochs))
+        if not steps and not minutes and not epochs:
             raise ConfigError(
-                "a cosine schedule needs a budget: learning.schedule.steps or .minutes"
+                "a cosine schedule needs a budget: learning.schedule.steps or .minutes or .epochs "
+                "(size.minutes, size.epochs)"
             )
-        self.steps, self.minutes, self.warmup, self.lowest = steps, minutes, warmup, lowest
+        self.steps, self.minutes, self.epochs = steps, minutes, epochs
+        self.warmup, self.lowest = warmup, lowest
 
     def factor(self, progress: Progress) -> float:
         """Multiplies the learning rate of the next step."""
         done = progress.step / self.steps if self.steps else 0.0
         if self.minutes:
             done = max(done, progress.seconds / (60 * self.minutes))
+        if self.epochs:
+            done = max(done, (progress.epoch + progress.share) / self.epochs)
         cosine = 0.5 * (1 + math.cos(math.pi * min(done, 1.0)))
         rise = min((progress.step + 1) / max(self.warmup, 1), 1.0)
         return rise * (self.lowest + (1 - self.lowest) * cosine)

@@ -38,6 +38,7 @@ class SegmentationLearning(TrainingModule):
         seed: seed of dropout.
         initial: checkpoint whose weights to start from; None starts from random ones.
         channels_last: memory format of the network, faster on CPUs and on tensor cores.
+        compile: let torch.compile make the network's training pass faster; a text names a backend.
     """
 
     task = SEGMENTATION
@@ -54,12 +55,13 @@ class SegmentationLearning(TrainingModule):
         initial: str | Path | None = None,
         *,
         channels_last: bool = True,
+        compile: bool | str = False,  # noqa: A002 - as torch calls it
     ) -> None:
         if initial is not None:
             start_from(model, initial, SEGMENTATION)
         model = model.to(memory_format=torch.channels_last) if channels_last else model
         schedule = schedule or ExponentialDecay()
-        super().__init__(model, learning_rate, weight_decay, schedule, average, seed)
+        super().__init__(model, learning_rate, weight_decay, schedule, average, seed, compile)
         if not losses:
             raise ConfigError("no loss to train labels with; give loss=[cross_entropy]")
         self.losses: dict[str, Any] = dict(losses)
@@ -89,7 +91,8 @@ class SegmentationLearning(TrainingModule):
     def training_step(self, batch: IndexBatch, batch_idx: int) -> Tensor:
         """The weighted sum of the losses of the next batch, found by the number of batches seen."""
         batch = self.trainer.train_dataloader.batch(self.batches_seen)
-        images = self.trainer.datamodule.training_batch(batch, self.device)
+        data = self.trainer.datamodule
+        images = self.fetch(lambda: data.training_batch(batch, self.device))
         # Dropout draws from torch's global generator and from no other: it is lent and given back.
         devices = [self.device] if self.device.type == "cuda" else []
         with torch.random.fork_rng(devices):

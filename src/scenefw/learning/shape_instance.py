@@ -41,6 +41,7 @@ class ShapeInstanceLearning(TrainingModule):
         seed: seed of views and codes.
         initial: checkpoint whose weights to start from; None starts from random ones.
         channels_last: memory format of the network, faster on CPUs and on tensor cores.
+        compile: let torch.compile make the network's training pass faster; a text names a backend.
     """
 
     task = SHAPE_INSTANCE
@@ -58,11 +59,12 @@ class ShapeInstanceLearning(TrainingModule):
         initial: str | Path | None = None,
         *,
         channels_last: bool = True,
+        compile: bool | str = False,  # noqa: A002 - as torch calls it
     ) -> None:
         if initial is not None:
             start_from(model, initial)
         model = model.to(memory_format=torch.channels_last_3d) if channels_last else model
-        super().__init__(model, learning_rate, weight_decay, schedule, average, seed)
+        super().__init__(model, learning_rate, weight_decay, schedule, average, seed, compile)
         self.losses = dict(losses)
         self.views = views
 
@@ -87,7 +89,8 @@ class ShapeInstanceLearning(TrainingModule):
         from the number of batches seen.
         """
         batch = self.trainer.train_dataloader.batch(self.batches_seen)
-        volumes = self._draw(self.trainer.datamodule.scenes, batch, _VIEWS)
+        scenes = self.trainer.datamodule.scenes
+        volumes = self.fetch(lambda: self._draw(scenes, batch, _VIEWS))
         codes = torch.Generator()  # on the CPU: the same codes on every device
         codes.manual_seed(torch_seed(self.seed, _CODES, self.batches_seen, self.global_rank))
         prediction = self.model(volumes, codes)

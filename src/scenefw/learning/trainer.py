@@ -2,14 +2,16 @@
 
 import logging
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import lightning
+import torch
 from lightning.fabric.utilities.exceptions import MisconfigurationException
 
 from scenefw.core.errors import ConfigError
+from scenefw.learning.limits import Budget, Limits, seconds_of
 
 
 class TrainerSettings:
@@ -17,16 +19,19 @@ class TrainerSettings:
 
     Args:
         accelerator: cpu, cuda, cuda:1 or auto.
-        devices: how many, or auto.
+        devices: how many, each with a process of its own; auto takes all GPUs, or one CPU process.
         precision: Lightning's name: 32-true, bf16-mixed or 16-mixed.
-        max_epochs: stop after this many passes over the training scenes; -1 means never.
-        max_steps: stop after this many steps; -1 means never.
-        max_time: stop after this time of training, DD:HH:MM:SS, resumptions counted in; None
-            means never.
+        max_epochs: end after this many passes over the training data; None or -1 means never.
+        max_steps: end after this many steps; None or -1 means never.
+        max_minutes: end after this time of training, all calls together; None means never.
+        max_time: stop this call, state saved, before it has taken this time, DD:HH:MM:SS; the next
+            call goes on. None means never.
         validate_every: steps between validations; None means once per epoch; 0 means never.
         gradient_clip: largest norm of the gradient; None means no limit.
         accumulate: batches per optimiser step.
         nodes: machines.
+        tf32: on CUDA, let float32 products round their factors to 10 bits, many times faster.
+        benchmark: on CUDA, time the ways to do each convolution once, and take the fastest.
     """
 
     def __init__(
@@ -34,40 +39,73 @@ class TrainerSettings:
         accelerator: str = "auto",
         devices: int | str | list[int] = "auto",
         precision: str = "32-true",
-        max_epochs: int = 130,
-        max_steps: int = -1,
+        max_epochs: int | None = 130,
+        max_steps: int | None = -1,
+        max_minutes: float | None = None,
         max_time: str | None = None,
         validate_every: int | None = None,
         gradient_clip: float | None = 1.0,
         accumulate: int = 1,
         nodes: int = 1,
+        *,
+        tf32: bool = True,
+        benchmark: bool = True,
     ) -> None:
-        self.max_epochs, self.max_steps, self.max_time = max_epochs, max_steps, max_time
-        self.validate_every = validate_every
+        self.budget = Budget(_limit(max_steps), _limit(max_epochs), max_minutes)
+        self.call = seconds_of(max_time)
+        self.validate_every, self.tf32, self.benchmark = validate_every, tf32, benchmark
         accelerator, _, number = accelerator.partition(":")
         if number:  # one device by its number, e.g. cuda:1
             devices = [int(number)]
         self._options: dict[str, Any] = {
             "accelerator": accelerator,
-            "devices": devices if accelerator != "cpu" else 1,
+            "devices": 1 if accelerator == "cpu" and devices == "auto" else devices,
             "precision": precision,
             "gradient_clip_val": gradient_clip,
             "accumulate_grad_batches": accumulate,
             "num_nodes": nodes,
         }
 
+    @property
+    def processes(self) -> int:
+        """Processes on this machine.
+
+        Raises:
+            ConfigError: `devices` says nothing usable.
+        """
+        devices, on_gpu = self._options["devices"], self._options["accelerator"] != "cpu"
+        if isinstance(devices, list):
+            return len(devices)
+        if devices == "auto" or (on_gpu and str(devices) == "-1"):
+            return max(torch.cuda.device_count(), 1) if on_gpu else 1
+        try:
+            count = int(devices)
+        except ValueError:
+            count = 0
+        if count < 1:
+            raise ConfigError(f"trainer.devices={devices}: expected how many, or auto")
+        return count
+
+    @property
+    def nodes(self) -> int:
+        """Machines."""
+        return int(self._options["num_nodes"])
+
+    def limits(self, saving: Callable[[], float], began: float) -> Limits:
+        """What stops the training, and this call of it, begun at a time of `time.monotonic`."""
+        return Limits(self.budget, self.call, saving, began=began)
+
     def build(
         self, folder: Path, callbacks: Sequence[lightning.Callback], **options: Any
     ) -> lightning.Trainer:
-        """The trainer; checkpoints, logs and progress are left to the callbacks.
+        """The trainer; limits, checkpoints, logs and progress are left to the callbacks.
 
         Raises:
             ConfigError: the settings contradict each other or the machine.
         """
         settings: dict[str, Any] = {
-            "max_epochs": self.max_epochs,
-            "max_steps": self.max_steps,
-            "max_time": self.max_time,
+            "max_epochs": -1,
+            "strategy": "ddp" if self.processes * self.nodes > 1 else "auto",
             "limit_val_batches": 0 if self.validate_every == 0 else None,
             "val_check_interval": self.validate_every or None,
             "check_val_every_n_epoch": None if self.validate_every else 1,
@@ -83,9 +121,18 @@ class TrainerSettings:
         for quiet in ("num_workers", "weights_only", "LeafSpec", "dataloader is not resumable"):
             warnings.filterwarnings("ignore", message=f".*{quiet}.*")
         try:
-            return lightning.Trainer(
+            trainer = lightning.Trainer(
                 callbacks=list(callbacks), **self._options, **settings, **options
             )
         except (ValueError, RuntimeError, MisconfigurationException) as error:
             line = " ".join(str(error).split())
             raise ConfigError(f"the trainer's settings are unusable: {line} (trainer.*)") from error
+        if trainer.strategy.root_device.type == "cuda":
+            torch.set_float32_matmul_precision("high" if self.tf32 else "highest")
+            torch.backends.cudnn.allow_tf32 = self.tf32
+            torch.backends.cudnn.benchmark = self.benchmark
+        return trainer
+
+
+def _limit(count: int | None) -> int | None:
+    return None if count is None or count < 0 else count

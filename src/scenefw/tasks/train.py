@@ -2,6 +2,7 @@
 
 import shutil
 import sys
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
@@ -13,7 +14,9 @@ from scenefw.core.files import replacing, require_writable
 from scenefw.learning.callbacks import LossTable, ProgressBar, Snapshots
 from scenefw.learning.checkpoint import save_checkpoint
 from scenefw.learning.divergence import Divergence
+from scenefw.learning.limits import finished
 from scenefw.learning.module import TrainingModule
+from scenefw.learning.processes import processes
 from scenefw.learning.trainer import TrainerSettings
 
 _STATE, _TABLE = "last.ckpt", "losses.csv"
@@ -62,6 +65,7 @@ class Train:
         half: bool = True,
         lean: bool = True,
     ) -> None:
+        self._began = time.monotonic()
         self.learning, self.data, self.trainer = learning, data, trainer
         self.output, self.folder = Path(output), Path(folder)
         self.snapshot_minutes, self.snapshot_steps = snapshot_minutes, snapshot_steps
@@ -69,42 +73,73 @@ class Train:
         self.log_every, self.fresh, self.half, self.lean = log_every, fresh, half, lean
 
     def run(self) -> Mapping[str, Any]:
-        """Trains until a limit of the trainer; returns steps, time and the last scores.
+        """Trains until a limit of the trainer; returns steps, time, costs and the last scores.
+
+        A training that is finished says so, and its weights are put into place again.
 
         Raises:
             CheckpointError: the folder holds a training with other settings.
             StorageError: a folder can't be written.
-            TrainingError: the training diverged; its last snapshot is kept.
+            TrainingError: the training diverged, its last snapshot is kept; or a process of several
+                failed.
         """
         require_writable(self.output)
         require_writable(self.folder)
-        state = self.folder / _STATE
-        trainer = self.trainer.build(self.folder, self._callbacks(state))
-        resumed = state.exists() and not self.fresh
-        if resumed:
-            _check(state, self.learning.model.recipe)
-        trainer.fit(self.learning, self.data, ckpt_path=str(state) if resumed else None)
+        found = self._found()
+        over = finished(self.trainer.budget, found) if found else None
+        if found and over:
+            print(f"{over} ({self._state})", flush=True)
+            return self._again(found)
+        with processes(self.trainer.processes if self.trainer.nodes == 1 else 1, self._fit):
+            trainer = self._fit()
+        if trainer.is_global_zero:
+            self._collect()
+        scores = {n: float(v) for n, v in trainer.callback_metrics.items()}
+        costs = {f"train/{n}": v for n, v in self.learning.costs().items()}
+        return self._figures() | costs | scores
+
+    @property
+    def _state(self) -> Path:
+        return self.folder / _STATE
+
+    def _found(self) -> dict[str, Any] | None:
+        """The state to go on from, if there is one."""
+        if self.fresh or not self._state.exists():
+            return None
+        return read_state(self._state, self.learning.model.recipe)
+
+    def _fit(self) -> Any:
+        """The work of one process."""
+        resumed = self._state.exists() and not self.fresh
+        trainer = self.trainer.build(self.folder, self._callbacks())
+        trainer.fit(self.learning, self.data, ckpt_path=str(self._state) if resumed else None)
         if trainer.interrupted:
             raise KeyboardInterrupt
-        self._collect()
-        return self._figures(trainer)
+        self.learning.times.finish()
+        return trainer
 
-    def _callbacks(self, state: Path) -> list[Any]:
-        bar = ProgressBar(None if sys.stdout.isatty() else 60.0)
+    def _again(self, state: dict[str, Any]) -> Mapping[str, Any]:
+        """The weights of a finished training, and what is known of it."""
+        self.learning.load_state_dict(state["state_dict"])
+        self.learning.on_load_checkpoint(state)
+        if not (self.folder / self.weights).exists():
+            self._export()
+        self._collect()
+        return self._figures()
+
+    def _callbacks(self) -> list[Any]:
+        snapshots = Snapshots(self._state, self.snapshot_minutes, self.snapshot_steps, self._export)
+        limits = self.trainer.limits(lambda: snapshots.seconds, self._began)
+        bar = ProgressBar(limits, None if sys.stdout.isatty() else 60.0)
         table = LossTable(self.folder / _TABLE, self.log_every)
-        return [
-            Divergence(),
-            bar,
-            table,
-            Snapshots(state, self.snapshot_minutes, self.snapshot_steps, self._export),
-        ]
+        return [Divergence(), limits, bar, table, snapshots]
 
     def _export(self) -> None:
         """Writes the averaged weights into the folder of the training."""
         learning, model = self.learning, self.learning.model
         facts = {
             "steps": learning.batches_seen,
-            "samples": learning.batches_seen * self.data.batch_size,
+            "samples": learning.batches_seen * self.data.batch_size * self._processes(),
             "seconds": round(learning.seconds, 1),
             **self.data.facts(),
             **learning.facts(),
@@ -121,38 +156,42 @@ class Train:
                 task=learning.task,
             )
 
+    def _processes(self) -> int:
+        return self.trainer.processes * self.trainer.nodes
+
     def _collect(self) -> None:
         for name in (self.weights, _TABLE):
-            if self.folder.resolve() != self.output.resolve():
+            if self.folder.resolve() != self.output.resolve() and (self.folder / name).exists():
                 with replacing(self.output / name) as temporary:
                     shutil.copyfile(self.folder / name, temporary)
         print(self.output / self.weights)
 
-    def _figures(self, trainer: Any) -> dict[str, float]:
-        figures = {
+    def _figures(self) -> dict[str, float]:
+        return {
             "train/steps": float(self.learning.batches_seen),
             "train/seconds": self.learning.seconds,
             "train/parameters": float(sum(p.numel() for p in self.learning.model.parameters())),
         }
-        return figures | {n: float(v) for n, v in trainer.callback_metrics.items()}
 
 
-def _check(state: Path, recipe: Mapping[str, Any]) -> None:
-    """Finds out before the work whether a training can be gone on with.
+def read_state(path: Path, recipe: Mapping[str, Any]) -> dict[str, Any]:
+    """The state of a training that can be gone on with; found out before the work.
 
     Raises:
         CheckpointError: it is damaged, or of another network.
     """
     try:
-        found = torch.load(state, map_location="cpu", weights_only=False)["scenefw"]["recipe"]
+        state = torch.load(path, map_location="cpu", weights_only=False, mmap=True)
+        found = state["scenefw"]["recipe"]
     except Exception as error:  # torch raises many kinds for damaged archives
         raise CheckpointError(
-            f"the state {state} is damaged ({type(error).__name__}); start anew with "
+            f"the state {path} is damaged ({type(error).__name__}); start anew with "
             "run.fresh=true, or give another run.folder"
         ) from error
     different = [k for k in recipe if recipe[k] != found.get(k)]
     if different:
         raise CheckpointError(
-            f"the training in {state} had another network ({', '.join(different)}); start anew "
+            f"the training in {path} had another network ({', '.join(different)}); start anew "
             "with run.fresh=true, or give another run.folder"
         )
+    return state

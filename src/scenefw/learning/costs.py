@@ -1,0 +1,109 @@
+"""What a training costs: samples per second, memory, time that the network waits for data."""
+
+import dataclasses
+import sys
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import torch
+
+_AHEAD = 2  # steps that the host may be ahead of the device, with their batches in memory
+
+Batch = TypeVar("Batch")
+
+
+class StepTimes:
+    """Splits the time of steps into waiting for data and the network's, on the device's clock.
+
+    On CUDA events mark the network's stream; they are read two steps later, so that the host only
+    waits for what is long done, and is never more than two steps ahead.
+    """
+
+    def __init__(self) -> None:
+        self.data = self.network = 0.0
+        self._marks: list[Any] = []
+        self._open: deque[list[Any]] = deque()
+
+    @property
+    def share_of_data(self) -> float:
+        """Share of the steps' time in which the network had no data yet."""
+        return self.data / max(self.data + self.network, 1e-9)
+
+    def begin(self, device: torch.device) -> None:
+        """A step begins."""
+        self._read(_AHEAD - 1)
+        self._marks = [_mark(device)]
+
+    def drawn(self, device: torch.device) -> None:
+        """Its data are there."""
+        self._marks.append(_mark(device))
+
+    def end(self, device: torch.device) -> None:
+        """Its weights are updated."""
+        if len(self._marks) == 2:
+            self._open.append([*self._marks, _mark(device)])
+            self._marks = []
+        self._read(_AHEAD)
+
+    def finish(self) -> None:
+        """Reads all that is left, waiting for the device."""
+        self._read(0)
+
+    def _read(self, left: int) -> None:
+        while len(self._open) > left:
+            begun, drawn, ended = self._open.popleft()
+            self.data += _between(begun, drawn)
+            self.network += _between(drawn, ended)
+
+
+class SideStream:
+    """On CUDA, work beside the network: what waits in there does not wait for the network."""
+
+    def __init__(self) -> None:
+        self._stream: Any = None
+
+    def run(self, device: torch.device, make: Callable[[], Batch]) -> Batch:
+        """What `make` makes, a dataclass of tensors, ready for the network's stream."""
+        if device.type != "cuda":
+            return make()
+        if self._stream is None:
+            self._stream = torch.cuda.Stream(device)
+        main = torch.cuda.current_stream(device)
+        with torch.cuda.stream(self._stream):
+            batch = make()
+        main.wait_stream(self._stream)
+        for field in dataclasses.fields(batch):  # type: ignore[arg-type]
+            value = getattr(batch, field.name)
+            if isinstance(value, torch.Tensor):
+                value.record_stream(main)  # its memory is not given away before the network's use
+        return batch
+
+
+def peak_memory(device: torch.device) -> float:
+    """Most memory used so far (bytes): by tensors on a GPU, by this process on a CPU."""
+    if device.type == "cuda":
+        return float(torch.cuda.max_memory_allocated(device))
+    try:
+        import resource
+    except ImportError:  # not on Windows
+        return 0.0
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return float(peak) * (1 if sys.platform == "darwin" else 1024)
+
+
+def _mark(device: torch.device) -> Any:
+    if device.type != "cuda":
+        return time.perf_counter()
+    event = torch.cuda.Event(enable_timing=True)
+    event.record(torch.cuda.current_stream(device))
+    return event
+
+
+def _between(first: Any, second: Any) -> float:
+    """Seconds."""
+    if isinstance(first, float):
+        return second - first
+    second.synchronize()
+    return first.elapsed_time(second) / 1e3

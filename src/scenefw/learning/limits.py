@@ -1,0 +1,153 @@
+"""When a training ends, and when only this call of it does."""
+
+import re
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import lightning
+
+from scenefw.core.errors import ConfigError
+from scenefw.learning.module import AGREE_EVERY, TrainingModule
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What a training may use, all its calls together; None means no limit.
+
+    Args:
+        steps: optimiser steps.
+        epochs: passes over the training data.
+        minutes: of training, without validation and snapshots.
+    """
+
+    steps: int | None = None
+    epochs: int | None = None
+    minutes: float | None = None
+
+    def shares(
+        self, steps: int, batches: int, batches_per_epoch: int, seconds: float
+    ) -> dict[str, tuple[float, str]]:
+        """By setting: how much of its limit is used, 1 being all, and that in words."""
+        epochs = batches / batches_per_epoch
+        used = {
+            "max_steps": (steps, self.steps, f"{steps} of {self.steps} steps"),
+            "max_epochs": (epochs, self.epochs, f"{epochs:.4g} of {self.epochs} epochs"),
+            "max_minutes": (
+                seconds / 60,
+                self.minutes,
+                f"{seconds / 60:.1f} of {self.minutes} minutes",
+            ),
+        }
+        return {
+            name: (spent / limit, words)
+            for name, (spent, limit, words) in used.items()
+            if limit is not None
+        }
+
+
+def finished(budget: Budget, state: dict[str, Any]) -> str | None:
+    """Says in one line that the training of a stored state is at its end, and how to go on."""
+    mine = state["scenefw"]
+    shares = budget.shares(
+        state["global_step"],
+        mine["batches_seen"],
+        mine.get("batches_per_epoch") or mine["batches_seen"] + 1,
+        mine["seconds"],
+    )
+    used = [(words, name) for name, (share, words) in shares.items() if share >= 1]
+    if not used:
+        return None
+    raised = " and ".join(f"trainer.{name}" for _, name in used)
+    return f"the training is finished: {', '.join(w for w, _ in used)}; to go on raise {raised}"
+
+
+class Limits(lightning.Callback):
+    """Stops a training at its budget, or a call of it in time to validate and save.
+
+    Args:
+        budget: of the whole training.
+        call: seconds of this call; None means no limit.
+        saving: says how many seconds the last snapshot took.
+        clock: seconds, ever rising.
+        began: when the call began, by that clock; None means now.
+    """
+
+    def __init__(
+        self,
+        budget: Budget,
+        call: float | None = None,
+        saving: Callable[[], float] = lambda: 0.0,
+        clock: Callable[[], float] = time.monotonic,
+        began: float | None = None,
+    ) -> None:
+        self.budget, self.call, self.saving, self.clock = budget, call, saving, clock
+        self._stepped = clock()
+        self._began = self._stepped if began is None else began
+        self._step = self._validation = self._validating = 0.0
+
+    def share(self, trainer: lightning.Trainer, module: TrainingModule) -> float:
+        """How much of the limit that is nearest is used."""
+        shares = [share for share, _ in self._shares(trainer, module).values()]
+        call = (self.clock() - self._began) / self.call if self.call else 0.0
+        return min(max([call, *shares]), 1.0)
+
+    def on_train_start(self, trainer: lightning.Trainer, module: TrainingModule) -> None:
+        """Starts timing steps."""
+        self._stepped = self.clock()
+
+    def on_train_batch_end(
+        self, trainer: lightning.Trainer, module: TrainingModule, *_: Any
+    ) -> None:
+        """Stops where a limit is met."""
+        now = self.clock()
+        self._step, self._stepped = now - self._stepped, now
+        shares = self._shares(trainer, module)
+        counted = any(shares.get(n, (0, ""))[0] >= 1 for n in ("max_steps", "max_epochs"))
+        if counted or self._agreed(trainer, module, shares.get("max_minutes", (0, ""))[0] >= 1):
+            trainer.should_stop = True
+
+    def on_validation_start(self, trainer: lightning.Trainer, module: TrainingModule) -> None:
+        """Times the validation, as one ends every call."""
+        self._validating = self.clock()
+
+    def on_validation_end(self, trainer: lightning.Trainer, module: TrainingModule) -> None:
+        """Keeps the longest."""
+        self._stepped = self.clock()
+        self._validation = max(self._validation, self._stepped - self._validating)
+
+    def _agreed(self, trainer: lightning.Trainer, module: TrainingModule, over: bool) -> bool:
+        """Whether time is over; several processes go by the clock of the first, now and then."""
+        several = trainer.world_size > 1
+        if several and module.batches_seen % AGREE_EVERY:
+            return False
+        steps = (AGREE_EVERY if several else 1) * self._step
+        ending = steps + self._validation + self.saving()
+        over |= self.call is not None and self.clock() - self._began + ending >= self.call
+        return bool(trainer.strategy.broadcast(over)) if several else over
+
+    def _shares(
+        self, trainer: lightning.Trainer, module: TrainingModule
+    ) -> dict[str, tuple[float, str]]:
+        return self.budget.shares(
+            trainer.global_step, module.batches_seen, module.batches_per_epoch, module.seconds
+        )
+
+
+def seconds_of(time_limit: str | None) -> float | None:
+    """Seconds of DD:HH:MM:SS.
+
+    Raises:
+        ConfigError: it is written in another way.
+    """
+    if time_limit is None:
+        return None
+    found = re.fullmatch(r"(\d+):(\d\d):(\d\d):(\d\d)", str(time_limit).strip())
+    if found is None:
+        raise ConfigError(
+            f"trainer.max_time={time_limit} is no time; give DD:HH:MM:SS, for nine minutes "
+            "00:00:09:00"
+        )
+    days, hours, minutes, seconds = map(int, found.groups())
+    return float(((days * 24 + hours) * 60 + minutes) * 60 + seconds)
