@@ -11,16 +11,18 @@ from scenefw.models.blocks import Conv3d, ConvUnit, ResidualBlock, UpUnit, depth
 class SceneDecoder(nn.Module):
     """Two linear layers, five joint SE-residual levels, one branch per modality (fig. 5.20).
 
-    Mirrors the encoder. Each branch has two layers, the last of which gives blocks of 2^3 voxels
-    (TSDF) or 4^3 voxels (votes). The last layer of the TSDF also sees the condition itself, so that
-    what is visible need not be rebuilt from features.
+    Mirrors the encoder. The joint levels end at a quarter of the grid's side. Then a fine layer at
+    half of it, which also sees the condition itself, so that what is visible need not be rebuilt
+    from features, gives the TSDF as blocks of 2^3 voxels. Votes are smooth within objects: a layer
+    at a quarter of the side gives them as blocks of 4^3 voxels, and the fine layer what changes at
+    the borders of objects.
 
     Args:
         sizes: side of the five joint levels, coarsest first; the last is a quarter of the grid's.
         widths: channels of the five joint levels.
         condition_widths: channels of the condition's maps, coarsest first; the last is that of the
             condition itself.
-        branch: channels of the TSDF's branch.
+        branch: channels of the fine layer.
         code_size: size of the latent code and the condition's code together.
     """
 
@@ -47,8 +49,10 @@ class SceneDecoder(nn.Module):
             up = UpUnit(widths[i - 1], widths[i], stride=sizes[i] // sizes[i - 1])
             merge = ConvUnit(widths[i] + condition_widths[i - 1], widths[i])
             self.levels.append(nn.ModuleList([up, merge, ResidualBlock(widths[i])]))
-        self.tsdf = _FineBranch(widths[4], condition_widths[4], condition_widths[5], branch)
-        self.votes = _CoarseBranch(widths[4])
+        self.fine = _FineLayer(widths[4], condition_widths[4], branch)
+        self.tsdf = Conv3d(branch + condition_widths[5], 8, 1)
+        self.votes = nn.Sequential(ConvUnit(widths[4], widths[4]), Conv3d(widths[4], 3 * 64, 1))
+        self.fine_votes = Conv3d(branch + condition_widths[5], 3 * 8, 1)
 
     def forward(self, code: Tensor, maps: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
         """TSDF (B, 1, X, Y, Z) and votes (B, 3, X, Y, Z).
@@ -58,12 +62,14 @@ class SceneDecoder(nn.Module):
             maps: six maps of the condition, coarsest first.
         """
         features = self._features(code, maps)
-        return self.tsdf(features, maps[4], maps[5]), self.votes(features)
+        fine = self.fine(features, maps[4], maps[5])
+        votes = depth_to_space(self.votes(features), 4) + depth_to_space(self.fine_votes(fine), 2)
+        return depth_to_space(self.tsdf(fine), 2), votes
 
     def shape(self, code: Tensor, maps: Sequence[Tensor]) -> Tensor:
         """The TSDF alone."""
-        tsdf: Tensor = self.tsdf(self._features(code, maps), maps[4], maps[5])
-        return tsdf
+        fine = self.fine(self._features(code, maps), maps[4], maps[5])
+        return depth_to_space(self.tsdf(fine), 2)
 
     def _features(self, code: Tensor, maps: Sequence[Tensor]) -> Tensor:
         features: Tensor = self.first(self.linear(code).reshape(-1, *self.coarsest))
@@ -72,27 +78,14 @@ class SceneDecoder(nn.Module):
         return features
 
 
-class _FineBranch(nn.Module):
-    """TSDF: one layer at half the grid's side, with the condition's finest map, then sub-voxels."""
+class _FineLayer(nn.Module):
+    """One layer at half the grid's side, which sees the condition and its finest features."""
 
-    def __init__(self, inputs: int, condition: int, blocks: int, width: int) -> None:
+    def __init__(self, inputs: int, condition: int, width: int) -> None:
         super().__init__()
         self.up = nn.ConvTranspose3d(inputs, width, 2, 2, bias=False)
         self.merge = ConvUnit(width + condition, width)
-        self.head = Conv3d(width + blocks, 8, 3, padding=1)
 
     def forward(self, features: Tensor, condition: Tensor, blocks: Tensor) -> Tensor:
         merged = self.merge(torch.cat([self.up(features), condition], dim=1))
-        return depth_to_space(self.head(torch.cat([merged, blocks.to(merged.dtype)], dim=1)), 2)
-
-
-class _CoarseBranch(nn.Module):
-    """Votes, which are smooth: one layer at a quarter of the grid's side, then sub-voxels."""
-
-    def __init__(self, inputs: int) -> None:
-        super().__init__()
-        self.layer = ConvUnit(inputs, inputs)
-        self.head = nn.Conv3d(inputs, 3 * 64, 1)
-
-    def forward(self, features: Tensor) -> Tensor:
-        return depth_to_space(self.head(self.layer(features)), 4)
+        return torch.cat([merged, blocks.to(merged.dtype)], dim=1)

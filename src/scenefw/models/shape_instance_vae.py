@@ -33,7 +33,7 @@ class ShapeInstanceVAE(nn.Module):
         encoder_widths: channels of the encoder's five joint levels, finest first.
         decoder_widths: channels of the decoder's five joint levels, finest first.
         stem_width: channels of the encoder's layers of one modality.
-        branch_width: channels of the decoder's layer at half the grid's side.
+        branch_width: channels of the decoder's fine layer, at half the grid's side.
         zero_share: share of a training batch whose codes are replaced by the zero code.
         prior_share: share of a training batch whose codes are replaced by draws from N(0, I).
         candidates: draws for each of the latter, of which the best is kept.
@@ -57,7 +57,7 @@ class ShapeInstanceVAE(nn.Module):
         branch_width: int = 16,
         zero_share: float = 0.1,
         prior_share: float = 0.4,
-        candidates: int = 4,
+        candidates: int = 3,
     ) -> None:
         super().__init__()
         self.recipe = _recipe(locals())

@@ -130,12 +130,12 @@ def test_choosing_codes_leaves_the_training_mode_and_its_statistics():
 
 def test_the_last_layer_can_copy_what_is_visible():
     model, data = network(16).eval(), batch(16)
-    head = model.decoder.tsdf.head
+    head = model.decoder.tsdf
     torch.nn.init.zeros_(head.weight)
     torch.nn.init.zeros_(head.bias)
     with torch.no_grad():
         for i in range(8):  # the first eight of the condition's channels are the partial TSDF
-            head.weight[i, SMALL["branch_width"] + i, 1, 1, 1] = 1
+            head.weight[i, SMALL["branch_width"] + i, 0, 0, 0] = 1
     found = model.predict(data.condition).tsdf
     np.testing.assert_allclose(found.detach(), data.condition[:, :1], atol=1e-6)
 
