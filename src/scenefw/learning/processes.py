@@ -1,6 +1,8 @@
 """Several processes of one training on one machine, that begin and end together."""
 
+import multiprocessing
 import os
+import pickle
 import sys
 import threading
 import time
@@ -12,9 +14,8 @@ from typing import Any
 import numba
 import torch
 from lightning.fabric.plugins.environments.lightning import find_free_network_port
-from torch import multiprocessing
 
-from scenefw.core.errors import SceneFWError, TrainingError
+from scenefw.core.errors import ConfigError, SceneFWError, TrainingError
 
 _RANK = "LOCAL_RANK"
 _GRACE = 20.0  # seconds in which this process should notice by itself that another one failed
@@ -34,6 +35,7 @@ def processes(count: int, work: Callable[[], Any]) -> Iterator[None]:
 
     Raises:
         TrainingError: another process failed.
+        ConfigError: the work can't be pickled.
     """
     if count == 1 or _RANK in os.environ:
         yield
@@ -45,8 +47,11 @@ def processes(count: int, work: Callable[[], Any]) -> Iterator[None]:
         "NODE_RANK": "0",
     }
     threads = max(torch.get_num_threads() // count, 1)
+    packed = _packed(work)
     with _variables({**common, _RANK: "0"}), _threads(threads):
-        others = Others([_start({**common, _RANK: str(n)}, threads, work) for n in range(1, count)])
+        others = Others(
+            [_start({**common, _RANK: str(n)}, threads, packed) for n in range(1, count)]
+        )
         try:
             yield
             others.join()
@@ -132,16 +137,27 @@ class Others:
             os._exit(2)
 
 
-def _start(variables: Mapping[str, str], threads: int, work: Callable[[], Any]) -> tuple[Any, Any]:
+def _packed(work: Callable[[], Any]) -> bytes:
+    """A copy of the work; handed over as it is, torch would share the memory of its tensors."""
+    try:
+        return pickle.dumps(work)
+    except (pickle.PicklingError, TypeError, AttributeError) as error:
+        raise ConfigError(
+            f"this training can't be copied to other processes ({error}); give trainer.devices=1, "
+            "or start its processes with torchrun"
+        ) from error
+
+
+def _start(variables: Mapping[str, str], threads: int, packed: bytes) -> tuple[Any, Any]:
     context = multiprocessing.get_context("spawn")
     reader, writer = context.Pipe(duplex=False)
-    process = context.Process(target=_run, args=(dict(variables), threads, writer, work))
+    process = context.Process(target=_run, args=(dict(variables), threads, writer, packed))
     process.start()
     writer.close()
     return process, reader
 
 
-def _run(variables: Mapping[str, str], threads: int, pipe: Any, work: Callable[[], Any]) -> None:
+def _run(variables: Mapping[str, str], threads: int, pipe: Any, packed: bytes) -> None:
     """What another process does."""
     os.environ.update(variables)
     threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
@@ -149,7 +165,7 @@ def _run(variables: Mapping[str, str], threads: int, pipe: Any, work: Callable[[
         sys.stdout = sys.stderr = nowhere
         try:
             with _threads(threads):
-                work()
+                pickle.loads(packed)()
         except BaseException as error:  # noqa: BLE001 - whatever it is, the first process tells
             words = " ".join(str(error).split())[:500]
             named = isinstance(error, SceneFWError)
@@ -172,7 +188,7 @@ def _variables(values: Mapping[str, str]) -> Iterator[None]:
         yield
     finally:
         for name, value in before.items():
-            os.environ.pop(name)
+            os.environ.pop(name, None)  # torch's own end may have removed it
             if value is not None:
                 os.environ[name] = value
 
