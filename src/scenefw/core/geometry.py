@@ -66,15 +66,23 @@ def transform_points(transform: ArrayLike, points: ArrayLike) -> Array:
 
 
 def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> Array:
-    """`T_world_camera` of a camera (x right, y down, z forward) at `eye` looking at `target`."""
+    """`T_world_camera` (..., 4, 4) of cameras at `eye` (..., 3) looking at `target` (..., 3).
+
+    The camera frame is x right, y down, z forward.
+    """
     eye = np.asarray(eye, dtype=np.float64)
     forward = np.asarray(target, dtype=np.float64) - eye
-    forward /= np.linalg.norm(forward)
+    forward /= np.linalg.norm(forward, axis=-1, keepdims=True)
     right = np.cross(forward, np.asarray(up, dtype=np.float64))
-    if np.linalg.norm(right) < 1e-9:  # looking along `up`: any right will do
-        right = np.cross(forward, (0.0, 1.0, 0.0))
-    right /= np.linalg.norm(right)
-    return rigid(np.stack([right, np.cross(forward, right), forward], axis=1), eye)
+    length = np.linalg.norm(right, axis=-1, keepdims=True)
+    # looking along `up`: any right will do
+    right = np.where(length < 1e-9, np.cross(forward, (0.0, 1.0, 0.0)), right)
+    right /= np.linalg.norm(right, axis=-1, keepdims=True)
+    pose = np.zeros((*forward.shape[:-1], 4, 4))
+    pose[..., :3, :3] = np.stack([right, np.cross(forward, right), forward], axis=-1)
+    pose[..., :3, 3] = eye
+    pose[..., 3, 3] = 1
+    return pose
 
 
 def rotation_between(source: ArrayLike, target: ArrayLike) -> Array:

@@ -102,8 +102,15 @@ class MappingMethod(Protocol):
 class Noise(Protocol):
     """Disturbs depth images as a sensor does (group `noise`)."""
 
-    def apply(self, depth: Tensor, cameras: CameraBatch, generator: torch.Generator) -> Tensor:
-        """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0."""
+    def apply(self, depth: Tensor, cameras: CameraBatch, seeds: Tensor) -> Tensor:
+        """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0.
+
+        Args:
+            depth: (B, H, W) metres.
+            cameras: one per image.
+            seeds: (B,) int64, 0 or more, on the device of the depth: each image's noise is a
+                function of its own seed, whatever stands beside it.
+        """
 
 
 class Loss(Protocol):

@@ -51,8 +51,7 @@ class Streams:
 
     def uniform(self, count: int, start: int = 0) -> NDArray[np.float64]:
         """Draws start to start + count - 1 of each stream, (B, count) in [0, 1)."""
-        drawn: NDArray[np.float64] = (self._words(count, start) >> np.uint64(11)) * 2.0**-53
-        return drawn
+        return (self._words(count, start) >> np.uint64(11)).astype(np.float64) * 2.0**-53
 
     def seeds(self, count: int) -> NDArray[np.int64]:
         """The first `count` draws of each stream as seeds (B, count) of 63 bits."""

@@ -3,11 +3,12 @@
 import math
 from dataclasses import replace
 
-import numpy as np
 import torch
+from torch import Tensor
 
 from scenefw.core.errors import ConfigError
-from scenefw.core.types import SceneParameters
+from scenefw.core.rng import Streams
+from scenefw.core.types import Float64, SceneParameters
 
 
 class RigidAugmentation:
@@ -27,28 +28,30 @@ class RigidAugmentation:
         self.rotation = rotation
         self.shift = shift
 
-    def draw(self, rng: np.random.Generator) -> tuple[float, float, float]:
-        """Angle (radians) and shift in x and y (m) of one scene."""
-        angle = rng.uniform(-self.rotation, self.rotation)
-        x, y = rng.uniform(-self.shift, self.shift, size=2)
-        return float(angle), float(x), float(y)
+    def draw(self, streams: Streams) -> Float64:
+        """Angle (radians) and shift in x and y (m) of one scene per stream, (B, 3)."""
+        return (2 * streams.uniform(3) - 1) * (self.rotation, self.shift, self.shift)
 
-    def apply(
-        self, parameters: SceneParameters, motions: list[tuple[float, float, float]]
-    ) -> SceneParameters:
-        """Every scene moved by its own motion, about the z axis first."""
-        device = parameters.positions.device
-        angle, x, y = np.array(motions, dtype=np.float64).T
-        zero, one = np.zeros_like(angle), np.ones_like(angle)
-        c, s = np.cos(angle), np.sin(angle)
-        turn = np.stack([c, -s, zero, s, c, zero, zero, zero, one], axis=-1).reshape(-1, 3, 3)
-        rotation = torch.as_tensor(turn, dtype=torch.float32, device=device)[:, None]
-        shift = np.stack([x, y, zero], axis=-1)
-        offset = torch.as_tensor(shift, dtype=torch.float32, device=device)[:, None]
-        positions = (rotation @ parameters.positions[..., None])[..., 0] + offset
+    def apply(self, parameters: SceneParameters, motions: Tensor) -> SceneParameters:
+        """Every scene moved by its own motion, about the z axis first.
+
+        Args:
+            parameters: B scenes.
+            motions: (B, 3) float32 angle, x and y, on the device of the scenes.
+        """
+        angle, x, y = motions[:, None].unbind(-1)
+        c, s = angle.cos(), angle.sin()
+        px, py, pz = parameters.positions.unbind(-1)
+        turned = torch.stack([c * px - s * py + x, s * px + c * py + y, pz], dim=-1)
         present = parameters.present[..., None]
         return replace(
             parameters,
-            rotations=rotation @ parameters.rotations,
-            positions=torch.where(present, positions, parameters.positions),
+            rotations=_turned(parameters.rotations, c[..., None], s[..., None]),
+            positions=torch.where(present, turned, parameters.positions),
         )
+
+
+def _turned(rotations: Tensor, c: Tensor, s: Tensor) -> Tensor:
+    """Rotations (B, N, 3, 3) turned about z; row by row, as matrix products may be made in TF32."""
+    x, y, z = rotations.unbind(-2)
+    return torch.stack([c * x - s * y, s * x + c * y, z], dim=-2)

@@ -143,10 +143,9 @@ class ViewSamples:
 
     def _disturbed(self, frame: Frame, rng: np.random.Generator) -> NDArray[np.float32]:
         depth, cameras = torch.from_numpy(frame.depth.copy())[None], stack_cameras([frame.camera])
-        draws = torch.Generator()
-        draws.manual_seed(int(rng.integers(2**63 - 1)))
-        for noise in self.noise.values():
-            depth = noise.apply(depth, cameras, draws)
+        seeds = torch.from_numpy(rng.integers(2**63 - 1, size=(len(self.noise), 1)))
+        for noise, seed in zip(self.noise.values(), seeds, strict=True):
+            depth = noise.apply(depth, cameras, seed)
         return depth[0].numpy()
 
 

@@ -2,16 +2,19 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from scenefw.core.protocols import MappingMethod, Noise, Renderer
+from scenefw.core.rng import Streams
 from scenefw.core.types import (
     Camera,
     CameraBatch,
+    Float64,
     GridSpec,
     PartialTSDF,
     SceneParameters,
@@ -19,14 +22,20 @@ from scenefw.core.types import (
 )
 from scenefw.data.augmentation import RigidAugmentation
 from scenefw.kernels.cameras import stack_cameras
+from scenefw.kernels.transfer import to_device
 from scenefw.representations.volumes import scene_volumes
 
 
 class Viewpoints(Protocol):
     """Where cameras stand (group `viewpoints`)."""
 
+    camera: Camera
+
     def sample(self, rng: np.random.Generator) -> Camera:
-        """One random camera."""
+        """One random camera: `camera` at a random pose."""
+
+    def poses(self, streams: Streams) -> Float64:
+        """`T_world_camera` (B, 4, 4) of one random camera per stream."""
 
 
 @dataclass(frozen=True)
@@ -77,54 +86,45 @@ class ViewMaker:
         self.augmentation = augmentation
         self.image_size = tuple(image_size) if image_size else None
 
-    def make(
-        self,
-        parameters: SceneParameters,
-        rng: np.random.Generator | Sequence[np.random.Generator],
-    ) -> ViewBatch:
-        """One view of each of B scenes.
+    def make(self, parameters: SceneParameters, streams: Streams) -> ViewBatch:
+        """One random view of each of B scenes, moved by the augmentation.
+
+        Nothing waits for the device: what is drawn travels there in one copy.
 
         Args:
             parameters: the scenes.
-            rng: one generator per scene, so that a view depends on its own stream alone; or one, of
-                which such streams are spawned.
+            streams: one per scene; a view depends on its own alone, whatever the batch.
         """
-        count = len(parameters.positions)
-        streams = rng.spawn(count) if isinstance(rng, np.random.Generator) else list(rng)
+        to_motion, to_camera, to_noise = streams.split(3)
+        lens = self._lens(self.viewpoints.camera)
+        intrinsics = np.array([[lens.fx, lens.fy, lens.cx, lens.cy]] * len(streams), np.float32)
+        drawn: list[NDArray[Any]] = [
+            intrinsics,
+            self.viewpoints.poses(to_camera).astype(np.float32),
+            np.ascontiguousarray(to_noise.seeds(len(self.noise)).T),
+        ]
         if self.augmentation is not None:
-            motions = [self.augmentation.draw(stream) for stream in streams]
-            parameters = self.augmentation.apply(parameters, motions)
-        device = parameters.positions.device
-        cameras = stack_cameras([self._camera(s) for s in streams], device)
-        volumes = scene_volumes(parameters, self.grid)
-        depth = self._disturb(
-            self.renderer.render(volumes.tsdf, self.grid, cameras), cameras, streams
-        )
-        partial = self.mapping.fuse(depth, self.grid, cameras)
-        return ViewBatch(volumes, depth, cameras, partial)
+            drawn.append(self.augmentation.draw(to_motion).astype(np.float32))
+        tensors = to_device(drawn, parameters.positions.device)
+        if self.augmentation is not None:
+            parameters = self.augmentation.apply(parameters, tensors[3])
+        cameras = CameraBatch(lens.width, lens.height, tensors[0], tensors[1])
+        return self._see(parameters, cameras, tensors[2])
 
-    def _camera(self, stream: np.random.Generator) -> Camera:
-        camera = self.viewpoints.sample(stream)
+    def make_one(self, parameters: SceneParameters, rng: np.random.Generator) -> ViewBatch:
+        """One random view of one scene where it is stored, without augmentation."""
+        device = parameters.positions.device
+        cameras = stack_cameras([self._lens(self.viewpoints.sample(rng))], device)
+        seeds = rng.integers(2**63 - 1, size=(len(self.noise), 1))
+        return self._see(parameters, cameras, torch.from_numpy(seeds).to(device))
+
+    def _lens(self, camera: Camera) -> Camera:
         return camera.resized(*self.image_size) if self.image_size else camera
 
-    def _disturb(
-        self, depth: Tensor, cameras: CameraBatch, streams: Sequence[np.random.Generator]
-    ) -> Tensor:
-        """Noise image by image, as every image has its own stream."""
-        if not self.noise:
-            return depth
-        images = []
-        for i, stream in enumerate(streams):
-            generator = torch.Generator(depth.device)
-            generator.manual_seed(int(stream.integers(2**63 - 1)))
-            camera = CameraBatch(
-                cameras.width,
-                cameras.height,
-                cameras.intrinsics[i : i + 1],
-                cameras.T_world_camera[i : i + 1],
-            )
-            image = depth[i : i + 1]
-            for name in sorted(self.noise):
-                image = self.noise[name].apply(image, camera, generator)
-            images.append(image)
-        return torch.cat(images)
+    def _see(self, parameters: SceneParameters, cameras: CameraBatch, seeds: Tensor) -> ViewBatch:
+        """Views with noise of seeds (N, B), one row per noise."""
+        volumes = scene_volumes(parameters, self.grid)
+        depth = self.renderer.render(volumes.tsdf, self.grid, cameras)
+        for name, row in zip(sorted(self.noise), seeds, strict=True):
+            depth = self.noise[name].apply(depth, cameras, row)
+        return ViewBatch(volumes, depth, cameras, self.mapping.fuse(depth, self.grid, cameras))

@@ -94,7 +94,7 @@ class Examples:
     @torch.no_grad()
     def _example(self, scene: int) -> Example:
         parameters = self.scenes.parameters([scene], self.device)
-        view = self.views.make(parameters, [rng.generator(self.seed, _STREAM, scene)])
+        view = self.views.make_one(parameters, rng.generator(self.seed, _STREAM, scene))
         codes = torch.Generator().manual_seed(rng.torch_seed(self.seed, _STREAM, scene))
         grid = self.views.grid
         tsdf, instances = self.method.reconstruct(view.partial, grid, 1, codes)[0]

@@ -118,7 +118,7 @@ class ReconstructionEvaluation:
         """All methods on one view of one scene of the split."""
         parameters = self.scenes.parameters([scene], self.device)
         batches = {
-            grid: maker.make(parameters, [rng.generator(self.seed, _VIEW_STREAM, scene, view)])
+            grid: maker.make_one(parameters, rng.generator(self.seed, _VIEW_STREAM, scene, view))
             for grid, maker in self.makers.items()
         }
         finest = max(self.makers, key=lambda grid: grid.resolution)

@@ -56,13 +56,14 @@ def _cache_folder() -> Path:
 if "NUMBA_CACHE_DIR" not in os.environ:
     numba.config.CACHE_DIR = str(_cache_folder())
 
-element = numba.njit(fastmath={"contract", "arcp", "nsz", "afn", "reassoc"}, error_model="numpy")
-loop = numba.njit(
-    parallel=True,
-    cache=True,
-    fastmath={"contract", "arcp", "nsz", "afn", "reassoc"},
-    error_model="numpy",
-)
+_MATHS = {
+    "fastmath": {"contract", "arcp", "nsz", "afn", "reassoc"},
+    "error_model": "numpy",
+}
+element = numba.njit(**_MATHS)
+loop = numba.njit(parallel=True, cache=True, **_MATHS)
+vectorised = numba.njit(inline="always", **_MATHS)
+"""An element that becomes part of the loop that calls it: loops with calls are never vectorised."""
 
 
 _simulated = threading.Lock()  # numba's CUDA simulator runs Python threads
@@ -215,7 +216,7 @@ def _on_cpu(argument: Argument) -> Any:
 def _on_cuda(argument: Argument) -> Any:
     if not isinstance(argument, Tensor):
         return argument
-    return cuda.as_cuda_array(_contiguous(argument).detach())
+    return cuda.as_cuda_array(_contiguous(argument).detach(), sync=False)
 
 
 def _contiguous(tensor: Tensor) -> Tensor:

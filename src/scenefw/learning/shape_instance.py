@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from scenefw.core.protocols import Loss
-from scenefw.core.rng import generator, torch_seed
+from scenefw.core.rng import Streams, torch_seed
 from scenefw.core.types import GridSpec, ShapeInstanceBatch
 from scenefw.data.conditioning import training_batch
 from scenefw.data.modules import IndexBatch
@@ -112,7 +112,7 @@ class ShapeInstanceLearning(TrainingModule):
     def _draw(self, scenes: StackScenes, batch: IndexBatch, stream: int) -> ShapeInstanceBatch:
         """Volumes and one view of each scene; scene i of epoch e depends on (seed, e, i) alone."""
         parameters = scenes.parameters(batch.indices, self.device)
-        streams = [generator(self.seed, stream, batch.epoch, int(index)) for index in batch.indices]
+        streams = Streams.of(self.seed, stream, batch.epoch, indices=batch.indices.numpy())
         with torch.autocast(self.device.type, enabled=False):
             made = self.views.make(parameters, streams)
         observed = self.model.channels == 2

@@ -36,11 +36,12 @@ def disturb(frame: Frame, noises: Mapping[str, Noise], seed: int, scene: int, in
     """
     for name, noise in noises.items():
         stream = (scene, index, zlib.crc32(name.encode()))
-        generator = torch.Generator().manual_seed(rng.torch_seed(seed, *stream))
+        drawn = rng.torch_seed(seed, *stream)
         if isinstance(noise, PoseNoise):
+            generator = torch.Generator().manual_seed(drawn)
             frame = replace(frame, camera=noise.move(frame.camera, generator))
             continue
         depth = torch.from_numpy(frame.depth.copy())[None]
-        noisy = noise.apply(depth, stack_cameras([frame.camera]), generator)
+        noisy = noise.apply(depth, stack_cameras([frame.camera]), torch.tensor([drawn]))
         frame = replace(frame, depth=noisy[0].numpy())
     return frame

@@ -5,6 +5,8 @@ from torch import Tensor
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import CameraBatch
+from scenefw.kernels.compile import float32
+from scenefw.kernels.depth_noise import add_noise
 
 
 class Gaussian:
@@ -21,14 +23,17 @@ class Gaussian:
             )
         self.sigma = sigma
 
-    def apply(self, depth: Tensor, cameras: CameraBatch, generator: torch.Generator) -> Tensor:
+    def apply(self, depth: Tensor, cameras: CameraBatch, seeds: Tensor) -> Tensor:
         """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0, the rest stays positive.
 
         Args:
-            depth: (B, H, W) metres, on the generator's device.
+            depth: (B, H, W) metres.
             cameras: unused; white noise looks alike through every lens.
-            generator: its device is the depth's.
+            seeds: (B,) int64, 0 or more: one per image, on the same device.
         """
-        noise = torch.randn(depth.shape, generator=generator, device=depth.device)
-        noisy = (depth + self.sigma * noise.to(depth.dtype)).clamp(min=1e-6)
-        return torch.where(depth > 0, noisy, torch.zeros_like(depth))
+        depth = depth.float().contiguous()
+        noisy = torch.empty_like(depth)
+        pixels = depth.shape[1] * depth.shape[2]
+        flat = (depth.view(-1), seeds, noisy.view(-1))
+        add_noise(depth.numel(), *flat, pixels, *float32(self.sigma))
+        return noisy

@@ -35,7 +35,7 @@ class Jitter:
         self.sigma = sigma
         self.rotation = sigma / reach if rotation is None else rotation
 
-    def apply(self, depth: Tensor, cameras: CameraBatch, generator: torch.Generator) -> Tensor:
+    def apply(self, depth: Tensor, cameras: CameraBatch, seeds: Tensor) -> Tensor:
         """The depth images (B, H, W) themselves: their pixels are right."""
         return depth
 

@@ -6,7 +6,8 @@ import numpy as np
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import look_at
-from scenefw.core.types import Camera
+from scenefw.core.rng import Streams
+from scenefw.core.types import Camera, Float64
 
 
 class RandomViewpoints:
@@ -78,3 +79,15 @@ class RandomViewpoints:
             position = rng.uniform(self.lower, self.upper)
         target = self.centre + rng.uniform(-self.jitter, self.jitter, size=3)
         return self.camera.moved(look_at(position, target))
+
+    def poses(self, streams: Streams) -> Float64:
+        """`T_world_camera` (B, 4, 4) of one camera per stream, distributed as those of `sample`."""
+        target = self.centre + self.jitter * (2 * streams.uniform(3) - 1)
+        position = np.empty_like(target)
+        missing, draws = np.arange(len(streams)), 3
+        while len(missing):
+            drawn = Streams(streams.keys[missing]).uniform(3, draws)
+            position[missing] = self.lower + (self.upper - self.lower) * drawn
+            away = np.linalg.norm(position[missing] - self.centre, axis=-1)
+            missing, draws = missing[away < self.closest], draws + 3
+        return look_at(position, target)

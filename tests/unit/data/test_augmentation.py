@@ -5,8 +5,10 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import stats
 
 from scenefw.core.errors import ConfigError
+from scenefw.core.rng import Streams
 from scenefw.core.types import GridSpec, SceneParameters
 from scenefw.data.augmentation import RigidAugmentation
 from scenefw.representations.volumes import scene_volumes
@@ -26,6 +28,10 @@ def scene(seed, objects=2):
     return SceneParameters(*tensors, torch.ones(1, objects, dtype=torch.bool))
 
 
+def motions(*motion):
+    return torch.tensor([motion], dtype=torch.float32)
+
+
 CENTRED = {"extent": 1.0, "lower": (-0.5, -0.5, -0.096)}
 
 
@@ -34,7 +40,7 @@ def test_a_quarter_turn_is_a_quarter_turn_of_the_volumes(resolution):
     grid = GridSpec(resolution, **CENTRED)
     augmentation = RigidAugmentation()
     before = scene_volumes(scene(0), grid)
-    after = scene_volumes(augmentation.apply(scene(0), [(math.pi / 2, 0.0, 0.0)]), grid)
+    after = scene_volumes(augmentation.apply(scene(0), motions(math.pi / 2, 0.0, 0.0)), grid)
     # A quarter turn takes voxel (x, y) to (-y, x).
     np.testing.assert_allclose(after.tsdf, torch.rot90(before.tsdf, 1, (2, 3)), atol=2e-4)
     x, y, z = torch.rot90(before.votes, 1, (2, 3)).unbind(dim=1)
@@ -50,7 +56,7 @@ def test_a_shift_by_whole_voxels_shifts_the_volumes(resolution):
     grid = GridSpec(resolution, **CENTRED)
     step = grid.voxel_size
     before = scene_volumes(scene(1), grid).tsdf
-    after = scene_volumes(RigidAugmentation().apply(scene(1), [(0.0, step, -step)]), grid).tsdf
+    after = scene_volumes(RigidAugmentation().apply(scene(1), motions(0.0, step, -step)), grid).tsdf
     np.testing.assert_allclose(after[:, :, 1:, :-1], before[:, :, :-1, 1:], atol=2e-4)
 
 
@@ -62,7 +68,7 @@ def test_a_shift_by_whole_voxels_shifts_the_volumes(resolution):
 )
 def test_motion_is_rigid_and_stays_on_the_floor(seed, angle, shift):
     before = scene(seed, objects=3)
-    after = RigidAugmentation().apply(before, [(angle, *shift)])
+    after = RigidAugmentation().apply(before, motions(angle, *shift))
     identity = after.rotations @ after.rotations.transpose(-1, -2)
     np.testing.assert_allclose(identity, torch.eye(3).expand_as(identity), atol=1e-5)
     np.testing.assert_allclose(after.positions[..., 2], before.positions[..., 2], atol=1e-6)
@@ -82,13 +88,26 @@ def test_motion_is_rigid_and_stays_on_the_floor(seed, angle, shift):
     np.testing.assert_allclose(moved, expected, atol=1e-5)
 
 
-def test_draws_stay_in_range_and_follow_the_generator():
+def test_draws_are_uniform_and_follow_their_streams():
     augmentation = RigidAugmentation(rotation=0.3, shift=0.02)
-    draws = np.array([augmentation.draw(np.random.default_rng(i)) for i in range(300)])
-    assert np.abs(draws[:, 0]).max() <= 0.3
-    assert np.abs(draws[:, 0]).max() > 0.25
-    assert np.abs(draws[:, 1:]).max() <= 0.02
-    assert augmentation.draw(np.random.default_rng(5)) == tuple(draws[5])
+    draws = augmentation.draw(Streams.of(0, indices=range(2000)))
+    for values, limit in zip(draws.T, (0.3, 0.02, 0.02), strict=True):
+        assert stats.kstest(values, stats.uniform(-limit, 2 * limit).cdf).pvalue > 1e-3
+    assert np.abs(np.corrcoef(draws.T)[np.triu_indices(3, 1)]).max() < 0.1
+    alone = augmentation.draw(Streams.of(0, indices=[5]))
+    np.testing.assert_array_equal(alone[0], draws[5])
+
+
+def test_every_scene_of_a_batch_has_its_own_motion():
+    both = [scene(3), scene(4)]
+    fields = ("half_axes", "exponents", "rotations", "positions", "present")
+    batch = SceneParameters(*(torch.cat([getattr(s, name) for s in both]) for name in fields))
+    given = torch.tensor([[0.3, 0.01, 0.02], [-2.0, 0.03, -0.01]])
+    together = RigidAugmentation().apply(batch, given)
+    for i, alone in enumerate(both):
+        moved = RigidAugmentation().apply(alone, given[i : i + 1])
+        assert torch.equal(together.positions[i : i + 1], moved.positions)
+        assert torch.equal(together.rotations[i : i + 1], moved.rotations)
 
 
 def test_negative_range_is_refused():

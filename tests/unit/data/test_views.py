@@ -7,29 +7,40 @@ import torch
 from tests.unit.data.stacks_file import write_stacks
 
 from scenefw.core.geometry import look_at
+from scenefw.core.rng import Streams
 from scenefw.core.types import Camera, GridSpec
 from scenefw.data.augmentation import RigidAugmentation
 from scenefw.data.stacks import StackScenes
 from scenefw.data.views import ViewMaker
 from scenefw.mapping.projective import Projective
 from scenefw.renderers.sphere_tracer import SphereTracer
+from scenefw.representations.volumes import scene_volumes
 
 
 class Circle:
     """Cameras on a circle: what RandomViewpoints does, without its package."""
 
+    camera = Camera(80, 60, 70.0, 70.0, 39.5, 29.5)
+
     def sample(self, rng):
-        angle = rng.uniform(-np.pi, np.pi)
-        eye = (0.9 * np.cos(angle), 0.9 * np.sin(angle), 0.7)
-        return Camera(80, 60, 70.0, 70.0, 39.5, 29.5, look_at(eye, (0, 0, 0.1)))
+        return self.camera.moved(self._pose(rng.uniform(-np.pi, np.pi)))
+
+    def poses(self, streams):
+        return self._pose(np.pi * (2 * streams.uniform(1)[:, 0] - 1))
+
+    def _pose(self, angle):
+        eye = (0.9 * np.cos(angle), 0.9 * np.sin(angle), np.full_like(angle, 0.7))
+        return look_at(np.stack(eye, axis=-1), (0, 0, 0.1))
 
 
 class Shaking:
     """Adds white noise, so that streams of noise can be told apart."""
 
-    def apply(self, depth, cameras, generator):
-        noise = torch.randn(depth.shape, generator=generator)
-        return torch.where(depth > 0, depth + 0.01 * noise, depth)
+    def apply(self, depth, cameras, seeds):
+        assert seeds.shape == depth.shape[:1]
+        draws = [torch.Generator().manual_seed(seed) for seed in seeds.tolist()]
+        noise = [torch.randn(depth.shape[1:], generator=draw) for draw in draws]
+        return torch.where(depth > 0, depth + 0.01 * torch.stack(noise), depth)
 
 
 def maker(resolution, **options):
@@ -44,7 +55,7 @@ def scenes(tmp_path):
 
 
 def streams(*numbers):
-    return [np.random.default_rng(n) for n in numbers]
+    return Streams.of(0, indices=numbers)
 
 
 @pytest.mark.parametrize("resolution", [16, 32])
@@ -72,12 +83,27 @@ def test_the_view_shows_the_volumes(scenes, resolution):
     assert float((made.depth > 0).float().mean()) > 0.5
 
 
-def test_one_generator_spawns_a_stream_per_scene(scenes):
-    views = maker(16)
-    first = views.make(scenes.parameters([0, 0]), np.random.default_rng(3))
-    again = views.make(scenes.parameters([0, 0]), np.random.default_rng(3))
+def test_noises_have_their_own_draws(scenes):
+    """Two of a kind add up as independent ones do."""
+    noises = {"first": Shaking(), "second": Shaking()}
+    plain = maker(16).make(scenes.parameters([0]), streams(3))
+    noisy = maker(16, noise=noises).make(scenes.parameters([0]), streams(3))
+    spread = float((noisy.depth - plain.depth)[plain.depth > 0].std())
+    assert spread == pytest.approx(0.01 * np.sqrt(2), rel=0.05)
+
+
+def test_one_view_is_that_of_the_generator_and_of_its_camera(scenes):
+    views = maker(16, noise={"shaking": Shaking()}, augmentation=RigidAugmentation())
+    first, again = (
+        views.make_one(scenes.parameters([1]), np.random.default_rng(3)) for _ in range(2)
+    )
+    other = views.make_one(scenes.parameters([1]), np.random.default_rng(4))
     assert torch.equal(first.depth, again.depth)
-    assert not torch.equal(first.depth[0], first.depth[1])
+    assert not torch.equal(first.depth, other.depth)
+    pose = Circle().sample(np.random.default_rng(3)).T_world_camera
+    np.testing.assert_allclose(first.cameras.T_world_camera[0], pose, atol=1e-6)
+    still = scene_volumes(scenes.parameters([1]), views.grid).tsdf
+    assert torch.equal(first.volumes.tsdf, still)
 
 
 def test_noise_is_applied_and_augmentation_moves(scenes):

@@ -29,10 +29,17 @@ from scenefw.tasks.train import Train
 
 
 class Circle:
+    camera = Camera(40, 30, 35.0, 35.0, 19.5, 14.5)
+
     def sample(self, rng):
-        angle = rng.uniform(-np.pi, np.pi)
-        eye = (0.9 * np.cos(angle), 0.9 * np.sin(angle), 0.7)
-        return Camera(40, 30, 35.0, 35.0, 19.5, 14.5, look_at(eye, (0, 0, 0.1)))
+        return self.camera.moved(self._pose(rng.uniform(-np.pi, np.pi)))
+
+    def poses(self, streams):
+        return self._pose(np.pi * (2 * streams.uniform(1)[:, 0] - 1))
+
+    def _pose(self, angle):
+        eye = (0.9 * np.cos(angle), 0.9 * np.sin(angle), np.full_like(angle, 0.7))
+        return look_at(np.stack(eye, axis=-1), (0, 0, 0.1))
 
 
 def network(resolution=8):

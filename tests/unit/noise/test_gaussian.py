@@ -1,5 +1,7 @@
+import numpy as np
 import pytest
 import torch
+from scipy import stats
 from tests.unit.kernels import analytic
 
 from scenefw.core.errors import ConfigError
@@ -9,13 +11,13 @@ from scenefw.noise.gaussian import Gaussian
 CAMERAS = stack_cameras([analytic.camera()])
 
 
-def generator(seed=0):
-    return torch.Generator().manual_seed(seed)
+def seeds(first=0, count=1):
+    return torch.arange(first, first + count)
 
 
 def test_noise_has_the_stated_spread_and_no_bias():
     depth = torch.full((1, 240, 320), 1.5)
-    error = Gaussian(sigma=0.004).apply(depth, CAMERAS, generator()) - depth
+    error = Gaussian(sigma=0.004).apply(depth, CAMERAS, seeds()) - depth
     assert error.std().item() == pytest.approx(0.004, rel=0.02)
     assert abs(error.mean().item()) < 1e-4
 
@@ -24,17 +26,28 @@ def test_missing_depth_stays_missing_and_the_input_unchanged():
     depth = torch.full((1, 240, 320), 0.001)
     depth[:, ::2] = 0
     before = depth.clone()
-    noisy = Gaussian(sigma=0.01).apply(depth, CAMERAS, generator())
+    noisy = Gaussian(sigma=0.01).apply(depth, CAMERAS, seeds())
     assert torch.equal(depth, before)
     assert torch.equal(noisy > 0, depth > 0)
 
 
-def test_the_generator_decides():
+def test_the_seed_decides():
     depth = torch.ones(1, 240, 320)
     noise = Gaussian()
-    first, again = (noise.apply(depth, CAMERAS, generator(3)) for _ in range(2))
+    first, again = (noise.apply(depth, CAMERAS, seeds(3)) for _ in range(2))
     assert torch.equal(first, again)
-    assert not torch.equal(first, noise.apply(depth, CAMERAS, generator(4)))
+    assert not torch.equal(first, noise.apply(depth, CAMERAS, seeds(4)))
+
+
+def test_the_noise_is_normal_and_each_image_has_its_own():
+    cameras = stack_cameras([analytic.camera()] * 3)
+    depth = torch.ones(3, 240, 320)
+    noise = (Gaussian(sigma=0.01).apply(depth, cameras, seeds(0, 3)) - 1) / 0.01
+    for image in noise.flatten(1).numpy():
+        assert stats.kstest(image, "norm").pvalue > 1e-3
+    assert np.abs(np.corrcoef(noise.flatten(1).numpy())[np.triu_indices(3, 1)]).max() < 0.02
+    alone = Gaussian(sigma=0.01).apply(depth[:1], CAMERAS, seeds(1))
+    assert torch.equal(alone, (Gaussian(sigma=0.01).apply(depth, cameras, seeds(0, 3)))[1:2])
 
 
 @pytest.mark.parametrize("sigma", [-0.001, float("nan")])

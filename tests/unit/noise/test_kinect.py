@@ -1,13 +1,17 @@
+import math
+
 import numpy as np
 import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import stats
 from tests.unit.kernels import analytic
+from tests.unit.noise import reference
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import look_at
-from scenefw.core.types import Camera
+from scenefw.core.types import Camera, CameraBatch
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.noise.kinect import Kinect
 
@@ -17,7 +21,7 @@ QUIET = {"lateral": 0.0, "axial": 0.0, "dropout": 0.0, "disparity_step": 1e-4}
 
 def apply(depth, view=FACING, seed=0, **settings):
     cameras = stack_cameras([view] * len(depth))
-    return Kinect(**settings).apply(depth, cameras, torch.Generator().manual_seed(seed))
+    return Kinect(**settings).apply(depth, cameras, torch.arange(len(depth)) + 1000 * seed)
 
 
 def wall(z):
@@ -113,13 +117,73 @@ def test_images_of_a_batch_differ_in_noise_but_not_in_kind():
 
 
 @given(st.integers(0, 2**31), st.floats(0.5, 5.0))
-def test_the_generator_decides(seed, z):
+def test_the_seed_decides(seed, z):
     depth = torch.full((1, 24, 32), z)
     view = FACING.resized(32, 24)
     first, again = (apply(depth, view, seed) for _ in range(2))
     assert torch.equal(first, again)
     assert torch.isfinite(first).all()
     assert (first >= 0).all()
+
+
+def clutter(views=4):
+    """Balls on the floor from several places: edges, shadows, grazing floor."""
+    balls = [
+        analytic.Sphere((0.2 * i - 0.3, 0.1 * (i % 3), 0.1), 0.08 + 0.01 * i) for i in range(4)
+    ]
+    eyes = [(math.cos(a), math.sin(a), 0.3 + 0.1 * a) for a in np.arange(views)]
+    cameras = [FACING.resized(160, 120).moved(look_at(eye, (0.0, 0.0, 0.1))) for eye in eyes]
+    depth = torch.stack([analytic.depth(balls, view) for view in cameras])
+    return torch.where(depth < 4, depth, 0.0), stack_cameras(cameras)
+
+
+@pytest.mark.parametrize("baseline", [0.075, -0.075])
+def test_the_shadow_is_that_of_whole_array_operations(baseline):
+    depth, cameras = clutter()
+    sharp = {**QUIET, "grazing_from": 89.99, "grazing_to": 90.0, "baseline": baseline}
+    found = Kinect(**sharp).apply(depth, cameras, torch.arange(4)) == 0
+    expected = reference.kinect(depth, cameras, torch.Generator(), **sharp) == 0
+    assert 0.005 < (expected & (depth > 0)).float().mean() < 0.5
+    assert (found != expected).float().mean() < 1e-4  # rounding may move a border
+
+
+def test_grazing_pixels_are_lost_as_often_as_in_whole_array_operations():
+    depth, cameras = clutter()
+    settings = {**QUIET, "grazing_from": 50.0, "grazing_to": 88.0}
+    draws, kinect = 40, Kinect(**settings)
+    lost = [kinect.apply(depth, cameras, torch.arange(4) + 4 * i) == 0 for i in range(draws)]
+    generator = torch.Generator().manual_seed(0)
+    expected = [reference.kinect(depth, cameras, generator, **settings) == 0 for _ in range(draws)]
+    ours, theirs = (torch.stack(x).float().mean(dim=0) for x in (lost, expected))
+    assert ((theirs > 0.1) & (theirs < 0.9)).float().mean() > 0.05
+    assert ours.mean().item() == pytest.approx(theirs.mean().item(), abs=2e-3)
+    error = (ours - theirs)[(theirs > 0) & (theirs < 1)]
+    assert error.std() < 1.2 * math.sqrt(2 * 0.25 / draws)
+
+
+@pytest.mark.parametrize("settings", [{}, {"disparity_step": 0.031, "lateral": 0.3}])
+def test_all_noise_together_is_distributed_as_in_whole_array_operations(settings):
+    depth, cameras = clutter()
+    generator = torch.Generator().manual_seed(0)
+    ours = [Kinect(**settings).apply(depth, cameras, torch.arange(4) + 4 * i) for i in range(4)]
+    theirs = [reference.kinect(depth, cameras, generator, **settings) for _ in range(4)]
+    errors, holes = [], []
+    for noisy in (torch.stack(ours), torch.stack(theirs)):
+        seen = (noisy > 0) & (depth > 0)
+        errors.append((noisy - depth)[seen].numpy())
+        holes.append((noisy == 0).float().mean().item())
+    assert holes[0] == pytest.approx(holes[1], abs=2e-3)
+    assert errors[0].mean() == pytest.approx(errors[1].mean(), abs=5e-4)
+    assert errors[0].std() == pytest.approx(errors[1].std(), rel=0.05)
+    assert stats.ks_2samp(errors[0], errors[1]).statistic < 0.01
+
+
+def test_an_image_is_disturbed_alike_in_any_batch():
+    depth, cameras = clutter()
+    together = Kinect().apply(depth, cameras, torch.tensor([5, 6, 2**62, 8]))
+    one = CameraBatch(160, 120, cameras.intrinsics[2:3], cameras.T_world_camera[2:3])
+    alone = Kinect().apply(depth[2:3].clone(), one, torch.tensor([2**62]))
+    assert torch.equal(together[2:3], alone)
 
 
 @pytest.mark.parametrize(

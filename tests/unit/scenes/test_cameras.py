@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import stats
 
 from scenefw.core.errors import ConfigError
+from scenefw.core.rng import Streams
 from scenefw.scenes.cameras import RandomViewpoints
 
 
@@ -48,6 +50,34 @@ def test_no_jitter_looks_straight_at_the_centre():
         np.array([0.1, 0, 0.2]) - camera.T_world_camera[:3, 3]
     )
     np.testing.assert_allclose(seen[:2], 0, atol=1e-12)
+
+
+def features(poses):
+    """Position, viewing direction and roll of poses (B, 4, 4), in columns."""
+    poses = np.asarray(poses)
+    return np.concatenate([poses[:, :3, 3], poses[:, :3, 2], poses[:, 2:3, 0]], axis=1)
+
+
+@pytest.mark.parametrize("settings", [{}, {"closest": 0.5, "heights": (0.33, 0.83)}])
+def test_poses_of_a_batch_are_distributed_as_single_cameras(settings):
+    source = RandomViewpoints(**settings)
+    rng = np.random.default_rng(0)
+    single = features([source.sample(rng).T_world_camera for _ in range(1500)])
+    batch = features(source.poses(Streams.of(0, indices=range(1500))))
+    for one, many in zip(single.T, batch.T, strict=True):
+        assert np.ptp(one) < 1e-9 or stats.ks_2samp(one, many).pvalue > 1e-3
+    away = np.linalg.norm(batch[:, :3] - source.centre, axis=1)
+    assert away.min() >= source.closest
+    distances = np.linalg.norm(single[:, :3] - source.centre, axis=1)
+    assert stats.ks_2samp(away, distances).pvalue > 1e-3
+
+
+def test_a_pose_depends_on_its_own_stream_alone():
+    source = RandomViewpoints()
+    together = source.poses(Streams.of(0, indices=range(40)))
+    for i in (0, 7, 39):
+        alone = source.poses(Streams.of(0, indices=[i]))
+        np.testing.assert_array_equal(alone[0], together[i])
 
 
 @pytest.mark.parametrize(
