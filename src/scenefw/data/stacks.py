@@ -1,7 +1,8 @@
 """Scenes of superquadrics as parameters: the shipped data sets, or those of `run=generate`."""
 
+import dataclasses
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib import resources
 from pathlib import Path
 
@@ -12,6 +13,8 @@ from torch import Tensor
 from scenefw.core import geometry
 from scenefw.core.errors import ConfigError, StorageError
 from scenefw.core.types import SceneParameters
+from scenefw.kernels.transfer import to_device
+from scenefw.representations.volumes import require_solids
 
 SPLITS = ("train", "val", "test")
 SHIPPED = {"stacks": "superquadric_stacks.npz", "scattered": "superquadric_scattered.npz"}
@@ -44,29 +47,34 @@ class StackScenes:
         self.split = split
         self.indices = arrays["index"]
         self.masses = arrays["masses"]
-        self._numbers = {name: torch.from_numpy(arrays[name]) for name in _SHAPES}
-        count = torch.from_numpy(arrays["count"].astype(np.int64))
-        slots = torch.arange(self._numbers["half_axes"].shape[1])
-        self._present = slots[None, :] < count[:, None]
+        self._resident = {torch.device("cpu"): _parameters(arrays)}
 
     def __len__(self) -> int:
-        return len(self._present)
+        """Scenes of the split."""
+        return len(self.indices)
 
     def parameters(
         self, indices: Tensor | list[int], device: torch.device | str | None = None
     ) -> SceneParameters:
-        """The scenes of the given positions in this split, on `device` (default: the CPU)."""
+        """The scenes of the given positions in this split, on `device` (default: the CPU).
+
+        All scenes stay on every device that asked for some, so that nothing but the positions
+        travels afterwards, and nothing waits for that.
+
+        Raises:
+            InputError: on the way to another device, an object is no convex solid.
+        """
+        device = torch.device(device or "cpu")
         chosen = torch.as_tensor(indices, dtype=torch.int64).cpu()
-        half_axes, exponents, positions, quaternions = (self._numbers[n][chosen] for n in _SHAPES)
-        rotations = geometry.rotation_from_quaternion(_unit_where_empty(quaternions))
-        fields = (
-            half_axes.float(),
-            exponents.float(),
-            torch.from_numpy(rotations).float(),
-            positions.float(),
-            self._present[chosen],
-        )
-        return SceneParameters(*(f.to(device) for f in fields))
+        (rows,) = to_device([chosen.numpy()], device)
+        return _each(self._on(device), lambda field: field.index_select(0, rows))
+
+    def _on(self, device: torch.device) -> SceneParameters:
+        if device not in self._resident:
+            everything = self._resident[torch.device("cpu")]
+            require_solids(everything)
+            self._resident[device] = _each(everything, lambda field: field.to(device))
+        return self._resident[device]
 
     def manifest(self) -> dict[str, object]:
         """What the file beside the first data set says of its making; empty if there is none."""
@@ -107,10 +115,25 @@ def _padded(array: np.ndarray, slots: int) -> np.ndarray:
     return np.pad(array, [(0, 0), (0, missing), *[(0, 0)] * (array.ndim - 2)])
 
 
-def _unit_where_empty(quaternions: Tensor) -> np.ndarray:
-    values = quaternions.numpy().astype(np.float64)
-    values[(values == 0).all(axis=-1)] = (1.0, 0.0, 0.0, 0.0)
-    return values
+def _parameters(arrays: dict[str, np.ndarray]) -> SceneParameters:
+    """All scenes; what lies in empty slots doesn't matter."""
+    quaternions = arrays["quaternions"].astype(np.float64)
+    quaternions[(quaternions == 0).all(axis=-1)] = (1.0, 0.0, 0.0, 0.0)
+    slots = np.arange(quaternions.shape[1])
+    fields = (
+        arrays["half_axes"],
+        arrays["exponents"],
+        geometry.rotation_from_quaternion(quaternions),
+        arrays["positions"],
+    )
+    present = slots < arrays["count"].astype(np.int64)[:, None]
+    numbers = [torch.from_numpy(field.astype(np.float32)) for field in fields]
+    return SceneParameters(*[*numbers, torch.from_numpy(present)])
+
+
+def _each(parameters: SceneParameters, change: Callable[[Tensor], Tensor]) -> SceneParameters:
+    names = (field.name for field in dataclasses.fields(parameters))
+    return SceneParameters(*(change(getattr(parameters, name)) for name in names))
 
 
 def _read(path: Path) -> dict[str, np.ndarray]:

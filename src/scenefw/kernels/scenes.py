@@ -134,7 +134,7 @@ scene_voxels = Kernel(_voxel, _voxels)
 """Distances (B, C) m, votes (B, 3, C) and labels (B, C) of C = resolution^3 voxels.
 
 Arguments: count = B C; resolution; objects (B, N, 19) float32: half-axes, exponents, position,
-rotation by rows (object to world), bounding radius (0 = absent); grid (5,) float32: lowest corner,
+rotation by rows (object to world), bounding radius (0 = absent); grid, 5 float32: lowest corner,
 voxel size, truncation; then the three outputs (float32, float32, int32).
 """
 

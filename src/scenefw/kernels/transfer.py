@@ -20,6 +20,7 @@ def to_device(arrays: Sequence[NDArray], device: torch.device | str) -> list[Ten
     if device.type == "cpu":
         return [torch.from_numpy(np.ascontiguousarray(array)) for array in arrays]
     packed = pack(arrays)
+    # torch keeps a pinned block until the copy out of it is done
     pinned = torch.empty(packed.shape, dtype=torch.uint8, pin_memory=device.type == "cuda")
     pinned.copy_(torch.from_numpy(packed))
     return unpack(pinned.to(device, non_blocking=True), arrays)

@@ -1,10 +1,12 @@
 """Exact volumes of scenes of superquadrics, from parameters, on the device that holds them."""
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from scenefw.core.errors import InputError
 from scenefw.core.types import GridSpec, SceneParameters, SceneVolumes
+from scenefw.kernels.compile import float32
 from scenefw.kernels.scenes import object_voxels, scene_voxels
 
 
@@ -22,14 +24,15 @@ def scene_volumes(parameters: SceneParameters, grid: GridSpec) -> SceneVolumes:
         Volumes on the device of the parameters, shapes as in `SceneVolumes`.
 
     Raises:
-        InputError: tensors don't fit together, or a present object is no convex solid.
+        InputError: tensors don't fit together, or, looked at on the CPU alone, a present object is
+            no convex solid.
     """
     objects = _table(parameters)
     batch, cells = len(objects), grid.resolution**3
     tsdf = objects.new_empty((batch, cells))
     votes = objects.new_empty((batch, 3, cells))
     instances = torch.empty((batch, cells), dtype=torch.int32, device=objects.device)
-    spec = _grid_tensor(grid, objects)
+    spec = grid_numbers(grid)
     scene_voxels(batch * cells, grid.resolution, objects, spec, tsdf, votes, instances)
     return SceneVolumes(
         tsdf.view(batch, 1, *grid.shape),
@@ -42,13 +45,13 @@ def object_occupancy(parameters: SceneParameters, grid: GridSpec) -> Tensor:
     """Whether each voxel centre lies in each object: (B, N, X, Y, Z) bool, False where absent.
 
     Raises:
-        InputError: tensors don't fit together, or a present object is no convex solid.
+        InputError: as of `scene_volumes`.
     """
     objects = _table(parameters)
     batch, count = objects.shape[:2]
     cells = grid.resolution**3
     occupancy = torch.empty((batch, count, cells), dtype=torch.bool, device=objects.device)
-    spec = _grid_tensor(grid, objects)
+    spec = grid_numbers(grid)
     object_voxels(batch * cells, grid.resolution, objects, spec, occupancy)
     return occupancy.view(batch, count, *grid.shape)
 
@@ -56,7 +59,8 @@ def object_occupancy(parameters: SceneParameters, grid: GridSpec) -> Tensor:
 def _table(p: SceneParameters) -> Tensor:
     """All objects as rows (B, N, 19); the bounding radius of an absent one is 0."""
     _require_shapes(p)
-    _require_solids(p)
+    if p.present.device.type == "cpu":  # elsewhere a look at the values would wait for the device
+        require_solids(p)
     rotations = p.rotations.flatten(2)
     radius = torch.linalg.vector_norm(p.half_axes, dim=-1)
     columns = [p.half_axes, p.exponents, p.positions, rotations, radius[..., None]]
@@ -81,7 +85,12 @@ def _require_shapes(p: SceneParameters) -> None:
             )
 
 
-def _require_solids(p: SceneParameters) -> None:
+def require_solids(p: SceneParameters) -> None:
+    """Raises unless every present object is a convex solid somewhere.
+
+    Raises:
+        InputError: which object is none, and why.
+    """
     positive = (p.half_axes > 0) & torch.isfinite(p.half_axes)
     convex = (p.exponents >= 1.1) & torch.isfinite(p.exponents)
     placed = torch.isfinite(p.positions) & torch.isfinite(p.rotations).all(-1)
@@ -96,5 +105,6 @@ def _require_solids(p: SceneParameters) -> None:
         )
 
 
-def _grid_tensor(grid: GridSpec, like: Tensor) -> Tensor:
-    return like.new_tensor([*grid.lower, grid.voxel_size, grid.truncation])
+def grid_numbers(grid: GridSpec) -> tuple[np.float32, ...]:
+    """Lowest corner, voxel size and truncation (m), as kernels take them."""
+    return float32(*grid.lower, grid.voxel_size, grid.truncation)

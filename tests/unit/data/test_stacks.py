@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from tests.unit.data.stacks_file import write_stacks
 
-from scenefw.core.errors import ConfigError, StorageError
+from scenefw.core.errors import ConfigError, InputError, StorageError
 from scenefw.data.stacks import StackScenes, shipped_scenes
 
 
@@ -52,6 +52,27 @@ def test_empty_slots_are_usable(tmp_path):
     np.savez(path, **arrays)
     found = StackScenes(path, "all").parameters([0])
     assert np.isfinite(found.rotations.numpy()).all()
+
+
+def test_scenes_stay_on_the_device_that_asked(stored):
+    """The meta device has no values: whatever looked at some would fail."""
+    path, _ = stored
+    scenes = StackScenes(path, "all")
+    first, again = (scenes.parameters([7, 3, 3], "meta") for _ in range(2))
+    expected = scenes.parameters([7, 3, 3])
+    for name in ("half_axes", "exponents", "rotations", "positions", "present"):
+        for found in (first, again):
+            assert getattr(found, name).device.type == "meta"
+            assert getattr(found, name).shape == getattr(expected, name).shape
+            assert getattr(found, name).dtype == getattr(expected, name).dtype
+
+
+def test_objects_are_checked_on_the_way_to_another_device(stored):
+    path, arrays = stored
+    arrays["exponents"][4, 0] = 0.5
+    np.savez(path, **arrays)
+    with pytest.raises(InputError, match="exponents"):
+        StackScenes(path, "all").parameters([0], "meta")
 
 
 def test_missing_file_names_the_way_out(tmp_path):

@@ -108,14 +108,14 @@ _SIMULATED = """
 import torch
 from scenefw.core.types import GridSpec, SceneParameters
 from scenefw.kernels.scenes import object_voxels, scene_voxels
-from scenefw.representations.volumes import _grid_tensor, _table
+from scenefw.representations.volumes import _table, grid_numbers
 parameters, grid = torch.load({file!r}, weights_only=False)
 objects, cells = _table(parameters), grid.resolution ** 3
 batch, count = objects.shape[:2]
 tsdf, votes = torch.full((batch, cells), 9.0), torch.full((batch, 3, cells), 9.0)
 instances = torch.full((batch, cells), 9, dtype=torch.int32)
 occupancy = torch.zeros((batch, count, cells), dtype=torch.bool)
-spec = _grid_tensor(grid, objects)
+spec = grid_numbers(grid)
 scene_voxels.simulate(batch * cells, grid.resolution, objects, spec, tsdf, votes, instances)
 object_voxels.simulate(batch * cells, grid.resolution, objects, spec, occupancy)
 torch.save((tsdf, votes, instances, occupancy), {file!r})
