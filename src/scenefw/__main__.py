@@ -23,7 +23,7 @@ usage: python -m scenefw [group=option ...] [key=value ...] [-m] [-v]
 
   python -m scenefw experiment=simstack                         stacks, training, evaluation, report
   python -m scenefw experiment=simstack run=predict input=PATH  a depth image to a 3D scene
-  python -m scenefw experiment=simstack run=train trainer.max_time=00:01:00:00
+  python -m scenefw experiment=simstack run=train size.minutes=60
   python -m scenefw experiment=simstack run=evaluate            figures of the shipped weights
   python -m scenefw experiment=simstack run=generate            makes the stacks anew
   python -m scenefw experiment=osd input=FOLDER                 scores on labelled real images

@@ -13,6 +13,16 @@ from lightning.fabric.utilities.exceptions import MisconfigurationException
 from scenefw.core.errors import ConfigError
 from scenefw.learning.limits import Budget, Limits, seconds_of
 
+_QUIET = (
+    "num_workers",
+    "weights_only",
+    "LeafSpec",
+    "dataloader is not resumable",
+    "callbacks used to create",  # states of earlier versions had a timer
+    "Grad strides do not match",
+    "sync_dist=True",  # counts of all processes are added up before they are logged
+)
+
 
 class TrainerSettings:
     """How long, on what and how precisely to train.
@@ -118,7 +128,7 @@ class TrainerSettings:
             "default_root_dir": str(folder),
         }
         logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
-        for quiet in ("num_workers", "weights_only", "LeafSpec", "dataloader is not resumable"):
+        for quiet in _QUIET:
             warnings.filterwarnings("ignore", message=f".*{quiet}.*")
         try:
             trainer = lightning.Trainer(

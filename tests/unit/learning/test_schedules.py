@@ -34,3 +34,12 @@ def test_labels_lose_four_percent_every_hundred_thousand_steps():
     assert factors == pytest.approx([1, 0.96, 0.96**2.5])
     with pytest.raises(ConfigError, match="exponential"):
         ExponentialDecay(decay=0)
+
+
+def test_cosine_over_epochs_falls_within_them():
+    schedule = CosineDecay(epochs=4, warmup=0, lowest=0.0)
+    assert schedule.factor(Progress(10**6, 2, 0.0)) == pytest.approx(0.5)
+    assert schedule.factor(Progress(0, 1, 0.0, 0.5)) > schedule.factor(Progress(0, 1, 0.0, 0.9))
+    assert schedule.factor(Progress(0, 4, 0.0)) == pytest.approx(0)
+    with pytest.raises(ConfigError, match="budget"):
+        CosineDecay(epochs=-1)  # as the trainer writes: no limit

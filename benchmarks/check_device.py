@@ -1,0 +1,91 @@
+"""Does a CUDA device compute what the CPU does? One training step's data, prediction and losses.
+
+    python -m benchmarks.check_device [experiment=simstack scale=thesis ...]
+
+Volumes, depth and partial TSDF are compared where rounding doesn't decide which surface is hit: a
+share of the values may differ by more than the tolerance. Exit status 1 if anything is off.
+"""
+
+import sys
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from scenefw import config, plugins
+from scenefw.core.rng import Streams
+from scenefw.core.types import ShapeInstanceBatch
+from scenefw.data.conditioning import training_batch
+from scenefw.data.stacks import StackScenes
+
+SCENES = 4
+TOLERANCES = {  # metres, or units of a loss; and the share of values that may be farther off
+    "tsdf": (1e-4, 1e-3),
+    "votes": (1e-3, 1e-3),
+    "depth": (1e-3, 5e-3),
+    "partial": (2e-3, 1e-2),
+    "observed": (0.5, 1e-2),
+    "losses": (2e-2, 0.0),  # relative; float32 with TF32 off, each device with its own volumes
+}
+
+
+def step(settings, device) -> dict[str, Tensor]:
+    """What a training step makes of some scenes, back on the CPU; noise is left out."""
+    from hydra.utils import instantiate
+
+    torch.manual_seed(0)
+    learning = instantiate(settings.learning, _convert_="all")
+    learning.views.noise = {}
+    scenes = StackScenes(split="train", limit=SCENES)
+    streams = Streams.of(0, 2, 0, indices=np.arange(SCENES))
+    made = learning.views.make(scenes.parameters(list(range(SCENES)), device), streams)
+    observed = learning.model.channels == 2
+    batch: ShapeInstanceBatch = training_batch(
+        made.partial, made.volumes, learning.grid, observed=observed
+    )
+    model = learning.model.to(device)
+    prediction = model(batch, torch.Generator().manual_seed(0))
+    losses = torch.stack([loss(prediction, batch).detach() for loss in learning.losses.values()])
+    found = {
+        "tsdf": made.volumes.tsdf,
+        "votes": made.volumes.votes,
+        "depth": made.depth,
+        "partial": made.partial.distance,
+        "observed": made.partial.observed.float(),
+        "losses": losses,
+    }
+    return {name: value.detach().float().cpu() for name, value in found.items()}
+
+
+def compare(expected: dict[str, Tensor], found: dict[str, Tensor]) -> bool:
+    """Prints one line per quantity; whether all are within their tolerances."""
+    fine = True
+    for name, (tolerance, share) in TOLERANCES.items():
+        off = (found[name] - expected[name]).abs()
+        if name == "losses":
+            off = off / expected[name].abs().clamp(min=0.1)
+        apart = float((~(off <= tolerance)).float().mean())  # NaN counts
+        good = apart <= share
+        fine &= good
+        print(
+            f"{name:<9} largest difference {float(off.max()):.2e}, {apart:.2%} beyond "
+            f"{tolerance:g} (at most {share:.2%}): {'ok' if good else 'WRONG'}"
+        )
+    return fine
+
+
+def main() -> None:
+    """The command line."""
+    plugins.activate()
+    words = sys.argv[1:] or ["experiment=simstack"]
+    settings = config.compose(words)
+    torch.backends.cuda.matmul.allow_tf32 = torch.backends.cudnn.allow_tf32 = False
+    if not torch.cuda.is_available():
+        print("error: torch sees no CUDA device", file=sys.stderr)
+        sys.exit(2)
+    print(torch.cuda.get_device_name())
+    sys.exit(0 if compare(step(settings, "cpu"), step(settings, "cuda")) else 1)
+
+
+if __name__ == "__main__":
+    main()
