@@ -1,0 +1,150 @@
+"""The data side of a training step, from indices of scenes to the network's input and truth.
+
+On CUDA where there is a device, with 64 scenes a step, else on the CPU with 8. The first peer is
+the step's other part, forward and backward through the network in bfloat16: `ratio` is how many
+times as long that takes (10 or more: the data side is less than a tenth of it). The second peer
+does the data side's volumes and partial TSDF alone, in eager torch, with the radial formula, which
+is only near the true distance. Before timing on CUDA, a call is made in which any wait for the
+device is an error.
+"""
+
+from collections.abc import Callable
+
+import torch
+from torch import Tensor
+
+from benchmarks.harness import Job, Timed
+from benchmarks.volumes import radial_volumes
+from scenefw.core.rng import Streams
+from scenefw.core.types import GridSpec, SceneParameters, ShapeInstanceBatch
+from scenefw.data.augmentation import RigidAugmentation
+from scenefw.data.conditioning import training_batch
+from scenefw.data.stacks import StackScenes
+from scenefw.data.views import ViewMaker
+from scenefw.losses.mmd import MaximumMeanDiscrepancy
+from scenefw.losses.partial_tsdf import PartialTsdfLoss
+from scenefw.losses.tsdf import TsdfLoss
+from scenefw.losses.votes import VoteLoss
+from scenefw.mapping.projective import Projective
+from scenefw.models.shape_instance_vae import ShapeInstanceVAE
+from scenefw.noise.kinect import Kinect
+from scenefw.renderers.sphere_tracer import SphereTracer
+from scenefw.scenes.cameras import RandomViewpoints
+
+GRID = GridSpec()
+SIZE = (160, 120)
+DEVICE = "cuda" if torch.cuda.is_available() else "cpu"
+SCENES = 64 if DEVICE == "cuda" else 8
+
+
+def finished(work: Callable[[], object]) -> Timed:
+    """The work, waited for."""
+
+    def run() -> None:
+        work()
+        if DEVICE == "cuda":
+            torch.cuda.synchronize()
+
+    return run
+
+
+def views(*, noise: bool) -> ViewMaker:
+    """As `experiment=simstack_shipped` makes them, but for noise on all images or none."""
+    noises = {"kinect": Kinect(disparity_step=0.031, lateral=0.3)} if noise else {}
+    return ViewMaker(
+        GRID, RandomViewpoints(*SIZE), SphereTracer(), Projective(), noises, RigidAugmentation()
+    )
+
+
+def data_side(*, noise: bool) -> Callable[[], ShapeInstanceBatch]:
+    """Draws the same batch of the shipped stacks at every call."""
+    scenes, maker, indices = StackScenes(limit=SCENES), views(noise=noise), torch.arange(SCENES)
+
+    @torch.no_grad()
+    def draw() -> ShapeInstanceBatch:
+        streams = Streams.of(0, 2, indices=indices.numpy())
+        made = maker.make(scenes.parameters(indices, DEVICE), streams)
+        return training_batch(made.partial, made.volumes, GRID, observed=True)
+
+    draw()  # compiled, scenes on the device
+    if DEVICE == "cuda":
+        torch.cuda.set_sync_debug_mode("error")
+        draw()
+        torch.cuda.set_sync_debug_mode("default")
+    return draw
+
+
+def ours() -> Timed:
+    """Without noise."""
+    return finished(data_side(noise=False))
+
+
+def ours_with_noise() -> Timed:
+    """With a depth camera's noise."""
+    return finished(data_side(noise=True))
+
+
+def network() -> Timed:
+    """Forward and backward of the default network and losses on such a batch."""
+    batch, model = data_side(noise=False)(), ShapeInstanceVAE(GRID.resolution).to(DEVICE)
+    model.to(memory_format=torch.channels_last_3d)
+    losses = (TsdfLoss(), VoteLoss(), PartialTsdfLoss(), MaximumMeanDiscrepancy())
+
+    def step() -> None:
+        with torch.autocast(DEVICE, torch.bfloat16):
+            prediction = model(batch, torch.Generator())
+            total = sum(loss.weight * loss(prediction, batch) for loss in losses)
+        total.backward()
+        model.zero_grad()
+
+    return finished(step)
+
+
+def eager() -> Timed:
+    """Volumes scene by scene, and voxels looked up in depth images."""
+    scenes, maker = StackScenes(limit=SCENES), views(noise=False)
+    parameters = scenes.parameters(torch.arange(SCENES), DEVICE)
+    with torch.no_grad():
+        made = maker.make(parameters, Streams.of(0, 2, indices=range(SCENES)))
+    centres = torch.from_numpy(GRID.centres()).float().to(DEVICE)
+
+    @torch.no_grad()
+    def compute() -> None:
+        for i in range(SCENES):
+            radial_volumes(_one(parameters, i), centres)
+            intrinsics, pose = made.cameras.intrinsics[i], made.cameras.T_world_camera[i]
+            look_up(made.depth[i], intrinsics, pose, centres)
+
+    return finished(compute)
+
+
+def look_up(depth: Tensor, intrinsics: Tensor, pose: Tensor, centres: Tensor) -> Tensor:
+    """Along-ray distance (X, Y, Z) of voxel centres to the depth image (H, W)."""
+    x, y, z = ((centres - pose[:3, 3]) @ pose[:3, :3]).unbind(-1)
+    fx, fy, cx, cy = intrinsics
+    u, v = (fx * x / z + cx).round(), (fy * y / z + cy).round()
+    height, width = depth.shape
+    seen = (z > 0) & (u >= 0) & (v >= 0) & (u < width) & (v < height)
+    at = torch.where(seen, v * width + u, 0.0).long()
+    surface = depth.view(-1)[at]
+    distance = (surface - z) * (1 + (x / z) ** 2 + (y / z) ** 2).sqrt()
+    known = seen & (surface > 0) & (distance > -GRID.truncation)
+    return torch.where(known, distance.clamp(max=GRID.truncation), GRID.truncation)
+
+
+def _one(p: SceneParameters, i: int) -> SceneParameters:
+    fields = (p.half_axes, p.exponents, p.rotations, p.positions, p.present)
+    return SceneParameters(*[field[i : i + 1] for field in fields])
+
+
+_WHAT = f"data of a step, {SCENES} scenes, 64^3, {SIZE[0]} x {SIZE[1]}, {DEVICE}"
+_STEP = "forward and backward of the network"
+JOBS = [
+    Job(
+        _WHAT,
+        ours,
+        {_STEP: network, "torch, radial formula and projection alone": eager},
+        seconds=20,
+    ),
+    Job(f"{_WHAT}, noise", ours_with_noise, seconds=20),
+]
