@@ -1,26 +1,34 @@
 """Starting a training from the weights of an earlier one."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from torch import nn
+from torch import Tensor, nn
 
-from scenefw.core.errors import CheckpointError
+from scenefw.core.errors import CheckpointError, ConfigError
 from scenefw.learning.checkpoint import SHAPE_INSTANCE, load_checkpoint
 
 
-def start_from(model: nn.Module, path: Path | str, task: str = SHAPE_INSTANCE) -> nn.Module:
+def start_from(
+    model: nn.Module,
+    path: Path | str,
+    task: str = SHAPE_INSTANCE,
+    fresh: Sequence[str] = (),
+) -> nn.Module:
     """Gives a network the weights of a checkpoint; returns the network.
 
     Children that only training needs (`training_only`) may be missing there, as in the weights that
-    ship, and start anew.
+    ship, and start anew. So do the modules named by `fresh`, whatever the file holds.
 
     Raises:
         CheckpointError: the file is unusable, for another task, or of other layers.
+        ConfigError: the network has no module of a name in `fresh`.
     """
-    weights = load_checkpoint(path, task=task).model.state_dict()
     own = model.state_dict()
-    optional = getattr(model, "training_only", ())
-    missing = [n for n in own if n not in weights and n.split(".")[0] not in optional]
+    anew = [*getattr(model, "training_only", ()), *_known(fresh, own)]
+    stored = load_checkpoint(path, task=task).model.state_dict()
+    weights = {n: value for n, value in stored.items() if not _within(n, fresh)}
+    missing = [n for n in own if n not in weights and not _within(n, anew)]
     other = [n for n in weights if n not in own or own[n].shape != weights[n].shape]
     if missing or other:
         raise CheckpointError(
@@ -29,3 +37,17 @@ def start_from(model: nn.Module, path: Path | str, task: str = SHAPE_INSTANCE) -
         )
     model.load_state_dict({**own, **weights})
     return model
+
+
+def _known(fresh: Sequence[str], own: Mapping[str, Tensor]) -> list[str]:
+    for name in fresh:
+        if not any(_within(n, [name]) for n in own):
+            raise ConfigError(
+                f"learning.fresh names {name}, which the network does not have; it has "
+                f"{', '.join(sorted({'.'.join(n.split('.')[:2]) for n in own}))}"
+            )
+    return list(fresh)
+
+
+def _within(name: str, modules: Sequence[str]) -> bool:
+    return any(name.startswith(f"{module}.") for module in modules)

@@ -1,6 +1,6 @@
 """Training of shape-and-instance networks on views that are drawn anew every epoch."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +18,11 @@ from scenefw.learning.checkpoint import SHAPE_INSTANCE
 from scenefw.learning.initial import start_from
 from scenefw.learning.module import TrainingModule
 from scenefw.learning.schedules import Schedule
-from scenefw.learning.scores import scores
+from scenefw.learning.scores import sample_scores, scores
 
-_VIEWS, _VALIDATION, _CODES = 2, 3, 4  # random streams, beside that of the order of scenes
+# Random streams, beside that of the order of scenes
+_VIEWS, _VALIDATION, _CODES, _SAMPLES = 2, 3, 4, 5
+_DRAWN = 3  # codes per view that a validation scores
 
 
 class ShapeInstanceLearning(TrainingModule):
@@ -40,6 +42,8 @@ class ShapeInstanceLearning(TrainingModule):
         average: decay of the moving average of weights that is validated and exported; 0: none.
         seed: seed of views and codes.
         initial: checkpoint whose weights to start from; None starts from random ones.
+        fresh: modules of the network, such as decoder.linear, that start from random weights even
+            so.
         channels_last: memory format of the network, faster on CPUs and on tensor cores.
         compile: let torch.compile make the network's training pass faster; a text names a backend.
     """
@@ -57,12 +61,13 @@ class ShapeInstanceLearning(TrainingModule):
         average: float = 0.998,
         seed: int = 0,
         initial: str | Path | None = None,
+        fresh: Sequence[str] = (),
         *,
         channels_last: bool = True,
         compile: bool | str = False,  # noqa: A002 - as torch calls it
     ) -> None:
         if initial is not None:
-            start_from(model, initial)
+            start_from(model, initial, fresh=list(fresh))
         model = model.to(memory_format=torch.channels_last_3d) if channels_last else model
         super().__init__(model, learning_rate, weight_decay, schedule, average, seed, compile)
         self.losses = dict(losses)
@@ -102,11 +107,22 @@ class ShapeInstanceLearning(TrainingModule):
         return total
 
     def validation_step(self, batch: IndexBatch, batch_idx: int) -> None:
-        """Scores the zero-code prediction of the same views every time."""
+        """Scores predictions of the same views every time: of the zero code, and of drawn ones."""
         volumes = self._draw(self.trainer.datamodule.validation_scenes, batch, _VALIDATION)
         prediction = self.model.predict(volumes.condition)
-        values = {f"val/{name}": value for name, value in scores(prediction, volumes).items()}
+        found = scores(prediction, volumes)
+        if hasattr(self.model, "latent_size"):
+            found |= sample_scores(self._samples(volumes, batch_idx), volumes.tsdf)
+        values = {f"val/{name}": value for name, value in found.items()}
         self.log_dict(values, batch_size=len(batch.indices), on_epoch=True, sync_dist=True)
+
+    def _samples(self, volumes: ShapeInstanceBatch, batch_idx: int) -> Tensor:
+        """Distances (S, B, 1, X, Y, Z) of the same codes from N(0, I) each time."""
+        views = len(volumes.tsdf)
+        codes = torch.Generator().manual_seed(torch_seed(self.seed, _SAMPLES, batch_idx))
+        latent = torch.randn((_DRAWN * views, self.model.latent_size), generator=codes)
+        tsdf: Tensor = self.model.predict(volumes.condition, latent.to(self.device)).tsdf
+        return tsdf.unflatten(0, (_DRAWN, views))
 
     @torch.no_grad()
     def _draw(self, scenes: StackScenes, batch: IndexBatch, stream: int) -> ShapeInstanceBatch:

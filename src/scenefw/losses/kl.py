@@ -9,16 +9,26 @@ from scenefw.core.types import ShapeInstanceBatch, ShapeInstancePrediction
 class KLDivergence:
     """Draws every posterior towards N(0, I) (Kingma and Welling 2014), the alternative to the MMD.
 
+    A network that knows the view well can do without its code, and a penalty from the first step on
+    teaches it to. `free` nats cost nothing, so that a code of about that much information stays in
+    use (Kingma et al. 2016).
+
     Args:
         weight: factor of this term in the total. The evidence bound sums over voxels; beside means
             over voxels its weight of 1 becomes 1 / 64^3.
+        free: divergence in nats below which nothing is lost, a mean over the batch.
+
+    Raises:
+        ConfigError: free is negative.
     """
 
-    def __init__(self, weight: float = 4e-6) -> None:
-        self.weight = weight
+    def __init__(self, weight: float = 4e-6, free: float = 0.0) -> None:
+        if free < 0:
+            raise ConfigError(f"loss.kl.free is {free} nats, expected at least 0")
+        self.weight, self.free = weight, free
 
     def __call__(self, prediction: ShapeInstancePrediction, batch: ShapeInstanceBatch) -> Tensor:
-        """A scalar: the divergence in nats, the mean over the batch.
+        """A scalar: the divergence in nats, the mean over the batch, at least `free`.
 
         Raises:
             ConfigError: the network gives no mean and log-variance.
@@ -30,4 +40,4 @@ class KLDivergence:
         mean = prediction.statistics["mean"].float()
         log_variance = prediction.statistics["log_variance"].float()
         terms = mean.square() + log_variance.exp() - 1 - log_variance
-        return 0.5 * terms.sum(dim=1).mean()
+        return (0.5 * terms.sum(dim=1).mean()).clamp(min=self.free)

@@ -2,7 +2,7 @@ import pytest
 import torch
 from tests.unit.learning.tiny import learning, network
 
-from scenefw.core.errors import CheckpointError
+from scenefw.core.errors import CheckpointError, ConfigError
 from scenefw.core.types import GridSpec
 from scenefw.learning.checkpoint import save_checkpoint
 from scenefw.learning.initial import start_from
@@ -44,3 +44,21 @@ def test_a_network_for_another_task_is_refused(tmp_path):
     save_checkpoint(tmp_path / "a.safetensors", stored, stored.recipe, GridSpec(8))
     with pytest.raises(CheckpointError, match="trained for"):
         start_from(network(), tmp_path / "a.safetensors", "segmentation")
+
+
+def test_named_modules_start_anew(tmp_path):
+    stored, fresh = moved(network()), network()
+    save_checkpoint(tmp_path / "a.safetensors", stored, stored.recipe, GridSpec(8))
+    found = learning(
+        initial=tmp_path / "a.safetensors", fresh=["decoder.linear"]
+    ).model.state_dict()
+    for name, value in fresh.state_dict().items():
+        new = name.startswith("decoder.linear.")
+        assert torch.equal(found[name], value if new else stored.state_dict()[name]), name
+
+
+def test_an_unknown_module_is_refused_with_those_there_are(tmp_path):
+    stored = network()
+    save_checkpoint(tmp_path / "a.safetensors", stored, stored.recipe, GridSpec(8))
+    with pytest.raises(ConfigError, match=r"decoder\.lin,.*decoder\.linear"):
+        start_from(network(), tmp_path / "a.safetensors", fresh=["decoder.lin"])

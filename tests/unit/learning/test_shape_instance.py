@@ -8,7 +8,8 @@ from tests.unit.learning import tiny
 from scenefw.core.types import ShapeInstanceBatch, ShapeInstancePrediction
 from scenefw.data.modules import IndexBatch, StackData
 from scenefw.learning.averaging import AveragedWeights
-from scenefw.learning.scores import scores
+from scenefw.learning.scores import sample_scores, scores
+from scenefw.metrics.occupancy import binary_cross_entropy, expected_occupancy, occupancy_iou
 
 
 @pytest.fixture
@@ -102,3 +103,27 @@ def test_scores_of_a_known_prediction():
     assert float(found["iou"]) == pytest.approx(2 / 4)
     assert float(found["tsdf"]) == pytest.approx(2 * 1.5 / 8)
     assert float(found["vote_degrees"]) == pytest.approx(45, abs=1e-3)
+
+
+@pytest.mark.parametrize("resolution", [4, 8])
+def test_sample_scores_are_those_of_the_numpy_metrics(resolution):
+    shape = (5, 1, *(resolution,) * 3)
+    samples = torch.randn((3, *shape), generator=torch.Generator().manual_seed(1))
+    truth = torch.randn(shape, generator=torch.Generator().manual_seed(2))
+    found = sample_scores(samples, truth)
+    occupied = truth.numpy() < 0
+    expected = expected_occupancy(samples.numpy())
+    assert float(found["sample_bce"]) == pytest.approx(binary_cross_entropy(expected, occupied))
+    overlaps = [occupancy_iou(sample.numpy() < 0, occupied) for sample in samples]
+    assert float(found["sample_iou"]) == pytest.approx(np.mean(overlaps))
+
+
+def test_validation_scores_drawn_codes(data):
+    run = trainer(1)
+    module = tiny.learning(16)
+    run.limit_val_batches = 1
+    run.fit(module, data)
+    first = run.validate(module, data, verbose=False)[0]
+    again = run.validate(module, data, verbose=False)[0]
+    assert first == again
+    assert {"val/sample_iou", "val/sample_bce"} <= first.keys()

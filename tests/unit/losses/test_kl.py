@@ -21,3 +21,18 @@ def test_a_network_without_a_posterior_is_an_error():
     prediction, batch = random_pair()
     with pytest.raises(ConfigError, match="log_variance"):
         KLDivergence()(replace(prediction, statistics={}), batch)
+
+
+def test_free_nats_cost_nothing_and_teach_nothing():
+    prediction, batch = random_pair()
+    whole = KLDivergence()(prediction, batch)
+    below, above = (KLDivergence(free=f * float(whole))(prediction, batch) for f in (0.5, 2.0))
+    assert torch.equal(below, whole)
+    assert float(above.detach()) == pytest.approx(2 * float(whole))
+    above.backward()
+    assert not prediction.statistics["mean"].grad.any()
+
+
+def test_a_negative_allowance_is_an_error():
+    with pytest.raises(ConfigError, match=r"loss\.kl\.free"):
+        KLDivergence(free=-1.0)
