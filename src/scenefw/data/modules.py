@@ -105,7 +105,12 @@ class StackData(lightning.LightningDataModule):
 
     def facts(self) -> dict[str, Any]:
         """What a network learns from."""
-        return {"scenes": len(self.scenes), "batch_size": self.batch_size}
+        return {
+            "data": self.scenes.sizes,
+            "scenes": len(self.scenes),
+            "validation_scenes": len(self.validation_scenes),
+            "batch_size": self.batch_size,
+        }
 
     def train_dataloader(self) -> EpochBatches:
         """Shuffled batches."""

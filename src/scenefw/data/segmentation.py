@@ -315,7 +315,10 @@ class SegmentationData(lightning.LightningDataModule):
             "input": self.train.kind,
             "geometry": self.train.geometry,
             "classes": list(self.classes),
+            "scenes": len(self.train.source),
+            "validation_scenes": len(self.validation.source),
             "images": len(self.train),
+            "noise": sorted(getattr(self.train, "noise", {})),
             "batch_size": self.batch_size,
         }
 

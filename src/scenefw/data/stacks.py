@@ -43,7 +43,9 @@ class StackScenes:
     ) -> None:
         several = path if isinstance(path, Sequence) and not isinstance(path, str) else [path]
         self.paths = [_file(entry) for entry in several]
-        arrays = _joined([_split(file, split, limit) for file in self.paths])
+        parts = [_split(file, split, limit) for file in self.paths]
+        self.sizes = {_name(p): len(a["index"]) for p, a in zip(self.paths, parts, strict=True)}
+        arrays = _joined(parts)
         self.split = split
         self.indices = arrays["index"]
         self.masses = arrays["masses"]
@@ -90,6 +92,11 @@ def shipped_scenes(name: str = "stacks") -> Path:
 def _file(path: Path | str | None) -> Path:
     name = "stacks" if path is None else str(path)
     return shipped_scenes(name) if name in SHIPPED else Path(name)
+
+
+def _name(path: Path) -> str:
+    """What a data set is called: its name if it ships, else that of its file."""
+    return next((name for name, file in SHIPPED.items() if path.name == file), path.stem)
 
 
 def _split(path: Path, split: str, limit: int | None) -> dict[str, np.ndarray]:

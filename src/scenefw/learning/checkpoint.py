@@ -3,7 +3,9 @@
 import dataclasses
 import importlib
 import json
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import metadata as packages
 from importlib import resources
@@ -149,7 +151,25 @@ def load_checkpoint(
     return Checkpoint(model, header["grid"], observed, header["recipe"], header["metadata"])
 
 
+def read_header(path: Path | str) -> tuple[dict[str, Any], int]:
+    """What a file says of its network, without rebuilding it, and how many numbers it holds.
+
+    Raises:
+        CheckpointError: as `load_checkpoint`.
+    """
+    with _opened(Path(path)) as (header, stored):
+        shapes = [stored.get_slice(name).get_shape() for name in stored.keys()]  # noqa: SIM118
+    return header, sum(math.prod(shape) for shape in shapes)
+
+
 def _read(path: Path) -> tuple[dict[str, Any], dict[str, torch.Tensor]]:
+    with _opened(path) as (header, stored):
+        return header, {name: stored.get_tensor(name) for name in stored.keys()}  # noqa: SIM118
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[tuple[dict[str, Any], Any]]:
+    """The header of a file and its tensors, not yet read."""
     if not path.is_file():
         raise CheckpointError(
             f"no checkpoint at {path}; train one with `python -m scenefw run=train` and give its "
@@ -163,12 +183,11 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, torch.Tensor]]:
                     f"{path} is a safetensors file but no checkpoint of scenefw; give one that "
                     "`run=train` wrote"
                 )
-            tensors = {name: stored.get_tensor(name) for name in stored.keys()}  # noqa: SIM118
+            yield _header(notes[_FORMAT], path), stored
     except (SafetensorError, OSError) as error:
         raise CheckpointError(
             f"{path} is truncated or no safetensors file ({error}); copy or train it again"
         ) from error
-    return _header(notes[_FORMAT], path), tensors
 
 
 def _header(text: str, path: Path) -> dict[str, Any]:

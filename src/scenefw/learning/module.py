@@ -56,6 +56,7 @@ class TrainingModule(lightning.LightningModule, ABC):
         self.schedule = schedule or StepDecay()
         self.seed, self.compiled = seed, compile
         self.average = AveragedWeights(model, average) if average else None
+        self.started_from: Mapping[str, Any] | None = None  # metadata of the initial weights
         self.batches_seen, self.seconds, self.batches_per_epoch = 0, 0.0, 0
         self.times, self._side = StepTimes(), SideStream()
         self._began, self._agreed = time.monotonic(), 0.0
@@ -202,11 +203,14 @@ class TrainingModule(lightning.LightningModule, ABC):
             "seconds": self.seconds,
             "batches_per_epoch": self.batches_per_epoch,
             "average": self.average.state_dict() if self.average is not None else None,
+            "started_from": self.started_from,
         }
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Goes on from there."""
         state = checkpoint["scenefw"]
         self.batches_seen, self.seconds = state["batches_seen"], state["seconds"]
+        self.batches_per_epoch = state["batches_per_epoch"]
+        self.started_from = state.get("started_from", self.started_from)
         if self.average is not None and state["average"] is not None:
             self.average.load_state_dict(state["average"])

@@ -15,6 +15,7 @@ from scenefw.data.modules import IndexBatch
 from scenefw.learning.checkpoint import SEGMENTATION
 from scenefw.learning.initial import start_from
 from scenefw.learning.module import TrainingModule
+from scenefw.learning.provenance import origin
 from scenefw.learning.schedules import ExponentialDecay, Schedule
 from scenefw.metrics.semantic import class_ious, count_classes, mean_iou, weighted_iou
 
@@ -64,6 +65,7 @@ class SegmentationLearning(TrainingModule):
         super().__init__(model, learning_rate, weight_decay, schedule, average, seed, compile)
         if not losses:
             raise ConfigError("no loss to train labels with; give loss=[cross_entropy]")
+        self.started_from = origin(initial) if initial is not None else None
         self.losses: dict[str, Any] = dict(losses)
 
     def facts(self) -> dict[str, Any]:

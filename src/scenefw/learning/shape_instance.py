@@ -17,6 +17,7 @@ from scenefw.data.views import ViewMaker
 from scenefw.learning.checkpoint import SHAPE_INSTANCE
 from scenefw.learning.initial import start_from
 from scenefw.learning.module import TrainingModule
+from scenefw.learning.provenance import origin
 from scenefw.learning.schedules import Schedule
 from scenefw.learning.scores import sample_scores, scores
 
@@ -70,6 +71,7 @@ class ShapeInstanceLearning(TrainingModule):
             start_from(model, initial, fresh=list(fresh))
         model = model.to(memory_format=torch.channels_last_3d) if channels_last else model
         super().__init__(model, learning_rate, weight_decay, schedule, average, seed, compile)
+        self.started_from = origin(initial) if initial is not None else None
         self.losses = dict(losses)
         self.views = views
 

@@ -77,6 +77,11 @@ class TrainerSettings:
         }
 
     @property
+    def precision(self) -> str:
+        """Lightning's name of it."""
+        return str(self._options["precision"])
+
+    @property
     def processes(self) -> int:
         """Processes on this machine.
 

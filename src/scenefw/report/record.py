@@ -1,10 +1,13 @@
 """What a run's folder says of the run."""
 
 import json
+import re
 import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+_ABSOLUTE = re.compile(r"(^|[=\[,'\"])/(?:[^\s,=\[\]]*/)?([^/\s,=\[\]]+)")
 
 
 def read_record(folder: Path) -> dict[str, Any]:
@@ -14,6 +17,16 @@ def read_record(folder: Path) -> dict[str, Any]:
 
 
 def command_line(record: Mapping[str, Any]) -> str:
-    """The command of a run's record as one would type it elsewhere, without where results went."""
-    words = [w for w in record.get("command", ()) if not w.startswith(("paths.", "report.publish"))]
-    return " ".join(["python -m scenefw", *map(shlex.quote, words)])
+    """The command of a run's record as one would type it elsewhere.
+
+    Where results went is left out, and of absolute paths, which are those of one machine, the last
+    part alone is kept. A run of a sweep has its own settings, not those of the whole.
+    """
+    sweep = any(w in ("-m", "--multirun") for w in record.get("command", ()))
+    words = record.get("overrides" if sweep else "command") or record.get("command", ())
+    kept = [w for w in words if not w.startswith(("paths.", "report.publish"))]
+    return " ".join(["python -m scenefw", *map(shlex.quote, map(_elsewhere, kept))])
+
+
+def _elsewhere(word: str) -> str:
+    return _ABSOLUTE.sub(r"\1\2", word)

@@ -18,6 +18,7 @@ from scenefw.learning.limits import finished
 from scenefw.learning.module import TrainingModule
 from scenefw.learning.processes import processes
 from scenefw.learning.trainer import TrainerSettings
+from scenefw.report.record import command_line, read_record
 
 _STATE, _TABLE = "last.ckpt", "losses.csv"
 
@@ -137,13 +138,7 @@ class Train:
     def _export(self) -> None:
         """Writes the averaged weights into the folder of the training."""
         learning, model = self.learning, self.learning.model
-        facts = {
-            "steps": learning.batches_seen,
-            "samples": learning.batches_seen * self.data.batch_size * self._processes(),
-            "seconds": round(learning.seconds, 1),
-            **self.data.facts(),
-            **learning.facts(),
-        }
+        facts = self._facts()
         with learning.averaged():
             save_checkpoint(
                 self.folder / self.weights,
@@ -155,6 +150,25 @@ class Train:
                 omit=getattr(model, "training_only", ()) if self.lean else (),
                 task=learning.task,
             )
+
+    def _facts(self) -> dict[str, Any]:
+        """What a file of weights says of its training, as plain data."""
+        learning, record = self.learning, read_record(self.output)
+        words = {"command": command_line(record)} if record.get("command") is not None else {}
+        commit = record.get("versions", {}).get("commit")
+        return {
+            "steps": learning.batches_seen,
+            "samples": learning.batches_seen * self.data.batch_size * self._processes(),
+            "seconds": round(learning.seconds, 1),
+            "epochs": round(learning.batches_seen / max(learning.batches_per_epoch, 1), 2),
+            "device": learning.device.type,
+            "precision": self.trainer.precision,
+            **self.data.facts(),
+            **learning.facts(),
+            **words,
+            **({"commit": commit} if commit else {}),
+            **({"started_from": learning.started_from} if learning.started_from else {}),
+        }
 
     def _processes(self) -> int:
         return self.trainer.processes * self.trainer.nodes

@@ -1,4 +1,6 @@
 import csv
+import hashlib
+import json
 import signal
 
 import pytest
@@ -72,6 +74,34 @@ def test_the_export_holds_the_averaged_weights(stacks, tmp_path, capsys):
     assert found.grid.resolution == 8
     assert found.metadata["steps"] == 4
     assert found.metadata["samples"] == 8
+
+
+def test_the_export_says_how_it_was_made_and_from_what(stacks, tmp_path):
+    first, second = tmp_path / "first", tmp_path / "second"
+    command = ["run=train", "seed=0", "learning.initial=/home/me/w.safetensors", "paths.output=/o"]
+    record = {"command": command, "versions": {"commit": "0123abc"}}
+    (first / "out").mkdir(parents=True)
+    (first / "out" / "run.json").write_text(json.dumps(record))
+    tiny.task(stacks, first, steps=6).run()
+    weights = first / "out" / "simstack.safetensors"
+    before = load_checkpoint(weights).metadata
+    expected = "python -m scenefw run=train seed=0 learning.initial=w.safetensors"
+    assert before["command"] == expected
+    assert before["commit"] == "0123abc"
+    assert before["data"] == {"stacks": 8}
+    assert before["epochs"] == 1.5
+    assert (before["device"], before["precision"]) == ("cpu", "32-true")
+    assert "started_from" not in before
+
+    options = {"initial": weights, "fresh": ()}
+    started = tiny.task(stacks, second, steps=2)
+    started.learning = tiny.learning(**options)
+    started.run()
+    digest = hashlib.sha256(weights.read_bytes()).hexdigest()
+    tiny.task(stacks, second, steps=3).run()  # gone on with, without a word of the first
+    after = load_checkpoint(second / "out" / "simstack.safetensors").metadata
+    assert after["steps"] == 3
+    assert after["started_from"] == {"file": "simstack.safetensors", "sha256": digest, **before}
 
 
 def test_fresh_starts_anew(stacks, tmp_path):

@@ -1,0 +1,81 @@
+"""Where weights come from: what a file says of its training, and of those before it."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from scenefw.core.types import GridSpec
+from scenefw.learning.checkpoint import SHAPE_INSTANCE, read_header
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """What a file of weights says of itself.
+
+    Args:
+        path: of the file.
+        task: what the network is for.
+        recipe: class and arguments of the network.
+        grid: the voxel grid it was trained on; None for a network of images.
+        omitted: parts of the network that only training needs, left out.
+        versions: of the packages that wrote it.
+        metadata: how it was trained.
+        numbers: how many it holds.
+        digest: SHA-256 of the file.
+    """
+
+    path: Path
+    task: str
+    recipe: Mapping[str, Any]
+    grid: GridSpec | None
+    omitted: tuple[str, ...]
+    versions: Mapping[str, str]
+    metadata: Mapping[str, Any]
+    numbers: int
+    digest: str
+
+    @property
+    def trainings(self) -> tuple[Mapping[str, Any], ...]:
+        """Metadata of the training, and of each one whose weights the one before started from."""
+        found = [self.metadata]
+        while before := found[-1].get("started_from"):
+            found.append(before)
+        return tuple(found)
+
+
+def read_provenance(path: Path | str) -> Provenance:
+    """What a file of weights says of itself.
+
+    Raises:
+        CheckpointError: it is missing, damaged or from elsewhere.
+    """
+    header, numbers = read_header(path)
+    return Provenance(
+        path=Path(path),
+        task=header.get("task", SHAPE_INSTANCE),
+        recipe=header["recipe"],
+        grid=header["grid"],
+        omitted=tuple(header.get("omitted", ())),
+        versions=header["versions"],
+        metadata=header["metadata"],
+        numbers=numbers,
+        digest=digest(Path(path)),
+    )
+
+
+def origin(path: Path | str) -> dict[str, Any]:
+    """Metadata for those who start from a file of weights: its own, with its name and SHA-256.
+
+    Raises:
+        CheckpointError: it is missing, damaged or from elsewhere.
+    """
+    found = read_provenance(path)
+    return {"file": found.path.name, "sha256": found.digest, **found.metadata}
+
+
+def digest(path: Path) -> str:
+    """SHA-256 of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
