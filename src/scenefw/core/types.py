@@ -277,6 +277,19 @@ class ShapeInstanceBatch:
 
 
 @dataclass(frozen=True)
+class RedrawnShapes:
+    """Shapes of some of a batch's views from a second code each, drawn like the first.
+
+    Args:
+        rows: of the batch, P of them.
+        tsdf: (P, 1, X, Y, Z) distances in units of the truncation.
+    """
+
+    rows: slice
+    tsdf: Tensor
+
+
+@dataclass(frozen=True)
 class ShapeInstancePrediction:
     """Output of a shape-and-instance network; distances in units of the truncation.
 
@@ -284,8 +297,9 @@ class ShapeInstancePrediction:
         tsdf: (B, 1, X, Y, Z).
         votes: (B, 3, X, Y, Z), not normalised.
         partial: (B, 1, X, Y, Z) reconstruction of the condition, or None.
-        latent: (B, L) code, or None.
+        latent: codes (L) of B views, or of those that an encoder saw in training, or None.
         statistics: further tensors by name, e.g. mean and log-variance of the code.
+        redrawn: what other codes make of some of the views, or None.
     """
 
     tsdf: Tensor
@@ -293,6 +307,7 @@ class ShapeInstancePrediction:
     partial: Tensor | None = None
     latent: Tensor | None = None
     statistics: Mapping[str, Tensor] = field(default_factory=dict)
+    redrawn: RedrawnShapes | None = None
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,8 @@ from torch import Tensor, nn
 
 from scenefw.models.blocks import Conv3d, ConvUnit, ResidualBlock, UpUnit, depth_to_space
 
+_MAPPED = 3  # the joint level that gets a map of the code
+
 
 class SceneDecoder(nn.Module):
     """Two linear layers, five joint SE-residual levels, one branch per modality (fig. 5.20).
@@ -24,6 +26,9 @@ class SceneDecoder(nn.Module):
             condition itself.
         branch: channels of the fine layer.
         code_size: size of the latent code and the condition's code together.
+        latent_size: size of the latent code, which comes first.
+        code_width: channels of a map at the fourth level that the latent code gives directly;
+            0 = none.
     """
 
     def __init__(
@@ -33,6 +38,8 @@ class SceneDecoder(nn.Module):
         condition_widths: Sequence[int],
         branch: int,
         code_size: int,
+        latent_size: int = 0,
+        code_width: int = 0,
     ) -> None:
         super().__init__()
         self.coarsest = (widths[0], *(sizes[0],) * 3)
@@ -49,6 +56,9 @@ class SceneDecoder(nn.Module):
             up = UpUnit(widths[i - 1], widths[i], stride=sizes[i] // sizes[i - 1])
             merge = ConvUnit(widths[i] + condition_widths[i - 1], widths[i])
             self.levels.append(nn.ModuleList([up, merge, ResidualBlock(widths[i])]))
+        self.code_map: _CodeMap | None = None
+        if code_width:
+            self.code_map = _CodeMap(latent_size, code_width, widths[_MAPPED], sizes[_MAPPED])
         self.fine = _FineLayer(widths[4], condition_widths[4], branch)
         self.tsdf = Conv3d(branch + condition_widths[5], 8, 1)
         self.votes = nn.Sequential(ConvUnit(widths[4], widths[4]), Conv3d(widths[4], 3 * 64, 1))
@@ -73,9 +83,31 @@ class SceneDecoder(nn.Module):
 
     def _features(self, code: Tensor, maps: Sequence[Tensor]) -> Tensor:
         features: Tensor = self.first(self.linear(code).reshape(-1, *self.coarsest))
-        for (up, merge, block), condition in zip(self.levels, maps[:4], strict=True):
-            features = block(merge(torch.cat([up(features), condition], dim=1)))
+        for i, (up, merge, block) in enumerate(self.levels, start=1):
+            features = merge(torch.cat([up(features), maps[i - 1]], dim=1))
+            if self.code_map is not None and i == _MAPPED:
+                features = features + self.code_map(code)
+            features = block(features)
         return features
+
+
+class _CodeMap(nn.Module):
+    """A short way from the latent code to a volume of features.
+
+    What the view leaves open is a matter of where, and five levels dilute the code on their way.
+    """
+
+    def __init__(self, latent_size: int, width: int, outputs: int, size: int) -> None:
+        super().__init__()
+        self.latent_size, self.shape = latent_size, (width, size, size, size)
+        self.linear = nn.Linear(latent_size, width * size**3)
+        self.spread = Conv3d(width, outputs, 3, padding=1, bias=False)
+
+    def forward(self, code: Tensor) -> Tensor:
+        volume: Tensor = self.spread(
+            self.linear(code[:, : self.latent_size]).unflatten(1, self.shape)
+        )
+        return volume
 
 
 class _FineLayer(nn.Module):

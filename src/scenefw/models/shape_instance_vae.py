@@ -7,7 +7,7 @@ import torch
 from torch import Tensor, nn
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.core.types import ShapeInstanceBatch, ShapeInstancePrediction
+from scenefw.core.types import RedrawnShapes, ShapeInstanceBatch, ShapeInstancePrediction
 from scenefw.models.condition import ConditionAutoencoder
 from scenefw.models.scene_decoder import SceneDecoder
 from scenefw.models.scene_encoder import SceneEncoder
@@ -20,9 +20,9 @@ class ShapeInstanceVAE(nn.Module):
     instance VAE. The encoder sees the complete scene and is dropped at test time, when the code
     comes from N(0, I), or is 0. While training, a share of the codes is replaced by such codes, so
     that the decoder has met what it gets at test time (`zero_share`, `prior_share`; both are 0 in
-    the thesis). A decoder that must be right for every drawn code learns to ignore codes; so of
-    several draws only the one that comes nearest to the truth is trained on (best of many,
-    Bhattacharyya et al. 2018; `candidates`).
+    the thesis). A decoder that must be right for every drawn code learns to ignore codes; so each
+    view with a drawn code gets a second one, and the loss `sample_spread` rewards what differs.
+    If all codes are replaced, there is no encoder.
 
     Args:
         resolution: voxels per side, a power of two of at least 8.
@@ -34,9 +34,11 @@ class ShapeInstanceVAE(nn.Module):
         decoder_widths: channels of the decoder's five joint levels, finest first.
         stem_width: channels of the encoder's layers of one modality.
         branch_width: channels of the decoder's fine layer, at half the grid's side.
+        code_width: channels of a map at an eighth of the grid's side that the latent code gives
+            directly; 0 = none, as in the thesis.
         zero_share: share of a training batch whose codes are replaced by the zero code.
-        prior_share: share of a training batch whose codes are replaced by draws from N(0, I).
-        candidates: draws for each of the latter, of which the best is kept.
+        prior_share: share of a training batch whose codes are replaced by draws from N(0, I),
+            two for each view.
 
     Raises:
         ConfigError: a width list has not five entries, or the resolution is no power of two.
@@ -55,30 +57,32 @@ class ShapeInstanceVAE(nn.Module):
         decoder_widths: Sequence[int] = (48, 64, 96, 128, 128),
         stem_width: int = 16,
         branch_width: int = 16,
+        code_width: int = 0,
         zero_share: float = 0.1,
         prior_share: float = 0.4,
-        candidates: int = 3,
     ) -> None:
         super().__init__()
         self.recipe = _recipe(locals())
         _check(resolution, channels, condition_widths, encoder_widths, decoder_widths)
-        _check_shares(zero_share, prior_share, candidates)
+        _check_shares(zero_share, prior_share)
         self.resolution, self.channels, self.latent_size = resolution, channels, latent_size
-        self.zero_share, self.prior_share, self.candidates = zero_share, prior_share, candidates
+        self.zero_share, self.prior_share = zero_share, prior_share
         fine = [max(resolution // 2 >> i, 2) for i in range(6)]
         widths = list(condition_widths)
         self.condition = ConditionAutoencoder(channels, fine[:5], widths, bottleneck)
         # The code of the condition stands for a sixth map; its place is taken by the coarsest map.
         joint, maps = fine[1:], [*widths[1:], widths[4]]
-        self.encoder: SceneEncoder | None = SceneEncoder(
-            joint, list(encoder_widths), maps, stem_width, latent_size
-        )
+        self.encoder: SceneEncoder | None = None
+        if zero_share + prior_share < 1:
+            self.encoder = SceneEncoder(joint, list(encoder_widths), maps, stem_width, latent_size)
         self.decoder = SceneDecoder(
             joint[::-1],
             list(decoder_widths)[::-1],
             [*widths[::-1], channels * 8],
             branch_width,
             latent_size + bottleneck,
+            latent_size,
+            code_width,
         )
 
     def forward(
@@ -86,23 +90,25 @@ class ShapeInstanceVAE(nn.Module):
     ) -> ShapeInstancePrediction:
         """Training pass: codes from the encoder, a share replaced.
 
-        Without a generator the codes are the posterior means.
+        Without a generator the codes are the posterior means. `latent` and `statistics` are of the
+        rows that the encoder saw, the last ones.
         """
-        if self.encoder is None:
-            raise InputError(
-                "this network was stored without its encoder, so it only predicts; train with "
-                "run=train, which goes on from the state in paths.training"
-            )
+        count = len(batch.condition)
+        zeros, drawn = self._replaced(count) if generator is not None else (0, slice(0, 0))
         maps, view = self.condition.encode(batch.condition)
-        mean, log_variance = self.encoder(batch.tsdf, batch.votes, [*maps[2:], maps[5]])
-        latent, code = mean, mean
-        if generator is not None:
-            noise = _normal(mean, generator)
-            latent = mean + noise * (0.5 * log_variance).exp()
-            code = self._replace(latent, view, maps, batch.tsdf, generator)
-        tsdf, votes = self.decoder(torch.cat([code, view], dim=1), maps[::-1])
-        statistics = {"mean": mean, "log_variance": log_variance}
-        return ShapeInstancePrediction(tsdf, votes, self.condition.decode(view), latent, statistics)
+        latent, statistics = self._posterior(batch, maps, drawn.stop, generator)
+        codes = [view.new_zeros(zeros, self.latent_size), *self._draws(view[drawn], generator)]
+        first = torch.cat([*codes[:2], *([] if latent is None else [latent])])
+        code = torch.cat([first, *codes[2:]])
+        views = torch.cat([view, view[drawn]])
+        tsdf, votes = self.decoder(
+            torch.cat([code, views], dim=1), [torch.cat([m, m[drawn]]) for m in maps[::-1]]
+        )
+        redrawn = RedrawnShapes(drawn, tsdf[count:]) if len(tsdf) > count else None
+        partial = self.condition.decode(view)
+        return ShapeInstancePrediction(
+            tsdf[:count], votes[:count], partial, latent, statistics, redrawn
+        )
 
     def predict(self, condition: Tensor, latent: Tensor | None = None) -> ShapeInstancePrediction:
         """Test pass without the encoder.
@@ -128,37 +134,39 @@ class ShapeInstanceVAE(nn.Module):
         tsdf, votes = self.decoder(torch.cat([latent, view], dim=1), maps[::-1])
         return ShapeInstancePrediction(tsdf.clamp(-1, 1), votes, latent=latent)
 
-    def _replace(
-        self,
-        latent: Tensor,
-        view: Tensor,
-        maps: list[Tensor],
-        truth: Tensor,
-        generator: torch.Generator,
-    ) -> Tensor:
-        """Codes of which the first are the zero code, and the next drawn from the prior."""
-        zeros = round(self.zero_share * len(latent))
-        end = round((self.zero_share + self.prior_share) * len(latent))
-        rows = slice(zeros, end)
-        drawn = [_normal(latent[rows], generator) for _ in range(self.candidates)]
-        if len(drawn) > 1 and end > zeros:
-            drawn = [self._best(drawn, view[rows], [m[rows] for m in maps], truth[rows])]
-        return torch.cat([torch.zeros_like(latent[:zeros]), drawn[0], latent[end:]])
+    def _replaced(self, count: int) -> tuple[int, slice]:
+        """How many of a batch's first rows take the zero code, and which of the next drawn ones."""
+        zeros = round(self.zero_share * count)
+        return zeros, slice(zeros, round((self.zero_share + self.prior_share) * count))
 
-    @torch.no_grad()
-    def _best(self, drawn: list[Tensor], view: Tensor, maps: list[Tensor], truth: Tensor) -> Tensor:
-        """Of several codes per scene the one whose shape is nearest to the truth."""
-        training = self.decoder.training
-        self.decoder.eval()
-        errors = [
-            (self.decoder.shape(torch.cat([code, view], dim=1), maps[::-1]).clamp(-1, 1) - truth)
-            .abs()
-            .mean(dim=(1, 2, 3, 4))
-            for code in drawn
-        ]
-        self.decoder.train(training)
-        best = torch.stack(errors).argmin(dim=0)
-        return torch.stack(drawn)[best, torch.arange(len(best), device=best.device)]
+    def _draws(self, views: Tensor, generator: torch.Generator | None) -> list[Tensor]:
+        """Two codes from the prior for each of some views."""
+        if generator is None or not len(views):
+            return []
+        like = views[:, :1].expand(-1, self.latent_size)
+        return [_normal(like, generator) for _ in range(2)]
+
+    def _posterior(
+        self,
+        batch: ShapeInstanceBatch,
+        maps: list[Tensor],
+        start: int,
+        generator: torch.Generator | None,
+    ) -> tuple[Tensor | None, dict[str, Tensor]]:
+        """Codes of the complete scenes from row `start` on, and their mean and log-variance."""
+        if start == len(batch.condition):
+            return None, {}
+        if self.encoder is None:
+            raise InputError(
+                "this network was stored without its encoder, so it only predicts; train with "
+                "run=train, which goes on from the state in paths.training"
+            )
+        features = [m[start:] for m in [*maps[2:], maps[5]]]
+        mean, log_variance = self.encoder(batch.tsdf[start:], batch.votes[start:], features)
+        statistics = {"mean": mean, "log_variance": log_variance}
+        if generator is None:
+            return mean, statistics
+        return mean + _normal(mean, generator) * (0.5 * log_variance).exp(), statistics
 
     def _samples(self, latent: Tensor, batch: int) -> int:
         if latent.ndim != 2 or latent.shape[1] != self.latent_size or len(latent) % batch:
@@ -191,11 +199,11 @@ def _recipe(arguments: dict[str, Any]) -> dict[str, Any]:
     return recipe
 
 
-def _check_shares(zero: float, prior: float, candidates: int) -> None:
-    if not (zero >= 0 and prior >= 0 and zero + prior <= 1 and candidates >= 1):
+def _check_shares(zero: float, prior: float) -> None:
+    if not (zero >= 0 and prior >= 0 and zero + prior <= 1):
         raise ConfigError(
-            f"model.zero_share is {zero}, prior_share {prior}, candidates {candidates}; expected "
-            "shares that add up to at most 1, and at least 1 candidate"
+            f"model.zero_share is {zero} and prior_share {prior}; expected shares that add up "
+            "to at most 1"
         )
 
 

@@ -1,0 +1,45 @@
+"""Reward for samples that differ as much as they err."""
+
+from torch import Tensor
+
+from scenefw.core.errors import ConfigError
+from scenefw.core.types import ShapeInstanceBatch, ShapeInstancePrediction
+
+
+class SampleSpread:
+    """Minus half the distance of two samples of the same view, weighted as in the loss `tsdf`.
+
+    Added to the error of one of the samples it makes the energy score of each voxel (Gneiting and
+    Raftery 2007), E|v' - v| - E|v' - v''| / 2, which is least if samples are distributed as the
+    truth is, given the view: where the view says all they agree, behind it they differ. `tsdf` on
+    its own is least if all samples are the median.
+
+    Args:
+        weight: factor of this term in the total, that of `tsdf`. A larger one has no minimum.
+        floor: smallest |v| in the weight, in truncations, that of `tsdf`.
+
+    Raises:
+        ConfigError: the floor is not positive.
+    """
+
+    def __init__(self, weight: float = 1.0, floor: float = 0.1) -> None:
+        if floor <= 0:
+            raise ConfigError(f"loss.sample_spread.floor is {floor}, expected a positive number")
+        self.weight, self.floor = weight, floor
+
+    def __call__(self, prediction: ShapeInstancePrediction, batch: ShapeInstanceBatch) -> Tensor:
+        """A scalar of at most 0, the mean over voxels and over all rows of the batch.
+
+        Raises:
+            ConfigError: no view was predicted with two codes.
+        """
+        redrawn = prediction.redrawn
+        if redrawn is None:
+            raise ConfigError(
+                "the loss sample_spread needs two codes per view; give model.prior_share of more "
+                "than 0 and a batch large enough for it, or leave the loss out"
+            )
+        weight = 1 / batch.tsdf[redrawn.rows].float().abs().clamp(min=self.floor)
+        first = prediction.tsdf[redrawn.rows].float().clamp(-1, 1)
+        spread = (weight * (first - redrawn.tsdf.float().clamp(-1, 1)).abs()).sum()
+        return -0.5 * spread / batch.tsdf.numel()
