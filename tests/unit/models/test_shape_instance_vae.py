@@ -38,11 +38,11 @@ def test_outputs_have_the_size_of_the_grid(resolution, channels):
     size = (resolution,) * 3
     assert found.tsdf.shape == found.partial.shape == (count, 1, *size)
     assert found.votes.shape == (count, 3, *size)
-    assert found.latent.shape == found.statistics["mean"].shape == (count, 6)
+    assert found.latent.shape == found.statistics["mean"].shape == (1, 6)
 
 
 def test_every_weight_gets_a_gradient():
-    model = network(32, zero_share=0.0, prior_share=0.0)
+    model = network(32, zero_share=0.0, prior_share=0.0, code_width=2)
     found = model(batch(32, 3), torch.Generator().manual_seed(0))
     (found.tsdf.square().mean() + found.votes.square().mean() + found.partial.sum()).backward()
     without = [n for n, p in model.named_parameters() if p.grad is None or not p.grad.any()]
@@ -59,7 +59,7 @@ def test_prediction_leaves_the_encoder_alone():
 
 
 def test_no_code_is_the_zero_code_and_training_with_it_agrees():
-    model = network(zero_share=1.0, prior_share=0.0).eval()
+    model = network(zero_share=1.0, prior_share=0.0, code_width=2).eval()
     data = batch()
     zero = model.predict(data.condition, torch.zeros(2, 6))
     assert torch.equal(zero.tsdf, model.predict(data.condition).tsdf)
@@ -79,53 +79,64 @@ def test_several_codes_per_condition_come_sample_after_sample():
         )
 
 
-def replaced(model, data, seed=0):
-    """Codes of the posterior means, and those that a training decodes instead."""
-    maps, view = model.condition.encode(data.condition)
-    latent = torch.full((len(view), model.latent_size), 50.0)
-    generator = torch.Generator().manual_seed(seed)
-    return model._replace(latent, view, maps, data.tsdf, generator)
+@pytest.mark.parametrize(("count", "zeros", "drawn"), [(10, 3, 4), (20, 6, 8)])
+def test_shares_of_replaced_codes(count, zeros, drawn):
+    model, codes = network(8, zero_share=0.3, prior_share=0.4), []
+    model.decoder.register_forward_pre_hook(lambda _, given: codes.append(given[0][:, :6]))
+    found = model(batch(8, count), torch.Generator().manual_seed(0))
+    (code,) = codes
+    assert len(code) == count + drawn  # drawn twice
+    assert not code[:zeros].any()
+    assert code[zeros:].all()
+    assert found.redrawn.rows == slice(zeros, zeros + drawn)
+    assert len(found.redrawn.tsdf) == drawn
+    assert torch.equal(found.latent, code[zeros + drawn : count])
+    assert found.statistics["mean"].shape == found.latent.shape
+    assert len(found.tsdf) == len(found.votes) == len(found.partial) == count
 
 
-@pytest.mark.parametrize("candidates", [1, 3])
-def test_shares_of_replaced_codes(candidates):
-    model = network(8, zero_share=0.3, prior_share=0.4, candidates=candidates).eval()
-    codes = replaced(model, batch(8, 200))
-    assert (codes == 0).all(dim=1).sum() == (codes[:60] == 0).all(dim=1).sum() == 60
-    assert (codes == 50).all(dim=1).sum() == (codes[140:] == 50).all(dim=1).sum() == 60
-    prior = codes[60:140]
-    assert float(prior.mean()) == pytest.approx(0, abs=0.15)
-    assert float(prior.std()) == pytest.approx(1, abs=0.15)
+def test_drawn_codes_come_from_the_standard_normal_distribution():
+    model = network(8)
+    generator = torch.Generator().manual_seed(0)
+    first, second = model._draws(torch.ones(800, 3), generator)
+    for drawn in (first, second):
+        np.testing.assert_allclose(drawn.mean(dim=0), 0, atol=0.15)
+        np.testing.assert_allclose(torch.cov(drawn.T), np.eye(6), atol=0.2)
+    np.testing.assert_allclose((first * second).mean(dim=0), 0, atol=0.15)
 
 
-@torch.no_grad()
-def test_the_best_of_many_codes_is_trained_on():
-    model = network(16, zero_share=0.0, prior_share=1.0, candidates=5)
-    model.decoder.linear[0].weight.mul_(20)  # else one code is best for every scene
-    data = batch(16, 3)
-    model(data, torch.Generator().manual_seed(1))  # batch statistics other than the initial ones
-    model.eval()
-    chosen = replaced(model, data, seed=5)
-    generator = torch.Generator().manual_seed(5)
-    drawn = [torch.randn(3, 6, generator=generator) for _ in range(5)]
-    errors = torch.stack(
-        [
-            (model.predict(data.condition, c).tsdf - data.tsdf).abs().mean((1, 2, 3, 4))
-            for c in drawn
-        ]
-    )
-    best = errors.argmin(dim=0)
-    assert torch.equal(chosen, torch.stack([drawn[k][i] for i, k in enumerate(best)]))
-    assert len(set(best.tolist())) > 1
+@pytest.mark.parametrize("resolution", [8, 16])
+def test_a_second_code_belongs_to_the_view_of_the_first(resolution):
+    model = network(resolution, zero_share=0.0, prior_share=1.0).eval()
+    data, codes = batch(resolution, 3), []
+    model.decoder.register_forward_pre_hook(lambda _, given: codes.append(given[0][:, :6]))
+    found = model(data, torch.Generator().manual_seed(0))
+    for rows, tsdf in ((slice(0, 3), found.tsdf), (slice(3, 6), found.redrawn.tsdf)):
+        alone = model.predict(data.condition, codes[0][rows]).tsdf
+        np.testing.assert_allclose(tsdf.clamp(-1, 1).detach(), alone.detach(), atol=1e-5)
 
 
-def test_choosing_codes_leaves_the_training_mode_and_its_statistics():
-    model, data = network(16, zero_share=0.0, prior_share=1.0, candidates=2), batch(16, 4)
-    before = {n: b.clone() for n, b in model.decoder.named_buffers()}
-    maps, view = model.condition.encode(data.condition)
-    model._best([torch.zeros(4, 6), torch.ones(4, 6)], view, maps, data.tsdf)
-    assert all(m.training for m in model.modules())
-    assert all(torch.equal(b, before[n]) for n, b in model.decoder.named_buffers())
+def test_without_posterior_codes_there_is_no_encoder():
+    model = network(zero_share=0.5, prior_share=0.5)
+    assert model.encoder is None
+    found = model(batch(), torch.Generator().manual_seed(0))
+    assert found.latent is None
+    assert found.statistics == {}
+    with pytest.raises(InputError, match="without its encoder"):
+        model(batch())
+
+
+def test_a_map_of_the_code_moves_the_shape_where_there_is_one():
+    data = batch()
+    for width in (0, 2):
+        model = network(code_width=width).eval()
+        for parameter in model.decoder.linear.parameters():
+            torch.nn.init.zeros_(parameter)
+        codes = torch.randn(2, 6, generator=torch.Generator().manual_seed(0))
+        apart = (
+            model.predict(data.condition, codes).tsdf - model.predict(data.condition).tsdf
+        ).abs()
+        assert bool(apart.max() > 1e-4) == (width > 0)
 
 
 def test_the_last_layer_can_copy_what_is_visible():
@@ -183,7 +194,6 @@ def test_the_recipe_rebuilds_it():
         ({"resolution": 4}, "power of two"),
         ({"channels": 3}, "channels"),
         ({"zero_share": 0.7, "prior_share": 0.4}, "prior_share"),
-        ({"candidates": 0}, "candidates"),
         ({"decoder_widths": (1, 2, 3)}, "decoder_widths"),
     ],
 )
