@@ -21,8 +21,8 @@ from scenefw.data.augmentation import RigidAugmentation
 from scenefw.data.conditioning import training_batch
 from scenefw.data.stacks import StackScenes
 from scenefw.data.views import ViewMaker
-from scenefw.losses.mmd import MaximumMeanDiscrepancy
 from scenefw.losses.partial_tsdf import PartialTsdfLoss
+from scenefw.losses.sample_spread import SampleSpread
 from scenefw.losses.tsdf import TsdfLoss
 from scenefw.losses.votes import VoteLoss
 from scenefw.mapping.projective import Projective
@@ -84,11 +84,16 @@ def ours_with_noise() -> Timed:
     return finished(data_side(noise=True))
 
 
+def default_network() -> ShapeInstanceVAE:
+    """The network of `model=shape_instance_vae`."""
+    return ShapeInstanceVAE(GRID.resolution, code_width=8, zero_share=0.1, prior_share=0.9)
+
+
 def network() -> Timed:
     """Forward and backward of the default network and losses on such a batch."""
-    batch, model = data_side(noise=False)(), ShapeInstanceVAE(GRID.resolution).to(DEVICE)
+    batch, model = data_side(noise=False)(), default_network().to(DEVICE)
     model.to(memory_format=torch.channels_last_3d)
-    losses = (TsdfLoss(), VoteLoss(), PartialTsdfLoss(), MaximumMeanDiscrepancy())
+    losses = (TsdfLoss(), VoteLoss(), PartialTsdfLoss(), SampleSpread())
 
     def step() -> None:
         with torch.autocast(DEVICE, torch.bfloat16):

@@ -35,7 +35,8 @@ class KLDivergence:
         """
         if not {"mean", "log_variance"} <= prediction.statistics.keys():
             raise ConfigError(
-                "the loss kl needs a network that gives mean and log_variance; leave it out"
+                "the loss kl needs mean and log_variance from an encoder; give model.prior_share a "
+                "lower value, or leave it out"
             )
         mean = prediction.statistics["mean"].float()
         log_variance = prediction.statistics["log_variance"].float()

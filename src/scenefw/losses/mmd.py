@@ -50,9 +50,12 @@ class MaximumMeanDiscrepancy:
         """A scalar.
 
         Raises:
-            ConfigError: the network has no code.
+            ConfigError: no code of the batch comes from an encoder.
         """
         if prediction.latent is None:
-            raise ConfigError("the loss mmd needs a network with a code; leave it out")
+            raise ConfigError(
+                "the loss mmd needs codes from an encoder; give model.prior_share a lower value, or "
+                "leave it out"
+            )
         size = prediction.latent.shape[1]
         return mmd_to_normal(prediction.latent, self.bandwidth * size)
