@@ -54,8 +54,8 @@ class MaximumMeanDiscrepancy:
         """
         if prediction.latent is None:
             raise ConfigError(
-                "the loss mmd needs codes from an encoder; give model.prior_share a lower value, or "
-                "leave it out"
+                "the loss mmd needs codes from an encoder; give model.prior_share a lower value, "
+                "or leave it out"
             )
         size = prediction.latent.shape[1]
         return mmd_to_normal(prediction.latent, self.bandwidth * size)

@@ -32,7 +32,8 @@ class TrainedNetwork(Protocol):
 class NetworkReconstructor:
     """Completes partial TSDFs with a trained network and several latent codes.
 
-    The first sample decodes the zero code, the most typical scene; the others draw from N(0, I).
+    The first sample decodes the zero code, the most typical scene; the others draw from N(0, I),
+    times the temperature.
 
     Args:
         checkpoint: a loaded checkpoint; its grid is the grid of everything here.
@@ -41,6 +42,11 @@ class NetworkReconstructor:
         smoothing: standard deviation (voxels) of a Gaussian over predicted distances, 0 for none.
             The network's last layer predicts blocks of 2^3 voxels, whose pattern would show as
             bumps on the surface.
+        temperature: standard deviation of drawn codes. Below 1 samples are more typical and differ
+            less (the truncation of Brock et al. 2019).
+
+    Raises:
+        ConfigError: smoothing or temperature is negative.
     """
 
     def __init__(
@@ -49,14 +55,18 @@ class NetworkReconstructor:
         extractor: InstanceExtractor,
         device: str = "cpu",
         smoothing: float = 0.6,
+        temperature: float = 1.0,
     ) -> None:
-        if smoothing < 0:
-            raise ConfigError(f"smoothing is {smoothing}, expected voxels >= 0")
+        if smoothing < 0 or temperature < 0:
+            raise ConfigError(
+                f"smoothing is {smoothing}, temperature {temperature}; expected voxels and a "
+                "standard deviation of at least 0"
+            )
         self.grid = checkpoint.grid
         self.observed = checkpoint.observed
         self.metadata = dict(checkpoint.metadata)
         self.extractor = extractor
-        self.smoothing = smoothing
+        self.smoothing, self.temperature = smoothing, temperature
         self.device = torch.device(device)
         self.model = checkpoint.model.to(self.device).eval()
 
@@ -79,8 +89,8 @@ class NetworkReconstructor:
         shape = (len(inputs), self.model.latent_size)
         results = []
         for sample in range(samples):
-            latent = torch.zeros(shape) if sample == 0 else torch.randn(shape, generator=generator)
-            prediction = self.model.predict(inputs, latent.to(self.device))
+            drawn = torch.randn(shape, generator=generator) if sample else torch.zeros(shape)
+            prediction = self.model.predict(inputs, (self.temperature * drawn).to(self.device))
             tsdf = smoothed(prediction.tsdf.float().clamp(-1, 1), self.smoothing)[:, 0]
             results.append((tsdf * grid.truncation, prediction.votes.float()))
         return results

@@ -5,7 +5,7 @@ import pytest
 import torch
 from scipy.ndimage import gaussian_filter
 
-from scenefw.core.errors import InputError
+from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import GridSpec, PartialTSDF, ShapeInstancePrediction
 from scenefw.perception.reconstruction import NetworkReconstructor, smoothed
 
@@ -28,12 +28,12 @@ class Signs:
         return (tsdf < 0).int(), torch.zeros(1, 3)
 
 
-def make(resolution, observed=False, smoothing=0.0):
+def make(resolution, observed=False, smoothing=0.0, **options):
     grid = GridSpec(resolution=resolution)
     checkpoint = SimpleNamespace(model=Echo(), grid=grid, observed=observed, metadata={})
     distance = grid.truncation * (2 * torch.rand(2, 1, *grid.shape) - 1)
     return (
-        NetworkReconstructor(checkpoint, Signs(), smoothing=smoothing),
+        NetworkReconstructor(checkpoint, Signs(), smoothing=smoothing, **options),
         grid,
         PartialTSDF(distance, distance > 0),
     )
@@ -59,6 +59,26 @@ def test_codes_come_from_the_generator():
     runs = [method.volumes(partial, grid, 2, torch.Generator().manual_seed(s)) for s in (1, 1, 2)]
     assert torch.equal(runs[0][1][0], runs[1][1][0])
     assert not torch.equal(runs[0][1][0], runs[2][1][0])
+
+
+def test_the_temperature_scales_drawn_codes_alone():
+    grid = GridSpec(resolution=8)
+    partial = PartialTSDF(torch.zeros(1, 1, *grid.shape), torch.ones(1, 1, *grid.shape, dtype=bool))
+
+    def shifts(temperature):
+        method, _, _ = make(8, temperature=temperature)
+        found = method.volumes(partial, grid, 4, torch.Generator().manual_seed(5))
+        return torch.stack([tsdf[0, 0, 0, 0] / grid.truncation for tsdf, _ in found])
+
+    torch.testing.assert_close(shifts(0.2), 0.2 * shifts(0.4) / 0.4, atol=1e-6, rtol=1e-5)
+    assert shifts(0.2)[1:].abs().min() > 0
+    assert not shifts(0.0).any()
+
+
+@pytest.mark.parametrize("options", [{"temperature": -1.0}, {"smoothing": -1.0}])
+def test_negative_settings_are_errors(options):
+    with pytest.raises(ConfigError, match=next(iter(options))):
+        make(8, **options)
 
 
 def test_another_grid_is_one_line():
