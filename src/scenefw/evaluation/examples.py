@@ -33,6 +33,7 @@ class Example:
         instances: (X, Y, Z) predicted labels; those that fit a true object have its label.
         true_tsdf: (X, Y, Z) metres.
         true_instances: (X, Y, Z) labels.
+        others: TSDF and instances, as above, of further samples.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Example:
     instances: Int32
     true_tsdf: Float32
     true_instances: Int32
+    others: tuple[tuple[Float32, Int32], ...] = ()
 
 
 class GridMethod(Reconstructor, Protocol):
@@ -65,6 +67,7 @@ class Examples:
         count: how many scenes, spread evenly over the split.
         seed: of viewpoints and codes.
         device: where volumes and views are computed.
+        samples: codes per scene.
     """
 
     def __init__(
@@ -78,6 +81,7 @@ class Examples:
         count: int = 4,
         seed: int = 0,
         device: str = "cpu",
+        samples: int = 1,
     ) -> None:
         self.scenes = scenes
         self.views = ViewMaker(method.grid, viewpoints, renderer, mapping, noise)
@@ -85,6 +89,7 @@ class Examples:
         self.count = count
         self.seed = seed
         self.device = device
+        self.samples = samples
 
     def make(self) -> tuple[Example, ...]:
         """The examples, in the order of their scenes."""
@@ -97,18 +102,23 @@ class Examples:
         view = self.views.make_one(parameters, rng.generator(self.seed, _STREAM, scene))
         codes = torch.Generator().manual_seed(rng.torch_seed(self.seed, _STREAM, scene))
         grid = self.views.grid
-        tsdf, instances = self.method.reconstruct(view.partial, grid, 1, codes)[0]
         true = view.volumes.instances[0].cpu().numpy()
+        samples = self.method.reconstruct(view.partial, grid, self.samples, codes)
+        (tsdf, instances), *others = [
+            (tsdf[0].cpu().numpy(), like_truth(instances[0].cpu().numpy(), true))
+            for tsdf, instances in samples
+        ]
         return Example(
             f"scene {int(self.scenes.indices[scene])}",
             grid,
             view.depth[0].cpu().numpy(),
             camera_of(view.cameras, 0),
             view.partial.distance[0, 0].cpu().numpy(),
-            tsdf[0].cpu().numpy(),
-            like_truth(instances[0].cpu().numpy(), true),
+            tsdf,
+            instances,
             view.volumes.tsdf[0, 0].cpu().numpy(),
             true,
+            tuple(others),
         )
 
 

@@ -76,6 +76,8 @@ class NetworkReconstructor:
     ) -> list[tuple[Tensor, Tensor]]:
         """`samples` pairs of TSDF (B, X, Y, Z) in metres and votes (B, 3, X, Y, Z).
 
+        At temperature 0 there is one, as all would be the same.
+
         Raises:
             InputError: the grid is not the one that the network was trained on.
         """
@@ -88,7 +90,7 @@ class NetworkReconstructor:
         inputs = inputs.to(self.device, memory_format=_memory_format(self.device))
         shape = (len(inputs), self.model.latent_size)
         results = []
-        for sample in range(samples):
+        for sample in range(samples if self.temperature else 1):
             drawn = torch.randn(shape, generator=generator) if sample else torch.zeros(shape)
             prediction = self.model.predict(inputs, (self.temperature * drawn).to(self.device))
             tsdf = smoothed(prediction.tsdf.float().clamp(-1, 1), self.smoothing)[:, 0]

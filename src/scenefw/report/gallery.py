@@ -23,7 +23,10 @@ _GAP = 6
 
 
 def draw_example(example: Example) -> Picture:
-    """RGB (H, W, 3) in [0, 1]: depth, partial TSDF, prediction and truth, each from two sides."""
+    """RGB (H, W, 3) in [0, 1]: depth, partial TSDF, prediction and truth, each from two sides.
+
+    Further samples are shown from behind, where they may differ.
+    """
     seen_from = example.camera.resized(*_TILE)
     points = example.grid.centres()[(example.true_instances > 0) | (example.instances > 0)]
     front, aside, back = (turned(seen_from, points, turn) for turn in (0.0, 70.0, 180.0))
@@ -38,6 +41,8 @@ def draw_example(example: Example) -> Picture:
         "predicted, from behind": draw(predicted, back),
         "truth, from behind": draw(true, back),
     }
+    for number, (tsdf, instances) in enumerate(example.others, start=2):
+        tiles[f"sample {number}, from behind"] = draw(_solid(example, tsdf, instances), back)
     return beside(list(tiles.values()), list(tiles))
 
 

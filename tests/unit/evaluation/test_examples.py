@@ -25,7 +25,8 @@ class _Method:
         assert grid == self.grid
         noise = torch.rand(1, generator=generator)
         tsdf = partial.distance[:, 0] + 0 * noise
-        return [(tsdf, (tsdf < 0).to(torch.int32))] * samples
+        moved = [tsdf + 0.01 * i for i in range(samples)]
+        return [(each, (each < 0).to(torch.int32)) for each in moved]
 
 
 @pytest.fixture
@@ -60,6 +61,19 @@ def test_examples_are_spread_and_repeatable(scenes):
     assert np.array_equal(first.depth, two[0].depth)  # however many are made
     assert two[0].tsdf.shape == two[0].true_instances.shape == (16, 16, 16)
     assert (two[0].depth > 0).any()
+
+
+def test_further_samples_follow_the_first(scenes):
+    def make(samples):
+        parts = (scenes, _Method(), _Viewpoints(), SphereTracer(), Projective())
+        return Examples(*parts, count=1, samples=samples).make()[0]
+
+    one, three = make(1), make(3)
+    assert one.others == ()
+    assert np.array_equal(one.tsdf, three.tsdf)
+    for i, (tsdf, instances) in enumerate(three.others, start=1):
+        np.testing.assert_allclose(tsdf, one.tsdf + 0.01 * i, atol=1e-6)
+        assert ((instances > 0) == (tsdf < 0)).all()
 
 
 def test_predicted_labels_follow_the_truth():

@@ -1,5 +1,7 @@
 """Pictures of examples: size, colours of what is there, files."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -56,6 +58,19 @@ def test_six_views_with_the_objects_in_their_colours(example):
     assert _has_hue(true, second) > 300
     assert _has_hue(predicted, first) > 500
     assert _has_hue(predicted, second) == 0  # the second object was not predicted
+
+
+def test_further_samples_have_a_row_of_their_own(example):
+    both = (example.true_tsdf, example.true_instances)
+    one = (example.tsdf, example.instances)
+    picture = draw_example(replace(example, others=(both, one)))
+    plain = draw_example(example)
+    assert picture.shape[1] == plain.shape[1]
+    row = picture[len(plain) :]
+    second = instance_colours(2)[1]
+    assert _has_hue(row[:, :320], second) > 300
+    assert _has_hue(row[:, 326:646], second) == 0
+    np.testing.assert_array_equal(picture[: len(plain)], plain)
 
 
 def test_depth_picture_leaves_holes_white():
