@@ -7,7 +7,9 @@ import torch
 from tests.unit.data.rectangles import Rectangles
 from tests.unit.learning.tiny import Killer
 
-from scenefw.data.segmentation import ColourJitter, SegmentationData, ViewSamples
+from scenefw.data.label_views import StoredViews, ViewSamples
+from scenefw.data.light import ColourJitter
+from scenefw.data.segmentation import SegmentationData
 from scenefw.learning.schedules import CosineDecay
 from scenefw.learning.segmentation import SegmentationLearning
 from scenefw.learning.trainer import TrainerSettings
@@ -26,8 +28,9 @@ def learning(classes=3, widths=(6, 8), **options):
 
 def data(views=4, **options):
     noise = {"gaussian": Gaussian(0.001)}
-    train = ViewSamples(Rectangles(), views, noise, ColourJitter(), **options)
-    return SegmentationData(train, ViewSamples(Rectangles(1, seed=1), 2), batch_size=2)
+    train = ViewSamples(StoredViews(Rectangles(), views), noise, ColourJitter(), **options)
+    validation = ViewSamples(StoredViews(Rectangles(1, seed=1), 2))
+    return SegmentationData(train, validation, batch_size=2)
 
 
 def task(folder, steps, **options):
