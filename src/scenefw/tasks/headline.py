@@ -3,9 +3,12 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from scenefw.core.errors import InputError
+from scenefw.learning.checkpoint import shipped_checkpoint
+from scenefw.learning.provenance import digest
 from scenefw.report.headline import headline
 from scenefw.report.markers import fill, read
-from scenefw.report.stored import read_runs
+from scenefw.report.stored import StoredRun, read_runs
 
 _MARKER = "headline"
 
@@ -25,12 +28,25 @@ class Headline:
         """Writes the table; returns how many runs it shows.
 
         Raises:
-            InputError: a run is missing, damaged, or has no figures for it.
+            InputError: a run is missing, damaged, of weights that don't ship, or has no figures.
             StorageError: the document has no place for it, or can't be written.
         """
         read(self.document, _MARKER)
         runs = read_runs(self.results)
+        require_shipped(runs)
         text = headline(runs)
         fill(self.document, _MARKER, text)
         print(text)
         return {"runs": float(len(runs))}
+
+
+def require_shipped(runs: Sequence[StoredRun]) -> None:
+    """Raises an InputError if a run says that it used other weights than those that ship."""
+    known = {digest(path) for path in shipped_checkpoint().parent.glob("*.safetensors")}
+    for run in runs:
+        for name, found in run.record.get("weights", {}).items():
+            if found not in known:
+                raise InputError(
+                    f"{run.path} has figures of {name}, which doesn't ship as it was; evaluate the "
+                    "weights that ship"
+                )

@@ -2,6 +2,8 @@ import pytest
 from tests.unit.report.stored_runs import IMAGES, STACKS, write_run
 
 from scenefw.core.errors import InputError, StorageError
+from scenefw.learning.checkpoint import shipped_checkpoint
+from scenefw.learning.provenance import digest
 from scenefw.tasks.headline import Headline
 
 MARKED = "# Title\n\n<!-- headline -->\nold\n<!-- /headline -->\n\n| a | table |\n"
@@ -32,6 +34,14 @@ def test_wrong_results_or_documents_leave_all_as_it_was(document, tmp_path):
     document.write_text("no place")
     with pytest.raises(StorageError, match="<!-- headline -->"):
         Headline([], document).run()
+
+
+def test_figures_of_weights_that_do_not_ship(document, tmp_path):
+    shipped = {"simstack.safetensors": digest(shipped_checkpoint())}
+    Headline([write_run(tmp_path / "a", STACKS, shipped)], document).run()
+    other = write_run(tmp_path / "b", IMAGES, {"mine.safetensors": "0" * 64})
+    with pytest.raises(InputError, match=r"mine\.safetensors, which doesn't ship"):
+        Headline([tmp_path / "a", other], document).run()
 
 
 def test_command_line(scenefw, document, tmp_path):
