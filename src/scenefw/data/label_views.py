@@ -15,7 +15,7 @@ from torch import Tensor
 from scenefw.core.errors import ConfigError
 from scenefw.core.protocols import FrameSource, Noise
 from scenefw.core.rng import Streams
-from scenefw.core.types import CameraBatch, Frame, SegmentationBatch
+from scenefw.core.types import CameraBatch, Float64, Frame, SegmentationBatch
 from scenefw.data.distances import DEPTH, distance_images
 from scenefw.data.light import ColourJitter
 from scenefw.data.resident import ResidentScenes
@@ -23,9 +23,10 @@ from scenefw.data.segmentation import image_tensors
 from scenefw.data.tabletop import TabletopScenes
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.kernels.transfer import to_device
-from scenefw.renderers.tables import camera_lenses
+from scenefw.renderers.mesh_raycaster import image
+from scenefw.renderers.tables import Pictures, camera_lenses
 
-_VIEW = 5  # random stream
+_VIEW, _CAMERA = 5, 9  # random streams
 _ARRAYS = ("colour", "depth", "labels")  # of stored views
 
 
@@ -58,9 +59,9 @@ class ViewImages(Protocol):
         """Does once what all batches need."""
 
     def render(
-        self, indices: NDArray[np.int64], streams: Streams | None, device: torch.device
+        self, indices: NDArray[np.int64], epoch: int | None, device: torch.device
     ) -> LabelledViews:
-        """Views of an epoch, seen by a stream each; None = the same always."""
+        """Views of an epoch; None = the same always."""
 
 
 class ViewSamples:
@@ -73,7 +74,7 @@ class ViewSamples:
         noise: disturbs depth anew in every epoch, applied in the order of the names; noise of
             poses changes nothing here.
         jitter: changes the light; None leaves it.
-        seed: of cameras, noise and light.
+        seed: of noise and light.
         geometry: the network sees depth (as in the thesis), or height above the table.
     """
 
@@ -104,13 +105,11 @@ class ViewSamples:
         self, indices: NDArray[np.int64], epoch: int | None, device: torch.device
     ) -> SegmentationBatch:
         """Views of an epoch, disturbed; None = as they are, the same always."""
-        if epoch is None:
-            return self._batch(self.images.render(indices, None, device))
-        streams = Streams.of(self.seed, _VIEW, epoch, indices=indices)
-        to_camera, to_noise, to_light = streams.split(3)
-        return self._batch(
-            self._disturbed(self.images.render(indices, to_camera, device), to_noise, to_light)
-        )
+        views = self.images.render(indices, epoch, device)
+        if epoch is not None:
+            streams = Streams.of(self.seed, _VIEW, epoch, indices=indices)
+            views = self._disturbed(views, *streams.split(2))
+        return self._batch(views)
 
     def _disturbed(self, views: LabelledViews, noise: Streams, light: Streams) -> LabelledViews:
         drawn: list[NDArray] = [np.ascontiguousarray(noise.seeds(len(self.noise)).T)]
@@ -156,9 +155,9 @@ class StoredViews:
                     return
 
     def render(
-        self, indices: NDArray[np.int64], streams: Streams | None, device: torch.device
+        self, indices: NDArray[np.int64], epoch: int | None, device: torch.device
     ) -> LabelledViews:
-        """The stored views, whatever the streams."""
+        """The stored views, whatever the epoch."""
         frames = [self._kept.get(int(i)) or self._fetch(int(i)) for i in indices]
         cameras = stack_cameras([frame.camera for frame in frames])
         arrays = [np.stack([getattr(frame, name) for frame in frames]) for name in _ARRAYS]
@@ -185,20 +184,35 @@ class StoredViews:
 
 
 class RenderedViews:
-    """Views rendered in whole batches on the device that trains, from new cameras in every epoch.
+    """Views rendered in whole batches on the device that trains, from ever new cameras.
 
     Cameras are drawn as those of the source; views that are always the same are the source's own.
+    With `renew` above 1 views stay on the device, 8 bytes per pixel, and an epoch renders one out
+    of `renew` of them anew: for networks that are faster than the renderer.
 
     Args:
         source: the scenes; its renderer casts rays at their triangles.
         views: of each scene and epoch.
+        renew: epochs in which a view is used.
         workers: processes that make the scenes when a training starts, -1 = one per core.
+        seed: of cameras.
     """
 
-    def __init__(self, source: TabletopScenes, views: int = 40, workers: int = -1) -> None:
-        self.source, self.views = source, views
+    def __init__(
+        self,
+        source: TabletopScenes,
+        views: int = 40,
+        renew: int = 1,
+        workers: int = -1,
+        seed: int = 0,
+    ) -> None:
+        if renew < 1:
+            raise ConfigError(f"renew = {renew}: expected 1 epoch or more")
+        self.source, self.views, self.renew, self.seed = source, views, renew, seed
         self.classes = tuple(source.classes)
         self._scenes = ResidentScenes(source, workers)
+        self._kept: Pictures | None = None
+        self._rounds = np.full(len(self), -1)  # of the views that are kept
 
     def __len__(self) -> int:
         """Views of all scenes."""
@@ -209,31 +223,78 @@ class RenderedViews:
         self._scenes.on(device)
 
     def render(
-        self, indices: NDArray[np.int64], streams: Streams | None, device: torch.device
+        self, indices: NDArray[np.int64], epoch: int | None, device: torch.device
     ) -> LabelledViews:
-        """Views of cameras drawn from the streams; None = the source's own views."""
+        """Views of an epoch; None = the source's own views."""
+        lens = self.source.lens
+        scenes, poses = self.poses(indices, epoch)
+        intrinsics = np.array([[lens.fx, lens.fy, lens.cx, lens.cy]] * len(indices))
+        lenses = camera_lenses(intrinsics, poses)
+        small = [array.astype(np.float32) for array in (intrinsics, poses)]
+        if epoch is None or self.renew == 1:
+            *where, f, pose = to_device([scenes, lenses, *small], device)
+            seen = self._look(where, device)
+            colour = seen.colour.permute(0, 3, 1, 2)
+        else:
+            seen, f, pose = self._renewed(indices, epoch, [scenes, lenses, *small], device)
+            colour = image_tensors(seen.colour)
+        cameras = CameraBatch(lens.width, lens.height, f, pose)
+        return LabelledViews(colour, seen.distance, seen.labels, cameras)
+
+    def poses(
+        self, indices: NDArray[np.int64], epoch: int | None
+    ) -> tuple[NDArray[np.int32], Float64]:
+        """Scenes (B,) and `T_world_camera` (B, 4, 4) of an epoch's views."""
         scenes, views = np.divmod(indices, self.views)
-        if streams is None:
+        if epoch is None:
             own = [self.source.camera(int(s), int(v)) for s, v in zip(scenes, views, strict=True)]
             poses = np.stack([np.asarray(camera.T_world_camera) for camera in own])
         else:
+            each = self._round(indices, epoch) * len(self) + indices
+            streams = Streams.of(self.seed, _CAMERA, indices=each)
             poses = self.source.poses(streams.uniform(self.source.DRAWS))
+        return scenes.astype(np.int32), poses
+
+    def _round(self, indices: NDArray[np.int64], epoch: int) -> NDArray[np.int64]:
+        """How often views were renewed; not all in the same epoch."""
+        return (epoch + indices) // self.renew
+
+    def _look(self, where: Sequence[Tensor], device: torch.device) -> Pictures:
         lens = self.source.lens
-        intrinsics = np.array([[lens.fx, lens.fy, lens.cx, lens.cy]] * len(indices))
-        drawn: list[NDArray] = [
-            scenes.astype(np.int32),
-            camera_lenses(intrinsics, poses),
-            intrinsics.astype(np.float32),
-            poses.astype(np.float32),
-        ]
-        rows, lenses, *cameras = to_device(drawn, device)
-        seen = self._scenes.on(device).render(rows, lenses, (lens.width, lens.height))
-        return LabelledViews(
-            seen.colour.permute(0, 3, 1, 2),
-            seen.distance,
-            seen.labels,
-            CameraBatch(lens.width, lens.height, *cameras),
-        )
+        return self._scenes.on(device).render(where[0], where[1], (lens.width, lens.height))
+
+    def _renewed(
+        self,
+        indices: NDArray[np.int64],
+        epoch: int,
+        drawn: Sequence[NDArray],
+        device: torch.device,
+    ) -> tuple[Pictures, Tensor, Tensor]:
+        """Kept views, of which those of another round are rendered first; intrinsics and poses."""
+        rounds = self._round(indices, epoch)
+        new = np.flatnonzero(self._rounds[indices] != rounds)
+        self._rounds[indices] = rounds
+        moved = to_device([indices, *drawn, indices[new], *(a[new] for a in drawn[:2])], device)
+        places, _, _, intrinsics, poses, targets, *where = moved
+        kept = self._pool(device)
+        if len(new):
+            seen = self._look(where, device)
+            kept.distance[targets] = seen.distance
+            kept.labels[targets] = seen.labels
+            kept.colour[targets] = image(seen.colour)
+        chosen = Pictures(kept.distance[places], kept.labels[places], kept.colour[places])
+        return chosen, intrinsics, poses
+
+    def _pool(self, device: torch.device) -> Pictures:
+        if self._kept is None or self._kept.labels.device != device:
+            lens = self.source.lens
+            size = (len(self), lens.height, lens.width)
+            self._kept = Pictures(
+                torch.empty(size, device=device),
+                torch.empty(size, dtype=torch.int8, device=device),
+                torch.empty(*size, 3, dtype=torch.uint8, device=device),
+            )
+        return self._kept
 
 
 def _compact(frame: Frame) -> Frame:

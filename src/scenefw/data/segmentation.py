@@ -66,6 +66,8 @@ class SegmentationData(lightning.LightningDataModule):
         device = trainer.strategy.root_device if trainer is not None else torch.device("cpu")
         for samples in (self.train, self.validation):
             samples.prepare(device)
+        if device.type == "cuda":  # batches are made in another stream
+            torch.cuda.synchronize(device)
 
     def facts(self) -> dict[str, Any]:
         """What a network learns from."""

@@ -92,6 +92,26 @@ def test_a_rendered_batch_is_what_the_renderer_makes_of_each(size):
     assert len(found.labels.unique()) >= 3
 
 
+def test_views_are_renewed_a_part_in_every_epoch():
+    """Kept views are those that a training which starts later renders, whatever the order."""
+    source = tables()
+    plain = {"noise": {}, "jitter": None}
+    kept = samples(RenderedViews(source, 4, renew=3, workers=1), **plain)
+    found = [batch(kept, np.arange(12), epoch) for epoch in range(5)]
+    for epoch in range(4):
+        same_view = [
+            torch.equal(found[epoch].distance[i], found[epoch + 1].distance[i]) for i in range(12)
+        ]
+        assert same_view == [(epoch + 1 + i) % 3 != 0 for i in range(12)]
+    later = samples(RenderedViews(source, 4, renew=3, workers=1), **plain)
+    order = [7, 2, 11]
+    assert same(batch(later, order, 4), batch(kept, order, 4))
+    at_once = samples(RenderedViews(source, 4, workers=1), **plain)
+    assert not same(batch(at_once, order, 4), batch(kept, order, 4))
+    with pytest.raises(ConfigError, match="renew = 0"):
+        RenderedViews(source, renew=0)
+
+
 def test_rendered_cameras_are_new_in_every_epoch_and_drawn_as_the_sources():
     found = [batch(ViewSamples(RENDERED), np.arange(12), epoch) for epoch in range(25)]
     depth = torch.cat([b.distance[:, 0] for b in found])
