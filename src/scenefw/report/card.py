@@ -161,6 +161,8 @@ _TOLD = {
     "learning rate": _plain("learning_rate"),
     "started from": _start,
     "seed": _plain("seed"),
-    "device, precision": lambda t: f"{t.get('device', _UNKNOWN)}, {t.get('precision', _UNKNOWN)}",
+    "device, precision": lambda t: (
+        ", ".join(filter(None, map(t.get, ("device", "precision")))) or _UNKNOWN
+    ),
     "commit": lambda t: str(t.get("commit", _UNKNOWN))[:12],
 }
