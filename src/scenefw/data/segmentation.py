@@ -76,7 +76,9 @@ class SegmentationData(lightning.LightningDataModule):
             "geometry": self.train.geometry,
             "classes": list(self.classes),
             "images": len(self.train),
+            "validation_images": len(self.validation),
             "batch_size": self.batch_size,
+            **({"noise": sorted(self.train.noise)} if hasattr(self.train, "noise") else {}),
         }
 
     def train_dataloader(self) -> EpochBatches:
