@@ -12,7 +12,9 @@ bfloat16: a ratio above 1 means that the network never waits.
 import statistics
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
+import numba
 import numpy as np
 import torch
 
@@ -29,7 +31,7 @@ from scenefw.losses.cross_entropy import CrossEntropy
 from scenefw.models.fusenet import FuseNet
 from scenefw.noise.kinect import Kinect
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
-from scenefw.renderers.tables import camera_lenses, prepared
+from scenefw.renderers.tables import PreparedTable, Tables, camera_lenses, prepared
 from scenefw.scenes.tabletop import TabletopGenerator
 from scenefw.shapes.tabletop.library import ProceduralModels
 
@@ -136,8 +138,46 @@ def facts(scenes: int = 12) -> str:
     return (
         f"{faces:.0f} triangles and {size / 1e6:.2f} MB per scene, 500 scenes {size / 2e3:.0f} MB\n"
         f"made in (CPU time of one core): {each}\n"
-        f"the host draws a batch of 32 in {1e3 * _host():.2f} ms"
+        f"the host draws a batch of 32 in {1e3 * _host():.2f} ms\n"
+        f"a view of 320 x 240 (CPU time of one core): {_split(tables)}"
     )
+
+
+def _split(tables: list[PreparedTable]) -> str:
+    """What depth and labels, colour, and further rays at edges take of a view."""
+    threads = numba.get_num_threads()
+    numba.set_num_threads(1)
+    images = RenderedViews(source(), 100)
+    numbers, lens = np.arange(0, SCENES * 100, 100), images.source.lens
+    _, poses = images.poses(numbers, 0)
+    intrinsics = np.array([[lens.fx, lens.fy, lens.cx, lens.cy]] * SCENES)
+    lenses = torch.from_numpy(camera_lenses(intrinsics, poses))
+    where = (torch.arange(SCENES, dtype=torch.int32), lenses, (lens.width, lens.height))
+    times = {}
+    for name, contrast in (("one ray per pixel", 1.0), ("four more at edges", 0.1)):
+        shown = Tables(tables[:SCENES], "cpu", contrast)
+        times[name] = _cpu_time(lambda shown=shown: shown.render(*where)) / SCENES
+    dark = [replace(t, arrays={**t.arrays, "scenes": _without_lamps(t)}) for t in tables[:SCENES]]
+    shown = Tables(dark, "cpu", 1.0)
+    times["without lamps, so without shadows"] = _cpu_time(lambda: shown.render(*where)) / SCENES
+    numba.set_num_threads(threads)
+    return ", ".join(f"{name} {1e3 * seconds:.0f} ms" for name, seconds in times.items())
+
+
+def _without_lamps(table: PreparedTable) -> np.ndarray:
+    scenes = table.arrays["scenes"].copy()
+    scenes[:, 4] = scenes[:, 3]
+    return scenes
+
+
+def _cpu_time(work: Callable[[], object], repeats: int = 5) -> float:
+    work()  # compiled
+    times = []
+    for _ in range(repeats):
+        start = time.process_time()
+        work()
+        times.append(time.process_time() - start)
+    return statistics.median(times)
 
 
 def _host() -> float:

@@ -24,8 +24,7 @@ _FIFTH = np.float32(0.2)
 GAMMA = 1 / 2.2
 """Exponent from linear colour to what images hold."""
 _GAMMA = np.float32(GAMMA)
-# Offsets in pixels of the further rays of a pixel, on a turned square.
-_OFFSETS = ((0.125, 0.375), (-0.375, 0.125), (0.375, -0.125), (-0.125, -0.375))
+_ACROSS, _DOWN = 0.125, 0.375  # pixels to the first further ray of four on a turned square
 
 
 @element
@@ -122,12 +121,14 @@ def _refine(
         refined[i, 0], refined[i, 1], refined[i, 2] = tone[i, 0], tone[i, 1], tone[i, 2]
         return
     red, green, blue = colour[i, 0], colour[i, 1], colour[i, 2]
-    for across, down in _OFFSETS:
+    across, down = _ACROSS, _DOWN
+    for _ in range(4):
         _, _, more_red, more_green, more_blue = _see(
             bounds, links, triangles, normals, colours, looks, placements, textures, lights,
             surfaces, scenes, which, lenses, image, u + across, v + down,
         )  # fmt: skip
         red, green, blue = red + more_red, green + more_green, blue + more_blue
+        across, down = -down, across
     refined[i, 0] = (red * _FIFTH) ** _GAMMA
     refined[i, 1] = (green * _FIFTH) ** _GAMMA
     refined[i, 2] = (blue * _FIFTH) ** _GAMMA
