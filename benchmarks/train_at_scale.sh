@@ -11,9 +11,15 @@
 #   RESUME=OUTPUT      where parts of a state are
 #   TRAINER=gpu        or cpu              CHECK=1  0 leaves out the comparison of CUDA and CPU
 #   PYTHON=python3
+#
+#   CALLS=3 benchmarks/train_at_scale.sh OUT/views label_views
+#   CALLS=3 benchmarks/train_at_scale.sh OUT/maps label_maps
+#   CALLS=3 benchmarks/train_at_scale.sh OUT/maps label_maps dataset=tabletop_fused_maps_packed
+#
+# The last one takes crops of fused maps from outputs/fused_maps.npz, see docs/labelling.md.
 set -euo pipefail
 
-[ $# -ge 1 ] || { sed -n '2,14s/^# \?//p' "$0"; exit 2; }
+[ $# -ge 1 ] || { sed -n '2,20s/^# \?//p' "$0"; exit 2; }
 output=$(mkdir -p "$1" && cd "$1" && pwd)
 experiment=${2:-simstack}
 shift $(($# < 2 ? $# : 2))
@@ -26,8 +32,10 @@ folder=$PWD/outputs/at_scale/$experiment
 state=$folder/last.ckpt
 mkdir -p "$folder"
 
-if [ "${CHECK:-1}" = 1 ] && [ "$trainer" = gpu ] && [ "$experiment" = simstack ]; then
-  "$python" -m benchmarks.check_device experiment=simstack
+if [ "${CHECK:-1}" = 1 ] && [ "$trainer" = gpu ]; then
+  scale=() # of simstack the check takes the narrow network and 32^3 voxels
+  [ "$experiment" = simstack ] || scale=(scale=thesis "$@")
+  "$python" -m benchmarks.check_device "experiment=$experiment" "${scale[@]}"
 fi
 if [ ! -f "$state" ] && compgen -G "$from/state.part*" >/dev/null; then
   "$python" -m benchmarks.state_parts join "$from" "$state"

@@ -90,6 +90,19 @@ def test_experiments_are_short_deltas(path):
     assert len(path.read_text(encoding="utf-8").splitlines()) <= 45
 
 
+@pytest.mark.parametrize("name", ["label_views", "label_maps"])
+def test_experiments_that_label_have_both_scales(name):
+    small, large = (config.compose([f"experiment={name}", *s]) for s in ((), ("scale=thesis",)))
+    for part, widths, batch, average in ((small, 16, 8, 0.99), (large, 64, 32, 0.999)):
+        assert part.learning._target_.endswith("SegmentationLearning")
+        assert part.learning.average == average
+        assert part.model.widths[0] == widths
+        assert part.model.scale == 0.02
+        assert part.dataset.batch_size == batch
+    assert large.trainer.max_epochs == 20
+    assert config.compose(["experiment=simstack", "scale=thesis"]).trainer.max_epochs == 130
+
+
 def test_every_group_is_in_the_list_of_groups():
     assert set(registry.catalogue()) <= set(registry.PACKAGES)
 

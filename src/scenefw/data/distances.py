@@ -1,42 +1,50 @@
 """The geometry channel of a labelling network: depth, or height above the table."""
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
 from scenefw.core.errors import ConfigError
-from scenefw.core.types import Frame
+from scenefw.core.types import CameraBatch, Frame
+from scenefw.kernels.cameras import stack_cameras
 
 DEPTH, HEIGHT = "depth", "height"
 
 
-def distance_image(
-    frame: Frame, geometry: str = DEPTH, depth: NDArray[np.float32] | None = None
-) -> NDArray[np.float32]:
-    """(H, W) float32 metres, NaN where nothing was measured.
+def distance_images(depth: Tensor, cameras: CameraBatch, geometry: str = DEPTH) -> Tensor:
+    """(B, H, W) float32 metres, NaN where nothing was measured.
 
     Args:
-        frame: the view; heights need its pose in the table's frame.
+        depth: (B, H, W) z-depth, 0 or NaN = nothing.
+        cameras: of the images; heights need their poses in the table's frame.
         geometry: depth along the optical axis (as in the thesis), or height above the table, which
             the pose makes of it (one of the channels of HHA, Gupta et al. 2014).
-        depth: instead of the frame's.
 
     Raises:
         ConfigError: another geometry.
     """
-    z = frame.depth if depth is None else depth
     if geometry == DEPTH:
-        found = z
+        found = depth
     elif geometry == HEIGHT:
-        found = _heights(frame, z)
+        found = _heights(depth, cameras)
     else:
         raise ConfigError(f"geometry = {geometry!r}; expected {DEPTH} or {HEIGHT}")
-    return np.where(z > 0, found, np.nan).astype(np.float32)
+    return torch.where(depth > 0, found, torch.nan)
 
 
-def _heights(frame: Frame, z: NDArray[np.float32]) -> NDArray[np.float32]:
-    camera = frame.camera
-    x = (np.arange(camera.width, dtype=np.float32) - np.float32(camera.cx)) / np.float32(camera.fx)
-    y = (np.arange(camera.height, dtype=np.float32) - np.float32(camera.cy)) / np.float32(camera.fy)
-    right, down, ahead, above = camera.T_world_camera[2].astype(np.float32)
-    heights: NDArray[np.float32] = z * (right * x + down * y[:, None] + ahead) + above
-    return heights
+def distance_image(frame: Frame, geometry: str = DEPTH) -> NDArray[np.float32]:
+    """(H, W) float32 metres of one view, as `distance_images`."""
+    depth = torch.from_numpy(frame.depth.copy())[None].float()
+    found: NDArray[np.float32] = distance_images(depth, stack_cameras([frame.camera]), geometry)[
+        0
+    ].numpy()
+    return found
+
+
+def _heights(depth: Tensor, cameras: CameraBatch) -> Tensor:
+    fx, fy, cx, cy = cameras.intrinsics[:, :, None].unbind(1)
+    x = (torch.arange(cameras.width, device=depth.device) - cx) / fx
+    y = (torch.arange(cameras.height, device=depth.device) - cy) / fy
+    right, down, ahead, above = cameras.T_world_camera[:, 2, :, None, None].unbind(1)
+    return depth * (right * x[:, None] + down * y[:, :, None] + ahead) + above

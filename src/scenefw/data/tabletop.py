@@ -26,7 +26,7 @@ from scenefw.core.tabletop import (
     TabletopScene,
     TabletopSource,
 )
-from scenefw.core.types import Camera, Frame
+from scenefw.core.types import Camera, Float64, Frame
 from scenefw.data.view_cache import ViewCache, exact, key_of
 
 _VIEW_STREAM = 1  # apart from the stream that makes the scene
@@ -53,9 +53,15 @@ class TabletopScenes:
         cache: folder for rendered views, None = render every time. Entries are named by all that
             decides what they show, so a folder may serve any number of settings.
 
+    Attributes:
+        lens: the camera at no particular pose.
+
     Raises:
         ConfigError: numbers that make no view, or no such split.
     """
+
+    DRAWS = 6
+    """Random numbers that make a camera's pose."""
 
     def __init__(
         self,
@@ -80,7 +86,7 @@ class TabletopScenes:
         self.angles = (float(angles[0]), float(angles[1]))
         self.grid = HeightGrid(vertices)
         self.cache = None if cache is None else Path(cache)
-        self._camera = Camera().resized(int(size[0]), int(size[1]))
+        self.lens = Camera().resized(int(size[0]), int(size[1]))
         self._last: tuple[int, TabletopGeometry] | None = None
         self._stores: dict[int, ViewCache] = {}
 
@@ -100,15 +106,21 @@ class TabletopScenes:
     def camera(self, scene: int, view: int) -> Camera:
         """The camera of a view."""
         rng = streams.generator(self.seed, self.numbers[scene], _VIEW_STREAM, view)
-        target = np.array([*rng.uniform(-self.reach, self.reach, 2), 0.0])
-        height = rng.uniform(*self.heights)
-        angle = np.deg2rad(rng.uniform(*self.angles))
-        side, roll = rng.uniform(0, 2 * np.pi, 2)
-        away = height * np.tan(angle) * np.array([np.cos(side), np.sin(side)])
-        pose = look_at(target + [*away, height], target)
-        c, s = np.cos(roll), np.sin(roll)
-        pose[:3, :2] = pose[:3, :2] @ [[c, -s], [s, c]]
-        return self._camera.moved(pose)
+        return self.lens.moved(self.poses(rng.random((1, self.DRAWS)))[0])
+
+    def poses(self, draws: Float64) -> Float64:
+        """`T_world_camera` (B, 4, 4) of cameras by numbers (B, DRAWS) in [0, 1)."""
+        low = [-self.reach, -self.reach, self.heights[0], np.deg2rad(self.angles[0]), 0, 0]
+        high = [self.reach, self.reach, self.heights[1], np.deg2rad(self.angles[1]), 2 * np.pi]
+        x, y, height, angle, side, roll = (low + np.subtract([*high, 2 * np.pi], low) * draws).T
+        target = np.stack([x, y, np.zeros_like(x)], axis=-1)
+        away = height * np.tan(angle)
+        eye = target + np.stack([away * np.cos(side), away * np.sin(side), height], axis=-1)
+        poses = look_at(eye, target)
+        c, s = np.cos(roll)[:, None], np.sin(roll)[:, None]
+        right, down = poses[:, :3, 0].copy(), poses[:, :3, 1].copy()
+        poses[:, :3, 0], poses[:, :3, 1] = c * right + s * down, c * down - s * right
+        return poses
 
     def frames(self, scene: int, count: int, start: int = 0) -> Iterator[Frame]:
         """Views number start to start + count - 1 of a scene; view i never changes."""

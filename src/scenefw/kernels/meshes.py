@@ -27,8 +27,10 @@ _TINY = np.float32(1e-30)
 _EDGE = np.float32(-1e-6)  # so that no ray slips between neighbours
 _LEAF = 4
 _BINS = 12
-_BLOCK = 128  # rays that a thread takes at a time
-_LANES = 64
+BLOCK = 128
+"""Rays that a CPU thread takes at a time."""
+LANES = 64
+"""Interleaved, so that threads share costly and cheap parts of an image evenly."""
 
 NOTHING, TABLE = -2, -1
 """Hits that are no triangle."""
@@ -75,10 +77,12 @@ def _intersect(triangles, k, ox, oy, oz, dx, dy, dz):
 
 
 @element
-def nearest(bounds, links, triangles, ox, oy, oz, dx, dy, dz, limit):
-    """Nearest triangle before `limit`, or NOTHING; distance; barycentric coordinates."""
+def nearest(bounds, links, triangles, node, last, ox, oy, oz, dx, dy, dz, limit):
+    """Nearest triangle before `limit`, or NOTHING; distance; barycentric coordinates.
+
+    Boxes `node` to `last` - 1 are the tree.
+    """
     ix, iy, iz = _inverse(dx), _inverse(dy), _inverse(dz)
-    node, last = 0, links.shape[0]
     hit, best_u, best_v = NOTHING, ZERO, ZERO
     while node < last:
         if not _meets(bounds, node, ox, oy, oz, ix, iy, iz, limit):
@@ -94,10 +98,9 @@ def nearest(bounds, links, triangles, ox, oy, oz, dx, dy, dz, limit):
 
 
 @element
-def blocked(bounds, links, triangles, ox, oy, oz, dx, dy, dz, limit):
+def blocked(bounds, links, triangles, node, last, ox, oy, oz, dx, dy, dz, limit):
     """Whether any triangle lies on a ray before `limit`."""
     ix, iy, iz = _inverse(dx), _inverse(dy), _inverse(dz)
-    node, last = 0, links.shape[0]
     while node < last:
         if not _meets(bounds, node, ox, oy, oz, ix, iy, iz, limit):
             node = links[node, 0]
@@ -112,26 +115,31 @@ def blocked(bounds, links, triangles, ox, oy, oz, dx, dy, dz, limit):
 
 
 @element
-def _cast(i, bounds, links, triangles, rays, table, distance, hit, place):
-    ox, oy, oz = rays[i, 0], rays[i, 1], rays[i, 2]
-    dx, dy, dz = rays[i, 3], rays[i, 4], rays[i, 5]
+def first_hit(bounds, links, triangles, node, last, table, ox, oy, oz, dx, dy, dz):
+    """Triangle, TABLE or NOTHING; distance, 0 at NOTHING; barycentric coordinates."""
     limit, ground = FAR, NOTHING
     if table and oz * dz < ZERO:
         limit, ground = -oz / dz, TABLE
-    face, t, u, v = nearest(bounds, links, triangles, ox, oy, oz, dx, dy, dz, limit)
+    face, t, u, v = nearest(bounds, links, triangles, node, last, ox, oy, oz, dx, dy, dz, limit)
     if face == NOTHING:
         face = ground
-    distance[i] = t if face != NOTHING else ZERO
-    hit[i] = face
-    place[i, 0] = u
-    place[i, 1] = v
+    return face, t if face != NOTHING else ZERO, u, v
+
+
+@element
+def _cast(i, bounds, links, triangles, rays, table, distance, hit, place):
+    ox, oy, oz = rays[i, 0], rays[i, 1], rays[i, 2]
+    dx, dy, dz = rays[i, 3], rays[i, 4], rays[i, 5]
+    hit[i], distance[i], place[i, 0], place[i, 1] = first_hit(
+        bounds, links, triangles, 0, len(links), table, ox, oy, oz, dx, dy, dz
+    )
 
 
 @loop
 def _cast_all(count, bounds, links, triangles, rays, table, distance, hit, place):
-    for lane in prange(_LANES):  # interleaved, so that threads share costly and cheap parts evenly
-        for start in range(lane * _BLOCK, count, _LANES * _BLOCK):
-            for i in range(start, min(start + _BLOCK, count)):
+    for lane in prange(LANES):
+        for start in range(lane * BLOCK, count, LANES * BLOCK):
+            for i in range(start, min(start + BLOCK, count)):
                 _cast(i, bounds, links, triangles, rays, table, distance, hit, place)
 
 
@@ -140,6 +148,17 @@ cast = Kernel(_cast, _cast_all)
 
 `hit` is a row of `triangles`, TABLE (the plane z = 0, if `table`) or NOTHING, where distance is 0.
 """
+
+
+def build_tree(corners: NDArray[np.float32]) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """Bounds, links, triangles, and their order (F,) int64 among the corners (F, 3, 3), metres."""
+    corners = np.ascontiguousarray(corners, dtype=np.float32)
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    bounds, links, order = _build(low, high) if len(corners) else _empty()
+    picked = corners[order]
+    sides = picked[:, 1:] - picked[:, :1]
+    triangles = np.concatenate([picked[:, :1], sides], axis=1).reshape(-1, 9)
+    return bounds, links, triangles, order
 
 
 class Tree:
@@ -154,16 +173,8 @@ class Tree:
     """
 
     def __init__(self, corners: NDArray[np.float32], device: torch.device | str = "cpu") -> None:
-        corners = np.ascontiguousarray(corners, dtype=np.float32)
-        low, high = corners.min(axis=1), corners.max(axis=1)
-        bounds, links, order = _build(low, high) if len(corners) else _empty()
-        picked = corners[order]
-        sides = picked[:, 1:] - picked[:, :1]
-        triangles = np.concatenate([picked[:, :1], sides], axis=1).reshape(-1, 9)
-        self.order = order
-        self.bounds = torch.from_numpy(bounds).to(device)
-        self.links = torch.from_numpy(links).to(device)
-        self.triangles = torch.from_numpy(triangles).to(device)
+        *arrays, self.order = build_tree(corners)
+        self.bounds, self.links, self.triangles = (torch.from_numpy(a).to(device) for a in arrays)
 
     def cast(self, rays: Tensor, *, table: bool = True) -> tuple[Tensor, Tensor, Tensor]:
         """Distances (R,), hits (R,) int32 and barycentric places (R, 2) of rays (R, 6)."""

@@ -1,7 +1,14 @@
-"""Colour of what rays hit: texture, light of the room, lamps with shadows and highlights."""
+"""Colour of what rays hit: texture, light of the room, lamps with shadows and highlights.
+
+Any number of scenes stand in shared arrays, which `renderers.tables` makes: rows of triangles in
+the order of the trees (corner normals (F, 9), colours (F, 3), `looks` (F, 3) int32: rows of texture
+and item, class id), `placements` of items, `textures`, `lights`; and a row of each scene in
+`surfaces` (S, 6), colour of the table and light of the room, and in `scenes` (S, 5) int32: first
+and end of its boxes, row of the table's texture, first and end of its lamps.
+"""
 
 # Types are inferred at compilation, and numba ignores annotations.
-# ruff: noqa: ANN001, ANN202
+# ruff: noqa: ANN001, ANN201, ANN202
 
 from __future__ import annotations
 
@@ -21,8 +28,7 @@ _LIFT = np.float32(1e-4)  # m: shadow rays begin this far off the surface
 _TINY = np.float32(1e-12)
 _FROM_ABOVE = np.float32(0.3)  # share of the room's light that depends on the surface's slope
 _HIGHLIGHT = 40.0
-_TABLE_ROW, _TABLE_ITEM = 0, -1
-_BLOCK, _LANES = 128, 64
+_TABLE_ITEM = -1
 
 
 @element
@@ -60,7 +66,7 @@ def _share(placements, item, textures, row, x, y, z, size):
 
 
 @element
-def _lamp(lights, j, point, facing, normal, view, gloss, bounds, links, triangles):
+def _lamp(lights, j, point, facing, normal, view, gloss, bounds, links, triangles, node, last):
     """Diffuse and highlight strength of a lamp, 0 in its shadow."""
     lx, ly, lz = lights[j, 0] - point[0], lights[j, 1] - point[1], lights[j, 2] - point[2]
     near = math.sqrt(max(lx * lx + ly * ly + lz * lz, _TINY))
@@ -73,7 +79,7 @@ def _lamp(lights, j, point, facing, normal, view, gloss, bounds, links, triangle
         point[1] + _LIFT * facing[1],
         point[2] + _LIFT * facing[2],
     )
-    if blocked(bounds, links, triangles, ox, oy, oz, lx, ly, lz, ONE):
+    if blocked(bounds, links, triangles, node, last, ox, oy, oz, lx, ly, lz, ONE):
         return ZERO, ZERO
     middle = math.sqrt(lights[j, 0] ** 2 + lights[j, 1] ** 2 + lights[j, 2] ** 2)
     fall = (middle / near) * (middle / near)
@@ -86,43 +92,55 @@ def _lamp(lights, j, point, facing, normal, view, gloss, bounds, links, triangle
 
 
 @element
-def _shade(
-    i, bounds, links, triangles, rays, distance, hit, place, normals, colours, texture_of,
-    item_of, placements, textures, surface, lights, ambient, base, spread, colour,
-):  # fmt: skip
-    k = hit[i]
-    colour[i, 0], colour[i, 1], colour[i, 2] = ZERO, ZERO, ZERO
-    if k == NOTHING:
-        return
-    t = distance[i]
-    dx, dy, dz = rays[i, 3], rays[i, 4], rays[i, 5]
-    point = (rays[i, 0] + t * dx, rays[i, 1] + t * dy, rays[i, 2] + t * dz)
-    view = _unit(dx, dy, dz)
-    row, item = _TABLE_ROW, _TABLE_ITEM
-    fx, fy, fz = ZERO, ZERO, ONE
-    nx, ny, nz = fx, fy, fz
-    red, green, blue = surface[0], surface[1], surface[2]
+def _painted(colours, looks, placements, textures, surfaces, scenes, scene, k, point, size):
+    """Colour of a thing itself under white light, and the row of its texture."""
+    row, item = scenes[scene, 2], _TABLE_ITEM
+    red, green, blue = surfaces[scene, 0], surfaces[scene, 1], surfaces[scene, 2]
     if k != TABLE:
-        row, item = texture_of[k], item_of[k]
+        row, item = looks[k, 0], looks[k, 1]
         red, green, blue = colours[k, 0], colours[k, 1], colours[k, 2]
-        fx, fy, fz = _face_normal(triangles, k)
-        nx, ny, nz = _smooth_normal(normals, k, place[i, 0], place[i, 1])
-    if fx * view[0] + fy * view[1] + fz * view[2] > ZERO:  # thin things have two sides
-        fx, fy, fz = -fx, -fy, -fz
-    if fx * nx + fy * ny + fz * nz < ZERO:
-        nx, ny, nz = -nx, -ny, -nz
-    size = base + spread * t
     share = _share(placements, item, textures, row, point[0], point[1], point[2], size)
     red += share * (textures[row, 4] - red)
     green += share * (textures[row, 5] - green)
     blue += share * (textures[row, 6] - blue)
+    return red, green, blue, row
+
+
+@element
+def shaded(
+    bounds, links, triangles, normals, colours, looks, placements, textures, lights, surfaces,
+    scenes, scene, origin, ahead, hit, size,
+):  # fmt: skip
+    """Linear colour of what a ray meets, not limited to 1.
+
+    `hit` is what `meshes.first_hit` gives of a ray from `origin` along `ahead`; `size` is the width
+    of a pixel there (m).
+    """
+    k, t, u, v = hit
+    if k == NOTHING:
+        return ZERO, ZERO, ZERO
+    point = (origin[0] + t * ahead[0], origin[1] + t * ahead[1], origin[2] + t * ahead[2])
+    view = _unit(ahead[0], ahead[1], ahead[2])
+    red, green, blue, row = _painted(
+        colours, looks, placements, textures, surfaces, scenes, scene, k, point, size
+    )
+    fx, fy, fz = ZERO, ZERO, ONE
+    nx, ny, nz = fx, fy, fz
+    if k != TABLE:
+        fx, fy, fz = _face_normal(triangles, k)
+        nx, ny, nz = _smooth_normal(normals, k, u, v)
+    if fx * view[0] + fy * view[1] + fz * view[2] > ZERO:  # thin things have two sides
+        fx, fy, fz = -fx, -fy, -fz
+    if fx * nx + fy * ny + fz * nz < ZERO:
+        nx, ny, nz = -nx, -ny, -nz
     room = ONE - _FROM_ABOVE * (HALF - HALF * nz)
-    light_r, light_g, light_b = room * ambient[0], room * ambient[1], room * ambient[2]
+    light_r, light_g = room * surfaces[scene, 3], room * surfaces[scene, 4]
+    light_b = room * surfaces[scene, 5]
     shine_r, shine_g, shine_b = ZERO, ZERO, ZERO
-    for j in range(lights.shape[0]):
+    for j in range(scenes[scene, 3], scenes[scene, 4]):
         diffuse, shine = _lamp(
             lights, j, point, (fx, fy, fz), (nx, ny, nz), view, textures[row, 7],
-            bounds, links, triangles,
+            bounds, links, triangles, scenes[scene, 0], scenes[scene, 1],
         )  # fmt: skip
         light_r += diffuse * lights[j, 3]
         light_g += diffuse * lights[j, 4]
@@ -130,30 +148,30 @@ def _shade(
         shine_r += shine * lights[j, 3]
         shine_g += shine * lights[j, 4]
         shine_b += shine * lights[j, 5]
-    colour[i, 0] = red * light_r + shine_r
-    colour[i, 1] = green * light_g + shine_g
-    colour[i, 2] = blue * light_b + shine_b
+    return red * light_r + shine_r, green * light_g + shine_g, blue * light_b + shine_b
+
+
+@element
+def _paint(
+    i, colours, looks, placements, textures, surfaces, scenes, points, hits, size, painted
+):  # fmt: skip
+    point = (points[i, 0], points[i, 1], points[i, 2])
+    painted[i, 0], painted[i, 1], painted[i, 2], _ = _painted(
+        colours, looks, placements, textures, surfaces, scenes, 0, hits[i], point, size
+    )
 
 
 @loop
-def _shade_all(
-    count, bounds, links, triangles, rays, distance, hit, place, normals, colours, texture_of,
-    item_of, placements, textures, surface, lights, ambient, base, spread, colour,
+def _paint_all(
+    count, colours, looks, placements, textures, surfaces, scenes, points, hits, size, painted
 ):  # fmt: skip
-    for lane in prange(_LANES):
-        for start in range(lane * _BLOCK, count, _LANES * _BLOCK):
-            for i in range(start, min(start + _BLOCK, count)):
-                _shade(
-                    i, bounds, links, triangles, rays, distance, hit, place, normals, colours,
-                    texture_of, item_of, placements, textures, surface, lights, ambient, base,
-                    spread, colour,
-                )  # fmt: skip
+    for i in prange(count):
+        _paint(
+            i, colours, looks, placements, textures, surfaces, scenes, points, hits, size, painted
+        )
 
 
-shade = Kernel(_shade, _shade_all)
-"""shade(R, tree..., rays, distance, hit, place, rows of triangles..., scene..., colour (R, 3)).
-
-Distances, hits and places are those of `meshes.cast`. Rows of triangles in the tree's order:
-corner normals (F, 9), colours (F, 3), rows of textures (F,), items (F,). A pixel sees a width of
-base + spread * distance. Colours are linear, not limited to 1.
+paint = Kernel(_paint, _paint_all)
+"""paint(P, arrays of scenes..., points (P, 3), hits (P,), size, painted (P, 3)): colours without
+light of points of the first scene; hits are rows of triangles or TABLE.
 """

@@ -11,32 +11,26 @@ from numpy.typing import NDArray
 from scenefw.core.tabletop import PLAIN, TabletopGeometry
 from scenefw.kernels import shading
 from scenefw.kernels.compile import float32
-from scenefw.kernels.meshes import TABLE, Tree
+from scenefw.kernels.meshes import TABLE
+from scenefw.renderers.tables import prepared
 
 Array = NDArray[np.float32]
 
-_SIDEWAYS = 0.85  # the kernel's share of the room's light on surfaces without a normal
+_DETAIL = 1e-3  # m: finer patterns fade
 
 
 def colour_of_points(geometry: TabletopGeometry, points: Array, face: NDArray[np.int32]) -> Array:
     """Linear colours (P, 3) at points (P, 3) of faces (P,); TABLE is the table."""
-    tree = Tree(geometry.corners)
-    row = np.empty(len(tree.order) + 1, dtype=np.int32)
-    row[tree.order] = np.arange(len(tree.order))
+    scene = prepared(geometry)
+    row = np.empty(len(scene.order) + 1, dtype=np.int32)
+    row[scene.order] = np.arange(len(scene.order))
     row[TABLE] = TABLE
-    rays = np.column_stack([points + [0, 0, 1], np.broadcast_to([0, 0, -1], points.shape)])
-    count, tensor = len(points), torch.from_numpy
-    colour = torch.empty(count, 3)
-    shading.shade(
-        count, tree.bounds, tree.links, tree.triangles, tensor(rays.astype(np.float32)),
-        torch.ones(count), tensor(row[face]), torch.zeros(count, 2),
-        torch.zeros(len(tree.order), 9), tensor(geometry.colours[tree.order]),
-        tensor(geometry.texture_of[tree.order]), tensor(geometry.item_of[tree.order]),
-        tensor(geometry.placements), tensor(_matt(geometry.textures)), tensor(geometry.surface),
-        torch.zeros(0, 6), torch.ones(3), *float32(1e-3, 0.0), colour,
-    )  # fmt: skip
+    names = ("colours", "looks", "placements", "textures", "surfaces", "scenes")
+    arrays = [torch.from_numpy(scene.arrays[name]) for name in names]
+    colour = torch.empty(len(points), 3)
+    where = (torch.from_numpy(points.astype(np.float32)), torch.from_numpy(row[face]))
+    shading.paint(len(points), *arrays, *where, *float32(_DETAIL), colour)
     found: Array = colour.numpy()
-    found[face != TABLE] /= _SIDEWAYS
     return found.clip(0, 1)
 
 
@@ -80,9 +74,3 @@ def _quarters(triangles: Array) -> Array:
     ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
     parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
     return np.concatenate([np.stack(part, axis=1) for part in parts])
-
-
-def _matt(textures: Array) -> Array:
-    dull = textures.copy()
-    dull[:, -1] = 0
-    return dull

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 import torch
@@ -17,17 +16,9 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.height_maps import HeightGrid, HeightMap
 from scenefw.core.tabletop import TabletopGeometry
 from scenefw.core.types import Camera, Frame
-from scenefw.kernels import meshes, shading, textures
-from scenefw.kernels.compile import float32
-from scenefw.kernels.meshes import Tree
-
-# Offsets in pixels of the further rays of a pixel, on a turned square.
-_OFFSETS = ((0.125, 0.375), (-0.375, 0.125), (0.375, -0.125), (-0.125, -0.375))
-_ABOVE = 0.05  # m over the highest point: where rays of maps begin
-_GAMMA = 1 / 2.2
-
-Rays: TypeAlias = Callable[[tuple[float, float], Tensor | slice], Tensor]
-"""Rays (R, 6) of chosen pixels, moved by an offset in pixels."""
+from scenefw.kernels import meshes, pictures, shading, textures
+from scenefw.renderers import tables
+from scenefw.renderers.tables import Tables
 
 
 class MeshRaycaster:
@@ -52,33 +43,36 @@ class MeshRaycaster:
             raise ConfigError(f"contrast = {contrast}: expected 0 or more, e.g. 0.1")
         self.contrast = contrast
         self.device = torch.device(device)
-        self._last: tuple[TabletopGeometry, _Prepared] | None = None
+        self._last: tuple[TabletopGeometry, Tables] | None = None
 
     def fingerprint(self) -> str:
         """Changes with whatever changes the images."""
         return f"MeshRaycaster {self.contrast} {_sources()}"
 
+    def tables(
+        self, scenes: Sequence[tables.PreparedTable], device: torch.device | str | None = None
+    ) -> Tables:
+        """Scenes that stay on a device (default: this renderer's), looked at in batches."""
+        return Tables(scenes, device or self.device, self.contrast)
+
     def frames(self, geometry: TabletopGeometry, cameras: Sequence[Camera]) -> Iterator[Frame]:
         """One frame per camera: z-depth (0 = above the horizon), colour, class ids."""
+        scene = self._table(geometry)
         for camera in cameras:
-            yield self._frame(geometry, camera)
+            lens = np.array([[camera.fx, camera.fy, camera.cx, camera.cy]], dtype=np.float64)
+            pose = np.asarray(camera.T_world_camera, dtype=np.float64)[None]
+            size = (camera.width, camera.height)
+            depth, labels, colour = _render(scene, tables.camera_lenses(lens, pose), size)
+            yield Frame(depth, camera, colour, labels, geometry.name)
 
     def height_map(self, geometry: TabletopGeometry, grid: HeightGrid) -> HeightMap:
         """The scene from straight above: heights, colour and labels of every vertex."""
-        top = _ABOVE + float(geometry.corners[..., 2].max(initial=0.0))
-        place = torch.from_numpy(grid.positions())
-
-        def rays(offset: tuple[float, float], chosen: Tensor | slice) -> Tensor:
-            shift = grid.spacing * torch.tensor([offset[0], -offset[1]])
-            flat = (place.view(-1, 2)[chosen] + shift).float()
-            down = torch.tensor([top, 0.0, 0.0, -1.0]).expand(len(flat), 4)
-            return torch.cat([flat, down], dim=1).to(self.device).contiguous()
-
-        picture = _Picture(self._prepared(geometry), rays, grid.shape, (grid.spacing, 0.0))
-        distance, labels, colour = picture.render(self.contrast)
+        scene = self._table(geometry)
+        top, size = float(scene.tops[0]), (grid.vertices, grid.vertices)
+        distance, labels, colour = _render(scene, tables.map_lens(grid, top)[None], size)
         return HeightMap(
             grid,
-            (top - distance).clip(min=0),
+            (np.float32(top) - distance).clip(min=0),
             colour,
             np.ones(grid.shape, dtype=np.float32),
             np.zeros(grid.shape, dtype=np.float32),
@@ -86,122 +80,36 @@ class MeshRaycaster:
             classes=geometry.classes,
         )
 
-    def _frame(self, geometry: TabletopGeometry, camera: Camera) -> Frame:
-        pose = torch.from_numpy(np.asarray(camera.T_world_camera, dtype=np.float64))
-        v, u = torch.meshgrid(
-            torch.arange(camera.height), torch.arange(camera.width), indexing="ij"
-        )
-        pixels = torch.stack([u, v], dim=-1).view(-1, 2).double()
-        centre = torch.tensor([camera.cx, camera.cy], dtype=torch.float64)
-        focal = torch.tensor([camera.fx, camera.fy], dtype=torch.float64)
-
-        def rays(offset: tuple[float, float], chosen: Tensor | slice) -> Tensor:
-            ahead = (pixels[chosen] + torch.tensor(offset) - centre) / focal
-            direction = ahead @ pose[:3, :2].T + pose[:3, 2]  # of length 1 along the optical axis
-            origin = pose[:3, 3].expand_as(direction)
-            return torch.cat([origin, direction], dim=1).float().to(self.device).contiguous()
-
-        shape = (camera.height, camera.width)
-        picture = _Picture(self._prepared(geometry), rays, shape, (0.0, 1 / camera.fx))
-        depth, labels, colour = picture.render(self.contrast)
-        return Frame(depth, camera, colour, labels, geometry.name)
-
-    def _prepared(self, geometry: TabletopGeometry) -> _Prepared:
-        """The tree of the scene that was rendered last is kept."""
+    def _table(self, geometry: TabletopGeometry) -> Tables:
+        """The scene that was rendered last is kept."""
         if self._last is None or self._last[0] is not geometry:
-            self._last = (geometry, _Prepared(geometry, self.device))
+            self._last = (geometry, self.tables([tables.prepared(geometry)]))
         return self._last[1]
 
 
-class _Prepared:
-    """A scene as tensors: its tree, what belongs to each triangle, and the rest."""
-
-    def __init__(self, geometry: TabletopGeometry, device: torch.device) -> None:
-        self.device = device
-        self.tree = Tree(geometry.corners, device)
-        order = self.tree.order
-        self.item_of = self._tensor(geometry.item_of[order])
-        self.rows = (
-            self._tensor(geometry.normals[order].reshape(-1, 9)),
-            self._tensor(geometry.colours[order]),
-            self._tensor(geometry.texture_of[order]),
-            self.item_of,
-        )
-        self.scene = tuple(
-            self._tensor(array)
-            for array in (geometry.placements, geometry.textures, geometry.surface,
-                          geometry.lights.reshape(-1, 6), geometry.ambient)
-        )  # fmt: skip
-        labels = geometry.labels[geometry.item_of[order]]
-        self.labels = self._tensor(np.concatenate([labels, [-1, 0]]).astype(np.int32))
-
-    def _tensor(self, array: NDArray) -> Tensor:
-        return torch.from_numpy(np.ascontiguousarray(array)).to(self.device)
-
-    def cast(self, rays: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        return self.tree.cast(rays, table=True)
-
-    def colour(
-        self, rays: Tensor, hits: tuple[Tensor, Tensor, Tensor], width: tuple[float, float]
-    ) -> Tensor:
-        tree, found = self.tree, torch.empty(len(rays), 3, device=rays.device)
-        shading.shade(
-            len(rays), tree.bounds, tree.links, tree.triangles, rays, *hits, *self.rows,
-            *self.scene, *float32(*width), found,
-        )  # fmt: skip
-        return found.clamp_(0, 1)
-
-    def label(self, hit: Tensor) -> Tensor:
-        """Class ids; TABLE and NOTHING count from the end of the list."""
-        return self.labels[torch.where(hit < 0, hit + len(self.labels), hit).long()]
+def image(colour: Tensor) -> Tensor:
+    """Colours 0 to 1 as images hold them, uint8."""
+    return (colour * 255).round().to(torch.uint8)
 
 
-class _Picture:
-    """Rays of an image or a map, through pixel centres and beside them."""
-
-    def __init__(
-        self, scene: _Prepared, rays: Rays, shape: tuple[int, int], width: tuple[float, float]
-    ) -> None:
-        self.scene, self.rays, self.shape, self.width = scene, rays, shape, width
-
-    def render(self, contrast: float) -> tuple[NDArray, NDArray, NDArray]:
-        """Distance along the rays, labels, colour."""
-        rays = self.rays((0.0, 0.0), slice(None))
-        hits = self.scene.cast(rays)
-        colour = self.scene.colour(rays, hits, self.width)
-        if contrast < 1:
-            self._refine(colour, contrast)
-        shown = (colour**_GAMMA * 255).round().to(torch.uint8)
-        return (
-            hits[0].view(self.shape).cpu().numpy(),
-            self.scene.label(hits[1]).view(self.shape).cpu().numpy(),
-            shown.view(*self.shape, 3).cpu().numpy(),
-        )
-
-    def _refine(self, colour: Tensor, contrast: float) -> None:
-        chosen = _edges((colour**_GAMMA).view(*self.shape, 3), contrast)
-        beside = torch.cat([self.rays(offset, chosen.cpu()) for offset in _OFFSETS])
-        found = self.scene.colour(beside, self.scene.cast(beside), self.width)
-        total = found.view(len(_OFFSETS), -1, 3).sum(dim=0) + colour[chosen]
-        colour[chosen] = total / (1 + len(_OFFSETS))
-
-
-def _edges(image: Tensor, contrast: float) -> Tensor:
-    """Flat indices of pixels that differ from one of their four neighbours."""
-    marked = torch.zeros(image.shape[:2], dtype=torch.bool, device=image.device)
-    across = (image[:, 1:] - image[:, :-1]).abs().amax(-1) > contrast
-    down = (image[1:] - image[:-1]).abs().amax(-1) > contrast
-    marked[:, 1:] |= across
-    marked[:, :-1] |= across
-    marked[1:] |= down
-    marked[:-1] |= down
-    return marked.view(-1).nonzero()[:, 0]
+def _render(
+    scene: Tables, lenses: NDArray[np.float64], size: tuple[int, int]
+) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.uint8]]:
+    """Distances, labels and colour of a picture of the first scene, on the host."""
+    first = torch.zeros(1, dtype=torch.int32, device=scene.device)
+    seen = scene.render(first, torch.from_numpy(lenses).to(scene.device), size)
+    return (
+        seen.distance[0].cpu().numpy(),
+        seen.labels[0].int().cpu().numpy(),
+        image(seen.colour[0]).cpu().numpy(),
+    )
 
 
 @lru_cache(maxsize=1)
 def _sources() -> str:
     """Digest of the code that decides what images look like."""
     digest = hashlib.sha256()
-    for path in (meshes.__file__, shading.__file__, textures.__file__, __file__):
-        digest.update(Path(str(path)).read_bytes())
+    for module in (meshes, shading, textures, pictures, tables):
+        digest.update(Path(str(module.__file__)).read_bytes())
+    digest.update(Path(__file__).read_bytes())
     return digest.hexdigest()[:16]

@@ -13,6 +13,20 @@ class Text:
 
 
 @dataclass(frozen=True)
+class Points:
+    """A list of points."""
+
+    points: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Code:
+    """Commands, line by line."""
+
+    lines: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Drawing:
     """A figure as SVG, with a line below it."""
 
@@ -37,7 +51,7 @@ class Picture:
     shareable: bool = True
 
 
-Block = Text | Drawing | Picture | Table
+Block = Text | Points | Code | Drawing | Picture | Table
 
 
 @dataclass(frozen=True)

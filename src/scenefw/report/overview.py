@@ -58,7 +58,7 @@ def window(estimate: SceneEstimate, aspect: float = _WIDTH / _HEIGHT) -> tuple[s
     """
     camera = estimate.frame.camera
     height, width = camera.height, camera.width
-    pixels = _project(_vertices(estimate), camera)
+    pixels = _project(vertices(estimate), camera)
     if len(pixels) == 0:
         return slice(0, height), slice(0, width)
     low, high = np.clip(pixels.min(axis=0), 0, None), pixels.max(axis=0)
@@ -71,7 +71,7 @@ def window(estimate: SceneEstimate, aspect: float = _WIDTH / _HEIGHT) -> tuple[s
     return slice(top, top + round(tall)), slice(left, left + round(wide))
 
 
-def _vertices(estimate: SceneEstimate) -> NDArray[np.float64]:
+def vertices(estimate: SceneEstimate) -> NDArray[np.float64]:
     """All vertices (N, 3) of the objects, world coordinates."""
     if not estimate.objects:
         return np.zeros((0, 3))
@@ -92,10 +92,10 @@ def _figure(
     from matplotlib.figure import Figure
 
     rows, columns = window(estimate)
-    camera = _cropped(estimate.frame.camera, rows, columns)
-    points = _vertices(estimate)
+    camera = cropped(estimate.frame.camera, rows, columns)
+    points = vertices(estimate)
     table = [colours[i] for i in range(len(estimate.objects))]
-    solid = Solid(estimate.tsdf, estimate.instances, estimate.grid, _by_label(estimate, table))
+    solid = Solid(estimate.tsdf, estimate.instances, estimate.grid, by_label(estimate, table))
     seen = Solid(
         _above_floor(partial, estimate.grid),
         np.ones(partial.shape, dtype=np.int32),
@@ -124,8 +124,14 @@ def _figure(
     return figure
 
 
-def _cropped(camera: Camera, rows: slice, columns: slice) -> Camera:
-    """The camera of a window of its image, resampled to the size of drawn pictures."""
+def cropped(camera: Camera, rows: slice, columns: slice) -> Camera:
+    """The camera of a window of its image, resampled to the size of drawn pictures.
+
+    Args:
+        camera: of the whole image.
+        rows: of the window, as `window` gives them.
+        columns: of the window.
+    """
     part = Camera(
         columns.stop - columns.start,
         rows.stop - rows.start,
@@ -138,7 +144,7 @@ def _cropped(camera: Camera, rows: slice, columns: slice) -> Camera:
     return part.resized(_WIDTH, _HEIGHT)
 
 
-def _by_label(estimate: SceneEstimate, colours: Sequence[Colour]) -> list[Colour]:
+def by_label(estimate: SceneEstimate, colours: Sequence[Colour]) -> list[Colour]:
     """Colours by instance label - 1; labels without an object are grey."""
     table = [(0.6, 0.6, 0.6)] * max([item.id for item in estimate.objects], default=0)
     for item, colour in zip(estimate.objects, colours, strict=True):

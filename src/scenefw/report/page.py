@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from scenefw.core.files import write_text
-from scenefw.report.blocks import Block, Drawing, Picture, Section, Text
+from scenefw.report.blocks import Block, Code, Drawing, Picture, Points, Section, Text
 from scenefw.report.publication import publish
 from scenefw.report.record import command_line, read_record
 from scenefw.report.tables import Table, to_html
@@ -95,6 +95,10 @@ def _block(block: Block) -> str:
     match block:
         case Text(text):
             return f"<p>{html.escape(text)}</p>"
+        case Points(points):
+            return f"<ul>{''.join(f'<li>{html.escape(point)}</li>' for point in points)}</ul>"
+        case Code(lines):
+            return f"<pre class=command>{html.escape(chr(10).join(lines))}</pre>"
         case Drawing(svg, caption):
             note = f"<p class=note>{html.escape(caption)}</p>" if caption else ""
             return f"<figure class=drawing>{svg}{note}</figure>"

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from scenefw.core.files import replacing, write_text
-from scenefw.report.blocks import Block, Drawing, Picture, Section, Text
+from scenefw.report.blocks import Block, Code, Drawing, Picture, Points, Section, Text
 from scenefw.report.record import command_line
 from scenefw.report.tables import Table, to_markdown
 
@@ -53,6 +53,10 @@ def _block(block: Block, target: Path, folder: Path, number: str) -> list[str]:
     match block:
         case Text(text):
             return [text, ""]
+        case Points(points):
+            return [*[f"- {point}" for point in points], ""]
+        case Code(code):
+            return ["```", *code, "```", ""]
         case Table():
             return [to_markdown(block), ""]
         case Drawing(svg, caption):

@@ -21,6 +21,8 @@ _FLOOR_REACH = 0.8  # m
 _FLOOR_SAMPLES = 224
 _FILLED = 0.8  # of the picture
 _GREY = (0.62, 0.62, 0.62)
+_PALE = np.array([0.93, 0.93, 0.94], dtype=np.float32)
+_HIDDEN = 0.4  # of its colour is left to a surface that was not seen
 _FLOOR = (0.90, 0.90, 0.91)
 _GRID_LINES = 0.05  # m
 _OCCLUSION_STEPS = (0.008, 0.02, 0.045, 0.08)  # m along the normal
@@ -37,12 +39,14 @@ class Solid:
         instances: (X, Y, Z) labels; label i has colour i - 1, 0 and beyond are grey.
         grid: the voxel grid of both.
         colours: red, green, blue in [0, 1] by label.
+        seen: (X, Y, Z) in [0, 1]; surfaces are pale where it is 0. None = nowhere.
     """
 
     tsdf: Float32
     instances: Int32
     grid: GridSpec
     colours: list[Colour]
+    seen: Float32 | None = None
 
 
 def draw(solid: Solid, camera: Camera, *, reach: float = 0.62) -> Picture:
@@ -142,6 +146,9 @@ def _base_colours(
 ) -> Float32:
     table = np.vstack([_GREY, np.reshape(solid.colours, (-1, 3))]).astype(np.float32)
     colour = table[np.where(labels < len(table), labels, 0)]
+    if solid.seen is not None:
+        share = np.clip(2 * _sample(solid.seen, solid.grid, points) - 0.5, 0, 1)[:, None]
+        colour = _PALE + (colour - _PALE) * (_HIDDEN + (1 - _HIDDEN) * share)
     colour[is_floor] = _FLOOR
     offset = np.abs((points[:, :2] + _GRID_LINES) % (2 * _GRID_LINES) - _GRID_LINES).min(axis=1)
     colour[is_floor & (offset < 0.0011)] *= 0.93

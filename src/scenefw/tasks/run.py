@@ -16,6 +16,7 @@ from scenefw import plugins
 from scenefw.config import conf_dir
 from scenefw.core.errors import ConfigError
 from scenefw.core.files import require_writable, write_text
+from scenefw.tasks.weights import used_weights
 
 if TYPE_CHECKING:
     from omegaconf import DictConfig
@@ -26,8 +27,8 @@ _RECORDED = ("scenefw", "torch", "lightning", "numpy", "numba", "hydra-core")
 def execute(config: DictConfig) -> Mapping[str, Any]:
     """Runs the task of a composed config; returns its figures.
 
-    Writes `config.yaml` (resolved) and `run.json` (versions, seed, command line, overrides) before
-    the work starts and `metrics.json` after it, all in `paths.output`.
+    Writes `config.yaml` (resolved) and `run.json` (versions, seed, command line, overrides, SHA-256
+    of weights) before the work starts and `metrics.json` after it, all in `paths.output`.
 
     Raises:
         StorageError: the output folder can't be written.
@@ -53,6 +54,7 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
         "versions": versions(),
         "command": sys.argv[1:],
         "overrides": overrides,
+        "weights": used_weights(OmegaConf.to_container(config.run, resolve=True)),
     }
     write_text(output / "run.json", json.dumps(record, indent=2) + "\n")
     task = instantiate(config.run, _convert_="all")

@@ -49,6 +49,19 @@ def test_a_killed_training_goes_on_as_if_never_stopped(tmp_path):
     assert rows(whole) == rows(killed)
 
 
+def test_a_training_on_rendered_views_in_two_calls_equals_one(tmp_path):
+    """Five steps of four per epoch, cut within the first epoch."""
+    for folder, calls in (("whole", [5]), ("parts", [3, 5])):
+        for steps in calls:
+            tiny_labels.task(
+                tmp_path / folder, steps, tiny_labels.rendered, classes=4, widths=(4, 6)
+            ).run()
+    first, second = state(tmp_path / "whole"), state(tmp_path / "parts")
+    assert first["global_step"] == second["global_step"] == 5
+    for name, value in first["state_dict"].items():
+        assert torch.equal(value, second["state_dict"][name]), name
+
+
 def test_it_learns_a_few_images(tmp_path):
     task = tiny_labels.task(tmp_path, steps=80, average=0.9)
     task.trainer.validate_every = 80

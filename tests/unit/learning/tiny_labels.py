@@ -7,13 +7,19 @@ import torch
 from tests.unit.data.rectangles import Rectangles
 from tests.unit.learning.tiny import Killer
 
-from scenefw.data.segmentation import ColourJitter, SegmentationData, ViewSamples
+from scenefw.data.label_views import RenderedViews, StoredViews, ViewSamples
+from scenefw.data.light import ColourJitter
+from scenefw.data.segmentation import SegmentationData
+from scenefw.data.tabletop import TabletopScenes
 from scenefw.learning.schedules import CosineDecay
 from scenefw.learning.segmentation import SegmentationLearning
 from scenefw.learning.trainer import TrainerSettings
 from scenefw.losses.cross_entropy import CrossEntropy
 from scenefw.models.fusenet import FuseNet
 from scenefw.noise.gaussian import Gaussian
+from scenefw.renderers.mesh_raycaster import MeshRaycaster
+from scenefw.scenes.tabletop import TabletopGenerator
+from scenefw.shapes.tabletop.library import ProceduralModels
 from scenefw.tasks.train import Train
 
 
@@ -26,17 +32,26 @@ def learning(classes=3, widths=(6, 8), **options):
 
 def data(views=4, **options):
     noise = {"gaussian": Gaussian(0.001)}
-    train = ViewSamples(Rectangles(), views, noise, ColourJitter(), **options)
-    return SegmentationData(train, ViewSamples(Rectangles(1, seed=1), 2), batch_size=2)
+    train = ViewSamples(StoredViews(Rectangles(), views), noise, ColourJitter(), **options)
+    validation = ViewSamples(StoredViews(Rectangles(1, seed=1), 2))
+    return SegmentationData(train, validation, batch_size=2)
 
 
-def task(folder, steps, **options):
+def rendered():
+    """Four views of each of two table-tops, rendered anew in each epoch."""
+    scenes = TabletopGenerator(ProceduralModels(), minimum=2, maximum=3)
+    source = TabletopScenes(scenes, MeshRaycaster(), limit=2, size=(48, 40))
+    train = ViewSamples(RenderedViews(source, 4), {"gaussian": Gaussian(0.001)}, ColourJitter())
+    return SegmentationData(train, ViewSamples(RenderedViews(source, 1)), batch_size=2)
+
+
+def task(folder, steps, source=data, **options):
     """Four batches of two views per epoch."""
     trainer = TrainerSettings("cpu", max_steps=steps, max_epochs=-1, validate_every=3)
     folder = Path(folder)
     return Train(
         learning(**options),
-        data(),
+        source(),
         trainer,
         folder / "out",
         folder / "state",

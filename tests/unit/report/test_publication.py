@@ -2,7 +2,7 @@
 
 import re
 
-from scenefw.report.blocks import Drawing, Picture, Section, Text
+from scenefw.report.blocks import Code, Drawing, Picture, Points, Section, Text
 from scenefw.report.publication import publish
 from scenefw.report.tables import Column, Table
 
@@ -27,6 +27,8 @@ def test_published_file_and_its_pictures(tmp_path):
         "Results",
         (
             Text("Words."),
+            Points(("one", "two")),
+            Code(("first --line", "second")),
             Table("T", (Column("a"),), (("ours", (1.0,)),), note="10 scenes"),
             Drawing("<svg>currentColor</svg>", "curve"),
             Picture("pictures/open.png", "simulated"),
@@ -43,6 +45,8 @@ def test_published_file_and_its_pictures(tmp_path):
         "seed 3, commit 0123456789, torch 2.6.",
         "| ours | 1.000 |",
         "10 scenes",
+        "- one\n- two\n",
+        "```\nfirst --line\nsecond\n```",
     ):
         assert words in text
     assert "secret" not in text

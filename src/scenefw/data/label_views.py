@@ -1,0 +1,311 @@
+"""Views of scenes as samples for labelling networks: stored ones, or new ones of every epoch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from rich.progress import track
+from torch import Tensor
+
+from scenefw.core.errors import ConfigError
+from scenefw.core.protocols import FrameSource, Noise
+from scenefw.core.rng import Streams
+from scenefw.core.types import CameraBatch, Float64, Frame, SegmentationBatch
+from scenefw.data.distances import DEPTH, distance_images
+from scenefw.data.light import ColourJitter
+from scenefw.data.resident import ResidentScenes
+from scenefw.data.segmentation import image_tensors
+from scenefw.data.tabletop import TabletopScenes
+from scenefw.kernels.cameras import stack_cameras
+from scenefw.kernels.transfer import to_device
+from scenefw.renderers.mesh_raycaster import image
+from scenefw.renderers.tables import Pictures, camera_lenses
+
+_VIEW, _CAMERA = 5, 9  # random streams
+_ARRAYS = ("colour", "depth", "labels")  # of stored views
+
+
+@dataclass(frozen=True)
+class LabelledViews:
+    """B views on a device, as rendered.
+
+    Args:
+        colour: (B, 3, H, W) float32 in [0, 1].
+        depth: (B, H, W) float32 z-depth (m), 0 = none.
+        labels: (B, H, W) int8 class ids, -1 = unknown.
+        cameras: of the views.
+    """
+
+    colour: Tensor
+    depth: Tensor
+    labels: Tensor
+    cameras: CameraBatch
+
+
+class ViewImages(Protocol):
+    """Numbered views: view number index % views of scene index // views."""
+
+    classes: Sequence[str]
+
+    def __len__(self) -> int:
+        """Views of all scenes."""
+
+    def prepare(self, device: torch.device) -> None:
+        """Does once what all batches need."""
+
+    def render(
+        self, indices: NDArray[np.int64], epoch: int | None, device: torch.device
+    ) -> LabelledViews:
+        """Views of an epoch; None = the same always."""
+
+
+class ViewSamples:
+    """Views: colour, depth or height, labels (thesis 4.6.1, fig. 4.16).
+
+    Noise and light are drawn for each view and applied to whole batches on their device.
+
+    Args:
+        images: stored or rendered views.
+        noise: disturbs depth anew in every epoch, applied in the order of the names; noise of
+            poses changes nothing here.
+        jitter: changes the light; None leaves it.
+        seed: of noise and light.
+        geometry: the network sees depth (as in the thesis), or height above the table.
+    """
+
+    kind = "views"
+
+    def __init__(
+        self,
+        images: ViewImages,
+        noise: Mapping[str, Noise] | None = None,
+        jitter: ColourJitter | None = None,
+        seed: int = 0,
+        geometry: str = DEPTH,
+    ) -> None:
+        self.images, self.jitter, self.seed, self.geometry = images, jitter, seed, geometry
+        noise = noise or {}
+        self.noise = {n: noise[n] for n in sorted(noise) if hasattr(noise[n], "apply")}
+        self.classes = tuple(images.classes)
+
+    def __len__(self) -> int:
+        """Views of all scenes."""
+        return len(self.images)
+
+    def prepare(self, device: torch.device) -> None:
+        """Does once what all batches need."""
+        self.images.prepare(device)
+
+    def batch(
+        self, indices: NDArray[np.int64], epoch: int | None, device: torch.device
+    ) -> SegmentationBatch:
+        """Views of an epoch, disturbed; None = as they are, the same always."""
+        views = self.images.render(indices, epoch, device)
+        if epoch is not None:
+            streams = Streams.of(self.seed, _VIEW, epoch, indices=indices)
+            views = self._disturbed(views, *streams.split(2))
+        return self._batch(views)
+
+    def _disturbed(self, views: LabelledViews, noise: Streams, light: Streams) -> LabelledViews:
+        drawn: list[NDArray] = [np.ascontiguousarray(noise.seeds(len(self.noise)).T)]
+        if self.jitter is not None:
+            drawn.append(self.jitter.draw(light).astype(np.float32))
+        seeds, *factors = to_device(drawn, views.depth.device)
+        depth, colour = views.depth, views.colour
+        for one, row in zip(self.noise.values(), seeds, strict=True):
+            depth = one.apply(depth, views.cameras, row)
+        if self.jitter is not None:
+            colour = self.jitter.apply(colour, factors[0])
+        return replace(views, depth=depth, colour=colour)
+
+    def _batch(self, views: LabelledViews) -> SegmentationBatch:
+        distance = distance_images(views.depth, views.cameras, self.geometry)
+        return SegmentationBatch(views.colour, distance[:, None], views.labels.long())
+
+
+class StoredViews:
+    """Views of a source that are the same in every epoch: for CPUs, or slow renderers.
+
+    Args:
+        source: the scenes.
+        views: of each scene.
+        memory: megabytes of views kept, the first ones; the others are fetched again.
+    """
+
+    def __init__(self, source: FrameSource, views: int = 40, memory: float = 1500.0) -> None:
+        self.source, self.views = source, views
+        self.classes = tuple(source.classes)
+        self._left = memory * 1e6
+        self._kept: dict[int, Frame] = {}
+
+    def __len__(self) -> int:
+        """Views of all scenes."""
+        return len(self.source) * self.views
+
+    def prepare(self, device: torch.device) -> None:
+        """Fetches what there is room for, all views of a scene together, which is fastest."""
+        for scene in track(range(len(self.source)), "fetching views"):
+            for view, frame in enumerate(self.source.frames(scene, self.views)):
+                if not self._keep(scene * self.views + view, _compact(frame)):
+                    return
+
+    def render(
+        self, indices: NDArray[np.int64], epoch: int | None, device: torch.device
+    ) -> LabelledViews:
+        """The stored views, whatever the epoch."""
+        frames = [self._kept.get(int(i)) or self._fetch(int(i)) for i in indices]
+        cameras = stack_cameras([frame.camera for frame in frames])
+        arrays = [np.stack([getattr(frame, name) for frame in frames]) for name in _ARRAYS]
+        arrays += [cameras.intrinsics.numpy(), cameras.T_world_camera.numpy()]
+        colour, depth, labels, *lenses = to_device(arrays, device)
+        return LabelledViews(
+            image_tensors(colour),
+            depth,
+            labels,
+            CameraBatch(cameras.width, cameras.height, *lenses),
+        )
+
+    def _fetch(self, index: int) -> Frame:
+        scene, view = divmod(index, self.views)
+        return _compact(next(iter(self.source.frames(scene, 1, view))))
+
+    def _keep(self, index: int, frame: Frame) -> bool:
+        """Keeps a view; whether there was room."""
+        arrays = (getattr(frame, name) for name in _ARRAYS)
+        self._left -= sum(array.nbytes for array in arrays)
+        if self._left >= 0:
+            self._kept[index] = frame
+        return self._left >= 0
+
+
+class RenderedViews:
+    """Views rendered in whole batches on the device that trains, from ever new cameras.
+
+    Cameras are drawn as those of the source; views that are always the same are the source's own.
+    With `renew` above 1 views stay on the device, 8 bytes per pixel, and an epoch renders one out
+    of `renew` of them anew: for networks that are faster than the renderer.
+
+    Args:
+        source: the scenes; its renderer casts rays at their triangles.
+        views: of each scene and epoch.
+        renew: epochs in which a view is used.
+        workers: processes that make the scenes when a training starts, -1 = one per core.
+        seed: of cameras.
+    """
+
+    def __init__(
+        self,
+        source: TabletopScenes,
+        views: int = 40,
+        renew: int = 1,
+        workers: int = -1,
+        seed: int = 0,
+    ) -> None:
+        if renew < 1:
+            raise ConfigError(f"renew = {renew}: expected 1 epoch or more")
+        self.source, self.views, self.renew, self.seed = source, views, renew, seed
+        self.classes = tuple(source.classes)
+        self._scenes = ResidentScenes(source, workers)
+        self._kept: Pictures | None = None
+        self._rounds = np.full(len(self), -1)  # of the views that are kept
+
+    def __len__(self) -> int:
+        """Views of all scenes."""
+        return len(self.source) * self.views
+
+    def prepare(self, device: torch.device) -> None:
+        """Brings all scenes to the device."""
+        self._scenes.on(device)
+
+    def render(
+        self, indices: NDArray[np.int64], epoch: int | None, device: torch.device
+    ) -> LabelledViews:
+        """Views of an epoch; None = the source's own views."""
+        lens = self.source.lens
+        scenes, poses = self.poses(indices, epoch)
+        intrinsics = np.array([[lens.fx, lens.fy, lens.cx, lens.cy]] * len(indices))
+        lenses = camera_lenses(intrinsics, poses)
+        small = [array.astype(np.float32) for array in (intrinsics, poses)]
+        if epoch is None or self.renew == 1:
+            *where, f, pose = to_device([scenes, lenses, *small], device)
+            seen = self._look(where, device)
+            colour = seen.colour.permute(0, 3, 1, 2)
+        else:
+            seen, f, pose = self._renewed(indices, epoch, [scenes, lenses, *small], device)
+            colour = image_tensors(seen.colour)
+        cameras = CameraBatch(lens.width, lens.height, f, pose)
+        return LabelledViews(colour, seen.distance, seen.labels, cameras)
+
+    def poses(
+        self, indices: NDArray[np.int64], epoch: int | None
+    ) -> tuple[NDArray[np.int32], Float64]:
+        """Scenes (B,) and `T_world_camera` (B, 4, 4) of an epoch's views."""
+        scenes, views = np.divmod(indices, self.views)
+        if epoch is None:
+            own = [self.source.camera(int(s), int(v)) for s, v in zip(scenes, views, strict=True)]
+            poses = np.stack([np.asarray(camera.T_world_camera) for camera in own])
+        else:
+            each = self._round(indices, epoch) * len(self) + indices
+            streams = Streams.of(self.seed, _CAMERA, indices=each)
+            poses = self.source.poses(streams.uniform(self.source.DRAWS))
+        return scenes.astype(np.int32), poses
+
+    def _round(self, indices: NDArray[np.int64], epoch: int) -> NDArray[np.int64]:
+        """How often views were renewed; not all in the same epoch."""
+        return (epoch + indices) // self.renew
+
+    def _look(self, where: Sequence[Tensor], device: torch.device) -> Pictures:
+        lens = self.source.lens
+        return self._scenes.on(device).render(where[0], where[1], (lens.width, lens.height))
+
+    def _renewed(
+        self,
+        indices: NDArray[np.int64],
+        epoch: int,
+        drawn: Sequence[NDArray],
+        device: torch.device,
+    ) -> tuple[Pictures, Tensor, Tensor]:
+        """Kept views, of which those of another round are rendered first; intrinsics and poses."""
+        rounds = self._round(indices, epoch)
+        new = np.flatnonzero(self._rounds[indices] != rounds)
+        self._rounds[indices] = rounds
+        moved = to_device([indices, *drawn, indices[new], *(a[new] for a in drawn[:2])], device)
+        places, _, _, intrinsics, poses, targets, *where = moved
+        kept = self._pool(device)
+        if len(new):
+            seen = self._look(where, device)
+            kept.distance[targets] = seen.distance
+            kept.labels[targets] = seen.labels
+            kept.colour[targets] = image(seen.colour)
+        chosen = Pictures(kept.distance[places], kept.labels[places], kept.colour[places])
+        return chosen, intrinsics, poses
+
+    def _pool(self, device: torch.device) -> Pictures:
+        if self._kept is None or self._kept.labels.device != device:
+            lens = self.source.lens
+            size = (len(self), lens.height, lens.width)
+            self._kept = Pictures(
+                torch.empty(size, device=device),
+                torch.empty(size, dtype=torch.int8, device=device),
+                torch.empty(*size, 3, dtype=torch.uint8, device=device),
+            )
+        return self._kept
+
+
+def _compact(frame: Frame) -> Frame:
+    """The frame with labels in a quarter of the memory.
+
+    Raises:
+        ConfigError: it has no colour or no labels.
+    """
+    if frame.colour is None or frame.labels is None:
+        raise ConfigError(
+            f"frame {frame.name} has no {'colour' if frame.colour is None else 'labels'}; "
+            "training needs both"
+        )
+    return replace(frame, labels=frame.labels.astype(np.int8))

@@ -1,0 +1,69 @@
+"""Predicted objects from two sides, without the image: a picture for documents."""
+
+import numpy as np
+import torch
+from scipy import ndimage
+
+from scenefw.core.geometry import inverse, transform_points
+from scenefw.core.types import Camera, Float32, SceneEstimate
+from scenefw.kernels.cameras import stack_cameras
+from scenefw.renderers.sphere_tracer import SphereTracer
+from scenefw.report.overview import by_label, cropped, vertices, window
+from scenefw.report.palette import instance_colours
+from scenefw.report.shading import Picture, Solid, draw, turned
+
+_SIZE = (440, 330)  # of a side: width, height (pixels)
+_GAP = 8  # pixels
+_TURN = 150.0  # degrees
+_BEHIND = 1.5  # voxels that a hidden surface lies behind a seen one
+
+
+def draw_two_sides(estimate: SceneEstimate) -> Picture:
+    """RGB (H, W, 3) in [0, 1]: from the camera, and from behind.
+
+    Every object has its colour; what is hidden from the camera is pale.
+    """
+    colours = by_label(estimate, instance_colours(len(estimate.objects)))
+    camera = cropped(estimate.frame.camera, *window(estimate)).resized(*_SIZE)
+    tsdf = of_objects(estimate)
+    seen = seen_share(estimate, tsdf, camera)
+    solid = Solid(tsdf, estimate.instances, estimate.grid, colours, seen)
+    tiles = [draw(solid, camera), draw(solid, turned(camera, vertices(estimate), _TURN))]
+    gap = np.ones((tiles[0].shape[0], _GAP, 3), dtype=np.float32)
+    return np.concatenate([tiles[0], gap, tiles[1]], axis=1)
+
+
+def of_objects(estimate: SceneEstimate) -> Float32:
+    """The signed distances (X, Y, Z) without dips that are no object, which would cast shadows."""
+    grid = estimate.grid
+    away = ndimage.distance_transform_edt(estimate.instances == 0) - 1.0
+    least = np.minimum(away * grid.voxel_size, grid.truncation)
+    return np.maximum(estimate.tsdf, np.where(estimate.instances == 0, least, -np.inf)).astype(
+        np.float32
+    )
+
+
+def seen_share(estimate: SceneEstimate, tsdf: Float32, camera: Camera) -> Float32:
+    """How much of the surface around each voxel no other surface hides, (X, Y, Z) in [0, 1].
+
+    Args:
+        estimate: gives the grid.
+        tsdf: (X, Y, Z) whose surface is asked for (m).
+        camera: from where.
+    """
+    grid = estimate.grid
+    surface = np.abs(tsdf) < 1.5 * grid.voxel_size
+    first = SphereTracer(floor=False).render(
+        torch.from_numpy(tsdf)[None, None], grid, stack_cameras([camera])
+    )
+    depth = first[0].numpy()
+    points = transform_points(inverse(camera.T_world_camera), grid.centres()[surface])
+    z = np.maximum(points[:, 2], 1e-6)
+    u = np.rint(points[:, 0] / z * camera.fx + camera.cx).astype(int)
+    v = np.rint(points[:, 1] / z * camera.fy + camera.cy).astype(int)
+    inside = (points[:, 2] > 0) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
+    hit = np.where(inside, depth[np.where(inside, v, 0), np.where(inside, u, 0)], np.inf)
+    marks = np.zeros((2, *surface.shape), dtype=np.float32)
+    marks[0, surface], marks[1] = (hit == 0) | (z < hit + _BEHIND * grid.voxel_size), surface
+    seen, every = (ndimage.gaussian_filter(mark, 1.0) for mark in marks)
+    return (seen / np.maximum(every, 1e-6)).astype(np.float32)

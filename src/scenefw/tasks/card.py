@@ -1,0 +1,82 @@
+"""Writes the card of a file of weights."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from scenefw.core.errors import CheckpointError
+from scenefw.core.files import require_writable
+from scenefw.learning.checkpoint import shipped_checkpoint
+from scenefw.learning.provenance import read_provenance
+from scenefw.report.card import card_sections
+from scenefw.report.page import Page
+from scenefw.report.publication import publish
+from scenefw.report.record import read_record
+from scenefw.report.stored import read_runs
+
+
+class Card:
+    """A model card: what the weights are, how they were made, how well they do (`run=card`).
+
+    Writes `<name>.md` and a page into the run's folder.
+
+    Args:
+        checkpoint: file of weights, or the name of shipped ones; None means simstack.
+        output: the run's folder.
+        publish: also write the card to this file, e.g. beside the weights; None = don't.
+        results: folders of evaluations of these weights.
+        before: weights of earlier trainings that the file does not know of, the last one first.
+        notes: further limits, one line each.
+    """
+
+    def __init__(
+        self,
+        checkpoint: str | Path | None,
+        output: str | Path,
+        publish: str | Path | None = None,
+        results: Sequence[str | Path] = (),
+        before: Sequence[str | Path] = (),
+        notes: Sequence[str] = (),
+    ) -> None:
+        self.checkpoint, self.output, self.publish = checkpoint, Path(output), publish
+        self.results, self.before, self.notes = list(results), list(before), list(notes)
+
+    def run(self) -> dict[str, float]:
+        """Writes the card; returns size and length of training.
+
+        Raises:
+            CheckpointError: weights are missing, damaged or from elsewhere.
+            InputError: results are missing, damaged, or of other weights.
+            StorageError: the folder can't be written.
+        """
+        require_writable(self.output)
+        provenance = read_provenance(find_weights(self.checkpoint))
+        before = [t for path in self.before for t in read_provenance(path).trainings]
+        shown = card_sections(provenance, read_runs(self.results), before, self.notes)
+        name = provenance.path.stem
+        title = f"Weights {name}"
+        card = publish(
+            self.output / f"{name}.md", title, shown, self.output, read_record(self.output)
+        )
+        trainings = [*provenance.trainings, *before]
+        figures = {
+            "numbers": float(provenance.numbers),
+            "trainings": float(len(trainings)),
+            "steps": float(sum(t.get("steps", 0) for t in trainings)),
+            "samples": float(sum(t.get("samples", 0) for t in trainings)),
+        }
+        Page(title, self.publish).write(self.output, shown, figures)
+        print(self.publish or card)
+        return figures
+
+
+def find_weights(given: str | Path | None) -> Path:
+    """The file of a path, or of the name of weights that ship; None means simstack.
+
+    Raises:
+        CheckpointError: there is neither such a file nor such a name.
+    """
+    if given is None or not Path(given).suffix:
+        return shipped_checkpoint(str(given or "simstack"))
+    if not Path(given).is_file():
+        raise CheckpointError(f"no weights at {given}; give a file, or a name of shipped ones")
+    return Path(given)

@@ -1,0 +1,52 @@
+"""Writes the table of a document that says how well the shipped weights do."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from scenefw.core.errors import InputError
+from scenefw.learning.checkpoint import shipped_checkpoint
+from scenefw.learning.provenance import digest
+from scenefw.report.headline import headline
+from scenefw.report.markers import fill, read
+from scenefw.report.stored import StoredRun, read_runs
+
+_MARKER = "headline"
+
+
+class Headline:
+    """Puts figures of runs between `<!-- headline -->` and `<!-- /headline -->` (`run=headline`).
+
+    Args:
+        results: folders of evaluations, of stacks, real images and labelling, in any order.
+        document: that shows them, e.g. README.md.
+    """
+
+    def __init__(self, results: Sequence[str | Path], document: str | Path = "README.md") -> None:
+        self.results, self.document = list(results), Path(document)
+
+    def run(self) -> dict[str, float]:
+        """Writes the table; returns how many runs it shows.
+
+        Raises:
+            InputError: a run is missing, damaged, of weights that don't ship, or has no figures.
+            StorageError: the document has no place for it, or can't be written.
+        """
+        read(self.document, _MARKER)
+        runs = read_runs(self.results)
+        require_shipped(runs)
+        text = headline(runs)
+        fill(self.document, _MARKER, text)
+        print(text)
+        return {"runs": float(len(runs))}
+
+
+def require_shipped(runs: Sequence[StoredRun]) -> None:
+    """Raises an InputError if a run says that it used other weights than those that ship."""
+    known = {digest(path) for path in shipped_checkpoint().parent.glob("*.safetensors")}
+    for run in runs:
+        for name, found in run.record.get("weights", {}).items():
+            if found not in known:
+                raise InputError(
+                    f"{run.path} has figures of {name}, which doesn't ship as it was; evaluate the "
+                    "weights that ship"
+                )

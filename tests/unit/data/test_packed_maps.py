@@ -1,0 +1,86 @@
+"""Packed maps against the maps that went in; damaged files and limits."""
+
+import numpy as np
+import pytest
+import torch
+from tests.unit.data.rectangles import Rectangles
+
+from scenefw.core.errors import ConfigError, StorageError
+from scenefw.data.map_crops import MapCrops, StoredMaps
+from scenefw.data.packed_maps import STEP, PackedMaps, packed, save_maps, unpacked
+
+CPU = torch.device("cpu")
+
+
+def smooth():
+    """A map with a slope, an unseen corner and heights below the table."""
+    y, x = np.mgrid[:200, :200].astype(np.float32)
+    colour = np.stack([x + 20, y + 10, 200 - x], axis=-1).clip(0, 255).astype(np.uint8)
+    heights = 0.0003 * x - 0.02 + 0.01 * np.sin(y / 9)
+    labels = (x > 90).astype(np.int8) * 3
+    heights[:30, :30], labels[:30, :30] = np.nan, -1
+    colour[:30, :30] = 0
+    return colour, heights.astype(np.float32), labels
+
+
+def test_a_map_survives_packing():
+    colour, heights, labels = smooth()
+    content = packed(colour, heights, labels)
+    found = unpacked(content)
+    assert len(content) < 0.2 * (colour.nbytes + heights.nbytes + labels.nbytes)
+    np.testing.assert_array_equal(found[2], labels)
+    np.testing.assert_array_equal(np.isnan(found[1]), np.isnan(heights))
+    np.testing.assert_allclose(found[1], heights, atol=0.51 * STEP)
+    seen = labels >= 0
+    assert np.abs(found[0].astype(int) - colour)[seen].mean() < 3
+    assert not found[0][~seen].any()
+    assert [a.dtype for a in found] == [np.uint8, np.float32, np.int8]
+
+
+def write(path, megabytes=None):
+    source = Rectangles(3)
+    maps = StoredMaps(source)
+    contents = [packed(*maps.arrays(scene)) for scene in range(3)]
+    splits = ("validation", "train", "train")
+    return save_maps(path, zip(splits, contents, strict=True), maps.classes, megabytes), contents
+
+
+def test_a_file_holds_both_splits(tmp_path):
+    held, _ = write(tmp_path / "maps.npz")
+    assert held == {"validation": 1, "train": 2}
+    train = PackedMaps(tmp_path / "maps.npz")
+    assert len(train) == 2
+    assert train.classes == Rectangles.classes
+    assert len(PackedMaps(tmp_path / "maps.npz", limit=1)) == 1
+    batch = MapCrops(train, 3, (24, 16), flips=False).batch(np.array([5]), None, CPU)
+    stored = MapCrops(StoredMaps(Rectangles(3)), 3, (24, 16), flips=False)
+    expected = stored.batch(
+        np.array([5 + 3]), None, CPU
+    )  # scene 1 of train is scene 2 of the source
+    assert batch.labels.shape == expected.labels.shape
+    whole = train.load(CPU)
+    np.testing.assert_array_equal(whole.labels[1], Rectangles(3).truth(2).labels)
+    np.testing.assert_allclose(whole.heights[1], Rectangles(3).truth(2).heights, atol=0.51 * STEP)
+
+
+def test_a_file_has_a_largest_size(tmp_path):
+    path = tmp_path / "maps.npz"
+    _, contents = write(path)
+    limit = (sum(map(len, contents[:2])) + 3 * 1000 + 10) / 1e6
+    held, _ = write(path, limit)
+    assert held == {"validation": 1, "train": 1}
+    assert path.stat().st_size <= limit * 1e6
+    with pytest.raises(StorageError, match="no map fits"):
+        write(path, 1e-4)
+
+
+def test_missing_damaged_and_wrong_files(tmp_path):
+    path = tmp_path / "maps.npz"
+    with pytest.raises(StorageError, match="run=pack_maps"):
+        PackedMaps(path)
+    write(path)
+    with pytest.raises(ConfigError, match="no maps of the split 'test'"):
+        PackedMaps(path, "test")
+    path.write_bytes(path.read_bytes()[:500])
+    with pytest.raises(StorageError, match="damaged"):
+        PackedMaps(path)

@@ -1,0 +1,55 @@
+import hashlib
+import json
+
+import pytest
+from tests.unit.report.stored_runs import IMAGES, LABELLING, write_run
+
+from scenefw.core.errors import CheckpointError
+from scenefw.learning.checkpoint import shipped_checkpoint
+from scenefw.tasks.card import Card, find_weights
+
+
+def test_the_card_in_the_run_folder_and_where_it_is_published(tmp_path):
+    results = write_run(tmp_path / "osd", IMAGES)
+    target = tmp_path / "docs" / "simstack.md"
+    figures = Card("simstack", tmp_path / "out", target, [results], notes=["A note."]).run()
+    text = target.read_text()
+    assert text == (tmp_path / "out" / "simstack.md").read_text()
+    assert text.startswith("# Weights simstack")
+    for words in ("## Intended use", "- A note.", "| overlap F (%) ↑ | 90.6 |", "Apache-2.0"):
+        assert words in text
+    assert figures["steps"] > 0
+    assert (tmp_path / "out" / "report.html").exists()
+
+
+@pytest.mark.parametrize("path", sorted(shipped_checkpoint().parent.glob("*.safetensors")))
+def test_shipped_weights_have_their_card_beside_them(path):
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    again = f"run=card checkpoint={path.stem} report.publish=... (docs/results/README.md)"
+    assert digest in path.with_suffix(".md").read_text(), f"make the card anew: {again}"
+
+
+def test_names_and_files_of_weights(tmp_path):
+    assert find_weights(None) == shipped_checkpoint("simstack")
+    assert find_weights("label_maps") == shipped_checkpoint("label_maps")
+    assert find_weights(str(shipped_checkpoint("label_maps"))) == shipped_checkpoint("label_maps")
+    with pytest.raises(CheckpointError, match="no weights at"):
+        find_weights(tmp_path / "x.safetensors")
+    with pytest.raises(CheckpointError, match="no weights 'nothing'"):
+        find_weights("nothing")
+
+
+def test_command_line(scenefw, tmp_path):
+    write_run(tmp_path / "labels", LABELLING)
+    words = ("run=card", "checkpoint=label_views", "paths.output=out")
+    done = scenefw(*words, "run.results=[labels]", "report.publish=card.md")
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert (
+        "run=card checkpoint=label_views 'run.results=[labels]'"
+        in (tmp_path / "card.md").read_text()
+    )
+    assert json.loads((tmp_path / "out" / "metrics.json").read_text())["trainings"] == 1
+    for wrong in ("[none]", "[out]"):  # missing, and without figures of a network
+        done = scenefw(*words, f"run.results={wrong}")
+        assert done.returncode == 2
+        assert len(done.stderr.strip().splitlines()) == 1, done.stderr

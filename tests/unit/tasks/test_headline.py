@@ -1,0 +1,54 @@
+import pytest
+from tests.unit.report.stored_runs import IMAGES, STACKS, write_run
+
+from scenefw.core.errors import InputError, StorageError
+from scenefw.learning.checkpoint import shipped_checkpoint
+from scenefw.learning.provenance import digest
+from scenefw.tasks.headline import Headline
+
+MARKED = "# Title\n\n<!-- headline -->\nold\n<!-- /headline -->\n\n| a | table |\n"
+
+
+@pytest.fixture
+def document(tmp_path):
+    path = tmp_path / "README.md"
+    path.write_text(MARKED)
+    return path
+
+
+def test_the_table_is_written_anew_and_nothing_else(document, tmp_path):
+    results = [write_run(tmp_path / "a", STACKS), write_run(tmp_path / "b", IMAGES)]
+    assert Headline(results, document).run() == {"runs": 2.0}
+    once = document.read_text()
+    assert once.startswith("# Title\n\n<!-- headline -->\n**Figures of the weights that ship**\n")
+    assert once.endswith("<!-- /headline -->\n\n| a | table |\n")
+    assert "\nold\n" not in once
+    Headline(results[::-1], document).run()
+    assert document.read_text() == once
+
+
+def test_wrong_results_or_documents_leave_all_as_it_was(document, tmp_path):
+    with pytest.raises(InputError, match="no figures at"):
+        Headline([tmp_path / "nothing"], document).run()
+    assert document.read_text() == MARKED
+    document.write_text("no place")
+    with pytest.raises(StorageError, match="<!-- headline -->"):
+        Headline([], document).run()
+
+
+def test_figures_of_weights_that_do_not_ship(document, tmp_path):
+    shipped = {"simstack.safetensors": digest(shipped_checkpoint())}
+    Headline([write_run(tmp_path / "a", STACKS, shipped)], document).run()
+    other = write_run(tmp_path / "b", IMAGES, {"mine.safetensors": "0" * 64})
+    with pytest.raises(InputError, match=r"mine\.safetensors, which doesn't ship"):
+        Headline([tmp_path / "a", other], document).run()
+
+
+def test_command_line(scenefw, document, tmp_path):
+    write_run(tmp_path / "a", STACKS)
+    done = scenefw("run=headline", "run.results=[a]", "paths.output=out")
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert "| instance IoU ↑ | 0.733 | 0.200 | – |" in document.read_text()
+    done = scenefw("run=headline", "paths.output=out")
+    assert done.returncode == 2
+    assert "run.results" in done.stderr
