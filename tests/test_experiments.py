@@ -22,6 +22,28 @@ def test_experiment_runs(scenefw, tmp_path, name):
     assert (out / "run.json").exists()
 
 
+@pytest.mark.parametrize("name", ["label_views", "label_maps"])
+def test_labels_are_learnt_at_the_scale_of_the_thesis(scenefw, tmp_path, name):
+    out = tmp_path / "out"
+    words = (f"experiment={name}", "scale=thesis", "debug=smoke", f"paths.output={out}")
+    done = scenefw(*words)
+    assert done.returncode == 0, done.stderr[-3000:]
+    figures = json.loads((out / "metrics.json").read_text())
+    assert figures["train/steps"] == 2
+    assert 5e6 < figures["train/parameters"] < 6e6  # below 12 MB as float16
+    assert not (tmp_path / "outputs" / "cache").exists()
+
+
+def test_fused_maps_are_packed_and_trained_on(scenefw, tmp_path):
+    words = ("debug=smoke", "paths.output=out")
+    done = scenefw(*words, "run=pack_maps", "dataset=tabletop_fused_maps", "run.workers=1")
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert "train: 2 of 2 maps" in done.stdout
+    done = scenefw(*words, "experiment=label_maps", "dataset=tabletop_fused_maps_packed")
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert json.loads((tmp_path / "out" / "metrics.json").read_text())["train/steps"] == 2
+
+
 def test_two_seeds_give_two_runs(scenefw, tmp_path):
     words = ("experiment=simstack", "debug=smoke", "run=generate", "seed=1,2")
     done = scenefw("-m", *words, "paths.output=out")

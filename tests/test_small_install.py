@@ -4,6 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 BARRED = ["trimesh", "open3d", "pybullet", "mujoco", "mitsuba", "viser", "coacd", "mesh_to_sdf"]
 
 CODE = f"""
@@ -21,8 +23,10 @@ main()
 """
 
 
-def test_a_training_runs_without_simulators_and_mesh_libraries(tmp_path):
-    words = ["experiment=simstack", "run=train", "debug=smoke", f"paths.output={tmp_path}/out"]
+@pytest.mark.parametrize("experiment", [["simstack"], ["label_views", "scale=thesis"]])
+def test_a_training_runs_without_simulators_and_mesh_libraries(tmp_path, experiment):
+    words = ["run=train", "debug=smoke", "run.name=weights", f"paths.output={tmp_path}/out"]
+    words += [f"experiment={experiment[0]}", *experiment[1:]]
     done = subprocess.run(
         [sys.executable, "-c", CODE, *words],
         cwd=tmp_path,
@@ -32,4 +36,4 @@ def test_a_training_runs_without_simulators_and_mesh_libraries(tmp_path):
         check=False,
     )
     assert done.returncode == 0, done.stderr[-3000:]
-    assert (Path(tmp_path) / "out" / "simstack.safetensors").exists()
+    assert (Path(tmp_path) / "out" / "weights.safetensors").exists()

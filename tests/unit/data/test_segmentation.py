@@ -6,7 +6,7 @@ from tests.unit.data.rectangles import Rectangles
 from scenefw.core.errors import ConfigError
 from scenefw.data.label_views import StoredViews, ViewSamples
 from scenefw.data.map_crops import MapCrops, StoredMaps
-from scenefw.data.modules import IndexBatch
+from scenefw.data.modules import EpochBatches, IndexBatch
 from scenefw.data.segmentation import SegmentationData, image_tensor
 
 CPU = torch.device("cpu")
@@ -31,6 +31,18 @@ def test_batches_are_the_samples():
     held_out = data.validation_batch(IndexBatch(7, torch.tensor([0])), CPU)
     assert torch.equal(held_out.labels, crops.batch(np.array([0]), None, CPU).labels)
     assert data.facts()["input"] == "views"
+
+
+def test_two_processes_make_the_samples_that_one_makes():
+    data = SegmentationData(views(), views(), batch_size=2)
+    parts = [EpochBatches(6, 2, 0, rank, 2).batch(3) for rank in (0, 1)]
+    together = torch.cat([part.indices for part in parts])
+    assert len(together.unique()) == 4
+    whole = data.training_batch(IndexBatch(parts[0].epoch, together), CPU)
+    for row, part in enumerate(parts):
+        mine = data.training_batch(part, CPU)
+        assert torch.equal(mine.labels, whole.labels[2 * row : 2 * row + 2])
+        assert torch.equal(mine.colour, whole.colour[2 * row : 2 * row + 2])
 
 
 def test_two_splits_have_the_same_classes():
