@@ -167,7 +167,12 @@ class MapCrops:
             return heights
         lifted, noisy = heights.contiguous() + _LIFT, torch.empty_like(heights)
         flat = (lifted.view(-1), seeds, noisy.view(-1))
-        add_noise(heights.numel(), *flat, heights[0].numel(), *float32(self.height_noise))
+        add_noise(
+            heights.numel(),
+            *flat,
+            heights[0].numel(),
+            *float32(self.height_noise, self.height_noise),
+        )
         return torch.where(heights.isnan(), heights, noisy - _LIFT)
 
 

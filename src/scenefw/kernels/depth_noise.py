@@ -166,19 +166,22 @@ def _measure_all(count, lit, intrinsics, seeds, noisy, size, baseline, sensor, s
 
 
 @element
-def _add_noise(i, depth, seeds, noisy, pixels, sigma):
+def _add_noise(i, depth, seeds, noisy, pixels, lowest, sigma):
     z = depth[i]
     if z > _ZERO:
-        words = philox(seeds[i // pixels], i % pixels, _PIXEL)
+        seed = seeds[i // pixels]
+        if lowest < sigma:
+            sigma = lowest + (sigma - lowest) * uniform(philox(seed, 0, _IMAGE)[0])
+        words = philox(seed, i % pixels, _PIXEL)
         noisy[i] = max(z + sigma * normal(words[0]), _LEAST)
     else:
         noisy[i] = _ZERO
 
 
 @loop
-def _add_noise_all(count, depth, seeds, noisy, pixels, sigma):
+def _add_noise_all(count, depth, seeds, noisy, pixels, lowest, sigma):
     for i in prange(count):
-        _add_noise(i, depth, seeds, noisy, pixels, sigma)
+        _add_noise(i, depth, seeds, noisy, pixels, lowest, sigma)
 
 
 light = Kernel(_light, _light_all)
@@ -193,4 +196,7 @@ measure = Kernel(_measure, _measure_all)
 read of lit depth; `sensor` is (lateral, axial, step, dropout, nearest, farthest).
 """
 add_noise = Kernel(_add_noise, _add_noise_all)
-"""add_noise(B pixels, depth, seeds, noisy, pixels, sigma): white noise on measured pixels."""
+"""add_noise(B pixels, depth, seeds, noisy, pixels, lowest, sigma): white noise on measured pixels.
+
+Its standard deviation is drawn for each image, evenly from `lowest` to `sigma`.
+"""

@@ -10,18 +10,29 @@ from scenefw.kernels.depth_noise import add_noise
 
 
 class Gaussian:
-    """Adds white noise of constant standard deviation to every measured pixel.
+    """Adds white noise of the same standard deviation to every measured pixel of an image.
 
     Args:
         sigma: standard deviation of z-depth (m).
+        lowest: if given, each image has its own, drawn evenly from this to sigma, so that a network
+            trains on all of them.
+
+    Raises:
+        ConfigError: not 0 <= lowest <= sigma.
     """
 
-    def __init__(self, sigma: float = 0.002) -> None:
+    def __init__(self, sigma: float = 0.002, lowest: float | None = None) -> None:
         if not sigma >= 0:
             raise ConfigError(
                 f"Gaussian noise has sigma = {sigma}; expected metres, 0 or more (0.002 is 2 mm)"
             )
         self.sigma = sigma
+        self.lowest = sigma if lowest is None else lowest
+        if not 0 <= self.lowest <= sigma:
+            raise ConfigError(
+                f"Gaussian noise has lowest = {lowest}, sigma = {sigma}; expected lowest between 0 "
+                "and sigma (m)"
+            )
 
     def apply(self, depth: Tensor, cameras: CameraBatch, seeds: Tensor) -> Tensor:
         """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0, the rest stays positive.
@@ -35,5 +46,5 @@ class Gaussian:
         noisy = torch.empty_like(depth)
         pixels = depth.shape[1] * depth.shape[2]
         flat = (depth.view(-1), seeds, noisy.view(-1))
-        add_noise(depth.numel(), *flat, pixels, *float32(self.sigma))
+        add_noise(depth.numel(), *flat, pixels, *float32(self.lowest, self.sigma))
         return noisy

@@ -54,3 +54,19 @@ def test_the_noise_is_normal_and_each_image_has_its_own():
 def test_a_negative_spread_is_an_error(sigma):
     with pytest.raises(ConfigError, match="sigma"):
         Gaussian(sigma=sigma)
+
+
+def test_images_draw_their_own_spread_between_the_two():
+    count = 400
+    cameras = stack_cameras([analytic.camera()] * count)
+    depth = torch.ones(count, 24, 32)
+    error = Gaussian(sigma=0.01, lowest=0.002).apply(depth, cameras, seeds(0, count)) - depth
+    spreads = error.flatten(1).std(dim=1).numpy()
+    assert stats.kstest(spreads, stats.uniform(0.002, 0.008).cdf).pvalue > 1e-3
+    alone = Gaussian(sigma=0.01, lowest=0.002).apply(depth[:1], CAMERAS, seeds(7))
+    assert torch.equal(alone - 1, error[7:8])
+
+
+def test_the_lowest_may_not_be_above_the_highest():
+    with pytest.raises(ConfigError, match="lowest"):
+        Gaussian(sigma=0.001, lowest=0.002)
