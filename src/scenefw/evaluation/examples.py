@@ -1,6 +1,5 @@
 """A few test views with what a method makes of them, to be looked at."""
 
-import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
@@ -14,7 +13,7 @@ from scenefw.core.types import Camera, Float32, GridSpec, Int32
 from scenefw.data.stacks import StackScenes
 from scenefw.data.views import ViewMaker, Viewpoints
 from scenefw.evaluation.visibility import camera_of
-from scenefw.matching.assignment import Assignment
+from scenefw.matching.instances import renumbered_like
 
 _STREAM = 5  # of views; evaluation has its own
 
@@ -105,7 +104,7 @@ class Examples:
         true = view.volumes.instances[0].cpu().numpy()
         samples = self.method.reconstruct(view.partial, grid, self.samples, codes)
         (tsdf, instances), *others = [
-            (tsdf[0].cpu().numpy(), like_truth(instances[0].cpu().numpy(), true))
+            (tsdf[0].cpu().numpy(), renumbered_like(instances[0].cpu().numpy(), true))
             for tsdf, instances in samples
         ]
         return Example(
@@ -120,18 +119,3 @@ class Examples:
             true,
             tuple(others),
         )
-
-
-def like_truth(instances: Int32, true: Int32) -> Int32:
-    """Predicted labels renumbered: those matched to a true object by overlap have its label."""
-    ids, truths = np.unique(instances[instances > 0]), np.unique(true[true > 0])
-    overlap = np.array([[np.sum((instances == i) & (true == j)) for j in truths] for i in ids])
-    labels: dict[int, int] = {}
-    if overlap.size:
-        pairs = Assignment().assign(-overlap)
-        labels = {int(ids[r]): int(truths[c]) for r, c in pairs if overlap[r, c] > 0}
-    unused = itertools.count(int(truths.max(initial=0)) + 1)
-    renumbered = np.zeros_like(instances)
-    for i in ids.tolist():
-        renumbered[instances == i] = labels[i] if i in labels else next(unused)
-    return renumbered

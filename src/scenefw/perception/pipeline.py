@@ -11,6 +11,7 @@ from scenefw.core import rng
 from scenefw.core.protocols import Reconstructor
 from scenefw.core.types import GridSpec, PartialTSDF, SceneEstimate
 from scenefw.kernels.cameras import stack_cameras
+from scenefw.matching.instances import renumbered_like
 from scenefw.perception.carving import carve, whole_objects
 from scenefw.perception.doctor import Doctor
 from scenefw.perception.floor import Floor, FloorFinder
@@ -20,6 +21,8 @@ from scenefw.postprocessing.confidence import confidences
 from scenefw.postprocessing.surfaces import instance_meshes
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
     from torch import Tensor
 
     from scenefw.core.protocols import MappingMethod
@@ -119,11 +122,23 @@ class Pipeline:
         return View(frame, floor, workspace, partial, tuple(warnings))
 
     def complete(self, view: View) -> SceneEstimate:
-        """The complete scene of a view."""
+        """The complete scene of a view, the most typical one."""
+        return next(self.hypotheses(view))
+
+    def hypotheses(self, view: View) -> Iterator[SceneEstimate]:
+        """A scene for each code: the most typical one, then drawn ones.
+
+        An object has the same id in all of them. Its confidence says how much the others agree.
+        """
         samples = self._samples(view.partial)
-        tsdf, instances = samples[0]
+        for number, (tsdf, instances) in enumerate(samples):
+            others = [labels for i, (_, labels) in enumerate(samples) if i != number]
+            yield self._scene(view, tsdf, instances, confidences(instances, others))
+
+    def _scene(
+        self, view: View, tsdf: Tensor, instances: Tensor, sure: Mapping[int, float]
+    ) -> SceneEstimate:
         meshes = instance_meshes(tsdf, instances, self.grid)
-        sure = confidences(instances, [labels for _, labels in samples[1:]])
         floor = view.floor
         details = {
             "floor": {
@@ -159,4 +174,8 @@ class Pipeline:
         for tsdf, instances in samples:
             shape = carve(tsdf[0], partial, self.grid) if self.carve else tsdf[0]
             cleaned.append(whole_objects(shape, instances[0], self.grid))
-        return cleaned
+        first = cleaned[0][1].cpu().numpy()
+        return cleaned[:1] + [
+            (tsdf, torch.from_numpy(renumbered_like(labels.cpu().numpy(), first)).to(labels.device))
+            for tsdf, labels in cleaned[1:]
+        ]

@@ -18,16 +18,19 @@ from scenefw.data.readers import find_images, read_frame
 from scenefw.export.meshes import write_glb, write_ply
 from scenefw.export.summary import write_summary
 from scenefw.perception.pipeline import Pipeline
+from scenefw.report.gallery import save_picture
+from scenefw.report.hypotheses import draw_hypotheses
 from scenefw.report.overview import write_overview
-from scenefw.report.palette import instance_colours
+from scenefw.report.palette import Colour, instance_colours
 from scenefw.tasks.run import versions
 
 
 class Predict:
     """Completes the objects of depth images; each image gets a folder of its own.
 
-    A folder holds `scene.glb`, `object_01.ply` ..., `scene.json` and `overview.png`; it appears
-    when all of them are written. An unusable image doesn't lose the others: it is reported at the
+    A folder holds `scene.glb`, `object_01.ply` ..., `scene.json` and `overview.png`, and what other
+    codes make of the image in `hypothesis_2` ... and `hypotheses.png`; it appears when all of them
+    are written. An unusable image doesn't lose the others: it is reported at the
     end. Only if every image is unusable does the task fail.
 
     Args:
@@ -36,7 +39,8 @@ class Predict:
         output: where the folders go.
         intrinsics: file with the intrinsics of .png and .npy images; None looks beside them.
         depth_scale: metres per unit of integer depth.
-        overview: also draw `overview.png`.
+        overview: also draw pictures.
+        hypotheses: also write what drawn codes give; how many, `pipeline.samples` says.
 
     Raises:
         ConfigError: no input is given, or the depth scale is not positive.
@@ -51,6 +55,7 @@ class Predict:
         depth_scale: float = 0.001,
         *,
         overview: bool = True,
+        hypotheses: bool = True,
     ) -> None:
         if input is None:
             raise ConfigError("run=predict needs input=PATH of a depth image or a folder of them")
@@ -62,6 +67,7 @@ class Predict:
         self.intrinsics = intrinsics
         self.depth_scale = depth_scale
         self.overview = overview
+        self.hypotheses = hypotheses
 
     def run(self) -> dict[str, float]:
         """Predicts all images; returns how many, how many failed, objects and seconds per image.
@@ -105,18 +111,34 @@ class Predict:
         view = self.pipeline.prepare(frame)
         for warning in view.warnings:
             print(f"{frame.name}: {warning}", file=sys.stderr)
-        estimate = self.pipeline.complete(view)
-        colours = instance_colours(len(estimate.objects))
+        if self.hypotheses:
+            estimate, *others = self.pipeline.hypotheses(view)
+        else:
+            estimate, others = self.pipeline.complete(view), []
         with _replacing_folder(folder) as temporary:
-            files = {item.id: f"object_{item.id:02d}.ply" for item in estimate.objects}
-            for item, colour in zip(estimate.objects, colours, strict=True):
-                write_ply(temporary / files[item.id], item.mesh, colour)
-            write_glb(temporary / "scene.glb", estimate, colours)
-            write_summary(temporary / "scene.json", estimate, files, versions())
+            colours = _write_scene(temporary, estimate)
+            for number, other in enumerate(others, start=2):
+                (temporary / f"hypothesis_{number}").mkdir()
+                _write_scene(temporary / f"hypothesis_{number}", other)
             if self.overview:
                 partial = view.partial.distance[0, 0].cpu().numpy()
                 write_overview(temporary / "overview.png", estimate, partial, colours, frame)
+            if self.overview and others:
+                save_picture(draw_hypotheses([estimate, *others]), temporary / "hypotheses.png")
         return estimate
+
+
+def _write_scene(folder: Path, estimate: SceneEstimate) -> list[Colour]:
+    """Meshes and numbers of a scene; returns the colours of its objects."""
+    ids = [item.id for item in estimate.objects]
+    palette = instance_colours(max(ids, default=0))
+    colours = [palette[i - 1] for i in ids]
+    files = {i: f"object_{i:02d}.ply" for i in ids}
+    for item, colour in zip(estimate.objects, colours, strict=True):
+        write_ply(folder / files[item.id], item.mesh, colour)
+    write_glb(folder / "scene.glb", estimate, colours)
+    write_summary(folder / "scene.json", estimate, files, versions())
+    return colours
 
 
 def _folders(images: Sequence[Path], root: Path) -> list[Path]:

@@ -6,7 +6,7 @@ import torch
 
 from scenefw.core.geometry import look_at
 from scenefw.core.types import Camera, GridSpec, SceneParameters
-from scenefw.evaluation.examples import Examples, like_truth
+from scenefw.evaluation.examples import Examples
 from scenefw.mapping.projective import Projective
 from scenefw.renderers.sphere_tracer import SphereTracer
 
@@ -74,15 +74,3 @@ def test_further_samples_follow_the_first(scenes):
     for i, (tsdf, instances) in enumerate(three.others, start=1):
         np.testing.assert_allclose(tsdf, one.tsdf + 0.01 * i, atol=1e-6)
         assert ((instances > 0) == (tsdf < 0)).all()
-
-
-def test_predicted_labels_follow_the_truth():
-    true = np.zeros((4, 4, 4), np.int32)
-    true[:2], true[2:] = 1, 2
-    predicted = np.zeros_like(true)
-    predicted[:1], predicted[1:2], predicted[2:] = 9, 4, 5
-    found = like_truth(predicted, true)
-    assert (found[2:] == 2).all()
-    assert sorted(np.unique(found[:2])) == [1, 3]  # one half is object 1, the other is no true one
-    assert not like_truth(np.zeros_like(true), true).any()
-    assert like_truth(predicted, np.zeros_like(true)).max() == 3

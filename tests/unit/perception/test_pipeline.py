@@ -86,6 +86,39 @@ def test_same_image_same_estimate():
     assert other.seen[0][1] != method.seen[0][1]
 
 
+class Growing(KnownBoxes):
+    """Every further sample is 7 mm fatter, and numbers its objects the other way round."""
+
+    def reconstruct(self, partial, grid, samples, generator):
+        (pair, *_) = super().reconstruct(partial, grid, samples, generator)
+        tsdf = pair[0]
+        nearest = torch.stack(
+            [torch.from_numpy(self._distance(grid, box)).float() for box in self.boxes]
+        ).argmin(dim=0)
+        found = [pair]
+        for number in range(1, samples):
+            fatter = tsdf - 0.007 * number
+            found.append((fatter, torch.where(fatter < 0, 2 - nearest[None], 0).int()))
+        return found
+
+
+@pytest.mark.parametrize("resolution", [48, 64])
+def test_hypotheses_keep_the_ids_of_objects_and_agree_less_the_more_they_differ(resolution):
+    grid = GridSpec(resolution=resolution)
+    pipeline = Pipeline(Growing(grid), Projective(), samples=3, carve=False)
+    view = pipeline.prepare(frame_of(CAMERA))
+    first, second, third = pipeline.hypotheses(view)
+    for other in (second, third):
+        assert [item.id for item in other.objects] == [1, 2]
+        for mine, its in zip(first.objects, other.objects, strict=True):
+            apart = np.subtract(mine.pose.position, its.pose.position)
+            assert np.abs(apart).max() < 2 / resolution
+            assert np.prod(its.extents) > np.prod(mine.extents)
+    between, outer = (scene.objects[0].confidence for scene in (second, first))
+    assert between > outer > 0
+    np.testing.assert_array_equal(pipeline.complete(view).tsdf, first.tsdf)
+
+
 def test_carving_can_be_switched_off():
     grid = GridSpec(resolution=32)
     ghost = (*STACK, type(STACK[0])((-0.1, -0.35, 0.05), (0.1, -0.25, 0.2)))

@@ -40,7 +40,9 @@ def test_one_image_gives_all_files(tmp_path, pipeline):
     colour = np.full((120, 160, 3), 120, dtype=np.uint8)
     Image.fromarray(colour).save(tmp_path / "in" / "view.rgb.png")
     figures = Predict(image, pipeline, tmp_path / "out").run()
-    files = ["object_01.ply", "object_02.ply", "overview.png", "scene.glb", "scene.json"]
+    scene = ["object_01.ply", "object_02.ply", "scene.glb", "scene.json"]
+    pictures = ["hypotheses.png", "overview.png"]
+    files = sorted([*scene, *pictures, *[f"hypothesis_2/{name}" for name in scene]])
     assert names(tmp_path / "out") == [f"view/{name}" for name in files]
     assert figures["images"] == 1
     assert figures["failed"] == 0
@@ -54,12 +56,21 @@ def test_one_image_gives_all_files(tmp_path, pipeline):
         np.testing.assert_allclose(mesh.center_mass, item["centre"], atol=1e-4)
 
 
+def test_without_hypotheses_there_is_one_scene(tmp_path, pipeline):
+    image = save(tmp_path / "view.npz")
+    Predict(image, pipeline, tmp_path / "out", hypotheses=False).run()
+    files = ["object_01.ply", "object_02.ply", "overview.png", "scene.glb", "scene.json"]
+    assert names(tmp_path / "out") == [f"view/{name}" for name in files]
+
+
 def test_a_bad_image_does_not_lose_the_others(tmp_path, pipeline, capsys):
     for name in ("a", "c"):
         save(tmp_path / "in" / f"{name}.npz")
     save(tmp_path / "in" / "b.npz", depth_mm=np.zeros((120, 160)))
     (tmp_path / "in" / "d.npz").write_bytes(b"PK")
-    figures = Predict(tmp_path / "in", pipeline, tmp_path / "out", overview=False).run()
+    figures = Predict(
+        tmp_path / "in", pipeline, tmp_path / "out", overview=False, hypotheses=False
+    ).run()
     assert (figures["images"], figures["failed"]) == (4, 2)
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["a", "c"]
     told = capsys.readouterr().err
@@ -79,7 +90,7 @@ def test_all_bad_is_an_error_of_one_line(tmp_path, pipeline):
 
 def test_a_rerun_replaces_the_folder(tmp_path, pipeline):
     image = save(tmp_path / "view.npz")
-    task = Predict(image, pipeline, tmp_path / "out", overview=False)
+    task = Predict(image, pipeline, tmp_path / "out", overview=False, hypotheses=False)
     task.run()
     (tmp_path / "out" / "view" / "object_09.ply").write_text("of an earlier run")
     task.run()
@@ -105,7 +116,9 @@ def test_images_of_one_name_get_folders_of_their_own(tmp_path, pipeline):
         tmp_path / "in" / "two" / "view.png"
     )
     np.savetxt(tmp_path / "in" / "two" / "intrinsics.txt", CAMERA.matrix)
-    figures = Predict(tmp_path / "in", pipeline, tmp_path / "out", overview=False).run()
+    figures = Predict(
+        tmp_path / "in", pipeline, tmp_path / "out", overview=False, hypotheses=False
+    ).run()
     assert figures["failed"] == 0
     found = sorted(
         str(p.parent.relative_to(tmp_path / "out")) for p in (tmp_path / "out").rglob("scene.json")

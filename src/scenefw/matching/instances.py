@@ -1,0 +1,28 @@
+"""Object labels that mean the same in two volumes."""
+
+import itertools
+
+import numpy as np
+
+from scenefw.core.types import Int32
+from scenefw.matching.assignment import Assignment
+
+
+def renumbered_like(instances: Int32, reference: Int32) -> Int32:
+    """Labels renumbered: an object matched to one of a reference has its label, others new ones.
+
+    Args:
+        instances: (X, Y, Z) labels, 0 = no object.
+        reference: of the same shape.
+    """
+    ids, truths = np.unique(instances[instances > 0]), np.unique(reference[reference > 0])
+    overlap = np.array([[np.sum((instances == i) & (reference == j)) for j in truths] for i in ids])
+    labels: dict[int, int] = {}
+    if overlap.size:
+        pairs = Assignment().assign(-overlap)
+        labels = {int(ids[r]): int(truths[c]) for r, c in pairs if overlap[r, c] > 0}
+    unused = itertools.count(int(truths.max(initial=0)) + 1)
+    renumbered = np.zeros_like(instances)
+    for i in ids.tolist():
+        renumbered[instances == i] = labels[i] if i in labels else next(unused)
+    return renumbered
