@@ -125,6 +125,7 @@ class TrainingModule(lightning.LightningModule, ABC):
         )
         for group in self.optimizers().param_groups:  # type: ignore[union-attr]
             group["lr"] = self.learning_rate * self.schedule.factor(progress)
+        self.budget_done = self.schedule.done(progress)
         self.times.begin(self.device)
 
     def count_batch(self) -> None:

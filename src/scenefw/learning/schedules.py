@@ -23,6 +23,9 @@ class Schedule(Protocol):
     def factor(self, progress: Progress) -> float:
         """Multiplies the learning rate of the next step."""
 
+    def done(self, progress: Progress) -> float:
+        """Share of the budget that is used up, at most 1; 1 without a budget."""
+
 
 class StepDecay:
     """Times `factor` every `every` epochs (thesis 5.2.3: 0.99 every 5).
@@ -38,6 +41,10 @@ class StepDecay:
     def factor(self, progress: Progress) -> float:
         """Multiplies the learning rate of the next step."""
         return self.decay ** (progress.epoch // self.every)
+
+    def done(self, progress: Progress) -> float:
+        """1: there is no budget."""
+        return 1.0
 
 
 class ExponentialDecay:
@@ -59,6 +66,10 @@ class ExponentialDecay:
     def factor(self, progress: Progress) -> float:
         """Multiplies the learning rate of the next step."""
         return self.decay ** (progress.step / self.every)
+
+    def done(self, progress: Progress) -> float:
+        """1: there is no budget."""
+        return 1.0
 
 
 class CosineDecay:
@@ -92,11 +103,15 @@ class CosineDecay:
 
     def factor(self, progress: Progress) -> float:
         """Multiplies the learning rate of the next step."""
+        cosine = 0.5 * (1 + math.cos(math.pi * self.done(progress)))
+        rise = min((progress.step + 1) / max(self.warmup, 1), 1.0)
+        return rise * (self.lowest + (1 - self.lowest) * cosine)
+
+    def done(self, progress: Progress) -> float:
+        """Share of the budget that is used up, at most 1."""
         done = progress.step / self.steps if self.steps else 0.0
         if self.minutes:
             done = max(done, progress.seconds / (60 * self.minutes))
         if self.epochs:
             done = max(done, (progress.epoch + progress.share) / self.epochs)
-        cosine = 0.5 * (1 + math.cos(math.pi * min(done, 1.0)))
-        rise = min((progress.step + 1) / max(self.warmup, 1), 1.0)
-        return rise * (self.lowest + (1 - self.lowest) * cosine)
+        return min(done, 1.0)

@@ -45,6 +45,8 @@ class ShapeInstanceLearning(TrainingModule):
         initial: checkpoint whose weights to start from; None starts from random ones.
         fresh: modules of the network, such as decoder.linear, that start from random weights even
             so.
+        draw_from: share of the schedule's budget from which codes of the prior are drawn. Before,
+            zero takes their place, as samples of a network that knows little differ in all.
         channels_last: memory format of the network, faster on CPUs and on tensor cores.
         compile: let torch.compile make the network's training pass faster; a text names a backend.
     """
@@ -63,6 +65,7 @@ class ShapeInstanceLearning(TrainingModule):
         seed: int = 0,
         initial: str | Path | None = None,
         fresh: Sequence[str] = (),
+        draw_from: float = 0.0,
         *,
         channels_last: bool = True,
         compile: bool | str = False,  # noqa: A002 - as torch calls it
@@ -74,6 +77,7 @@ class ShapeInstanceLearning(TrainingModule):
         self.started_from = origin(initial) if initial is not None else None
         self.losses = dict(losses)
         self.views = views
+        self.draw_from = draw_from
 
     @property
     def grid(self) -> GridSpec:
@@ -100,8 +104,10 @@ class ShapeInstanceLearning(TrainingModule):
         volumes = self.fetch(lambda: self._draw(scenes, batch, _VIEWS))
         codes = torch.Generator()  # on the CPU: the same codes on every device
         codes.manual_seed(torch_seed(self.seed, _CODES, self.batches_seen, self.global_rank))
-        prediction = self.model(volumes, codes)
-        terms = {name: loss(prediction, volumes) for name, loss in self.losses.items()}
+        draw = self.budget_done >= self.draw_from
+        prediction = self.model(volumes, codes, draw=draw)
+        chosen = {n: loss for n, loss in self.losses.items() if draw or not _of_draws(loss)}
+        terms = {name: loss(prediction, volumes) for name, loss in chosen.items()}
         total: Tensor = sum(self.losses[name].weight * term for name, term in terms.items())
         values = {f"train/{name}": term.detach() for name, term in terms.items()}
         self.log_dict({"train/total": total.detach(), **values}, batch_size=len(batch.indices))
@@ -135,3 +141,8 @@ class ShapeInstanceLearning(TrainingModule):
             made = self.views.make(parameters, streams)
         observed = self.model.channels == 2
         return training_batch(made.partial, made.volumes, self.views.grid, observed=observed)
+
+
+def _of_draws(loss: Loss) -> bool:
+    """Whether a loss compares drawn codes."""
+    return getattr(loss, "of_draws", False)

@@ -22,6 +22,8 @@ class SampleSpread:
         ConfigError: the floor is not positive.
     """
 
+    of_draws = True
+
     def __init__(self, weight: float = 1.0, floor: float = 0.1) -> None:
         if floor <= 0:
             raise ConfigError(f"loss.sample_spread.floor is {floor}, expected a positive number")

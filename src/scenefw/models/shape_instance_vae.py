@@ -86,15 +86,22 @@ class ShapeInstanceVAE(nn.Module):
         )
 
     def forward(
-        self, batch: ShapeInstanceBatch, generator: torch.Generator | None = None
+        self,
+        batch: ShapeInstanceBatch,
+        generator: torch.Generator | None = None,
+        *,
+        draw: bool = True,
     ) -> ShapeInstancePrediction:
         """Training pass: codes from the encoder, a share replaced.
 
-        Without a generator the codes are the posterior means. `latent` and `statistics` are of the
+        Without a generator the codes are the posterior means. Without `draw` zero takes the place
+        of codes from the prior. `latent` and `statistics` are of the
         rows that the encoder saw, the last ones.
         """
         count = len(batch.condition)
-        zeros, drawn = self._replaced(count) if generator is not None else (0, slice(0, 0))
+        zeros, drawn = (
+            self._replaced(count, draw=draw) if generator is not None else (0, slice(0, 0))
+        )
         maps, view = self.condition.encode(batch.condition)
         latent, statistics = self._posterior(batch, maps, drawn.stop, generator)
         codes = [view.new_zeros(zeros, self.latent_size), *self._draws(view[drawn], generator)]
@@ -134,10 +141,11 @@ class ShapeInstanceVAE(nn.Module):
         tsdf, votes = self.decoder(torch.cat([latent, view], dim=1), maps[::-1])
         return ShapeInstancePrediction(tsdf.clamp(-1, 1), votes, latent=latent)
 
-    def _replaced(self, count: int) -> tuple[int, slice]:
+    def _replaced(self, count: int, *, draw: bool) -> tuple[int, slice]:
         """How many of a batch's first rows take the zero code, and which of the next drawn ones."""
-        zeros = round(self.zero_share * count)
-        return zeros, slice(zeros, round((self.zero_share + self.prior_share) * count))
+        end = round((self.zero_share + self.prior_share) * count)
+        zeros = round(self.zero_share * count) if draw else end
+        return zeros, slice(zeros, end)
 
     def _draws(self, views: Tensor, generator: torch.Generator | None) -> list[Tensor]:
         """Two codes from the prior for each of some views."""

@@ -43,3 +43,15 @@ def test_cosine_over_epochs_falls_within_them():
     assert schedule.factor(Progress(0, 4, 0.0)) == pytest.approx(0)
     with pytest.raises(ConfigError, match="budget"):
         CosineDecay(epochs=-1)  # as the trainer writes: no limit
+
+
+def test_how_much_of_a_budget_is_done():
+    cosine = CosineDecay(steps=100, minutes=2.0, epochs=4)
+    assert cosine.done(Progress(0, 0, 0.0)) == 0
+    assert cosine.done(Progress(25, 0, 0.0)) == 0.25
+    assert cosine.done(Progress(25, 1, 90.0, 0.8)) == 0.75  # the time is nearest its end
+    assert cosine.done(Progress(25, 3, 90.0, 0.2)) == 0.8
+    assert cosine.done(Progress(500, 9, 1e4)) == 1
+    assert (
+        StepDecay().done(Progress(0, 0, 0.0)) == ExponentialDecay().done(Progress(0, 0, 0.0)) == 1
+    )

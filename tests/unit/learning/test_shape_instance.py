@@ -8,7 +8,9 @@ from tests.unit.learning import tiny
 from scenefw.core.types import ShapeInstanceBatch, ShapeInstancePrediction
 from scenefw.data.modules import IndexBatch, StackData
 from scenefw.learning.averaging import AveragedWeights
+from scenefw.learning.schedules import CosineDecay
 from scenefw.learning.scores import sample_scores, scores
+from scenefw.losses.sample_spread import SampleSpread
 from scenefw.metrics.occupancy import binary_cross_entropy, expected_occupancy, occupancy_iou
 
 
@@ -73,6 +75,20 @@ def test_the_learning_rate_follows_the_schedule(data):
     cosine = [0.01 + 0.99 * 0.5 * (1 + np.cos(np.pi * i / 20)) for i in range(6)]
     rise = [1 / 3, 2 / 3, 1, 1, 1, 1]
     np.testing.assert_allclose(rates, 1e-2 * np.array(cosine) * rise, rtol=1e-6)
+
+
+def test_codes_are_drawn_from_a_share_of_the_budget_on(data):
+    module = tiny.learning(draw_from=0.5, schedule=CosineDecay(steps=8, warmup=1))
+    module.losses = {**module.losses, "sample_spread": SampleSpread()}
+    module.model.zero_share, module.model.prior_share = 0.0, 0.5
+    with_spread = []
+
+    class Terms(lightning.Callback):
+        def on_train_batch_end(self, trainer, module, *_):
+            with_spread.append(float(trainer.callback_metrics.get("train/sample_spread", 0.0)) < 0)
+
+    trainer(8, callbacks=[Terms()]).fit(module, data)
+    assert with_spread == [False] * 4 + [True] * 4
 
 
 def test_averaged_weights_are_a_moving_average():

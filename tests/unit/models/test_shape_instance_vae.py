@@ -95,6 +95,16 @@ def test_shares_of_replaced_codes(count, zeros, drawn):
     assert len(found.tsdf) == len(found.votes) == len(found.partial) == count
 
 
+def test_before_codes_are_drawn_zero_takes_their_place():
+    model, codes = network(8, zero_share=0.3, prior_share=0.4), []
+    model.decoder.register_forward_pre_hook(lambda _, given: codes.append(given[0][:, :6]))
+    found = model(batch(8, 10), torch.Generator().manual_seed(0), draw=False)
+    assert found.redrawn is None
+    assert len(codes[0]) == 10
+    assert not codes[0][:7].any()
+    assert codes[0][7:].all()
+
+
 def test_drawn_codes_come_from_the_standard_normal_distribution():
     model = network(8)
     generator = torch.Generator().manual_seed(0)
