@@ -7,6 +7,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from scenefw.core.errors import ConfigError
 from scenefw.core.protocols import Loss
 from scenefw.core.rng import Streams, torch_seed
 from scenefw.core.types import GridSpec, ShapeInstanceBatch
@@ -70,6 +71,10 @@ class ShapeInstanceLearning(TrainingModule):
         channels_last: bool = True,
         compile: bool | str = False,  # noqa: A002 - as torch calls it
     ) -> None:
+        if not 0 <= draw_from <= 1:
+            raise ConfigError(
+                f"learning.draw_from is {draw_from}, expected a share of the budget from 0 to 1"
+            )
         if initial is not None:
             start_from(model, initial, fresh=list(fresh))
         model = model.to(memory_format=torch.channels_last_3d) if channels_last else model

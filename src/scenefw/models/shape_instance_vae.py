@@ -95,8 +95,8 @@ class ShapeInstanceVAE(nn.Module):
         """Training pass: codes from the encoder, a share replaced.
 
         Without a generator the codes are the posterior means. Without `draw` zero takes the place
-        of codes from the prior. `latent` and `statistics` are of the
-        rows that the encoder saw, the last ones.
+        of codes from the prior. `latent` and `statistics` are of the rows that the encoder saw, the
+        last ones.
         """
         count = len(batch.condition)
         zeros, drawn = (

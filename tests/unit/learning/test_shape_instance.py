@@ -5,6 +5,7 @@ import torch
 from tests.unit.data.stacks_file import write_stacks
 from tests.unit.learning import tiny
 
+from scenefw.core.errors import ConfigError
 from scenefw.core.types import ShapeInstanceBatch, ShapeInstancePrediction
 from scenefw.data.modules import IndexBatch, StackData
 from scenefw.learning.averaging import AveragedWeights
@@ -143,3 +144,9 @@ def test_validation_scores_drawn_codes(data):
     again = run.validate(module, data, verbose=False)[0]
     assert first == again
     assert {"val/sample_iou", "val/sample_bce"} <= first.keys()
+
+
+@pytest.mark.parametrize("share", [-0.1, 2.0])
+def test_codes_can_only_be_drawn_within_the_budget(share):
+    with pytest.raises(ConfigError, match="draw_from"):
+        tiny.learning(draw_from=share)
