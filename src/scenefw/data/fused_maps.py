@@ -1,17 +1,19 @@
 """Height maps fused from the views of scenes, made once and kept as files."""
 
 import hashlib
+from collections.abc import Mapping
 from pathlib import Path
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.height_maps import HeightMap
-from scenefw.core.protocols import FrameSource, HeightMapping
+from scenefw.core.protocols import FrameSource, HeightMapping, Noise
 from scenefw.core.types import Frame
 from scenefw.data.height_maps import load_map, save_map
+from scenefw.noise.frames import disturb
 
 
 class FusedMaps:
-    """Fuses views at their true poses to the maps that a map network learns from (thesis 4.6.1).
+    """Fuses views to the maps that a map network learns from (thesis 4.6.1).
 
     Files are named by the first view and by all settings of the fusion, so that a folder may serve
     any number of data sets.
@@ -21,6 +23,9 @@ class FusedMaps:
         heights: fuses their views.
         frames: views of each scene.
         folder: keeps the maps; None fuses them every time.
+        noise: by any name, noises of depth and poses that the views of a scene are fused under,
+            taken in turns: scene n gets the (n modulo their number)-th. None: no noise.
+        seed: of the noise.
     """
 
     def __init__(
@@ -29,11 +34,14 @@ class FusedMaps:
         heights: HeightMapping,
         frames: int = 200,
         folder: str | Path | None = "outputs/cache/fused_maps",
+        noise: Mapping[str, Mapping[str, Noise]] | None = None,
+        seed: int = 0,
     ) -> None:
         if frames < 1:
             raise ConfigError(f"maps are fused from frames = {frames}; expected 1 view or more")
         self.source, self.heights, self.frames = source, heights, frames
         self.folder = None if folder is None else Path(folder)
+        self.noise, self.seed = list((noise or {}).values()) or [{}], seed
 
     def __call__(self, scene: int) -> HeightMap:
         """The map of a scene.
@@ -44,19 +52,31 @@ class FusedMaps:
         """
         if self.folder is None:
             return self._fuse(scene)
-        path = self.folder / f"{self._key(next(iter(self.source.frames(scene, 1))))}.npz"
+        first = next(iter(self.source.frames(scene, 1)))
+        path = self.folder / f"{self._key(first, self._noise(scene))}.npz"
         if not path.exists():
             save_map(path, self._fuse(scene))
         return load_map(path, self.heights.grid).height_map
 
     def _fuse(self, scene: int) -> HeightMap:
         running = self.heights.begin()
-        for frame in self.source.frames(scene, self.frames):
-            running.add(frame)
+        for number, frame in enumerate(self.source.frames(scene, self.frames)):
+            running.add(disturb(frame, self._noise(scene), self.seed, scene, number))
         return running.height_map()
 
-    def _key(self, first: Frame) -> str:
-        settings = sorted((name, repr(value)) for name, value in vars(self.heights).items())
-        digest = hashlib.sha256(f"{self.frames} {type(self.heights).__name__} {settings}".encode())
+    def _noise(self, scene: int) -> Mapping[str, Noise]:
+        return self.noise[scene % len(self.noise)]
+
+    def _key(self, first: Frame, noise: Mapping[str, Noise]) -> str:
+        settings = f"{self.frames} {_settings(self.heights)}"
+        if noise:
+            settings += f" {self.seed} {[(name, _settings(one)) for name, one in noise.items()]}"
+        digest = hashlib.sha256(settings.encode())
         digest.update(first.camera.T_world_camera.tobytes() + first.depth.tobytes())
         return f"{first.name.replace('/', '_')}_{digest.hexdigest()[:16]}"
+
+
+def _settings(component: object) -> str:
+    """A component's class and what it was made with."""
+    values = sorted((name, repr(value)) for name, value in vars(component).items())
+    return f"{type(component).__name__} {values}"

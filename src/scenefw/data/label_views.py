@@ -23,6 +23,7 @@ from scenefw.data.segmentation import image_tensors
 from scenefw.data.tabletop import TabletopScenes
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.kernels.transfer import to_device
+from scenefw.noise.frames import PoseNoise
 from scenefw.renderers.mesh_raycaster import image
 from scenefw.renderers.tables import Pictures, camera_lenses
 
@@ -72,7 +73,7 @@ class ViewSamples:
     Args:
         images: stored or rendered views.
         noise: disturbs depth anew in every epoch, applied in the order of the names; noise of
-            poses changes nothing here.
+            poses, the heights that are made of it.
         jitter: changes the light; None leaves it.
         seed: of noise and light.
         geometry: the network sees depth (as in the thesis), or height above the table.
@@ -89,8 +90,9 @@ class ViewSamples:
         geometry: str = DEPTH,
     ) -> None:
         self.images, self.jitter, self.seed, self.geometry = images, jitter, seed, geometry
-        noise = noise or {}
-        self.noise = {n: noise[n] for n in sorted(noise) if hasattr(noise[n], "apply")}
+        ordered = [(noise or {})[name] for name in sorted(noise or {})]
+        self.noise = [n for n in ordered if not isinstance(n, PoseNoise)]
+        self.pose_noise = [n for n in ordered if isinstance(n, PoseNoise)]
         self.classes = tuple(images.classes)
 
     def __len__(self) -> int:
@@ -108,20 +110,27 @@ class ViewSamples:
         views = self.images.render(indices, epoch, device)
         if epoch is not None:
             streams = Streams.of(self.seed, _VIEW, epoch, indices=indices)
-            views = self._disturbed(views, *streams.split(2))
+            views = self._disturbed(views, *streams.split(2 + len(self.pose_noise)))
         return self._batch(views)
 
-    def _disturbed(self, views: LabelledViews, noise: Streams, light: Streams) -> LabelledViews:
+    def _disturbed(
+        self, views: LabelledViews, noise: Streams, light: Streams, *tracking: Streams
+    ) -> LabelledViews:
         drawn: list[NDArray] = [np.ascontiguousarray(noise.seeds(len(self.noise)).T)]
+        for one, draws in zip(self.pose_noise, tracking, strict=True):
+            drawn.append(one.moves(draws.uniform(one.DRAWS)).astype(np.float32))
         if self.jitter is not None:
             drawn.append(self.jitter.draw(light).astype(np.float32))
-        seeds, *factors = to_device(drawn, views.depth.device)
-        depth, colour = views.depth, views.colour
-        for one, row in zip(self.noise.values(), seeds, strict=True):
-            depth = one.apply(depth, views.cameras, row)
+        seeds, *changes = to_device(drawn, views.depth.device)
+        depth, colour, poses = views.depth, views.colour, views.cameras.T_world_camera
+        for disturb, row in zip(self.noise, seeds, strict=True):
+            depth = disturb.apply(depth, views.cameras, row)
+        for move in changes[: len(tracking)]:
+            poses = poses @ move
         if self.jitter is not None:
-            colour = self.jitter.apply(colour, factors[0])
-        return replace(views, depth=depth, colour=colour)
+            colour = self.jitter.apply(colour, changes[-1])
+        cameras = replace(views.cameras, T_world_camera=poses)
+        return replace(views, depth=depth, colour=colour, cameras=cameras)
 
     def _batch(self, views: LabelledViews) -> SegmentationBatch:
         distance = distance_images(views.depth, views.cameras, self.geometry)

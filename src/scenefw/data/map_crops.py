@@ -171,7 +171,7 @@ class MapCrops:
             heights.numel(),
             *flat,
             heights[0].numel(),
-            *float32(self.height_noise, self.height_noise),
+            *float32(self.height_noise, self.height_noise, 1.0),
         )
         return torch.where(heights.isnan(), heights, noisy - _LIFT)
 

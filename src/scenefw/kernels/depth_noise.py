@@ -166,22 +166,24 @@ def _measure_all(count, lit, intrinsics, seeds, noisy, size, baseline, sensor, s
 
 
 @element
-def _add_noise(i, depth, seeds, noisy, pixels, lowest, sigma):
+def _add_noise(i, depth, seeds, noisy, pixels, lowest, sigma, share):
     z = depth[i]
-    if z > _ZERO:
-        seed = seeds[i // pixels]
+    seed = seeds[i // pixels]
+    if z <= _ZERO:
+        noisy[i] = _ZERO
+    elif _is_disturbed(seed, share):
         if lowest < sigma:
-            sigma = lowest + (sigma - lowest) * uniform(philox(seed, 0, _IMAGE)[0])
+            sigma = lowest + (sigma - lowest) * uniform(philox(seed, 0, _IMAGE)[1])
         words = philox(seed, i % pixels, _PIXEL)
         noisy[i] = max(z + sigma * normal(words[0]), _LEAST)
     else:
-        noisy[i] = _ZERO
+        noisy[i] = z
 
 
 @loop
-def _add_noise_all(count, depth, seeds, noisy, pixels, lowest, sigma):
+def _add_noise_all(count, depth, seeds, noisy, pixels, lowest, sigma, share):
     for i in prange(count):
-        _add_noise(i, depth, seeds, noisy, pixels, lowest, sigma)
+        _add_noise(i, depth, seeds, noisy, pixels, lowest, sigma, share)
 
 
 light = Kernel(_light, _light_all)
@@ -196,7 +198,8 @@ measure = Kernel(_measure, _measure_all)
 read of lit depth; `sensor` is (lateral, axial, step, dropout, nearest, farthest).
 """
 add_noise = Kernel(_add_noise, _add_noise_all)
-"""add_noise(B pixels, depth, seeds, noisy, pixels, lowest, sigma): white noise on measured pixels.
+"""add_noise(B pixels, depth, seeds, noisy, pixels, lowest, sigma, share): white noise on measured
+pixels of a share of the images.
 
 Its standard deviation is drawn for each image, evenly from `lowest` to `sigma`.
 """

@@ -9,7 +9,7 @@ import torch
 
 from scenefw.core import rng
 from scenefw.core.protocols import Noise
-from scenefw.core.types import Camera, Frame
+from scenefw.core.types import Camera, Float64, Frame
 from scenefw.kernels.cameras import stack_cameras
 
 
@@ -17,8 +17,13 @@ from scenefw.kernels.cameras import stack_cameras
 class PoseNoise(Protocol):
     """Noise that disturbs where a frame's camera is believed to be."""
 
+    DRAWS: int
+
     def move(self, camera: Camera, generator: torch.Generator) -> Camera:
         """The camera at a disturbed pose."""
+
+    def moves(self, draws: Float64) -> Float64:
+        """Disturbed poses (B, 4, 4) in the frames of their cameras, of draws (B, `DRAWS`)."""
 
 
 def disturb(frame: Frame, noises: Mapping[str, Noise], seed: int, scene: int, index: int) -> Frame:
