@@ -4,6 +4,9 @@ from tests.unit.data.rectangles import Rectangles
 
 from scenefw.core.errors import ConfigError
 from scenefw.data.fused_maps import FusedMaps
+from scenefw.noise.frames import disturb
+from scenefw.noise.gaussian import Gaussian
+from scenefw.noise.pose import Jitter
 
 
 class LastView:
@@ -52,3 +55,60 @@ def test_without_a_folder_nothing_is_written(tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
     with pytest.raises(ConfigError, match="frames = 0"):
         FusedMaps(Rectangles(), LastView(), 0)
+
+
+class KeptFrames(LastView):
+    """A fusion that keeps the frames it is given."""
+
+    def __init__(self):
+        super().__init__()
+        self.frames = []
+
+    def begin(self, previous=None):
+        running = super().begin(previous)
+        add, frames = running.add, self.frames
+
+        def kept(frame):
+            frames.append(frame)
+            add(frame)
+
+        running.add = kept
+        return running
+
+
+def test_scenes_are_fused_under_each_noise_in_turns(tmp_path):
+    noise = {
+        "exact": {},
+        "depth": {"gaussian": Gaussian(0.001)},
+        "tracked": {"pose": Jitter(0.002)},
+    }
+    fusion = KeptFrames()
+    maps = FusedMaps(Rectangles(scenes=5), fusion, 2, None, noise, seed=3)
+    for scene in range(5):
+        maps(scene)
+    true = [frame for scene in range(5) for frame in Rectangles(scenes=5).frames(scene, 2)]
+    found = {"depth": [], "tracked": []}
+    for seen, frame in zip(fusion.frames, true, strict=True):
+        found["depth"].append(not np.array_equal(seen.depth, frame.depth))
+        found["tracked"].append(
+            not np.array_equal(seen.camera.T_world_camera, frame.camera.T_world_camera)
+        )
+    assert found["depth"] == [False] * 2 + [True] * 2 + [False] * 4 + [True] * 2
+    assert found["tracked"] == [False] * 4 + [True] * 2 + [False] * 4
+    np.testing.assert_array_equal(
+        fusion.frames[3].depth, disturb(true[3], noise["depth"], 3, 1, 1).depth
+    )
+
+
+def test_other_noise_is_another_file(tmp_path):
+    def make(noise, seed=0):
+        FusedMaps(Rectangles(), LastView(), 2, tmp_path, noise, seed)(1)
+        return len(list(tmp_path.glob("*.npz")))
+
+    one = {"a": {"gaussian": Gaussian(0.001)}}
+    assert make(None) == 1
+    assert make({"a": {}}) == 1
+    assert make(one) == 2
+    assert make({"b": {}, **one}) == 2  # scene 1 has the same noise
+    assert make(one, seed=1) == 3
+    assert make({"a": {"gaussian": Gaussian(0.002)}}) == 4

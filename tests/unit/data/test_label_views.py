@@ -15,6 +15,7 @@ from scenefw.data.segmentation import image_tensor
 from scenefw.data.tabletop import TabletopScenes
 from scenefw.noise.gaussian import Gaussian
 from scenefw.noise.kinect import Kinect
+from scenefw.noise.pose import Jitter
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
 from scenefw.scenes.tabletop import TabletopGenerator
 from scenefw.shapes.tabletop.library import ProceduralModels
@@ -174,6 +175,28 @@ def test_noises_work_on_rendered_batches_in_the_order_of_their_names():
     assert 0.001 < lost.float().mean() < 0.5
     away = (found.distance - clean.distance)[~lost].abs()
     assert 2e-4 < away.median() < 5e-3
+
+
+def test_noise_of_poses_lifts_and_tilts_heights_and_leaves_depth():
+    source = Rectangles(scenes=100)
+    indices = np.arange(300)
+
+    def away(noise, geometry="height"):
+        options = {"jitter": None, "geometry": geometry}
+        noisy = batch(samples(stored(source), noise=noise, **options), indices, 0)
+        clean = batch(samples(stored(source), noise={}, **options), indices, 0)
+        assert torch.equal(noisy.labels, clean.labels)
+        return (noisy.distance - clean.distance)[:, 0, 1:]  # row 0 has a hole
+
+    lifts = away({"pose": Jitter(0.002, rotation=0.0)})
+    assert lifts.flatten(1).std(dim=1).max() < 1e-6
+    assert lifts.mean(dim=(1, 2)).std() == pytest.approx(0.002, rel=0.15)
+    tilts = away({"pose": Jitter(0.002, rotation=0.01)})
+    # A turn about the optical axis leaves heights, one about x lifts a row in proportion to y
+    assert (tilts - lifts).flatten(1).std(dim=1).min() > 1e-5
+    assert not away({"pose": Jitter(0.002)}, "depth").any()
+    two = away({"a": Jitter(0.002, rotation=0.0), "b": Jitter(0.002, rotation=0.0)})
+    assert two.mean(dim=(1, 2)).std() == pytest.approx(0.002 * np.sqrt(2), rel=0.15)
 
 
 def test_all_is_fetched_before_a_training_and_once():

@@ -70,3 +70,18 @@ def test_images_draw_their_own_spread_between_the_two():
 def test_the_lowest_may_not_be_above_the_highest():
     with pytest.raises(ConfigError, match="lowest"):
         Gaussian(sigma=0.001, lowest=0.002)
+
+
+def test_a_share_of_the_images_passes_as_it_is():
+    count = 600
+    cameras = stack_cameras([analytic.camera()] * count)
+    depth = torch.ones(count, 8, 8)
+    depth[:, 0] = 0
+    noisy = Gaussian(sigma=0.01, lowest=0.0, share=0.3).apply(depth, cameras, seeds(0, count))
+    changed = (noisy != depth).flatten(1).any(dim=1)
+    assert stats.binomtest(int(changed.sum()), count, 0.3).pvalue > 1e-3
+    spreads = (noisy - depth)[changed][:, 1:].flatten(1).std(dim=1, correction=0).numpy()
+    # Which images are disturbed says nothing of how much they are
+    assert stats.kstest(spreads / 0.01, stats.uniform().cdf).pvalue > 1e-3
+    with pytest.raises(ConfigError, match="share"):
+        Gaussian(share=1.5)
