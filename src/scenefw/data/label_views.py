@@ -90,9 +90,9 @@ class ViewSamples:
         geometry: str = DEPTH,
     ) -> None:
         self.images, self.jitter, self.seed, self.geometry = images, jitter, seed, geometry
-        ordered = [(noise or {})[name] for name in sorted(noise or {})]
-        self.noise = [n for n in ordered if not isinstance(n, PoseNoise)]
-        self.pose_noise = [n for n in ordered if isinstance(n, PoseNoise)]
+        self.noise = dict(sorted((noise or {}).items()))
+        self._depth_noise = [n for n in self.noise.values() if not isinstance(n, PoseNoise)]
+        self._pose_noise = [n for n in self.noise.values() if isinstance(n, PoseNoise)]
         self.classes = tuple(images.classes)
 
     def __len__(self) -> int:
@@ -110,20 +110,20 @@ class ViewSamples:
         views = self.images.render(indices, epoch, device)
         if epoch is not None:
             streams = Streams.of(self.seed, _VIEW, epoch, indices=indices)
-            views = self._disturbed(views, *streams.split(2 + len(self.pose_noise)))
+            views = self._disturbed(views, *streams.split(2 + len(self._pose_noise)))
         return self._batch(views)
 
     def _disturbed(
         self, views: LabelledViews, noise: Streams, light: Streams, *tracking: Streams
     ) -> LabelledViews:
-        drawn: list[NDArray] = [np.ascontiguousarray(noise.seeds(len(self.noise)).T)]
-        for one, draws in zip(self.pose_noise, tracking, strict=True):
+        drawn: list[NDArray] = [np.ascontiguousarray(noise.seeds(len(self._depth_noise)).T)]
+        for one, draws in zip(self._pose_noise, tracking, strict=True):
             drawn.append(one.moves(draws.uniform(one.DRAWS)).astype(np.float32))
         if self.jitter is not None:
             drawn.append(self.jitter.draw(light).astype(np.float32))
         seeds, *changes = to_device(drawn, views.depth.device)
         depth, colour, poses = views.depth, views.colour, views.cameras.T_world_camera
-        for disturb, row in zip(self.noise, seeds, strict=True):
+        for disturb, row in zip(self._depth_noise, seeds, strict=True):
             depth = disturb.apply(depth, views.cameras, row)
         for move in changes[: len(tracking)]:
             poses = poses @ move
