@@ -9,7 +9,7 @@ from scenefw.core.height_maps import HeightMap
 from scenefw.core.protocols import FrameSource, HeightMapping, Noise
 from scenefw.core.types import Frame
 from scenefw.data.height_maps import load_map, save_map
-from scenefw.noise.frames import disturb
+from scenefw.noise.frames import disturb, in_turns
 
 
 class FusedMaps:
@@ -23,8 +23,7 @@ class FusedMaps:
         heights: fuses their views.
         frames: views of each scene.
         folder: keeps the maps; None fuses them every time.
-        noise: by any name, noises of depth and poses that the views of a scene are fused under,
-            taken in turns: scene n gets the (n modulo their number)-th. None: no noise.
+        noise: noises that the views of scenes are fused under in turns, as `in_turns`; None: none.
         seed: of the noise.
     """
 
@@ -41,7 +40,7 @@ class FusedMaps:
             raise ConfigError(f"maps are fused from frames = {frames}; expected 1 view or more")
         self.source, self.heights, self.frames = source, heights, frames
         self.folder = None if folder is None else Path(folder)
-        self.noise, self.seed = list((noise or {}).values()) or [{}], seed
+        self.noise, self.seed = dict(noise or {}), seed
 
     def __call__(self, scene: int) -> HeightMap:
         """The map of a scene.
@@ -53,19 +52,17 @@ class FusedMaps:
         if self.folder is None:
             return self._fuse(scene)
         first = next(iter(self.source.frames(scene, 1)))
-        path = self.folder / f"{self._key(first, self._noise(scene))}.npz"
+        path = self.folder / f"{self._key(first, in_turns(self.noise, scene))}.npz"
         if not path.exists():
             save_map(path, self._fuse(scene))
         return load_map(path, self.heights.grid).height_map
 
     def _fuse(self, scene: int) -> HeightMap:
         running = self.heights.begin()
+        noise = in_turns(self.noise, scene)
         for number, frame in enumerate(self.source.frames(scene, self.frames)):
-            running.add(disturb(frame, self._noise(scene), self.seed, scene, number))
+            running.add(disturb(frame, noise, self.seed, scene, number))
         return running.height_map()
-
-    def _noise(self, scene: int) -> Mapping[str, Noise]:
-        return self.noise[scene % len(self.noise)]
 
     def _key(self, first: Frame, noise: Mapping[str, Noise]) -> str:
         settings = f"{self.frames} {_settings(self.heights)}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
@@ -13,11 +13,13 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.evaluation.labelling_curves import frame_counts
 from scenefw.evaluation.labelling_results import MAP_BASED, VIEW_BASED
 from scenefw.labelling.pooling import Reconstruction, Weights, fit_weights, pool
+from scenefw.noise.frames import in_turns
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from scenefw.core.height_maps import HeightMap
+    from scenefw.core.protocols import Noise
     from scenefw.core.types import Float32, Int32
     from scenefw.evaluation.labelling_bench import Bench, Snapshot
 
@@ -65,6 +67,7 @@ class HybridWeights:
         first: an earlier number of frames; None = none.
         vertices: drawn of each class, scene and number of frames.
         seed: of the draw.
+        noise: noises that scenes are seen under in turns, as `in_turns`; None: that of the bench.
     """
 
     def __init__(
@@ -76,6 +79,7 @@ class HybridWeights:
         first: int | None = None,
         vertices: int = 500,
         seed: int = 0,
+        noise: Mapping[str, Mapping[str, Noise]] | None = None,
     ) -> None:
         missing = {VIEW_BASED, MAP_BASED} - set(bench.strategies)
         if missing:
@@ -88,6 +92,7 @@ class HybridWeights:
         self.counts = frame_counts(frames, steps, first)
         self.vertices = vertices
         self.seed = seed
+        self.noise = noise or None
 
     def run(self, track: Tracker = lambda scenes, _: scenes) -> WeightsResult:
         """The weights; `track` wraps the loop in a progress bar."""
@@ -97,7 +102,8 @@ class HybridWeights:
             truth = self.bench.scenes.truth(scene)
             if truth.labels is None:
                 raise InputError(f"scene {scene} has no true labels to calibrate on")
-            for snapshots in self.bench.run(scene, self.counts):
+            noise = None if self.noise is None else in_turns(self.noise, scene)
+            for snapshots in self.bench.run(scene, self.counts, noise):
                 frames = snapshots[VIEW_BASED].frames
                 chosen = self._draw(snapshots[VIEW_BASED].height_map, truth.labels, scene, frames)
                 parts.append(self._samples(snapshots, truth.labels, chosen))

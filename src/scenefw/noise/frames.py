@@ -50,3 +50,13 @@ def disturb(frame: Frame, noises: Mapping[str, Noise], seed: int, scene: int, in
         noisy = noise.apply(depth, stack_cameras([frame.camera]), torch.tensor([drawn]))
         frame = replace(frame, depth=noisy[0].numpy())
     return frame
+
+
+def in_turns(noises: Mapping[str, Mapping[str, Noise]], scene: int) -> Mapping[str, Noise]:
+    """The noises of a scene where scenes take settings in turns; none if there is no setting.
+
+    Args:
+        noises: settings by any name, each of noises by name.
+        scene: takes the setting number scene modulo their number.
+    """
+    return list(noises.values())[scene % len(noises)] if noises else {}

@@ -11,6 +11,7 @@ from scenefw.evaluation.labelling_networks import LabellingNetworks
 from scenefw.evaluation.labelling_times import LabellingTimes
 from scenefw.evaluation.labelling_weights import HybridWeights, balanced_accuracy
 from scenefw.labelling.pooling import Reconstruction
+from scenefw.noise.gaussian import Gaussian
 
 NEAR = Reconstruction(confidence=0.1, deviation=0.01, window=3)
 
@@ -63,6 +64,23 @@ def test_weights_make_the_pool_as_right_as_the_better_one():
     assert result.figures["vertices"] == result.vertices > 0
     again = HybridWeights(bench, NEAR, frames=5, steps=3, first=1, vertices=40).run()
     assert again == result
+
+
+def test_weights_are_estimated_on_scenes_under_noise_in_turns():
+    seen = []
+
+    class Watched(Bench):
+        def run(self, scene, counts, noise=None):
+            seen.append((scene, noise))
+            return super().run(scene, counts, noise)
+
+    options = {"frames": 2, "steps": 1, "vertices": 10}
+    rough = {"gaussian": Gaussian(0.01)}
+    bench = Watched(Scenes(), strategies())
+    HybridWeights(bench, NEAR, **options, noise={"exact": {}, "rough": rough}).run()
+    assert seen == [(0, {}), (1, rough)]
+    HybridWeights(bench, NEAR, **options).run()
+    assert seen[2:] == [(0, None), (1, None)]
 
 
 def test_weights_need_both_experts():

@@ -1,7 +1,7 @@
 import numpy as np
 
 from scenefw.core.types import Camera, Frame
-from scenefw.noise.frames import disturb
+from scenefw.noise.frames import disturb, in_turns
 from scenefw.noise.gaussian import Gaussian
 from scenefw.noise.pose import Jitter
 
@@ -46,3 +46,14 @@ def test_the_given_frame_stays_and_missing_depth_stays_missing():
     assert (view.depth[1:] == np.float32(0.3)).all()
     assert (noisy.depth[0] == 0).all()
     assert noisy.colour is view.colour
+
+
+def test_scenes_take_noise_in_turns():
+    rough, still = {"gaussian": Gaussian(0.01)}, {}
+    noises = {"rough": rough, "still": still, "moved": {"pose": Jitter(0.001)}}
+    assert [in_turns(noises, scene) is rough for scene in range(5)] == [True, False, False] + [
+        True,
+        False,
+    ]
+    assert in_turns(noises, 4) is still
+    assert in_turns({}, 3) == {}
