@@ -32,12 +32,12 @@ def rows(folder):
 
 def test_a_killed_training_goes_on_as_if_never_stopped(tmp_path):
     whole, killed = tmp_path / "whole", tmp_path / "killed"
-    done = run_elsewhere(whole)
+    done = run_elsewhere(whole, 9)
     assert done.returncode == 0, done.stderr.decode()
-    done = run_elsewhere(killed, "kill")
+    done = run_elsewhere(killed, 9, "kill")
     assert done.returncode == -signal.SIGKILL, done.stderr.decode()
     assert state(killed)["scenefw"]["batches_seen"] == 4
-    done = run_elsewhere(killed)
+    done = run_elsewhere(killed, 9)
     assert done.returncode == 0, done.stderr.decode()
     first, second = state(whole), state(killed)
     assert first["global_step"] == second["global_step"] == 9
@@ -53,9 +53,8 @@ def test_a_training_on_rendered_views_in_two_calls_equals_one(tmp_path):
     """Five steps of four per epoch, cut within the first epoch."""
     for folder, calls in (("whole", [5]), ("parts", [3, 5])):
         for steps in calls:
-            tiny_labels.task(
-                tmp_path / folder, steps, tiny_labels.rendered, classes=4, widths=(4, 6)
-            ).run()
+            done = run_elsewhere(tmp_path / folder, steps, "rendered")
+            assert done.returncode == 0, done.stderr.decode()
     first, second = state(tmp_path / "whole"), state(tmp_path / "parts")
     assert first["global_step"] == second["global_step"] == 5
     for name, value in first["state_dict"].items():

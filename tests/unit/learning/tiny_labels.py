@@ -67,7 +67,11 @@ class Doomed(Train):
 
 
 if __name__ == "__main__":
-    training = task(sys.argv[1], steps=9)
-    if "kill" in sys.argv[2:]:
+    folder, steps, what = sys.argv[1], int(sys.argv[2]), sys.argv[3:]
+    if "rendered" in what:
+        training = task(folder, steps, rendered, classes=4, widths=(4, 6))
+    else:
+        training = task(folder, steps)
+    if "kill" in what:
         training.__class__ = Doomed
     training.run()
