@@ -3,23 +3,25 @@
 #
 #   benchmarks/train_at_scale.sh OUTPUT [EXPERIMENT] [override ...]
 #
-# EXPERIMENT is simstack (default), label_views or label_maps. A state in outputs/at_scale/EXPERIMENT
-# is gone on with, else one whose parts lie in $RESUME (default OUTPUT). Settings by environment:
+# EXPERIMENT is simstack (default), label_views or label_maps. A state in outputs/at_scale/NAME is gone
+# on with, else one whose parts lie in $RESUME (default OUTPUT). Settings by environment:
 #
 #   SLICE=00:00:08:30  time of a call      CALLS=1  calls, one after another
 #   STATE_MB=          at most so much for the state, rounded if need be (benchmarks/state_parts.py)
 #   RESUME=OUTPUT      where parts of a state are
+#   NAME=EXPERIMENT    of the training, where one experiment has several with other settings
 #   TRAINER=gpu        or cpu              CHECK=1  0 leaves out the comparison of CUDA and CPU
 #   PYTHON=python3
 #
 #   CALLS=3 benchmarks/train_at_scale.sh OUT/views label_views
 #   CALLS=3 benchmarks/train_at_scale.sh OUT/maps label_maps
-#   CALLS=3 benchmarks/train_at_scale.sh OUT/maps label_maps dataset=tabletop_fused_maps_packed
+#   NAME=fused CALLS=3 benchmarks/train_at_scale.sh OUT/fused label_maps \
+#     dataset=tabletop_fused_maps_packed
 #
 # The last one takes crops of fused maps from outputs/fused_maps.npz, see docs/labelling.md.
 set -euo pipefail
 
-[ $# -ge 1 ] || { sed -n '2,20s/^# \?//p' "$0"; exit 2; }
+[ $# -ge 1 ] || { sed -n '2,22s/^# \?//p' "$0"; exit 2; }
 output=$(mkdir -p "$1" && cd "$1" && pwd)
 experiment=${2:-simstack}
 shift $(($# < 2 ? $# : 2))
@@ -28,7 +30,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 python=${PYTHON:-python3}
 trainer=${TRAINER:-gpu}
 export PYTHONPATH="$PWD/src:$PWD${PYTHONPATH:+:$PYTHONPATH}"
-folder=$PWD/outputs/at_scale/$experiment
+folder=$PWD/outputs/at_scale/${NAME:-$experiment}
 state=$folder/last.ckpt
 mkdir -p "$folder"
 

@@ -3,13 +3,14 @@
 import hashlib
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.height_maps import HeightMap
 from scenefw.core.protocols import FrameSource, HeightMapping, Noise
 from scenefw.core.types import Frame
 from scenefw.data.height_maps import load_map, save_map
-from scenefw.noise.frames import disturb, in_turns
+from scenefw.noise.frames import described, disturb, in_turns
 
 
 class FusedMaps:
@@ -56,6 +57,11 @@ class FusedMaps:
         if not path.exists():
             save_map(path, self._fuse(scene))
         return load_map(path, self.heights.grid).height_map
+
+    def facts(self) -> dict[str, Any]:
+        """Number of views, and the noise of scenes, in turns."""
+        noise = [": ".join([n, *described(each)]) for n, each in self.noise.items()]
+        return {"frames": self.frames, "noise": noise}
 
     def _fuse(self, scene: int) -> HeightMap:
         running = self.heights.begin()

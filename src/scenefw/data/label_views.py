@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import torch
@@ -23,7 +23,7 @@ from scenefw.data.segmentation import image_tensors
 from scenefw.data.tabletop import TabletopScenes
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.kernels.transfer import to_device
-from scenefw.noise.frames import PoseNoise
+from scenefw.noise.frames import PoseNoise, described
 from scenefw.renderers.mesh_raycaster import image
 from scenefw.renderers.tables import Pictures, camera_lenses
 
@@ -51,6 +51,7 @@ class LabelledViews:
 class ViewImages(Protocol):
     """Numbered views: view number index % views of scene index // views."""
 
+    source: FrameSource
     classes: Sequence[str]
 
     def __len__(self) -> int:
@@ -73,7 +74,7 @@ class ViewSamples:
     Args:
         images: stored or rendered views.
         noise: disturbs depth anew in every epoch, applied in the order of the names; noise of
-            poses, the heights that are made of it.
+            poses disturbs the heights that are made of it, and is left out if there are none.
         jitter: changes the light; None leaves it.
         seed: of noise and light.
         geometry: the network sees depth (as in the thesis), or height above the table.
@@ -90,7 +91,12 @@ class ViewSamples:
         geometry: str = DEPTH,
     ) -> None:
         self.images, self.jitter, self.seed, self.geometry = images, jitter, seed, geometry
-        self.noise = dict(sorted((noise or {}).items()))
+        moving = geometry != DEPTH  # depth is what it is, wherever the camera is believed to be
+        self.noise = {
+            name: one
+            for name, one in sorted((noise or {}).items())
+            if moving or not isinstance(one, PoseNoise)
+        }
         self._depth_noise = [n for n in self.noise.values() if not isinstance(n, PoseNoise)]
         self._pose_noise = [n for n in self.noise.values() if isinstance(n, PoseNoise)]
         self.classes = tuple(images.classes)
@@ -98,6 +104,10 @@ class ViewSamples:
     def __len__(self) -> int:
         """Views of all scenes."""
         return len(self.images)
+
+    def facts(self) -> dict[str, Any]:
+        """What is seen, and how it is disturbed."""
+        return {"scenes": len(self.images.source), "noise": described(self.noise)}
 
     def prepare(self, device: torch.device) -> None:
         """Does once what all batches need."""

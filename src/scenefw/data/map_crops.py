@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import torch
@@ -56,6 +56,9 @@ class MapImages(Protocol):
     def __len__(self) -> int:
         """Number of maps."""
 
+    def facts(self) -> dict[str, Any]:
+        """How they were made, as plain data; nothing for true maps."""
+
     def load(self, device: torch.device) -> LabelledMaps:
         """All maps, on a device."""
 
@@ -66,13 +69,16 @@ class MapCrops:
     Args:
         maps: true or fused maps.
         crops: of each scene and epoch.
-        size: width and height of a crop (vertices).
+        size: width and height of a crop (vertices), cut to the maps' where it is larger.
         jitter: changes the light; None leaves it.
         height_noise: standard deviation of noise on heights (m), as fused maps are not smooth.
         unseen: share of crops of which a random line cuts off a part as unseen, as maps have that
             are not finished.
         seed: of places, flips, noise and light.
         flips: mirror crops at random, for classes that don't tell left from right.
+
+    Raises:
+        ConfigError: no crop, noise below 0, or a share that is none.
     """
 
     kind = "maps"
@@ -90,6 +96,12 @@ class MapCrops:
         *,
         flips: bool = True,
     ) -> None:
+        if crops < 1 or min(size) < 1 or height_noise < 0 or not 0 <= unseen <= 1:
+            raise ConfigError(
+                f"crops of maps have crops = {crops}, size = {list(size)}, height_noise = "
+                f"{height_noise}, unseen = {unseen}; expected numbers from 1 on, metres from 0 on "
+                "and a share from 0 to 1"
+            )
         self.maps, self.crops, self.jitter = maps, crops, jitter
         self.size = (int(size[0]), int(size[1]))
         self.height_noise, self.unseen, self.seed, self.flips = height_noise, unseen, seed, flips
@@ -99,6 +111,11 @@ class MapCrops:
     def __len__(self) -> int:
         """Crops of all scenes."""
         return len(self.maps) * self.crops
+
+    def facts(self) -> dict[str, Any]:
+        """What maps they are cut from, and how they are disturbed."""
+        own = {"scenes": len(self.maps), "height_noise": self.height_noise, "unseen": self.unseen}
+        return {**own, **self.maps.facts()}
 
     def prepare(self, device: torch.device) -> None:
         """Brings all maps to the device."""
@@ -184,6 +201,16 @@ def _beyond(lines: Tensor, labels: Tensor) -> Tensor:
     return (y - row) * sine + (x - column) * cosine > 0
 
 
+class Fused(Protocol):
+    """Makes the fused map of a scene."""
+
+    def __call__(self, scene: int) -> HeightMap:
+        """The map of a scene by its number."""
+
+    def facts(self) -> dict[str, Any]:
+        """How maps are fused, as plain data."""
+
+
 class StoredMaps:
     """Maps of a source, made on the host.
 
@@ -192,15 +219,17 @@ class StoredMaps:
         fused: gives the fused map of a scene by its number; None takes the true maps.
     """
 
-    def __init__(
-        self, source: FrameSource, fused: Callable[[int], HeightMap] | None = None
-    ) -> None:
+    def __init__(self, source: FrameSource, fused: Fused | None = None) -> None:
         self.source, self.fused = source, fused
         self.classes = tuple(source.classes)
 
     def __len__(self) -> int:
         """Number of scenes."""
         return len(self.source)
+
+    def facts(self) -> dict[str, Any]:
+        """How they were fused."""
+        return {} if self.fused is None else self.fused.facts()
 
     def load(self, device: torch.device) -> LabelledMaps:
         """All maps, on a device."""
@@ -241,6 +270,10 @@ class RenderedMaps:
     def __len__(self) -> int:
         """Number of scenes."""
         return len(self.source)
+
+    def facts(self) -> dict[str, Any]:
+        """Nothing: they are true."""
+        return {}
 
     def load(self, device: torch.device) -> LabelledMaps:
         """All maps, on a device."""

@@ -30,7 +30,7 @@ QUALITY = 90
 """Of colours, 0 to 100."""
 
 _LOWEST = -0.5  # m
-_FORMAT = 1
+_FORMAT = 2
 _HELD = 1000  # bytes of an archive's entry beside its content, at most
 
 Map = tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.int8]]
@@ -46,7 +46,7 @@ class PackedMaps:
 
     Raises:
         StorageError: the file is missing, damaged or of another version.
-        ConfigError: no such split.
+        ConfigError: no such split, or a limit below 1.
     """
 
     def __init__(
@@ -61,11 +61,18 @@ class PackedMaps:
         if split not in facts["maps"]:
             known = ", ".join(facts["maps"])
             raise ConfigError(f"{path} has no maps of the split '{split}'; there are {known}")
-        self._count = min(facts["maps"][split], limit or facts["maps"][split])
+        if limit is not None and limit < 1:
+            raise ConfigError(f"limit = {limit}: expected 1 map or more, or null for all")
+        held = facts["maps"][split]
+        self._count, self._made = held if limit is None else min(held, limit), facts["made"]
 
     def __len__(self) -> int:
         """Number of maps."""
         return self._count
+
+    def facts(self) -> dict[str, Any]:
+        """How they were made, as the file says."""
+        return dict(self._made)
 
     def load(self, device: torch.device) -> LabelledMaps:
         """All maps, on a device.
@@ -107,6 +114,7 @@ def save_maps(
     maps: Iterable[tuple[str, bytes]],
     classes: Sequence[str],
     megabytes: float | None = None,
+    made: dict[str, Any] | None = None,
 ) -> dict[str, int]:
     """Writes packed maps until the file would grow beyond a size; how many of each split it holds.
 
@@ -115,6 +123,7 @@ def save_maps(
         maps: splits and packed maps.
         classes: names by class id.
         megabytes: most that the file may have; None = any.
+        made: says of the training maps how they were made, as plain data.
 
     Raises:
         StorageError: the file can't be written, or no map fits.
@@ -130,7 +139,7 @@ def save_maps(
             held[split] = held.get(split, 0) + 1
         if not held:
             raise StorageError(f"no map fits into {megabytes} MB; allow more")
-        facts = {"format": _FORMAT, "classes": list(classes), "maps": held}
+        facts = {"format": _FORMAT, "classes": list(classes), "maps": held, "made": made or {}}
         _write(archive, "facts", np.frombuffer(json.dumps(facts).encode(), np.uint8))
     return held
 

@@ -24,6 +24,9 @@ class Samples(Protocol):
     def __len__(self) -> int:
         """Number of samples per epoch."""
 
+    def facts(self) -> dict[str, Any]:
+        """What they are of, and how they are disturbed, as plain data."""
+
     def prepare(self, device: torch.device) -> None:
         """Brings to the device what stays there, so that a training's clock counts training."""
 
@@ -78,7 +81,7 @@ class SegmentationData(lightning.LightningDataModule):
             "images": len(self.train),
             "validation_images": len(self.validation),
             "batch_size": self.batch_size,
-            **({"noise": sorted(self.train.noise)} if hasattr(self.train, "noise") else {}),
+            **self.train.facts(),
         }
 
     def train_dataloader(self) -> EpochBatches:

@@ -9,6 +9,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from scenefw.core.errors import ConfigError
 from scenefw.core.protocols import MappingMethod, Noise, Renderer
 from scenefw.core.rng import Streams
 from scenefw.core.types import (
@@ -23,6 +24,7 @@ from scenefw.core.types import (
 from scenefw.data.augmentation import RigidAugmentation
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.kernels.transfer import to_device
+from scenefw.noise.frames import PoseNoise
 from scenefw.representations.volumes import scene_volumes
 
 
@@ -66,6 +68,9 @@ class ViewMaker:
         noise: disturbs the depth images, applied in the order of the names.
         augmentation: moves whole scenes first; None leaves them where they are.
         image_size: width and height (pixels) to which cameras are resized; None keeps theirs.
+
+    Raises:
+        ConfigError: noise of poses, which one view alone doesn't show.
     """
 
     def __init__(
@@ -83,6 +88,12 @@ class ViewMaker:
         self.renderer = renderer
         self.mapping = mapping
         self.noise = dict(noise or {})
+        moving = [name for name, one in self.noise.items() if isinstance(one, PoseNoise)]
+        if moving:
+            raise ConfigError(
+                f"views of stacks are made one by one at poses that are known; leave out the noise "
+                f"{', '.join(moving)}"
+            )
         self.augmentation = augmentation
         self.image_size = tuple(image_size) if image_size else None
 

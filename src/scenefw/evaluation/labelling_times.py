@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import resource
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ import torch
 
 from scenefw.core.errors import ConfigError
 from scenefw.evaluation.shared_parts import LOADING, MAP_NETWORK, STAGES, VIEW_NETWORK
+from scenefw.learning.costs import peak_memory
 
 if TYPE_CHECKING:
     from scenefw.evaluation.labelling_bench import Bench
@@ -62,14 +62,18 @@ class LabellingTimes:
         bench: runs the strategies.
         frames: of each sequence.
         scenes: how many; None = all.
+        device: that of the networks.
     """
 
-    def __init__(self, bench: Bench, frames: int, scenes: int | None = None) -> None:
+    def __init__(
+        self, bench: Bench, frames: int, scenes: int | None = None, device: str = "cpu"
+    ) -> None:
         if frames < 1:
             raise ConfigError(f"frames = {frames}; expected 1 or more")
         self.bench = bench
         self.frames = frames
         self.scenes = scenes
+        self.device = torch.device(device)
 
     def run(self, track: Tracker = lambda scenes, _: scenes) -> TimesResult:
         """Means over scenes; `track` wraps the loop in a progress bar."""
@@ -87,26 +91,23 @@ class LabellingTimes:
         return TimesResult(
             {n: _milliseconds(each, calls[n], frames) for n, each in seconds.items()},
             {name: 1000 * total / frames for name, total in processing.items()},
-            peak_memory(),
+            _memory(self.device),
             number,
             self.frames,
-            device_name(),
+            _name(self.device),
         )
 
 
-def peak_memory() -> dict[str, float]:
+def _memory(device: torch.device) -> dict[str, float]:
     """Most memory (MB) that the process has held so far, and that torch has held on the GPU."""
-    kilobytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    found = {"process": 1024 * kilobytes / _MEGABYTE}
-    if torch.cuda.is_available():
-        found["GPU"] = torch.cuda.max_memory_allocated() / _MEGABYTE
-    return found
+    used = {"process": torch.device("cpu"), **({"GPU": device} if device.type == "cuda" else {})}
+    return {name: peak_memory(where) / _MEGABYTE for name, where in used.items()}
 
 
-def device_name() -> str:
+def _name(device: torch.device) -> str:
     """The GPU's name, or the number of the CPU's threads."""
-    if torch.cuda.is_available():
-        return str(torch.cuda.get_device_name())
+    if device.type == "cuda":
+        return str(torch.cuda.get_device_name(device))
     return f"CPU, {torch.get_num_threads()} threads"
 
 

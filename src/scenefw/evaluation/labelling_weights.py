@@ -68,6 +68,10 @@ class HybridWeights:
         vertices: drawn of each class, scene and number of frames.
         seed: of the draw.
         noise: noises that scenes are seen under in turns, as `in_turns`; None: that of the bench.
+
+    Raises:
+        ConfigError: a strategy is missing, both kinds of noise are given, or there are fewer scenes
+            than noises.
     """
 
     def __init__(
@@ -93,6 +97,15 @@ class HybridWeights:
         self.vertices = vertices
         self.seed = seed
         self.noise = noise or None
+        if noise and bench.noise:
+            raise ConfigError(
+                "scenes get noise either alike or in turns; with noise=... give noise_in_turns=none"
+            )
+        if noise and len(bench.scenes) < len(noise):
+            raise ConfigError(
+                f"{len(bench.scenes)} scenes can't take {len(noise)} noises in turns; give "
+                f"size.validation_tables={len(noise)} or more, or noise_in_turns=none"
+            )
 
     def run(self, track: Tracker = lambda scenes, _: scenes) -> WeightsResult:
         """The weights; `track` wraps the loop in a progress bar."""

@@ -58,6 +58,9 @@ class TrainingModule(lightning.LightningModule, ABC):
         self.average = AveragedWeights(model, average) if average else None
         self.started_from: Mapping[str, Any] | None = None  # metadata of the initial weights
         self.batches_seen, self.seconds, self.batches_per_epoch = 0, 0.0, 0
+        self.samples_seen = 0
+        self.describe: Callable[[], Mapping[str, Any]] = dict
+        """Says how and on what it trains, for the state and for those who go on from it."""
         self.times, self._side = StepTimes(), SideStream()
         self._began, self._agreed = time.monotonic(), 0.0
         self._since, self._warm = (0, 0.0), 0
@@ -69,6 +72,13 @@ class TrainingModule(lightning.LightningModule, ABC):
     @abstractmethod
     def facts(self) -> Mapping[str, Any]:
         """How it trains, as plain data for the checkpoint's metadata."""
+
+    def check(self, data: Any) -> None:
+        """Finds out before the work whether network, losses and data go together.
+
+        Raises:
+            ConfigError: they don't.
+        """
 
     @property
     def grid(self) -> GridSpec | None:
@@ -131,6 +141,7 @@ class TrainingModule(lightning.LightningModule, ABC):
     def count_batch(self) -> None:
         """Notes that one more batch went through the network."""
         self.batches_seen += 1
+        self.samples_seen += self.trainer.datamodule.batch_size * self.trainer.world_size
         self._count_time()
 
     def optimizer_step(self, *arguments: Any, **options: Any) -> None:
@@ -201,6 +212,8 @@ class TrainingModule(lightning.LightningModule, ABC):
         checkpoint["scenefw"] = {
             "recipe": self.model.recipe,
             "batches_seen": self.batches_seen,
+            "samples_seen": self.samples_seen,
+            "facts": dict(self.describe()),
             "seconds": self.seconds,
             "batches_per_epoch": self.batches_per_epoch,
             "average": self.average.state_dict() if self.average is not None else None,
@@ -212,6 +225,7 @@ class TrainingModule(lightning.LightningModule, ABC):
         state = checkpoint["scenefw"]
         self.batches_seen, self.seconds = state["batches_seen"], state["seconds"]
         self.batches_per_epoch = state["batches_per_epoch"]
+        self.samples_seen = state["samples_seen"]
         self.started_from = state.get("started_from", self.started_from)
         if self.average is not None and state["average"] is not None:
             self.average.load_state_dict(state["average"])

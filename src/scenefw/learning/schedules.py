@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from scenefw.core.errors import ConfigError
 
@@ -15,6 +15,24 @@ class Progress:
     epoch: int
     seconds: float
     share: float = 0.0
+
+
+Number = TypeVar("Number", int, float)
+
+
+def limit(amount: Number | None, name: str) -> Number | None:
+    """An amount that ends a training; None or below 0 means no limit.
+
+    Args:
+        amount: steps, epochs or minutes.
+        name: the setting that holds it.
+
+    Raises:
+        ConfigError: it is 0.
+    """
+    if amount == 0:
+        raise ConfigError(f"{name} is 0; expected more, or -1 for no limit")
+    return None if amount is None or amount < 0 else amount
 
 
 class Schedule(Protocol):
@@ -36,6 +54,11 @@ class StepDecay:
     """
 
     def __init__(self, decay: float = 0.99, every: int = 5) -> None:
+        if not 0 < decay <= 1 or every < 1:
+            raise ConfigError(
+                f"a schedule of steps has decay = {decay}, every = {every}; expected a factor up "
+                "to 1 and epochs"
+            )
         self.decay, self.every = decay, every
 
     def factor(self, progress: Progress) -> float:
@@ -76,9 +99,9 @@ class CosineDecay:
     """Warm-up, then half a cosine down to `lowest` over a budget of steps, epochs or time.
 
     Args:
-        steps: the budget in steps; None means no limit.
-        minutes: the budget in minutes of training; None means no limit. With several budgets, what
-            is nearer its end counts.
+        steps: the budget in steps; None or -1 means no limit.
+        minutes: the budget in minutes of training; None or -1 means no limit. With several budgets,
+            what is nearer its end counts.
         warmup: steps over which the rate rises from 0.
         lowest: factor at the end.
         epochs: the budget in passes over the training data; None or -1 means no limit.
@@ -92,13 +115,14 @@ class CosineDecay:
         lowest: float = 0.01,
         epochs: int | None = None,
     ) -> None:
-        steps, epochs = (n if n is not None and n > 0 else None for n in (steps, epochs))
-        if not steps and not minutes and not epochs:
+        self.steps = limit(steps, "learning.schedule.steps")
+        self.epochs = limit(epochs, "learning.schedule.epochs")
+        self.minutes = limit(minutes, "learning.schedule.minutes")
+        if not self.steps and not self.minutes and not self.epochs:
             raise ConfigError(
                 "a cosine schedule needs a budget: learning.schedule.steps or .minutes or .epochs "
                 "(size.minutes, size.epochs)"
             )
-        self.steps, self.minutes, self.epochs = steps, minutes, epochs
         self.warmup, self.lowest = warmup, lowest
 
     def factor(self, progress: Progress) -> float:

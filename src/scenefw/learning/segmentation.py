@@ -12,6 +12,7 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.rng import torch_seed
 from scenefw.core.types import SegmentationBatch
 from scenefw.data.modules import IndexBatch
+from scenefw.data.segmentation import SegmentationData
 from scenefw.learning.checkpoint import SEGMENTATION
 from scenefw.learning.initial import start_from
 from scenefw.learning.module import TrainingModule
@@ -76,19 +77,21 @@ class SegmentationLearning(TrainingModule):
             "seed": self.seed,
         }
 
-    def on_fit_start(self) -> None:
-        """Checks that network and data go together, before the work.
+    def check(self, data: SegmentationData) -> None:
+        """Finds out before the work whether network, losses and data go together.
 
         Raises:
             ConfigError: they have another number of classes.
         """
-        super().on_fit_start()
-        classes = self.trainer.datamodule.classes
+        classes = data.classes
         if len(classes) != self.model.classes:
             raise ConfigError(
                 f"the network has {self.model.classes} classes and the data {len(classes)} "
                 f"({', '.join(classes)}); give model.classes={len(classes)}"
             )
+        for loss in self.losses.values():
+            if hasattr(loss, "check"):
+                loss.check(len(classes))
 
     def training_step(self, batch: IndexBatch, batch_idx: int) -> Tensor:
         """The weighted sum of the losses of the next batch, found by the number of batches seen."""

@@ -21,6 +21,7 @@ from scenefw.learning.module import TrainingModule
 from scenefw.learning.provenance import origin
 from scenefw.learning.schedules import Schedule
 from scenefw.learning.scores import sample_scores, scores
+from scenefw.noise.frames import described
 
 # Random streams, beside that of the order of scenes
 _VIEWS, _VALIDATION, _CODES, _SAMPLES = 2, 3, 4, 5
@@ -94,9 +95,28 @@ class ShapeInstanceLearning(TrainingModule):
         return {
             "learning_rate": self.learning_rate,
             "losses": {name: loss.weight for name, loss in self.losses.items()},
-            "noise": sorted(self.views.noise),
+            "noise": described(self.views.noise),
             "seed": self.seed,
         }
+
+    def check(self, data: Any) -> None:
+        """Finds out before the work whether network, losses and data go together.
+
+        Raises:
+            ConfigError: a loss compares two codes per view and none has two, or it doesn't fit the
+                volume.
+        """
+        comparing = [name for name, loss in self.losses.items() if _of_draws(loss)]
+        redraws = getattr(self.model, "redraws", None)
+        if comparing and not (redraws and redraws(data.batch_size)):
+            raise ConfigError(
+                f"the loss {' and '.join(comparing)} needs two codes per view, and none of a batch "
+                f"of {data.batch_size} has them; raise model.prior_share or the batch, or leave "
+                "the loss out"
+            )
+        for loss in self.losses.values():
+            if hasattr(loss, "check"):
+                loss.check(self.grid.resolution)
 
     def training_step(self, batch: IndexBatch, batch_idx: int) -> Tensor:
         """The weighted sum of the losses of the next batch.

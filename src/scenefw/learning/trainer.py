@@ -12,6 +12,7 @@ from lightning.fabric.utilities.exceptions import MisconfigurationException
 
 from scenefw.core.errors import ConfigError
 from scenefw.learning.limits import Budget, Limits, seconds_of
+from scenefw.learning.schedules import limit
 
 _QUIET = (
     "num_workers",
@@ -33,15 +34,17 @@ class TrainerSettings:
         precision: Lightning's name: 32-true, bf16-mixed or 16-mixed.
         max_epochs: end after this many passes over the training data; None or -1 means never.
         max_steps: end after this many steps; None or -1 means never.
-        max_minutes: end after this time of training, all calls together; None means never.
+        max_minutes: end after this time of training, all calls together; None or -1 means never.
         max_time: stop this call, state saved, before it has taken this time, DD:HH:MM:SS; the next
             call goes on. None means never.
         validate_every: steps between validations; None means once per epoch; 0 means never.
         gradient_clip: largest norm of the gradient; None means no limit.
-        accumulate: batches per optimiser step.
         nodes: machines.
         tf32: on CUDA, let float32 products round their factors to 10 bits, many times faster.
         benchmark: on CUDA, time the ways to do each convolution once, and take the fastest.
+
+    Raises:
+        ConfigError: a limit of 0, or a time that is none.
     """
 
     def __init__(
@@ -55,13 +58,16 @@ class TrainerSettings:
         max_time: str | None = None,
         validate_every: int | None = None,
         gradient_clip: float | None = 1.0,
-        accumulate: int = 1,
         nodes: int = 1,
         *,
         tf32: bool = True,
         benchmark: bool = True,
     ) -> None:
-        self.budget = Budget(_limit(max_steps), _limit(max_epochs), max_minutes)
+        self.budget = Budget(
+            limit(max_steps, "trainer.max_steps"),
+            limit(max_epochs, "trainer.max_epochs"),
+            limit(max_minutes, "trainer.max_minutes"),
+        )
         self.call = seconds_of(max_time)
         self.validate_every, self.tf32, self.benchmark = validate_every, tf32, benchmark
         accelerator, _, number = accelerator.partition(":")
@@ -72,7 +78,6 @@ class TrainerSettings:
             "devices": 1 if accelerator == "cpu" and devices == "auto" else devices,
             "precision": precision,
             "gradient_clip_val": gradient_clip,
-            "accumulate_grad_batches": accumulate,
             "num_nodes": nodes,
         }
 
@@ -147,7 +152,3 @@ class TrainerSettings:
             torch.backends.cudnn.allow_tf32 = self.tf32
             torch.backends.cudnn.benchmark = self.benchmark
         return trainer
-
-
-def _limit(count: int | None) -> int | None:
-    return None if count is None or count < 0 else count

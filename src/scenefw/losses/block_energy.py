@@ -33,11 +33,23 @@ class BlockEnergy:
             raise ConfigError(f"loss.block_energy.block is {block}, expected 1 voxel or more")
         self.weight, self.block = weight, block
 
+    def check(self, resolution: int) -> None:
+        """Whether it can be taken of a volume of this many voxels per side.
+
+        Raises:
+            ConfigError: blocks don't fill it.
+        """
+        if resolution % self.block:
+            raise ConfigError(
+                f"loss.block_energy.block is {self.block}, the volume has {resolution} voxels per "
+                "side; give a block that divides it"
+            )
+
     def __call__(self, prediction: ShapeInstancePrediction, batch: ShapeInstanceBatch) -> Tensor:
         """A scalar of at least 0, the mean over blocks of the views with two codes.
 
         Raises:
-            ConfigError: no view was predicted with two codes, or a block exceeds the volume.
+            ConfigError: no view was predicted with two codes, or blocks don't fill the volume.
         """
         redrawn = prediction.redrawn
         if redrawn is None:
@@ -45,11 +57,7 @@ class BlockEnergy:
                 "the loss block_energy needs two codes per view; give model.prior_share of more "
                 "than 0 and a batch large enough for it, or leave the loss out"
             )
-        if self.block > batch.tsdf.shape[-1]:
-            raise ConfigError(
-                f"loss.block_energy.block is {self.block}, the volume has {batch.tsdf.shape[-1]} "
-                "voxels per side; give a smaller block"
-            )
+        self.check(batch.tsdf.shape[-1])
         truth = batch.tsdf[redrawn.rows].float()
         first = prediction.tsdf[redrawn.rows].float().clamp(-1, 1)
         second = redrawn.tsdf.float().clamp(-1, 1)

@@ -36,6 +36,18 @@ class CrossEntropy:
         self.class_weights = list(class_weights) if class_weights else None
         self.smoothing = smoothing
 
+    def check(self, classes: int) -> None:
+        """Whether it can be taken of this number of classes.
+
+        Raises:
+            ConfigError: there is another number of class weights.
+        """
+        if self.class_weights is not None and len(self.class_weights) != classes:
+            raise ConfigError(
+                f"loss.cross_entropy.class_weights has {len(self.class_weights)} numbers, but "
+                f"there are {classes} classes; give one for each"
+            )
+
     def __call__(self, prediction: Tensor, batch: SegmentationBatch) -> Tensor:
         """A scalar of logits (B, C, H, W): the weighted mean; 0 if no pixel counts.
 
@@ -43,14 +55,8 @@ class CrossEntropy:
             ConfigError: there are not as many class weights as classes.
         """
         logits, labels = prediction.float(), batch.labels
-        weights = logits.new_ones(logits.shape[1])
-        if self.class_weights is not None:
-            if len(self.class_weights) != logits.shape[1]:
-                raise ConfigError(
-                    f"loss.cross_entropy.class_weights has {len(self.class_weights)} numbers, but "
-                    f"there are {logits.shape[1]} classes; give one for each"
-                )
-            weights = logits.new_tensor(self.class_weights)
+        self.check(logits.shape[1])
+        weights = logits.new_tensor(self.class_weights or [1.0] * logits.shape[1])
         total = functional.cross_entropy(
             logits,
             labels,

@@ -14,9 +14,14 @@ class PartialTsdfLoss:
         weight: factor of this term in the total.
         floor: smallest |v| in the weight, in truncations.
         one_sided: don't punish distances beyond the truncation where the truth is cut there.
+
+    Raises:
+        ConfigError: the floor is not positive.
     """
 
     def __init__(self, weight: float = 1.0, floor: float = 0.1, *, one_sided: bool = True) -> None:
+        if floor <= 0:
+            raise ConfigError(f"loss.partial_tsdf.floor is {floor}, expected a positive number")
         self.weight, self.floor, self.one_sided = weight, floor, one_sided
 
     def __call__(self, prediction: ShapeInstancePrediction, batch: ShapeInstanceBatch) -> Tensor:

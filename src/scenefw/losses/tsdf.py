@@ -3,6 +3,7 @@
 import torch
 from torch import Tensor
 
+from scenefw.core.errors import ConfigError
 from scenefw.core.types import ShapeInstanceBatch, ShapeInstancePrediction
 
 
@@ -35,9 +36,14 @@ class TsdfLoss:
         floor: smallest |v| in the weight, in truncations: 0.1 of 5 voxels is half a voxel, so no
             voxel counts more than 10 times one in free space.
         one_sided: don't punish distances beyond the truncation where the truth is cut there.
+
+    Raises:
+        ConfigError: the floor is not positive.
     """
 
     def __init__(self, weight: float = 1.0, floor: float = 0.1, *, one_sided: bool = True) -> None:
+        if floor <= 0:
+            raise ConfigError(f"loss.tsdf.floor is {floor}, expected a positive number")
         self.weight, self.floor, self.one_sided = weight, floor, one_sided
 
     def __call__(self, prediction: ShapeInstancePrediction, batch: ShapeInstanceBatch) -> Tensor:

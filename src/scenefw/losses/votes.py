@@ -2,6 +2,7 @@
 
 from torch import Tensor
 
+from scenefw.core.errors import ConfigError
 from scenefw.core.types import ShapeInstanceBatch, ShapeInstancePrediction
 
 
@@ -16,11 +17,19 @@ class VoteLoss:
         epsilon: added under the root (squared), so that the gradient of a perfect vote is finite.
         object_share: share of the loss that voxels of objects have together, free voxels the rest;
             None: every voxel counts the same, as in the thesis.
+
+    Raises:
+        ConfigError: epsilon is not positive, or the share is none.
     """
 
     def __init__(
         self, weight: float = 1.0, epsilon: float = 1e-3, object_share: float | None = None
     ) -> None:
+        if epsilon <= 0 or not (object_share is None or 0 <= object_share <= 1):
+            raise ConfigError(
+                f"loss.votes has epsilon = {epsilon}, object_share = {object_share}; expected a "
+                "positive number, and a share from 0 to 1 or null"
+            )
         self.weight, self.epsilon, self.object_share = weight, epsilon, object_share
 
     def __call__(self, prediction: ShapeInstancePrediction, batch: ShapeInstanceBatch) -> Tensor:

@@ -141,6 +141,11 @@ class ShapeInstanceVAE(nn.Module):
         tsdf, votes = self.decoder(torch.cat([latent, view], dim=1), maps[::-1])
         return ShapeInstancePrediction(tsdf.clamp(-1, 1), votes, latent=latent)
 
+    def redraws(self, count: int) -> int:
+        """How many rows of a training batch get two codes from the prior."""
+        _, drawn = self._replaced(count, draw=True)
+        return drawn.stop - drawn.start
+
     def _replaced(self, count: int, *, draw: bool) -> tuple[int, slice]:
         """How many of a batch's first rows take the zero code, and which of the next drawn ones."""
         end = round((self.zero_share + self.prior_share) * count)

@@ -60,3 +60,11 @@ def in_turns(noises: Mapping[str, Mapping[str, Noise]], scene: int) -> Mapping[s
         scene: takes the setting number scene modulo their number.
     """
     return list(noises.values())[scene % len(noises)] if noises else {}
+
+
+def described(noises: Mapping[str, Noise]) -> list[str]:
+    """Each noise with its amounts in words, e.g. `gaussian sigma=0.002 lowest=0.002 share=1`."""
+    return [
+        " ".join([name, *(f"{n}={v:.4g}" for n, v in vars(noise).items())])
+        for name, noise in sorted(noises.items())
+    ]

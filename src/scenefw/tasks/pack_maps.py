@@ -42,8 +42,8 @@ class PackMaps:
 
     def run(self) -> dict[str, float]:
         """Fuses and packs; returns the number of maps of each split and the size (MB)."""
-        classes = self.splits["train"].classes
-        held = save_maps(self.path, self._made(), classes, self.megabytes)
+        train = self.splits["train"]
+        held = save_maps(self.path, self._made(), train.classes, self.megabytes, train.facts())
         wanted = {split: len(maps) for split, maps in self.splits.items()}
         size = self.path.stat().st_size / 1e6
         for split, count in wanted.items():

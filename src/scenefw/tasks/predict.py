@@ -145,7 +145,8 @@ def _folders(images: Sequence[Path], root: Path) -> list[Path]:
     """A folder for each image, relative to the output: its path below the input, without suffix."""
     base = root if root.is_dir() else root.parent
     names = [image.relative_to(base).with_suffix("") for image in images]
-    shared = Counter(names)
+    # A folder is replaced as a whole: none may lie in that of another image
+    shared = Counter([*names, *{parent for name in names for parent in name.parents}])
     return [
         name.with_name(image.name.replace(".", "_")) if shared[name] > 1 else name
         for name, image in zip(names, images, strict=True)

@@ -79,11 +79,15 @@ class Train:
         A training that is finished says so, and its weights are put into place again.
 
         Raises:
-            CheckpointError: the folder holds a training with other settings.
+            CheckpointError: the folder holds a training of another network, with other data, losses
+                or seeds.
+            ConfigError: network, losses and data don't go together.
             StorageError: a folder can't be written.
             TrainingError: the training diverged, its last snapshot is kept; or a process of several
                 failed.
         """
+        self.learning.describe = self._facts
+        self.learning.check(self.data)
         require_writable(self.output)
         require_writable(self.folder)
         found = self._found()
@@ -107,7 +111,7 @@ class Train:
         """The state to go on from, if there is one."""
         if self.fresh or not self._state.exists():
             return None
-        return read_state(self._state, self.learning.model.recipe)
+        return read_state(self._state, self.learning.model.recipe, self._settings())
 
     def _fit(self) -> Any:
         """The work of one process."""
@@ -124,7 +128,7 @@ class Train:
         self.learning.load_state_dict(state["state_dict"])
         self.learning.on_load_checkpoint(state)
         if not (self.folder / self.weights).exists():
-            self._export()
+            self._export(state["scenefw"]["facts"])
         self._collect()
         return self._figures()
 
@@ -135,21 +139,24 @@ class Train:
         table = LossTable(self.folder / _TABLE, self.log_every)
         return [Divergence(), limits, bar, table, snapshots]
 
-    def _export(self) -> None:
+    def _export(self, facts: Mapping[str, Any] | None = None) -> None:
         """Writes the averaged weights into the folder of the training."""
         learning, model = self.learning, self.learning.model
-        facts = self._facts()
         with learning.averaged():
             save_checkpoint(
                 self.folder / self.weights,
                 model,
                 model.recipe,
                 learning.grid,
-                facts,
+                dict(self._facts() if facts is None else facts),
                 half=self.half,
                 omit=getattr(model, "training_only", ()) if self.lean else (),
                 task=learning.task,
             )
+
+    def _settings(self) -> dict[str, Any]:
+        """What a training learns from and how: with others it is another training."""
+        return {**self.data.facts(), **self.learning.facts()}
 
     def _facts(self) -> dict[str, Any]:
         """What a file of weights says of its training, as plain data."""
@@ -158,20 +165,16 @@ class Train:
         commit = record.get("versions", {}).get("commit")
         return {
             "steps": learning.batches_seen,
-            "samples": learning.batches_seen * self.data.batch_size * self._processes(),
+            "samples": learning.samples_seen,
             "seconds": round(learning.seconds, 1),
             "epochs": round(learning.batches_seen / max(learning.batches_per_epoch, 1), 2),
             "device": learning.device.type,
             "precision": self.trainer.precision,
-            **self.data.facts(),
-            **learning.facts(),
+            **self._settings(),
             **words,
             **({"commit": commit} if commit else {}),
             **({"started_from": learning.started_from} if learning.started_from else {}),
         }
-
-    def _processes(self) -> int:
-        return self.trainer.processes * self.trainer.nodes
 
     def _collect(self) -> None:
         for name in (self.weights, _TABLE):
@@ -188,24 +191,41 @@ class Train:
         }
 
 
-def read_state(path: Path, recipe: Mapping[str, Any]) -> dict[str, Any]:
+def read_state(
+    path: Path, recipe: Mapping[str, Any], settings: Mapping[str, Any]
+) -> dict[str, Any]:
     """The state of a training that can be gone on with; found out before the work.
 
+    Args:
+        path: of the state.
+        recipe: of the network.
+        settings: what it learns from and how; validation may change.
+
     Raises:
-        CheckpointError: it is damaged, or of another network.
+        CheckpointError: it is damaged, of another network, or of a training with other settings.
     """
     try:
         state = torch.load(path, map_location="cpu", weights_only=False, mmap=True)
-        found = state["scenefw"]["recipe"]
+        found, facts = state["scenefw"]["recipe"], state["scenefw"]["facts"]
     except Exception as error:  # torch raises many kinds for damaged archives
         raise CheckpointError(
             f"the state {path} is damaged ({type(error).__name__}); start anew with "
-            "run.fresh=true, or give another run.folder"
+            "run.fresh=true, or give another paths.training"
         ) from error
     different = [k for k in recipe if recipe[k] != found.get(k)]
     if different:
         raise CheckpointError(
             f"the training in {path} had another network ({', '.join(different)}); start anew "
-            "with run.fresh=true, or give another run.folder"
+            "with run.fresh=true, or give another paths.training"
+        )
+    changed = [
+        f"{name} {facts.get(name)} instead of {value}"
+        for name, value in settings.items()
+        if not name.startswith("validation_") and facts.get(name) != value
+    ]
+    if changed:
+        raise CheckpointError(
+            f"the training in {path} has other settings ({', '.join(changed)}); start anew with "
+            "run.fresh=true, or keep this one in a folder of its own, paths.training=FOLDER"
         )
     return state

@@ -42,7 +42,20 @@ def write(path, megabytes=None):
     maps = StoredMaps(source)
     contents = [packed(*maps.arrays(scene)) for scene in range(3)]
     splits = ("validation", "train", "train")
-    return save_maps(path, zip(splits, contents, strict=True), maps.classes, megabytes), contents
+    held = save_maps(
+        path, zip(splits, contents, strict=True), maps.classes, megabytes, {"frames": 7}
+    )
+    return held, contents
+
+
+class LastTwo(StoredMaps):
+    """The maps of the training split of `write`, from their source."""
+
+    def __init__(self):
+        super().__init__(Rectangles(2))
+
+    def arrays(self, scene):
+        return StoredMaps(Rectangles(3)).arrays(scene + 1)
 
 
 def test_a_file_holds_both_splits(tmp_path):
@@ -52,12 +65,15 @@ def test_a_file_holds_both_splits(tmp_path):
     assert len(train) == 2
     assert train.classes == Rectangles.classes
     assert len(PackedMaps(tmp_path / "maps.npz", limit=1)) == 1
-    batch = MapCrops(train, 3, (24, 16), flips=False).batch(np.array([5]), None, CPU)
-    stored = MapCrops(StoredMaps(Rectangles(3)), 3, (24, 16), flips=False)
-    expected = stored.batch(
-        np.array([5 + 3]), None, CPU
-    )  # scene 1 of train is scene 2 of the source
-    assert batch.labels.shape == expected.labels.shape
+    assert train.facts() == {"frames": 7}
+    found, expected = (
+        MapCrops(maps, 3, (24, 16)).batch(np.arange(6), 1, CPU) for maps in (train, LastTwo())
+    )
+    assert torch.equal(found.labels, expected.labels)
+    torch.testing.assert_close(found.distance, expected.distance, atol=0.51 * STEP, rtol=0)
+    for limit in (0, -1):
+        with pytest.raises(ConfigError, match="limit"):
+            PackedMaps(tmp_path / "maps.npz", limit=limit)
     whole = train.load(CPU)
     np.testing.assert_array_equal(whole.labels[1], Rectangles(3).truth(2).labels)
     np.testing.assert_allclose(whole.heights[1], Rectangles(3).truth(2).heights, atol=0.51 * STEP)

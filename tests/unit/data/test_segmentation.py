@@ -4,10 +4,13 @@ import torch
 from tests.unit.data.rectangles import Rectangles
 
 from scenefw.core.errors import ConfigError
+from scenefw.data.fused_maps import FusedMaps
 from scenefw.data.label_views import StoredViews, ViewSamples
 from scenefw.data.map_crops import MapCrops, StoredMaps
 from scenefw.data.modules import EpochBatches, IndexBatch
 from scenefw.data.segmentation import SegmentationData, image_tensor
+from scenefw.noise.gaussian import Gaussian
+from scenefw.noise.pose import Jitter
 
 CPU = torch.device("cpu")
 
@@ -57,3 +60,24 @@ def test_an_image_as_networks_take_it():
     found = image_tensor(image)
     assert found.shape == (3, 4, 5)
     assert found[2, 3, 4] == pytest.approx(59 / 255)
+
+
+def test_facts_say_what_is_seen_and_how_it_is_disturbed():
+    noise = {"tracking": Jitter(0.003), "depth": Gaussian(0.01)}
+    stored = StoredViews(Rectangles(), 3)
+    heights = ViewSamples(stored, noise, geometry="height")
+    fused = FusedMaps(Rectangles(), None, 7, None, {"exact": {}, "rough": noise})
+    maps = MapCrops(StoredMaps(Rectangles(), fused), 3, (24, 16), unseen=0.25)
+    found = SegmentationData(heights, maps, batch_size=2).facts()
+    words = ["depth sigma=0.01 lowest=0.01 share=1", "tracking sigma=0.003 rotation=0.01 "]
+    words[1] += "lowest=0.003 share=1"
+    assert (found["scenes"], found["images"], found["noise"]) == (2, 6, words)
+    assert ViewSamples(stored, noise).facts()["noise"] == words[:1]  # depth needs no pose
+    assert maps.facts() == {
+        "scenes": 2,
+        "height_noise": 0.0,
+        "unseen": 0.25,
+        "frames": 7,
+        "noise": ["exact", f"rough: {words[0]}: {words[1]}"],
+    }
+    assert "noise" not in MapCrops(StoredMaps(Rectangles()), 3, (24, 16)).facts()

@@ -6,6 +6,7 @@ import pytest
 import torch
 from tests.unit.data.stacks_file import write_stacks
 
+from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import look_at
 from scenefw.core.rng import Streams
 from scenefw.core.types import Camera, GridSpec
@@ -13,6 +14,7 @@ from scenefw.data.augmentation import RigidAugmentation
 from scenefw.data.stacks import StackScenes
 from scenefw.data.views import ViewMaker
 from scenefw.mapping.projective import Projective
+from scenefw.noise.pose import Jitter
 from scenefw.renderers.sphere_tracer import SphereTracer
 from scenefw.representations.volumes import scene_volumes
 
@@ -132,3 +134,8 @@ def test_training_imports_no_simulator_and_no_mesh_library():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_noise_of_poses_is_refused():
+    with pytest.raises(ConfigError, match="leave out the noise tracking"):
+        maker(16, noise={"shaking": Shaking(), "tracking": Jitter()})

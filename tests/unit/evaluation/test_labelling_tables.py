@@ -81,6 +81,10 @@ def test_weights_are_estimated_on_scenes_under_noise_in_turns():
     assert seen == [(0, {}), (1, rough)]
     HybridWeights(bench, NEAR, **options).run()
     assert seen[2:] == [(0, None), (1, None)]
+    with pytest.raises(ConfigError, match="2 scenes can't take 3 noises"):
+        HybridWeights(bench, NEAR, **options, noise={"a": {}, "b": rough, "c": {}})
+    with pytest.raises(ConfigError, match="alike or in turns"):
+        HybridWeights(Bench(Scenes(), strategies(), rough), NEAR, **options, noise={"a": {}})
 
 
 def test_weights_need_both_experts():

@@ -1,7 +1,9 @@
 import pytest
 
 from scenefw.core.errors import ConfigError
+from scenefw.learning.limits import Budget
 from scenefw.learning.schedules import CosineDecay, ExponentialDecay, Progress, StepDecay
+from scenefw.learning.trainer import TrainerSettings
 
 
 def test_the_thesis_drops_by_one_percent_every_five_epochs():
@@ -55,3 +57,21 @@ def test_how_much_of_a_budget_is_done():
     assert (
         StepDecay().done(Progress(0, 0, 0.0)) == ExponentialDecay().done(Progress(0, 0, 0.0)) == 1
     )
+
+
+def test_limits_below_zero_are_none_and_zero_is_an_error():
+    with pytest.raises(ConfigError, match="budget"):
+        CosineDecay(minutes=-1)
+    assert CosineDecay(steps=10, minutes=-1).done(Progress(5, 0, 1e6)) == 0.5
+    for name in ("steps", "minutes", "epochs"):
+        with pytest.raises(ConfigError, match=f"schedule.{name} is 0"):
+            CosineDecay(**{name: 0})
+    with pytest.raises(ConfigError, match="schedule of steps"):
+        StepDecay(every=0)
+
+
+def test_limits_of_a_training_below_zero_are_none_and_zero_is_an_error():
+    assert TrainerSettings("cpu", max_epochs=-1, max_minutes=-1).budget == Budget()
+    for name in ("max_steps", "max_minutes", "max_epochs"):
+        with pytest.raises(ConfigError, match=f"trainer.{name} is 0"):
+            TrainerSettings("cpu", **{name: 0})

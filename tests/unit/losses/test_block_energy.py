@@ -62,7 +62,7 @@ def test_samples_that_agree_on_the_truth_score_nothing():
 def test_wrong_settings_are_errors():
     with pytest.raises(ConfigError, match="prior_share"):
         BlockEnergy()(*random_pair())
-    with pytest.raises(ConfigError, match="smaller block"):
-        BlockEnergy(block=5)(*redrawn_pair(4))
+    with pytest.raises(ConfigError, match="divides"):
+        BlockEnergy(block=3)(*redrawn_pair(4))
     with pytest.raises(ConfigError, match="1 voxel"):
         BlockEnergy(block=0)

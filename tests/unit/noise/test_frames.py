@@ -1,7 +1,7 @@
 import numpy as np
 
 from scenefw.core.types import Camera, Frame
-from scenefw.noise.frames import disturb, in_turns
+from scenefw.noise.frames import described, disturb, in_turns
 from scenefw.noise.gaussian import Gaussian
 from scenefw.noise.pose import Jitter
 
@@ -57,3 +57,12 @@ def test_scenes_take_noise_in_turns():
     ]
     assert in_turns(noises, 4) is still
     assert in_turns({}, 3) == {}
+
+
+def test_noise_is_told_with_its_amounts():
+    noises = {"pose": Jitter(0.004, reach=0.4, lowest=0.0, share=0.5), "depth": Gaussian(0.01)}
+    assert described(noises) == [
+        "depth sigma=0.01 lowest=0.01 share=1",
+        "pose sigma=0.004 rotation=0.01 lowest=0 share=0.5",
+    ]
+    assert described({}) == []

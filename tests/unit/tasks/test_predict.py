@@ -1,4 +1,5 @@
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -124,6 +125,15 @@ def test_images_of_one_name_get_folders_of_their_own(tmp_path, pipeline):
         str(p.parent.relative_to(tmp_path / "out")) for p in (tmp_path / "out").rglob("scene.json")
     )
     assert found == ["one/view", "two/view_npz", "two/view_png"]
+
+
+def test_an_image_in_a_folder_of_an_images_name_is_kept(tmp_path, pipeline):
+    save(tmp_path / "in" / "s" / "a.npz")
+    save(tmp_path / "in" / "s" / "a" / "b.npz")
+    plain = {"overview": False, "hypotheses": False}
+    Predict(tmp_path / "in", pipeline, tmp_path / "out", **plain).run()
+    found = {p.parent.relative_to(tmp_path / "out") for p in tmp_path.rglob("scene.json")}
+    assert found == {Path("s/a_npz"), Path("s/a/b")}
 
 
 def test_settings_are_checked(tmp_path, pipeline):

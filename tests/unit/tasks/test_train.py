@@ -8,8 +8,11 @@ import torch
 from tests.unit.data.stacks_file import write_stacks
 from tests.unit.learning import tiny
 
-from scenefw.core.errors import CheckpointError, StorageError, TrainingError
+from scenefw.core.errors import CheckpointError, ConfigError, StorageError, TrainingError
 from scenefw.learning.checkpoint import load_checkpoint
+from scenefw.learning.trainer import TrainerSettings
+from scenefw.losses.block_energy import BlockEnergy
+from scenefw.losses.sample_spread import SampleSpread
 
 
 @pytest.fixture
@@ -114,6 +117,52 @@ def test_another_network_can_not_go_on(stacks, tmp_path):
     tiny.task(stacks, tmp_path, steps=2).run()
     with pytest.raises(CheckpointError, match=r"fresh=true"):
         tiny.task(stacks, tmp_path, steps=4, resolution=64).run()
+
+
+def test_a_training_with_other_settings_can_not_go_on(stacks, tmp_path):
+    tiny.task(stacks, tmp_path, steps=2).run()
+    before = (tmp_path / "state" / "last.ckpt").read_bytes()
+    for change in ({"seed": 1}, {"learning_rate": 3e-3}):
+        other = tiny.task(stacks, tmp_path, steps=4)
+        other.learning = tiny.learning(**change)
+        with pytest.raises(CheckpointError, match=rf"{next(iter(change))} .* instead of"):
+            other.run()
+    other = tiny.task(stacks, tmp_path, steps=4)
+    other.data.batch_size = 4
+    with pytest.raises(CheckpointError, match="batch_size 2 instead of 4"):
+        other.run()
+    assert (tmp_path / "state" / "last.ckpt").read_bytes() == before
+    validated = tiny.task(stacks, tmp_path, steps=4)
+    validated.data.validation_scenes = validated.data.validation_scenes.__class__(
+        str(stacks), "val", 1
+    )
+    assert validated.run()["train/steps"] == 4  # what watches a training may change
+
+
+def test_weights_written_again_say_what_made_them(stacks, tmp_path):
+    tiny.task(stacks, tmp_path, steps=3).run()
+    before = load_checkpoint(tmp_path / "out" / "simstack.safetensors").metadata
+    for folder in ("out", "state"):
+        (tmp_path / folder / "simstack.safetensors").unlink()
+    again = tiny.task(stacks, tmp_path, steps=3)
+    again.trainer = TrainerSettings("cpu", max_steps=3, max_epochs=-1, precision="bf16-mixed")
+    again.run()
+    after = load_checkpoint(tmp_path / "out" / "simstack.safetensors").metadata
+    assert after == before
+    assert (after["samples"], after["precision"]) == (6, "32-true")
+
+
+def test_losses_that_need_two_codes_are_found_before_the_work(stacks, tmp_path):
+    task = tiny.task(stacks, tmp_path, steps=2)
+    task.learning.losses["sample_spread"] = SampleSpread()
+    with pytest.raises(ConfigError, match="sample_spread needs two codes"):
+        task.run()
+    assert not (tmp_path / "state").exists()
+    task = tiny.task(stacks, tmp_path, steps=2)
+    task.learning.model.prior_share = 0.5
+    task.learning.losses["block_energy"] = BlockEnergy(block=3)
+    with pytest.raises(ConfigError, match="block that divides"):
+        task.run()
 
 
 def test_a_damaged_state_is_one_line(stacks, tmp_path):
