@@ -19,6 +19,7 @@ PACKAGES = {
     "renderer": "renderers",
     "mapping": "mapping",
     "noise": "noise",
+    "noise_in_turns": "noise",
     "dataset": "data",
     "viewpoints": "scenes",
     "augmentation": "data",

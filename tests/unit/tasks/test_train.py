@@ -13,6 +13,7 @@ from scenefw.learning.checkpoint import load_checkpoint
 from scenefw.learning.trainer import TrainerSettings
 from scenefw.losses.block_energy import BlockEnergy
 from scenefw.losses.sample_spread import SampleSpread
+from scenefw.losses.tsdf import TsdfLoss
 
 
 @pytest.fixture
@@ -154,6 +155,7 @@ def test_weights_written_again_say_what_made_them(stacks, tmp_path):
 
 def test_losses_that_need_two_codes_are_found_before_the_work(stacks, tmp_path):
     task = tiny.task(stacks, tmp_path, steps=2)
+    task.learning.model.zero_share = task.learning.model.prior_share = 0.0
     task.learning.losses["sample_spread"] = SampleSpread()
     with pytest.raises(ConfigError, match="sample_spread needs two codes"):
         task.run()
@@ -181,11 +183,16 @@ def test_an_unwritable_folder_is_found_before_the_work(stacks, tmp_path):
         tiny.task(stacks, blocked, steps=2).run()
 
 
+class Undefined(TsdfLoss):
+    def __call__(self, prediction, batch):
+        return super().__call__(prediction, batch) * float("nan")
+
+
 def test_a_training_that_diverges_keeps_its_last_snapshot(stacks, tmp_path):
     tiny.task(stacks, tmp_path, steps=2).run()
     before = state(tmp_path)
     task = tiny.task(stacks, tmp_path, steps=6)
-    task.learning.losses["tsdf"].weight = float("nan")
+    task.learning.losses["tsdf"] = Undefined()
     with pytest.raises(TrainingError, match="learning_rate") as caught:
         task.run()
     assert "\n" not in str(caught.value)
