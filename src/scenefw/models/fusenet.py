@@ -59,8 +59,9 @@ class FuseNetBody(nn.Module):
         self.depth = _encoder(2, widths, modules)
         self.ends = frozenset(sum(modules[: n + 1]) - 1 for n in range(len(modules)))
         self.drop = nn.Dropout(dropout)
-        levels = list(zip(widths[1:], widths[:-1], strict=True))
-        self.decoder = nn.ModuleList(UpModule(low, high, high) for low, high in reversed(levels))
+        # The finest first, so that a network of one level more has the same names, and one more
+        levels = zip(widths[1:], widths[:-1], strict=True)
+        self.decoder = nn.ModuleList(UpModule(low, high, high) for low, high in levels)
         self.classify = nn.Conv2d(widths[0], classes, 1)
 
     def forward(self, colour: Tensor, depth: Tensor) -> Tensor:
@@ -72,7 +73,7 @@ class FuseNetBody(nn.Module):
             if number in self.ends:
                 skips.append(colour)
         features = self.drop(skips.pop())
-        for module in self.decoder:
+        for module in reversed(self.decoder):
             features = module(features, skips.pop())
         return self.classify(self.drop(features))
 

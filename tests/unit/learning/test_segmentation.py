@@ -97,3 +97,17 @@ def test_the_global_generator_is_left_alone(tmp_path):
     torch.manual_seed(7)
     task.run()
     assert torch.equal(torch.rand(3), expected)
+
+
+def test_a_deeper_network_starts_from_a_shallower_one(tmp_path):
+    tiny_labels.task(tmp_path, 2).run()
+    weights = tmp_path / "out" / "labels.safetensors"
+    before = load_checkpoint(weights, task="segmentation").model.state_dict()
+    added = ["body.colour.2", "body.depth.2", "body.decoder.1"]
+    deep = {"widths": (6, 8, 10), "initial": weights}
+    after = tiny_labels.learning(**deep, fresh=added).model.state_dict()
+    assert before.keys() < after.keys()
+    assert all(torch.equal(after[name], value) for name, value in before.items())
+    assert {".".join(n.split(".")[:3]) for n in after.keys() - before.keys()} == set(added)
+    with pytest.raises(CheckpointError, match="another network"):
+        tiny_labels.learning(**deep)

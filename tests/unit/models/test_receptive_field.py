@@ -85,3 +85,9 @@ def test_an_unknown_layer_is_one_line(layer):
     with pytest.raises(InputError, match="unknown") as caught:
         receptive_field(nn.Sequential(nn.Conv2d(1, 1, 3), layer))
     assert "\n" not in str(caught.value)
+
+
+def test_one_level_more_sees_almost_twice_as_far():
+    with_defaults = receptive_field(FuseNet().body).size
+    deep = FuseNet(widths=(16, 24, 48, 80, 112), modules=(1, 2, 2, 3, 2))
+    assert 1.8 * with_defaults < receptive_field(deep.body).size < 2.2 * with_defaults
