@@ -6,7 +6,8 @@ import pytest
 
 from scenefw import registry
 
-NEEDS_INPUT = {"osd", "noise_gathered", "runs_gathered"}  # images of the user, runs of a sweep
+# Images of the user, runs of a sweep
+NEEDS_INPUT = {"osd", "noise_gathered", "label_noise_gathered", "runs_gathered"}
 
 
 @pytest.mark.parametrize("name", [e for e in registry.names("experiment") if e not in NEEDS_INPUT])
@@ -61,6 +62,12 @@ def test_a_sweep_of_noise_becomes_one_map(scenefw, tmp_path):
     figures = json.loads((tmp_path / "out" / "metrics.json").read_text())
     for name in ("view_based", "map_based", "hybrid"):
         assert {f"{name}/pose {p} mm, depth 0 mm" for p in (0, 10)} <= figures.keys()
+    done = scenefw("experiment=label_noise_gathered", "input=sweep", "paths.output=rows")
+    assert done.returncode == 0, done.stderr[-3000:]
+    rows = json.loads((tmp_path / "rows" / "metrics.json").read_text())
+    exact = figures["hybrid/pose 0 mm, depth 0 mm"]
+    assert rows["noise.pose.sigma=0.0/hybrid/pose 0 mm, depth 0 mm"] == pytest.approx(exact)
+    assert not any(name.startswith("noise.pose.sigma=0.01") for name in rows)  # no column
 
 
 def test_an_ablation_becomes_one_table(scenefw, tmp_path):
