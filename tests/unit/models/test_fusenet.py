@@ -70,10 +70,15 @@ def test_both_encoders_learn(network):
 def test_the_thesis_has_eight_modules_and_the_laptop_one_million_weights():
     small = registry.build("model", "fusenet")
     assert sum(p.numel() for p in small.parameters()) < 1e6
-    for name in ("fusenet", "fusenet_wide"):
+    for name, modules, megabytes in (
+        ("fusenet", 8, 1),
+        ("fusenet_deep", 10, 3),
+        ("fusenet_wide", 10, 12),
+    ):
         with torch.device("meta"):
             found = registry.build("model", name)
-        assert len(found.body.colour) == len(found.body.depth) == 8
+        assert len(found.body.colour) == len(found.body.depth) == modules
+        assert 2 * sum(value.numel() for value in found.state_dict().values()) < megabytes * 1e6
 
 
 @pytest.mark.parametrize(
