@@ -45,7 +45,10 @@ def bounds_figure(panels: Sequence[Panel], y_label: str) -> str:
             axes.set(xlabel=panel.x_label, ylabel=y_label if i == 0 else "")
             _panel(axes, panel, colours)
         handles = [Line2D([], [], color=colours[n], marker="o", markersize=4) for n in names]
-        figure.legend(handles, names, loc="outside lower center", ncols=min(len(names), 4))
+        levels = {name: level for panel in panels for name, level in panel.levels.items()}
+        handles += [Line2D([], [], color=_colour(n, colours), linestyle=":") for n in levels]
+        names += [f"{name}: {level:.3f}" for name, level in levels.items()]
+        figure.legend(handles, names, loc="outside lower center", ncols=min(len(names), 5))
         return to_svg(figure)
 
 
@@ -56,13 +59,14 @@ def _panel(axes: Any, panel: Panel, colours: Mapping[str, str]) -> None:
         axes.fill_between(x, low, high, color=colours[name], alpha=0.15, linewidth=0)
         axes.plot(x, [p.mean for p in points], color=colours[name], marker="o", markersize=4)
     for name, level in panel.levels.items():
-        colour = next((c for key, c in colours.items() if name.endswith(key)), INK)
-        axes.axhline(level, color=colour, linestyle=":", linewidth=1)
-        axes.annotate(
-            name, (1, level), xycoords=("axes fraction", "data"), ha="right", va="bottom", size=7
-        )
+        axes.axhline(level, color=_colour(name, colours), linestyle=":", linewidth=1)
     axes.set_ylim(0, 1)
     axes.grid(alpha=0.15, color=INK)
+
+
+def _colour(level: str, colours: Mapping[str, str]) -> str:
+    """That of the curve whose name a level ends with."""
+    return next((colour for name, colour in colours.items() if level.endswith(name)), INK)
 
 
 def noise_figure(
