@@ -93,7 +93,7 @@ def test_experiments_are_short_deltas(path):
 @pytest.mark.parametrize("name", ["label_views", "label_maps"])
 def test_experiments_that_label_have_both_scales(name):
     small, large = (config.compose([f"experiment={name}", *s]) for s in ((), ("scale=thesis",)))
-    for part, widths, batch, average in ((small, 16, 8, 0.99), (large, 64, 32, 0.999)):
+    for part, widths, batch, average in ((small, 16, 8, 0.99), (large, 48, 32, 0.999)):
         assert part.learning._target_.endswith("SegmentationLearning")
         assert part.learning.average == average
         assert part.model.widths[0] == widths

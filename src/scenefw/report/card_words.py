@@ -47,7 +47,7 @@ _LABELS = (
     "of one of them.",
     "Trained on procedural models with drawn textures and light, so real images are another "
     "domain; nothing was measured on them.",
-    "Noise of depth and poses costs much: docs/results/labelling.md.",
+    "Noise of depth and poses costs: docs/results/labelling.md says how much.",
 )
 _VIEWS = Words(
     "From one colour and depth view of a table to a class per pixel (FuseNet, thesis 4.4), for "

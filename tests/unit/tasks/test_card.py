@@ -6,6 +6,7 @@ from tests.unit.report.stored_runs import IMAGES, LABELLING, write_run
 
 from scenefw.core.errors import CheckpointError
 from scenefw.learning.checkpoint import shipped_checkpoint
+from scenefw.learning.provenance import read_provenance
 from scenefw.tasks.card import Card, find_weights
 
 
@@ -48,7 +49,10 @@ def test_command_line(scenefw, tmp_path):
         "run=card checkpoint=label_views 'run.results=[labels]'"
         in (tmp_path / "card.md").read_text()
     )
-    assert json.loads((tmp_path / "out" / "metrics.json").read_text())["trainings"] == 1
+    figures = json.loads((tmp_path / "out" / "metrics.json").read_text())
+    known = read_provenance(shipped_checkpoint("label_views")).trainings
+    assert figures["trainings"] == len(known) > 1
+    assert figures["steps"] == sum(training["steps"] for training in known)
     for wrong in ("[none]", "[out]"):  # missing, and without figures of a network
         done = scenefw(*words, f"run.results={wrong}")
         assert done.returncode == 2
