@@ -169,7 +169,7 @@ def _measure_all(count, lit, intrinsics, seeds, noisy, size, baseline, sensor, s
 def _add_noise(i, depth, seeds, noisy, pixels, lowest, sigma, share):
     z = depth[i]
     seed = seeds[i // pixels]
-    if z <= _ZERO:
+    if not z > _ZERO:  # missing, NaN too
         noisy[i] = _ZERO
     elif _is_disturbed(seed, share):
         if lowest < sigma:

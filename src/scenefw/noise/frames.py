@@ -65,6 +65,10 @@ def in_turns(noises: Mapping[str, Mapping[str, Noise]], scene: int) -> Mapping[s
 def described(noises: Mapping[str, Noise]) -> list[str]:
     """Each noise with its amounts in words, e.g. `gaussian sigma=0.002 lowest=0.002 share=1`."""
     return [
-        " ".join([name, *(f"{n}={v:.4g}" for n, v in vars(noise).items())])
+        " ".join([name, *(f"{n}={_said(v)}" for n, v in vars(noise).items())])
         for name, noise in sorted(noises.items())
     ]
+
+
+def _said(value: object) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -143,3 +143,11 @@ def test_a_map_is_fetched_once():
 
 def test_the_grid_of_the_fake_source_is_one():
     assert Rectangles().truth(0).grid == HeightGrid(65, extent=0.064)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"crops": 0}, {"size": (0, 16)}, {"height_noise": -0.001}, {"unseen": 1.5}]
+)
+def test_settings_of_crops_are_checked(wrong):
+    with pytest.raises(ConfigError, match=next(iter(wrong))):
+        MapCrops(StoredMaps(Rectangles()), **wrong)

@@ -11,6 +11,7 @@ from tests.unit.learning import tiny_labels
 
 from scenefw.core.errors import CheckpointError, ConfigError
 from scenefw.learning.checkpoint import load_checkpoint
+from scenefw.losses.cross_entropy import CrossEntropy
 
 ROOT = Path(__file__).parents[3]
 
@@ -111,3 +112,11 @@ def test_a_deeper_network_starts_from_a_shallower_one(tmp_path):
     assert {".".join(n.split(".")[:3]) for n in after.keys() - before.keys()} == set(added)
     with pytest.raises(CheckpointError, match="another network"):
         tiny_labels.learning(**deep)
+
+
+def test_class_weights_are_found_wrong_before_the_work(tmp_path):
+    task = tiny_labels.task(tmp_path, 2)
+    task.learning.losses["cross_entropy"] = CrossEntropy(class_weights=[1.0, 2.0])
+    with pytest.raises(ConfigError, match="2 numbers, but there are 3 classes"):
+        task.run()
+    assert not (tmp_path / "state").exists()

@@ -1,3 +1,5 @@
+from types import SimpleNamespace
+
 import numpy as np
 
 from scenefw.core.types import Camera, Frame
@@ -66,3 +68,5 @@ def test_noise_is_told_with_its_amounts():
         "pose sigma=0.004 rotation=0.01 lowest=0 share=0.5",
     ]
     assert described({}) == []
+    own = SimpleNamespace(model="speckle", strength=0.12345, size=None)  # one of a plugin
+    assert described({"own": own}) == ["own model=speckle strength=0.1235 size=None"]

@@ -85,3 +85,13 @@ def test_a_share_of_the_images_passes_as_it_is():
     assert stats.kstest(spreads / 0.01, stats.uniform().cdf).pvalue > 1e-3
     with pytest.raises(ConfigError, match="share"):
         Gaussian(share=1.5)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5, 0.0])
+def test_depth_that_is_not_a_number_is_missing(share):
+    cameras = stack_cameras([analytic.camera()] * 20)
+    depth = torch.ones(20, 8, 8)
+    depth[:, ::2] = torch.nan
+    noisy = Gaussian(sigma=0.01, share=share).apply(depth, cameras, seeds(0, 20))
+    assert (noisy[:, ::2] == 0).all()
+    assert (noisy[:, 1::2] > 0.9).all()
