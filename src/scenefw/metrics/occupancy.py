@@ -47,9 +47,9 @@ def occupancy_iou(predicted: Bool, truth: Bool) -> float:
 def coverage(samples: Float, truth: Float, where: Bool) -> float:
     """Share of voxels whose true distance lies between the least and the greatest of the samples.
 
-    Samples drawn from the true distribution of S + 1 exchangeable values cover it in (S - 1) / (S
-    + 1)
-    of the voxels: less is too narrow a spread, more too wide a one. NaN where there are no voxels.
+    Independent samples of the true distribution cover it in (S - 1) / (S + 1) of the voxels, as
+    S + 1 values are exchangeable; coupled ones, which are further apart, cover it more often. NaN
+    where there are no voxels.
 
     Args:
         samples: (S, X, Y, Z) signed distances.

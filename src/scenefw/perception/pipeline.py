@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import torch
 
 from scenefw.core import rng
+from scenefw.core.errors import ConfigError
 from scenefw.core.protocols import Reconstructor
 from scenefw.core.types import GridSpec, PartialTSDF, SceneEstimate
 from scenefw.kernels.cameras import stack_cameras
@@ -70,6 +71,9 @@ class Pipeline:
             its confidences.
         carve: also takes away what the network puts into seen free space or below the floor.
         seed: of the codes.
+
+    Raises:
+        ConfigError: no sample.
     """
 
     def __init__(
@@ -84,6 +88,8 @@ class Pipeline:
         carve: bool = True,
         seed: int = 0,
     ) -> None:
+        if samples < 1:
+            raise ConfigError(f"samples is {samples}; expected at least 1, the zero code's")
         self.reconstructor = reconstructor
         self.mapping = mapping
         self.floor = floor or FloorFinder()

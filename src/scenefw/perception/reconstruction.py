@@ -32,8 +32,8 @@ class TrainedNetwork(Protocol):
 class NetworkReconstructor:
     """Completes partial TSDFs with a trained network and several latent codes.
 
-    The first sample decodes the zero code, the most typical scene; the others draw from N(0, I),
-    times the temperature.
+    The first sample decodes the zero code, the most typical scene; the others decode codes from
+    N(0, I), times the temperature, that are drawn together (`coupled_codes`).
 
     Args:
         checkpoint: a loaded checkpoint; its grid is the grid of everything here.
@@ -44,6 +44,7 @@ class NetworkReconstructor:
             bumps on the surface.
         temperature: standard deviation of drawn codes. Below 1 samples are more typical and differ
             less (the truncation of Brock et al. 2019).
+        typical_first: without it all samples are drawn.
 
     Raises:
         ConfigError: smoothing or temperature is negative.
@@ -56,6 +57,8 @@ class NetworkReconstructor:
         device: str = "cpu",
         smoothing: float = 0.6,
         temperature: float = 1.0,
+        *,
+        typical_first: bool = True,
     ) -> None:
         if smoothing < 0 or temperature < 0:
             raise ConfigError(
@@ -67,6 +70,7 @@ class NetworkReconstructor:
         self.metadata = dict(checkpoint.metadata)
         self.extractor = extractor
         self.smoothing, self.temperature = smoothing, temperature
+        self.typical_first = typical_first
         self.device = torch.device(device)
         self.model = checkpoint.model.to(self.device).eval()
 
@@ -88,14 +92,21 @@ class NetworkReconstructor:
             )
         inputs = condition(partial, grid, observed=self.observed)
         inputs = inputs.to(self.device, memory_format=_memory_format(self.device))
-        shape = (len(inputs), self.model.latent_size)
         results = []
-        for sample in range(samples if self.temperature else 1):
-            drawn = torch.randn(shape, generator=generator) if sample else torch.zeros(shape)
-            prediction = self.model.predict(inputs, (self.temperature * drawn).to(self.device))
+        for code in self._codes(samples, len(inputs), generator):
+            prediction = self.model.predict(inputs, code.to(self.device))
             tsdf = smoothed(prediction.tsdf.float().clamp(-1, 1), self.smoothing)[:, 0]
             results.append((tsdf * grid.truncation, prediction.votes.float()))
         return results
+
+    def _codes(self, samples: int, views: int, generator: torch.Generator) -> Tensor:
+        """Codes (S, B, latent_size), on the CPU: the same on every device."""
+        shape = (views, self.model.latent_size)
+        if not self.temperature:
+            return torch.zeros(1, *shape)
+        typical = torch.zeros(int(self.typical_first), *shape)
+        drawn = coupled_codes(samples - len(typical), shape, generator)
+        return torch.cat([typical, self.temperature * drawn])
 
     def reconstruct(
         self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
@@ -109,6 +120,19 @@ class NetworkReconstructor:
             ]
             results.append((tsdf, torch.stack(instances)))
         return results
+
+
+def coupled_codes(samples: int, shape: tuple[int, ...], generator: torch.Generator) -> Tensor:
+    """Codes (S, *shape), each from N(0, I), that differ as much as such codes can.
+
+    They add up to zero: two are opposite, and any two of S have the correlation -1 / (S - 1), the
+    least that all pairs can have (extreme antithesis, Craiu and Meng 2005). Means over them vary
+    less than those over independent codes, and few of them show more of what a view allows.
+    """
+    codes = torch.randn((samples, *shape), generator=generator)
+    if samples < 2:
+        return codes
+    return (codes - codes.mean(dim=0)) * math.sqrt(samples / (samples - 1))
 
 
 def smoothed(volumes: Tensor, sigma: float) -> Tensor:

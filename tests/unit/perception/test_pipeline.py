@@ -5,7 +5,7 @@ import pytest
 import torch
 from tests.unit.perception.synthetic import STACK, camera_at, frame_of
 
-from scenefw.core.errors import InputError
+from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import GridSpec, PartialTSDF
 from scenefw.export.summary import plain
 from scenefw.mapping.projective import Projective
@@ -141,3 +141,8 @@ def test_unusable_images_stop_before_the_network():
     with pytest.raises(InputError, match="nothing stands"):
         Pipeline(method, Projective()).estimate(frame_of(CAMERA, boxes=()))
     assert method.seen == []
+
+
+def test_no_sample_at_all_is_one_line():
+    with pytest.raises(ConfigError, match="samples is 0"):
+        Pipeline(KnownBoxes(GridSpec(resolution=16)), Projective(), samples=0)

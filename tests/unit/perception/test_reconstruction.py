@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 import torch
 from scipy.ndimage import gaussian_filter
+from scipy.stats import kstest
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import GridSpec, PartialTSDF, ShapeInstancePrediction
-from scenefw.perception.reconstruction import NetworkReconstructor, smoothed
+from scenefw.perception.reconstruction import NetworkReconstructor, coupled_codes, smoothed
 
 
 class Echo(torch.nn.Module):
@@ -73,6 +74,43 @@ def test_the_temperature_scales_drawn_codes_alone():
     torch.testing.assert_close(shifts(0.2), 0.2 * shifts(0.4) / 0.4, atol=1e-6, rtol=1e-5)
     assert shifts(0.2)[1:].abs().min() > 0
     assert shifts(0.0).tolist() == [0.0]
+
+
+def test_all_samples_can_be_drawn():
+    grid = GridSpec(resolution=8)
+    partial = PartialTSDF(torch.zeros(1, 1, *grid.shape), torch.ones(1, 1, *grid.shape, dtype=bool))
+    method, _, _ = make(8, typical_first=False, temperature=0.1)
+    found = method.volumes(partial, grid, 3, torch.Generator().manual_seed(5))
+    shifts = torch.stack([tsdf[0, 0, 0, 0] for tsdf, _ in found]) / grid.truncation
+    assert shifts.abs().min() > 0
+    assert shifts.sum().abs() < 1e-6  # of coupled codes
+    assert len(method.volumes(partial, grid, 1, torch.Generator())) == 1
+
+
+@pytest.mark.parametrize("samples", [2, 3, 6])
+def test_each_coupled_code_is_standard_normal(samples):
+    codes = coupled_codes(samples, (4, 5000), torch.Generator().manual_seed(1)).double()
+    for code in codes:
+        assert kstest(code.flatten().numpy(), "norm").pvalue > 1e-3
+    correlations = np.corrcoef(codes.flatten(1).numpy())
+    apart = correlations[~np.eye(samples, dtype=bool)]
+    np.testing.assert_allclose(apart, -1 / (samples - 1), atol=0.02)
+    assert codes.sum(dim=0).abs().max() < 1e-5
+
+
+def test_a_mean_over_coupled_codes_varies_less():
+    def spread(codes):  # of the mean of something that isn't linear in the codes
+        return (codes[..., 0] > 0.5).double().mean(dim=0).var()
+
+    shape, generator = (20_000, 1), torch.Generator().manual_seed(2)
+    alone = spread(torch.randn((3, *shape), generator=generator))
+    assert spread(coupled_codes(3, shape, generator)) < 0.8 * alone
+
+
+def test_a_single_coupled_code_is_a_draw():
+    drawn = coupled_codes(1, (2, 3), torch.Generator().manual_seed(3))
+    assert torch.equal(drawn, torch.randn((1, 2, 3), generator=torch.Generator().manual_seed(3)))
+    assert coupled_codes(0, (2, 3), torch.Generator()).shape == (0, 2, 3)
 
 
 @pytest.mark.parametrize("options", [{"temperature": -1.0}, {"smoothing": -1.0}])
