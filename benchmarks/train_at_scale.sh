@@ -6,22 +6,26 @@
 # EXPERIMENT is simstack (default), label_views or label_maps. A state in outputs/at_scale/NAME is gone
 # on with, else one whose parts lie in $RESUME (default OUTPUT). Settings by environment:
 #
+#   CHECK=0            1: compares CUDA and CPU first; only: does nothing else
 #   SLICE=00:00:08:30  time of a call      CALLS=1  calls, one after another
-#   STATE_MB=          at most so much for the state, rounded if need be (benchmarks/state_parts.py)
+#   LIMIT=             seconds that all of this may take; one call, as long as what is left allows
+#   TOTAL_MB=          at most so much in OUTPUT, the state rounded if need be (benchmarks/state_parts.py)
 #   RESUME=OUTPUT      where parts of a state are
 #   NAME=EXPERIMENT    of the training, where one experiment has several with other settings
-#   TRAINER=gpu        or cpu              CHECK=1  0 leaves out the comparison of CUDA and CPU
-#   PYTHON=python3
+#   TRAINER=gpu        or cpu              PYTHON=python3
 #
-#   CALLS=3 benchmarks/train_at_scale.sh OUT/views label_views
-#   CALLS=3 benchmarks/train_at_scale.sh OUT/maps label_maps
-#   NAME=fused CALLS=3 benchmarks/train_at_scale.sh OUT/fused label_maps \
+# Where a command may take 10 minutes and bring back 64 MB:
+#
+#   CHECK=only benchmarks/train_at_scale.sh OUT simstack
+#   LIMIT=580 TOTAL_MB=60 benchmarks/train_at_scale.sh OUT simstack model=shape_instance_vae
+#   LIMIT=580 TOTAL_MB=60 benchmarks/train_at_scale.sh OUT/views label_views
+#   LIMIT=580 TOTAL_MB=60 NAME=fused benchmarks/train_at_scale.sh OUT/fused label_maps \
 #     dataset=tabletop_fused_maps_packed
 #
 # The last one takes crops of fused maps from outputs/fused_maps.npz, see docs/labelling.md.
 set -euo pipefail
 
-[ $# -ge 1 ] || { sed -n '2,22s/^# \?//p' "$0"; exit 2; }
+[ $# -ge 1 ] || { sed -n '2,27s/^# \?//p' "$0"; exit 2; }
 output=$(mkdir -p "$1" && cd "$1" && pwd)
 experiment=${2:-simstack}
 shift $(($# < 2 ? $# : 2))
@@ -29,31 +33,55 @@ from=$(cd "${RESUME:-$output}" && pwd)
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 python=${PYTHON:-python3}
 trainer=${TRAINER:-gpu}
+check=${CHECK:-0}
 export PYTHONPATH="$PWD/src:$PWD${PYTHONPATH:+:$PYTHONPATH}"
 folder=$PWD/outputs/at_scale/${NAME:-$experiment}
 state=$folder/last.ckpt
-mkdir -p "$folder"
+part=15000000   # bytes of a file
+collecting=45   # seconds that the copies below may take, and what a call needs beyond its time
 
-if [ "${CHECK:-1}" = 1 ] && [ "$trainer" = gpu ]; then
+if [ "$check" != 0 ] && [ "$trainer" = gpu ]; then
   scale=() # of simstack the check takes the narrow network and 32^3 voxels
   [ "$experiment" = simstack ] || scale=(scale=thesis "$@")
   "$python" -m benchmarks.check_device "experiment=$experiment" "${scale[@]}"
 fi
+[ "$check" != only ] || exit 0
+
+collect() { # also after a failure, and when the time is up
+  local weights name size room=${TOTAL_MB:-1000000}
+  for name in losses.csv run/metrics.json; do
+    [ ! -f "$folder/$name" ] || cp "$folder/$name" "$output/"
+  done
+  if [ -f "$state" ]; then
+    "$python" -m benchmarks.state_parts split "$state" "$output" \
+      ${TOTAL_MB:+--megabytes "$((TOTAL_MB - 1))"} || true
+    size=$(cat "$output"/state.part* 2>/dev/null | wc -c)
+    room=$((room - 1 - size / 1000000))
+  fi
+  for weights in "$folder"/*.safetensors; do # large ones in parts: cat NAME.part* >NAME
+    [ -f "$weights" ] || continue
+    name=$(basename "$weights") size=$(stat -c %s "$weights")
+    rm -f "$output/$name" "$output/$name".part*
+    if [ "$size" -gt $((room * 1000000)) ]; then
+      echo "$name is left out, as it takes $((size / 1000000)) MB; the state holds it"
+    elif [ "$size" -le $part ]; then cp "$weights" "$output/"
+    else split -d -b $part "$weights" "$output/$name.part"; fi
+  done
+  ls -l "$output"
+}
+
+mkdir -p "$folder"
 if [ ! -f "$state" ] && compgen -G "$from/state.part*" >/dev/null; then
   "$python" -m benchmarks.state_parts join "$from" "$state"
 fi
-for _ in $(seq "${CALLS:-1}"); do
+trap collect EXIT
+calls=${CALLS:-1}
+[ -z "${LIMIT:-}" ] || calls=1
+for _ in $(seq "$calls"); do
+  time=${SLICE:-00:00:08:30}
+  [ -z "${LIMIT:-}" ] || time=$(printf '00:00:%02d:%02d' \
+    $(((LIMIT - SECONDS - collecting) / 60)) $(((LIMIT - SECONDS - collecting) % 60)))
   "$python" -m scenefw "experiment=$experiment" run=train scale=thesis "trainer=$trainer" \
-    "trainer.max_time=${SLICE:-00:00:08:30}" "paths.training=$folder" \
-    "paths.output=$folder/run" "$@"
+    "trainer.max_time=$time" "paths.training=$folder" "paths.output=$folder/run" "$@"
   cat "$folder/run/metrics.json"
 done
-cp "$folder/losses.csv" "$folder/run/metrics.json" "$output/"
-for weights in "$folder"/*.safetensors; do # large ones in parts: cat NAME.part* >NAME
-  name=$(basename "$weights")
-  rm -f "$output/$name" "$output/$name".part*
-  if [ "$(stat -c %s "$weights")" -le 15000000 ]; then cp "$weights" "$output/"
-  else split -d -b 15000000 "$weights" "$output/$name.part"; fi
-done
-"$python" -m benchmarks.state_parts split "$state" "$output" ${STATE_MB:+--megabytes "$STATE_MB"}
-ls -l "$output"

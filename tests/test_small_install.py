@@ -1,4 +1,4 @@
-"""Training needs few packages: a tiny one runs where all others can't be imported."""
+"""Training needs few packages, and scenefw itself only on the path, not installed."""
 
 import subprocess
 import sys
@@ -10,13 +10,20 @@ BARRED = ["trimesh", "open3d", "pybullet", "mujoco", "mitsuba", "viser", "coacd"
 
 CODE = f"""
 import sys
+from importlib import metadata
 
 class Barred:
     def find_spec(self, name, path=None, target=None):
         if name.split(".")[0] in {BARRED!r}:
             raise ModuleNotFoundError(f"{{name}} is not installed here", name=name)
 
+def version(name, known=metadata.version):
+    if name == "scenefw":
+        raise metadata.PackageNotFoundError(name)
+    return known(name)
+
 sys.meta_path.insert(0, Barred())
+metadata.version = version
 sys.argv = ["scenefw", *sys.argv[1:]]
 from scenefw.__main__ import main
 main()

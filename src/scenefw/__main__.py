@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from scenefw import config, plugins, registry
 from scenefw.core.errors import ConfigError, SceneFWError
+from scenefw.core.versions import installed
 
 if TYPE_CHECKING:
     from omegaconf import DictConfig
@@ -60,9 +61,7 @@ def _dispatch(words: list[str]) -> None:
     if not words or {"-h", "--help"} & set(words):
         _print_help()
     elif "--version" in words:
-        from importlib import metadata
-
-        print(f"scenefw {metadata.version('scenefw')}")
+        print(f"scenefw {installed(['scenefw']).get('scenefw', 'of an unknown version')}")
     elif "--list" in words:
         _print_catalogue()
     else:

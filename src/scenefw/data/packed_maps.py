@@ -10,6 +10,7 @@ import io
 import json
 import zipfile
 from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -83,7 +84,9 @@ class PackedMaps:
         try:
             with np.load(self.path, allow_pickle=False) as file:
                 names = [f"{self.split}/{number}" for number in range(len(self))]
-                return stacked((unpacked(file[name].tobytes()) for name in names), device)
+                contents = (file[name].tobytes() for name in names)
+                with ThreadPoolExecutor() as threads:  # decoding leaves Python to itself
+                    return stacked(threads.map(unpacked, contents), device)
         except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
             raise _damaged(self.path, error) from error
 

@@ -17,6 +17,9 @@ A kernel file holds a per-element function, a CPU loop over it and a `Kernel` of
 The loop is spelled out because numba caches compiled code of module-level functions only. That
 code lies in a folder named by the sources of all kernels: an edit anywhere never meets old code.
 
+Kernels meet neither NaN nor infinity: fast maths on CUDA takes for granted that there are none.
+Their callers say in large numbers what is unseen or far.
+
 What numba has just compiled rounds otherwise, in the last bit, than the same read back from its
 cache (the bodies of parallel loops are optimised once more there). So that the first run equals all
 others, code is compiled in a child process, and this process only ever reads it.

@@ -1,7 +1,7 @@
 """Noise of depth images, every pixel a function of its image's seed, its place and the depth.
 
 Images are flat: B images of height rows one after the other; `size` is (image width, image height).
-Depth that is not finite counts as missing, as 0 does.
+Depth is finite; 0 is missing.
 """
 
 # Types are inferred at compilation, and numba ignores annotations.
@@ -26,7 +26,7 @@ _PIXEL, _GRAZING, _IMAGE = 0, 1, 2  # purposes of random words
 
 @element
 def _known(z):
-    return z if z > _ZERO and z < _NEVER else _ZERO
+    return max(z, _ZERO)
 
 
 @element
@@ -169,7 +169,7 @@ def _measure_all(count, lit, intrinsics, seeds, noisy, size, baseline, sensor, s
 def _add_noise(i, depth, seeds, noisy, pixels, lowest, sigma, share):
     z = depth[i]
     seed = seeds[i // pixels]
-    if not z > _ZERO:  # missing, NaN too
+    if z <= _ZERO:
         noisy[i] = _ZERO
     elif _is_disturbed(seed, share):
         if lowest < sigma:

@@ -1,7 +1,7 @@
 """Rays through the triangles of a height map: which vertex does each pixel of a camera see?
 
 A ray walks from cell to cell of the finest level between the lowest and the highest vertex and is
-cut with both triangles of each; triangles with an unseen vertex (NaN) let it pass.
+cut with both triangles of each; triangles with an unseen vertex (`UNSEEN`) let it pass.
 """
 
 # Types are inferred at compilation, and numba ignores annotations.
@@ -12,6 +12,7 @@ from numba import prange
 
 from scenefw.kernels.compile import Kernel, element, loop
 from scenefw.kernels.rays import direction
+from scenefw.kernels.triangles import SEEN
 
 _ZERO = np.float32(0)
 _HALF = np.float32(0.5)
@@ -51,8 +52,11 @@ def _meet(heights, n, row, column, start, slopes):
     at = row * n + column
     a, b, c, d = heights[at], heights[at + 1], heights[at + n], heights[at + n + 1]
     here = (start[0] - np.float32(row), start[1] - np.float32(column), start[2])
-    first = _cut(a, d - b, b - a, True, here, slopes)
-    second = _cut(a, c - a, d - c, False, here, slopes)
+    first, second = _NEVER, _NEVER
+    if max(a, b, d) < SEEN:
+        first = _cut(a, d - b, b - a, True, here, slopes)
+    if max(a, c, d) < SEEN:
+        second = _cut(a, c - a, d - c, False, here, slopes)
     return min(first, second)
 
 

@@ -14,17 +14,13 @@ the edges of a level its vertices meet others that nothing couples: no sweep nee
 # Types are inferred at compilation, and numba ignores annotations.
 # ruff: noqa: ANN001, ANN202
 
-import math
-
 import numpy as np
 from numba import prange
 
 from scenefw.kernels.compile import Kernel, atomic_add, element, loop
-from scenefw.kernels.triangles import BAND_ROWS, corners, level_of, parents
+from scenefw.kernels.triangles import BAND_ROWS, SEEN, UNSEEN, corners, level_of, parents
 
 RECORD = 11
-UNSEEN = np.float32(1e30)  # finite: times a coupling of 0 it is 0
-_SEEN = np.float32(1e20)
 MERGED = 6
 _ZERO = np.float32(0)
 _HALF = np.float32(0.5)
@@ -32,7 +28,6 @@ _QUARTER = np.float32(0.25)
 _ONE = np.float32(1)
 _TWO = np.float32(2)
 _PULL = np.float32(1e-3)  # keeps vertices apart that measurements only fix together
-_NONE = np.float32(np.nan)
 
 
 @element
@@ -54,7 +49,7 @@ def _add_vertex(sums, vertex, weight, share, z, red, green, blue, coloured):
 def _robust(z, surface, outlier):
     """Huber's weight of a measurement about the surface known so far, if any."""
     far = abs(z - surface)
-    return outlier / far if far > outlier and surface < _SEEN else _ONE
+    return outlier / far if far > outlier and surface < SEEN else _ONE
 
 
 @element
@@ -187,13 +182,13 @@ def _merge_at(row, column, sums, heights, coarse, merged, level, prior):
         p, q = parents(row, column, below)
         p *= MERGED
         q *= MERGED
-        known = not (math.isnan(coarse[p]) or math.isnan(coarse[q]))
+        known = max(coarse[p], coarse[q]) < SEEN
     if known:
         above = _QUARTER * _HALF * (coarse[p + 1] + coarse[q + 1])
     if not known and not weight > _ZERO:
-        merged[to] = _NONE
+        merged[to] = UNSEEN
         merged[to + 1] = _ZERO
-        merged[to + 2] = _NONE
+        merged[to + 2] = _ZERO
         merged[to + 3], merged[to + 4], merged[to + 5] = _ZERO, _ZERO, _ZERO
         return
     share = min(prior, above) if weight > _ZERO else _ONE

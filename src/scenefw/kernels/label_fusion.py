@@ -14,7 +14,7 @@ from numba import prange
 
 from scenefw.kernels.compile import Kernel, atomic_add, element, loop
 from scenefw.kernels.elementary import exp, log
-from scenefw.kernels.triangles import corners, level_of, parents
+from scenefw.kernels.triangles import SEEN, corners, level_of, parents
 
 _ZERO = np.float32(0)
 _HALF = np.float32(0.5)
@@ -135,11 +135,13 @@ def _look_at(row, column, heights, depth, labels, intrinsics, poses, logits, siz
     floor, tolerance, power = settings
     vertex = row * n + column
     high = heights[vertex]
+    if high > SEEN:
+        return
     x = lower_x + np.float32(column) * spacing - poses[0, 0, 3]
     y = upper_y - np.float32(row) * spacing - poses[0, 1, 3]
     z = high - poses[0, 2, 3]
     ahead = poses[0, 0, 2] * x + poses[0, 1, 2] * y + poses[0, 2, 2] * z
-    if not ahead > _NEAREST:  # also where the vertex is unseen
+    if not ahead > _NEAREST:
         return
     right = poses[0, 0, 0] * x + poses[0, 1, 0] * y + poses[0, 2, 0] * z
     down = poses[0, 0, 1] * x + poses[0, 1, 1] * y + poses[0, 2, 1] * z

@@ -20,9 +20,10 @@ def _count_traversals(i, starts, directions, bricks, subdivisions, counts):  # n
     dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
     middle = numba.float32(0.5) * subdivisions
     # Cells (ax, ay, az) inside voxel (x, y, z); a ray that starts on a cell's face enters forwards.
-    ax = math.ceil(middle) - 1 if dx < 0 else math.floor(middle)
-    ay = math.ceil(middle) - 1 if dy < 0 else math.floor(middle)
-    az = math.ceil(middle) - 1 if dz < 0 else math.floor(middle)
+    before, after = int(math.ceil(middle)) - 1, int(math.floor(middle))  # noqa: RUF046 - on CUDA floats
+    ax = before if dx < 0 else after
+    ay = before if dy < 0 else after
+    az = before if dz < 0 else after
     sx = 1 if dx > 0 else -1
     sy = 1 if dy > 0 else -1
     sz = 1 if dz > 0 else -1

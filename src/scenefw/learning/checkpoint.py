@@ -7,7 +7,6 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib import metadata as packages
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from torch import nn
 from scenefw.core.errors import CheckpointError
 from scenefw.core.files import replacing
 from scenefw.core.types import GridSpec
+from scenefw.core.versions import installed
 
 _FORMAT = "scenefw-checkpoint"
 _VERSION = 1
@@ -93,7 +93,7 @@ def save_checkpoint(
         "task": task,
         "recipe": dict(recipe),
         "grid": dataclasses.asdict(grid) if grid is not None else None,
-        "versions": {name: packages.version(name) for name in ("scenefw", "torch")},
+        "versions": installed(("scenefw", "torch")),
         "metadata": dict(metadata or {}),
         "omitted": list(omit),
     }

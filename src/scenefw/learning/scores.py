@@ -28,11 +28,12 @@ def sample_scores(samples: Tensor, truth: Tensor) -> dict[str, Tensor]:
         samples: (S, B, 1, X, Y, Z) signed distances.
         truth: (B, 1, X, Y, Z).
     """
-    occupied = (samples < 0).float()
-    cross_entropy = torch.nn.functional.binary_cross_entropy
+    expected, occupied = (samples < 0).float().mean(dim=0), truth < 0
+    # written out: autocast on CUDA has no binary_cross_entropy of probabilities
+    logs = torch.where(occupied, expected, 1 - expected).log().clamp(min=-100)
     return {
         "sample_iou": torch.stack([_iou(sample < 0, truth < 0) for sample in samples]).mean(),
-        "sample_bce": cross_entropy(occupied.mean(dim=0), (truth < 0).float()),
+        "sample_bce": -logs.mean(),
     }
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+import torch
 from torch import Tensor
 from torch.nn import functional
 
@@ -35,6 +36,7 @@ class CrossEntropy:
         self.weight = weight
         self.class_weights = list(class_weights) if class_weights else None
         self.smoothing = smoothing
+        self._on_device: Tensor | None = None
 
     def check(self, classes: int) -> None:
         """Whether it can be taken of this number of classes.
@@ -56,7 +58,7 @@ class CrossEntropy:
         """
         logits, labels = prediction.float(), batch.labels
         self.check(logits.shape[1])
-        weights = logits.new_tensor(self.class_weights or [1.0] * logits.shape[1])
+        weights, known = self._weights(logits.device), labels != UNKNOWN
         total = functional.cross_entropy(
             logits,
             labels,
@@ -65,5 +67,13 @@ class CrossEntropy:
             label_smoothing=self.smoothing,
             reduction="sum",
         )
-        known = labels != UNKNOWN
-        return total / weights[labels.clamp(min=0)][known].sum().clamp(min=1e-6)
+        counted = known if weights is None else weights[labels.clamp(min=0)] * known
+        return total / counted.sum().clamp(min=1e-6)
+
+    def _weights(self, device: torch.device) -> Tensor | None:
+        """Class weights, copied to a device once: a copy in every step would wait for it."""
+        if self.class_weights is None:
+            return None
+        if self._on_device is None or self._on_device.device != device:
+            self._on_device = torch.tensor(self.class_weights, dtype=torch.float32, device=device)
+        return self._on_device

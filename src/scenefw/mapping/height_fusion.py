@@ -15,6 +15,7 @@ from scenefw.core.height_maps import HeightGrid, HeightMap
 from scenefw.core.types import Frame
 from scenefw.kernels import heights as kernels
 from scenefw.kernels.compile import float32
+from scenefw.kernels.triangles import UNSEEN
 from scenefw.mapping.pyramid import Landed, Pyramid
 
 State = dict[str, NDArray[Any]]
@@ -95,7 +96,7 @@ class RunningHeightFusion:
         device, vertices = self._pyramid.device, self._pyramid.vertices
         self._sums = torch.zeros(vertices * kernels.RECORD, device=device)
         # The second half is what bands see of their neighbours while those change.
-        self._heights = torch.full((2, vertices), float(kernels.UNSEEN), device=device)
+        self._heights = torch.full((2, vertices), float(UNSEEN), device=device)
 
     def add(self, frame: Frame) -> None:
         """Fuses depth and colour of a frame, whose camera's pose is in the world frame.
@@ -104,7 +105,7 @@ class RunningHeightFusion:
             InputError: intrinsics or a pose that no camera has, or colour of another size.
         """
         landed = self._pyramid.locate(frame)
-        (outlier,) = float32(self._fusion.outlier or np.inf)
+        (outlier,) = float32(self._fusion.outlier or float(UNSEEN))
         colour = self._colour(frame)
         kernels.add(landed.pixels, *landed.arguments, colour, self._sums, self._heights[0], outlier)
         self._solve(landed)
@@ -119,6 +120,8 @@ class RunningHeightFusion:
             kernels.merge(count, self._sums, self._heights[0], coarse, merged, level, prior)
         values = merged.view(*grid.shape, kernels.MERGED).cpu().numpy()
         height, confidence, variance = (values[..., k].copy() for k in range(3))
+        unseen = height >= UNSEEN
+        height[unseen] = variance[unseen] = np.nan
         colour = np.rint(np.clip(values[..., 3:], 0, 255)).astype(np.uint8)
         return HeightMap(grid, height, colour, confidence, variance)
 
@@ -161,7 +164,7 @@ class RunningHeightFusion:
         records[..., 0] = records[..., 5] = records[..., 10] = weight
         records[..., 4], records[..., 6] = weight * height, weight * squares
         records[..., 7:10] = weight[..., None] * previous.colour
-        height[~previous.seen] = kernels.UNSEEN
+        height[~previous.seen] = UNSEEN
         finest = self._pyramid.finest
         sums = self._sums.view(-1, kernels.RECORD)[finest]
         sums.copy_(torch.from_numpy(records.reshape(-1, kernels.RECORD)))

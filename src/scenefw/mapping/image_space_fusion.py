@@ -15,6 +15,7 @@ from scenefw.core.types import Camera, Frame
 from scenefw.kernels import label_fusion
 from scenefw.kernels.cameras import finite, stack_cameras
 from scenefw.kernels.compile import float32
+from scenefw.kernels.triangles import UNSEEN
 from scenefw.mapping.label_state import (
     initial_logits,
     require_labels,
@@ -119,13 +120,15 @@ class RunningImageSpaceFusion:
             return
         device = self._logits.device
         labels = require_labels(probabilities, frame, self._classes).to(device)
+        known = torch.from_numpy(np.ascontiguousarray(heights.heights)).to(device)
+        known = finite(known, float(UNSEEN))
         depth = finite(torch.from_numpy(np.ascontiguousarray(frame.depth)).to(device), 0.0)
         cameras = stack_cameras([frame.camera], device)
         top, bottom, left, right = part
         lower_x, lower_y = self._grid.lower
         label_fusion.look(
             (bottom - top) * (right - left),
-            torch.from_numpy(np.ascontiguousarray(heights.heights)).to(device).view(-1),
+            known.view(-1),
             depth.view(-1), labels.view(-1), cameras.intrinsics, cameras.T_world_camera,
             self._logits.view(-1),
             (self._grid.vertices, frame.camera.width, frame.camera.height, self._classes),

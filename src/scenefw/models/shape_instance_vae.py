@@ -199,8 +199,10 @@ class ShapeInstanceVAE(nn.Module):
 
 
 def _normal(like: Tensor, generator: torch.Generator) -> Tensor:
-    noise = torch.randn(like.shape, generator=generator, device=generator.device)
-    return noise.to(like.device, like.dtype)
+    """From the generator, on its device; pinned where the copy would make the host wait."""
+    pinned = like.is_cuda and generator.device.type == "cpu"
+    noise = torch.randn(like.shape, generator=generator, device=generator.device, pin_memory=pinned)
+    return noise.to(like.device, non_blocking=True).to(like.dtype)
 
 
 def _recipe(arguments: dict[str, Any]) -> dict[str, Any]:

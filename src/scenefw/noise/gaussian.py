@@ -5,6 +5,7 @@ from torch import Tensor
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import CameraBatch
+from scenefw.kernels.cameras import finite
 from scenefw.kernels.compile import float32
 from scenefw.kernels.depth_noise import add_noise
 
@@ -43,14 +44,16 @@ class Gaussian:
         self.share = share
 
     def apply(self, depth: Tensor, cameras: CameraBatch, seeds: Tensor) -> Tensor:
-        """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0, the rest stays positive.
+        """Noisy copy of z-depth (B, H, W) in metres; 0 and what is not finite become 0.
+
+        The rest stays positive.
 
         Args:
             depth: (B, H, W) metres.
             cameras: unused; white noise looks alike through every lens.
             seeds: (B,) int64, 0 or more: one per image, on the same device.
         """
-        depth = depth.float().contiguous()
+        depth = finite(depth.float(), 0.0).contiguous()
         noisy = torch.empty_like(depth)
         pixels = depth.shape[1] * depth.shape[2]
         flat = (depth.view(-1), seeds, noisy.view(-1))

@@ -8,6 +8,7 @@ from torch import Tensor
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import CameraBatch
 from scenefw.kernels import depth_noise
+from scenefw.kernels.cameras import finite
 from scenefw.kernels.compile import float32
 
 
@@ -77,7 +78,7 @@ class Kinect:
             cameras: one per image; focal length and baseline make the disparity.
             seeds: (B,) int64, 0 or more: one per image, on the same device.
         """
-        depth = depth.float().contiguous()
+        depth = finite(depth.float(), 0.0).contiguous()
         lit, noisy = torch.empty_like(depth), torch.empty_like(depth)
         size = (cameras.width, cameras.height)
         baseline, share = float32(self.baseline, self.share)

@@ -6,9 +6,10 @@ import torch
 from scenefw.core.height_maps import HeightGrid, HeightMap
 from scenefw.core.labels import UNKNOWN
 from scenefw.core.types import Camera, Frame
-from scenefw.kernels.cameras import stack_cameras
+from scenefw.kernels.cameras import finite, stack_cameras
 from scenefw.kernels.compile import float32
 from scenefw.kernels.height_fields import cast
+from scenefw.kernels.triangles import UNSEEN
 
 _MARGIN = 1e-6  # metres about the lowest and the highest vertex: flat maps have some thickness
 
@@ -35,9 +36,10 @@ def view(height_map: HeightMap, camera: Camera, name: str = "") -> Frame:
     if height_map.seen.any():
         heights = torch.from_numpy(np.ascontiguousarray(height_map.heights, dtype=np.float32))
         low, high = float(np.nanmin(heights)), float(np.nanmax(heights))
+        known = finite(heights, float(UNSEEN))
         box = (grid.lower[0], grid.lower[1] + grid.extent, 1 / grid.spacing)
         cast(
-            count, cameras.intrinsics, cameras.T_world_camera, heights.view(-1), depth, vertices,
+            count, cameras.intrinsics, cameras.T_world_camera, known.view(-1), depth, vertices,
             camera.width, grid.vertices, float32(*box, low - _MARGIN, high + _MARGIN),
         )  # fmt: skip
     shape = (camera.height, camera.width)

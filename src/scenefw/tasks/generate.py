@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator, Sequence
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ import numpy as np
 from scenefw.core.errors import ConfigError, StorageError
 from scenefw.core.files import require_writable
 from scenefw.core.protocols import SceneSource
+from scenefw.core.versions import installed
 from scenefw.scenes import statistics
 from scenefw.scenes.storage import concatenate, load_scenes, pack, save_scenes
 from scenefw.tasks import run
@@ -158,10 +158,4 @@ def _digest(facts: dict[str, Any]) -> str:
 
 def versions() -> dict[str, str]:
     """Versions of the packages that decide how scenes come out."""
-    found = {}
-    for package in _SIMULATORS:
-        try:
-            found[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            continue
-    return found
+    return installed(_SIMULATORS)

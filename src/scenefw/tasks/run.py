@@ -8,7 +8,6 @@ import platform
 import subprocess
 import sys
 from collections.abc import Mapping
-from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +15,7 @@ from scenefw import plugins
 from scenefw.config import conf_dir
 from scenefw.core.errors import ConfigError
 from scenefw.core.files import require_writable, write_text
+from scenefw.core.versions import installed
 from scenefw.tasks.weights import used_weights
 
 if TYPE_CHECKING:
@@ -101,12 +101,7 @@ def pick_device(wanted: str) -> str:
 
 def versions() -> dict[str, str]:
     """Versions of what computes, and the git commit if the project is a checkout."""
-    found = {"python": platform.python_version()}
-    for package in _RECORDED:
-        try:
-            found[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            continue
+    found = {"python": platform.python_version()} | installed(_RECORDED)
     commit = _commit(conf_dir().parent)
     return found | ({"commit": commit} if commit else {})
 
