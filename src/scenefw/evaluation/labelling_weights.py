@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from scenefw.core.height_maps import HeightMap
     from scenefw.core.protocols import Noise
     from scenefw.core.types import Float32, Int32
-    from scenefw.evaluation.labelling_bench import Bench, Snapshot
+    from scenefw.evaluation.labelling_bench import Bench
 
 Tracker = Callable[[Sequence[int], str], Iterable[int]]
 
@@ -32,7 +32,8 @@ class WeightsResult:
 
     Args:
         weights: found.
-        accuracy: mean over classes of the share of vertices labelled right: views, map, pool.
+        accuracy: mean over classes of the share of their vertices labelled right, of views, map and
+            pool. A class's vertices are its own and those that views or map take for it.
         vertices: number of vertices that they were estimated on.
         scenes: number of scenes.
     """
@@ -59,13 +60,17 @@ class WeightsResult:
 class HybridWeights:
     """Estimates the weights from what views and maps say of true labels, after ever more frames.
 
+    For each class vertices are drawn from those that are of it or that views or map take for it,
+    over which its IoU is taken: along the outlines of objects the two differ most, and there are
+    few of these vertices among all.
+
     Args:
         bench: runs `view_based` and `map_based`, on validation scenes.
         reconstruction: that of the hybrid.
         frames: of each sequence.
         steps: numbers of frames looked at, evenly spaced.
         first: an earlier number of frames; None = none.
-        vertices: drawn of each class, scene and number of frames.
+        vertices: drawn for each class, scene and number of frames.
         seed: of the draw.
         noise: noises that scenes are seen under in turns, as `in_turns`; None: that of the bench.
 
@@ -117,47 +122,55 @@ class HybridWeights:
                 raise InputError(f"scene {scene} has no true labels to calibrate on")
             noise = None if self.noise is None else in_turns(self.noise, scene)
             for snapshots in self.bench.run(scene, self.counts, noise):
-                frames = snapshots[VIEW_BASED].frames
-                chosen = self._draw(snapshots[VIEW_BASED].height_map, truth.labels, scene, frames)
-                parts.append(self._samples(snapshots, truth.labels, chosen))
-        views, of_map, well, labels = (
+                maps = [snapshots[name].height_map for name in (VIEW_BASED, MAP_BASED)]
+                chosen = self._draw(maps, truth.labels, scene, snapshots[VIEW_BASED].frames)
+                parts.append(self._samples(maps, truth.labels, chosen))
+        views, of_map, well, labels, drawn_for = (
             np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)
         )
-        weights = fit_weights(views, of_map, well, labels)
+        weights = fit_weights(views, of_map, well, labels, drawn_for)
         pooled = pool(views, of_map, well, weights)
         accuracy = {
-            name: balanced_accuracy(said.argmax(axis=0), labels)
+            name: balanced_accuracy(said.argmax(axis=0), labels, drawn_for)
             for name, said in (("views", views), ("map", of_map), ("pool", pooled))
         }
         return WeightsResult(weights, accuracy, len(labels), len(scenes))
 
     def _draw(
-        self, height_map: HeightMap, truth: Int32, scene: int, frames: int
-    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Rows and columns of seen vertices, as many of each class."""
+        self, maps: Sequence[HeightMap], truth: Int32, scene: int, frames: int
+    ) -> tuple[NDArray[np.intp], Int32]:
+        """Numbers of seen vertices, as many for each class, and the class they are drawn for."""
         random = rng.generator(self.seed, scene, frames)
-        chosen = []
+        known = maps[0].seen & (truth >= 0)
+        labels = [truth, *(_probabilities(m).argmax(axis=0) for m in maps)]
+        chosen, drawn_for = [], []
         for label in np.unique(truth[truth >= 0]):
-            (places,) = np.nonzero((height_map.seen & (truth == label)).ravel())
+            concerned = np.any([said == label for said in labels], axis=0)
+            (places,) = np.nonzero((known & concerned).ravel())
             chosen.append(random.permutation(places)[: self.vertices])
-        rows, columns = np.unravel_index(np.concatenate(chosen), truth.shape)
-        return rows, columns
+            drawn_for.append(np.full(len(chosen[-1]), label, dtype=np.int32))
+        return np.concatenate(chosen), np.concatenate(drawn_for)
 
     def _samples(
         self,
-        snapshots: dict[str, Snapshot],
+        maps: Sequence[HeightMap],
         truth: Int32,
-        chosen: tuple[NDArray[np.intp], NDArray[np.intp]],
-    ) -> tuple[Float32, Float32, Float32, Int32]:
-        """Of these: probabilities (C, N) of views and of the map, how well built, truth."""
-        maps = [snapshots[name].height_map for name in (VIEW_BASED, MAP_BASED)]
-        views, of_map = (_probabilities(m)[:, chosen[0], chosen[1]] for m in maps)
-        return views, of_map, self.reconstruction.of(maps[0])[chosen], truth[chosen]
+        drawn: tuple[NDArray[np.intp], Int32],
+    ) -> tuple[Float32, Float32, Float32, Int32, Int32]:
+        """Of these: probabilities (C, N) of views and map, how well built, truth, drawn for."""
+        chosen, drawn_for = drawn
+        views, of_map = (_probabilities(m).reshape(-1, truth.size)[:, chosen] for m in maps)
+        well = self.reconstruction.of(maps[0]).reshape(-1)[chosen]
+        return views, of_map, well, truth.reshape(-1)[chosen], drawn_for
 
 
-def balanced_accuracy(predicted: NDArray[np.intp], truth: Int32) -> float:
-    """Mean over the classes of the truth of the share that is labelled right."""
-    return float(np.mean([np.mean(predicted[truth == c] == c) for c in np.unique(truth)]))
+def balanced_accuracy(
+    predicted: NDArray[np.intp], truth: Int32, drawn_for: Int32 | None = None
+) -> float:
+    """Mean over classes of the share labelled right, of vertices drawn for it (None: of it)."""
+    counted = truth if drawn_for is None else drawn_for
+    right = predicted == truth
+    return float(np.mean([np.mean(right[counted == c]) for c in np.unique(counted)]))
 
 
 def _probabilities(height_map: HeightMap) -> Float32:

@@ -118,7 +118,9 @@ def pool(views: Float32, of_map: Float32, well: Float32, weights: Weights) -> Fl
     return scores
 
 
-def fit_weights(views: Float32, of_map: Float32, well: Float32, truth: Int32) -> Weights:
+def fit_weights(
+    views: Float32, of_map: Float32, well: Float32, truth: Int32, drawn_for: Int32 | None = None
+) -> Weights:
     """Weights of least negative log-likelihood of the true classes, each class counting the same.
 
     Classes count the same because the mean IoU that strategies are compared by gives a small class
@@ -129,14 +131,16 @@ def fit_weights(views: Float32, of_map: Float32, well: Float32, truth: Int32) ->
         of_map: (C, N).
         well: (N,).
         truth: (N,) class ids.
+        drawn_for: (N,) the class that a vertex was drawn for and counts to; None: its true one.
 
     Raises:
         InputError: there is no vertex.
     """
     if not len(truth):
         raise InputError("no vertex to calibrate on; give scenes with true labels that are seen")
-    counts = np.bincount(truth, minlength=len(views))
-    share = 1 / counts[truth] / np.count_nonzero(counts)
+    counted = truth if drawn_for is None else drawn_for
+    counts = np.bincount(counted, minlength=len(views))
+    share = 1 / counts[counted] / np.count_nonzero(counts)
 
     def loss(values: NDArray[np.float64]) -> float:
         pooled = pool(views, of_map, well, Weights(*values))

@@ -1,5 +1,7 @@
 """Tables 4.1 and 4.2, and the hybrid's weights, on fakes whose scores are known."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from tests.unit.evaluation.test_labelling_bench import strategies
@@ -92,6 +94,30 @@ def test_weights_need_both_experts():
         HybridWeights(Bench(Scenes(), {"view_based": strategies()["view_based"]}), NEAR, 5)
 
 
+def test_vertices_are_drawn_from_what_the_iou_of_a_class_is_taken_over():
+    truth = np.zeros((40, 40), np.int32)
+    truth[10:20, 10:20] = 1
+    truth[0, 0] = -1
+    wider, exact = truth.clip(0), truth.clip(0)
+    wider = wider.copy()
+    wider[9:21, 9:21] = 1  # what views say bleeds over the outline
+    maps = [
+        SimpleNamespace(
+            seen=np.ones(truth.shape, bool), probabilities=np.eye(2)[said].transpose(2, 0, 1)
+        )
+        for said in (wider, exact)
+    ]
+    weights = HybridWeights(Bench(Scenes(), strategies()), NEAR, frames=5, vertices=1000)
+    chosen, drawn_for = weights._draw(maps, truth, scene=0, frames=5)
+    of_object = chosen[drawn_for == 1]
+    assert sorted(of_object) == sorted(np.flatnonzero(wider == 1))
+    assert (truth.ravel()[of_object] == 0).sum() == 12 * 12 - 10 * 10
+    assert np.count_nonzero(drawn_for == 0) == 1000
+    assert 0 not in chosen  # its label is unknown
+
+
 def test_balanced_accuracy():
+    of = np.array([0, 1, 1, 1, 1])
     truth = np.array([0, 0, 0, 0, 1])
     assert balanced_accuracy(np.array([0, 0, 0, 1, 1]), truth) == pytest.approx((0.75 + 1) / 2)
+    assert balanced_accuracy(np.array([0, 0, 0, 1, 1]), truth, of) == pytest.approx((1 + 0.75) / 2)

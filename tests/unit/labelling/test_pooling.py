@@ -69,6 +69,27 @@ def test_calibration_finds_the_better_expert_of_each_place():
     )
 
 
+def test_a_vertex_counts_to_the_class_that_it_was_drawn_for():
+    rng = np.random.default_rng(1)
+    truth = np.repeat([0, 1], [5000, 500])
+    drawn_for = truth.copy()
+    drawn_for[:500] = 1  # surface that views take for an object
+    said = np.where(np.arange(len(truth)) < 500, 1, truth)
+    views = np.where(np.arange(3)[:, None] == said, 0.9, 0.05).astype(np.float32)
+    of_map = expert(rng, truth, 0.9)
+    well = np.ones(len(truth), np.float32)
+    by_truth = fit_weights(views, of_map, well, truth)
+    assert by_truth == fit_weights(views, of_map, well, truth, truth)
+    as_drawn = fit_weights(views, of_map, well, truth, drawn_for)
+
+    def right_at_outlines(weights):
+        pooled = pool(views, of_map, well, weights)
+        return np.mean(pooled.argmax(axis=0)[:500] == truth[:500])
+
+    assert right_at_outlines(by_truth) < 0.1
+    assert right_at_outlines(as_drawn) > 0.9
+
+
 def test_calibration_needs_vertices():
     nothing = np.zeros((3, 0), np.float32)
     with pytest.raises(InputError, match="no vertex"):
