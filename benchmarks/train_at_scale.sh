@@ -55,7 +55,7 @@ collect() { # also after a failure, and when the time is up
   if [ -f "$state" ]; then
     "$python" -m benchmarks.state_parts split "$state" "$output" \
       ${TOTAL_MB:+--megabytes "$((TOTAL_MB - 1))"} || true
-    size=$(cat "$output"/state.part* 2>/dev/null | wc -c)
+    size=$( (cat "$output"/state.part* 2>/dev/null || true) | wc -c)
     room=$((room - 1 - size / 1000000))
   fi
   for weights in "$folder"/*.safetensors; do # large ones in parts: cat NAME.part* >NAME
@@ -79,8 +79,11 @@ calls=${CALLS:-1}
 [ -z "${LIMIT:-}" ] || calls=1
 for _ in $(seq "$calls"); do
   time=${SLICE:-00:00:08:30}
-  [ -z "${LIMIT:-}" ] || time=$(printf '00:00:%02d:%02d' \
-    $(((LIMIT - SECONDS - collecting) / 60)) $(((LIMIT - SECONDS - collecting) % 60)))
+  if [ -n "${LIMIT:-}" ]; then
+    left=$((LIMIT - SECONDS - collecting))
+    [ $left -gt 0 ] || { echo "LIMIT=$LIMIT leaves no time to train; give more" >&2; exit 2; }
+    time=$(printf '00:%02d:%02d:%02d' $((left / 3600)) $((left / 60 % 60)) $((left % 60)))
+  fi
   "$python" -m scenefw "experiment=$experiment" run=train scale=thesis "trainer=$trainer" \
     "trainer.max_time=$time" "paths.training=$folder" "paths.output=$folder/run" "$@"
   cat "$folder/run/metrics.json"

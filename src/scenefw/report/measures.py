@@ -144,7 +144,8 @@ STACKS = Group(
     "Excess: over the floor, which is the distance of two random samplings of one true surface. "
     "Without learning: the partial TSDF, meshed. Published: SIMstack, table 5.1 of the thesis. "
     "The zero code gives the most typical scene; samples are drawn together from N(0, I), as far "
-    "apart as such codes can be, and differ from it where the view is silent.",
+    "apart as such codes can be (those of the thesis independently), and differ from it where the "
+    "view is silent.",
 )  # fmt: skip
 
 IMAGES = Group(
