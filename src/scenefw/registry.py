@@ -32,6 +32,7 @@ PACKAGES = {
     "label_source": "labelling",
     "map_label_source": "labelling",
     "key_frames": "labelling",
+    "optimizer": "learning",
     "learning": "learning",
     "trainer": "learning",
     "evaluation": "evaluation",

@@ -13,6 +13,7 @@ from torch import Tensor, nn
 from scenefw.core.types import GridSpec
 from scenefw.learning.averaging import AveragedWeights
 from scenefw.learning.costs import Batch, SideStream, StepTimes, peak_memory
+from scenefw.learning.optimizers import RATE, AdamW, Optimizer
 from scenefw.learning.schedules import Progress, Schedule, StepDecay
 
 AGREE_EVERY = 10
@@ -29,12 +30,13 @@ class TrainingModule(lightning.LightningModule, ABC):
 
     Args:
         model: the network, with a `recipe` that rebuilds it.
-        learning_rate: of AdamW at factor 1.
-        weight_decay: of AdamW; 0 makes it Adam.
+        learning_rate: of the optimiser at factor 1.
+        weight_decay: of the optimiser; 0 makes AdamW Adam.
         schedule: factor of the learning rate; None means 0.99 every 5 epochs.
         average: decay of the moving average of weights that is validated and exported; 0: none.
         seed: of all randomness.
         compile: let torch.compile make the network's training pass faster; a text names a backend.
+        optimizer: how gradients change weights; None means AdamW.
     """
 
     task: str
@@ -49,11 +51,12 @@ class TrainingModule(lightning.LightningModule, ABC):
         average: float,
         seed: int,
         compile: bool | str = False,  # noqa: A002 - as torch calls it
+        optimizer: Optimizer | None = None,
     ) -> None:
         super().__init__()
         self.model = model
         self.learning_rate, self.weight_decay = learning_rate, weight_decay
-        self.schedule = schedule or StepDecay()
+        self.schedule, self.optimizer = schedule or StepDecay(), optimizer or AdamW()
         self.seed, self.compiled = seed, compile
         self.average = AveragedWeights(model, average) if average else None
         self.started_from: Mapping[str, Any] | None = None  # metadata of the initial weights
@@ -86,13 +89,10 @@ class TrainingModule(lightning.LightningModule, ABC):
         return None
 
     def configure_optimizers(self) -> torch.optim.Optimizer:
-        """AdamW, which is Adam where `weight_decay` is 0, in one kernel where that is possible."""
-        weights = [p for p in self.model.parameters() if p.requires_grad]
+        """The optimiser, its step in one kernel where that is possible."""
         # 16-bit floats need gradients scaled back before they are clipped; the fused step is late.
         fused = self.device.type in ("cpu", "cuda") and self.trainer.precision != "16-mixed"
-        return torch.optim.AdamW(
-            weights, lr=self.learning_rate, weight_decay=self.weight_decay, fused=fused
-        )
+        return self.optimizer.make(self.model, self.learning_rate, self.weight_decay, fused=fused)
 
     def configure_gradient_clipping(
         self,
@@ -133,8 +133,9 @@ class TrainingModule(lightning.LightningModule, ABC):
         progress = Progress(
             self.batches_seen, epoch, self._agreed, position / self.batches_per_epoch
         )
+        rate = self.learning_rate * self.schedule.factor(progress)
         for group in self.optimizers().param_groups:  # type: ignore[union-attr]
-            group["lr"] = self.learning_rate * self.schedule.factor(progress)
+            group["lr"] = rate * group.get(RATE, 1.0)
         self.budget_done = self.schedule.done(progress)
         self.times.begin(self.device)
 

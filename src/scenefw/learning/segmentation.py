@@ -16,6 +16,7 @@ from scenefw.data.segmentation import SegmentationData
 from scenefw.learning.checkpoint import SEGMENTATION
 from scenefw.learning.initial import start_from
 from scenefw.learning.module import TrainingModule
+from scenefw.learning.optimizers import Optimizer
 from scenefw.learning.provenance import origin
 from scenefw.learning.schedules import ExponentialDecay, Schedule
 from scenefw.metrics.semantic import class_ious, count_classes, mean_iou, weighted_iou
@@ -33,8 +34,8 @@ class SegmentationLearning(TrainingModule):
     Args:
         model: the network, with as many `classes` as the data.
         losses: terms by name, each with a `weight`.
-        learning_rate: of AdamW at factor 1.
-        weight_decay: of AdamW; 0 makes it Adam.
+        learning_rate: of the optimiser at factor 1.
+        weight_decay: of the optimiser; 0 makes AdamW Adam.
         schedule: factor of the learning rate; None means x0.96 every 1e5 steps (thesis 4.7.1).
         average: decay of the moving average of weights that is validated and exported; 0: none.
         seed: seed of dropout.
@@ -43,6 +44,7 @@ class SegmentationLearning(TrainingModule):
             so, also where the checkpoint has none: the levels by which a network is deeper.
         channels_last: memory format of the network, faster on CPUs and on tensor cores.
         compile: let torch.compile make the network's training pass faster; a text names a backend.
+        optimizer: how gradients change weights; None means AdamW.
     """
 
     task = SEGMENTATION
@@ -61,12 +63,15 @@ class SegmentationLearning(TrainingModule):
         *,
         channels_last: bool = True,
         compile: bool | str = False,  # noqa: A002 - as torch calls it
+        optimizer: Optimizer | None = None,
     ) -> None:
         if initial is not None:
             start_from(model, initial, SEGMENTATION, list(fresh))
         model = model.to(memory_format=torch.channels_last) if channels_last else model
         schedule = schedule or ExponentialDecay()
-        super().__init__(model, learning_rate, weight_decay, schedule, average, seed, compile)
+        super().__init__(
+            model, learning_rate, weight_decay, schedule, average, seed, compile, optimizer
+        )
         if not losses:
             raise ConfigError("no loss to train labels with; give loss=[cross_entropy]")
         self.started_from = origin(initial) if initial is not None else None
@@ -75,6 +80,7 @@ class SegmentationLearning(TrainingModule):
     def facts(self) -> dict[str, Any]:
         """How it trains."""
         return {
+            "optimizer": type(self.optimizer).__name__,
             "learning_rate": self.learning_rate,
             "losses": {name: loss.weight for name, loss in self.losses.items()},
             "seed": self.seed,

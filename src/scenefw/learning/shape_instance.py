@@ -18,6 +18,7 @@ from scenefw.data.views import ViewMaker
 from scenefw.learning.checkpoint import SHAPE_INSTANCE
 from scenefw.learning.initial import start_from
 from scenefw.learning.module import TrainingModule
+from scenefw.learning.optimizers import Optimizer
 from scenefw.learning.provenance import origin
 from scenefw.learning.schedules import Schedule
 from scenefw.learning.scores import sample_scores, scores
@@ -39,8 +40,8 @@ class ShapeInstanceLearning(TrainingModule):
         model: the network; its `channels` say whether it sees what was observed.
         losses: terms by name, each with a `weight`.
         views: makes volumes and views.
-        learning_rate: of AdamW at factor 1.
-        weight_decay: of AdamW; 0 makes it Adam.
+        learning_rate: of the optimiser at factor 1.
+        weight_decay: of the optimiser; 0 makes AdamW Adam.
         schedule: factor of the learning rate; None means 0.99 every 5 epochs.
         average: decay of the moving average of weights that is validated and exported; 0: none.
         seed: seed of views and codes.
@@ -51,6 +52,7 @@ class ShapeInstanceLearning(TrainingModule):
             zero takes their place, as samples of a network that knows little differ in all.
         channels_last: memory format of the network, faster on CPUs and on tensor cores.
         compile: let torch.compile make the network's training pass faster; a text names a backend.
+        optimizer: how gradients change weights; None means AdamW.
     """
 
     task = SHAPE_INSTANCE
@@ -71,6 +73,7 @@ class ShapeInstanceLearning(TrainingModule):
         *,
         channels_last: bool = True,
         compile: bool | str = False,  # noqa: A002 - as torch calls it
+        optimizer: Optimizer | None = None,
     ) -> None:
         if not 0 <= draw_from <= 1:
             raise ConfigError(
@@ -79,7 +82,9 @@ class ShapeInstanceLearning(TrainingModule):
         if initial is not None:
             start_from(model, initial, fresh=list(fresh))
         model = model.to(memory_format=torch.channels_last_3d) if channels_last else model
-        super().__init__(model, learning_rate, weight_decay, schedule, average, seed, compile)
+        super().__init__(
+            model, learning_rate, weight_decay, schedule, average, seed, compile, optimizer
+        )
         self.started_from = origin(initial) if initial is not None else None
         self.losses = dict(losses)
         self.views = views
@@ -93,6 +98,7 @@ class ShapeInstanceLearning(TrainingModule):
     def facts(self) -> dict[str, Any]:
         """How it trains."""
         return {
+            "optimizer": type(self.optimizer).__name__,
             "learning_rate": self.learning_rate,
             "losses": {name: loss.weight for name, loss in self.losses.items()},
             "noise": described(self.views.noise),

@@ -1,0 +1,93 @@
+"""Optimisers, made for the weights of a network."""
+
+from typing import Protocol
+
+import torch
+from torch import nn
+
+from scenefw.core.errors import ConfigError
+
+RATE = "rate"
+"""Key of a group of weights: what its learning rate is times that of the training."""
+
+
+class Optimizer(Protocol):
+    """How gradients change weights (group `optimizer`)."""
+
+    def make(
+        self, model: nn.Module, learning_rate: float, weight_decay: float, *, fused: bool
+    ) -> torch.optim.Optimizer:
+        """An optimiser of the weights that need a gradient.
+
+        Args:
+            model: the network.
+            learning_rate: at factor 1; the training sets it anew at each step, times `RATE`.
+            weight_decay: decoupled from the gradient, times the learning rate.
+            fused: whether a step may run as one kernel.
+        """
+
+
+class AdamW:
+    """Adam with decoupled weight decay (Loshchilov and Hutter 2019); Adam where that is 0."""
+
+    def make(
+        self, model: nn.Module, learning_rate: float, weight_decay: float, *, fused: bool
+    ) -> torch.optim.Optimizer:
+        """An optimiser of the weights that need a gradient."""
+        weights = [p for p in model.parameters() if p.requires_grad]
+        return torch.optim.AdamW(weights, lr=learning_rate, weight_decay=weight_decay, fused=fused)
+
+
+class Muon:
+    """Orthogonal updates of matrices and convolutions, AdamW for biases, norms and slopes.
+
+    The momentum M of a weight, as a matrix with a row per output, is replaced by about U V^T of its
+    singular value decomposition U S V^T (five Newton-Schulz iterations in bfloat16), so that all
+    its directions move alike: W -= rate * learning_rate * sqrt(max(1, rows / columns)) * U V^T.
+
+    Reference: Jordan et al. 2024, Muon: an optimizer for hidden layers in neural networks. The
+    implementation is pytorch_optimizer's.
+
+    Args:
+        rate: what the learning rate of matrices is times that of the rest.
+        momentum: decay of the average of gradients.
+
+    Raises:
+        ConfigError: the rate is not positive or the momentum is outside [0, 1).
+    """
+
+    def __init__(self, rate: float = 10.0, momentum: float = 0.95) -> None:
+        if rate <= 0 or not 0 <= momentum < 1:
+            raise ConfigError(
+                f"optimizer.rate is {rate} and optimizer.momentum {momentum}; expected a positive "
+                "rate, such as 10, and a momentum from 0 to below 1, such as 0.95"
+            )
+        self.rate, self.momentum = rate, momentum
+
+    def make(
+        self, model: nn.Module, learning_rate: float, weight_decay: float, *, fused: bool
+    ) -> torch.optim.Optimizer:
+        """An optimiser of the weights that need a gradient."""
+        from pytorch_optimizer import Muon as Implementation  # second-long import
+
+        weights = [p for p in model.parameters() if p.requires_grad]
+        matrices = {
+            "params": [p for p in weights if p.ndim >= 2],
+            "use_muon": True,
+            "momentum": self.momentum,
+            "weight_decay": weight_decay,
+            RATE: self.rate,
+        }
+        rest = {
+            "params": [p for p in weights if p.ndim < 2],
+            "use_muon": False,
+            "betas": (0.9, 0.999),
+            "eps": 1e-8,
+            "weight_decay": weight_decay,
+            RATE: 1.0,
+        }
+        groups = [group for group in (matrices, rest) if group["params"]]
+        made: torch.optim.Optimizer = Implementation(
+            groups, lr=self.rate * learning_rate, adamw_lr=learning_rate
+        )
+        return made

@@ -1,0 +1,67 @@
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+from scenefw.core.errors import ConfigError
+from scenefw.learning.optimizers import AdamW, Muon
+
+
+def orthogonal(momentum):
+    """U V^T of the singular value decomposition, by numpy."""
+    u, _, v = np.linalg.svd(momentum, full_matrices=False)
+    return u @ v
+
+
+@pytest.mark.parametrize("shape", [(6, 4, 3, 3, 3), (12, 5), (5, 12)])
+def test_muon_moves_weights_by_the_orthogonal_factor_of_their_gradient(shape):
+    torch.manual_seed(0)
+    model = nn.Module()
+    model.weight = nn.Parameter(torch.randn(shape))
+    before = model.weight.detach().clone()
+    gradient = torch.randn(shape)
+    optimizer = Muon(rate=10.0).make(model, 1e-2, 0.0, fused=True)
+    model.weight.grad = gradient.clone()
+    optimizer.step()
+    rows = shape[0]
+    columns = before.numel() // rows
+    step = (before - model.weight.detach()).reshape(rows, columns).numpy()
+    wanted = orthogonal(gradient.reshape(rows, columns).numpy())
+    wanted *= 10.0 * 1e-2 * max(1.0, rows / columns) ** 0.5
+    # Five iterations leave singular values between 0.7 and 1.2 of what they should be.
+    cosine = (step * wanted).sum() / np.linalg.norm(step) / np.linalg.norm(wanted)
+    assert cosine > 0.97
+    values = np.linalg.svd(step, compute_uv=False) / np.linalg.svd(wanted, compute_uv=False)[0]
+    assert values.min() > 0.6
+    assert values.max() < 1.3
+
+
+def test_muon_leaves_norms_and_biases_to_adamw():
+    torch.manual_seed(0)
+    model = nn.Sequential(nn.Conv2d(3, 8, 3), nn.BatchNorm2d(8), nn.PReLU())
+    alone = nn.Sequential(nn.Conv2d(3, 8, 3), nn.BatchNorm2d(8), nn.PReLU())
+    alone.load_state_dict(model.state_dict())
+    images = torch.randn(4, 3, 6, 6)
+    for network, made in ((model, Muon()), (alone, AdamW())):
+        optimizer = made.make(network, 1e-2, 1e-2, fused=False)
+        network(images).square().sum().backward()
+        optimizer.step()
+    for (name, one), other in zip(model.named_parameters(), alone.parameters(), strict=True):
+        if one.ndim < 2:
+            torch.testing.assert_close(one, other, rtol=1e-4, atol=1e-7)
+        else:
+            assert not torch.allclose(one, other, atol=1e-3), name
+
+
+def test_weights_without_gradient_are_left_out():
+    model = nn.Sequential(nn.Linear(3, 3), nn.Linear(3, 3))
+    model[0].requires_grad_(False)
+    for made in (AdamW(), Muon()):
+        groups = made.make(model, 1e-2, 0.0, fused=False).param_groups
+        assert sum(len(group["params"]) for group in groups) == 2
+
+
+@pytest.mark.parametrize("settings", [{"rate": 0.0}, {"rate": -1.0}, {"momentum": 1.0}])
+def test_settings_out_of_range_are_one_line(settings):
+    with pytest.raises(ConfigError, match="optimizer"):
+        Muon(**settings)
