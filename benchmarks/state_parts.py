@@ -4,10 +4,11 @@
     python -m benchmarks.state_parts join FOLDER outputs/training/last.ckpt
 
 Without a limit every bit is kept: 16 bytes per weight (float32 weights, their average, two moments
-of the optimiser). With one, the first form is taken that fits, and the line printed says which:
+of AdamW; Muon has one). With one, the first form is taken that fits, and the line printed says
+which:
 
-    exact    16 bytes per weight
-    rounded   8: float16 weights and average, bfloat16 moments
+    exact    16 bytes per weight, 12 with Muon
+    rounded   8, or 6: float16 weights and average, bfloat16 moments
     average   2: float16 average alone; the training goes on from it with new moments
 """
 
@@ -92,13 +93,19 @@ def _averages(whole: dict[str, Any]) -> dict[str, Any]:
     average = (whole["scenefw"]["average"] or {}).get("values", {})
     weights = {k: average.get(k.removeprefix("model."), v) for k, v in whole["state_dict"].items()}
     kept = {**whole["scenefw"], "average": None}
-    optimisers = [{**o, "state": {}} for o in whole["optimizer_states"]]
+    optimisers = [_without_moments(o) for o in whole["optimizer_states"]]
     return {
         **whole,
         "scenefw": kept,
         "state_dict": _converted(weights, _half),
         "optimizer_states": optimisers,
     }
+
+
+def _without_moments(optimiser: dict[str, Any]) -> dict[str, Any]:
+    # A group that counts its steps would take new moments for old ones, and step too far.
+    groups = [{k: v for k, v in g.items() if k != "step"} for g in optimiser["param_groups"]]
+    return {**optimiser, "state": {}, "param_groups": groups}
 
 
 def _with_average(whole: dict[str, Any], convert: Callable[[Tensor], Tensor]) -> dict[str, Any]:

@@ -1,10 +1,12 @@
 import numpy as np
 import pytest
 import torch
+from tests.unit.learning import plain
 from torch import nn
 
 from scenefw.core.errors import ConfigError
 from scenefw.learning.optimizers import AdamW, Muon
+from scenefw.learning.schedules import Progress
 
 
 def orthogonal(momentum):
@@ -59,6 +61,24 @@ def test_weights_without_gradient_are_left_out():
     for made in (AdamW(), Muon()):
         groups = made.make(model, 1e-2, 0.0, fused=False).param_groups
         assert sum(len(group["params"]) for group in groups) == 2
+
+
+def test_a_training_in_two_calls_equals_one_bit_for_bit(tmp_path):
+    options = {"learning": {"optimizer": Muon()}}
+    plain.task(tmp_path / "once", steps=7, **options).run()
+    for steps in (3, 7):
+        plain.task(tmp_path / "twice", steps=steps, **options).run()
+    first, second = plain.state(tmp_path / "once"), plain.state(tmp_path / "twice")
+    for name, value in first["state_dict"].items():
+        assert torch.equal(value, second["state_dict"][name]), name
+
+
+def test_the_rate_of_matrices_follows_the_schedule(tmp_path):
+    task = plain.task(tmp_path, steps=3, learning={"optimizer": Muon(rate=5.0)})
+    task.run()
+    matrices, rest = task.learning.trainer.optimizers[0].param_groups
+    assert rest["lr"] == 1e-2 * task.learning.schedule.factor(Progress(2, 0, 0.0))
+    assert matrices["lr"] == pytest.approx(5 * rest["lr"])
 
 
 @pytest.mark.parametrize("settings", [{"rate": 0.0}, {"rate": -1.0}, {"momentum": 1.0}])

@@ -4,6 +4,7 @@ from benchmarks import state_parts
 from tests.unit.learning import plain
 
 from scenefw.core.errors import CheckpointError
+from scenefw.learning.optimizers import Muon
 
 
 @pytest.fixture
@@ -31,6 +32,23 @@ def test_without_a_limit_every_bit_is_kept(trained):
     first, second = plain.state(trained), plain.state(there)
     for name, value in first["state_dict"].items():
         assert torch.equal(value, second["state_dict"][name])
+
+
+@pytest.mark.parametrize(("name", "steps"), [("average", 3), ("rounded", 9)])
+def test_steps_are_counted_as_long_as_moments_are_kept(tmp_path, monkeypatch, name, steps):
+    monkeypatch.setattr(state_parts, "PART", 3000)
+    monkeypatch.setattr(state_parts, "FORMS", {name: state_parts.FORMS[name]})
+    options = {"learning": {"optimizer": Muon()}}
+    plain.task(tmp_path, steps=6, **options).run()
+    assert _counted(tmp_path) == [6, 6]
+    there = carried(tmp_path, name)
+    plain.task(there, steps=9, **options).run()
+    assert _counted(there) == [steps, steps]
+
+
+def _counted(folder):
+    groups = plain.state(folder)["optimizer_states"][0]["param_groups"]
+    return [group["step"] for group in groups]
 
 
 @pytest.mark.parametrize("name", ["rounded", "average"])
