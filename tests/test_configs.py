@@ -95,12 +95,15 @@ def test_experiments_that_label_have_both_scales(name):
     small, large = (config.compose([f"experiment={name}", *s]) for s in ((), ("scale=thesis",)))
     for part, widths, batch, average in ((small, 16, 8, 0.99), (large, 48, 32, 0.999)):
         assert part.learning._target_.endswith("SegmentationLearning")
+        assert part.learning.optimizer._target_.endswith("AdamW")  # Muon is untried for labels
         assert part.learning.average == average
         assert part.model.widths[0] == widths
         assert part.model.scale == 0.02
         assert part.dataset.batch_size == batch
     assert large.trainer.max_epochs == 20
-    assert config.compose(["experiment=simstack", "scale=thesis"]).trainer.max_epochs == 130
+    stacks = config.compose(["experiment=simstack", "scale=thesis"])
+    assert stacks.trainer.max_epochs == 130
+    assert stacks.learning.optimizer._target_.endswith("Muon")
 
 
 def test_every_group_is_in_the_list_of_groups():

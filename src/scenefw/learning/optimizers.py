@@ -56,11 +56,11 @@ class Muon:
         ConfigError: the rate is not positive or the momentum is outside [0, 1).
     """
 
-    def __init__(self, rate: float = 10.0, momentum: float = 0.95) -> None:
+    def __init__(self, rate: float = 20.0, momentum: float = 0.95) -> None:
         if rate <= 0 or not 0 <= momentum < 1:
             raise ConfigError(
                 f"optimizer.rate is {rate} and optimizer.momentum {momentum}; expected a positive "
-                "rate, such as 10, and a momentum from 0 to below 1, such as 0.95"
+                "rate, such as 20, and a momentum from 0 to below 1, such as 0.95"
             )
         self.rate, self.momentum = rate, momentum
 
