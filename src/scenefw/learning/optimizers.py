@@ -1,5 +1,6 @@
 """Optimisers, made for the weights of a network."""
 
+from dataclasses import dataclass
 from typing import Protocol
 
 import torch
@@ -27,6 +28,7 @@ class Optimizer(Protocol):
         """
 
 
+@dataclass(frozen=True)
 class AdamW:
     """Adam with decoupled weight decay (Loshchilov and Hutter 2019); Adam where that is 0."""
 
@@ -38,6 +40,7 @@ class AdamW:
         return torch.optim.AdamW(weights, lr=learning_rate, weight_decay=weight_decay, fused=fused)
 
 
+@dataclass(frozen=True)
 class Muon:
     """Orthogonal updates of matrices and convolutions, AdamW for biases, norms and slopes.
 
@@ -56,13 +59,15 @@ class Muon:
         ConfigError: the rate is not positive or the momentum is outside [0, 1).
     """
 
-    def __init__(self, rate: float = 20.0, momentum: float = 0.95) -> None:
-        if rate <= 0 or not 0 <= momentum < 1:
+    rate: float = 20.0
+    momentum: float = 0.95
+
+    def __post_init__(self) -> None:
+        if self.rate <= 0 or not 0 <= self.momentum < 1:
             raise ConfigError(
-                f"optimizer.rate is {rate} and optimizer.momentum {momentum}; expected a positive "
-                "rate, such as 20, and a momentum from 0 to below 1, such as 0.95"
+                f"optimizer.rate is {self.rate} and optimizer.momentum {self.momentum}; expected a "
+                "positive rate, such as 20, and a momentum from 0 to below 1, such as 0.95"
             )
-        self.rate, self.momentum = rate, momentum
 
     def make(
         self, model: nn.Module, learning_rate: float, weight_decay: float, *, fused: bool

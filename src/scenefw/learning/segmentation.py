@@ -80,7 +80,7 @@ class SegmentationLearning(TrainingModule):
     def facts(self) -> dict[str, Any]:
         """How it trains."""
         return {
-            "optimizer": type(self.optimizer).__name__,
+            "optimizer": str(self.optimizer),
             "learning_rate": self.learning_rate,
             "losses": {name: loss.weight for name, loss in self.losses.items()},
             "seed": self.seed,

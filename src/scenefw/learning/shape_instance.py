@@ -98,7 +98,7 @@ class ShapeInstanceLearning(TrainingModule):
     def facts(self) -> dict[str, Any]:
         """How it trains."""
         return {
-            "optimizer": type(self.optimizer).__name__,
+            "optimizer": str(self.optimizer),
             "learning_rate": self.learning_rate,
             "losses": {name: loss.weight for name, loss in self.losses.items()},
             "noise": described(self.views.noise),

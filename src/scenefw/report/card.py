@@ -158,6 +158,9 @@ _TOLD = {
     "noise": _noise,
     "losses and weights": lambda t: _listed(t["losses"]) if "losses" in t else _UNKNOWN,
     "batch": _plain("batch_size"),
+    "optimiser": lambda t: str(
+        t.get("optimizer", "AdamW")
+    ),  # there was no other before it was told
     "learning rate": _plain("learning_rate"),
     "started from": _start,
     "seed": _plain("seed"),

@@ -10,6 +10,7 @@ from tests.unit.learning import tiny
 
 from scenefw.core.errors import CheckpointError, ConfigError, StorageError, TrainingError
 from scenefw.learning.checkpoint import load_checkpoint
+from scenefw.learning.optimizers import Muon
 from scenefw.learning.trainer import TrainerSettings
 from scenefw.losses.block_energy import BlockEnergy
 from scenefw.losses.sample_spread import SampleSpread
@@ -123,7 +124,7 @@ def test_another_network_can_not_go_on(stacks, tmp_path):
 def test_a_training_with_other_settings_can_not_go_on(stacks, tmp_path):
     tiny.task(stacks, tmp_path, steps=2).run()
     before = (tmp_path / "state" / "last.ckpt").read_bytes()
-    for change in ({"seed": 1}, {"learning_rate": 3e-3}):
+    for change in ({"seed": 1}, {"learning_rate": 3e-3}, {"optimizer": Muon(rate=3.0)}):
         other = tiny.task(stacks, tmp_path, steps=4)
         other.learning = tiny.learning(**change)
         with pytest.raises(CheckpointError, match=rf"{next(iter(change))} .* instead of"):
