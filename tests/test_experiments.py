@@ -1,5 +1,6 @@
 """Every experiment, plugins' too, runs to its end at the size of `debug=smoke`."""
 
+import csv
 import json
 
 import pytest
@@ -81,6 +82,20 @@ def test_an_ablation_becomes_one_table(scenefw, tmp_path):
     assert {f"{row}/stacks/occupancy_iou" for row in rows} <= figures.keys()
     sizes = [figures[f"{row}/train/parameters"] for row in rows]
     assert sizes[0] > sizes[1]  # the network of one channel is smaller
+
+
+def test_runs_of_a_sweep_begin_with_the_weights_of_their_seed(scenefw, tmp_path):
+    words = ("run=train", "debug=smoke", "paths.training=${paths.output}/training")
+    done = scenefw("-m", *words, "seed=0,1", "report.title=one,two", "paths.output=sweep")
+    assert done.returncode == 0, done.stderr[-3000:]
+    tables = []
+    for number in range(4):
+        with (tmp_path / "sweep" / str(number) / "losses.csv").open(newline="") as file:
+            tables.append([(row["name"], row["value"]) for row in csv.DictReader(file)])
+    assert tables[0]
+    assert tables[0] == tables[1]
+    assert tables[2] == tables[3]
+    assert tables[0] != tables[2]
 
 
 def test_osd_without_images_says_what_it_needs(scenefw):

@@ -15,12 +15,14 @@ from scenefw import plugins
 from scenefw.config import conf_dir
 from scenefw.core.errors import ConfigError
 from scenefw.core.files import require_writable, write_text
+from scenefw.core.rng import torch_seed
 from scenefw.core.versions import installed
 from scenefw.tasks.weights import used_weights
 
 if TYPE_CHECKING:
     from omegaconf import DictConfig
 
+_INITIAL_WEIGHTS = 6  # random stream, beside those of `learning`
 _RECORDED = ("scenefw", "torch", "lightning", "numpy", "numba", "hydra-core")
 
 
@@ -57,11 +59,19 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
         "weights": used_weights(OmegaConf.to_container(config.run, resolve=True)),
     }
     write_text(output / "run.json", json.dumps(record, indent=2) + "\n")
+    _seed_initial_weights(config.seed)
     task = instantiate(config.run, _convert_="all")
     figures = task.run()
     write_text(output / "metrics.json", json.dumps(dict(figures), indent=2) + "\n")
     print(output)
     return dict(figures)
+
+
+def _seed_initial_weights(seed: int) -> None:
+    """New networks draw from torch's global generator, which other runs of a sweep have used."""
+    import torch
+
+    torch.manual_seed(torch_seed(seed, _INITIAL_WEIGHTS))
 
 
 def claim(folder: Path) -> Path:
