@@ -91,11 +91,12 @@ def test_runs_of_a_sweep_begin_with_the_weights_of_their_seed(scenefw, tmp_path)
     tables = []
     for number in range(4):
         with (tmp_path / "sweep" / str(number) / "losses.csv").open(newline="") as file:
-            tables.append([(row["name"], row["value"]) for row in csv.DictReader(file)])
-    assert tables[0]
-    assert tables[0] == tables[1]
-    assert tables[2] == tables[3]
-    assert tables[0] != tables[2]
+            values = {row["name"]: float(row["value"]) for row in csv.DictReader(file)}
+        tables.append([values["val/tsdf"], values["val/vote_degrees"]])
+    # Sums of several threads differ in their last bits, other weights in the first digits.
+    assert tables[0] == pytest.approx(tables[1], rel=1e-3)
+    assert tables[2] == pytest.approx(tables[3], rel=1e-3)
+    assert tables[0] != pytest.approx(tables[2], rel=2e-2)
 
 
 def test_osd_without_images_says_what_it_needs(scenefw):
