@@ -63,7 +63,7 @@ class Muon:
     momentum: float = 0.95
 
     def __post_init__(self) -> None:
-        if self.rate <= 0 or not 0 <= self.momentum < 1:
+        if not self.rate > 0 or not 0 <= self.momentum < 1:
             raise ConfigError(
                 f"optimizer.rate is {self.rate} and optimizer.momentum {self.momentum}; expected a "
                 "positive rate, such as 20, and a momentum from 0 to below 1, such as 0.95"

@@ -158,9 +158,8 @@ _TOLD = {
     "noise": _noise,
     "losses and weights": lambda t: _listed(t["losses"]) if "losses" in t else _UNKNOWN,
     "batch": _plain("batch_size"),
-    "optimiser": lambda t: str(
-        t.get("optimizer", "AdamW")
-    ),  # there was no other before it was told
+    # Before trainings told it, there was AdamW alone.
+    "optimiser": lambda t: str(t.get("optimizer", "AdamW")),
     "learning rate": _plain("learning_rate"),
     "started from": _start,
     "seed": _plain("seed"),

@@ -81,7 +81,9 @@ def test_the_rate_of_matrices_follows_the_schedule(tmp_path):
     assert matrices["lr"] == pytest.approx(5 * rest["lr"])
 
 
-@pytest.mark.parametrize("settings", [{"rate": 0.0}, {"rate": -1.0}, {"momentum": 1.0}])
+@pytest.mark.parametrize(
+    "settings", [{"rate": 0.0}, {"rate": -1.0}, {"rate": float("nan")}, {"momentum": 1.0}]
+)
 def test_settings_out_of_range_are_one_line(settings):
     with pytest.raises(ConfigError, match="optimizer"):
         Muon(**settings)
