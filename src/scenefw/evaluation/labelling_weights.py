@@ -65,7 +65,7 @@ class HybridWeights:
     few of these vertices among all.
 
     Args:
-        bench: runs `view_based` and `map_based`, on validation scenes.
+        bench: runs `view_based` and `map_based`, on scenes that no network has seen.
         reconstruction: that of the hybrid.
         frames: of each sequence.
         steps: numbers of frames looked at, evenly spaced.

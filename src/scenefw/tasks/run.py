@@ -40,6 +40,7 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
     from hydra.utils import instantiate
     from omegaconf import OmegaConf
 
+    require_seed(config.seed)
     plugins.activate()
     overrides: list[str] = []
     if HydraConfig.initialized():  # a sweep gives each run a folder and settings of its own
@@ -65,6 +66,16 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
     write_text(output / "metrics.json", json.dumps(dict(figures), indent=2) + "\n")
     print(output)
     return dict(figures)
+
+
+def require_seed(seed: Any) -> None:
+    """Finds out before the work whether a seed can be used.
+
+    Raises:
+        ConfigError: it is no whole number of 0 or more.
+    """
+    if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
+        raise ConfigError(f"seed is {seed}; expected a whole number of 0 or more, such as seed=1")
 
 
 def _seed_initial_weights(seed: int) -> None:
