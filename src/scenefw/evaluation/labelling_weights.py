@@ -12,7 +12,7 @@ from scenefw.core import rng
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.evaluation.labelling_curves import frame_counts
 from scenefw.evaluation.labelling_results import MAP_BASED, VIEW_BASED
-from scenefw.labelling.pooling import Reconstruction, Weights, fit_weights, pool
+from scenefw.labelling.pooling import Pool, fit_pool
 from scenefw.noise.frames import in_turns
 
 if TYPE_CHECKING:
@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from scenefw.core.protocols import Noise
     from scenefw.core.types import Float32, Int32
     from scenefw.evaluation.labelling_bench import Bench
+    from scenefw.labelling.reconstruction import Reconstruction
 
+_MAYBE = 0.1  # probability from which on a vertex may be taken for a class
 Tracker = Callable[[Sequence[int], str], Iterable[int]]
 
 
@@ -31,14 +33,14 @@ class WeightsResult:
     """Weights and how right the pool is with them, each class counting the same.
 
     Args:
-        weights: found.
+        pool: with the weights found.
         accuracy: mean over classes of the share of their vertices labelled right, of views, map and
-            pool. A class's vertices are its own and those that views or map take for it.
+            pool. A class's vertices are its own and those that views or map may take for it.
         vertices: number of vertices that they were estimated on.
         scenes: number of scenes.
     """
 
-    weights: Weights
+    pool: Pool
     accuracy: dict[str, float]
     vertices: int
     scenes: int
@@ -46,9 +48,14 @@ class WeightsResult:
     @property
     def figures(self) -> dict[str, float]:
         """Weights, accuracies and numbers."""
+        weights = {
+            f"{part}/{name}": value
+            for part, values in (("surface", self.pool.surface), ("objects", self.pool.objects))
+            for name, value in asdict(values).items()
+        }
         accuracy = {f"accuracy/{name}": value for name, value in self.accuracy.items()}
         return (
-            asdict(self.weights)
+            weights
             | accuracy
             | {
                 "vertices": float(self.vertices),
@@ -60,9 +67,10 @@ class WeightsResult:
 class HybridWeights:
     """Estimates the weights from what views and maps say of true labels, after ever more frames.
 
-    For each class vertices are drawn from those that are of it or that views or map take for it,
-    over which its IoU is taken: along the outlines of objects the two differ most, and there are
-    few of these vertices among all.
+    For each class vertices are drawn from those that are of it or that views or map may take for
+    it, over which its IoU is taken: along the outlines of objects the two differ most, and there
+    are few of these vertices among all. Those that are taken for another class by a narrow margin
+    belong to them, as the pool may take them for this one.
 
     Args:
         bench: runs `view_based` and `map_based`, on scenes that no network has seen.
@@ -128,13 +136,13 @@ class HybridWeights:
         views, of_map, well, labels, drawn_for = (
             np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)
         )
-        weights = fit_weights(views, of_map, well, labels, drawn_for)
-        pooled = pool(views, of_map, well, weights)
+        pool = fit_pool(views, of_map, well, labels, drawn_for)
+        pooled = pool(views, of_map, well)
         accuracy = {
             name: balanced_accuracy(said.argmax(axis=0), labels, drawn_for)
             for name, said in (("views", views), ("map", of_map), ("pool", pooled))
         }
-        return WeightsResult(weights, accuracy, len(labels), len(scenes))
+        return WeightsResult(pool, accuracy, len(labels), len(scenes))
 
     def _draw(
         self, maps: Sequence[HeightMap], truth: Int32, scene: int, frames: int
@@ -142,10 +150,10 @@ class HybridWeights:
         """Numbers of seen vertices, as many for each class, and the class they are drawn for."""
         random = rng.generator(self.seed, scene, frames)
         known = maps[0].seen & (truth >= 0)
-        labels = [truth, *(_probabilities(m).argmax(axis=0) for m in maps)]
+        said = [_probabilities(m) for m in maps]
         chosen, drawn_for = [], []
         for label in np.unique(truth[truth >= 0]):
-            concerned = np.any([said == label for said in labels], axis=0)
+            concerned = np.any([truth == label, *(p[label] > _MAYBE for p in said)], axis=0)
             (places,) = np.nonzero((known & concerned).ravel())
             chosen.append(random.permutation(places)[: self.vertices])
             drawn_for.append(np.full(len(chosen[-1]), label, dtype=np.int32))

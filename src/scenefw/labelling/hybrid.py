@@ -8,7 +8,8 @@ import numpy as np
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.labels import FROM_BOTH, FROM_MAP, FROM_VIEWS
-from scenefw.labelling.pooling import Reconstruction, Weights, disagreement, pool
+from scenefw.labelling.pooling import Pool, disagreement
+from scenefw.labelling.reconstruction import Reconstruction
 from scenefw.labelling.running import known, labelled
 from scenefw.labelling.view_based import RunningViewBased, ViewBased
 
@@ -36,7 +37,7 @@ class Hybrid:
         labels: fuses the labels of key frames.
         source: labels a frame.
         map_source: labels a height map.
-        weights: of the pool.
+        pool: of both distributions.
         reconstruction: how well the map is built about each vertex.
         key_frames: which frames are labelled; None = all.
         every: the map is labelled at every so many frames; None = whenever it is asked for.
@@ -52,7 +53,7 @@ class Hybrid:
         labels: SemanticMapping,
         source: LabelSource,
         map_source: MapLabelSource,
-        weights: Weights | None = None,
+        pool: Pool | None = None,
         reconstruction: Reconstruction | None = None,
         key_frames: KeyFrames | None = None,
         every: int | None = None,
@@ -67,7 +68,7 @@ class Hybrid:
             raise ConfigError(f"every = {every}; expected a number of frames, or null")
         self.views = ViewBased(heights, labels, source, key_frames, refresh)
         self.map_source = map_source
-        self.weights = weights or Weights()
+        self.pool = pool or Pool()
         self.reconstruction = reconstruction or Reconstruction()
         self.every = every
 
@@ -83,7 +84,7 @@ class Hybrid:
             share("labels", self.views.labels),
             share("source", self.views.source),
             share("map_source", self.map_source),
-            self.weights,
+            self.pool,
             self.reconstruction,
             self.views.key_frames,
             self.every,
@@ -126,7 +127,7 @@ class RunningHybrid:
         if self._refinement is None or views is None:
             return height_map
         of_map, well = self._refinement
-        pooled = pool(views, of_map, well, self.strategy.weights)
+        pooled = self.strategy.pool(views, of_map, well)
         sources = _sources(views, of_map, pooled)
         return labelled(height_map, pooled, self.strategy.classes, sources)
 

@@ -1,23 +1,29 @@
-"""Two experts' probabilities of a vertex made one: a logarithmic opinion pool with learnt weights.
+"""Two experts' probabilities of a vertex made one: a nested logarithmic opinion pool, learnt.
 
-The pool multiplies the experts' calibrated distributions (Genest and Zidek 1986; products of
-experts, Hinton 2002):
+A logarithmic pool multiplies the experts' calibrated distributions (Genest and Zidek 1986;
+products of experts, Hinton 2002):
 
-    p(c) ~ v(c)^a m(c)^b,    v = (1 - e) views + e / C,    m = (1 - f) map + f / C
+    p(c) ~ u(c) (v(c) / u(c))^a (m(c) / u(c))^b,  v = (1 - e) views + e u,  m = (1 - e) map + e u
 
-where a and b are inverse temperatures (Guo et al. 2017) and e and f say how often an expert is
-wrong when it is sure: fused views repeat one network's mistake, so that their product is far too
-sure of it. Both temperatures go from one value to another with how well the map is reconstructed
-about the vertex, since that is what a network that reads the map depends on.
+where u is what an expert says that knows nothing (all classes alike) and a and b are inverse
+temperatures (Guo et al. 2017): fused views repeat one network's mistake, so that their product is
+far too sure of it. Both go from one value to another with how well the map is reconstructed about
+the vertex, since that is what a network that reads the map depends on. The doubt e bounds what a
+single vertex can say.
+
+There is one such pool for whether a vertex belongs to the surface or to an object, and one for
+which object it belongs to (nested logit, McFadden 1978), since the experts' mistakes differ there:
+fused views bleed over outlines, the map's network takes one object for another. With the same
+weights for both, what is won inside of objects is lost along their outlines. A bias of the surface
+allows for the bleeding. The likelihood is convex in all weights, so that they are unique.
 """
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import uniform_filter
 from scipy.optimize import minimize
 
 from scenefw.core.errors import ConfigError, InputError
@@ -27,104 +33,123 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from scenefw.core.height_maps import HeightMap
     from scenefw.core.types import Float32, Int32
 
-_LARGEST = 20.0  # of the weights that calibration tries
-_PRIOR = 1e-3  # pulls weights that vertices say little about towards 1
-_LEAST_DOUBT, _MOST_DOUBT = 1e-6, 0.5
+_LARGEST = 20.0  # of the weights and biases that calibration tries
+_PRIOR = 1e-4  # pulls weights that vertices say nothing about towards 0
+_NOTHING = 1e-6  # float32 probabilities this close to uniform say nothing
 
 
 @dataclass(frozen=True)
 class Weights:
-    """Inverse temperatures and doubts of both experts.
+    """Inverse temperatures of both experts, and a bias of the first class.
 
     Args:
         views_poor: weight of fused views where the map is poorly reconstructed.
         views_well: the same where it is well reconstructed.
         map_poor: weight of the map's labels where it is poorly reconstructed.
         map_well: the same where it is well reconstructed.
-        views_doubt: share of uniform in the views' distribution.
-        map_doubt: the same of the map's.
+        bias_poor: added to the first class's log-odds where the map is poorly reconstructed.
+        bias_well: the same where it is well reconstructed.
     """
 
     views_poor: float = 1.0
     views_well: float = 1.0
     map_poor: float = 0.0
     map_well: float = 1.0
-    views_doubt: float = 0.01
-    map_doubt: float = 0.01
+    bias_poor: float = 0.0
+    bias_well: float = 0.0
 
     def __post_init__(self) -> None:
-        wrong = [value for value in astuple(self)[:4] if not value >= 0]
-        doubts = (self.views_doubt, self.map_doubt)
-        if wrong or not all(0 < doubt < 1 for doubt in doubts):
+        values = astuple(self)
+        if not np.isfinite(values).all() or min(values[:4]) < 0:
             raise ConfigError(
-                f"{self} can't be used; expected weights of 0 or more and doubts between 0 and 1"
+                f"{self} can't be used; expected weights of 0 or more, and biases that are numbers"
             )
 
 
-_STARTS = (Weights(), Weights(1.0, 1.0, 0.2, 0.2), Weights(0.2, 0.2, 1.0, 1.0))
-"""Of the descent, which has local minima where an expert has no weight."""
-
-
-class Reconstruction:
-    """How well a map is reconstructed about each vertex, from 0 to 1.
-
-    The mean, over the network's receptive field, of c / (c + c0) * s0^2 / (s^2 + s0^2), with c the
-    confidence and s^2 the variance of a vertex, and 0 where it is unseen: the share of its context
-    that a network sees, with vertices counting as much as they can be relied on.
+@dataclass(frozen=True)
+class Pool:
+    """Surface or object, then which object; the first class is the surface.
 
     Args:
-        confidence: c0, at which a vertex counts half (sum of weights of measurements).
-        deviation: s0, at which a vertex counts half (m).
-        window: side of the receptive field (vertices).
+        surface: weights of the pool of p(surface) and p(object).
+        objects: weights of the pool of p(class | object).
+        doubt: share of knowing nothing in each distribution that is pooled.
     """
 
-    def __init__(self, confidence: float = 1.0, deviation: float = 0.003, window: int = 91) -> None:
-        if not (confidence > 0 and deviation > 0 and window >= 1):
-            raise ConfigError(
-                f"confidence = {confidence}, deviation = {deviation}, window = {window}; expected "
-                "values above 0"
-            )
-        self.confidence = confidence
-        self.deviation = deviation
-        self.window = window
+    surface: Weights = field(default_factory=Weights)
+    objects: Weights = field(default_factory=Weights)
+    doubt: float = 0.005
 
-    def of(self, height_map: HeightMap) -> Float32:
-        """(V, V) float32 in [0, 1]."""
-        sure = height_map.confidence / (height_map.confidence + self.confidence)
-        limit = np.float32(self.deviation**2)
-        spread = np.nan_to_num(height_map.variance, nan=0.0, posinf=np.inf)
-        reliable = np.where(height_map.seen, sure * limit / (spread + limit), 0).astype(np.float32)
-        size = min(self.window, *reliable.shape)
-        smooth: Float32 = uniform_filter(reliable, size, mode="nearest").clip(0, 1)
-        return smooth
+    def __post_init__(self) -> None:
+        if not 0 < self.doubt < 1:
+            raise ConfigError(f"doubt = {self.doubt}; expected a share between 0 and 1")
+
+    def __call__(self, views: Float32, of_map: Float32, well: Float32) -> Float32:
+        """Pooled probabilities (C, ...) float32; an expert that is uniform has no say.
+
+        Args:
+            views: (C, ...) of fused views.
+            of_map: (C, ...) of the map's labels.
+            well: (...) in [0, 1], see `Reconstruction`.
+        """
+        (views_gate, views_objects), (map_gate, map_objects) = nested(views), nested(of_map)
+        unknown, any_object = _nothing(len(views))
+        gate = pool(views_gate, map_gate, well, self.surface, self.doubt, unknown)
+        objects = pool(views_objects, map_objects, well, self.objects, self.doubt, any_object)
+        objects *= gate[1]
+        return np.concatenate([gate[:1], objects])
 
 
-def pool(views: Float32, of_map: Float32, well: Float32, weights: Weights) -> Float32:
-    """Pooled probabilities (C, ...) float32; an expert that is uniform has no say.
+def nested(probabilities: Float32) -> tuple[Float32, Float32]:
+    """p(surface) and p(object) (2, ...), and p(class | object) (C - 1, ...)."""
+    of_object = probabilities[1:].sum(axis=0)
+    objects = np.full_like(probabilities[1:], 1 / max(len(probabilities) - 1, 1))
+    np.divide(probabilities[1:], of_object, out=objects, where=of_object > 0)
+    return np.stack([probabilities[0], of_object]), objects
+
+
+def pool(
+    views: Float32,
+    of_map: Float32,
+    well: Float32,
+    weights: Weights,
+    doubt: float,
+    nothing: Float32,
+) -> Float32:
+    """Pooled probabilities (C, ...) float32 of one logarithmic pool.
 
     Args:
         views: (C, ...) of fused views.
         of_map: (C, ...) of the map's labels.
         well: (...) in [0, 1], see `Reconstruction`.
         weights: of the pool.
+        doubt: share of `nothing` in each of the two.
+        nothing: (C,) what an expert says that knows nothing.
     """
-    scores = _scores(views, of_map, well, weights)
+    terms = _terms(views, of_map, well, doubt, nothing)
+    scores: Float32 = np.tensordot(np.array(astuple(weights), np.float32), terms, axes=1)
+    scores += _upright(np.log(nothing), scores)
     scores -= scores.max(axis=0)
     np.exp(scores, out=scores)
     scores /= scores.sum(axis=0)
     return scores
 
 
-def fit_weights(
-    views: Float32, of_map: Float32, well: Float32, truth: Int32, drawn_for: Int32 | None = None
-) -> Weights:
+def fit_pool(
+    views: Float32,
+    of_map: Float32,
+    well: Float32,
+    truth: Int32,
+    drawn_for: Int32 | None = None,
+    doubt: float = 0.005,
+) -> Pool:
     """Weights of least negative log-likelihood of the true classes, each class counting the same.
 
     Classes count the same because the mean IoU that strategies are compared by gives a small class
-    as much say as the surface.
+    as much say as the surface. The likelihood is a product of that of surface or object, over all
+    vertices, and of that of the class, over those of objects, so that each is fitted alone.
 
     Args:
         views: (C, N) of vertices of scenes that are not tested on.
@@ -132,6 +157,7 @@ def fit_weights(
         well: (N,).
         truth: (N,) class ids.
         drawn_for: (N,) the class that a vertex was drawn for and counts to; None: its true one.
+        doubt: of the pool.
 
     Raises:
         InputError: there is no vertex.
@@ -141,20 +167,18 @@ def fit_weights(
     counted = truth if drawn_for is None else drawn_for
     counts = np.bincount(counted, minlength=len(views))
     share = 1 / counts[counted] / np.count_nonzero(counts)
-
-    def loss(values: NDArray[np.float64]) -> float:
-        pooled = pool(views, of_map, well, Weights(*values))
-        likelihood = np.take_along_axis(pooled, truth[None], axis=0)[0]
-        fit = -(share * np.log(np.maximum(likelihood, 1e-12))).sum()
-        return float(fit + _PRIOR * np.square(values[:4] - 1).sum())
-
-    bounds = [(0.0, _LARGEST)] * 4 + [(_LEAST_DOUBT, _MOST_DOUBT)] * 2
-    found = [
-        minimize(loss, astuple(start), method="L-BFGS-B", bounds=bounds, options={"eps": 1e-4})
-        for start in _STARTS
-    ]
-    best = min(found, key=lambda result: float(result.fun))
-    return Weights(*(float(value) for value in best.x))
+    (views_gate, views_objects), (map_gate, map_objects) = nested(views), nested(of_map)
+    of_object = truth > 0
+    unknown, any_object = _nothing(len(views))
+    gate = _terms(views_gate, map_gate, well, doubt, unknown)
+    objects = _terms(
+        views_objects[:, of_object], map_objects[:, of_object], well[of_object], doubt, any_object
+    )
+    return Pool(
+        _fit(gate, unknown, of_object.astype(np.intp), share),
+        _fit(objects, any_object, truth[of_object].astype(np.intp) - 1, share[of_object], False),
+        doubt,
+    )
 
 
 def disagreement(views: Float32, of_map: Float32, pooled: Float32) -> Sequence[NDArray[np.bool_]]:
@@ -163,19 +187,72 @@ def disagreement(views: Float32, of_map: Float32, pooled: Float32) -> Sequence[N
     return views.argmax(axis=0) == winner, of_map.argmax(axis=0) == winner
 
 
-def _scores(views: Float32, of_map: Float32, well: Float32, weights: Weights) -> Float32:
-    a = weights.views_poor + (weights.views_well - weights.views_poor) * well
-    b = weights.map_poor + (weights.map_well - weights.map_poor) * well
-    scores: Float32 = _doubted(views, weights.views_doubt)
-    scores *= a.astype(np.float32)
-    other = _doubted(of_map, weights.map_doubt)
-    other *= b.astype(np.float32)
-    scores += other
-    return scores
+def _fit(
+    terms: Float32,
+    nothing: Float32,
+    truth: NDArray[np.intp],
+    share: NDArray[np.float64],
+    biased: bool = True,
+) -> Weights:
+    """Weights of one pool of least negative log-likelihood, vertices counting their shares."""
+    of_truth = np.take_along_axis(terms, truth[None, None], axis=1)[:, 0]
+    offset = np.log(nothing)[:, None]
+
+    def loss(values: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        scores = np.tensordot(values.astype(np.float32), terms, axes=1) + offset
+        right = np.take_along_axis(scores, truth[None], axis=0)[0]
+        largest = scores.max(axis=0)
+        likelihood = np.exp(scores - largest)
+        total = likelihood.sum(axis=0)
+        likelihood /= total
+        fit = share @ (largest + np.log(total) - right)
+        mean = np.einsum("kcn,cn->kn", terms, likelihood)
+        return float(fit + _PRIOR * values @ values), (
+            mean - of_truth
+        ) @ share + 2 * _PRIOR * values
+
+    bias = _LARGEST if biased else 0.0
+    bounds = [(0.0, _LARGEST)] * 4 + [(-bias, bias)] * 2
+    found = minimize(loss, np.zeros(6), jac=True, method="L-BFGS-B", bounds=bounds)
+    return Weights(*(float(value) for value in found.x))
 
 
-def _doubted(probabilities: Float32, doubt: float) -> Float32:
-    """Log of the distribution mixed with the uniform one."""
-    mixed = probabilities * np.float32(1 - doubt)
-    mixed += np.float32(doubt / len(probabilities))
+def _terms(
+    views: Float32, of_map: Float32, well: Float32, doubt: float, nothing: Float32
+) -> Float32:
+    """What each of the `Weights` weighs (6, C, ...); an expert that knows nothing gives zeros.
+
+    The bias counts only where one of the two says anything, so that nothing is told of vertices
+    that neither knows.
+    """
+    first = np.zeros_like(views)
+    first[0] = _told(views, nothing) | _told(of_map, nothing)
+    said = np.stack([_evidence(views, doubt, nothing), _evidence(of_map, doubt, nothing), first])
+    where = np.stack([1 - well, well]).astype(np.float32)
+    terms: Float32 = (said[:, None] * where[:, None]).reshape(6, *views.shape)
+    return terms
+
+
+def _told(probabilities: Float32, nothing: Float32) -> NDArray[np.bool_]:
+    """(...) where a distribution says anything."""
+    away = np.abs(probabilities - _upright(nothing, probabilities))
+    return np.asarray(away.max(axis=0) > _NOTHING)
+
+
+def _evidence(probabilities: Float32, doubt: float, nothing: Float32) -> Float32:
+    """Log of the distribution mixed with knowing nothing, against that of knowing nothing."""
+    mixed = probabilities * np.float32(1 - doubt) / _upright(nothing, probabilities)
+    mixed += np.float32(doubt)
     return np.log(mixed, out=mixed)
+
+
+def _nothing(classes: int) -> tuple[Float32, Float32]:
+    """What knowing nothing says of surface or object (2,), and of which object (C - 1,)."""
+    kinds = max(classes - 1, 1)
+    gate = np.array([1, kinds], np.float32) / np.float32(kinds + 1)
+    return gate, np.full(classes - 1, 1 / kinds, np.float32)
+
+
+def _upright(values: Float32, like: Float32) -> Float32:
+    """(C,) as (C, 1, ...), to go with (C, ...)."""
+    return values.reshape(-1, *[1] * (like.ndim - 1))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict, astuple
 from pathlib import Path
 
 import numpy as np
@@ -131,9 +132,9 @@ def times_sections(result: TimesResult) -> tuple[Section, ...]:
 
 def weights_sections(result: WeightsResult) -> tuple[Section, ...]:
     """The hybrid's weights, ready for its config."""
-    names = ("views_poor", "views_well", "map_poor", "map_well", "views_doubt", "map_doubt")
-    values = [getattr(result.weights, name) for name in names]
-    rows = (("weights", tuple(values)),)
+    pools = {"surface": result.pool.surface, "objects": result.pool.objects}
+    names = tuple(asdict(result.pool.surface))
+    rows = tuple((part, astuple(weights)) for part, weights in pools.items())
     note = (
         f"From {result.vertices} vertices of {result.scenes} scenes, each class counting the same."
     )
@@ -144,8 +145,9 @@ def weights_sections(result: WeightsResult) -> tuple[Section, ...]:
         tuple((name, (value,)) for name, value in result.accuracy.items()),
     )
     given = " ".join(
-        f"labelling.{HYBRID}.weights.{name}={value:.4g}"
-        for name, value in zip(names, values, strict=True)
+        f"labelling.{HYBRID}.pool.{part}.{name}={value:.4g}"
+        for part, weights in pools.items()
+        for name, value in asdict(weights).items()
     )
     return (Section("Weights of the hybrid", (table, accuracy, Text(given))),)
 

@@ -12,7 +12,7 @@ from scenefw.evaluation.labelling_bench import Bench
 from scenefw.evaluation.labelling_networks import LabellingNetworks
 from scenefw.evaluation.labelling_times import LabellingTimes
 from scenefw.evaluation.labelling_weights import HybridWeights, balanced_accuracy
-from scenefw.labelling.pooling import Reconstruction
+from scenefw.labelling.reconstruction import Reconstruction
 from scenefw.noise.gaussian import Gaussian
 
 NEAR = Reconstruction(confidence=0.1, deviation=0.01, window=3)

@@ -1,3 +1,5 @@
+from dataclasses import astuple
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -6,9 +8,10 @@ from hypothesis.extra.numpy import arrays
 from tests.unit.labelling.fakes import GRID, truth
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.labelling.pooling import Reconstruction, Weights, disagreement, fit_weights, pool
+from scenefw.labelling.pooling import Pool, Weights, disagreement, fit_pool, pool
+from scenefw.labelling.reconstruction import Reconstruction
 
-EQUAL = Weights(1.0, 1.0, 1.0, 1.0, 1e-6, 1e-6)
+EQUAL = Pool(Weights(map_poor=1.0), Weights(map_poor=1.0), doubt=1e-6)
 
 
 def normal(values):
@@ -22,27 +25,83 @@ POSITIVE = arrays(np.float64, (2, 3, 7), elements=st.floats(0.01, 1.0))
 def test_pool_is_the_weighted_product(values, well):
     views, of_map = normal(values[0]), normal(values[1])
     where = np.full(7, well, np.float32)
-    weights = Weights(0.5, 2.0, 0.1, 1.5, 0.1, 0.2)
-    a, b = 0.5 + 1.5 * well, 0.1 + 1.4 * well
-    expected = normal((0.9 * views + 0.1 / 3) ** a * (0.8 * of_map + 0.2 / 3) ** b)
-    np.testing.assert_allclose(pool(views, of_map, where, weights), expected, rtol=2e-4)
+    weights = Weights(0.5, 2.0, 0.1, 1.5, -1.0, 2.0)
+    a, b, bias = 0.5 + 1.5 * well, 0.1 + 1.4 * well, -1.0 + 3.0 * well
+    product = (0.9 * views + 0.1 / 3) ** a * (0.9 * of_map + 0.1 / 3) ** b
+    told = (views.max(axis=0) > 0.33334) | (of_map.max(axis=0) > 0.33334)
+    product[0] *= np.where(told, np.exp(bias), 1)
+    uniform = np.full(3, 1 / 3, np.float32)
+    found = pool(views, of_map, where, weights, 0.1, uniform)
+    np.testing.assert_allclose(found, normal(product), rtol=5e-4)
+
+
+def nested_by_hand(views, of_map, well, given):
+    """Surface or object, then which object, of one vertex of four classes."""
+
+    def product(v, m, nothing, weights):
+        a = weights.views_poor + (weights.views_well - weights.views_poor) * well
+        b = weights.map_poor + (weights.map_well - weights.map_poor) * well
+        bias = weights.bias_poor + (weights.bias_well - weights.bias_poor) * well
+        v, m = (
+            [(1 - given.doubt) * x / u + given.doubt for x, u in zip(p, nothing, strict=True)]
+            for p in (v, m)
+        )
+        powers = [u * x**a * y**b for x, y, u in zip(v, m, nothing, strict=True)]
+        powers[0] *= np.exp(bias)
+        return [x / sum(powers) for x in powers]
+
+    surface, of_object = product(
+        [views[0], 1 - views[0]], [of_map[0], 1 - of_map[0]], [1 / 4, 3 / 4], given.surface
+    )
+    kinds = product(
+        [x / sum(views[1:]) for x in views[1:]],
+        [x / sum(of_map[1:]) for x in of_map[1:]],
+        [1 / 3] * 3,
+        given.objects,
+    )
+    return [surface, *(of_object * x for x in kinds)]
+
+
+@given(arrays(np.float64, (2, 4, 3), elements=st.floats(0.01, 1.0)), st.floats(0, 1))
+def test_surface_or_object_is_asked_before_which_object(values, well):
+    views, of_map = normal(values[0]), normal(values[1])
+    weights = Pool(Weights(0.3, 0.1, 0.4, 1.5, -0.5, 0.5), Weights(1.2, 0.2, 0.7, 0.6), doubt=0.02)
+    found = weights(views, of_map, np.full(3, well, np.float32))
+    expected = [
+        nested_by_hand(*(p[:, i].astype(float) for p in (views, of_map)), well, weights)
+        for i in range(3)
+    ]
+    if not np.isclose(views, 0.25, atol=1e-4).all(axis=0).any():  # nothing told: no bias
+        np.testing.assert_allclose(found, np.array(expected).T, rtol=2e-3, atol=1e-6)
+    np.testing.assert_allclose(found.sum(axis=0), 1, rtol=1e-5)
 
 
 @given(POSITIVE)
 def test_an_expert_that_knows_nothing_changes_nothing(values):
     views, uniform = normal(values[0]), np.full((3, 7), 1 / 3, np.float32)
-    for pooled in (
-        pool(views, uniform, np.ones(7), EQUAL),
-        pool(uniform, views, np.ones(7), EQUAL),
-    ):
+    for pooled in (EQUAL(views, uniform, np.ones(7)), EQUAL(uniform, views, np.ones(7))):
         np.testing.assert_allclose(pooled, views, atol=1e-4)
+
+
+def test_what_neither_knows_stays_unknown():
+    uniform = np.full((4, 5), 0.25, np.float32)
+    biased = Pool(Weights(bias_poor=3.0, bias_well=-3.0))
+    np.testing.assert_allclose(biased(uniform, uniform, np.linspace(0, 1, 5)), 0.25, atol=1e-6)
+
+
+def test_classes_that_are_quite_impossible_are_no_trouble():
+    sure = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]], np.float32)
+    pooled = EQUAL(sure, sure, np.ones(2))
+    assert pooled.argmax(axis=0).tolist() == [0, 1]
+    assert np.isfinite(pooled).all()
 
 
 def test_an_expert_that_says_never_can_be_outvoted():
     views = np.array([[1.0], [0.0]], np.float32)  # quite sure, and wrong
     of_map = np.array([[0.02], [0.98]], np.float32)
-    doubting = Weights(1.0, 1.0, 1.0, 1.0, 0.2, 0.01)
-    assert pool(views, of_map, np.ones(1), doubting).argmax(axis=0) == 1
+    for doubt, winner in ((0.1, 1), (1e-6, 0)):
+        doubting = Pool(Weights(map_well=1.5), doubt=doubt)
+        assert doubting(views, of_map, np.ones(1)).argmax(axis=0) == winner
 
 
 def expert(rng, truth, right):
@@ -57,11 +116,12 @@ def test_calibration_finds_the_better_expert_of_each_place():
     well = (np.arange(6000) % 2).astype(np.float32)
     poor_map, good_map, views = (expert(rng, truth, share) for share in (0.3, 0.95, 0.7))
     of_map = np.where(well > 0, good_map, poor_map)
-    weights = fit_weights(views, of_map, well, truth)
-    assert weights.map_well > weights.views_well > 0
-    assert weights.map_poor < weights.views_poor
+    found = fit_pool(views, of_map, well, truth)
+    for weights in (found.surface, found.objects):
+        assert weights.map_well > weights.views_well > 0
+        assert weights.map_poor < weights.views_poor
     correct = [np.mean(p.argmax(axis=0) == truth) for p in (views, of_map)]
-    pooled = pool(views, of_map, well, weights)
+    pooled = found(views, of_map, well)
     assert np.mean(pooled.argmax(axis=0) == truth) > max(correct) + 0.05
     # calibrated: it is right as often as it is sure
     assert pooled.max(axis=0).mean() == pytest.approx(
@@ -69,21 +129,48 @@ def test_calibration_finds_the_better_expert_of_each_place():
     )
 
 
+def test_calibration_finds_the_weights_that_made_the_truth():
+    rng = np.random.default_rng(2)
+    views, of_map = (normal(rng.dirichlet([0.6] * 4, 60_000).T) for _ in range(2))
+    well = rng.random(60_000).astype(np.float32)
+    made = Pool(Weights(0.4, 0.1, 0.2, 1.4, -0.6, 0.4), Weights(1.2, 0.3, 0.5, 0.9), doubt=0.01)
+    given = made(views, of_map, well)
+    truth = (rng.random(60_000) < given.cumsum(axis=0)).argmax(axis=0).astype(np.int32)
+    found = fit_pool(views, of_map, well, truth, np.zeros_like(truth), doubt=0.01)
+    assert astuple(found.surface) == pytest.approx(astuple(made.surface), abs=0.1)
+    assert astuple(found.objects) == pytest.approx(astuple(made.objects), abs=0.1)
+
+
+def test_the_expert_of_outlines_and_the_expert_of_kinds_both_have_their_say():
+    rng = np.random.default_rng(3)
+    truth = rng.integers(0, 3, 6000)
+    # Views know which object it is and bleed onto the surface; the map mixes the objects up
+    on_views = np.where((truth == 0) & (rng.random(6000) < 0.5), 1, truth)
+    on_map = np.where((truth > 0) & (rng.random(6000) < 0.5), 3 - truth, truth)
+    views, of_map = (
+        np.where(np.arange(3)[:, None] == said, 0.9, 0.05).astype(np.float32)
+        for said in (on_views, on_map)
+    )
+    well = np.ones(6000, np.float32)
+    pooled = fit_pool(views, of_map, well, truth)(views, of_map, well)
+    assert np.mean(pooled.argmax(axis=0) == truth) > 0.99
+
+
 def test_a_vertex_counts_to_the_class_that_it_was_drawn_for():
     rng = np.random.default_rng(1)
-    truth = np.repeat([0, 1], [5000, 500])
+    truth = np.repeat([0, 1], [40_000, 500])
     drawn_for = truth.copy()
     drawn_for[:500] = 1  # surface that views take for an object
     said = np.where(np.arange(len(truth)) < 500, 1, truth)
     views = np.where(np.arange(3)[:, None] == said, 0.9, 0.05).astype(np.float32)
     of_map = expert(rng, truth, 0.9)
     well = np.ones(len(truth), np.float32)
-    by_truth = fit_weights(views, of_map, well, truth)
-    assert by_truth == fit_weights(views, of_map, well, truth, truth)
-    as_drawn = fit_weights(views, of_map, well, truth, drawn_for)
+    by_truth = fit_pool(views, of_map, well, truth)
+    assert by_truth == fit_pool(views, of_map, well, truth, truth)
+    as_drawn = fit_pool(views, of_map, well, truth, drawn_for)
 
     def right_at_outlines(weights):
-        pooled = pool(views, of_map, well, weights)
+        pooled = weights(views, of_map, well)
         return np.mean(pooled.argmax(axis=0)[:500] == truth[:500])
 
     assert right_at_outlines(by_truth) < 0.1
@@ -93,7 +180,19 @@ def test_a_vertex_counts_to_the_class_that_it_was_drawn_for():
 def test_calibration_needs_vertices():
     nothing = np.zeros((3, 0), np.float32)
     with pytest.raises(InputError, match="no vertex"):
-        fit_weights(nothing, nothing, np.zeros(0), np.zeros(0, np.int32))
+        fit_pool(nothing, nothing, np.zeros(0), np.zeros(0, np.int32))
+
+
+def test_calibration_takes_what_there_is():
+    rng = np.random.default_rng(4)
+    surface_alone = np.zeros(50, np.int32)
+    views, well = expert(rng, surface_alone, 0.9), np.ones(50, np.float32)
+    found = fit_pool(views, views, well, surface_alone)
+    assert found(views, views, well).argmax(axis=0).tolist() == [0] * 50
+    one_kind = np.repeat([0, 1], 25)
+    views = np.where(np.arange(2)[:, None] == one_kind, 0.9, 0.1).astype(np.float32)
+    found = fit_pool(views, views, well, one_kind)
+    assert found(views, views, well).argmax(axis=0).tolist() == one_kind.tolist()
 
 
 def test_reconstruction_is_high_where_sure_low_where_not():
@@ -119,8 +218,11 @@ def test_winners():
 
 
 def test_settings_are_checked():
-    for wrong in ({"views_well": -1.0}, {"map_doubt": 0.0}, {"views_doubt": 1.0}):
+    for wrong in ({"views_well": -1.0}, {"map_well": np.nan}, {"bias_well": np.inf}):
         with pytest.raises(ConfigError, match="expected"):
             Weights(**wrong)
+    for doubt in (0.0, 1.0, np.nan):
+        with pytest.raises(ConfigError, match="doubt"):
+            Pool(doubt=doubt)
     with pytest.raises(ConfigError, match="expected"):
         Reconstruction(confidence=0.0)

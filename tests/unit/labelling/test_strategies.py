@@ -18,7 +18,8 @@ from scenefw.core.labels import FROM_BOTH, FROM_MAP, FROM_VIEWS, NO_SOURCE, UNKN
 from scenefw.labelling.hybrid import Hybrid
 from scenefw.labelling.key_frames import EveryNth
 from scenefw.labelling.map_based import MapBased
-from scenefw.labelling.pooling import Reconstruction, Weights
+from scenefw.labelling.pooling import Pool, Weights
+from scenefw.labelling.reconstruction import Reconstruction
 from scenefw.labelling.view_based import ViewBased
 
 
@@ -93,12 +94,12 @@ def test_map_based_waits_for_coverage():
 
 
 def test_hybrid_takes_the_surer_expert_of_each_kind_of_mistake():
-    weights = Weights(map_poor=1.0, map_well=1.0, views_doubt=0.2, map_doubt=0.05)
-    result = run(hybrid(weights=weights), 5).height_map()
+    of_both = Weights(map_poor=2.0, map_well=2.0)
+    result = run(hybrid(pool=Pool(of_both, of_both, doubt=0.2)), 5).height_map()
     assert (result.labels[25] == 2).all()  # views call pens books, the map is right
     assert (result.sources[25] == FROM_MAP).all()
     views_count_more = Weights(map_poor=0.5, map_well=0.5)
-    result = run(hybrid(weights=views_count_more), 5).height_map()
+    result = run(hybrid(pool=Pool(views_count_more, views_count_more)), 5).height_map()
     assert (result.labels[10:15] == 1).all()
     assert (result.sources[10:15] == FROM_VIEWS).all()
     assert (result.sources[:5] == FROM_BOTH).all()
@@ -121,7 +122,7 @@ def test_hybrid_refines_every_so_many_frames():
 
 def test_hybrid_without_weight_of_the_map_is_view_based():
     views_alone = Weights(map_poor=0.0, map_well=0.0)
-    mixed = run(hybrid(weights=views_alone), 3).height_map()
+    mixed = run(hybrid(pool=Pool(views_alone, views_alone)), 3).height_map()
     np.testing.assert_array_equal(mixed.labels, run(view_based(), 3).height_map().labels)
 
 

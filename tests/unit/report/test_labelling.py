@@ -15,7 +15,7 @@ from scenefw.evaluation.labelling_results import read_scores
 from scenefw.evaluation.labelling_times import LabellingTimes
 from scenefw.evaluation.labelling_weights import WeightsResult
 from scenefw.evaluation.several import Several
-from scenefw.labelling.pooling import Weights
+from scenefw.labelling.pooling import Pool, Weights
 from scenefw.noise.gaussian import Gaussian
 from scenefw.noise.pose import Jitter
 from scenefw.report.blocks import Drawing, Picture
@@ -88,9 +88,9 @@ def test_times_beside_table_4_2(tmp_path):
 
 
 def test_weights_ready_for_the_command_line(tmp_path):
-    result = WeightsResult(Weights(0.5), {"views": 0.8, "map": 0.9, "pool": 0.95}, 100, 2)
+    result = WeightsResult(Pool(Weights(0.5)), {"views": 0.8, "map": 0.9, "pool": 0.95}, 100, 2)
     (section,) = sections(result, tmp_path)
-    assert "labelling.hybrid.weights.views_poor=0.5" in section.blocks[-1].text
+    assert "labelling.hybrid.pool.surface.views_poor=0.5" in section.blocks[-1].text
 
 
 def test_pictures_show_each_vertex_in_its_colour():
