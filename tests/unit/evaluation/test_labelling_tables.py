@@ -107,11 +107,15 @@ def test_vertices_are_drawn_from_what_the_iou_of_a_class_is_taken_over():
         )
         for said in (wider, exact)
     ]
+    maps[1].probabilities[:, 30:32, 30] = [[0.8], [0.2]]  # the pool may find these an object
+    maps[1].probabilities[:, 32, 30] = 0.95, 0.05  # and hardly this one
     weights = HybridWeights(Bench(Scenes(), strategies()), NEAR, frames=5, vertices=1000)
     chosen, drawn_for = weights._draw(maps, truth, scene=0, frames=5)
     of_object = chosen[drawn_for == 1]
-    assert sorted(of_object) == sorted(np.flatnonzero(wider == 1))
-    assert (truth.ravel()[of_object] == 0).sum() == 12 * 12 - 10 * 10
+    concerned = wider == 1
+    concerned[30:32, 30] = True
+    assert sorted(of_object) == sorted(np.flatnonzero(concerned))
+    assert (truth.ravel()[of_object] == 0).sum() == 12 * 12 - 10 * 10 + 2
     assert np.count_nonzero(drawn_for == 0) == 1000
     assert 0 not in chosen  # its label is unknown
 
