@@ -44,7 +44,7 @@ class Hybrid:
         refresh: as that of `ViewBased`.
 
     Raises:
-        ConfigError: the two sources have different classes.
+        ConfigError: the two sources have different classes, or only one.
     """
 
     def __init__(
@@ -63,6 +63,11 @@ class Hybrid:
             raise ConfigError(
                 f"views are labelled with {', '.join(source.classes)}, maps with "
                 f"{', '.join(map_source.classes)}; give two checkpoints of the same classes"
+            )
+        if len(source.classes) < 2:
+            raise ConfigError(
+                f"the hybrid tells objects from the surface; the labels have one class alone, "
+                f"{source.classes[0]}"
             )
         if every is not None and every < 1:
             raise ConfigError(f"every = {every}; expected a number of frames, or null")

@@ -128,9 +128,12 @@ def pool(
         doubt: share of `nothing` in each of the two.
         nothing: (C,) what an expert says that knows nothing.
     """
-    terms = _terms(views, of_map, well, doubt, nothing)
-    scores: Float32 = np.tensordot(np.array(astuple(weights), np.float32), terms, axes=1)
-    scores += _upright(np.log(nothing), scores)
+    scores = np.zeros_like(views) + _upright(np.log(nothing), views)
+    poor_and_well = np.array(astuple(weights), np.float32).reshape(3, 2)
+    amounts = np.tensordot(poor_and_well, _ends(well), axes=1)
+    for amount, said in zip(amounts, _said(views, of_map, doubt, nothing), strict=True):
+        said *= amount
+        scores += said
     scores -= scores.max(axis=0)
     np.exp(scores, out=scores)
     scores /= scores.sum(axis=0)
@@ -170,13 +173,12 @@ def fit_pool(
     (views_gate, views_objects), (map_gate, map_objects) = nested(views), nested(of_map)
     of_object = truth > 0
     unknown, any_object = _nothing(len(views))
-    gate = _terms(views_gate, map_gate, well, doubt, unknown)
-    objects = _terms(
-        views_objects[:, of_object], map_objects[:, of_object], well[of_object], doubt, any_object
-    )
+    gate = _said(views_gate, map_gate, doubt, unknown)
+    objects = _said(views_objects[:, of_object], map_objects[:, of_object], doubt, any_object)
+    which = truth[of_object].astype(np.intp) - 1
     return Pool(
-        _fit(gate, unknown, of_object.astype(np.intp), share),
-        _fit(objects, any_object, truth[of_object].astype(np.intp) - 1, share[of_object], False),
+        _fit(gate, well, unknown, of_object.astype(np.intp), share),
+        _fit(objects, well[of_object], any_object, which, share[of_object], biased=False),
         doubt,
     )
 
@@ -188,13 +190,16 @@ def disagreement(views: Float32, of_map: Float32, pooled: Float32) -> Sequence[N
 
 
 def _fit(
-    terms: Float32,
+    said: Float32,
+    well: Float32,
     nothing: Float32,
     truth: NDArray[np.intp],
     share: NDArray[np.float64],
+    *,
     biased: bool = True,
 ) -> Weights:
     """Weights of one pool of least negative log-likelihood, vertices counting their shares."""
+    terms = (said[:, None] * _ends(well)[:, None]).reshape(6, *said.shape[1:])
     of_truth = np.take_along_axis(terms, truth[None, None], axis=1)[:, 0]
     offset = np.log(nothing)[:, None]
 
@@ -207,9 +212,8 @@ def _fit(
         likelihood /= total
         fit = share @ (largest + np.log(total) - right)
         mean = np.einsum("kcn,cn->kn", terms, likelihood)
-        return float(fit + _PRIOR * values @ values), (
-            mean - of_truth
-        ) @ share + 2 * _PRIOR * values
+        slope = (mean - of_truth) @ share + 2 * _PRIOR * values
+        return float(fit + _PRIOR * values @ values), slope
 
     bias = _LARGEST if biased else 0.0
     bounds = [(0.0, _LARGEST)] * 4 + [(-bias, bias)] * 2
@@ -217,20 +221,20 @@ def _fit(
     return Weights(*(float(value) for value in found.x))
 
 
-def _terms(
-    views: Float32, of_map: Float32, well: Float32, doubt: float, nothing: Float32
-) -> Float32:
-    """What each of the `Weights` weighs (6, C, ...); an expert that knows nothing gives zeros.
+def _said(views: Float32, of_map: Float32, doubt: float, nothing: Float32) -> Float32:
+    """What is weighed (3, C, ...): the experts' evidence, zeros where they know nothing, and bias.
 
     The bias counts only where one of the two says anything, so that nothing is told of vertices
     that neither knows.
     """
     first = np.zeros_like(views)
     first[0] = _told(views, nothing) | _told(of_map, nothing)
-    said = np.stack([_evidence(views, doubt, nothing), _evidence(of_map, doubt, nothing), first])
-    where = np.stack([1 - well, well]).astype(np.float32)
-    terms: Float32 = (said[:, None] * where[:, None]).reshape(6, *views.shape)
-    return terms
+    return np.stack([_evidence(views, doubt, nothing), _evidence(of_map, doubt, nothing), first])
+
+
+def _ends(well: Float32) -> Float32:
+    """Shares (2, ...) of the weights where a map is poorly and where it is well reconstructed."""
+    return np.stack([1 - well, well]).astype(np.float32)
 
 
 def _told(probabilities: Float32, nothing: Float32) -> NDArray[np.bool_]:

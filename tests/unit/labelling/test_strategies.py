@@ -161,6 +161,10 @@ def test_sources_of_different_classes_are_refused():
     maps.classes = ("surface", "coin")
     with pytest.raises(ConfigError, match="surface, coin"):
         Hybrid(Heights(), Labels(), Views(), maps)
+    views = Views()
+    views.classes = maps.classes = ("surface",)
+    with pytest.raises(ConfigError, match="one class alone, surface"):
+        Hybrid(Heights(), Labels(), views, maps)
 
 
 def test_settings_are_checked():
