@@ -13,6 +13,7 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.evaluation.labelling_curves import frame_counts
 from scenefw.evaluation.labelling_results import MAP_BASED, VIEW_BASED
 from scenefw.labelling.pooling import Pool, fit_pool
+from scenefw.labelling.running import known
 from scenefw.noise.frames import in_turns
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ class WeightsResult:
         """Weights, accuracies and numbers."""
         weights = {
             f"{part}/{name}": value
-            for part, values in (("surface", self.pool.surface), ("objects", self.pool.objects))
+            for part, values in self.pool.parts.items()
             for name, value in asdict(values).items()
         }
         accuracy = {f"accuracy/{name}": value for name, value in self.accuracy.items()}
@@ -149,12 +150,13 @@ class HybridWeights:
     ) -> tuple[NDArray[np.intp], Int32]:
         """Numbers of seen vertices, as many for each class, and the class they are drawn for."""
         random = rng.generator(self.seed, scene, frames)
-        known = maps[0].seen & (truth >= 0)
+        usable = maps[0].seen & (truth >= 0)
         said = [_probabilities(m) for m in maps]
         chosen, drawn_for = [], []
         for label in np.unique(truth[truth >= 0]):
-            concerned = np.any([truth == label, *(p[label] > _MAYBE for p in said)], axis=0)
-            (places,) = np.nonzero((known & concerned).ravel())
+            maybe = (known(p) & (p[label] > _MAYBE) for p in said)
+            concerned = np.any([truth == label, *maybe], axis=0)
+            (places,) = np.nonzero((usable & concerned).ravel())
             chosen.append(random.permutation(places)[: self.vertices])
             drawn_for.append(np.full(len(chosen[-1]), label, dtype=np.int32))
         return np.concatenate(chosen), np.concatenate(drawn_for)

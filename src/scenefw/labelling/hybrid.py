@@ -66,8 +66,8 @@ class Hybrid:
             )
         if len(source.classes) < 2:
             raise ConfigError(
-                f"the hybrid tells objects from the surface; the labels have one class alone, "
-                f"{source.classes[0]}"
+                f"the labels have one class alone, {source.classes[0]}; give classes of the "
+                "surface and of objects"
             )
         if every is not None and every < 1:
             raise ConfigError(f"every = {every}; expected a number of frames, or null")

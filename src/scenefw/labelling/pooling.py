@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 _LARGEST = 20.0  # of the weights and biases that calibration tries
 _PRIOR = 1e-4  # pulls weights that vertices say nothing about towards 0
+_DOUBT = 0.005
 _NOTHING = 1e-6  # float32 probabilities this close to uniform say nothing
 
 
@@ -80,11 +81,16 @@ class Pool:
 
     surface: Weights = field(default_factory=Weights)
     objects: Weights = field(default_factory=Weights)
-    doubt: float = 0.005
+    doubt: float = _DOUBT
 
     def __post_init__(self) -> None:
         if not 0 < self.doubt < 1:
             raise ConfigError(f"doubt = {self.doubt}; expected a share between 0 and 1")
+
+    @property
+    def parts(self) -> dict[str, Weights]:
+        """Its two pools by name."""
+        return {"surface": self.surface, "objects": self.objects}
 
     def __call__(self, views: Float32, of_map: Float32, well: Float32) -> Float32:
         """Pooled probabilities (C, ...) float32; an expert that is uniform has no say.
@@ -146,7 +152,7 @@ def fit_pool(
     well: Float32,
     truth: Int32,
     drawn_for: Int32 | None = None,
-    doubt: float = 0.005,
+    doubt: float = _DOUBT,
 ) -> Pool:
     """Weights of least negative log-likelihood of the true classes, each class counting the same.
 

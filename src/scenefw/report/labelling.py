@@ -132,7 +132,7 @@ def times_sections(result: TimesResult) -> tuple[Section, ...]:
 
 def weights_sections(result: WeightsResult) -> tuple[Section, ...]:
     """The hybrid's weights, ready for its config."""
-    pools = {"surface": result.pool.surface, "objects": result.pool.objects}
+    pools = result.pool.parts
     names = tuple(asdict(result.pool.surface))
     rows = tuple((part, astuple(weights)) for part, weights in pools.items())
     note = (

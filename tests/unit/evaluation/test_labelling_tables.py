@@ -109,6 +109,7 @@ def test_vertices_are_drawn_from_what_the_iou_of_a_class_is_taken_over():
     ]
     maps[1].probabilities[:, 30:32, 30] = [[0.8], [0.2]]  # the pool may find these an object
     maps[1].probabilities[:, 32, 30] = 0.95, 0.05  # and hardly this one
+    maps[1].probabilities[:, 33, 30] = 0.5  # of which the map knows nothing
     weights = HybridWeights(Bench(Scenes(), strategies()), NEAR, frames=5, vertices=1000)
     chosen, drawn_for = weights._draw(maps, truth, scene=0, frames=5)
     of_object = chosen[drawn_for == 1]
