@@ -11,7 +11,7 @@ import os
 from scenefw.core.errors import InputError
 
 class Task:
-    def __init__(self, grid, seed=0, trouble=""):
+    def __init__(self, grid, seed: int = 0, trouble=""):
         self.grid, self.seed, self.trouble = grid, seed, trouble
         if trouble == "building":
             raise InputError("a value of 3 is\\nno good; give 4")
@@ -159,6 +159,12 @@ def test_an_interrupt_is_quiet(nil):
     done = nil("run=nil", "run.trouble=interrupt", "device=cpu")
     assert done.returncode == 130
     assert "Traceback" not in done.stderr
+
+
+def test_a_word_for_a_number_is_named_before_anything_is_written(nil, tmp_path):
+    done = nil("run=nil", "run.seed=many", "paths.output=out")
+    assert_one_line(done, "run.seed is many", "expected a whole number")
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_wrong_argument_is_named(nil):

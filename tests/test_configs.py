@@ -8,6 +8,7 @@ from hydra.utils import get_object
 from omegaconf import DictConfig, ListConfig, OmegaConf
 
 from scenefw import config, plugins, registry
+from scenefw.argument_types import check_types
 
 ROOT = Path(__file__).parents[1]
 OPTIONS = [
@@ -49,6 +50,7 @@ def test_an_option_composes_and_resolves(group, name):
     resolved = OmegaConf.to_container(whole, resolve=True)
     for node in targets(resolved):
         assert_fits(node)
+    check_types(whole, "run")
 
 
 def default_option(group):

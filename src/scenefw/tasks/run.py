@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenefw import plugins
+from scenefw.argument_types import check_types
 from scenefw.config import conf_dir
 from scenefw.core.errors import ConfigError
 from scenefw.core.files import require_writable, write_text
@@ -42,6 +43,7 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
 
     require_seed(config.seed)
     plugins.activate()
+    check_types(config, "run")
     overrides: list[str] = []
     if HydraConfig.initialized():  # a sweep gives each run a folder and settings of its own
         config.paths.output = HydraConfig.get().runtime.output_dir

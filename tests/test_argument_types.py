@@ -1,0 +1,132 @@
+"""Values of a wrong kind are found before the work, and the line names what the user has set."""
+
+import sys
+from types import ModuleType
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from omegaconf import OmegaConf
+
+from scenefw import config
+from scenefw.argument_types import check_types
+from scenefw.core.errors import ConfigError
+
+# As components are written: annotations are strings, others are objects
+COMPONENT = """
+{future}
+from collections.abc import Sequence
+
+class Component:
+    def __init__(
+        self, rate: float = 0.5, count: int = 3, flag: bool = False, limit: int | None = None,
+        size: tuple[int, int] = (4, 3), levels: Sequence[float] | None = None, name: str = "",
+        words: Sequence[str] = (),
+        both: float | Sequence[float] = 1.0, part: object = None, **more: float,
+    ): ...
+"""
+
+
+@pytest.fixture(autouse=True, scope="module", params=["from __future__ import annotations", ""])
+def _component(request):
+    module = ModuleType("made_component")
+    exec(COMPONENT.format(future=request.param), module.__dict__)
+    sys.modules["made_component"] = module
+    yield
+    del sys.modules["made_component"]
+
+
+def settings(**values):
+    node = {"_target_": "made_component.Component", **values}
+    return OmegaConf.create({"run": {"_target_": "made_component.Component", "part": node}})
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "expected"),
+    [
+        ("rate", "fast", "run.part.rate is fast; expected a number, such as 0.5"),
+        ("rate", True, "run.part.rate is true; expected a number"),
+        ("rate", None, "run.part.rate is null; expected a number"),
+        ("rate", [0.1], r"run.part.rate is \[0.1\]; expected a number"),
+        ("count", 2.5, "run.part.count is 2.5; expected a whole number, such as 3"),
+        ("flag", 1, "run.part.flag is 1; expected true or false"),
+        ("limit", "few", "run.part.limit is few; expected a whole number or null"),
+        ("size", 64, r"run.part.size is 64; expected a list such as \[4, 3\]"),
+        ("size", [64, "a"], r"run.part.size is \[64, a\]; expected a list such as \[4, 3\]"),
+        ("size", [64, None], "run.part.size"),
+        ("levels", [0.1, "b"], "run.part.levels .* expected a list of numbers"),
+        ("words", 3, "run.part.words is 3; expected a list of words"),
+        ("name", ["a"], "run.part.name .* expected text"),
+    ],
+)
+def test_a_value_of_another_kind_is_one_line(name, value, expected):
+    with pytest.raises(ConfigError, match=f"^{expected}"):
+        check_types(settings(**{name: value}), "run")
+
+
+@given(
+    st.fixed_dictionaries(
+        {},
+        optional={
+            "rate": st.integers() | st.floats(),
+            "count": st.integers(),
+            "flag": st.booleans(),
+            "limit": st.none() | st.integers(),
+            "size": st.lists(st.integers(), max_size=3),
+            "levels": st.none() | st.lists(st.floats() | st.integers(), max_size=3),
+            "name": st.integers() | st.text("abc/._", max_size=9),
+            "both": st.sampled_from(["left to the component", 3, [1.0]]),
+            "part": st.sampled_from(["left to the component", None, 3]),
+            "other": st.sampled_from(["left to the component", None, 3]),
+        },
+    )
+)
+def test_values_of_the_right_kind_pass(values):
+    check_types(settings(**values), "run")
+
+
+def test_the_line_names_the_setting_that_a_value_comes_from():
+    whole = settings(rate="${learning.rate}", count="${oc.select:sizes.count,7}")
+    whole.learning = {"rate": "${size.speed}"}
+    whole.size = {"speed": 0.1}
+    check_types(whole, "run")
+    whole.sizes = {"count": "many"}
+    with pytest.raises(ConfigError, match=r"^sizes\.count is many; expected a whole number"):
+        check_types(whole, "run")
+    whole.size.speed = "slow"
+    with pytest.raises(ConfigError, match=r"^size\.speed is slow"):
+        check_types(whole, "run")
+
+
+def test_parts_are_checked_wherever_they_lie():
+    part = {"_target_": "made_component.Component", "count": 1}
+    whole = OmegaConf.create({"run": {"all": ["${tool}"], "near": {"a": "${..own}"}, "own": part}})
+    whole.tool = {"first": "${b}", "second": "${run.all}"}  # a circle ends
+    whole.b = dict(part)
+    check_types(whole, "run")
+    whole.b.count = "x"
+    with pytest.raises(ConfigError, match=r"^b\.count is x"):
+        check_types(whole, "run")
+    whole.b.count, whole.run.own.count = 1, "y"
+    with pytest.raises(ConfigError, match=r"^run\.(own|near\.a)\.count is y"):
+        check_types(whole, "run")
+
+
+def test_what_cannot_be_imported_is_left_to_the_building():
+    check_types(OmegaConf.create({"run": {"_target_": "no.such.Thing", "rate": "x"}}), "run")
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["learning.learning_rate=fast"], r"^learning\.learning_rate is fast"),
+        (["size.batch=big"], r"^size\.batch is big"),
+        (["size.minutes=long"], r"^size\.minutes is long"),
+        (["optimizer.rate=fast"], r"^optimizer\.rate is fast"),
+        (["model.latent_size=1.5"], r"^model\.latent_size is 1\.5"),
+        (["loss.tsdf.weight=none"], r"^loss\.tsdf\.weight is none"),
+    ],
+)
+def test_settings_of_a_training(words, expected):
+    with pytest.raises(ConfigError, match=expected):
+        check_types(config.compose(["experiment=simstack", "run=train", *words]), "run")
