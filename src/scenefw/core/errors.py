@@ -9,6 +9,10 @@ class InputError(SceneFWError):
     """Data from outside (an image, a folder, a mesh) is unusable as given."""
 
 
+class EmptyImageError(InputError):
+    """A depth image without a single measurement, as of a covered lens."""
+
+
 class ConfigError(SceneFWError):
     """An option, a key or a combination of settings is wrong."""
 

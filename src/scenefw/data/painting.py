@@ -24,6 +24,8 @@ _COLOURS = (
     (255, 128, 0), (128, 0, 255), (0, 128, 255), (128, 255, 0), (255, 0, 128), (0, 255, 128),
 )  # fmt: skip
 _LISTED = 5
+_TOLERANCE = 0.02  # m
+_LEAST_AGREEMENT = 0.02  # share of a view's pixels; cameras look past the map, too
 _SWATCH = (240, 28)
 
 
@@ -108,7 +110,7 @@ def write_views(
     height_map: HeightMap,
     views: Iterable[Frame | Camera],
     border: int = 2,
-    tolerance: float = 0.02,
+    tolerance: float = _TOLERANCE,
 ) -> Path:
     """Projects a map's labels into views and writes them as a folder that `RGBDFolder` reads.
 
@@ -128,6 +130,38 @@ def write_views(
     return write_sequence(folder, frames, height_map.classes, ordered=False)
 
 
+def require_agreement(
+    height_map: HeightMap,
+    views: Iterable[Frame],
+    name: str,
+    tolerance: float = _TOLERANCE,
+) -> None:
+    """Finds out before views are labelled whether they see the map where it is.
+
+    Args:
+        height_map: any.
+        views: some of them, with measurements.
+        name: where they come from.
+        tolerance: pixels whose depth differs from the map's by more (m) don't see it.
+
+    Raises:
+        InputError: hardly any pixel sees the map.
+    """
+    shares = [_agrees(each, view(height_map, each.camera), tolerance).mean() for each in views]
+    if shares and np.mean(shares) < _LEAST_AGREEMENT:
+        raise InputError(
+            f"views of {name} see the map in {np.mean(shares):.1%} of their pixels; give the "
+            "recording that the map was made of (maps of earlier versions don't keep how its world "
+            "lies: run=label makes them anew)"
+        )
+
+
+def _agrees(frame: Frame, seen: Frame, tolerance: float) -> NDArray[np.bool_]:
+    """Pixels (H, W) of a frame whose depth is that of the map as its camera sees it."""
+    measured = (frame.depth > 0) & (seen.depth > 0)
+    return np.asarray(measured & (np.abs(frame.depth - seen.depth) <= tolerance))
+
+
 def _labelled(
     height_map: HeightMap, views: Iterable[Frame | Camera], border: int, tolerance: float
 ) -> Iterator[Frame]:
@@ -140,7 +174,7 @@ def _labelled(
         if isinstance(each, Camera):
             yield replace(seen, labels=labels)
         else:
-            agrees = (each.depth > 0) & (np.abs(each.depth - seen.depth) <= tolerance)
+            agrees = _agrees(each, seen, tolerance)
             yield replace(each, labels=np.where(agrees, labels, UNKNOWN).astype(np.int32))
 
 

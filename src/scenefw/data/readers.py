@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
-from scenefw.core.errors import InputError
+from scenefw.core.errors import EmptyImageError, InputError
 from scenefw.core.types import Frame
 from scenefw.data.intrinsics import camera_from_matrix, read_intrinsics
 
@@ -112,7 +112,8 @@ def check_depth(depth: Array, name: str) -> NDArray[np.float32]:
     """Depth (H, W) in metres as float32 with every unusable value (NaN, infinite, <= 0) set to 0.
 
     Raises:
-        InputError: not two-dimensional, without any measurement, or in the wrong unit.
+        InputError: not two-dimensional, without any measurement (EmptyImageError), or in the wrong
+            unit.
     """
     if depth.ndim != 2 or min(depth.shape) < 2:
         raise InputError(f"depth of {name} has shape {depth.shape}; expected one image (H, W)")
@@ -120,7 +121,7 @@ def check_depth(depth: Array, name: str) -> NDArray[np.float32]:
     clean = np.where(np.isfinite(depth) & (depth > 0), depth, np.float32(0))
     valid = clean[clean > 0]
     if valid.size == 0:
-        raise InputError(
+        raise EmptyImageError(
             f"depth of {name} has no measurement (all {depth.size} pixels are 0 or NaN); "
             "record it again or check the file"
         )

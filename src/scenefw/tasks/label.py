@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
 import sys
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -16,7 +15,9 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import require_writable
 from scenefw.data.height_maps import load_map, save_map
 from scenefw.data.readers import find_images, read_frame
-from scenefw.data.sequences import open_sequence, transformed
+from scenefw.data.recordings import STATE, MeasuredFrames, Recording
+from scenefw.data.sequences import open_sequence
+from scenefw.perception.placement import Placement
 from scenefw.perception.table_frame import TableFrame
 from scenefw.report.console import track
 from scenefw.report.gallery import save_picture
@@ -26,6 +27,8 @@ from scenefw.report.labelling_pictures import map_picture
 if TYPE_CHECKING:
     from scenefw.core.height_maps import HeightGrid, HeightMap
     from scenefw.core.types import Frame
+    from scenefw.data.recordings import NumberedFrames
+    from scenefw.perception.placement import Placed, Tracking
 
 MAP, PICTURE = "map.npz", "map.png"
 
@@ -37,20 +40,14 @@ class Strategy(Protocol):
         """Starts a map or goes on with one."""
 
 
-class Tracking(Protocol):
-    """Finds camera poses of frames without any."""
-
-    def track(self, frames: Iterable[Frame]) -> Iterator[Frame]:
-        """The frames with poses relative to the first camera."""
-
-
 class Label:
     """Fuses and labels what a camera recorded.
 
     A sequence (folder with `depth/`, or TUM's format) becomes one map: `map.npz`, `map.png`, and
     while it grows `growth/000020.png` ... and `growth.gif`. It is saved as it grows, and when it is
-    interrupted; `resume` goes on with it. Any other depth image, or each of a folder of them,
-    becomes a map of its own; an unusable one doesn't lose the others.
+    interrupted, with the poses of its frames; `resume` goes on with it. Frames without a
+    measurement are left out. Any other depth image, or each of a folder of them, becomes a map of
+    its own; an unusable one doesn't lose the others.
 
     Args:
         input: folder of a sequence, a depth image or a folder of images.
@@ -133,48 +130,56 @@ class Label:
         )
         if self.start >= last:
             raise InputError(f"{self.input} has {len(sequence)} frames; run.start is {self.start}")
-        frames = self._aligned(sequence[i] for i in range(self.start, last))
-        running, growth = self._begin(), Growth(self.output)
+        measured = MeasuredFrames(sequence, range(self.start, last))
+        running, placed = self._begin(sequence, measured)
+        if placed.note:
+            print(f"{self.input}: {placed.note}", file=sys.stderr)
+        growth, recording = Growth(self.output), placed.recording
         began, number = time.perf_counter(), 0
         try:
             bar = track(range(self.start, last), "frames")
-            for number, (_, frame) in enumerate(zip(bar, frames, strict=False), 1):
+            for number, (_, frame) in enumerate(zip(bar, placed.frames, strict=False), 1):
                 running.add(frame)
+                recording = recording.extended(frame)
                 if self.picture_every and number % self.picture_every == 0:
                     growth.show(running.height_map(), self.start + number)
                 if number % self.save_every == 0:
-                    self._save(running)
+                    self._save(running, recording)
         finally:  # an interrupted map is a map too
             if number:
                 seconds = time.perf_counter() - began
-                height_map = self._save(running)
+                height_map = self._save(running, recording)
+        if measured.empty:
+            empty = ", ".join(map(str, measured.empty))
+            print(f"{self.input}: left out frames without a measurement: {empty}", file=sys.stderr)
+        if not number:
+            raise InputError(f"no frame of {self.input} has a measurement; record it again")
         if self.picture_every:
             growth.show(height_map, self.start + number)
             growth.film()
         save_picture(map_picture(height_map), self.output / PICTURE)
-        return {"frames": float(number), "seconds_per_frame": seconds / number} | _facts(height_map)
+        return {
+            "frames": float(number),
+            "left_out": float(len(measured.empty)),
+            "seconds_per_frame": seconds / number,
+        } | _facts(height_map)
 
-    def _aligned(self, frames: Iterator[Frame]) -> Iterator[Frame]:
-        """The frames in the table's frame, tracked if they have no poses."""
-        if self.tracked:
-            if self.odometry is None:
-                raise ConfigError("run.tracked=true needs run.odometry; give mapping@run.odometry")
-            frames = self.odometry.track(frames)
-        first = next(frames)
-        alignment = self.table.alignment(first, posed=not self.tracked)
-        if alignment.note:
-            print(f"{self.input}: {alignment.note}", file=sys.stderr)
-        return transformed(itertools.chain([first], frames), alignment.T_table_world)
-
-    def _begin(self) -> Any:
+    def _begin(self, sequence: NumberedFrames, measured: Iterable[Frame]) -> tuple[Any, Placed]:
+        """A map that starts or goes on, and the frames for it."""
+        if self.tracked and self.odometry is None:
+            raise ConfigError("run.tracked=true needs run.odometry; give mapping@run.odometry")
+        placement = Placement(self.table, self.odometry if self.tracked else None)
         if self.resume is None:
-            return self.strategy.begin()
+            return self.strategy.begin(), placement.begin(measured)
         saved = load_map(self.resume, self.grid)
-        return self.strategy.begin(saved.height_map, saved.states)
+        before = Recording.from_state(saved.states.get(STATE, {}))
+        joint = sequence[self.start - 1] if self.tracked and self.start else None
+        placed = placement.go_on(measured, before, joint)
+        return self.strategy.begin(saved.height_map, saved.states), placed
 
-    def _save(self, running: Any) -> HeightMap:
+    def _save(self, running: Any, recording: Recording) -> HeightMap:
         height_map: HeightMap = running.height_map()
-        save_map(self.output / MAP, height_map, running.states())
+        save_map(self.output / MAP, height_map, {**running.states(), STATE: recording.state()})
         return height_map
 
     def _images(self) -> dict[str, float]:

@@ -4,17 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.files import require_writable
 from scenefw.data.height_maps import load_map, save_map
-from scenefw.data.painting import export_painting, load_painting, write_views
+from scenefw.data.painting import (
+    export_painting,
+    load_painting,
+    require_agreement,
+    write_views,
+)
+from scenefw.data.recordings import STATE, MeasuredFrames, Recording
 from scenefw.data.sequences import open_sequence
 from scenefw.report.console import track
 from scenefw.report.gallery import save_picture
 from scenefw.report.labelling_pictures import map_picture
+
+if TYPE_CHECKING:
+    from scenefw.core.height_maps import HeightMap
+
+_LOOKED_AT = 8  # views that say whether the poses are those of the map's world
 
 
 class PaintExport:
@@ -64,8 +76,8 @@ class PaintImport:
         input: the painted picture; `palette.json` of the export lies beside it.
         map: the saved map that was exported.
         output: the run's folder; gets `labelled.npz`, `labelled.png` and `views/`.
-        views: folder of a sequence with poses in the map's frame, whose views are labelled; None =
-            none are.
+        views: folder of the recording that the map was made of, or of another one with poses of the
+            same world, whose views are labelled; None = none are.
         every: every so many views.
         border: pixels on either side of a border between labels that count as unknown.
         background: class of what was left unpainted; None = unknown.
@@ -105,13 +117,21 @@ class PaintImport:
         save_picture(map_picture(painted), self.output / "labelled.png")
         count = 0
         if self.views is not None:
-            sequence = open_sequence(self.views)
-            chosen = range(0, len(sequence), self.every)
-            frames = (sequence[i] for i in track(chosen, "views"))
-            write_views(self.output / "views", painted, frames, self.border)
-            count = len(chosen)
+            recording = Recording.from_state(saved.states.get(STATE, {}))
+            count = self._label_views(self.views, painted, recording)
         labels = painted.labels if painted.labels is not None else np.zeros(0, np.int32)
         shares = {
             f"share/{name}": float(np.mean(labels == i)) for i, name in enumerate(painted.classes)
         }
         return shares | {"views": float(count)}
+
+    def _label_views(self, folder: Path, painted: HeightMap, recording: Recording) -> int:
+        tracked = recording.T_map_world is None and bool(recording.names)
+        sequence = open_sequence(folder, require_poses=not tracked)
+        place = recording.placed if recording.names else lambda frame: frame
+        chosen = range(0, len(sequence), self.every)
+        looked_at = chosen[:: max(1, len(chosen) // _LOOKED_AT)]
+        require_agreement(painted, map(place, MeasuredFrames(sequence, looked_at)), str(folder))
+        measured = MeasuredFrames(sequence, track(chosen, "views"))
+        write_views(self.output / "views", painted, map(place, measured), self.border)
+        return len(chosen) - len(measured.empty)

@@ -1,4 +1,6 @@
 import json
+import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -52,14 +54,62 @@ def test_a_sequence_becomes_a_map_that_is_seen_to_grow(sequence, tmp_path):
     assert (tmp_path / "map.png").is_file()
 
 
-def test_a_saved_map_goes_on_as_if_never_interrupted(sequence, tmp_path):
-    label(sequence, tmp_path / "whole").run()
-    label(sequence, tmp_path / "first", frames=4).run()
+TURN = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # z of the table is y of the recording
+
+
+@pytest.fixture(scope="module")
+def elsewhere(tmp_path_factory):
+    """The same recording, its poses in a world that is not the table's."""
+    folder = tmp_path_factory.mktemp("elsewhere")
+    return write_sequence(folder, transformed(frames(), rigid(TURN, (1.0, 2.0, 3.0))), CLASSES)
+
+
+@pytest.mark.parametrize("world", ["sequence", "elsewhere"])
+def test_a_saved_map_goes_on_as_if_never_interrupted(request, world, tmp_path):
+    folder = request.getfixturevalue(world)
+    label(folder, tmp_path / "whole").run()
+    label(folder, tmp_path / "first", frames=4).run()
     resume = tmp_path / "first" / "map.npz"
-    label(sequence, tmp_path / "rest", resume=resume, start=4).run()
-    whole, rest = (load_map(tmp_path / name / "map.npz").height_map for name in ("whole", "rest"))
-    np.testing.assert_array_equal(whole.heights, rest.heights)
-    np.testing.assert_array_equal(whole.labels, rest.labels)
+    label(folder, tmp_path / "rest", resume=resume, start=4).run()
+    whole, rest = (load_map(tmp_path / name / "map.npz") for name in ("whole", "rest"))
+    np.testing.assert_array_equal(whole.height_map.heights, rest.height_map.heights)
+    np.testing.assert_array_equal(whole.height_map.labels, rest.height_map.labels)
+    for key, value in whole.states["recording"].items():
+        np.testing.assert_array_equal(value, rest.states["recording"][key])
+
+
+def test_a_map_that_lost_its_world_does_not_go_on(sequence, elsewhere, tmp_path):
+    """Maps of earlier versions don't say how their recording's world lies."""
+    for folder in (sequence, elsewhere):
+        label(folder, tmp_path / "first", frames=4).run()
+        saved = load_map(tmp_path / "first" / "map.npz")
+        states = {name: state for name, state in saved.states.items() if name != "recording"}
+        old = save_map(tmp_path / "old.npz", saved.height_map, states)
+        going_on = label(folder, tmp_path / "rest", resume=old, start=4)
+        if folder == sequence:  # its world is the table's
+            assert going_on.run()["frames"] == 2
+        else:
+            with pytest.raises(InputError, match="fuse the whole recording again"):
+                going_on.run()
+
+
+def test_frames_without_a_measurement_are_left_out(sequence, tmp_path, capsys):
+    (folder := tmp_path / "in").mkdir()
+    for path in sequence.iterdir():
+        copy = shutil.copytree if path.is_dir() else shutil.copy
+        copy(path, folder / path.name)
+    for number in (0, 3):
+        Image.fromarray(np.zeros((60, 80), np.uint16)).save(folder / "depth" / f"{number:06d}.png")
+    figures = label(folder, tmp_path / "out").run()
+    assert (figures["frames"], figures["left_out"]) == (4, 2)
+    assert "without a measurement: 0, 3" in capsys.readouterr().err
+    names = load_map(tmp_path / "out" / "map.npz").states["recording"]["names"].tolist()
+    assert names == ["000001", "000002", "000004", "000005"]
+    with pytest.raises(InputError, match="has a measurement"):
+        label(folder, tmp_path / "none", frames=1).run()
+    resume = tmp_path / "out" / "map.npz"
+    with pytest.raises(InputError, match="has a measurement"):
+        label(folder, tmp_path / "none", frames=1, resume=resume).run()
 
 
 def test_an_interrupted_map_is_saved(sequence, tmp_path):
@@ -78,11 +128,9 @@ def test_an_interrupted_map_is_saved(sequence, tmp_path):
     assert load_map(tmp_path / "map.npz").height_map.seen.any()
 
 
-def test_poses_of_another_world_are_brought_to_the_table(sequence, tmp_path, capsys):
-    turn = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # z of the table is y of the recording
-    other = write_sequence(tmp_path / "in", transformed(frames(), rigid(turn, (1.0, 2.0, 3.0))))
+def test_poses_of_another_world_are_brought_to_the_table(elsewhere, tmp_path, capsys):
     maps = {"map_based": MapBased(HeightFusion(GRID), ByHeight(CLASSES, "keyboard"))}
-    label(other, tmp_path / "out", maps).run()
+    label(elsewhere, tmp_path / "out", maps).run()
     assert "the table was found" in capsys.readouterr().err
     heights = load_map(tmp_path / "out" / "map.npz").height_map.heights
     assert np.nanmedian(heights) == pytest.approx(0, abs=0.002)
@@ -93,13 +141,11 @@ class Perfect:
     """Odometry that knows the motion."""
 
     def track(self, shown):
-        first = None
-        for truth, frame in zip(frames(), shown, strict=False):
-            pose = truth.camera.T_world_camera
+        first, truths = None, list(frames())
+        for frame in shown:
+            pose = truths[int(frame.name)].camera.T_world_camera
             first = inverse(pose) if first is None else first
-            yield type(frame)(
-                frame.depth, frame.camera.moved(first @ pose), frame.colour, frame.labels
-            )
+            yield replace(frame, camera=frame.camera.moved(first @ pose))
 
 
 def test_a_sequence_without_poses_is_tracked(sequence, tmp_path):
@@ -111,9 +157,23 @@ def test_a_sequence_without_poses_is_tracked(sequence, tmp_path):
     with pytest.raises(ConfigError, match="odometry"):
         label(bare, tmp_path / "out", tracked=True).run()
     maps = {"map_based": MapBased(HeightFusion(GRID), ByHeight(CLASSES, "keyboard"))}
-    label(bare, tmp_path / "out", maps, tracked=True, odometry=Perfect()).run()
-    heights = load_map(tmp_path / "out" / "map.npz").height_map.heights
-    assert np.nanmedian(heights) == pytest.approx(0, abs=0.002)
+    tracking = {"tracked": True, "odometry": Perfect()}
+    label(bare, tmp_path / "out", maps, **tracking).run()
+    whole = load_map(tmp_path / "out" / "map.npz")
+    assert np.nanmedian(whole.height_map.heights) == pytest.approx(0, abs=0.002)
+    label(bare, tmp_path / "first", maps, frames=3, **tracking).run()
+    resume = tmp_path / "first" / "map.npz"
+    for start in (0, 2, 5):
+        going_on = label(bare, tmp_path / "rest", maps, resume=resume, start=start, **tracking)
+        if start == 2:  # frame 2 twice, but in its place
+            assert going_on.run()["frames"] == 4
+        else:
+            with pytest.raises(InputError, match=r"give run\.start=NUMBER"):
+                going_on.run()
+    label(bare, tmp_path / "rest", maps, resume=resume, start=3, **tracking).run()
+    rest = load_map(tmp_path / "rest" / "map.npz")
+    np.testing.assert_allclose(rest.height_map.heights, whole.height_map.heights, atol=1e-4)
+    assert rest.states["recording"]["names"].tolist() == [f"{i:06d}" for i in range(6)]
 
 
 def test_single_images_become_maps_of_their_own(sequence, tmp_path, capsys):
@@ -141,6 +201,47 @@ def test_settings_are_checked(sequence, tmp_path):
         label(sequence, tmp_path, depth_scale=0.0)
     with pytest.raises(InputError, match="6 frames"):
         label(sequence, tmp_path, start=6).run()
+
+
+@pytest.mark.parametrize("world", ["sequence", "elsewhere", "bare"])
+def test_views_are_labelled_where_the_map_has_them(request, world, sequence, tmp_path):
+    """Whatever world a recording's poses are of, or if it has none."""
+    tracking, folder = {}, sequence if world == "bare" else request.getfixturevalue(world)
+    if world == "bare":
+        (folder := tmp_path / "in").mkdir()
+        for name in ("depth", "rgb", "intrinsics.json"):
+            (folder / name).symlink_to(sequence / name)
+        tracking = {"tracked": True, "odometry": Perfect()}
+    maps = {"map_based": MapBased(HeightFusion(GRID), ByHeight(CLASSES, "keyboard"))}
+    label(folder, tmp_path / "out", maps, **tracking).run()
+    path = tmp_path / "out" / "map.npz"
+    PaintExport(path, tmp_path / "paint").run()
+    names = json.loads((tmp_path / "paint" / "palette.json").read_text())
+    fused = load_map(path).height_map
+    with Image.open(tmp_path / "paint" / "colours.png") as image:
+        painted = np.array(image)
+    painted[fused.labels == 0] = names["surface"]
+    painted[fused.labels > 0] = names["keyboard"]
+    picture = tmp_path / "paint" / "painted.png"
+    Image.fromarray(painted).save(picture)
+    figures = PaintImport(picture, path, tmp_path / "labelled", views=folder).run()
+    assert figures["views"] == 6
+    right = known = 0
+    for i, frame in enumerate(frames()):
+        with Image.open(tmp_path / "labelled" / "views" / "labels" / f"{i:06d}.png") as image:
+            labels = np.array(image)
+        told = (labels != 255) & (frame.labels >= 0)
+        known += told.mean() / 6
+        right += ((labels > 0) == (frame.labels > 0))[told].mean() / 6
+    assert known > 0.5
+    assert right > 0.98
+    if world == "elsewhere":
+        saved = load_map(path)
+        states = {name: state for name, state in saved.states.items() if name != "recording"}
+        old = save_map(tmp_path / "old.npz", saved.height_map, states)
+        with pytest.raises(InputError, match="that the map was made of"):
+            PaintImport(picture, old, tmp_path / "lost", views=folder).run()
+        assert not (tmp_path / "lost" / "views").exists()
 
 
 def test_labels_by_hand_there_and_back(sequence, tmp_path):
