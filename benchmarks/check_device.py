@@ -53,8 +53,6 @@ def step(settings, device) -> dict[str, Tensor]:
 
 def labelled(learning, data, device) -> dict[str, Tensor]:
     """Samples of a labelling network and its losses; where nothing was measured distance is -1."""
-    if hasattr(data.train, "noise"):
-        data.train.noise = {}
     chosen = IndexBatch(0, torch.arange(0, len(data.train), len(data.train) // SCENES)[:SCENES])
     batch = data.training_batch(chosen, torch.device(device))
     model = learning.model.to(device).eval()
@@ -66,7 +64,6 @@ def labelled(learning, data, device) -> dict[str, Tensor]:
 
 def completed(learning, device) -> dict[str, Tensor]:
     """Volumes, views and losses of a shape-and-instance network."""
-    learning.views.noise = {}
     scenes = StackScenes(split="train", limit=SCENES)
     streams = Streams.of(0, 2, 0, indices=np.arange(SCENES))
     made = learning.views.make(scenes.parameters(list(range(SCENES)), device), streams)
@@ -110,7 +107,9 @@ def main() -> None:
     plugins.activate()
     words = sys.argv[1:] or ["experiment=simstack"]
     few = [f"size.tables={SCENES}", "size.validation_tables=1"]
-    settings = config.compose([*words, *few])
+    quiet = ["noise=none", "noise_in_turns=none"]
+    words = [word for word in words if not word.startswith("noise")]
+    settings = config.compose([*words, *few, *quiet])
     torch.backends.cuda.matmul.allow_tf32 = torch.backends.cudnn.allow_tf32 = False
     if not torch.cuda.is_available():
         print("error: torch sees no CUDA device", file=sys.stderr)

@@ -2,6 +2,7 @@
 
     python -m benchmarks.state_parts split outputs/training/last.ckpt FOLDER [--megabytes 60]
     python -m benchmarks.state_parts join FOLDER outputs/training/last.ckpt
+    python -m benchmarks.state_parts fits 60 [experiment=simstack scale=thesis ...]
 
 Without a limit every bit is kept: 16 bytes per weight (float32 weights, their average, two moments
 of AdamW; Muon has one). With one, the first form is taken that fits, and the line printed says
@@ -10,18 +11,21 @@ which:
     exact    16 bytes per weight, 12 with Muon
     rounded   8, or 6: float16 weights and average, bfloat16 moments
     average   2: float16 average alone; the training goes on from it with new moments
+
+`fits` says before a training whether the smallest form will be small enough.
 """
 
 import argparse
 import io
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import torch
 from torch import Tensor
 
+from scenefw import config, plugins
 from scenefw.core.errors import CheckpointError, SceneFWError
 from scenefw.core.files import replacing
 
@@ -63,6 +67,26 @@ def join(folder: Path, state: Path) -> str:
     with replacing(state) as temporary:
         torch.save(whole if name == "exact" else _widened(whole), temporary)
     return name
+
+
+def require_room(words: Sequence[str], megabytes: float) -> float:
+    """Megabytes of the smallest form of the state of a training with these settings.
+
+    Raises:
+        CheckpointError: they are more than there is room for.
+    """
+    from hydra.utils import instantiate
+
+    plugins.activate()
+    model = instantiate(config.compose(words).model, _convert_="all")
+    least = 2 * sum(weights.numel() for weights in model.parameters()) / 1e6
+    if least > megabytes:
+        raise CheckpointError(
+            f"the network has {least / 2:.1f} million weights, the smallest form of its state "
+            f"{least:.0f} MB, of which {megabytes:.0f} MB would be brought back; take a narrower "
+            "network (model=shape_instance_vae), or allow more"
+        )
+    return least
 
 
 def _smallest_fit(whole: dict[str, Any], megabytes: float | None) -> tuple[str, bytes]:
@@ -153,20 +177,27 @@ FORMS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
 def main() -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("verb", choices=["split", "join"])
-    parser.add_argument("source", type=Path)
-    parser.add_argument("target", type=Path)
-    parser.add_argument("--megabytes", type=float)
+    verbs = parser.add_subparsers(dest="verb", required=True)
+    for verb in ("split", "join"):
+        chosen = verbs.add_parser(verb)
+        chosen.add_argument("source", type=Path)
+        chosen.add_argument("target", type=Path)
+    verbs.choices["split"].add_argument("--megabytes", type=float)
+    fits = verbs.add_parser("fits")
+    fits.add_argument("megabytes", type=float)
+    fits.add_argument("words", nargs="*")
     options = parser.parse_args()
     try:
         if options.verb == "split":
-            name = split(options.source, options.target, options.megabytes)
+            print(f"state: {split(options.source, options.target, options.megabytes)}")
+        elif options.verb == "join":
+            print(f"state: {join(options.source, options.target)}")
         else:
-            name = join(options.source, options.target)
+            least = require_room(options.words, options.megabytes)
+            print(f"state: at least {least:.0f} MB")
     except SceneFWError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)
-    print(f"state: {name}")
 
 
 if __name__ == "__main__":

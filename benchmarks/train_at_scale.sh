@@ -40,6 +40,14 @@ state=$folder/last.ckpt
 part=15000000   # bytes of a file
 collecting=45   # seconds that the copies below may take, and what a call needs beyond its time
 
+# numba needs CUDA's compiler: where wheels bring none, a toolkit's
+if [ "$trainer" = gpu ] && [ -z "${CUDA_HOME:-}${CUDA_PATH:-}" ]; then
+  nvcc=$(readlink -f "$(command -v nvcc || true)" || true)
+  for toolkit in "${nvcc%/bin/nvcc}" /usr/local/cuda; do
+    if [ -n "$toolkit" ] && [ -d "$toolkit/nvvm" ]; then export CUDA_HOME=$toolkit && break; fi
+  done
+fi
+
 if [ "$check" != 0 ] && [ "$trainer" = gpu ]; then
   scale=() # of simstack the check takes the narrow network and 32^3 voxels
   [ "$experiment" = simstack ] || scale=(scale=thesis "$@")
@@ -48,13 +56,16 @@ fi
 [ "$check" != only ] || exit 0
 
 collect() { # also after a failure, and when the time is up
-  local weights name size room=${TOTAL_MB:-1000000}
+  local status=$? weights name size room=${TOTAL_MB:-1000000} kept="the state holds it"
   for name in losses.csv run/metrics.json; do
     [ ! -f "$folder/$name" ] || cp "$folder/$name" "$output/"
   done
   if [ -f "$state" ]; then
-    "$python" -m benchmarks.state_parts split "$state" "$output" \
-      ${TOTAL_MB:+--megabytes "$((TOTAL_MB - 1))"} || true
+    if ! "$python" -m benchmarks.state_parts split "$state" "$output" \
+      ${TOTAL_MB:+--megabytes "$((TOTAL_MB - 1))"}; then
+      status=1 kept="and so is the state: both are in $folder alone"
+      ! compgen -G "$output/state.part*" >/dev/null || echo "state.part* are of an earlier call"
+    fi
     size=$( (cat "$output"/state.part* 2>/dev/null || true) | wc -c)
     room=$((room - 1 - size / 1000000))
   fi
@@ -63,13 +74,18 @@ collect() { # also after a failure, and when the time is up
     name=$(basename "$weights") size=$(stat -c %s "$weights")
     rm -f "$output/$name" "$output/$name".part*
     if [ "$size" -gt $((room * 1000000)) ]; then
-      echo "$name is left out, as it takes $((size / 1000000)) MB; the state holds it"
+      echo "$name is left out, as it takes $((size / 1000000)) MB; $kept"
     elif [ "$size" -le $part ]; then cp "$weights" "$output/"
     else split -d -b $part "$weights" "$output/$name.part"; fi
   done
   ls -l "$output"
+  exit "$status"
 }
 
+if [ -n "${TOTAL_MB:-}" ]; then
+  "$python" -m benchmarks.state_parts fits "$((TOTAL_MB - 1))" \
+    "experiment=$experiment" scale=thesis "$@"
+fi
 mkdir -p "$folder"
 if [ ! -f "$state" ] && compgen -G "$from/state.part*" >/dev/null; then
   "$python" -m benchmarks.state_parts join "$from" "$state"

@@ -136,7 +136,8 @@ class ViewSamples:
         for disturb, row in zip(self._depth_noise, seeds, strict=True):
             depth = disturb.apply(depth, views.cameras, row)
         for move in changes[: len(tracking)]:
-            poses = poses @ move
+            # Not @: TF32 would round it, and a tenth of a millimetre of height with it
+            poses = (poses[:, :, :, None] * move[:, None]).sum(dim=2)
         if self.jitter is not None:
             colour = self.jitter.apply(colour, changes[-1])
         cameras = replace(views.cameras, T_world_camera=poses)

@@ -46,6 +46,8 @@ from scenefw.core.errors import MissingDependencyError
 Argument: TypeAlias = Tensor | float | bool | np.number | tuple[Any, ...]
 
 _THREADS_PER_BLOCK = 128
+_NO_TOOLKIT = ("DynamicLibNotFoundError", "DynamicLibNotAvailableError")
+"""Errors of the finder of CUDA's libraries; numba's own are ImportErrors."""
 
 
 def _cache_folder() -> Path:
@@ -146,8 +148,10 @@ class Kernel:
                 blocks = -(-count // _THREADS_PER_BLOCK)
                 try:
                     self._compiled()[blocks, _THREADS_PER_BLOCK, stream](count, *views)
-                except ImportError as error:  # base of numba's errors of a missing driver or NVVM
-                    raise _no_toolkit(error) from error
+                except (ImportError, RuntimeError) as error:
+                    if isinstance(error, ImportError) or type(error).__name__ in _NO_TOOLKIT:
+                        raise _no_toolkit(error) from error
+                    raise
         else:
             views = [_on_cpu(a) for a in arguments]
             types = tuple(numba.typeof(value) for value in (count, *views))
@@ -206,7 +210,8 @@ def _no_toolkit(error: Exception) -> MissingDependencyError:
     reason = " ".join(str(error).split())
     return MissingDependencyError(
         f"numba can't compile for this GPU ({reason}); pip install 'numba-cuda[cu12]' (or [cu13], "
-        "as torch.version.cuda says), or choose device=cpu"
+        "as torch.version.cuda says), set CUDA_HOME to a toolkit that has nvvm, or choose "
+        "device=cpu"
     )
 
 

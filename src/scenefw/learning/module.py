@@ -67,6 +67,7 @@ class TrainingModule(lightning.LightningModule, ABC):
         self.times, self._side = StepTimes(), SideStream()
         self._began, self._agreed = time.monotonic(), 0.0
         self._since, self._warm = (0, 0.0), 0
+        self._trained_on: torch.device | None = None  # Lightning leaves the network on the CPU
 
     @abstractmethod
     def training_step(self, batch: Any, batch_idx: int) -> Tensor:
@@ -106,6 +107,7 @@ class TrainingModule(lightning.LightningModule, ABC):
 
     def on_fit_start(self) -> None:
         """Brings the averaged weights to the training device; compiles the training pass."""
+        self._trained_on = self.device
         if self.average is not None:
             self.average.to(self.device)
         if self.compiled:  # the call alone: names of weights and the recipe stay as they are
@@ -165,7 +167,7 @@ class TrainingModule(lightning.LightningModule, ABC):
         samples = batches * self.trainer.datamodule.batch_size * self.trainer.world_size
         return {
             "samples_per_second": samples / max(seconds, 1e-9),
-            "memory_mb": peak_memory(self.device) / 1e6,
+            "memory_mb": peak_memory(self._trained_on or self.device) / 1e6,
             "share_of_data": self.times.share_of_data,
         }
 

@@ -1,5 +1,6 @@
 """Optimisers, made for the weights of a network."""
 
+import sys
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -73,8 +74,7 @@ class Muon:
         self, model: nn.Module, learning_rate: float, weight_decay: float, *, fused: bool
     ) -> torch.optim.Optimizer:
         """An optimiser of the weights that need a gradient."""
-        from pytorch_optimizer import Muon as Implementation  # second-long import
-
+        Implementation = _muon()  # noqa: N806
         weights = [p for p in model.parameters() if p.requires_grad]
         matrices = {
             "params": [p for p in weights if p.ndim >= 2],
@@ -96,3 +96,17 @@ class Muon:
             groups, lr=self.rate * learning_rate, adamw_lr=learning_rate
         )
         return made
+
+
+def _muon() -> type[torch.optim.Optimizer]:
+    """pytorch_optimizer's class; without what that imports where transformers is installed."""
+    hidden = "transformers" not in sys.modules
+    if hidden:  # it looks for an integration that takes seconds and moves between versions
+        sys.modules["transformers"] = None  # type: ignore[assignment]
+    try:
+        from pytorch_optimizer import Muon as Implementation
+    finally:
+        if hidden:
+            del sys.modules["transformers"]
+    found: type[torch.optim.Optimizer] = Implementation
+    return found
