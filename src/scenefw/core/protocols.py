@@ -199,7 +199,10 @@ class RunningLabels(Protocol):
 
 
 class SemanticMapping(Protocol):
-    """Fuses labelled views into a height map (group `mapping`, options `semantic_*`)."""
+    """Fuses labelled views into a height map (group `mapping`).
+
+    An attribute `reads_map = True` says that it reads the map so far, not the frame alone.
+    """
 
     def begin(
         self, grid: HeightGrid, classes: int, previous: NDArray[np.float32] | None = None

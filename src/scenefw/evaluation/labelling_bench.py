@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.evaluation.shared_parts import LOADING, SharedParts
+from scenefw.evaluation.shared_parts import LOADING, SharedParts, require_alike
 from scenefw.evaluation.stopwatch import SharedWork
 from scenefw.noise.frames import disturb
 
@@ -62,6 +62,10 @@ class Bench:
         strategies: by name.
         noise: disturbs the frames that strategies see, by name.
         seed: of the noise.
+
+    Raises:
+        ConfigError: no strategy, other classes than the scenes', or strategies that can't share
+            their work.
     """
 
     def __init__(
@@ -79,6 +83,7 @@ class Bench:
                     f"{name} labels {', '.join(strategy.classes)}, the scenes hold "
                     f"{', '.join(scenes.classes)}; give checkpoints of these classes"
                 )
+        require_alike(strategies)
         self.scenes = scenes
         self.strategies = dict(strategies)
         self.noise = dict(noise or {})

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.evaluation.labelling_results import Scores, read_scores, score
+from scenefw.evaluation.labelling_results import Score, Scores, read_scores, score
 from scenefw.evaluation.statistics import Interval, mean_interval
 
 if TYPE_CHECKING:
@@ -84,6 +84,10 @@ class LabellingNoise:
         pose_noise: from `sigma` to noise of poses.
         depth_noise: from `sigma` to noise of depth.
         scenes: how many; None = all. The thesis has 3.
+        chosen: names of the noises that were asked for.
+
+    Raises:
+        ConfigError: an amount is no length, or a noise was asked for that is not varied here.
     """
 
     def __init__(
@@ -95,7 +99,14 @@ class LabellingNoise:
         pose_noise: Callable[..., Noise],
         depth_noise: Callable[..., Noise],
         scenes: int | None = 3,
+        chosen: Sequence[str] = (),
     ) -> None:
+        others = sorted(set(chosen) - {"pose", "gaussian"})
+        if others:
+            raise ConfigError(
+                f"a noise map varies the noises pose and gaussian, not {', '.join(others)}; give "
+                "noise=[pose,gaussian] (experiment=view_vs_map compares under any noise)"
+            )
         self.bench = bench
         self.frames = frames
         self.pose, self.depth = _amounts("pose", pose), _amounts("gaussian", depth)
@@ -134,10 +145,11 @@ class GatheredNoise:
         self.input = Path(input)
 
     def run(self, track: object = None) -> NoiseResult:
-        """All scores found; of two runs with the same amounts the later folder counts.
+        """All scores found.
 
         Raises:
-            InputError: there are none.
+            InputError: there are none, or runs that can't be one result: of different numbers of
+                frames, or of the same amounts and other scores.
         """
         found = sorted(self.input.rglob(SCORES_FILE))
         if not found:
@@ -145,12 +157,25 @@ class GatheredNoise:
                 f"no {SCORES_FILE} below {self.input}; give the folder of a sweep of "
                 "experiment=noise_map"
             )
-        rows = {
-            (row.strategy, row.scene, row.frames, row.pose, row.depth): row
-            for path in found
-            for row in read_scores(path).rows
-        }
-        return NoiseResult(Scores(tuple(rows.values())))
+        rows: dict[tuple[str, int, float, float], tuple[Score, Path]] = {}
+        for path in found:
+            for row in read_scores(path).rows:
+                key = (row.strategy, row.scene, row.pose, row.depth)
+                first, origin = rows.setdefault(key, (row, path))
+                if (first.frames, first.miou) != (row.frames, row.miou):
+                    raise InputError(
+                        f"{origin} and {path} both score {row.strategy} on scene {row.scene} under "
+                        f"pose {row.pose:g} m and depth {row.depth:g} m, after {first.frames} and "
+                        f"{row.frames} frames; give a folder of runs of one sweep"
+                    )
+        scores = Scores(tuple(row for row, _ in rows.values()))
+        if len(scores.counts) > 1:
+            counts = " and ".join(map(str, scores.counts))
+            raise InputError(
+                f"runs below {self.input} are of {counts} frames; give a folder of runs of one "
+                "size.frames"
+            )
+        return NoiseResult(scores)
 
 
 def _amounts(name: str, values: float | Sequence[float]) -> tuple[float, ...]:

@@ -12,7 +12,7 @@ from scenefw.core import rng
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.evaluation.labelling_curves import frame_counts
 from scenefw.evaluation.labelling_results import MAP_BASED, VIEW_BASED
-from scenefw.labelling.pooling import Pool, fit_pool
+from scenefw.labelling.pooling import DOUBT, Pool, check_doubt, fit_pool
 from scenefw.labelling.running import known
 from scenefw.noise.frames import in_turns
 
@@ -55,14 +55,8 @@ class WeightsResult:
             for name, value in asdict(values).items()
         }
         accuracy = {f"accuracy/{name}": value for name, value in self.accuracy.items()}
-        return (
-            weights
-            | accuracy
-            | {
-                "vertices": float(self.vertices),
-                "scenes": float(self.scenes),
-            }
-        )
+        counts = {"vertices": float(self.vertices), "scenes": float(self.scenes)}
+        return weights | {"doubt": self.pool.doubt} | accuracy | counts
 
 
 class HybridWeights:
@@ -82,10 +76,11 @@ class HybridWeights:
         vertices: drawn for each class, scene and number of frames.
         seed: of the draw.
         noise: noises that scenes are seen under in turns, as `in_turns`; None: that of the bench.
+        doubt: of the pool.
 
     Raises:
-        ConfigError: a strategy is missing, both kinds of noise are given, or there are fewer scenes
-            than noises.
+        ConfigError: a strategy is missing, both kinds of noise are given, there are fewer scenes
+            than noises, or the doubt is not between 0 and 1.
     """
 
     def __init__(
@@ -98,6 +93,7 @@ class HybridWeights:
         vertices: int = 500,
         seed: int = 0,
         noise: Mapping[str, Mapping[str, Noise]] | None = None,
+        doubt: float = DOUBT,
     ) -> None:
         missing = {VIEW_BASED, MAP_BASED} - set(bench.strategies)
         if missing:
@@ -111,6 +107,7 @@ class HybridWeights:
         self.vertices = vertices
         self.seed = seed
         self.noise = noise or None
+        self.doubt = check_doubt(doubt)
         if noise and bench.noise:
             raise ConfigError(
                 "scenes get noise either alike or in turns; with noise=... give noise_in_turns=none"
@@ -137,7 +134,7 @@ class HybridWeights:
         views, of_map, well, labels, drawn_for = (
             np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)
         )
-        pool = fit_pool(views, of_map, well, labels, drawn_for)
+        pool = fit_pool(views, of_map, well, labels, drawn_for, self.doubt)
         pooled = pool(views, of_map, well)
         accuracy = {
             name: balanced_accuracy(said.argmax(axis=0), labels, drawn_for)

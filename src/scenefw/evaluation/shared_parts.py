@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
 
 from scenefw.core.errors import ConfigError
 from scenefw.evaluation.stopwatch import OTHER
@@ -20,6 +24,7 @@ if TYPE_CHECKING:
         SemanticMapping,
     )
     from scenefw.core.types import Float32, Frame
+    from scenefw.evaluation.labelling_bench import SharingLabelling
     from scenefw.evaluation.stopwatch import SharedWork
 
 LOADING = "data loading"
@@ -47,6 +52,49 @@ class SharedParts:
         if kind not in self._wrapped:
             self._wrapped[kind] = _WRAPPERS[kind](part, self.work)
         return self._wrapped[kind]
+
+
+def require_alike(strategies: Mapping[str, SharingLabelling]) -> None:
+    """Finds out before any work whether strategies can share theirs.
+
+    Raises:
+        ConfigError: parts of one kind differ in settings or weights.
+    """
+    first: dict[str, tuple[str, Any]] = {}
+    for name, strategy in strategies.items():
+
+        def compare(kind: str, part: Any, name: str = name) -> Any:
+            owner, other = first.setdefault(kind, (name, part))
+            if not alike(other, part):
+                raise ConfigError(
+                    f"{owner} and {name} share their work while they are compared, but their "
+                    f"{_KINDS[kind]} differ in settings; give both the same, or evaluate them one "
+                    f"by one (labelling=[{name}])"
+                )
+            return part
+
+        strategy.sharing(compare)
+
+
+def alike(one: Any, other: Any) -> bool:
+    """Whether two parts are of one class, with equal settings and weights."""
+    if one is other:
+        return True
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, torch.nn.Module):
+        return alike(one.state_dict(), other.state_dict())
+    if isinstance(one, torch.Tensor):
+        return torch.equal(one, other)
+    if isinstance(one, np.ndarray):
+        return np.array_equal(one, other)
+    if isinstance(one, Mapping):
+        return one.keys() == other.keys() and all(alike(one[key], other[key]) for key in one)
+    if isinstance(one, list | tuple):
+        return len(one) == len(other) and all(map(alike, one, other))
+    if type(one).__eq__ is object.__eq__ and hasattr(one, "__dict__"):
+        return alike(vars(one), vars(other))
+    return bool(one == other)
 
 
 class _Heights:
@@ -125,6 +173,12 @@ class _MapSource:
         return self.work.do(MAP_NETWORK, "map", lambda: self.part.label_map(height_map))
 
 
+_KINDS = {
+    "heights": "height fusion",
+    "labels": "label fusion",
+    "source": "labels of views",
+    "map_source": "labels of maps",
+}
 _WRAPPERS: dict[str, Any] = {
     "heights": _Heights,
     "labels": _Labels,

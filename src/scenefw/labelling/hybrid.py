@@ -10,7 +10,7 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.labels import FROM_BOTH, FROM_MAP, FROM_VIEWS
 from scenefw.labelling.pooling import Pool, disagreement
 from scenefw.labelling.reconstruction import Reconstruction
-from scenefw.labelling.running import known, labelled
+from scenefw.labelling.running import MAP_LABELS, MapLabels, known, labelled, states_of
 from scenefw.labelling.view_based import RunningViewBased, ViewBased
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ class Hybrid:
         reconstruction: Reconstruction | None = None,
         key_frames: KeyFrames | None = None,
         every: int | None = None,
-        refresh: int = 0,
+        refresh: int | None = None,
     ) -> None:
         if tuple(source.classes) != tuple(map_source.classes):
             raise ConfigError(
@@ -104,23 +104,23 @@ class Hybrid:
         Raises:
             InputError: the map has other classes.
         """
-        return RunningHybrid(self, self.views.begin(previous, states))
+        return RunningHybrid(self, self.views.begin(previous, states), states)
 
 
 class RunningHybrid:
     """A map labelled from views, refined by its own labels when it is time."""
 
-    def __init__(self, strategy: Hybrid, views: RunningViewBased) -> None:
+    def __init__(
+        self, strategy: Hybrid, views: RunningViewBased, states: States | None = None
+    ) -> None:
         self.strategy = strategy
         self.views = views
-        self.frames = 0
-        self._refinement: tuple[Float32, Float32] | None = None
+        self.labels = MapLabels(strategy.every, states)
 
     def add(self, frame: Frame) -> None:
         """Fuses the frame; labels the map if its frame has come."""
         self.views.add(frame)
-        self.frames += 1
-        if self.strategy.every and self.frames % self.strategy.every == 0:
+        if self.labels.due():
             self._refine(self.views.heights.height_map())
 
     def height_map(self) -> HeightMap:
@@ -128,21 +128,22 @@ class RunningHybrid:
         height_map = self.views.height_map()
         if self.strategy.every is None:
             self._refine(height_map)
-        views = height_map.probabilities
-        if self._refinement is None or views is None:
+        views, latest = height_map.probabilities, self.labels.latest
+        if views is None or not {"probabilities", "well"} <= set(latest):
             return height_map
-        of_map, well = self._refinement
+        of_map, well = latest["probabilities"], latest["well"]
         pooled = self.strategy.pool(views, of_map, well)
         sources = _sources(views, of_map, pooled)
         return labelled(height_map, pooled, self.strategy.classes, sources)
 
     def states(self) -> dict[str, dict[str, Any]]:
-        """What to save for going on exactly: that of the views; the map's labels are made anew."""
-        return self.views.states()
+        """What to save for going on exactly: that of views and map."""
+        return self.views.states() | states_of(**{MAP_LABELS: self.labels})
 
     def _refine(self, height_map: HeightMap) -> None:
         of_map = self.strategy.map_source.label_map(height_map)
-        self._refinement = of_map, self.strategy.reconstruction.of(height_map)
+        well = self.strategy.reconstruction.of(height_map)
+        self.labels.latest = {"probabilities": of_map, "well": well}
 
 
 def _sources(views: Float32, of_map: Float32, pooled: Float32) -> Sources:

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from scenefw.core import geometry
 from scenefw.core.errors import ConfigError
+from scenefw.core.types import Camera
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from scenefw.core.types import Frame
 
+    State = Mapping[str, NDArray[Any]]
+
+_LENS = ("fx", "fy", "cx", "cy", "width", "height")
 _STRIDE = 8  # pixels: overlap is counted on a coarse grid
 
 
@@ -21,12 +28,15 @@ class RunningKeyFrames(Protocol):
     def takes(self, frame: Frame) -> bool:
         """Whether the next frame is a key frame."""
 
+    def state(self) -> dict[str, NDArray[Any]]:
+        """What `begin` goes on from."""
+
 
 class KeyFrames(Protocol):
     """A schedule of key frames (group `key_frames`)."""
 
-    def begin(self) -> RunningKeyFrames:
-        """Starts a sequence; its first frame is a key frame."""
+    def begin(self, state: State | None = None) -> RunningKeyFrames:
+        """Starts a sequence, whose first frame is a key frame, or goes on with one."""
 
 
 class EveryNth:
@@ -41,9 +51,9 @@ class EveryNth:
             raise ConfigError(f"key frames: n = {n}; expected 1 (all frames) or more")
         self.n = n
 
-    def begin(self) -> RunningKeyFrames:
-        """Starts a sequence."""
-        return _Counting(self.n)
+    def begin(self, state: State | None = None) -> RunningKeyFrames:
+        """Starts a sequence or goes on with one."""
+        return _Counting(self.n, state)
 
 
 class ByMotion:
@@ -63,9 +73,9 @@ class ByMotion:
         self.distance = distance
         self.angle = angle
 
-    def begin(self) -> RunningKeyFrames:
-        """Starts a sequence."""
-        return _Moving(self)
+    def begin(self, state: State | None = None) -> RunningKeyFrames:
+        """Starts a sequence or goes on with one."""
+        return _Moving(self, state)
 
 
 class ByOverlap:
@@ -82,51 +92,75 @@ class ByOverlap:
             raise ConfigError(f"key frames: overlap = {overlap}; expected a share from 0 to 1")
         self.overlap = overlap
 
-    def begin(self) -> RunningKeyFrames:
-        """Starts a sequence."""
-        return _Overlapping(self.overlap)
+    def begin(self, state: State | None = None) -> RunningKeyFrames:
+        """Starts a sequence or goes on with one."""
+        return _Overlapping(self.overlap, state)
 
 
 class _Counting:
-    def __init__(self, n: int) -> None:
+    def __init__(self, n: int, state: State | None) -> None:
         self.n = n
-        self.count = 0
+        self.count = int(state["count"]) if state else 0
 
     def takes(self, frame: Frame) -> bool:
         self.count += 1
         return (self.count - 1) % self.n == 0
 
+    def state(self) -> dict[str, NDArray[Any]]:
+        return {"count": np.array(self.count)}
+
 
 class _Moving:
-    def __init__(self, limits: ByMotion) -> None:
+    def __init__(self, limits: ByMotion, state: State | None) -> None:
         self.limits = limits
-        self.last: Frame | None = None
+        self.last = _camera(state)
 
     def takes(self, frame: Frame) -> bool:
         if self.last is not None:
-            step = geometry.inverse(self.last.camera.T_world_camera) @ frame.camera.T_world_camera
+            step = geometry.inverse(self.last.T_world_camera) @ frame.camera.T_world_camera
             moved = float(np.linalg.norm(step[:3, 3]))
             turned = float(np.arccos(np.clip((np.trace(step[:3, :3]) - 1) / 2, -1, 1)))
             if moved < self.limits.distance and turned < self.limits.angle:
                 return False
-        self.last = frame
+        self.last = frame.camera
         return True
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        return _state(self.last)
 
 
 class _Overlapping:
-    def __init__(self, overlap: float) -> None:
+    def __init__(self, overlap: float, state: State | None) -> None:
         self.overlap = overlap
-        self.last: Frame | None = None
+        self.last = _camera(state)
 
     def takes(self, frame: Frame) -> bool:
         if self.last is not None and shared_view(frame, self.last) >= self.overlap:
             return False
-        self.last = frame
+        self.last = frame.camera
         return True
 
+    def state(self) -> dict[str, NDArray[Any]]:
+        return _state(self.last)
 
-def shared_view(frame: Frame, other: Frame) -> float:
-    """Share in [0, 1] of a frame's measured points that project into another frame's image."""
+
+def _state(camera: Camera | None) -> dict[str, NDArray[Any]]:
+    """The camera of the last key frame, in arrays."""
+    if camera is None:
+        return {}
+    lens = [getattr(camera, name) for name in _LENS]
+    return {"lens": np.array(lens), "pose": np.asarray(camera.T_world_camera)}
+
+
+def _camera(state: State | None) -> Camera | None:
+    if not state:
+        return None
+    fx, fy, cx, cy, width, height = state["lens"].tolist()
+    return Camera(int(width), int(height), fx, fy, cx, cy).moved(state["pose"])
+
+
+def shared_view(frame: Frame, other: Camera) -> float:
+    """Share in [0, 1] of a frame's measured points that project into another camera's image."""
     camera = frame.camera
     rows, columns = np.nonzero(frame.depth[::_STRIDE, ::_STRIDE] > 0)
     if not len(rows):
@@ -134,11 +168,11 @@ def shared_view(frame: Frame, other: Frame) -> float:
     v, u = rows * _STRIDE, columns * _STRIDE
     depth = frame.depth[v, u].astype(np.float64)
     x, y = (u - camera.cx) / camera.fx * depth, (v - camera.cy) / camera.fy * depth
-    motion = geometry.inverse(other.camera.T_world_camera) @ camera.T_world_camera
+    motion = geometry.inverse(other.T_world_camera) @ camera.T_world_camera
     points = geometry.transform_points(motion, np.stack([x, y, depth], axis=-1))
     z = np.where(points[:, 2] > 0, points[:, 2], np.nan)
-    across = points[:, 0] / z * other.camera.fx + other.camera.cx
-    down = points[:, 1] / z * other.camera.fy + other.camera.cy
-    inside = (across > -0.5) & (across < other.camera.width - 0.5)
-    inside &= (down > -0.5) & (down < other.camera.height - 0.5)
+    across = points[:, 0] / z * other.fx + other.cx
+    down = points[:, 1] / z * other.fy + other.cy
+    inside = (across > -0.5) & (across < other.width - 0.5)
+    inside &= (down > -0.5) & (down < other.height - 0.5)
     return float(inside.mean())

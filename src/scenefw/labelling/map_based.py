@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 from scenefw.core.errors import ConfigError
 from scenefw.core.labels import FROM_MAP
 from scenefw.labelling.running import (
+    MAP_LABELS,
+    MapLabels,
     begin_heights,
     labelled,
     require_classes,
@@ -17,7 +19,7 @@ from scenefw.labelling.running import (
 if TYPE_CHECKING:
     from scenefw.core.height_maps import HeightMap
     from scenefw.core.protocols import HeightMapping, MapLabelSource
-    from scenefw.core.types import Float32, Frame
+    from scenefw.core.types import Frame
     from scenefw.labelling.running import Share, States
 
 
@@ -83,29 +85,31 @@ class RunningMapBased:
     ) -> None:
         self.strategy = strategy
         self.heights = begin_heights(strategy.heights, previous, states)
-        self.frames = 0
-        self._latest: Float32 | None = None
+        self.labels = MapLabels(strategy.every, states)
+        self._before = previous
 
     def add(self, frame: Frame) -> None:
         """Fuses the frame; labels the map if its frame has come."""
         self.heights.add(frame)
-        self.frames += 1
-        if self.strategy.every and self.frames % self.strategy.every == 0:
+        if self.labels.due():
             self._label(self.heights.height_map())
 
     def height_map(self) -> HeightMap:
-        """The map so far with its latest labels."""
-        height_map = self.heights.height_map()
+        """The map so far with its latest labels; until there are any, those of a map before."""
+        height_map, classes = self.heights.height_map(), self.strategy.classes
         if self.strategy.every is None:
             self._label(height_map)
-        if self._latest is None:
-            return unlabelled(height_map, self.strategy.classes)
-        return labelled(height_map, self._latest, self.strategy.classes, FROM_MAP)
+        latest, before = self.labels.latest.get("probabilities"), self._before
+        if latest is not None:
+            return labelled(height_map, latest, classes, FROM_MAP)
+        if before is not None and before.probabilities is not None and before.sources is not None:
+            return labelled(height_map, before.probabilities, classes, before.sources)
+        return unlabelled(height_map, classes)
 
     def states(self) -> dict[str, dict[str, Any]]:
         """What to save for going on exactly."""
-        return states_of(heights=self.heights)
+        return states_of(**{"heights": self.heights, MAP_LABELS: self.labels})
 
     def _label(self, height_map: HeightMap) -> None:
         if height_map.seen.mean() >= self.strategy.coverage:
-            self._latest = self.strategy.map_source.label_map(height_map)
+            self.labels.latest = {"probabilities": self.strategy.map_source.label_map(height_map)}

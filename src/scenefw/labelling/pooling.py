@@ -12,10 +12,10 @@ the vertex, since that is what a network that reads the map depends on. The doub
 single vertex can say.
 
 There is one such pool for whether a vertex belongs to the surface or to an object, and one for
-which object it belongs to (nested logit, McFadden 1978), since the experts' mistakes differ there:
-fused views bleed over outlines, the map's network takes one object for another. With the same
-weights for both, what is won inside of objects is lost along their outlines. A bias of the surface
-allows for the bleeding. The likelihood is convex in all weights, so that they are unique.
+which object it belongs to (nested logit, McFadden 1978), since the experts' mistakes lie in
+different places: fused views bleed over outlines. With the same weights for both, what is won
+inside of objects is lost along their outlines. A bias of the surface allows for the bleeding. The
+likelihood is convex in all weights, so that they are unique.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 _LARGEST = 20.0  # of the weights and biases that calibration tries
 _PRIOR = 1e-4  # pulls weights that vertices say nothing about towards 0
-_DOUBT = 0.005
+DOUBT = 0.005
 _NOTHING = 1e-6  # float32 probabilities this close to uniform say nothing
 
 
@@ -81,11 +81,10 @@ class Pool:
 
     surface: Weights = field(default_factory=Weights)
     objects: Weights = field(default_factory=Weights)
-    doubt: float = _DOUBT
+    doubt: float = DOUBT
 
     def __post_init__(self) -> None:
-        if not 0 < self.doubt < 1:
-            raise ConfigError(f"doubt = {self.doubt}; expected a share between 0 and 1")
+        check_doubt(self.doubt)
 
     @property
     def parts(self) -> dict[str, Weights]:
@@ -106,6 +105,13 @@ class Pool:
         objects = pool(views_objects, map_objects, well, self.objects, self.doubt, any_object)
         objects *= gate[1]
         return np.concatenate([gate[:1], objects])
+
+
+def check_doubt(doubt: float) -> float:
+    """The doubt, or a ConfigError where it is no share between 0 and 1."""
+    if not 0 < doubt < 1:
+        raise ConfigError(f"doubt = {doubt}; expected a share between 0 and 1, such as {DOUBT}")
+    return doubt
 
 
 def nested(probabilities: Float32) -> tuple[Float32, Float32]:
@@ -152,7 +158,7 @@ def fit_pool(
     well: Float32,
     truth: Int32,
     drawn_for: Int32 | None = None,
-    doubt: float = _DOUBT,
+    doubt: float = DOUBT,
 ) -> Pool:
     """Weights of least negative log-likelihood of the true classes, each class counting the same.
 

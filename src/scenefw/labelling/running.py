@@ -21,6 +21,9 @@ States = Mapping[str, State]
 Share = Callable[[str, Any], Any]
 """From the name of a part and the part to what a strategy should use in its place."""
 
+KEY_FRAMES, MAP_LABELS = "key_frames", "map_labels"
+"""Names of states beside those of the fusions."""
+
 _TOLERANCE = 1e-6  # float32 probabilities this close to uniform say nothing
 
 
@@ -92,6 +95,33 @@ def begin_labels(
     if states and "labels" in states:
         return mapping.begin(grid, classes, state=states["labels"])  # type: ignore[call-arg]
     return mapping.begin(grid, classes, None if previous is None else previous.probabilities)
+
+
+class MapLabels:
+    """Labels of the map, made anew at every so many frames.
+
+    Args:
+        every: frames; None = whenever the map is asked for.
+        states: of a saved labelling that is gone on with.
+
+    Attributes:
+        latest: what was last made, arrays by name.
+    """
+
+    def __init__(self, every: int | None, states: States | None) -> None:
+        state = (states or {}).get(MAP_LABELS, {})
+        self.every = every
+        self.frames = int(state.get("frames", 0))
+        self.latest: State = {key: value for key, value in state.items() if key != "frames"}
+
+    def due(self) -> bool:
+        """Counts a frame; whether labels are to be made after it."""
+        self.frames += 1
+        return self.every is not None and self.frames % self.every == 0
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """What to save for going on exactly; nothing where labels are made when asked for."""
+        return {} if self.every is None else {"frames": np.array(self.frames), **self.latest}
 
 
 def states_of(**running: Any) -> dict[str, dict[str, NDArray[Any]]]:

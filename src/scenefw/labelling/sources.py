@@ -118,11 +118,9 @@ class TrueLabels:
         confidence: float = 1.0,
         seed: int = 0,
     ) -> None:
-        if not 0 <= error_rate <= 1 or not 0 < confidence <= 1:
-            raise ConfigError(
-                f"true labels have error_rate = {error_rate}, confidence = {confidence}; expected "
-                "shares up to 1"
-            )
+        if not 0 <= error_rate <= 1:
+            raise ConfigError(f"true labels have error_rate = {error_rate}; expected 0 to 1")
+        _require_confidence(confidence, classes)
         self.classes = tuple(classes)
         self.error_rate, self.confidence, self.seed = error_rate, confidence, seed
 
@@ -155,6 +153,7 @@ class MaskFiles:
     def __init__(
         self, folder: str | Path, classes: Sequence[str], confidence: float = 0.95
     ) -> None:
+        _require_confidence(confidence, classes)
         self.folder, self.classes, self.confidence = Path(folder), tuple(classes), confidence
 
     def label(self, frame: Frame) -> Probabilities:
@@ -190,6 +189,7 @@ class FunctionLabels:
         classes: Sequence[str],
         confidence: float = 0.95,
     ) -> None:
+        _require_confidence(confidence, classes)
         self.function, self.classes, self.confidence = function, tuple(classes), confidence
 
     def label(self, frame: Frame) -> Probabilities:
@@ -224,6 +224,16 @@ def one_hot(labels: Labels, classes: int, confidence: float, name: str) -> Proba
     np.put_along_axis(result, np.maximum(labels, 0)[None].astype(np.int64), confidence, axis=0)
     result[:, labels < 0] = 1 / classes
     return result
+
+
+def _require_confidence(confidence: float, classes: Sequence[str]) -> None:
+    """Raises a ConfigError unless the class of an id is more probable than the others."""
+    least = 1 / max(len(classes), 1)
+    if not least < confidence <= 1:
+        raise ConfigError(
+            f"confidence = {confidence}, the probability of the class that is given of "
+            f"{len(classes)}; expected more than {least:.3g} and at most 1"
+        )
 
 
 def agreed_classes(

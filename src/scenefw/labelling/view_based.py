@@ -8,6 +8,7 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.labels import FROM_VIEWS
 from scenefw.labelling.key_frames import EveryNth
 from scenefw.labelling.running import (
+    KEY_FRAMES,
     begin_heights,
     begin_labels,
     labelled,
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
     from scenefw.labelling.running import Share, States
 
 
+_REFRESH = 10  # key frames
+
+
 class ViewBased:
     """Labels views and fuses their labels into the height map (thesis 4.4, 4.7.3).
 
@@ -32,7 +36,11 @@ class ViewBased:
         source: labels a frame.
         key_frames: which frames are labelled; None = all.
         refresh: label fusion gets a new height map every so many key frames; 0 = never, for
-            fusion that reads the frame alone (in height-map space).
+            fusion that reads the frame alone (in height-map space); None = 10 for fusion that reads
+            the map, else 0.
+
+    Raises:
+        ConfigError: fusion that reads the map gets none.
     """
 
     def __init__(
@@ -41,10 +49,18 @@ class ViewBased:
         labels: SemanticMapping,
         source: LabelSource,
         key_frames: KeyFrames | None = None,
-        refresh: int = 0,
+        refresh: int | None = None,
     ) -> None:
+        reads_map = getattr(labels, "reads_map", False)
+        if refresh is None:
+            refresh = _REFRESH if reads_map else 0
         if refresh < 0:
             raise ConfigError(f"refresh = {refresh}; expected a number of key frames, 0 = never")
+        if reads_map and not refresh:
+            raise ConfigError(
+                f"refresh = 0, but label fusion in image space reads the height map; give "
+                f"labelling.NAME.refresh={_REFRESH}, or null"
+            )
         self.heights = heights
         self.labels = labels
         self.source = source
@@ -73,7 +89,8 @@ class ViewBased:
 
         Args:
             previous: the map so far.
-            states: as the saved labelling's `states`; with them the map goes on exactly.
+            states: as the saved labelling's `states`; with them the map goes on exactly (with
+                `refresh`, from a new height map).
 
         Raises:
             InputError: the map has other classes.
@@ -92,7 +109,7 @@ class RunningViewBased:
         self.heights = begin_heights(strategy.heights, previous, states)
         grid, classes = strategy.heights.grid, len(strategy.classes)
         self.labels = begin_labels(strategy.labels, grid, classes, previous, states)
-        self.schedule = strategy.key_frames.begin()
+        self.schedule = strategy.key_frames.begin((states or {}).get(KEY_FRAMES))
         self.key_frames = 0
         self._surface: HeightMap | None = None
 
@@ -113,7 +130,8 @@ class RunningViewBased:
 
     def states(self) -> dict[str, dict[str, Any]]:
         """What to save for going on exactly."""
-        return states_of(heights=self.heights, labels=self.labels)
+        running = {"heights": self.heights, "labels": self.labels, KEY_FRAMES: self.schedule}
+        return states_of(**running)
 
     def _recent(self) -> HeightMap | None:
         """A height map for label fusion, as old as the strategy allows."""

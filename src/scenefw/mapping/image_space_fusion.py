@@ -41,6 +41,8 @@ class ImageSpaceFusion:
         device: where the probabilities live.
     """
 
+    reads_map = True
+
     def __init__(
         self,
         floor: float = 1e-3,

@@ -12,6 +12,7 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.height_maps import HeightGrid
 from scenefw.core.types import Frame
 
+_SLACK = 0.02  # of sums of half-precision probabilities
 _LEAST = 1e-7  # of a probability taken from a map file, which may be float16
 
 
@@ -32,7 +33,7 @@ def require_labels(probabilities: NDArray[np.float32], frame: Frame, classes: in
     """Returns per-pixel distributions (C, H, W) as contiguous float32.
 
     Raises:
-        InputError: another shape, or not finite.
+        InputError: another shape, not finite, or no probabilities that add up to 1.
     """
     values = np.ascontiguousarray(probabilities, dtype=np.float32)
     expected = (classes, *frame.depth.shape)
@@ -44,6 +45,13 @@ def require_labels(probabilities: NDArray[np.float32], frame: Frame, classes: in
     if not np.isfinite(values.sum()):
         raise InputError(
             f"probabilities of {frame.name or 'a frame'} are not all finite; check the network"
+        )
+    sums = values.sum(axis=0)
+    if values.min() < -_SLACK or np.abs(sums - 1).max() > _SLACK:
+        raise InputError(
+            f"probabilities of {frame.name or 'a frame'} lie in {values.min():.3g} to "
+            f"{values.max():.3g} and add up to {sums.min():.3g} to {sums.max():.3g}; expected 0 to "
+            "1 that add up to 1 (scores need a softmax, percent a division by 100)"
         )
     return torch.from_numpy(values)
 

@@ -121,8 +121,8 @@ def times_sections(result: TimesResult) -> tuple[Section, ...]:
     note = (
         f"Means over {result.scenes} scenes of {result.frames} frames on {result.device}; networks "
         "per pass, the other stages per frame. Per frame: all processing divided by the number of "
-        f"frames, the map labelled once. The thesis: one GPU, 27 scenes, 1000 frames. Peak memory: "
-        f"{memory}."
+        f"frames, the map labelled once. The thesis: one GPU, 27 scenes, 1000 frames. Peak memory, "
+        f"of all that this run has done so far: {memory}."
     )
     table = Table(
         "Time of each stage (table 4.2)", columns, tuple(rows), frozenset({"thesis"}), note
@@ -144,11 +144,12 @@ def weights_sections(result: WeightsResult) -> tuple[Section, ...]:
         (Column("mean over classes", 4, "higher"),),
         tuple((name, (value,)) for name, value in result.accuracy.items()),
     )
-    given = " ".join(
-        f"labelling.{HYBRID}.pool.{part}.{name}={value:.4g}"
+    values = {
+        f"{part}.{name}": value
         for part, weights in pools.items()
         for name, value in asdict(weights).items()
-    )
+    } | {"doubt": result.pool.doubt}
+    given = " ".join(f"labelling.{HYBRID}.pool.{k}={v:.4g}" for k, v in values.items())
     return (Section("Weights of the hybrid", (table, accuracy, Text(given))),)
 
 
@@ -169,7 +170,7 @@ def _curves(scores: Scores) -> str:
 def _caption(scores: Scores) -> str:
     return (
         f"Mean over {len(scores.scenes)} test scenes with 95 % bounds; dotted: the thesis after "
-        f"{published.FRAMES} frames of {published.SCENES} scenes"
+        f"{published.FRAMES} frames of {published.SCENES} scenes of its own, models of ShapeNet"
     )
 
 
@@ -184,7 +185,8 @@ def _final(scores: Scores) -> Table:
         for name, interval in published.FINAL.items()
     ]
     title = f"Mean IoU after {scores.counts[-1]} frames, {len(scores.scenes)} scenes"
-    return Table(title, columns, (*rows, *quoted), frozenset(name for name, _ in quoted))
+    note = "The thesis's scenes are others, with models of ShapeNet."
+    return Table(title, columns, (*rows, *quoted), frozenset(name for name, _ in quoted), note)
 
 
 def _by_frames(scores: Scores) -> Table:
@@ -273,27 +275,29 @@ def _single_noises(result: NoiseResult) -> list[Block]:
         Panel("pose noise", "standard deviation (mm)", pose, {}),
         Panel("depth noise", "standard deviation (mm)", depth, {}),
     )
-    caption = "One noise alone, with 95 % bounds over scenes (figure 4.25)"
+    count = len(result.scores.scenes)
+    caption = f"One noise alone, with 95 % bounds over {count} scenes (figure 4.25)"
     return [Drawing(bounds_figure(panels, "mean IoU"), caption)]
 
 
 def _noise_table(result: NoiseResult) -> Table:
-    columns = tuple(Column(name, 3, None) for name in result.strategies) + (
+    first, others = result.strategies[0], [n for n in result.strategies if n != HYBRID]
+    compared = HYBRID in result.strategies and bool(others)
+    columns = (
+        *(Column(name, 3, None) for name in result.strategies),
+        *([Column(f"{HYBRID} − best of the others", 3, None)] if compared else []),
         Column("height RMS (mm)", 2),
     )
-    first = result.strategies[0]
-    rows = tuple(
-        (
-            f"pose {1000 * p:g} mm, depth {1000 * d:g} mm",
-            (
-                *(result.cell(name, p, d).mean for name in result.strategies),
-                1000 * result.cell(first, p, d, "height_rms").mean,
-            ),
-        )
-        for p in result.pose
-        for d in result.depth
-    )
-    return Table("Mean IoU under noise (figure 4.26)", columns, rows)
+    rows = []
+    for p in result.pose:
+        for d in result.depth:
+            means = {name: result.cell(name, p, d).mean for name in result.strategies}
+            cells = list(means.values())
+            if compared:
+                cells.append(means[HYBRID] - max(means[name] for name in others))
+            cells.append(1000 * result.cell(first, p, d, "height_rms").mean)
+            rows.append((f"pose {1000 * p:g} mm, depth {1000 * d:g} mm", tuple(cells)))
+    return Table("Mean IoU under noise (figure 4.26)", columns, tuple(rows))
 
 
 def _bounds(interval: Interval, digits: int = 3) -> str:

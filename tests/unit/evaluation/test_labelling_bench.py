@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import torch
 from tests.unit.labelling.fakes import Heights, Labels, Maps, Scenes, Views, frames
 
 from scenefw.core.errors import ConfigError, InputError
@@ -12,6 +13,7 @@ from scenefw.evaluation.shared_parts import (
     MAP_NETWORK,
     RECONSTRUCTION,
     VIEW_NETWORK,
+    alike,
 )
 from scenefw.evaluation.stopwatch import OTHER, SharedWork
 from scenefw.labelling.hybrid import Hybrid
@@ -99,6 +101,31 @@ def test_what_a_method_does_alone_is_its_own(monkeypatch):
         work.do("stage", "what", lambda: None)
     assert work.spent("a") == {"stage": 3.0, OTHER: 7.0}
     assert work.spent("b") == {"stage": 3.0, OTHER: 2.0}
+
+
+def test_parts_of_other_settings_cannot_be_compared():
+    different = Labels()
+    different.floor = 0.1
+    chosen = strategies()
+    chosen["hybrid"] = Hybrid(Heights(), different, Views(), Maps())
+    with pytest.raises(ConfigError, match=r"view_based and hybrid share .* label fusion"):
+        Bench(Scenes(), chosen)
+    Bench(Scenes(), {"hybrid": chosen["hybrid"]})
+
+
+def test_networks_are_alike_if_their_weights_are():
+    def made(seed, **settings):
+        torch.manual_seed(seed)
+        source = Views()
+        source.model, source.settings = torch.nn.Linear(2, 3), settings
+        return source
+
+    assert alike(made(0, size=[1, 2.0]), made(0, size=[1, 2.0]))
+    assert not alike(made(0), made(1))
+    assert not alike(made(0, size=[1, 2.0]), made(0, size=[1, 3.0]))
+    assert not alike(made(0, size=1), made(0))
+    assert not alike(made(0, at=np.zeros(2)), made(0, at=np.ones(2)))
+    assert not alike(Views(), Maps())
 
 
 def test_key_frames_must_be_shared_to_be_compared():

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.unit.evaluation.test_labelling_bench import strategies
@@ -116,10 +118,29 @@ def test_a_grid_of_noise_and_a_sweep_are_the_same(tmp_path):
     assert all(np.isfinite(list(gathered.figures.values())))
 
 
+def test_runs_that_are_not_of_one_sweep_are_no_noise_map(tmp_path):
+    first = noise(0.0, 0.0).run().scores
+    write_scores(tmp_path / "0" / "noise.csv", first)
+    write_scores(tmp_path / "1" / "noise.csv", first)  # the same again
+    assert GatheredNoise(tmp_path).run().scores == first
+    better = Scores(tuple(replace(row, miou=row.miou / 2) for row in first.rows))
+    write_scores(tmp_path / "1" / "noise.csv", better)
+    with pytest.raises(InputError, match="both score view_based on scene 0"):
+        GatheredNoise(tmp_path).run()
+    longer = Scores(tuple(replace(row, frames=5, pose=0.5) for row in first.rows))
+    write_scores(tmp_path / "1" / "noise.csv", longer)
+    with pytest.raises(InputError, match="2 and 5 frames"):
+        GatheredNoise(tmp_path).run()
+
+
 def test_noise_of_wrong_amounts_or_no_folder(tmp_path):
     for amounts in ([], "much", [-1.0]):
         with pytest.raises(ConfigError, match=r"noise.pose.sigma"):
             noise(amounts, 0.0)
+    bench = Bench(Scenes(), strategies())
+    LabellingNoise(bench, 2, 0.0, 0.0, Jitter, Gaussian, chosen=["pose", "gaussian"])
+    with pytest.raises(ConfigError, match="not kinect"):
+        LabellingNoise(bench, 2, 0.0, 0.0, Jitter, Gaussian, chosen=["pose", "kinect"])
     with pytest.raises(ConfigError, match="input=FOLDER"):
         GatheredNoise(None)
     with pytest.raises(InputError, match=r"no noise.csv"):

@@ -38,16 +38,31 @@ def test_motion_counts_from_the_last_key_frame():
 def test_overlap_of_shifted_views_is_that_of_rectangles():
     width = 320 / LENS.fx * 0.3  # of the table in view (m)
     for share in (0.25, 0.5, 0.9):
-        seen = shared_view(frame((1 - share) * width), frame(0.0))
+        seen = shared_view(frame((1 - share) * width), frame(0.0).camera)
         assert seen == pytest.approx(share, abs=0.03)
-    assert shared_view(frame(2 * width), frame(0.0)) == 0
-    assert shared_view(frame(), frame()) == 1
+    assert shared_view(frame(2 * width), frame(0.0).camera) == 0
+    assert shared_view(frame(), frame().camera) == 1
 
 
 def test_overlap_schedule():
     width = 320 / LENS.fx * 0.3
     steps = [frame(0.1 * i * width) for i in range(5)]
     assert taken(ByOverlap(0.75), steps) == [True, False, False, True, False]
+
+
+@pytest.mark.parametrize(
+    "schedule", [EveryNth(3), ByMotion(distance=0.05, angle=0.3), ByOverlap(0.75)]
+)
+@pytest.mark.parametrize("cut", [0, 1, 2, 5])
+def test_a_schedule_goes_on_where_it_was(schedule, cut):
+    steps = [frame(0.02 * i, turn=0.05 * i) for i in range(9)]
+    before = schedule.begin()
+    taken_before = [before.takes(f) for f in steps[:cut]]
+    after = schedule.begin(before.state())
+    taken_after = [after.takes(f) for f in steps[cut:]]
+    whole = taken(schedule, steps)
+    assert taken_before + taken_after == whole
+    assert 2 <= sum(whole) <= 7
 
 
 @pytest.mark.parametrize(

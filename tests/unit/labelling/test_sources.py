@@ -126,3 +126,13 @@ def test_a_network_sees_the_geometry_that_it_was_trained_on(frame):
     higher[2, 3] += 0.5
     moved = replace(frame, camera=frame.camera.moved(higher))
     assert not np.allclose(by_height, NetworkLabels(trained).label(moved))
+
+
+@pytest.mark.parametrize("confidence", [0.05, 1 / len(CLASSES), 1.01, 95])
+def test_a_confidence_that_is_no_probability_is_refused(tmp_path, confidence):
+    with pytest.raises(ConfigError, match="expected more than"):
+        MaskFiles(tmp_path, CLASSES, confidence)
+    with pytest.raises(ConfigError, match="expected more than"):
+        FunctionLabels(lambda frame: frame.labels, CLASSES, confidence)
+    with pytest.raises(ConfigError, match="expected more than"):
+        TrueLabels(CLASSES, confidence=confidence)

@@ -16,7 +16,7 @@ from tests.unit.labelling.fakes import (
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.labels import FROM_BOTH, FROM_MAP, FROM_VIEWS, NO_SOURCE, UNKNOWN
 from scenefw.labelling.hybrid import Hybrid
-from scenefw.labelling.key_frames import EveryNth
+from scenefw.labelling.key_frames import ByMotion, EveryNth
 from scenefw.labelling.map_based import MapBased
 from scenefw.labelling.pooling import Pool, Weights
 from scenefw.labelling.reconstruction import Reconstruction
@@ -126,19 +126,51 @@ def test_hybrid_without_weight_of_the_map_is_view_based():
     np.testing.assert_array_equal(mixed.labels, run(view_based(), 3).height_map().labels)
 
 
-@pytest.mark.parametrize("make", [view_based, hybrid, lambda: MapBased(Heights(), Maps())])
-def test_a_saved_state_goes_on_exactly(make):
-    through = run(make(), 5).height_map()
-    before = make().begin()
+def map_based(**changes):
+    return MapBased(Heights(), Maps(), **changes)
+
+
+@pytest.mark.parametrize(
+    ("make", "changes"),
+    [
+        (view_based, {}),
+        (view_based, {"key_frames": EveryNth(2)}),
+        (view_based, {"key_frames": ByMotion(distance=12.0)}),
+        (hybrid, {}),
+        (hybrid, {"every": 3}),
+        (hybrid, {"every": 2, "key_frames": EveryNth(3)}),
+        (map_based, {}),
+        (map_based, {"every": 3}),
+        (map_based, {"every": 2, "coverage": 0.7}),
+    ],
+)
+@pytest.mark.parametrize("cut", [1, 3, 4])
+def test_a_saved_state_goes_on_exactly(make, changes, cut):
+    through = run(make(**changes), 5).height_map()
+    before = make(**changes).begin()
     shown = list(frames(5))
-    for frame in shown[:3]:
+    for frame in shown[:cut]:
         before.add(frame)
-    after = make().begin(before.height_map(), before.states())
-    for frame in shown[3:]:
+    states = before.states()  # first, as asking for the map must not change how it goes on
+    after = make(**changes).begin(before.height_map(), states)
+    for frame in shown[cut:]:
         after.add(frame)
     result = after.height_map()
     np.testing.assert_array_equal(result.labels, through.labels)
+    np.testing.assert_array_equal(result.sources, through.sources)
     np.testing.assert_array_equal(result.probabilities, through.probabilities)
+
+
+def test_labels_of_a_map_stay_until_there_are_new_ones():
+    first = run(view_based(), 2).height_map()
+    more = map_based(every=2).begin(first)
+    shown = list(frames(4))
+    more.add(shown[2])
+    kept = more.height_map()
+    np.testing.assert_array_equal(kept.labels[:, :16], first.labels[:, :16])
+    assert (kept.sources[:, :16] == FROM_VIEWS).all()
+    more.add(shown[3])
+    assert (more.height_map().sources[:, :16] == FROM_MAP).all()
 
 
 def test_a_map_alone_goes_on_too():

@@ -151,6 +151,13 @@ def test_mistakes_are_named():
         running.add(certain(frame, 0), frame)
     with pytest.raises(InputError, match="finite"):
         running.add(np.full((3, 60, 80), np.nan), frame)
+    for wrong in (
+        100 * certain(frame, 0)[:3],
+        np.full((3, 60, 80), 0.4),
+        certain(frame, 0)[:3] - 1,
+    ):
+        with pytest.raises(InputError, match="softmax"):
+            running.add(wrong, frame)
     with pytest.raises(InputError, match="earlier map"):
         SemanticFusion().begin(tables.SMALL, 3, np.zeros((2, 33, 33), np.float32))
     with pytest.raises(InputError, match="saved with"):
