@@ -11,12 +11,15 @@ import os
 from scenefw.core.errors import InputError
 
 class Task:
-    def __init__(self, grid, seed: int = 0, trouble=""):
-        self.grid, self.seed, self.trouble = grid, seed, trouble
+    def __init__(self, grid, output, seed: int = 0, trouble=""):
+        self.grid, self.output, self.seed, self.trouble = grid, output, seed, trouble
         if trouble == "building":
             raise InputError("a value of 3 is\\nno good; give 4")
 
     def run(self):
+        if self.trouble == "halfway":
+            open(os.path.join(self.output, "half"), "w").close()
+            raise InputError("no more")
         if self.trouble == "running":
             raise InputError("a value of 5 is no good; give 6")
         if self.trouble == "fault":
@@ -28,6 +31,7 @@ class Task:
 CONFIG = """# A run that does nothing
 _target_: scenefw_nil.Task
 grid: ${grid}
+output: ${paths.output}
 seed: ${seed}
 trouble: ''
 """
@@ -159,6 +163,26 @@ def test_an_interrupt_is_quiet(nil):
     done = nil("run=nil", "run.trouble=interrupt", "device=cpu")
     assert done.returncode == 130
     assert "Traceback" not in done.stderr
+
+
+def test_a_run_that_makes_nothing_leaves_the_folder_as_it_was(nil, tmp_path):
+    for when in ("building", "running"):
+        assert nil("run=nil", f"run.trouble={when}", "paths.output=out").returncode == 2
+        assert not (tmp_path / "out").exists()
+    assert nil("run=nil", "paths.output=out").returncode == 0
+    (tmp_path / "out" / "page.html").write_text("a page")
+    kept = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
+    for when in ("building", "running", "fault"):
+        assert nil("run=nil", f"run.trouble={when}", "seed=7", "paths.output=out").returncode > 0
+        assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()} == kept
+
+
+def test_figures_of_an_earlier_run_are_not_kept_beside_what_a_failed_one_made(nil, tmp_path):
+    assert nil("run=nil", "paths.output=out").returncode == 0
+    assert nil("run=nil", "run.trouble=halfway", "seed=7", "paths.output=out").returncode == 2
+    found = {path.name for path in (tmp_path / "out").iterdir()}
+    assert found == {"config.yaml", "run.json", "half"}
+    assert json.loads((tmp_path / "out" / "run.json").read_text())["seed"] == 7
 
 
 def test_a_word_for_a_number_is_named_before_anything_is_written(nil, tmp_path):

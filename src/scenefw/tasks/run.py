@@ -8,6 +8,7 @@ import platform
 import subprocess
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,7 @@ from scenefw.tasks.weights import used_weights
 if TYPE_CHECKING:
     from omegaconf import DictConfig
 
+SETTINGS, RECORD, FIGURES = "config.yaml", "run.json", "metrics.json"
 _INITIAL_WEIGHTS = 6  # random stream, beside those of `learning`
 _RECORDED = ("scenefw", "torch", "lightning", "numpy", "numba", "hydra-core")
 
@@ -31,29 +33,81 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
     """Runs the task of a composed config; returns its figures.
 
     Writes `config.yaml` (resolved) and `run.json` (versions, seed, command line, overrides, SHA-256
-    of weights) before the work starts and `metrics.json` after it, all in `paths.output`.
+    of weights) before the work starts and `metrics.json` after it, all in `paths.output`. Until all
+    parts are built nothing is written; then the figures of an earlier run in the folder go, as they
+    are not of this one. A run that fails before it has made anything leaves the folder as it was.
 
     Raises:
         StorageError: the output folder can't be written.
         ConfigError: a setting is wrong.
     """
     from hydra.core.hydra_config import HydraConfig
+
+    overrides: list[str] = []
+    if HydraConfig.initialized():  # a sweep gives each run a folder and settings of its own
+        config.paths.output = HydraConfig.get().runtime.output_dir
+        overrides = list(HydraConfig.get().overrides.task)
+    before = Leftovers(Path(config.paths.output).absolute())
+    try:
+        return _execute(config, overrides)
+    except Exception:
+        before.restore(Path(config.paths.output))
+        raise
+
+
+class Leftovers:
+    """What a folder held before a run, to put its records back if the run makes nothing.
+
+    Args:
+        folder: of the run; it need not exist.
+    """
+
+    _RECORDS = (SETTINGS, RECORD, FIGURES)
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.others = self._others(folder)
+        files = ((name, folder / name) for name in self._RECORDS)
+        self.records = {name: file.read_bytes() for name, file in files if file.is_file()}
+
+    def restore(self, used: Path) -> None:
+        """Takes back the records in the folder that was used, unless there is more that is new.
+
+        Args:
+            used: the folder, or its neighbour if another run had it.
+        """
+        is_same = used == self.folder
+        if not used.is_dir() or self._others(used) != (self.others if is_same else {}):
+            return
+        for name in self._RECORDS:
+            if is_same and name in self.records:
+                (used / name).write_bytes(self.records[name])
+            else:
+                (used / name).unlink(missing_ok=True)
+        with suppress(OSError):  # it holds an earlier run
+            used.rmdir()
+
+    def _others(self, folder: Path) -> dict[str, int]:
+        """Times of change of all else that lies in it."""
+        if not folder.is_dir():
+            return {}
+        found = (file for file in folder.iterdir() if file.name not in self._RECORDS)
+        return {file.name: file.lstat().st_mtime_ns for file in found}
+
+
+def _execute(config: DictConfig, overrides: list[str]) -> dict[str, Any]:
     from hydra.utils import instantiate
     from omegaconf import OmegaConf
 
     require_seed(config.seed)
     plugins.activate()
     check_types(config, "run")
-    overrides: list[str] = []
-    if HydraConfig.initialized():  # a sweep gives each run a folder and settings of its own
-        config.paths.output = HydraConfig.get().runtime.output_dir
-        overrides = list(HydraConfig.get().overrides.task)
     output = require_writable(Path(config.paths.output).absolute())
     if not any(word.startswith("paths.output=") for word in sys.argv[1:]):
         output = claim(output)
     config.paths.output = str(output)
     config.device = pick_device(config.device)
-    write_text(output / "config.yaml", OmegaConf.to_yaml(config, resolve=True))
+    resolved = OmegaConf.to_yaml(config, resolve=True)
     record = {
         "seed": config.seed,
         "versions": versions(),
@@ -61,11 +115,13 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
         "overrides": overrides,
         "weights": used_weights(OmegaConf.to_container(config.run, resolve=True)),
     }
-    write_text(output / "run.json", json.dumps(record, indent=2) + "\n")
     _seed_initial_weights(config.seed)
     task = instantiate(config.run, _convert_="all")
+    (output / FIGURES).unlink(missing_ok=True)
+    write_text(output / SETTINGS, resolved)
+    write_text(output / RECORD, json.dumps(record, indent=2) + "\n")
     figures = task.run()
-    write_text(output / "metrics.json", json.dumps(dict(figures), indent=2) + "\n")
+    write_text(output / FIGURES, json.dumps(dict(figures), indent=2) + "\n")
     print(output)
     return dict(figures)
 
@@ -97,7 +153,7 @@ def _is_free(folder: Path) -> bool:
     """Takes the folder, unless it is taken."""
     require_writable(folder)
     try:
-        (folder / "run.json").touch(exist_ok=False)
+        (folder / RECORD).touch(exist_ok=False)
     except FileExistsError:
         return False
     return True
