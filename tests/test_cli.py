@@ -98,6 +98,7 @@ def test_version(scenefw):
         ("sed=1", "seed"),
         ("experiement=simstack", "experiment"),
         ("seed=[1", "key=value"),
+        ("seed", "'seed' is not understood"),
         ("renderer=null", "~renderer"),
         ("seed=${sede}", "sede"),
     ],

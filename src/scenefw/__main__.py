@@ -15,12 +15,13 @@ from scenefw.core.versions import installed
 if TYPE_CHECKING:
     from omegaconf import DictConfig
 
+_WITH_VALUE = {"--cfg", "-c", "--package", "-p", "--config-path", "-cp", "--config-name", "-cn"}
 _TRACEBACK = "SCENEFW_TRACEBACK"  # set to 1 by -v; runs of a sweep in other processes see it too
 
 USAGE = """\
 scenefw: complete, instance-segmented 3D scenes from depth views of cluttered table-tops
 
-usage: python -m scenefw [group=option ...] [key=value ...] [-m] [-v]
+usage: python -m scenefw [-m] [-v] [group=option ...] [key=value ...]
 
   python -m scenefw experiment=simstack                         stacks, training, evaluation, report
   python -m scenefw experiment=simstack run=predict input=PATH  a depth image to a 3D scene
@@ -28,7 +29,10 @@ usage: python -m scenefw [group=option ...] [key=value ...] [-m] [-v]
   python -m scenefw experiment=simstack run=evaluate            figures of the shipped weights
   python -m scenefw experiment=simstack run=generate            makes the stacks anew
   python -m scenefw experiment=osd input=FOLDER                 scores on labelled real images
+  python -m scenefw run=label labelling=hybrid input=FOLDER     an RGB-D sequence to a labelled map
+  python -m scenefw experiment=labelling                        labelling strategies compared
   python -m scenefw -m experiment=simstack debug=smoke seed=1,2 a sweep: one run per value
+  python -m scenefw run=predict --cfg job --package run         the settings of run=predict
 
   --list         every group and option with a line on each, plugins included
   --cfg job      prints the composed settings and stops
@@ -72,7 +76,7 @@ def _print_help() -> None:
     plugins.refuse_clashes(plugins.find())
     print(USAGE)
     for group, options in registry.catalogue().items():
-        print(f"  {group:<15} {', '.join(sorted(options))}")
+        print(f"  {group:<16} {', '.join(sorted(options))}")
 
 
 def _print_catalogue() -> None:
@@ -141,7 +145,9 @@ def _complaint(error: Exception, composing: bool) -> str | None:
 
 
 def _misconfigured(error: Exception) -> ConfigError:
-    overrides = [word for word in sys.argv[1:] if "=" in word or word.startswith("~")]
+    words = sys.argv[1:]
+    pairs = zip(["", *words], words, strict=False)
+    overrides = [w for before, w in pairs if not w.startswith("-") and before not in _WITH_VALUE]
     options = {group: sorted(found) for group, found in registry.catalogue().items()}
     return config.explain(error, overrides, options)
 

@@ -53,6 +53,12 @@ def require_writable(folder: Path | str) -> Path:
     return folder
 
 
+def unreadable(error: Exception) -> str:
+    """Why a file of arrays can't be read, in a few words; numpy takes other files for pickles."""
+    words = str(error).splitlines()[0] if str(error) else type(error).__name__
+    return "it is no file of NumPy arrays" if "pickle" in words else words
+
+
 def _give_default_mode(path: Path) -> None:
     mask = os.umask(0)
     os.umask(mask)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.core.files import replacing
+from scenefw.core.files import replacing, unreadable
 from scenefw.core.height_maps import HeightGrid, HeightMap
 
 VERSION = 1
@@ -78,9 +78,8 @@ def load_map(path: Path | str, grid: HeightGrid | None = None) -> SavedMap:
         with np.load(path, allow_pickle=False) as file:
             content = {name: file[name] for name in file.files}
     except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(
-            f"cannot read map {path}: {reason}; is the file complete? save the map again"
+            f"cannot read map {path}: {unreadable(error)}; is the file complete? save the map again"
         ) from error
     return _saved(content, path, grid)
 

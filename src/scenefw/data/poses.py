@@ -84,5 +84,5 @@ def require_smooth(poses: Sequence[Array], largest_jump: float, where: str) -> N
         raise InputError(
             f"the poses of {where} jump {jumps.size} time(s), first by {steps[first]:.2f} m from "
             f"frame {first} to {first + 1}, at most {largest_jump} m expected; tracking was lost? "
-            "cut the sequence there, or give largest_jump=null if the frames are no video"
+            "cut the sequence there, or give run.largest_jump=null if the frames are no video"
         )

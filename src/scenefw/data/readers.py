@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from scenefw.core.errors import EmptyImageError, InputError
+from scenefw.core.files import unreadable
 from scenefw.core.types import Frame
 from scenefw.data.intrinsics import camera_from_matrix, read_intrinsics
 
@@ -90,8 +91,9 @@ def read_frame(
     try:
         return reader(path, intrinsics, depth_scale)
     except (OSError, ValueError, EOFError, zipfile.BadZipFile, UnidentifiedImageError) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"cannot read {path}: {reason}; is the file complete?") from error
+        raise InputError(
+            f"cannot read {path}: {unreadable(error)}; is the file complete?"
+        ) from error
 
 
 def decode_labels(coded: Array) -> NDArray[np.int32]:
@@ -129,12 +131,12 @@ def check_depth(depth: Array, name: str) -> NDArray[np.float32]:
     if median > FARTHEST_MEDIAN:
         raise InputError(
             f"depth of {name} has a median of {median:.0f} m: millimetres given as metres? "
-            "store it as depth_mm, or give depth_scale=0.001"
+            "store it as depth_mm (.npz), or as whole numbers with run.depth_scale=0.001"
         )
     if median < NEAREST_MEDIAN:
         raise InputError(
             f"depth of {name} has a median of {median * 1000:.2g} mm: metres given as millimetres? "
-            "store it as depth, or give depth_scale=1"
+            "store it as depth in metres, or give the run.depth_scale of whole numbers"
         )
     return clean
 
@@ -145,7 +147,7 @@ def _read_npz(path: Path, intrinsics: Path | str | None, depth_scale: float) -> 
     depth = _npz_depth(content, path)
     if "K" not in content and intrinsics is None:
         raise InputError(
-            f"{path} has no intrinsics K (3, 3); store them in it or give intrinsics=PATH"
+            f"{path} has no intrinsics K (3, 3); store them in it or give run.intrinsics=PATH"
         )
     matrix = content["K"] if intrinsics is None else read_intrinsics(Path(intrinsics))
     return _frame(depth, matrix, path, colour=content.get("rgb"), labels=_npz_labels(content))
@@ -224,7 +226,7 @@ def _matrix(path: Path, intrinsics: Path | str | None) -> Array:
                 return read_intrinsics(candidate)
     raise InputError(
         f"no intrinsics for {path}; put {path.stem}.json or intrinsics.json with fx, fy, cx, cy "
-        "beside it, or give intrinsics=PATH"
+        "beside it, or give run.intrinsics=PATH"
     )
 
 

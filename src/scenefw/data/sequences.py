@@ -297,7 +297,7 @@ def _intrinsics(path: Path, given: Path | str | None) -> Path:
     if found is None:
         raise InputError(
             f"no intrinsics {given or f'in {path}'}; put intrinsics.json with fx, fy, cx, cy there "
-            "or give intrinsics=PATH (the TUM benchmark's own default: 525, 525, 319.5, 239.5)"
+            "or give run.intrinsics=PATH (the TUM benchmark's own default: 525, 525, 319.5, 239.5)"
         )
     read_intrinsics(found)
     return found

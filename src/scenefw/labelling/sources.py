@@ -145,15 +145,27 @@ class MaskFiles:
     """Labels from image files of class ids, one per frame and named as it.
 
     Args:
-        folder: holds `<name of the frame>.png`, 8 or 16 bits of one channel; 255 = unknown.
+        folder: holds `<name of the frame>.png`, 8 or 16 bits of one channel; 255 = unknown. None =
+            `masks` in that of the recording.
         classes: names by class id.
         confidence: probability of the class that a file gives.
+        recording: folder of the frames.
+
+    Raises:
+        ConfigError: there is no folder, or the confidence is no probability.
     """
 
     def __init__(
-        self, folder: str | Path, classes: Sequence[str], confidence: float = 0.95
+        self,
+        folder: str | Path | None,
+        classes: Sequence[str],
+        confidence: float = 0.95,
+        recording: str | Path | None = None,
     ) -> None:
         _require_confidence(confidence, classes)
+        if folder is None and recording is None:
+            raise ConfigError("labels from masks need label_source.folder=FOLDER of the images")
+        folder = Path(recording or "") / "masks" if folder is None else folder
         self.folder, self.classes, self.confidence = Path(folder), tuple(classes), confidence
 
     def label(self, frame: Frame) -> Probabilities:

@@ -57,8 +57,27 @@ def shipped_checkpoint(name: str = "simstack") -> Path:
     path = folder / f"{name}.safetensors"
     if not path.is_file():
         there = ", ".join(sorted(entry.stem for entry in folder.glob("*.safetensors")))
-        raise CheckpointError(f"no weights {name!r} come with the package; there are {there}")
+        raise CheckpointError(
+            f"no weights {name!r} come with the package; give a file, or one of {there}"
+        )
     return path
+
+
+def weights_file(given: Path | str | None, shipped: str = "simstack") -> Path:
+    """The file of a path, or of the name of weights that come with the package.
+
+    Args:
+        given: a path, or a name without a suffix; None means `shipped`.
+        shipped: name of the weights that are meant if none are named.
+
+    Raises:
+        CheckpointError: no weights have this name.
+    """
+    if given is None:
+        return shipped_checkpoint(shipped)
+    path = Path(given)
+    is_name = not path.suffix and path.name == str(given) and not path.exists()
+    return shipped_checkpoint(path.name) if is_name else path
 
 
 def save_checkpoint(
@@ -117,7 +136,7 @@ def load_checkpoint(
     """Rebuilds a network from a file.
 
     Args:
-        path: of the file; None means the one that ships as `shipped`.
+        path: of the file, or a name of weights that ship; None means those named `shipped`.
         device: where the network goes.
         task: what it must have been trained for.
         shipped: name of the weights that come with the package.
@@ -126,7 +145,7 @@ def load_checkpoint(
         CheckpointError: the file is missing, truncated, from elsewhere, from another version or
             for another task.
     """
-    path = Path(path) if path is not None else shipped_checkpoint(shipped)
+    path = weights_file(path, shipped)
     header, tensors = _read(path)
     found = header.get("task", SHAPE_INSTANCE)
     if found != task:

@@ -140,6 +140,11 @@ class TrainerSettings:
         logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
         for quiet in _QUIET:
             warnings.filterwarnings("ignore", message=f".*{quiet}.*")
+        if self._options["accelerator"] in ("cuda", "gpu") and not torch.cuda.is_available():
+            raise ConfigError(
+                f"trainer.accelerator={self._options['accelerator']} but torch sees no GPU; give "
+                "trainer=default and device=cpu, or install torch for this GPU"
+            )
         try:
             trainer = lightning.Trainer(
                 callbacks=list(callbacks), **self._options, **settings, **options

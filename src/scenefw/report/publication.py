@@ -8,7 +8,7 @@ from typing import Any
 
 from scenefw.core.files import replacing, write_text
 from scenefw.report.blocks import Block, Code, Drawing, Picture, Points, Section, Text
-from scenefw.report.record import command_line
+from scenefw.report.record import command_line, used_weights
 from scenefw.report.tables import Table, to_markdown
 
 _GREY = "#808890"  # reads on white and on black: GitHub shows drawings on either
@@ -45,6 +45,7 @@ def _origin(record: Mapping[str, Any]) -> list[str]:
         facts.append(f"commit {versions['commit'][:10]}")
     names = ("scenefw", "torch", "numpy", "python")
     facts += [f"{name} {versions[name]}" for name in names if name in versions]
+    facts += used_weights(record)
     return ["```", command_line(record), "```", "", ", ".join(facts) + ".", ""]
 
 

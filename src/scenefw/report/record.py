@@ -28,5 +28,10 @@ def command_line(record: Mapping[str, Any]) -> str:
     return " ".join(["python -m scenefw", *map(shlex.quote, map(_elsewhere, kept))])
 
 
+def used_weights(record: Mapping[str, Any]) -> list[str]:
+    """Files of weights that a run used, each with the beginning of its SHA-256."""
+    return [f"{name} {digest[:10]}" for name, digest in record.get("weights", {}).items()]
+
+
 def _elsewhere(word: str) -> str:
     return _ABSOLUTE.sub(r"\1\2", word)

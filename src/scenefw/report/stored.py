@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from scenefw.core.errors import InputError
-from scenefw.report.record import command_line, read_record
+from scenefw.report.record import command_line, read_record, used_weights
 
 
 @dataclass(frozen=True)
@@ -26,10 +26,10 @@ class StoredRun:
 
     @property
     def origin(self) -> str:
-        """Command, commit and seed in one line, as a comment of a shell."""
+        """Command, commit, seed and weights in one line, as a comment of a shell."""
         commit = str(self.record.get("versions", {}).get("commit", "unknown"))[:10]
-        seed = self.record.get("seed", "unknown")
-        return f"{command_line(self.record)}  # commit {commit}, seed {seed}"
+        facts = [f"commit {commit}", f"seed {self.record.get('seed', 'unknown')}"]
+        return f"{command_line(self.record)}  # {', '.join(facts + used_weights(self.record))}"
 
 
 def read_runs(paths: Sequence[str | Path]) -> tuple[StoredRun, ...]:

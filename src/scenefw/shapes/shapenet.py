@@ -49,8 +49,9 @@ class ShapeNetModels:
     ) -> None:
         if root is None:
             raise ConfigError(
-                "shapenet needs the folder of ShapeNetCore; set root (its synset folders are in "
-                "it), or take shape=tabletop, which needs no files"
+                "models of ShapeNet need the folder of ShapeNetCore that holds its synset "
+                "folders; give dataset.scenes.models.root=FOLDER, or dataset=tabletop, which needs "
+                "no files"
             )
         missing = sorted(set(synsets) - set(lengths))
         if missing:

@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from scenefw.core.errors import CheckpointError
 from scenefw.core.files import require_writable
-from scenefw.learning.checkpoint import shipped_checkpoint
+from scenefw.learning.checkpoint import weights_file
 from scenefw.learning.provenance import read_provenance
 from scenefw.report.card import card_sections
 from scenefw.report.page import Page
@@ -49,7 +48,7 @@ class Card:
             StorageError: the folder can't be written.
         """
         require_writable(self.output)
-        provenance = read_provenance(find_weights(self.checkpoint))
+        provenance = read_provenance(weights_file(self.checkpoint))
         before = [t for path in self.before for t in read_provenance(path).trainings]
         shown = card_sections(provenance, read_runs(self.results), before, self.notes)
         name = provenance.path.stem
@@ -67,16 +66,3 @@ class Card:
         Page(title, self.publish).write(self.output, shown, figures)
         print(self.publish or card)
         return figures
-
-
-def find_weights(given: str | Path | None) -> Path:
-    """The file of a path, or of the name of weights that ship; None means simstack.
-
-    Raises:
-        CheckpointError: there is neither such a file nor such a name.
-    """
-    if given is None or not Path(given).suffix:
-        return shipped_checkpoint(str(given or "simstack"))
-    if not Path(given).is_file():
-        raise CheckpointError(f"no weights at {given}; give a file, or a name of shipped ones")
-    return Path(given)

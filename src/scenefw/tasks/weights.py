@@ -1,8 +1,9 @@
 """Which weights a run uses."""
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any
+
+from scenefw.core.errors import CheckpointError
 
 _LOADER = "scenefw.learning.checkpoint.load_checkpoint"
 
@@ -15,13 +16,15 @@ def used_weights(config: Any) -> dict[str, str]:
     nodes = list(_loaders(config))
     if not nodes:
         return {}
-    from scenefw.learning.checkpoint import shipped_checkpoint
+    from scenefw.learning.checkpoint import weights_file
     from scenefw.learning.provenance import digest
 
     found = {}
     for node in nodes:
-        given = node.get("path")
-        path = Path(given) if given else shipped_checkpoint(node.get("shipped") or "simstack")
+        try:
+            path = weights_file(node.get("path"), node.get("shipped") or "simstack")
+        except CheckpointError:
+            continue
         if path.is_file():
             found[path.name] = digest(path)
     return found

@@ -203,7 +203,9 @@ def test_colour_image_is_no_depth(tmp_path):
 
 
 def test_png_without_intrinsics_says_where_to_put_them(tmp_path):
-    with pytest.raises(InputError, match=r"put depth\.json .* beside it, or give intrinsics=PATH"):
+    with pytest.raises(
+        InputError, match=r"put depth\.json .* beside it, or give run\.intrinsics=PATH"
+    ):
         read_frame(save_png(tmp_path))
 
 

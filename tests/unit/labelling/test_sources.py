@@ -1,4 +1,5 @@
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -126,6 +127,13 @@ def test_a_network_sees_the_geometry_that_it_was_trained_on(frame):
     higher[2, 3] += 0.5
     moved = replace(frame, camera=frame.camera.moved(higher))
     assert not np.allclose(by_height, NetworkLabels(trained).label(moved))
+
+
+def test_masks_lie_in_the_recording_or_a_folder_of_their_own(tmp_path):
+    assert MaskFiles(None, CLASSES, recording=tmp_path).folder == tmp_path / "masks"
+    assert MaskFiles("mine", CLASSES, recording=tmp_path).folder == Path("mine")
+    with pytest.raises(ConfigError, match=r"label_source\.folder"):
+        MaskFiles(None, CLASSES)
 
 
 @pytest.mark.parametrize("confidence", [0.05, 1 / len(CLASSES), 1.01, 95])

@@ -1,4 +1,5 @@
 import json
+from pathlib import Path
 
 import pytest
 import torch
@@ -6,7 +7,12 @@ from safetensors.torch import save_file
 
 from scenefw.core.errors import CheckpointError, InputError
 from scenefw.core.types import GridSpec, ShapeInstanceBatch
-from scenefw.learning.checkpoint import load_checkpoint, save_checkpoint, shipped_checkpoint
+from scenefw.learning.checkpoint import (
+    load_checkpoint,
+    save_checkpoint,
+    shipped_checkpoint,
+    weights_file,
+)
 from scenefw.models.shape_instance_vae import ShapeInstanceVAE
 
 GRID = GridSpec(16, 0.8, (-0.4, -0.4, -0.1), 3.0)
@@ -165,3 +171,21 @@ def test_the_labelling_networks_that_ship_say_what_they_are(name, kind):
     assert found.metadata["classes"] == ["surface", "remote_control", "keyboard", "model_plane"]
     assert found.model.classes == 4
     assert shipped_checkpoint(name).stat().st_size < 12e6
+
+
+def test_names_and_files_of_weights(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert weights_file(None) == shipped_checkpoint("simstack")
+    assert weights_file(None, "label_views") == shipped_checkpoint("label_views")
+    assert weights_file("label_maps") == shipped_checkpoint("label_maps")
+    for path in (
+        shipped_checkpoint("label_maps"),
+        Path("x.safetensors"),
+        Path("folder/label_maps"),
+    ):
+        assert weights_file(str(path)) == path
+    with pytest.raises(CheckpointError, match=r"'nothing' .* give a file, or one of label_maps"):
+        weights_file("nothing")
+    (tmp_path / "label_maps").touch()  # a file of the user's goes before
+    assert weights_file("label_maps") == Path("label_maps")
+    assert load_checkpoint("simstack").model is not None

@@ -4,10 +4,9 @@ import json
 import pytest
 from tests.unit.report.stored_runs import IMAGES, LABELLING, write_run
 
-from scenefw.core.errors import CheckpointError
 from scenefw.learning.checkpoint import shipped_checkpoint
 from scenefw.learning.provenance import read_provenance
-from scenefw.tasks.card import Card, find_weights
+from scenefw.tasks.card import Card
 
 
 def test_the_card_in_the_run_folder_and_where_it_is_published(tmp_path):
@@ -28,16 +27,6 @@ def test_shipped_weights_have_their_card_beside_them(path):
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     again = f"run=card checkpoint={path.stem} report.publish=... (docs/results/README.md)"
     assert digest in path.with_suffix(".md").read_text(), f"make the card anew: {again}"
-
-
-def test_names_and_files_of_weights(tmp_path):
-    assert find_weights(None) == shipped_checkpoint("simstack")
-    assert find_weights("label_maps") == shipped_checkpoint("label_maps")
-    assert find_weights(str(shipped_checkpoint("label_maps"))) == shipped_checkpoint("label_maps")
-    with pytest.raises(CheckpointError, match="no weights at"):
-        find_weights(tmp_path / "x.safetensors")
-    with pytest.raises(CheckpointError, match="no weights 'nothing'"):
-        find_weights("nothing")
 
 
 def test_command_line(scenefw, tmp_path):
