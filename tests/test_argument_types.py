@@ -130,3 +130,29 @@ def test_what_cannot_be_imported_is_left_to_the_building():
 def test_settings_of_a_training(words, expected):
     with pytest.raises(ConfigError, match=expected):
         check_types(config.compose(["experiment=simstack", "run=train", *words]), "run")
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("run=predict mapping=odometry", r"^mapping is a RGBDOdometry, which has no fuse"),
+        (
+            "run=predict mapping=height_fusion",
+            r"^mapping is a HeightFusion, .* of mapping \(--list",
+        ),
+        ("run=evaluate renderer=mesh_raycaster", r"^renderer is a MeshRaycaster, .* a Renderer"),
+        ("run=train dataset=tabletop", r"^dataset is a TabletopScenes, .* expected a TrainingData"),
+        ("run=evaluate evaluation=labelling", r"^dataset is a StackData, .* a FrameSource"),
+    ],
+)
+def test_parts_that_do_not_fit_are_named(words, expected):
+    with pytest.raises(ConfigError, match=expected):
+        check_types(config.compose(words.split()), "run")
+
+
+def test_each_of_several_parts_is_looked_at():
+    whole = config.compose(["run=train", "noise=[pose,gaussian]"])
+    check_types(whole, "run")
+    whole.noise.gaussian = {"_target_": "scenefw.mapping.odometry.RGBDOdometry"}
+    with pytest.raises(ConfigError, match=r"^noise\.gaussian is a RGBDOdometry"):
+        check_types(whole, "run")

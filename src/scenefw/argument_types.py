@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import inspect
+import pkgutil
 import re
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from scenefw.core import protocols
 from scenefw.core.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
 
 _REFERENCE = re.compile(r"\$\{(?:oc\.select:)?(\w[\w.]*)(?:,.*)?\}")
 _SEQUENCE = re.compile(r"(?:Sequence|tuple|list)\[(.*)\]")
+_MAPPING = re.compile(r"Mapping\[str, ([\w.]+)\]")
 _WORDS = {
     "float": "a number",
     "int": "a whole number",
@@ -22,6 +25,14 @@ _WORDS = {
     "str": "text",
     "None": "null",
 }
+
+
+class _Part(NamedTuple):
+    """A component that one argument takes: what its protocol asks of it; several by name."""
+
+    protocol: str
+    methods: frozenset[str]
+    several: bool
 
 
 class _Argument(NamedTuple):
@@ -33,24 +44,49 @@ class _Argument(NamedTuple):
 
 
 def check_types(config: DictConfig, key: str) -> None:
-    """Finds out before the work whether numbers are where components expect numbers.
+    """Finds out before the work whether values and parts are what components expect.
 
-    Arguments of other types than numbers, true or false, text, and sequences of these are left to
-    the components, as are components that can't be imported.
+    Numbers, true or false, text, and sequences of these are checked, and whether parts have the
+    methods of the protocols they stand for. All else is left to the components, as are those that
+    can't be imported.
 
     Args:
         config: the whole, as composed.
         key: of the part that is to be built, such as `run`.
 
     Raises:
-        ConfigError: a value is of another kind; the line names the setting that it comes from.
+        ConfigError: a value is of another kind, or a part lacks a method; the line names the
+            setting that it comes from.
     """
     for setting, value, argument in _values(config, key, set()):
-        if not _fits(value, argument):
+        if isinstance(argument, _Part):
+            _require_methods(setting, value, argument)
+        elif not _fits(value, argument):
             raise ConfigError(f"{setting} is {_shown(value)}; expected {_expectation(argument)}")
 
 
-def _values(config: DictConfig, key: str, seen: set[str]) -> Iterator[tuple[str, Any, _Argument]]:
+def _require_methods(setting: str, node: Any, part: _Part) -> None:
+    """Looks at classes alone: what functions give is not known before."""
+    from omegaconf import DictConfig
+
+    if not isinstance(node, DictConfig):
+        return
+    if part.several and "_target_" not in node:
+        for name, each in node.items():
+            _require_methods(f"{setting}.{name!s}", each, part._replace(several=False))
+        return
+    built = None if node.get("_partial_") else _imported(node.get("_target_"))
+    missing = sorted(m for m in part.methods if not hasattr(built, m))
+    if inspect.isclass(built) and missing:
+        raise ConfigError(
+            f"{setting} is a {built.__name__}, which has no {missing[0]}; expected a "
+            f"{part.protocol}: another option of {setting.partition('.')[0]} (--list shows them)"
+        )
+
+
+def _values(
+    config: DictConfig, key: str, seen: set[str]
+) -> Iterator[tuple[str, Any, _Argument | _Part]]:
     """Settings, values and arguments of a node and of all that it refers to, each node once."""
     from omegaconf import DictConfig, ListConfig, OmegaConf
 
@@ -65,9 +101,10 @@ def _values(config: DictConfig, key: str, seen: set[str]) -> Iterator[tuple[str,
             continue
         setting = _origin(config, f"{key}.{name}", written)
         value, argument = node[name], arguments.get(str(name))
+        if isinstance(argument, _Argument) and isinstance(value, DictConfig | ListConfig):
+            value = OmegaConf.to_container(value, resolve=True)
         if argument is not None:
-            plain = isinstance(value, DictConfig | ListConfig)
-            yield setting, OmegaConf.to_container(value, resolve=True) if plain else value, argument
+            yield setting, value, argument
         yield from _values(config, setting, seen)
 
 
@@ -85,24 +122,35 @@ def _origin(config: DictConfig, setting: str, written: Any) -> str:
     return setting
 
 
-def _arguments(target: Any) -> Mapping[str, _Argument]:
+def _arguments(target: Any) -> Mapping[str, _Argument | _Part]:
     """Arguments by name, of those kinds alone that are known."""
-    from hydra.utils import get_object
+    built = _imported(target)
+    if built is None:
+        return {}
+    names = vars(protocols) | getattr(inspect.getmodule(built), "__dict__", {})
+    found: dict[str, _Argument | _Part] = {}
+    for name, parameter in inspect.signature(built).parameters.items():
+        plain = _argument(parameter.annotation, parameter.default)
+        argument = plain or _part(parameter.annotation, names)
+        if argument is not None:
+            found[name] = argument
+    return found
 
+
+def _imported(target: Any) -> Any:
+    """The class or function of a target, None if there is none with a signature."""
     if not isinstance(target, str):
-        return {}
+        return None
     try:
-        parameters = inspect.signature(get_object(target)).parameters
+        built = pkgutil.resolve_name(target)
+        inspect.signature(built)
     except Exception:  # noqa: BLE001 - whatever an import may raise, building it says it better
-        return {}
-    found = {name: _argument(p.annotation, p.default) for name, p in parameters.items()}
-    return {name: argument for name, argument in found.items() if argument is not None}
+        return None
+    return built
 
 
 def _argument(annotation: Any, default: Any) -> _Argument | None:
-    if isinstance(annotation, type) and not hasattr(annotation, "__args__"):
-        annotation = annotation.__name__
-    parts = str(annotation).replace("collections.abc.", "").split(" | ")
+    parts = _written(annotation).split(" | ")
     inner = [found[1] for part in parts if (found := _SEQUENCE.fullmatch(part))]
     kinds = {part for part in parts if not _SEQUENCE.fullmatch(part)}
     if inner and kinds <= {"None"}:
@@ -111,6 +159,27 @@ def _argument(annotation: Any, default: Any) -> _Argument | None:
         return None
     known = None if default is inspect.Parameter.empty else default
     return _Argument(frozenset(kinds), bool(inner), known) if kinds <= set(_WORDS) else None
+
+
+def _part(annotation: Any, names: Mapping[str, Any]) -> _Part | None:
+    """What a protocol, or a mapping to it, asks of a component."""
+    words = [word for word in _written(annotation).split(" | ") if word != "None"]
+    found = _MAPPING.fullmatch(words[0]) if len(words) == 1 else None
+    name = (found[1] if found else words[0] if len(words) == 1 else "").rpartition(".")[2]
+    protocol: Any = names.get(name)
+    if not getattr(protocol, "_is_protocol", False):
+        return None
+    bases = (vars(base) for base in protocol.__mro__ if getattr(base, "_is_protocol", False))
+    methods = {n for members in bases for n, v in members.items() if inspect.isfunction(v)}
+    methods = {n for n in methods if not n.startswith("_") or n == "__call__"}
+    return _Part(name, frozenset(methods), found is not None)
+
+
+def _written(annotation: Any) -> str:
+    """An annotation as it is written, whether or not it has been evaluated."""
+    if isinstance(annotation, type) and not hasattr(annotation, "__args__"):
+        return annotation.__name__
+    return str(annotation).replace("collections.abc.", "").replace("typing.", "")
 
 
 def _fits(value: Any, argument: _Argument) -> bool:
