@@ -147,3 +147,21 @@ def test_registry_names_near_misses(words, expected):
     group, name, *arguments = words
     with pytest.raises(config.ConfigError, match=expected):
         registry.build(group, name, **dict.fromkeys(arguments, 1))
+
+
+@pytest.mark.parametrize("run", ["evaluate", "pipeline", "train_and_evaluate"])
+def test_matching_is_chosen_for_all_that_compares_stacks(run):
+    whole = config.compose([f"run={run}", "matching._target_=a.plugin.Matching"])
+    resolved = OmegaConf.to_container(whole, resolve=True)
+    found = [node["matching"]["_target_"] for node in nodes_with(resolved["run"], "matching")]
+    assert found
+    assert set(found) == {"a.plugin.Matching"}
+
+
+def nodes_with(node, key):
+    """All parts that have a key, as plain containers."""
+    if isinstance(node, dict):
+        if key in node:
+            yield node
+        for value in node.values():
+            yield from nodes_with(value, key)
