@@ -148,9 +148,12 @@ def require_agreement(
         InputError: hardly any pixel sees the map.
     """
     shares = [_agrees(each, view(height_map, each.camera), tolerance).mean() for each in views]
-    if shares and np.mean(shares) < _LEAST_AGREEMENT:
+    if not shares or np.mean(shares) < _LEAST_AGREEMENT:
+        found = (
+            f"see the map in {np.mean(shares):.1%} of their pixels" if shares else "have no pose"
+        )
         raise InputError(
-            f"views of {name} see the map in {np.mean(shares):.1%} of their pixels; give the "
+            f"views of {name} {found}; give the "
             "recording that the map was made of (maps of earlier versions don't keep how its world "
             "lies: run=label makes them anew)"
         )

@@ -55,22 +55,27 @@ class Recording:
         pose = np.asarray(frame.camera.T_world_camera)
         return replace(self, names=(*self.names, frame.name), poses=(*self.poses, pose))
 
-    def placed(self, frame: Frame) -> Frame:
-        """A frame of the recording as it was read, in the map's frame.
+    @property
+    def tracked(self) -> bool:
+        """Whether it has no poses of its own, so that only frames of the map have any."""
+        return self.T_map_world is None and bool(self.names)
 
-        Raises:
-            InputError: it was tracked, and the map was not made of it.
+    def in_map(self, frames: Iterable[Frame]) -> Iterator[Frame]:
+        """Frames as they were read, placed in the map's frame.
+
+        Of a tracked recording those are left out that the map was not made of. Poses are taken as
+        they are if nothing is known of the recording.
         """
-        if self.T_map_world is not None:
-            pose = self.T_map_world @ frame.camera.T_world_camera
-        elif frame.name in self.names:
-            pose = self.poses[self.names.index(frame.name)]
-        else:
-            raise InputError(
-                f"frame {frame.name} has no pose, and the map was not made of it; give the "
-                "recording that the map was made of"
-            )
-        return replace(frame, camera=frame.camera.moved(pose))
+        for frame in frames:
+            if self.T_map_world is not None:
+                pose = self.T_map_world @ frame.camera.T_world_camera
+            elif not self.names:
+                pose = frame.camera.T_world_camera
+            elif frame.name in self.names:
+                pose = self.poses[self.names.index(frame.name)]
+            else:
+                continue
+            yield replace(frame, camera=frame.camera.moved(pose))
 
 
 class NumberedFrames(Protocol):

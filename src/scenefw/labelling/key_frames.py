@@ -100,7 +100,7 @@ class ByOverlap:
 class _Counting:
     def __init__(self, n: int, state: State | None) -> None:
         self.n = n
-        self.count = int(state["count"]) if state else 0
+        self.count = int((state or {}).get("count", 0))
 
     def takes(self, frame: Frame) -> bool:
         self.count += 1
@@ -153,7 +153,7 @@ def _state(camera: Camera | None) -> dict[str, NDArray[Any]]:
 
 
 def _camera(state: State | None) -> Camera | None:
-    if not state:
+    if not state or "lens" not in state:  # of another schedule
         return None
     fx, fy, cx, cy, width, height = state["lens"].tolist()
     return Camera(int(width), int(height), fx, fy, cx, cy).moved(state["pose"])

@@ -92,7 +92,7 @@ class Placement:
             start = before.poses[before.names.index(joint.name)]
             return Placed(before, transformed(tracked, start))
         if before.T_map_world is not None:
-            return Placed(before, map(before.placed, frames))
+            return Placed(before, before.in_map(frames))
         begun = self.begin(frames)
         T = begun.recording.T_map_world  # noqa: N806
         if T is None or not np.array_equal(T, np.eye(4)):

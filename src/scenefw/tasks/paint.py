@@ -126,12 +126,11 @@ class PaintImport:
         return shares | {"views": float(count)}
 
     def _label_views(self, folder: Path, painted: HeightMap, recording: Recording) -> int:
-        tracked = recording.T_map_world is None and bool(recording.names)
-        sequence = open_sequence(folder, require_poses=not tracked)
-        place = recording.placed if recording.names else lambda frame: frame
+        """Labels those of its views that have a place in the map; returns how many."""
+        sequence = open_sequence(folder, require_poses=not recording.tracked)
         chosen = range(0, len(sequence), self.every)
-        looked_at = chosen[:: max(1, len(chosen) // _LOOKED_AT)]
-        require_agreement(painted, map(place, MeasuredFrames(sequence, looked_at)), str(folder))
-        measured = MeasuredFrames(sequence, track(chosen, "views"))
-        write_views(self.output / "views", painted, map(place, measured), self.border)
-        return len(chosen) - len(measured.empty)
+        looked_at = MeasuredFrames(sequence, chosen[:: max(1, len(chosen) // _LOOKED_AT)])
+        require_agreement(painted, recording.in_map(looked_at), str(folder))
+        frames = recording.in_map(MeasuredFrames(sequence, track(chosen, "views")))
+        written = write_views(self.output / "views", painted, frames, self.border)
+        return len(list((written / "depth").iterdir()))

@@ -65,6 +65,14 @@ def test_a_schedule_goes_on_where_it_was(schedule, cut):
     assert 2 <= sum(whole) <= 7
 
 
+def test_the_state_of_another_schedule_starts_anew():
+    counting, moving = EveryNth(3).begin(), ByMotion().begin()
+    for running in (counting, moving):
+        running.takes(frame())
+    assert ByMotion().begin(counting.state()).takes(frame())
+    assert EveryNth(3).begin(moving.state()).takes(frame())
+
+
 @pytest.mark.parametrize(
     ("schedule", "wrong"),
     [(EveryNth, {"n": 0}), (ByMotion, {"angle": -1}), (ByOverlap, {"overlap": 2})],

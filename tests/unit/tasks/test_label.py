@@ -226,6 +226,15 @@ def test_views_are_labelled_where_the_map_has_them(request, world, sequence, tmp
     Image.fromarray(painted).save(picture)
     figures = PaintImport(picture, path, tmp_path / "labelled", views=folder).run()
     assert figures["views"] == 6
+    if world == "bare":  # a map of a part of it
+        part = tmp_path / "part" / "map.npz"
+        label(folder, part.parent, maps, frames=2, **tracking).run()
+        fused = load_map(part).height_map
+        canvas = fused.colour.copy()
+        canvas[fused.seen] = names["surface"]
+        Image.fromarray(canvas).save(tmp_path / "paint" / "part.png")
+        importing = PaintImport(tmp_path / "paint" / "part.png", part, tmp_path / "two", folder)
+        assert importing.run()["views"] == 2
     right = known = 0
     for i, frame in enumerate(frames()):
         with Image.open(tmp_path / "labelled" / "views" / "labels" / f"{i:06d}.png") as image:
