@@ -90,7 +90,7 @@ def test_scenes_of_such_models_render(root):
 
 
 def test_bad_input(root, tmp_path):
-    with pytest.raises(ConfigError, match="needs the folder of ShapeNetCore"):
+    with pytest.raises(ConfigError, match="need the folder of ShapeNetCore"):
         ShapeNetModels(None, SYNSETS, LENGTHS)
     with pytest.raises(ConfigError, match="lengths has no keyboard"):
         ShapeNetModels(str(root), SYNSETS, {"remote_control": (0.1, 0.2)})
