@@ -60,7 +60,9 @@ def _panel(axes: Any, panel: Panel, colours: Mapping[str, str]) -> None:
         axes.plot(x, [p.mean for p in points], color=colours[name], marker="o", markersize=4)
     for name, level in panel.levels.items():
         axes.axhline(level, color=_colour(name, colours), linestyle=":", linewidth=1)
-    axes.set_ylim(0, 1)
+    means = [p.mean for _, points in panel.curves.values() for p in points]
+    least = np.nanmin([*means, *panel.levels.values(), 1.0])
+    axes.set_ylim(max(0.0, np.floor(10 * least) / 10), 1)  # good strategies differ little
     axes.grid(alpha=0.15, color=INK)
 
 
