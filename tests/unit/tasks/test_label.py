@@ -16,8 +16,10 @@ from scenefw.labelling.by_height import ByHeight
 from scenefw.labelling.hybrid import Hybrid
 from scenefw.labelling.map_based import MapBased
 from scenefw.labelling.sources import NetworkMapLabels, TrueLabels
+from scenefw.labelling.view_based import ViewBased
 from scenefw.learning.checkpoint import load_checkpoint
 from scenefw.mapping.height_fusion import HeightFusion
+from scenefw.mapping.image_space_fusion import ImageSpaceFusion
 from scenefw.mapping.semantic_fusion import SemanticFusion
 from scenefw.tasks.label import Label
 from scenefw.tasks.paint import PaintExport, PaintImport
@@ -91,6 +93,21 @@ def test_a_map_that_lost_its_world_does_not_go_on(sequence, elsewhere, tmp_path)
         else:
             with pytest.raises(InputError, match="fuse the whole recording again"):
                 going_on.run()
+
+
+def test_labels_are_fused_in_image_space_as_well(sequence, tmp_path):
+    def views(**refresh):
+        parts = HeightFusion(GRID), ImageSpaceFusion(), TrueLabels(CLASSES)
+        return {"view_based": ViewBased(*parts, **refresh)}
+
+    assert views()["view_based"].refresh == 10  # it reads the map
+    with pytest.raises(ConfigError, match="reads the height map"):
+        views(refresh=0)
+    label(sequence, tmp_path, views(refresh=1)).run()
+    found = load_map(tmp_path / "map.npz", GRID).height_map
+    known = found.labels >= 0
+    assert known.mean() > 0.3
+    assert np.mean(found.labels[known] == table().labels[known]) > 0.97
 
 
 def test_frames_without_a_measurement_are_left_out(sequence, tmp_path, capsys):
