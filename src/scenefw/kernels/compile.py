@@ -149,7 +149,7 @@ class Kernel:
                 try:
                     self._compiled()[blocks, _THREADS_PER_BLOCK, stream](count, *views)
                 except (ImportError, RuntimeError) as error:
-                    if isinstance(error, ImportError) or type(error).__name__ in _NO_TOOLKIT:
+                    if lacks_toolkit(error):
                         raise _no_toolkit(error) from error
                     raise
         else:
@@ -204,6 +204,11 @@ def _cuda_grid(per_element: Callable[..., None]) -> Any:
     scope = {"cuda": cuda, "per_element": per_element}
     exec(source, scope)  # the text above, nothing from outside
     return cuda.jit(fastmath=True)(scope["grid"])
+
+
+def lacks_toolkit(error: Exception) -> bool:
+    """Whether numba says that a driver or a library of CUDA's is missing."""
+    return isinstance(error, ImportError) or type(error).__name__ in _NO_TOOLKIT
 
 
 def _no_toolkit(error: Exception) -> MissingDependencyError:

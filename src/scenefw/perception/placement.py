@@ -100,4 +100,4 @@ class Placement:
                 "the saved map does not say how the world of the poses lies to it, and that world "
                 "is not the table's; fuse the whole recording again"
             )
-        return Placed(before, begun.frames, begun.note)
+        return Placed(before if before.names else begun.recording, begun.frames, begun.note)

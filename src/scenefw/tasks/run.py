@@ -19,12 +19,12 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.files import require_writable, write_text
 from scenefw.core.rng import torch_seed
 from scenefw.core.versions import installed
+from scenefw.tasks.leftovers import FIGURES, RECORD, SETTINGS, Leftovers
 from scenefw.tasks.weights import used_weights
 
 if TYPE_CHECKING:
     from omegaconf import DictConfig
 
-SETTINGS, RECORD, FIGURES = "config.yaml", "run.json", "metrics.json"
 _INITIAL_WEIGHTS = 6  # random stream, beside those of `learning`
 _RECORDED = ("scenefw", "torch", "lightning", "numpy", "numba", "hydra-core")
 
@@ -47,65 +47,38 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
     if HydraConfig.initialized():  # a sweep gives each run a folder and settings of its own
         config.paths.output = HydraConfig.get().runtime.output_dir
         overrides = list(HydraConfig.get().overrides.task)
-    before = Leftovers(Path(config.paths.output).absolute())
     try:
-        return _execute(config, overrides)
-    except Exception:
-        before.restore(Path(config.paths.output))
+        require_seed(config.seed)
+        plugins.activate()
+        check_types(config, "run")
+        output = _own_folder(Path(config.paths.output).absolute())
+    except ConfigError:
+        with suppress(OSError):  # Hydra makes it, before there is anything to put there
+            Path(config.paths.output).rmdir()
         raise
+    config.paths.output = str(output)
+    before = Leftovers(output)
+    try:
+        figures = _work(config, output, overrides)
+    except Exception:
+        before.restore()
+        raise
+    print(output)
+    return figures
 
 
-class Leftovers:
-    """What a folder held before a run, to put its records back if the run makes nothing.
-
-    Args:
-        folder: of the run; it need not exist.
-    """
-
-    _RECORDS = (SETTINGS, RECORD, FIGURES)
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.others = self._others(folder)
-        files = ((name, folder / name) for name in self._RECORDS)
-        self.records = {name: file.read_bytes() for name, file in files if file.is_file()}
-
-    def restore(self, used: Path) -> None:
-        """Takes back the records in the folder that was used, unless there is more that is new.
-
-        Args:
-            used: the folder, or its neighbour if another run had it.
-        """
-        is_same = used == self.folder
-        if not used.is_dir() or self._others(used) != (self.others if is_same else {}):
-            return
-        for name in self._RECORDS:
-            if is_same and name in self.records:
-                (used / name).write_bytes(self.records[name])
-            else:
-                (used / name).unlink(missing_ok=True)
-        with suppress(OSError):  # it holds an earlier run
-            used.rmdir()
-
-    def _others(self, folder: Path) -> dict[str, int]:
-        """Times of change of all else that lies in it."""
-        if not folder.is_dir():
-            return {}
-        found = (file for file in folder.iterdir() if file.name not in self._RECORDS)
-        return {file.name: file.lstat().st_mtime_ns for file in found}
+def _own_folder(output: Path) -> Path:
+    """The folder that was asked for by name, else one that no other run has."""
+    if any(word.startswith("paths.output=") for word in sys.argv[1:]):
+        return require_writable(output)
+    return claim(output)
 
 
-def _execute(config: DictConfig, overrides: list[str]) -> dict[str, Any]:
+def _work(config: DictConfig, output: Path, overrides: list[str]) -> dict[str, Any]:
+    """Builds the task and runs it; its figures."""
     from hydra.utils import instantiate
     from omegaconf import OmegaConf
 
-    require_seed(config.seed)
-    plugins.activate()
-    check_types(config, "run")
-    output = require_writable(Path(config.paths.output).absolute())
-    if not any(word.startswith("paths.output=") for word in sys.argv[1:]):
-        output = claim(output)
-    config.paths.output = str(output)
     config.device = pick_device(config.device)
     resolved = OmegaConf.to_yaml(config, resolve=True)
     record = {
@@ -120,10 +93,9 @@ def _execute(config: DictConfig, overrides: list[str]) -> dict[str, Any]:
     (output / FIGURES).unlink(missing_ok=True)
     write_text(output / SETTINGS, resolved)
     write_text(output / RECORD, json.dumps(record, indent=2) + "\n")
-    figures = task.run()
-    write_text(output / FIGURES, json.dumps(dict(figures), indent=2) + "\n")
-    print(output)
-    return dict(figures)
+    figures = dict(task.run())
+    write_text(output / FIGURES, json.dumps(figures, indent=2) + "\n")
+    return figures
 
 
 def require_seed(seed: Any) -> None:

@@ -66,6 +66,11 @@ def test_weights_make_the_pool_as_right_as_the_better_one():
     assert result.figures["vertices"] == result.vertices > 0
     again = HybridWeights(bench, NEAR, frames=5, steps=3, first=1, vertices=40).run()
     assert again == result
+    doubting = HybridWeights(bench, NEAR, frames=5, steps=3, first=1, vertices=40, doubt=0.3).run()
+    assert doubting.pool.doubt == doubting.figures["doubt"] == 0.3
+    assert doubting.pool != result.pool
+    with pytest.raises(ConfigError, match="doubt = 1"):
+        HybridWeights(bench, NEAR, frames=5, doubt=1.0)
 
 
 def test_weights_are_estimated_on_scenes_under_noise_in_turns():

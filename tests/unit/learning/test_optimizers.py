@@ -1,3 +1,7 @@
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 import torch
@@ -87,3 +91,22 @@ def test_the_rate_of_matrices_follows_the_schedule(tmp_path):
 def test_settings_out_of_range_are_one_line(settings):
     with pytest.raises(ConfigError, match="optimizer"):
         Muon(**settings)
+
+
+def test_muon_does_not_import_transformers(tmp_path):
+    """Where it is installed, pytorch_optimizer would look for an integration in it."""
+    (tmp_path / "transformers.py").write_text("raise SystemExit('imported')")
+    code = (
+        "import sys; from scenefw.learning.optimizers import Muon; from torch import nn;"
+        "Muon().make(nn.Linear(2, 2), 1e-3, 0.0, fused=False);"
+        "assert 'transformers' not in sys.modules; import transformers"
+    )
+    path = os.pathsep.join([str(tmp_path), *sys.path])
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stderr.strip() == "imported"  # by the last statement alone

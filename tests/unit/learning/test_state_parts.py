@@ -83,3 +83,11 @@ def test_parts_that_are_missing_are_one_line(trained):
     max((trained / "parts").iterdir()).unlink()
     with pytest.raises(CheckpointError, match="incomplete"):
         state_parts.join(trained / "parts", trained / "last.ckpt")
+
+
+def test_a_network_too_large_to_bring_back_is_refused_before_it_trains():
+    wide = ["experiment=simstack", "scale=thesis"]
+    with pytest.raises(CheckpointError, match=r"33\.1 million weights.* 66 MB"):
+        state_parts.require_room(wide, 59)
+    assert state_parts.require_room(wide, 67) > 66
+    assert state_parts.require_room([*wide, "model=shape_instance_vae"], 59) < 15

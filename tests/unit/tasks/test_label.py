@@ -11,6 +11,7 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.geometry import inverse, rigid
 from scenefw.core.height_maps import HeightGrid
 from scenefw.data.height_maps import load_map, save_map
+from scenefw.data.readers import read_frame
 from scenefw.data.sequences import transformed, write_sequence
 from scenefw.labelling.by_height import ByHeight
 from scenefw.labelling.hybrid import Hybrid
@@ -90,6 +91,8 @@ def test_a_map_that_lost_its_world_does_not_go_on(sequence, elsewhere, tmp_path)
         going_on = label(folder, tmp_path / "rest", resume=old, start=4)
         if folder == sequence:  # its world is the table's
             assert going_on.run()["frames"] == 2
+            recording = load_map(tmp_path / "rest" / "map.npz").states["recording"]
+            np.testing.assert_array_equal(recording["T_map_world"], np.eye(4))
         else:
             with pytest.raises(InputError, match="fuse the whole recording again"):
                 going_on.run()
@@ -357,3 +360,25 @@ def test_a_real_image_becomes_a_map_whose_table_is_flat(real_data, tmp_path):
     assert np.median(np.abs(found.heights[surface])) < 0.005
     raised = found.seen & (np.nan_to_num(found.heights) > 0.03)
     assert (found.labels[raised] > 0).mean() > 0.7
+
+
+def test_a_real_image_goes_on_in_the_same_place(real_data, tmp_path):
+    """Its camera is the world of its poses, which is not the table's."""
+    image = read_frame(real_data / "real" / "realsense_table" / "uois_1.npz")
+    shown = write_sequence(tmp_path / "in", [image] * 3)
+    grid, heights = HeightGrid(257), {}
+    maps = {"map_based": MapBased(HeightFusion(grid), ByHeight(CLASSES, "keyboard"))}
+    for name, options in {
+        "whole": {},
+        "first": {"frames": 1},
+        "rest": {"resume": tmp_path / "first" / "map.npz", "start": 1},
+    }.items():
+        Label(shown, maps, grid, tmp_path / name, picture_every=None, **options).run()
+        heights[name] = load_map(tmp_path / name / "map.npz", grid).height_map.heights
+    np.testing.assert_array_equal(heights["rest"], heights["whole"])
+    PaintExport(tmp_path / "rest" / "map.npz", tmp_path / "paint").run()
+    picture, path = tmp_path / "paint" / "colours.png", tmp_path / "rest" / "map.npz"
+    importing = PaintImport(picture, path, tmp_path / "out", shown, background="surface")
+    assert importing.run()["views"] == 3
+    with Image.open(tmp_path / "out" / "views" / "labels" / "000002.png") as labels:
+        assert np.mean(np.array(labels) == 0) > 0.2  # of all pixels; the map is a metre wide

@@ -199,3 +199,9 @@ def test_a_training_that_diverges_keeps_its_last_snapshot(stacks, tmp_path):
     assert "\n" not in str(caught.value)
     assert state(tmp_path)["scenefw"]["batches_seen"] == 2
     assert same(state(tmp_path)["state_dict"], before["state_dict"])
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
+def test_a_gpu_that_is_not_there_is_one_line(tmp_path):
+    with pytest.raises(ConfigError, match="torch sees no GPU; give trainer=default"):
+        TrainerSettings("cuda").build(tmp_path, [])

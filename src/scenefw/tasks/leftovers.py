@@ -1,0 +1,43 @@
+"""What an earlier run left in a folder, put back if the next one makes nothing there."""
+
+from contextlib import suppress
+from pathlib import Path
+
+SETTINGS, RECORD, FIGURES = "config.yaml", "run.json", "metrics.json"
+"""Files that every run writes."""
+
+
+class Leftovers:
+    """Looks at a folder before a run.
+
+    Args:
+        folder: of the run; an empty `run.json`, by which a run takes a folder, doesn't count.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.others = self._others()
+        self.records = {
+            name: content
+            for name in (SETTINGS, RECORD, FIGURES)
+            if (folder / name).is_file() and (content := (folder / name).read_bytes())
+        }
+
+    def restore(self) -> None:
+        """Puts the earlier run's files back, or removes the folder, unless there is more new."""
+        if self._others() != self.others:
+            return
+        for name in (SETTINGS, RECORD, FIGURES):
+            if name in self.records:
+                (self.folder / name).write_bytes(self.records[name])
+            else:
+                (self.folder / name).unlink(missing_ok=True)
+        with suppress(OSError):  # it holds an earlier run
+            self.folder.rmdir()
+
+    def _others(self) -> dict[str, int]:
+        """Times of change of all else that lies there."""
+        if not self.folder.is_dir():
+            return {}
+        found = (f for f in self.folder.iterdir() if f.name not in (SETTINGS, RECORD, FIGURES))
+        return {file.name: file.lstat().st_mtime_ns for file in found}
