@@ -15,8 +15,8 @@ import torch
 from torch import Tensor
 
 from scenefw import config, plugins
+from scenefw.core.batches import ShapeInstanceBatch
 from scenefw.core.rng import Streams
-from scenefw.core.types import ShapeInstanceBatch
 from scenefw.data.conditioning import training_batch
 from scenefw.data.modules import IndexBatch
 from scenefw.data.segmentation import SegmentationData

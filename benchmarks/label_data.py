@@ -20,8 +20,8 @@ import torch
 
 from benchmarks.harness import Job, Timed
 from benchmarks.training_data import finished
+from scenefw.core.batches import SegmentationBatch
 from scenefw.core.rng import Streams
-from scenefw.core.types import SegmentationBatch
 from scenefw.data.label_views import RenderedViews, ViewSamples
 from scenefw.data.light import ColourJitter
 from scenefw.data.map_crops import MapCrops, RenderedMaps

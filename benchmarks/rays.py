@@ -7,8 +7,9 @@ import torch
 from torch import Tensor
 
 from benchmarks.harness import Job
+from scenefw.core.batches import CameraBatch
 from scenefw.core.geometry import inverse, look_at
-from scenefw.core.types import Camera, CameraBatch, GridSpec
+from scenefw.core.types import Camera, GridSpec
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.mapping.inverse_ray_tracing import InverseRayTracing
 from scenefw.mapping.projective import Projective

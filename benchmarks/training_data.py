@@ -15,8 +15,9 @@ from torch import Tensor
 
 from benchmarks.harness import Job, Timed
 from benchmarks.volumes import radial_volumes
+from scenefw.core.batches import SceneParameters, ShapeInstanceBatch
 from scenefw.core.rng import Streams
-from scenefw.core.types import GridSpec, SceneParameters, ShapeInstanceBatch
+from scenefw.core.types import GridSpec
 from scenefw.data.augmentation import RigidAugmentation
 from scenefw.data.conditioning import training_batch
 from scenefw.data.stacks import StackScenes

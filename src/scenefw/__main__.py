@@ -110,7 +110,7 @@ def _run() -> None:
 
 def _task(settings: DictConfig) -> Mapping[str, Any]:
     """One run; errors end the process here, before Hydra adds lines of its own to them."""
-    from scenefw.tasks.run import execute
+    from scenefw.execution.run import execute
 
     try:
         return execute(settings)

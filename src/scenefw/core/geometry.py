@@ -83,18 +83,3 @@ def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) 
     pose[..., :3, 3] = eye
     pose[..., 3, 3] = 1
     return pose
-
-
-def rotation_between(source: ArrayLike, target: ArrayLike) -> Array:
-    """The smallest rotation (3, 3) that turns unit vector `source` into unit vector `target`."""
-    a = np.asarray(source, dtype=np.float64)
-    b = np.asarray(target, dtype=np.float64)
-    axis, cosine = np.cross(a, b), float(a @ b)
-    if cosine < -1 + 1e-12:  # opposite: half a turn about any perpendicular axis
-        other = np.eye(3)[np.argmin(np.abs(a))]
-        axis = np.cross(a, other)
-        axis /= np.linalg.norm(axis)
-        return 2 * np.outer(axis, axis) - np.eye(3)
-    skew = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    rotation: Array = np.eye(3) + skew + skew @ skew / (1 + cosine)
-    return rotation

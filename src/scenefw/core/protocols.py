@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -12,31 +12,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import Tensor
 
-    from scenefw.core.height_maps import HeightGrid, HeightMap
-    from scenefw.core.types import (
+    from scenefw.core.batches import (
         CameraBatch,
-        Frame,
-        GridSpec,
         PartialTSDF,
-        Pose,
-        Scene,
-        SceneObject,
         SceneParameters,
         ShapeInstanceBatch,
         ShapeInstancePrediction,
-        TriangleMesh,
     )
-
-
-@runtime_checkable
-class Shape(Protocol):
-    """A rigid shape in its own frame, centre of mass at the origin."""
-
-    def mesh(self) -> TriangleMesh:
-        """Its watertight surface (m)."""
-
-    def volume(self) -> float:
-        """Its volume (m^3)."""
+    from scenefw.core.height_maps import HeightGrid, HeightMap
+    from scenefw.core.types import Frame, GridSpec, Pose, Scene, SceneObject, Shape
 
 
 class ShapeSource(Protocol):

@@ -1,11 +1,14 @@
-"""Versions of the packages at hand."""
+"""Versions of the packages at hand, and the commit of a checkout."""
 
+import platform
+import subprocess
 import tomllib
 from collections.abc import Iterable
 from importlib import metadata
 from pathlib import Path
 
 _PROJECT = Path(__file__).parents[3] / "pyproject.toml"
+_RECORDED = ("scenefw", "torch", "lightning", "numpy", "numba", "hydra-core")
 
 
 def installed(names: Iterable[str]) -> dict[str, str]:
@@ -21,3 +24,21 @@ def installed(names: Iterable[str]) -> dict[str, str]:
             if name == "scenefw" and _PROJECT.is_file():
                 found[name] = tomllib.loads(_PROJECT.read_text())["project"]["version"]
     return found
+
+
+def versions() -> dict[str, str]:
+    """Versions of what computes, and the git commit if the project is a checkout."""
+    found = {"python": platform.python_version()} | installed(_RECORDED)
+    commit = _commit(_PROJECT.parent)
+    return found | ({"commit": commit} if commit else {})
+
+
+def _commit(root: Path) -> str | None:
+    if not (root / ".git").exists():
+        return None
+    command = ["git", "-C", str(root), "rev-parse", "HEAD"]
+    try:
+        answer = subprocess.run(command, capture_output=True, text=True, timeout=5, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return answer.stdout.strip()

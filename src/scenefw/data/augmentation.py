@@ -6,9 +6,10 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
+from scenefw.core.batches import SceneParameters
 from scenefw.core.errors import ConfigError
 from scenefw.core.rng import Streams
-from scenefw.core.types import Float64, SceneParameters
+from scenefw.core.types import Float64
 
 
 class RigidAugmentation:

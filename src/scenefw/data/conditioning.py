@@ -3,7 +3,8 @@
 import torch
 from torch import Tensor
 
-from scenefw.core.types import GridSpec, PartialTSDF, SceneVolumes, ShapeInstanceBatch
+from scenefw.core.batches import PartialTSDF, SceneVolumes, ShapeInstanceBatch
+from scenefw.core.types import GridSpec
 
 
 def condition(partial: PartialTSDF, grid: GridSpec, *, observed: bool) -> Tensor:

@@ -5,8 +5,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from scenefw.core.batches import CameraBatch
 from scenefw.core.errors import ConfigError
-from scenefw.core.types import CameraBatch, Frame
+from scenefw.core.types import Frame
 from scenefw.kernels.cameras import stack_cameras
 
 DEPTH, HEIGHT = "depth", "height"

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from rich.progress import track
 from torch import Tensor
 
+from scenefw.core.batches import CameraBatch, SegmentationBatch
 from scenefw.core.errors import ConfigError
 from scenefw.core.protocols import FrameSource, Noise
 from scenefw.core.rng import Streams
-from scenefw.core.types import CameraBatch, Float64, Frame, SegmentationBatch
+from scenefw.core.types import Float64, Frame
 from scenefw.data.distances import DEPTH, distance_images
 from scenefw.data.light import ColourJitter
 from scenefw.data.resident import ResidentScenes

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from rich.progress import track
 from torch import Tensor
 
+from scenefw.core.batches import SegmentationBatch
 from scenefw.core.errors import ConfigError
 from scenefw.core.height_maps import HeightMap
 from scenefw.core.labels import UNKNOWN
 from scenefw.core.protocols import FrameSource
 from scenefw.core.rng import Streams
-from scenefw.core.types import Float64, SegmentationBatch
+from scenefw.core.types import Float64
 from scenefw.data.distances import HEIGHT
 from scenefw.data.light import ColourJitter
 from scenefw.data.resident import ResidentScenes

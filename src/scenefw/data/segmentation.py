@@ -9,8 +9,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from scenefw.core.batches import SegmentationBatch
 from scenefw.core.errors import ConfigError
-from scenefw.core.types import SegmentationBatch
 from scenefw.data.modules import EpochBatches, IndexBatch
 
 

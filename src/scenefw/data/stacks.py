@@ -11,8 +11,8 @@ import torch
 from torch import Tensor
 
 from scenefw.core import geometry
+from scenefw.core.batches import SceneParameters
 from scenefw.core.errors import ConfigError, StorageError
-from scenefw.core.types import SceneParameters
 from scenefw.kernels.transfer import to_device
 from scenefw.representations.volumes import require_solids
 

@@ -9,18 +9,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from scenefw.core.batches import CameraBatch, PartialTSDF, SceneParameters, SceneVolumes
 from scenefw.core.errors import ConfigError
 from scenefw.core.protocols import MappingMethod, Noise, Renderer
 from scenefw.core.rng import Streams
-from scenefw.core.types import (
-    Camera,
-    CameraBatch,
-    Float64,
-    GridSpec,
-    PartialTSDF,
-    SceneParameters,
-    SceneVolumes,
-)
+from scenefw.core.types import Camera, Float64, GridSpec
 from scenefw.data.augmentation import RigidAugmentation
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.kernels.transfer import to_device

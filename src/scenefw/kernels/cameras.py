@@ -5,8 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
+from scenefw.core.batches import CameraBatch
 from scenefw.core.errors import InputError
-from scenefw.core.types import Camera, CameraBatch
+from scenefw.core.types import Camera
 
 
 def stack_cameras(

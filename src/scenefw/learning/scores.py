@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from scenefw.core.types import ShapeInstanceBatch, ShapeInstancePrediction
+from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction
 
 
 def scores(prediction: ShapeInstancePrediction, batch: ShapeInstanceBatch) -> dict[str, Tensor]:

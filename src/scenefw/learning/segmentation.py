@@ -8,9 +8,9 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from scenefw.core.batches import SegmentationBatch
 from scenefw.core.errors import ConfigError
 from scenefw.core.rng import torch_seed
-from scenefw.core.types import SegmentationBatch
 from scenefw.data.modules import IndexBatch
 from scenefw.data.segmentation import SegmentationData
 from scenefw.learning.checkpoint import SEGMENTATION

@@ -7,10 +7,11 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from scenefw.core.batches import ShapeInstanceBatch
 from scenefw.core.errors import ConfigError
 from scenefw.core.protocols import Loss
 from scenefw.core.rng import Streams, torch_seed
-from scenefw.core.types import GridSpec, ShapeInstanceBatch
+from scenefw.core.types import GridSpec
 from scenefw.data.conditioning import training_batch
 from scenefw.data.modules import IndexBatch
 from scenefw.data.stacks import StackScenes

@@ -4,8 +4,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction
 from scenefw.core.errors import ConfigError
-from scenefw.core.types import ShapeInstanceBatch, ShapeInstancePrediction
 
 _LEAST = 1e-4  # truncations^2: the root's slope stays finite where two samples agree
 

@@ -6,9 +6,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from scenefw.core.batches import SegmentationBatch
 from scenefw.core.errors import ConfigError
 from scenefw.core.labels import UNKNOWN
-from scenefw.core.types import SegmentationBatch
 
 
 class CrossEntropy:

@@ -2,8 +2,8 @@
 
 from torch import Tensor
 
+from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction
 from scenefw.core.errors import ConfigError
-from scenefw.core.types import ShapeInstanceBatch, ShapeInstancePrediction
 
 
 class KLDivergence:

@@ -3,8 +3,8 @@
 import torch
 from torch import Tensor
 
+from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction
 from scenefw.core.errors import ConfigError
-from scenefw.core.types import ShapeInstanceBatch, ShapeInstancePrediction
 
 
 def weighted_distance_error(

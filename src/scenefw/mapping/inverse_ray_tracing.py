@@ -3,8 +3,9 @@
 import torch
 from torch import Tensor
 
+from scenefw.core.batches import CameraBatch, PartialTSDF
 from scenefw.core.errors import ConfigError
-from scenefw.core.types import CameraBatch, GridSpec, PartialTSDF
+from scenefw.core.types import GridSpec
 from scenefw.kernels import partial
 from scenefw.kernels.cameras import require_depth
 from scenefw.kernels.compile import float32

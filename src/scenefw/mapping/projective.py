@@ -3,7 +3,8 @@
 import torch
 from torch import Tensor
 
-from scenefw.core.types import CameraBatch, GridSpec, PartialTSDF
+from scenefw.core.batches import CameraBatch, PartialTSDF
+from scenefw.core.types import GridSpec
 from scenefw.kernels import partial
 from scenefw.kernels.cameras import require_depth
 from scenefw.kernels.compile import float32

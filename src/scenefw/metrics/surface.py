@@ -52,11 +52,6 @@ def chamfer_of(found: Nearest) -> float:
     return float(found.forth.mean() + found.back.mean())
 
 
-def expected_floor(area: float, count: int) -> float:
-    """Chamfer distance (m) between two samplings of `count` points of one surface of `area` m^2."""
-    return float(np.sqrt(area / count))
-
-
 def f_score(found: Nearest, threshold: float) -> float:
     """Harmonic mean of the shares of points of either set within `threshold` (m) of the other."""
     precision = float((found.forth <= threshold).mean())

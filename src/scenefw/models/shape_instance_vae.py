@@ -6,8 +6,8 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from scenefw.core.batches import RedrawnShapes, ShapeInstanceBatch, ShapeInstancePrediction
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.core.types import RedrawnShapes, ShapeInstanceBatch, ShapeInstancePrediction
 from scenefw.models.condition import ConditionAutoencoder
 from scenefw.models.scene_decoder import SceneDecoder
 from scenefw.models.scene_encoder import SceneEncoder

@@ -3,8 +3,8 @@
 import torch
 from torch import Tensor
 
+from scenefw.core.batches import CameraBatch
 from scenefw.core.errors import ConfigError
-from scenefw.core.types import CameraBatch
 from scenefw.kernels.cameras import finite
 from scenefw.kernels.compile import float32
 from scenefw.kernels.depth_noise import add_noise

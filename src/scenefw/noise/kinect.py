@@ -5,8 +5,8 @@ import math
 import torch
 from torch import Tensor
 
+from scenefw.core.batches import CameraBatch
 from scenefw.core.errors import ConfigError
-from scenefw.core.types import CameraBatch
 from scenefw.kernels import depth_noise
 from scenefw.kernels.cameras import finite
 from scenefw.kernels.compile import float32

@@ -6,8 +6,9 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ndtri
 from torch import Tensor
 
+from scenefw.core.batches import CameraBatch
 from scenefw.core.errors import ConfigError
-from scenefw.core.types import Camera, CameraBatch, Float64
+from scenefw.core.types import Camera, Float64
 
 
 class Jitter:

@@ -6,7 +6,8 @@ from scipy import ndimage
 from torch import Tensor
 from torch.nn import functional
 
-from scenefw.core.types import GridSpec, PartialTSDF
+from scenefw.core.batches import PartialTSDF
+from scenefw.core.types import GridSpec
 
 _SMALLEST = 3e-5  # m^3: less is a splinter, no object
 _SMALLEST_FURTHER = 1e-4  # m^3: of a second part of an instance

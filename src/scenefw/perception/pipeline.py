@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 import torch
 
 from scenefw.core import rng
+from scenefw.core.batches import PartialTSDF
 from scenefw.core.errors import ConfigError
 from scenefw.core.protocols import Reconstructor
-from scenefw.core.types import GridSpec, PartialTSDF, SceneEstimate
+from scenefw.core.types import GridSpec, SceneEstimate
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.matching.instances import renumbered_like
 from scenefw.perception.carving import carve, whole_objects

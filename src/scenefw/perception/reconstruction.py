@@ -16,8 +16,9 @@ if TYPE_CHECKING:
 
     from torch import Tensor
 
+    from scenefw.core.batches import PartialTSDF
     from scenefw.core.protocols import InstanceExtractor
-    from scenefw.core.types import GridSpec, PartialTSDF
+    from scenefw.core.types import GridSpec
 
 
 class TrainedNetwork(Protocol):

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from scenefw.core.batches import CameraBatch
 from scenefw.core.errors import InputError
-from scenefw.core.types import CameraBatch, GridSpec
+from scenefw.core.types import GridSpec
 from scenefw.kernels import rays
 from scenefw.kernels.cameras import finite
 from scenefw.kernels.compile import float32

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from scenefw.core.types import SceneEstimate
-from scenefw.report.gallery import beside
 from scenefw.report.overview import cropped, vertices, window
 from scenefw.report.palette import instance_colours
+from scenefw.report.pictures import beside
 from scenefw.report.shading import Picture, Solid, draw, turned
 from scenefw.report.two_sides import of_objects
 

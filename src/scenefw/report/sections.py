@@ -5,25 +5,25 @@ from pathlib import Path
 from typing import Any
 
 from scenefw.evaluation.gathered_runs import RunsResult
-from scenefw.evaluation.labelling_curves import CurvesResult
-from scenefw.evaluation.labelling_networks import NetworksResult
-from scenefw.evaluation.labelling_noise import NoiseResult
-from scenefw.evaluation.labelling_times import TimesResult
-from scenefw.evaluation.labelling_weights import WeightsResult
-from scenefw.evaluation.real_masks import RealMaskResult
-from scenefw.evaluation.results import ReconstructionResult
+from scenefw.evaluation.labelling.curves import CurvesResult
+from scenefw.evaluation.labelling.networks import NetworksResult
+from scenefw.evaluation.labelling.noise import NoiseResult
+from scenefw.evaluation.labelling.pool_weights import WeightsResult
+from scenefw.evaluation.labelling.times import TimesResult
 from scenefw.evaluation.several import SeveralResults
+from scenefw.evaluation.stacks.real_masks import RealMaskResult
+from scenefw.evaluation.stacks.results import ReconstructionResult
 from scenefw.report.blocks import Section
-from scenefw.report.labelling import (
+from scenefw.report.labelling.sections import (
     curves_sections,
     network_sections,
     noise_sections,
     times_sections,
     weights_sections,
 )
-from scenefw.report.real_masks import real_mask_sections
-from scenefw.report.reconstruction import reconstruction_sections
 from scenefw.report.runs import runs_sections
+from scenefw.report.stacks.real_masks import real_mask_sections
+from scenefw.report.stacks.reconstruction import reconstruction_sections
 from scenefw.report.tables import Column, Table
 
 

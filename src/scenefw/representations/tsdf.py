@@ -3,7 +3,8 @@
 import torch
 from torch import Tensor
 
-from scenefw.core.types import GridSpec, SceneParameters
+from scenefw.core.batches import SceneParameters
+from scenefw.core.types import GridSpec
 from scenefw.representations.volumes import scene_volumes
 
 

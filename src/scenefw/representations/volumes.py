@@ -4,8 +4,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from scenefw.core.batches import SceneParameters, SceneVolumes
 from scenefw.core.errors import InputError
-from scenefw.core.types import GridSpec, SceneParameters, SceneVolumes
+from scenefw.core.types import GridSpec
 from scenefw.kernels.compile import float32
 from scenefw.kernels.scenes import object_voxels, scene_voxels
 

@@ -2,7 +2,8 @@
 
 from torch import Tensor
 
-from scenefw.core.types import GridSpec, SceneParameters
+from scenefw.core.batches import SceneParameters
+from scenefw.core.types import GridSpec
 from scenefw.representations.volumes import scene_volumes
 
 

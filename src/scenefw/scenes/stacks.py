@@ -7,8 +7,8 @@ import numpy as np
 from scenefw.core import rng as streams
 from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import random_quaternion
-from scenefw.core.protocols import Engine, Shape, ShapeSource
-from scenefw.core.types import Pose, Scene, SceneObject
+from scenefw.core.protocols import Engine, ShapeSource
+from scenefw.core.types import Pose, Scene, SceneObject, Shape
 
 _WATCH = 48  # steps between two looks at whether the new object has left the limits
 

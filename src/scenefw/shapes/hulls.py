@@ -5,7 +5,7 @@ from functools import lru_cache, singledispatch
 import numpy as np
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
-from scenefw.core.protocols import Shape
+from scenefw.core.types import Shape
 from scenefw.shapes.superquadric import Array, Superquadric
 
 

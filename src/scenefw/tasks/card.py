@@ -6,11 +6,11 @@ from pathlib import Path
 from scenefw.core.files import require_writable
 from scenefw.learning.checkpoint import weights_file
 from scenefw.learning.provenance import read_provenance
-from scenefw.report.card import card_sections
 from scenefw.report.page import Page
 from scenefw.report.publication import publish
 from scenefw.report.record import read_record
 from scenefw.report.stored import read_runs
+from scenefw.report.weights.card import card_sections
 
 
 class Card:

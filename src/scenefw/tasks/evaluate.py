@@ -8,7 +8,7 @@ from scenefw.report.blocks import Section
 from scenefw.report.console import print_tables, track
 from scenefw.report.page import Page
 from scenefw.report.sections import sections
-from scenefw.tasks.gallery import Gallery
+from scenefw.report.stacks.gallery import Gallery
 
 
 class Evaluation(Protocol):

@@ -13,10 +13,9 @@ import numpy as np
 from scenefw.core.errors import ConfigError, StorageError
 from scenefw.core.files import require_writable
 from scenefw.core.protocols import SceneSource
-from scenefw.core.versions import installed
+from scenefw.core.versions import installed, versions
 from scenefw.scenes import statistics
 from scenefw.scenes.storage import concatenate, load_scenes, pack, save_scenes
-from scenefw.tasks import run
 
 _SIMULATORS = ("scenefw", "pybullet", "numpy", "scipy")
 
@@ -72,7 +71,7 @@ class Generate:
 
     def run(self) -> dict[str, float]:
         """Generates what is missing, merges it; returns the numbers of scenes and objects."""
-        facts = {"seed": self.seed, "recipe": recipe(self.source), "versions": versions()}
+        facts = {"seed": self.seed, "recipe": recipe(self.source), "versions": simulators()}
         folder = require_writable(Path(self.shards) / _digest(facts))
         require_writable(self.output)
         starts = range(0, self.attempts, self.shard_size)
@@ -83,7 +82,7 @@ class Generate:
         self._generate(missing, done=self.attempts - left)
         stored = concatenate(load_scenes(path) for path in paths)
         target = Path(self.output) / f"{self.name}.npz"
-        extra = {"attempts": self.attempts, "commit": run.versions().get("commit")}
+        extra = {"attempts": self.attempts, "commit": versions().get("commit")}
         save_scenes(target, stored, extra | facts)
         figures = statistics.summary(stored)
         statistics.draw(stored, target.with_suffix(".png"))
@@ -156,6 +155,6 @@ def _digest(facts: dict[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
-def versions() -> dict[str, str]:
+def simulators() -> dict[str, str]:
     """Versions of the packages that decide how scenes come out."""
     return installed(_SIMULATORS)

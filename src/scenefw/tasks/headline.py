@@ -6,9 +6,9 @@ from pathlib import Path
 from scenefw.core.errors import InputError
 from scenefw.learning.checkpoint import shipped_checkpoint
 from scenefw.learning.provenance import digest
-from scenefw.report.headline import headline
 from scenefw.report.markers import fill, read
 from scenefw.report.stored import StoredRun, read_runs
+from scenefw.report.weights.headline import headline
 
 _MARKER = "headline"
 

@@ -20,9 +20,9 @@ from scenefw.data.sequences import open_sequence
 from scenefw.perception.placement import Placement
 from scenefw.perception.table_frame import TableFrame
 from scenefw.report.console import track
-from scenefw.report.gallery import save_picture
-from scenefw.report.growth import Growth
-from scenefw.report.labelling_pictures import map_picture
+from scenefw.report.labelling.growth import Growth
+from scenefw.report.labelling.pictures import map_picture
+from scenefw.report.pictures import save_picture
 
 if TYPE_CHECKING:
     from scenefw.core.height_maps import HeightGrid, HeightMap

@@ -20,8 +20,8 @@ from scenefw.data.painting import (
 from scenefw.data.recordings import STATE, MeasuredFrames, Recording
 from scenefw.data.sequences import open_sequence
 from scenefw.report.console import track
-from scenefw.report.gallery import save_picture
-from scenefw.report.labelling_pictures import map_picture
+from scenefw.report.labelling.pictures import map_picture
+from scenefw.report.pictures import save_picture
 
 if TYPE_CHECKING:
     from scenefw.core.height_maps import HeightMap

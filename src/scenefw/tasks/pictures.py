@@ -6,8 +6,8 @@ from pathlib import Path
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import require_writable
-from scenefw.report.gallery import save_picture
 from scenefw.report.markers import fill, read
+from scenefw.report.pictures import save_picture
 from scenefw.report.two_sides import draw_two_sides
 from scenefw.tasks.predict import Predict
 

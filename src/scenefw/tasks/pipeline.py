@@ -12,9 +12,9 @@ from scenefw.report.console import print_tables, track
 from scenefw.report.figures import loss_figure, read_curves
 from scenefw.report.page import Page
 from scenefw.report.sections import sections
+from scenefw.report.stacks.dataset import Stacks
+from scenefw.report.stacks.gallery import Gallery
 from scenefw.tasks.evaluate import Evaluation
-from scenefw.tasks.gallery import Gallery
-from scenefw.tasks.stacks import Stacks
 
 TRAINED_HERE = "trained_here"
 

@@ -14,15 +14,15 @@ from pathlib import Path
 from scenefw.core.errors import ConfigError, InputError, StorageError
 from scenefw.core.files import require_writable
 from scenefw.core.types import SceneEstimate
+from scenefw.core.versions import versions
 from scenefw.data.readers import find_images, read_frame
 from scenefw.export.meshes import write_glb, write_ply
 from scenefw.export.summary import write_summary
 from scenefw.perception.pipeline import Pipeline
-from scenefw.report.gallery import save_picture
 from scenefw.report.hypotheses import draw_hypotheses
 from scenefw.report.overview import write_overview
 from scenefw.report.palette import Colour, instance_colours
-from scenefw.tasks.run import versions
+from scenefw.report.pictures import save_picture
 
 
 class Predict:

@@ -77,20 +77,3 @@ def test_a_camera_may_look_straight_down():
     pose = geometry.look_at((0, 0, 1), (0, 0, 0))
     np.testing.assert_allclose(pose[:3, 2], [0, 0, -1])
     np.testing.assert_allclose(np.linalg.det(pose[:3, :3]), 1)
-
-
-@given(vectors, vectors)
-def test_the_smallest_rotation_turns_one_into_the_other(source, target):
-    a, b = source / np.linalg.norm(source), target / np.linalg.norm(target)
-    rotation = geometry.rotation_between(a, b)
-    np.testing.assert_allclose(rotation @ a, b, atol=1e-6)
-    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-6)
-    angle = np.arccos(np.clip((np.trace(rotation) - 1) / 2, -1, 1))
-    np.testing.assert_allclose(angle, np.arccos(np.clip(a @ b, -1, 1)), atol=1e-6)
-
-
-def test_opposite_vectors_are_half_a_turn_apart():
-    for axis in np.eye(3):
-        rotation = geometry.rotation_between(axis, -axis)
-        np.testing.assert_allclose(rotation @ axis, -axis, atol=1e-12)
-        np.testing.assert_allclose(np.linalg.det(rotation), 1)

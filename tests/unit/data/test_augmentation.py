@@ -7,9 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
+from scenefw.core.batches import SceneParameters
 from scenefw.core.errors import ConfigError
 from scenefw.core.rng import Streams
-from scenefw.core.types import GridSpec, SceneParameters
+from scenefw.core.types import GridSpec
 from scenefw.data.augmentation import RigidAugmentation
 from scenefw.representations.volumes import scene_volumes
 

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 import torch
 
-from scenefw.core.types import GridSpec, PartialTSDF, SceneVolumes
+from scenefw.core.batches import PartialTSDF, SceneVolumes
+from scenefw.core.types import GridSpec
 from scenefw.data.conditioning import condition, training_batch
 
 

@@ -106,7 +106,8 @@ def test_limit_never_changes_what_is_nearer():
 
 _SIMULATED = """
 import torch
-from scenefw.core.types import GridSpec, SceneParameters
+from scenefw.core.batches import SceneParameters
+from scenefw.core.types import GridSpec
 from scenefw.kernels.scenes import object_voxels, scene_voxels
 from scenefw.representations.volumes import _table, grid_numbers
 parameters, grid = torch.load({file!r}, weights_only=False)
@@ -125,7 +126,8 @@ torch.save((tsdf, votes, instances, occupancy), {file!r})
 def test_cuda_path_equals_cpu(tmp_path):
     import torch
 
-    from scenefw.core.types import GridSpec, SceneParameters
+    from scenefw.core.batches import SceneParameters
+    from scenefw.core.types import GridSpec
     from scenefw.representations.volumes import object_occupancy, scene_volumes
 
     grid = GridSpec(resolution=6, extent=0.5, lower=(-0.25, -0.25, -0.05), truncation_voxels=2)

@@ -5,8 +5,9 @@ import pytest
 import torch
 from safetensors.torch import save_file
 
+from scenefw.core.batches import ShapeInstanceBatch
 from scenefw.core.errors import CheckpointError, InputError
-from scenefw.core.types import GridSpec, ShapeInstanceBatch
+from scenefw.core.types import GridSpec
 from scenefw.learning.checkpoint import (
     load_checkpoint,
     save_checkpoint,

@@ -5,8 +5,8 @@ import torch
 from tests.unit.data.stacks_file import write_stacks
 from tests.unit.learning import tiny
 
+from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction
 from scenefw.core.errors import ConfigError
-from scenefw.core.types import ShapeInstanceBatch, ShapeInstancePrediction
 from scenefw.data.modules import IndexBatch, StackData
 from scenefw.learning.averaging import AveragedWeights
 from scenefw.learning.schedules import CosineDecay

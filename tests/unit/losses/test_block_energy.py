@@ -6,8 +6,8 @@ import torch
 from tests.unit.losses.test_sample_spread import redrawn_pair
 from tests.unit.losses.volumes import random_pair
 
+from scenefw.core.batches import RedrawnShapes, ShapeInstanceBatch, ShapeInstancePrediction
 from scenefw.core.errors import ConfigError
-from scenefw.core.types import RedrawnShapes, ShapeInstanceBatch, ShapeInstancePrediction
 from scenefw.losses.block_energy import BlockEnergy
 
 

@@ -3,8 +3,8 @@ import math
 import pytest
 import torch
 
+from scenefw.core.batches import SegmentationBatch
 from scenefw.core.errors import ConfigError
-from scenefw.core.types import SegmentationBatch
 from scenefw.losses.cross_entropy import CrossEntropy
 
 

@@ -5,8 +5,8 @@ import pytest
 import torch
 from tests.unit.losses.volumes import random_pair
 
+from scenefw.core.batches import RedrawnShapes, ShapeInstanceBatch, ShapeInstancePrediction
 from scenefw.core.errors import ConfigError
-from scenefw.core.types import RedrawnShapes, ShapeInstanceBatch, ShapeInstancePrediction
 from scenefw.losses.sample_spread import SampleSpread
 from scenefw.losses.tsdf import TsdfLoss
 

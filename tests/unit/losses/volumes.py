@@ -3,7 +3,7 @@
 import numpy as np
 import torch
 
-from scenefw.core.types import ShapeInstanceBatch, ShapeInstancePrediction
+from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction
 
 
 def random_pair(resolution=4, batch=3, latent=5, seed=0):

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 import torch
 
+from scenefw.core.batches import ShapeInstanceBatch
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.core.types import ShapeInstanceBatch
 from scenefw.models.shape_instance_vae import ShapeInstanceVAE
 
 SMALL = {

@@ -9,9 +9,10 @@ from scipy import stats
 from tests.unit.kernels import analytic
 from tests.unit.noise import reference
 
+from scenefw.core.batches import CameraBatch
 from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import look_at
-from scenefw.core.types import Camera, CameraBatch
+from scenefw.core.types import Camera
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.noise.kinect import Kinect
 

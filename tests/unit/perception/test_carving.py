@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 import torch
 
-from scenefw.core.types import GridSpec, PartialTSDF
+from scenefw.core.batches import PartialTSDF
+from scenefw.core.types import GridSpec
 from scenefw.perception.carving import carve, whole_objects
 
 

@@ -5,8 +5,9 @@ import pytest
 import torch
 from tests.unit.perception.synthetic import STACK, camera_at, frame_of
 
+from scenefw.core.batches import PartialTSDF
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.core.types import GridSpec, PartialTSDF
+from scenefw.core.types import GridSpec
 from scenefw.export.summary import plain
 from scenefw.mapping.projective import Projective
 from scenefw.perception.pipeline import Pipeline

@@ -6,8 +6,9 @@ import torch
 from scipy.ndimage import gaussian_filter
 from scipy.stats import kstest
 
+from scenefw.core.batches import PartialTSDF, ShapeInstancePrediction
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.core.types import GridSpec, PartialTSDF, ShapeInstancePrediction
+from scenefw.core.types import GridSpec
 from scenefw.perception.reconstruction import NetworkReconstructor, coupled_codes, smoothed
 
 

@@ -1,8 +1,8 @@
 from dataclasses import replace
 
 import numpy as np
-from tests.unit.report.test_gallery import _has_hue
 from tests.unit.report.test_overview import estimate_of
+from tests.unit.report.test_pictures import _has_hue
 
 from scenefw.report.hypotheses import draw_hypotheses
 from scenefw.report.palette import instance_colours

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from scenefw.evaluation.real_masks import ImageResult, RealMaskResult
-from scenefw.evaluation.results import ReconstructionResult, ViewScores
+from scenefw.evaluation.stacks.real_masks import ImageResult, RealMaskResult
+from scenefw.evaluation.stacks.results import ReconstructionResult, ViewScores
 from scenefw.metrics.masks import MaskScores
 from scenefw.report.blocks import Drawing
 from scenefw.report.sections import sections

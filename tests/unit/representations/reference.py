@@ -3,8 +3,8 @@
 import numpy as np
 import torch
 
+from scenefw.core.batches import SceneParameters
 from scenefw.core.geometry import random_quaternion, rotation_from_quaternion
-from scenefw.core.types import SceneParameters
 
 
 def parameters(half_axes, exponents, rotations, positions, present=None) -> SceneParameters:

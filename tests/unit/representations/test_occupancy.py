@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from scenefw.core.types import GridSpec, SceneParameters
+from scenefw.core.batches import SceneParameters
+from scenefw.core.types import GridSpec
 from scenefw.representations.occupancy import Occupancy
 
 SCENE = SceneParameters(

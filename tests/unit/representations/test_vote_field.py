@@ -2,7 +2,8 @@
 
 import torch
 
-from scenefw.core.types import GridSpec, SceneParameters
+from scenefw.core.batches import SceneParameters
+from scenefw.core.types import GridSpec
 from scenefw.representations.vote_field import VoteField
 
 

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenefw.core.errors import InputError
-from scenefw.core.protocols import Shape
+from scenefw.core.types import Shape
 from scenefw.shapes.superellipsoid import Superellipsoid
 from scenefw.shapes.superquadric import Superquadric
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.special import beta
 
 from scenefw.core.errors import InputError
-from scenefw.core.protocols import Shape
+from scenefw.core.types import Shape
 from scenefw.shapes.superquadric import Superquadric, support_points
 
 axes = st.lists(st.floats(0.02, 0.2), min_size=3, max_size=3)

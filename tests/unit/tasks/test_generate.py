@@ -158,11 +158,11 @@ def test_shipped_data_set_is_what_the_generator_makes(tmp_path):
     """Equal to 1e-6 with the Bullet of the manifest; in another one things may fall otherwise."""
     pytest.importorskip("pybullet", reason="needs pybullet (pip install 'scenefw[simulation]')")
     from scenefw import registry
-    from scenefw.tasks.generate import versions
+    from scenefw.tasks.generate import simulators
 
     shipped = Path(str(resources.files("scenefw") / "assets" / "superquadric_stacks.npz"))
     manifest = load_manifest(shipped)
-    here = versions()
+    here = simulators()
     if here["pybullet"] != manifest["versions"]["pybullet"]:
         pytest.skip(
             f"made with pybullet {manifest['versions']['pybullet']}, not {here['pybullet']}"

@@ -1,0 +1,146 @@
+"""Strategies of labelling run side by side on the same frames of the same scenes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol
+
+from scenefw.core.errors import ConfigError, InputError
+from scenefw.evaluation.labelling.shared_parts import LOADING, SharedParts, require_alike
+from scenefw.evaluation.labelling.stopwatch import SharedWork
+from scenefw.noise.frames import disturb
+
+if TYPE_CHECKING:
+    from scenefw.core.height_maps import HeightMap
+    from scenefw.core.protocols import FrameSource, Noise, RunningLabelling
+    from scenefw.core.types import Frame
+
+
+class SharingLabelling(Protocol):
+    """A strategy whose parts can be shared with others."""
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Names by class id."""
+
+    def sharing(self, share: Any) -> SharingLabelling:
+        """The same strategy with each part replaced by `share(kind, part)`."""
+
+    def begin(self, previous: HeightMap | None = None) -> RunningLabelling:
+        """Starts a scene."""
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """A strategy's map after some frames.
+
+    Args:
+        frames: number of frames that made it.
+        height_map: with labels.
+        seconds: by stage: what it takes to have this map if it is asked for once.
+        calls: by stage: pieces of work that these seconds are of.
+    """
+
+    frames: int
+    height_map: HeightMap
+    seconds: Mapping[str, float]
+    calls: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def processing(self) -> float:
+        """Seconds of all stages but loading the data (as in the thesis's figure 4.24)."""
+        return sum(time for stage, time in self.seconds.items() if stage != LOADING)
+
+
+class Bench:
+    """Feeds the frames of a scene to all strategies; work that they share is done once.
+
+    Args:
+        scenes: views and truth.
+        strategies: by name.
+        noise: disturbs the frames that strategies see, by name.
+        seed: of the noise.
+
+    Raises:
+        ConfigError: no strategy, other classes than the scenes', or strategies that can't share
+            their work.
+    """
+
+    def __init__(
+        self,
+        scenes: FrameSource,
+        strategies: Mapping[str, SharingLabelling],
+        noise: Mapping[str, Noise] | None = None,
+        seed: int = 0,
+    ) -> None:
+        if not strategies:
+            raise ConfigError("no strategy to run; give labelling=[view_based,map_based,hybrid]")
+        for name, strategy in strategies.items():
+            if tuple(strategy.classes) != tuple(scenes.classes):
+                raise ConfigError(
+                    f"{name} labels {', '.join(strategy.classes)}, the scenes hold "
+                    f"{', '.join(scenes.classes)}; give checkpoints of these classes"
+                )
+        require_alike(strategies)
+        self.scenes = scenes
+        self.strategies = dict(strategies)
+        self.noise = dict(noise or {})
+        self.seed = seed
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Names by class id."""
+        return tuple(self.scenes.classes)
+
+    def warm_up(self) -> None:
+        """One frame for nothing, so that no strategy pays for compiling."""
+        list(self.run(0, [1]))
+
+    def run(
+        self, scene: int, counts: Sequence[int], noise: Mapping[str, Noise] | None = None
+    ) -> Iterator[dict[str, Snapshot]]:
+        """Snapshots of all strategies after each of these numbers of frames.
+
+        Args:
+            scene: number of the scene.
+            counts: rising numbers of frames.
+            noise: in place of the bench's own.
+        """
+        work = SharedWork()
+        parts = SharedParts(work)
+        running = {
+            name: strategy.sharing(parts.share).begin()
+            for name, strategy in self.strategies.items()
+        }
+        chosen = self.noise if noise is None else noise
+        frames = self._frames(scene, max(counts), chosen)
+        for index in range(max(counts)):
+            work.turn = index
+            for name, labelling in running.items():
+                with work.of(name):
+                    labelling.add(work.do(LOADING, "frame", lambda: _next(frames, scene)))
+            if index + 1 in counts:
+                yield {name: _snapshot(name, running[name], index + 1, work) for name in running}
+
+    def _frames(self, scene: int, count: int, noise: Mapping[str, Noise]) -> Iterator[Frame]:
+        for index, frame in enumerate(self.scenes.frames(scene, count)):
+            yield disturb(frame, noise, self.seed, scene, index)
+
+
+def _next(frames: Iterator[Frame], scene: int) -> Frame:
+    frame = next(frames, None)
+    if frame is None:
+        raise InputError(f"scene {scene} has fewer frames than are asked for; give size.frames")
+    return frame
+
+
+def _snapshot(name: str, running: RunningLabelling, count: int, work: SharedWork) -> Snapshot:
+    asking = f"{name} after {count} frames"
+    with work.of(asking):
+        height_map = running.height_map()
+    seconds, calls = Counter(work.spent(name)), Counter(work.calls(name))
+    seconds.update(work.spent(asking))
+    calls.update(work.calls(asking))
+    return Snapshot(count, height_map, dict(seconds), dict(calls))

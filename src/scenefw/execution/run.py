@@ -1,0 +1,152 @@
+"""One run: builds the chosen task from its config, and keeps beside its results what made them."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from scenefw import plugins
+from scenefw.argument_types import check_types
+from scenefw.core.errors import ConfigError
+from scenefw.core.files import require_writable, write_text
+from scenefw.core.rng import torch_seed
+from scenefw.core.versions import versions
+from scenefw.execution.leftovers import FIGURES, RECORD, SETTINGS, Leftovers
+from scenefw.execution.weights import used_weights
+
+if TYPE_CHECKING:
+    from omegaconf import DictConfig
+
+_INITIAL_WEIGHTS = 6  # random stream, beside those of `learning`
+
+
+def execute(config: DictConfig) -> Mapping[str, Any]:
+    """Runs the task of a composed config; returns its figures.
+
+    Writes `config.yaml` (resolved) and `run.json` (versions, seed, command line, overrides, SHA-256
+    of weights) before the work starts and `metrics.json` after it, all in `paths.output`. Until all
+    parts are built nothing is written; then the figures of an earlier run in the folder go, as they
+    are not of this one. A run that fails before it has made anything leaves the folder as it was.
+
+    Raises:
+        StorageError: the output folder can't be written.
+        ConfigError: a setting is wrong.
+    """
+    from hydra.core.hydra_config import HydraConfig
+
+    overrides: list[str] = []
+    if HydraConfig.initialized():  # a sweep gives each run a folder and settings of its own
+        config.paths.output = HydraConfig.get().runtime.output_dir
+        overrides = list(HydraConfig.get().overrides.task)
+    try:
+        require_seed(config.seed)
+        plugins.activate()
+        check_types(config, "run")
+        output = _own_folder(Path(config.paths.output).absolute())
+    except ConfigError:
+        with suppress(OSError):  # Hydra makes it, before there is anything to put there
+            Path(config.paths.output).rmdir()
+        raise
+    config.paths.output = str(output)
+    before = Leftovers(output)
+    try:
+        figures = _work(config, output, overrides)
+    except Exception:
+        before.restore()
+        raise
+    print(output)
+    return figures
+
+
+def _own_folder(output: Path) -> Path:
+    """The folder that was asked for by name, else one that no other run has."""
+    if any(word.startswith("paths.output=") for word in sys.argv[1:]):
+        return require_writable(output)
+    return claim(output)
+
+
+def _work(config: DictConfig, output: Path, overrides: list[str]) -> dict[str, Any]:
+    """Builds the task and runs it; its figures."""
+    from hydra.utils import instantiate
+    from omegaconf import OmegaConf
+
+    config.device = pick_device(config.device)
+    resolved = OmegaConf.to_yaml(config, resolve=True)
+    record = {
+        "seed": config.seed,
+        "versions": versions(),
+        "command": sys.argv[1:],
+        "overrides": overrides,
+        "weights": used_weights(OmegaConf.to_container(config.run, resolve=True)),
+    }
+    _seed_initial_weights(config.seed)
+    task = instantiate(config.run, _convert_="all")
+    (output / FIGURES).unlink(missing_ok=True)
+    write_text(output / SETTINGS, resolved)
+    write_text(output / RECORD, json.dumps(record, indent=2) + "\n")
+    figures = dict(task.run())
+    write_text(output / FIGURES, json.dumps(figures, indent=2) + "\n")
+    return figures
+
+
+def require_seed(seed: Any) -> None:
+    """Finds out before the work whether a seed can be used.
+
+    Raises:
+        ConfigError: it is no whole number of 0 or more.
+    """
+    if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
+        raise ConfigError(f"seed is {seed}; expected a whole number of 0 or more, such as seed=1")
+
+
+def _seed_initial_weights(seed: int) -> None:
+    """New networks draw from torch's global generator, which other runs of a sweep have used."""
+    import torch
+
+    torch.manual_seed(torch_seed(seed, _INITIAL_WEIGHTS))
+
+
+def claim(folder: Path) -> Path:
+    """The folder, or its next free neighbour (`-2`, ...) if a run of the same second has it."""
+    names = itertools.chain([folder.name], (f"{folder.name}-{n}" for n in itertools.count(2)))
+    return next(filter(_is_free, map(folder.with_name, names)))
+
+
+def _is_free(folder: Path) -> bool:
+    """Takes the folder, unless it is taken."""
+    require_writable(folder)
+    try:
+        (folder / RECORD).touch(exist_ok=False)
+    except FileExistsError:
+        return False
+    return True
+
+
+def pick_device(wanted: str) -> str:
+    """The device to use: `auto` takes the GPU where both torch and numba can use it.
+
+    Raises:
+        ConfigError: a GPU is asked for and there is none, or the name is unknown.
+    """
+    if wanted == "cpu":
+        return "cpu"
+    import torch
+
+    if wanted == "auto":
+        return "cuda" if torch.cuda.is_available() and _numba_has_gpu() else "cpu"
+    if not str(wanted).startswith("cuda"):
+        raise ConfigError(f"device={wanted} is unknown; give cpu, cuda or auto")
+    if not torch.cuda.is_available():
+        raise ConfigError(f"device={wanted} but torch sees no GPU; give device=cpu")
+    return str(wanted)
+
+
+def _numba_has_gpu() -> bool:
+    from numba import cuda
+
+    return bool(cuda.is_available())

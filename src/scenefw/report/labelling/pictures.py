@@ -1,0 +1,152 @@
+"""Pictures of labelled maps: colour, labels, errors and where labels come from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from scenefw.core.height_maps import HeightMap
+from scenefw.core.labels import FROM_BOTH, FROM_MAP, FROM_VIEWS
+from scenefw.evaluation.labelling.results import Example
+from scenefw.report.palette import class_colours
+from scenefw.report.pictures import beside
+
+Picture = NDArray[np.float32]
+
+UNSEEN = (0.15, 0.15, 0.17)
+SOURCES = {
+    "views": (FROM_VIEWS, (0.34, 0.55, 0.85)),
+    "map": (FROM_MAP, (0.90, 0.56, 0.25)),
+    "both": (FROM_BOTH, (0.62, 0.75, 0.58)),
+}
+"""Value and colour of each origin of a label."""
+_RIGHT, _WRONG, _MISSED = (0.93, 0.93, 0.92), (0.80, 0.15, 0.12), (0.35, 0.35, 0.40)
+_SIDE = 256  # pixels of a tile
+_LINE = 22
+
+
+def label_picture(labels: NDArray[Any], classes: int) -> Picture:
+    """RGB (H, W, 3) of class ids, dark where unknown."""
+    palette = np.array([*class_colours(classes), UNSEEN], np.float32)
+    return palette[np.where((labels >= 0) & (labels < classes), labels, classes)]
+
+
+def error_picture(labels: NDArray[Any], truth: NDArray[Any]) -> Picture:
+    """RGB (H, W, 3): wrong labels red, missing ones dark, right ones light."""
+    palette = np.array([_RIGHT, _WRONG, _MISSED], np.float32)
+    kind = np.where(labels < 0, 2, labels != truth)
+    return palette[np.where(truth < 0, 0, kind)]
+
+
+def source_picture(sources: NDArray[np.uint8]) -> Picture:
+    """RGB (H, W, 3) of where labels come from, dark where there is none."""
+    picture = np.full((*sources.shape, 3), UNSEEN, np.float32)
+    for value, colour in SOURCES.values():
+        picture[sources == value] = colour
+    return picture
+
+
+def height_picture(height_map: HeightMap, top: float = 0.06) -> Picture:
+    """RGB (V, V, 3) of heights: the table dark, `top` (m) and higher light, unseen grey."""
+    from matplotlib import colormaps
+
+    heights = np.nan_to_num(height_map.heights, nan=0.0)
+    colours = colormaps["cividis"](np.clip(heights / top, 0, 1))[..., :3].astype(np.float32)
+    return np.where(height_map.seen[..., None], colours, np.float32(0.5))
+
+
+def map_picture(height_map: HeightMap) -> Picture:
+    """RGB: colour, heights, labels and sources of a map side by side, with a legend below."""
+    labels, sources = height_map.labels, height_map.sources
+    shown = {
+        "colour": colour_picture(height_map),
+        "height": height_picture(height_map),
+    }
+    if labels is not None:
+        shown["labels"] = label_picture(labels, len(height_map.classes))
+    if sources is not None:
+        shown["labels come from"] = source_picture(sources)
+    side = 2 * _SIDE
+    sheet = beside([resized(tile, side) for tile in shown.values()], list(shown), columns=2)
+    return stacked(sheet, class_legend(height_map.classes, sheet.shape[1]))
+
+
+def colour_picture(height_map: HeightMap) -> Picture:
+    """RGB (V, V, 3) of the fused colour, dark where unseen."""
+    return _colour(height_map.colour, height_map.seen)
+
+
+def class_legend(classes: Sequence[str], width: int) -> Picture:
+    """RGB (22, width, 3): the colours of classes and of where labels come from."""
+    names = dict(zip(classes, class_colours(len(classes)), strict=True))
+    return legend(names | _source_names(), width)
+
+
+def example_picture(example: Example, classes: Sequence[str], strategies: Sequence[str]) -> Picture:
+    """RGB: a column per number of frames; rows of colour, labels, errors and sources."""
+    tiles: list[Picture] = []
+    titles: list[str] = []
+    for frames in example.frames:
+        tiles.append(_colour(example.colour[frames], np.any(example.colour[frames], axis=-1)))
+        titles.append(f"colour, {frames} frames")
+    tiles.append(_colour(example.true_colour, np.ones(example.truth.shape, np.bool_)))
+    titles.append("colour, true")
+    for strategy in strategies:
+        for frames in example.frames:
+            tiles.append(label_picture(example.labels[strategy, frames], len(classes)))
+            titles.append(strategy)
+        tiles.append(label_picture(example.truth, len(classes)))
+        titles.append("true labels")
+        for frames in example.frames:
+            tiles.append(error_picture(example.labels[strategy, frames], example.truth))
+            titles.append(f"{strategy}, errors")
+        tiles.append(np.ones_like(tiles[-1]))
+        titles.append("")
+    if example.sources:
+        for frames in example.frames:
+            tiles.append(source_picture(example.sources[frames]))
+            titles.append("hybrid, labels come from")
+    tiles = [resized(tile, _SIDE) for tile in tiles]
+    sheet = beside(tiles, titles, columns=len(example.frames) + 1)
+    names = dict(zip(classes, class_colours(len(classes)), strict=True))
+    marks = {"wrong": _WRONG, "unknown": _MISSED} | _source_names()
+    return stacked(sheet, legend(names | marks, sheet.shape[1]))
+
+
+def legend(colours: Mapping[str, Sequence[float]], width: int) -> Picture:
+    """RGB (22, width, 3): a square of each colour with its name."""
+    strip = Image.new("RGB", (width, _LINE), "white")
+    pen, font = ImageDraw.Draw(strip), ImageFont.load_default(13)
+    x = 4
+    for name, colour in colours.items():
+        fill = tuple(round(255 * part) for part in colour)
+        pen.rectangle((x, 5, x + 12, 17), fill=fill)  # type: ignore[arg-type]
+        pen.text((x + 17, 3), name, fill="#444444", font=font)
+        x += 17 + int(pen.textlength(name, font=font)) + 18
+    return np.asarray(strip, dtype=np.float32) / np.float32(255)
+
+
+def resized(picture: Picture, side: int) -> Picture:
+    """The picture at `side` x `side` pixels, nearest pixel."""
+    image = Image.fromarray(np.rint(np.clip(picture, 0, 1) * 255).astype(np.uint8))
+    scaled = image.resize((side, side), Image.Resampling.NEAREST)
+    return np.asarray(scaled, dtype=np.float32) / np.float32(255)
+
+
+def stacked(top: Picture, bottom: Picture) -> Picture:
+    """One picture above another of the same width."""
+    return np.concatenate([top, bottom])
+
+
+def _colour(colour: NDArray[np.uint8], seen: NDArray[np.bool_]) -> Picture:
+    picture: Picture = (colour / 255).astype(np.float32)
+    picture[~seen] = UNSEEN
+    return picture
+
+
+def _source_names() -> dict[str, Sequence[float]]:
+    return {f"from {name}": colour for name, (_, colour) in SOURCES.items()}

@@ -1,0 +1,50 @@
+"""Pictures as arrays: depth in colour, tiles side by side, files."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib import colormaps
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from scenefw.core.files import replacing
+from scenefw.core.types import Float32
+
+Picture = NDArray[np.float32]
+
+_TITLE = 22  # pixels above a tile
+_GAP = 6
+
+
+def depth_picture(depth: Float32) -> Picture:
+    """RGB (H, W, 3) of a depth image (m): near is light, no measurement is white."""
+    seen = depth > 0
+    if not seen.any():
+        return np.ones((*depth.shape, 3), np.float32)
+    low, high = np.percentile(depth[seen], [1, 90])  # the far floor would take most colours
+    near = 1 - np.clip((depth - low) / max(float(high - low), 1e-6), 0, 1)
+    colours = colormaps["viridis"](near)[..., :3]
+    return np.where(seen[..., None], colours, 1.0).astype(np.float32)
+
+
+def beside(tiles: Sequence[Picture], titles: Sequence[str], columns: int = 3) -> Picture:
+    """Tiles of one size in rows, each with its title above."""
+    height, width = tiles[0].shape[:2]
+    rows = -(-len(tiles) // columns)
+    step_x, step_y = width + _GAP, height + _TITLE + _GAP
+    sheet = Image.new("RGB", (columns * step_x - _GAP, rows * step_y - _GAP), "white")
+    pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(14)
+    for i, (tile, title) in enumerate(zip(tiles, titles, strict=True)):
+        x, y = (i % columns) * step_x, (i // columns) * step_y
+        pen.text((x + 2, y + 2), title, fill="#444444", font=font)
+        pixels = np.rint(np.clip(tile, 0, 1) * 255).astype(np.uint8)
+        sheet.paste(Image.fromarray(pixels), (x, y + _TITLE))
+    return np.asarray(sheet, dtype=np.float32) / np.float32(255)
+
+
+def save_picture(picture: Picture, path: Path) -> None:
+    """Writes RGB (H, W, 3) in [0, 1]; the suffix chooses the format (.jpg, .png)."""
+    image = Image.fromarray(np.rint(np.clip(picture, 0, 1) * 255).astype(np.uint8))
+    with replacing(path) as temporary:
+        image.save(temporary, quality=88, optimize=True)

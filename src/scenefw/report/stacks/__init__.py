@@ -1,0 +1,1 @@
+"""Chapter 5: what results on stacks look like."""

@@ -1,0 +1,112 @@
+"""Results on labelled real images: measures beside a reference and the published ones, pictures."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenefw.evaluation.stacks.real_masks import PUBLISHED, ImageResult, RealMaskResult
+from scenefw.metrics.masks import borders
+from scenefw.report.blocks import Picture, Section, Text
+from scenefw.report.palette import instance_colours
+from scenefw.report.pictures import beside, save_picture
+from scenefw.report.tables import Column, Table
+
+_COLUMNS = {
+    "overlap_f": Column("overlap F", 1, "higher"),
+    "overlap_precision": Column("P", 1),
+    "overlap_recall": Column("R", 1),
+    "boundary_f": Column("boundary F", 1, "higher"),
+    "boundary_precision": Column("P", 1),
+    "boundary_recall": Column("R", 1),
+    "objects_f75": Column("objects F ≥ 75", 1, "higher"),
+    "count_error": Column("count error", 2, "lower"),
+}
+_PUBLISHED_ROW = "UOIS-Net-3D, depth only, whole data set (published)"
+
+
+def real_mask_sections(result: RealMaskResult, folder: Path) -> tuple[Section, ...]:
+    """Tables, and pictures of the best, the median and the worst image, written into the folder."""
+    failures = tuple(Text(f"{name}: {reason}") for name, reason in result.failures)
+    pictures = _pictures(result, folder)
+    return (
+        Section("Labelled real images", (_measures(result), _spread(result), *failures)),
+        Section("Best, median and worst image", pictures),
+    )
+
+
+def _measures(result: RealMaskResult) -> Table:
+    figures = result.figures
+    rows = (
+        ("scenefw", _cells(figures)),
+        ("floor removed, components cut at depth jumps", _cells(figures, "reference/")),
+        (_PUBLISHED_ROW, _cells(PUBLISHED)),
+    )
+    missing = f"; {len(result.failures)} more could not be used" if result.failures else ""
+    note = (
+        f"Percent, means over {len(result.images)} images{missing}; count error in objects per "
+        "image. P precision, R recall. The second row needs no learning; its thresholds, and the "
+        "height up to which points count as floor in both rows, were chosen on the learning split "
+        "of the Object Segmentation Database (45 images). The published row is of the whole of it, "
+        "harder images included."
+    )
+    columns = tuple(_COLUMNS.values())
+    return Table("Instances on real images", columns, rows, frozenset({_PUBLISHED_ROW}), note)
+
+
+def _cells(figures: Mapping[str, float], prefix: str = "") -> tuple[float | None, ...]:
+    scale = {name: 1.0 if name == "count_error" else 100.0 for name in _COLUMNS}
+    found = {name: figures.get(prefix + name) for name in _COLUMNS}
+    return tuple(None if v is None else scale[name] * v for name, v in found.items())
+
+
+def _spread(result: RealMaskResult) -> Table:
+    """Best, quartiles and worst of both methods."""
+    columns = tuple(
+        Column(f"{name} {what}", 1)
+        for name in ("scenefw", "reference")
+        for what in ("overlap F", "boundary F")
+    )
+    ours = [(i.scores.overlap_f, i.scores.boundary_f) for i in result.images]
+    theirs = [(i.reference.overlap_f, i.reference.boundary_f) for i in result.images]
+    values = 100 * np.concatenate([ours, theirs], axis=1)
+    quartiles = np.percentile(values, [100, 75, 50, 25, 0], axis=0)
+    names = ("best", "upper quarter", "median", "lower quarter", "worst")
+    rows = tuple((n, tuple(map(float, q))) for n, q in zip(names, quartiles, strict=True))
+    return Table("Spread over images", columns, rows, note="Percent; columns sorted one by one.")
+
+
+def _pictures(result: RealMaskResult, folder: Path) -> tuple[Picture, ...]:
+    ranked = sorted(result.images, key=lambda image: -image.scores.overlap_f)
+    chosen = {"best": 0, "median": len(ranked) // 2, "worst": len(ranked) - 1}
+    pictures = []
+    for word, place in chosen.items():
+        image = ranked[place]
+        path = f"gallery/{word}.jpg"
+        save_picture(draw_masks(image), folder / path)
+        caption = (
+            f"{word}: {image.name}, overlap F {100 * image.scores.overlap_f:.1f}, boundary F "
+            f"{100 * image.scores.boundary_f:.1f} (reference "
+            f"{100 * image.reference.overlap_f:.1f}, {100 * image.reference.boundary_f:.1f})"
+        )
+        pictures.append(Picture(path, caption, shareable=False))
+    return tuple(pictures)
+
+
+def draw_masks(image: ImageResult) -> NDArray[np.float32]:
+    """RGB in [0, 1]: the labels of person, method and reference over the colour image."""
+    titles = {"true": "labelled by hand", "method": "scenefw", "reference": "no learning"}
+    tiles = [_overlaid(image, image.labels[key])[::2, ::2] for key in titles]
+    return beside(tiles, list(titles.values()))
+
+
+def _overlaid(image: ImageResult, labels: NDArray[np.int16]) -> NDArray[np.float32]:
+    grey = np.full(labels.shape, 0.85) if image.colour is None else image.colour.mean(axis=-1) / 255
+    picture = np.repeat(grey[..., None], 3, axis=-1)
+    ids = np.unique(labels[labels > 0])
+    for i, colour in zip(ids, instance_colours(len(ids)), strict=True):
+        mask = labels == i
+        picture[mask] = 0.4 * picture[mask] + 0.6 * np.array(colour)
+        picture[borders(mask)] = np.array(colour) * 0.6
+    return picture.astype(np.float32)

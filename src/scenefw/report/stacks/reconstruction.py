@@ -1,0 +1,196 @@
+"""Results on simulated stacks: table 5.1 beside the thesis's, instances, by visibility."""
+
+from collections.abc import Mapping
+from itertools import pairwise
+
+from scenefw.evaluation.stacks import published
+from scenefw.evaluation.stacks.results import VISIBILITY_EDGES, ReconstructionResult
+from scenefw.report.blocks import Drawing, Section, Text
+from scenefw.report.figures import bin_figure
+from scenefw.report.tables import Cell, Column, Table
+
+_NAMES = {
+    "scenefw": "scenefw",
+    "trained_here": "scenefw, trained in this run",
+    "partial_tsdf": "partial TSDF meshed (no learning)",
+    "connected_components": "components of scenefw's shape (no votes)",
+}
+_AS_THESIS = {
+    "chamfer_visible": ("Chamfer visible (m)", 3),
+    "chamfer_full": ("Chamfer full (m)", 3),
+    "occupancy_bce": ("BCE of occupancy", 3),
+}
+_SURFACE = {
+    "chamfer_visible_excess": Column("visible, excess (mm)", 1, "lower"),
+    "chamfer_full_excess": Column("full, excess (mm)", 1, "lower"),
+    "chamfer_full_dense": Column("full, dense (mm)", 1, "lower"),
+    "fscore_1cm": Column("F at 1 cm", 3, "higher"),
+    "normal_consistency": Column("normals", 3, "higher"),
+    "occupancy_iou": Column("occupancy IoU", 3, "higher"),
+    "hidden_coverage": Column("hidden in spread", 3),
+}
+_INSTANCES = {
+    "instance_iou": Column("instance IoU", 3, "higher"),
+    "panoptic_quality": Column("panoptic quality", 3, "higher"),
+    "instance_recall": Column("found", 3, "higher"),
+    "count_error": Column("count error", 2, "lower"),
+    "count_excess": Column("too many", 2),
+}
+_BY_VISIBILITY = {
+    "chamfer_full_excess": ("Chamfer full, excess (mm)", 1000.0, 1),
+    "occupancy_bce": ("BCE of expected occupancy", 1.0, 3),
+    "instance_iou": ("Instance IoU", 1.0, 3),
+}
+
+
+def reconstruction_sections(result: ReconstructionResult) -> tuple[Section, ...]:
+    """Table 5.1, the surfaces judged by their excess, instances, and all of it by visibility."""
+    return (
+        Section("Beside the thesis", (as_thesis(result), Text(_FLOOR_WORDS), _surfaces(result))),
+        Section("Instances", (_instances(result),)),
+        Section("By visibility", _by_visibility(result)),
+    )
+
+
+_FLOOR_WORDS = (
+    "A Chamfer distance between two random samplings of one and the same surface is not zero. "
+    "This floor, measured on the true surfaces, is the least that any method can get with 1000 "
+    "points, and most of the figures above; what counts is the excess over it. Dense figures are "
+    "from 30 000 points."
+)
+
+
+def as_thesis(result: ReconstructionResult) -> Table:
+    """Means and sigmas of the figures of table 5.1, the thesis's rows last."""
+    columns = [
+        column
+        for name, digits in _AS_THESIS.values()
+        for column in (Column(name, digits, "lower"), Column("σ", digits + 1))
+    ]
+    rows = [
+        (method_name(method), _means_and_sigmas(result, method))
+        for method in result.methods
+        if "chamfer_full" in result.names(method)
+    ]
+    rows.append(("floor: truth sampled twice", _floors(result)))
+    theirs = [
+        (f"{name} (thesis)", _published(figures))
+        for name, figures in published.SUPERQUADRICS.items()
+    ]
+    quoted = frozenset({"floor: truth sampled twice", *(name for name, _ in theirs)})
+    thesis = f"Thesis: {published.SCENES} scenes, {published.VIEWS} views of each."
+    note = f"{sizes(result)} σ is over views. {thesis}"
+    return Table("As in table 5.1", tuple(columns), tuple(rows + theirs), quoted, note)
+
+
+def sizes(result: ReconstructionResult) -> str:
+    """One line: of how many scenes, views and samples, with which seed."""
+    return (
+        f"Means over {len(result.views)} views of {result.scenes} test scenes, {result.samples} "
+        f"samples per view, seed {result.seed}; {result.visibility.mean():.0%} of the true surface "
+        "is visible on average."
+    )
+
+
+def method_name(method: str) -> str:
+    """How a method is called in tables."""
+    return _NAMES.get(method, method.replace("_", " "))
+
+
+def _means_and_sigmas(result: ReconstructionResult, method: str) -> tuple[Cell, ...]:
+    cells: list[Cell] = []
+    for name in _AS_THESIS:
+        summary = result.summary(method, name)
+        cells += [summary.mean, summary.sigma]
+    return tuple(cells)
+
+
+def _floors(result: ReconstructionResult) -> tuple[Cell, ...]:
+    main = result.methods[0]
+    cells: list[Cell] = []
+    for name in _AS_THESIS:
+        known = f"{name}_floor" in result.names(main)
+        summary = result.summary(main, f"{name}_floor") if known else None
+        cells += [summary.mean, summary.sigma] if summary else [None, None]
+    return tuple(cells)
+
+
+def _published(figures: Mapping[str, published.Figure]) -> tuple[Cell, ...]:
+    found = [figures.get(name) for name in _AS_THESIS]
+    return tuple(cell for f in found for cell in ((f.mean, f.sigma) if f else (None, None)))
+
+
+def _surfaces(result: ReconstructionResult) -> Table:
+    note = (
+        "Chamfer: both directions summed; excess is over the floor. F at 1 cm: of points within 1 "
+        "cm of the other surface; normals: mean cosine at nearest points; hidden in spread: share "
+        "of hidden voxels whose true distance lies between those of the samples."
+    )
+    return _table(result, "Surfaces and volumes", _SURFACE, note)
+
+
+def _instances(result: ReconstructionResult) -> Table:
+    note = (
+        "IoU of true objects with their matched predictions (0 where none), averaged over objects; "
+        "found: share of true objects with IoU > 0.5; count error: objects too many or too few."
+    )
+    return _table(result, "Instances after matching", _INSTANCES, f"{sizes(result)} {note}")
+
+
+def _table(
+    result: ReconstructionResult, title: str, columns: Mapping[str, Column], note: str
+) -> Table:
+    scale = {name: 1000.0 if "(mm)" in column.name else 1.0 for name, column in columns.items()}
+    rows = []
+    for method in result.methods:
+        known = result.names(method)
+        cells = [
+            scale[name] * result.summary(method, name).mean if name in known else None
+            for name in columns
+        ]
+        if any(cell is not None for cell in cells):
+            rows.append((method_name(method), tuple(cells)))
+    return Table(title, tuple(columns.values()), tuple(rows), note=note)
+
+
+def _by_visibility(result: ReconstructionResult) -> tuple[Drawing | Table, ...]:
+    """One drawing of all figures, then a table of each."""
+    panels = {
+        title: {
+            method_name(method): _binned(result, method, name, scale)
+            for method in result.methods
+            if name in result.names(method)
+        }
+        for name, (title, scale, _) in _BY_VISIBILITY.items()
+    }
+    digits = [digits for _, _, digits in _BY_VISIBILITY.values()]
+    tables = [
+        _bins_table(result, title, lines, count)
+        for (title, lines), count in zip(panels.items(), digits, strict=True)
+    ]
+    label = "visible share of the true surface"
+    return (Drawing(bin_figure(VISIBILITY_EDGES, panels, label)), *tables)
+
+
+def _binned(
+    result: ReconstructionResult, method: str, name: str, scale: float
+) -> tuple[float | None, ...]:
+    found = {low: s.mean for low, _, s in result.by_visibility(method, name)}
+    return tuple(scale * found[low] if low in found else None for low in VISIBILITY_EDGES[:-1])
+
+
+def _bins_table(
+    result: ReconstructionResult,
+    title: str,
+    lines: Mapping[str, tuple[float | None, ...]],
+    digits: int,
+) -> Table:
+    edges = list(pairwise(VISIBILITY_EDGES))
+    counts = [int(((result.visibility >= a) & (result.visibility < b)).sum()) for a, b in edges]
+    used = [i for i, count in enumerate(counts) if count]
+    columns = tuple(Column(f"{edges[i][0]:.0%}–{edges[i][1]:.0%}", digits) for i in used)
+    rows: list[tuple[str, tuple[Cell, ...]]] = [
+        (name, tuple(values[i] for i in used)) for name, values in lines.items()
+    ]
+    rows.append(("views", tuple(str(counts[i]) for i in used)))
+    return Table(title, columns, tuple(rows), frozenset({"views"}))

@@ -1,0 +1,1 @@
+"""What documents say of weights: cards and the README's table."""

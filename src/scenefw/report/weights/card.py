@@ -1,0 +1,170 @@
+"""The card of a file of weights: what it is, how it was made, how well it does."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from scenefw.core.errors import InputError
+from scenefw.learning.provenance import Provenance
+from scenefw.report.blocks import Block, Code, Points, Section, Text
+from scenefw.report.stored import StoredRun
+from scenefw.report.tables import Column, Table
+from scenefw.report.weights.measures import COLUMNS, Group, figures_of, groups_in
+from scenefw.report.weights.words import LICENCE, words_for
+
+_UNKNOWN = "not recorded"
+
+
+def card_sections(
+    provenance: Provenance,
+    runs: Sequence[StoredRun] = (),
+    before: Sequence[Mapping[str, Any]] = (),
+    notes: Sequence[str] = (),
+) -> tuple[Section, ...]:
+    """The sections of a card.
+
+    Args:
+        provenance: what the file says of itself.
+        runs: evaluations of these weights.
+        before: metadata of earlier trainings that the file does not know of, the last one first.
+        notes: limits that only those who trained it know.
+
+    Raises:
+        InputError: a run has no figures of such a network, or was of other weights; or no card is
+            known of such a network.
+    """
+    words = words_for(provenance)
+    trainings = (*provenance.trainings, *before)
+    commands = tuple(str(t.get("command", f"# {_UNKNOWN}")) for t in reversed(trainings))
+    return (
+        Section("The network", (Text(words.what), _facts(provenance))),
+        Section("Intended use", (Points(words.use),)),
+        Section("Limits", (Points((*words.limits, *notes)),)),
+        Section("Training", (_trainings(trainings), Code(commands))),
+        Section("Figures", _figures(provenance, runs, words.groups)),
+        Section("Licence", (Text(LICENCE),)),
+    )
+
+
+def _facts(provenance: Provenance) -> Points:
+    grid, recipe = provenance.grid, provenance.recipe
+    size = provenance.path.stat().st_size / 1e6
+    facts = {
+        "File": f"{provenance.path.name}, {size:.1f} MB, SHA-256 {provenance.digest}",
+        "Network": recipe["_target_"].rpartition(".")[2],
+        "Arguments": _listed({k: v for k, v in recipe.items() if k != "_target_"}),
+        "Numbers in the file": f"{provenance.numbers / 1e6:.2f} million",
+    }
+    if provenance.omitted:
+        facts["Left out, as only training needs it"] = ", ".join(provenance.omitted)
+    if grid is not None:
+        facts["Grid"] = f"{grid.resolution}³ voxels over {grid.extent:g} m"
+    if "classes" in provenance.metadata:
+        facts["Classes"] = ", ".join(provenance.metadata["classes"])
+    facts["Written by"] = _listed(provenance.versions)
+    return Points(tuple(f"{name}: {value}" for name, value in facts.items()))
+
+
+def _trainings(trainings: Sequence[Mapping[str, Any]]) -> Table:
+    """One column per training, in the order of time, and their sums."""
+    ordered = list(reversed(trainings))
+    names = [str(i + 1) for i in range(len(ordered))] if len(ordered) > 1 else ["training"]
+    rows = [(name, tuple(tell(t) for t in ordered)) for name, tell in _TOLD.items()]
+    if len(ordered) > 1:
+        names.append("all")
+        sums = {
+            n: sum(float(t.get(n, 0)) for t in ordered) for n in ("steps", "samples", "seconds")
+        }
+        all_cells = {name: _TOLD[name](sums) for name in ("steps", "samples", "minutes")}
+        rows = [(name, (*cells, all_cells.get(name, ""))) for name, cells in rows]
+    note = "Minutes are of training alone, without validation and snapshots."
+    if len(ordered) > 1:
+        note += " Each training starts from the weights of the one to its left."
+    return Table("How it was trained", tuple(Column(n) for n in names), tuple(rows), note=note)
+
+
+def _figures(
+    provenance: Provenance, runs: Sequence[StoredRun], groups: Sequence[Group]
+) -> tuple[Block, ...]:
+    blocks: list[Block] = []
+    for run in runs:
+        found = groups_in(run, groups)
+        note = _require_these_weights(provenance, run)
+        figures = figures_of(run)
+        blocks += [
+            Table(g.title.format_map(figures), COLUMNS, tuple(g.rows(figures)), note=g.note)
+            for g in found
+        ]
+        blocks.append(Code((run.origin, *note)))
+    return tuple(blocks) or (Text("None were given (run.results)."),)
+
+
+def _require_these_weights(provenance: Provenance, run: StoredRun) -> tuple[str, ...]:
+    used = run.record.get("weights")
+    if not used:
+        return ("# of which weights that run was is not recorded",)
+    if provenance.digest not in used.values():
+        raise InputError(
+            f"{run.path} has figures of other weights ({', '.join(used)}) than {provenance.path}; "
+            "evaluate these ones"
+        )
+    return ()
+
+
+def _listed(values: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name} {value}" for name, value in values.items())
+
+
+def _minutes(training: Mapping[str, Any]) -> str:
+    return f"{training['seconds'] / 60:.0f}" if "seconds" in training else _UNKNOWN
+
+
+def _epochs(training: Mapping[str, Any]) -> str:
+    passed = training.get("images", training.get("scenes"))
+    if "epochs" in training or not passed:
+        return str(training.get("epochs", _UNKNOWN))
+    return f"{training.get('samples', 0) / passed:.2f}"
+
+
+def _data(training: Mapping[str, Any]) -> str:
+    if "data" in training:
+        return ", ".join(f"{count} scenes of {name}" for name, count in training["data"].items())
+    if "images" in training:
+        scenes = f" of {training['scenes']} tables" if "scenes" in training else ""
+        return f"{training['images']} {training.get('input', 'images')}{scenes} an epoch"
+    return f"{training['scenes']} scenes" if "scenes" in training else _UNKNOWN
+
+
+def _noise(training: Mapping[str, Any]) -> str:
+    return (", ".join(training["noise"]) or "none") if "noise" in training else _UNKNOWN
+
+
+def _start(training: Mapping[str, Any]) -> str:
+    before = training.get("started_from")
+    if before:
+        return f"{before.get('file', '')} ({str(before.get('sha256', ''))[:10]})"
+    return "random weights" if "command" in training else _UNKNOWN
+
+
+def _plain(name: str) -> Any:
+    return lambda training: str(training.get(name, _UNKNOWN))
+
+
+_TOLD = {
+    "steps": lambda t: f"{t['steps']:.0f}" if "steps" in t else _UNKNOWN,
+    "samples": lambda t: f"{t['samples']:.0f}" if "samples" in t else _UNKNOWN,
+    "minutes": _minutes,
+    "epochs": _epochs,
+    "data": _data,
+    "noise": _noise,
+    "losses and weights": lambda t: _listed(t["losses"]) if "losses" in t else _UNKNOWN,
+    "batch": _plain("batch_size"),
+    # Before trainings told it, there was AdamW alone.
+    "optimiser": lambda t: str(t.get("optimizer", "AdamW")),
+    "learning rate": _plain("learning_rate"),
+    "started from": _start,
+    "seed": _plain("seed"),
+    "device, precision": lambda t: (
+        ", ".join(filter(None, map(t.get, ("device", "precision")))) or _UNKNOWN
+    ),
+    "commit": lambda t: str(t.get("commit", _UNKNOWN))[:12],
+}

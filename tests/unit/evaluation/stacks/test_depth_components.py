@@ -1,0 +1,74 @@
+"""Segmentation without learning: hand-made depth images, and the real ones where they are."""
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scenefw.core.geometry import look_at, transform_points
+from scenefw.core.types import Camera, Frame
+from scenefw.data.readers import read_frames
+from scenefw.evaluation.stacks.depth_components import DepthComponents
+from scenefw.metrics.masks import mask_scores
+from scenefw.perception.floor import FloorFinder
+
+CAMERA = Camera(120, 90, 110.0, 110.0, 59.5, 44.5, look_at((0.0, -0.6, 0.8), (0.0, 0.0, 0.0)))
+
+
+def _depth_of_slabs(slabs):
+    """Ray-cast depth and labels of the floor and of slabs (x0, x1, y0, y1, height)."""
+    v, u = np.indices((CAMERA.height, CAMERA.width))
+    rays = np.stack(
+        [(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy, np.ones_like(u)], axis=-1
+    )
+    origin = CAMERA.T_world_camera[:3, 3]
+    directions = transform_points(CAMERA.T_world_camera, rays) - origin
+    depth = -origin[2] / directions[..., 2]  # rays have z = 1 in the camera: length = z-depth
+    labels = np.zeros(depth.shape, np.int32)
+    for label, (x0, x1, y0, y1, height) in enumerate(slabs, start=1):
+        distance = (height - origin[2]) / directions[..., 2]
+        x, y, _ = np.moveaxis(origin + directions * distance[..., None], -1, 0)
+        hit = (x0 < x) & (x < x1) & (y0 < y) & (y < y1) & (distance < depth)
+        depth[hit], labels[hit] = distance[hit], label
+    return Frame(depth.astype(np.float32), CAMERA), labels
+
+
+def test_separate_slabs_are_found_exactly():
+    frame, labels = _depth_of_slabs([(-0.2, -0.05, -0.1, 0.1, 0.05), (0.05, 0.2, -0.1, 0.1, 0.1)])
+    found = DepthComponents(jump=0.03, smallest=20).segment(frame)
+    assert mask_scores(found, labels).overlap_f == 1
+    assert found.max() == 2
+
+
+def test_depth_jump_cuts_what_touches_in_the_image():
+    slabs = [(-0.1, 0.1, -0.1, 0.0, 0.15), (-0.1, 0.1, 0.0, 0.1, 0.05)]
+    frame, labels = _depth_of_slabs(slabs)
+    cut = DepthComponents(jump=0.04, smallest=20).segment(frame)
+    joined = DepthComponents(jump=1.0, smallest=20).segment(frame)
+    assert mask_scores(cut, labels).objects_f75 == 1
+    assert joined.max() == 1
+
+
+def test_specks_holes_and_empty_images_are_no_objects():
+    frame, _ = _depth_of_slabs([(0.0, 0.02, 0.0, 0.02, 0.05)])
+    assert DepthComponents(smallest=200).segment(frame).max() == 0
+    nothing = replace(frame, depth=np.zeros_like(frame.depth))
+    assert DepthComponents().segment(nothing).max() == 0
+
+
+def test_near_the_figures_measured_elsewhere():
+    """Overlap F 85.5, boundary F 72.6 are known for plane removal and components cut at jumps."""
+    beside = Path(__file__).parents[3] / ".." / "shared" / "data"
+    folder = Path(os.environ.get("SCENEFW_DATA", beside)) / "real" / "mosd_learn"
+    if not folder.is_dir():
+        pytest.skip(f"no labelled real images at {folder} (set SCENEFW_DATA)")
+    method, floor = DepthComponents(margin=0.01, jump=0.02, smallest=100), FloorFinder()
+    scores = []
+    for frame in read_frames(folder):
+        pose = floor.find(frame).T_world_camera
+        placed = replace(frame, camera=frame.camera.moved(pose))
+        scores.append(mask_scores(method.segment(placed), frame.labels))
+    assert np.mean([s.overlap_f for s in scores]) == pytest.approx(0.855, abs=0.02)
+    assert np.mean([s.boundary_f for s in scores]) == pytest.approx(0.726, abs=0.03)

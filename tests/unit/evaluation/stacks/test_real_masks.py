@@ -1,0 +1,129 @@
+"""Instances of pixels from volumes: boxes whose labels are known, at two resolutions."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.geometry import look_at, transform_points
+from scenefw.core.types import Camera, Frame, GridSpec, SceneEstimate
+from scenefw.evaluation.stacks.depth_components import DepthComponents
+from scenefw.evaluation.stacks.real_masks import RealMasks, seen_instances
+from scenefw.metrics.masks import mask_scores
+
+CAMERA = Camera(160, 120, 150.0, 150.0, 79.5, 59.5, look_at((0.5, -0.5, 0.6), (0.0, 0.0, 0.05)))
+BOXES = [((-0.15, -0.1, 0.0), (0.0, 0.1, 0.1)), ((0.0, -0.1, 0.0), (0.15, 0.1, 0.15))]
+
+
+def _frame(boxes=BOXES):
+    """Depth of boxes on the floor by slab intersection, and their labels."""
+    v, u = np.indices((CAMERA.height, CAMERA.width))
+    rays = np.stack(
+        [(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy, np.ones_like(u)], axis=-1
+    )
+    origin = CAMERA.T_world_camera[:3, 3]
+    directions = transform_points(CAMERA.T_world_camera, rays) - origin
+    depth = -origin[2] / directions[..., 2]
+    labels = np.zeros(depth.shape, np.int32)
+    for label, (low, high) in enumerate(boxes, start=1):
+        a, b = (low - origin) / directions, (high - origin) / directions
+        enter, leave = np.minimum(a, b).max(-1), np.maximum(a, b).min(-1)
+        hit = (enter < leave) & (enter < depth)
+        depth[hit], labels[hit] = enter[hit], label
+    return Frame(depth.astype(np.float32), CAMERA, labels=labels, name="boxes")
+
+
+def _estimate(frame, resolution, boxes=BOXES):
+    grid = GridSpec(resolution)
+    centres = grid.centres()
+    instances = np.zeros(grid.shape, np.int32)
+    for label, (low, high) in enumerate(boxes, start=1):
+        instances[np.all((centres > low) & (centres < high), axis=-1)] = label
+    return SceneEstimate((), grid, np.zeros(grid.shape, np.float32), instances, frame)
+
+
+class _Method:
+    """Knows scene and camera; finds no floor in images with a hole in the first pixel."""
+
+    def estimate(self, frame):
+        if frame.depth[0, 0] == 0:
+            raise InputError("no floor")
+        return _estimate(replace(frame, camera=CAMERA), 64)
+
+
+def _save(path, frame, **arrays):
+    np.savez(path, depth=frame.depth, K=CAMERA.matrix, **arrays)
+
+
+@pytest.mark.parametrize("resolution", [32, 64])
+def test_borders_come_from_the_image(resolution):
+    frame = _frame()
+    found = seen_instances(_estimate(frame, resolution), margin=0.005, reach=2.0)
+    scores = mask_scores(found, frame.labels)
+    # a voxel is about 5 (64) or 10 pixels wide here, yet outlines are sharp to a pixel
+    assert scores.overlap_f > 0.97
+    assert np.mean((found > 0) == (frame.labels > 0)) > 0.99
+
+
+def test_border_between_touching_boxes_is_no_staircase():
+    frame = _frame()
+    found = seen_instances(_estimate(frame, 32))
+    both = (found > 0) & (frame.labels > 0)
+    assert np.mean(found[both] == frame.labels[both]) > 0.98
+
+
+def test_floor_distant_points_and_holes_belong_to_nothing():
+    frame = _frame()
+    depth = frame.depth.copy()
+    depth[:20] = 0
+    estimate = _estimate(replace(frame, depth=depth), 64, BOXES[:1])
+    found = seen_instances(estimate)
+    assert not found[:20].any()
+    assert not found[frame.labels == 0].any()
+    box = _estimate(frame, 64, BOXES[:1])
+    assert np.mean(seen_instances(box)[frame.labels == 2] > 0) < 0.2  # only what is within reach
+
+
+def test_run_gives_means_of_method_and_reference(tmp_path):
+    frame = _frame()
+    hole = frame.depth.copy()
+    hole[0, 0] = 0
+    _save(tmp_path / "a.npz", frame, instances=frame.labels)
+    _save(tmp_path / "b.npz", replace(frame, depth=hole), instances=frame.labels)
+    _save(tmp_path / "c.npz", frame)
+    result = RealMasks(tmp_path, _Method(), DepthComponents(smallest=50)).run()
+    figures = result.figures
+    assert (figures["images"], figures["failures"]) == (1, 1)
+    assert result.failures == (("b", "no floor"),)
+    assert figures["overlap_f"] == result.images[0].scores.overlap_f > 0.95
+    assert figures["count_error"] == 0
+    assert figures["reference/count_error"] == result.images[0].reference.count_error
+    assert {"boundary_f", "objects_f75", "reference/boundary_f"} <= set(figures)
+
+
+def test_the_whole_folder_is_followed_by_a_bar(tmp_path):
+    frame = _frame()
+    for name in "ab":
+        _save(tmp_path / f"{name}.npz", frame, instances=frame.labels)
+    seen = []
+
+    def track(paths, what):
+        seen.append((len(paths), what))
+        return paths
+
+    RealMasks(tmp_path, _Method(), DepthComponents()).run(track)
+    assert seen == [(2, "labelled images")]
+
+
+def test_unusable_input_is_one_line(tmp_path):
+    frame = _frame()
+    with pytest.raises(ConfigError, match="input=FOLDER"):
+        RealMasks(None, _Method(), DepthComponents())
+    _save(tmp_path / "a.npz", frame)
+    with pytest.raises(InputError, match="none of the 1 images"):
+        RealMasks(tmp_path, _Method(), DepthComponents()).run()
+    frame.depth[0, 0] = 0
+    _save(tmp_path / "a.npz", frame, instances=frame.labels)
+    with pytest.raises(InputError, match="no floor"):
+        RealMasks(tmp_path, _Method(), DepthComponents()).run()

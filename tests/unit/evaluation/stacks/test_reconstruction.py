@@ -1,0 +1,148 @@
+"""The protocol with methods of known quality: the truth itself, nothing, and noise."""
+
+import numpy as np
+import pytest
+import torch
+
+from scenefw.core.errors import ConfigError
+from scenefw.core.types import GridSpec
+from scenefw.data.stacks import StackScenes, shipped_scenes
+from scenefw.evaluation.stacks.reconstruction import ReconstructionEvaluation
+from scenefw.evaluation.stacks.references import PartialSurface
+from scenefw.evaluation.stacks.surface_scores import SurfaceScoring
+from scenefw.mapping.projective import Projective
+from scenefw.postprocessing.connected_components import ConnectedComponents
+from scenefw.postprocessing.hough_voting import HoughVoting
+from scenefw.renderers.sphere_tracer import SphereTracer
+from scenefw.representations.volumes import scene_volumes
+from scenefw.scenes.cameras import RandomViewpoints
+
+SCENES = 2
+pytestmark = pytest.mark.skipif(not shipped_scenes().exists(), reason="no shipped data set")
+
+
+class Oracle:
+    """Knows the scenes and shows them one by one, instances from exact votes."""
+
+    def __init__(self, scenes, grid, views):
+        self.grid = grid
+        volumes = scene_volumes(scenes.parameters(list(range(len(scenes)))), grid)
+        found = [
+            HoughVoting().extract(tsdf[0], votes, grid)[0]
+            for tsdf, votes in zip(volumes.tsdf, volumes.votes, strict=True)
+        ]
+        pairs = [
+            (volumes.tsdf[i], found[i][None]) for i in range(len(scenes)) for _ in range(views)
+        ]
+        self.calls = iter(pairs)
+
+    def reconstruct(self, partial, grid, samples, generator):
+        return [next(self.calls)] * samples
+
+
+class Nothing:
+    def reconstruct(self, partial, grid, samples, generator):
+        shape = (1, *grid.shape)
+        return [(torch.full(shape, grid.truncation), torch.zeros(shape, dtype=torch.int32))]
+
+
+class Coin:
+    """Free space or noise, as the generator says: what each sample is depends on it alone."""
+
+    def reconstruct(self, partial, grid, samples, generator):
+        fields = torch.randn(samples, 1, *grid.shape, generator=generator)
+        return [(field * grid.voxel_size, (field < 0).int()) for field in fields]
+
+
+def evaluation(methods, scenes, **settings):
+    return ReconstructionEvaluation(
+        scenes,
+        methods,
+        RandomViewpoints(width=160, height=120),
+        SphereTracer(),
+        Projective(),
+        extractors={"connected_components": ConnectedComponents()},
+        surfaces=SurfaceScoring(dense_points=5000),
+        **settings,
+    )
+
+
+@pytest.fixture(scope="module")
+def result():
+    scenes = StackScenes(split="test", limit=SCENES)
+    grid = GridSpec(resolution=48)
+    methods = {
+        "oracle": Oracle(scenes, grid, 2),
+        "partial_tsdf": PartialSurface(ConnectedComponents()),
+        "nothing": Nothing(),
+    }
+    return evaluation(methods, scenes, views=2, samples=3).run()
+
+
+def test_truth_scores_its_floor(result):
+    figures = result.figures
+    for name in ("chamfer_visible", "chamfer_full", "chamfer_full_dense"):
+        assert abs(figures[f"{name}_excess"]) < 0.05 * figures[f"{name}_floor"]
+        assert figures[name] == pytest.approx(figures[f"{name}_floor"] + figures[f"{name}_excess"])
+    assert figures["fscore_1cm"] > 0.9  # 5000 points lie up to a centimetre apart
+    assert figures["normal_consistency"] > 0.9
+    assert figures["occupancy_bce"] == 0.0
+    assert figures["occupancy_iou"] == 1.0
+    assert figures["hidden_coverage"] == 1.0
+    assert figures["instance_iou"] > 0.95
+    assert figures["panoptic_quality"] > 0.95
+    assert figures["count_error"] == 0.0
+
+
+def test_references_are_worse(result):
+    figures = result.figures
+    assert figures["partial_tsdf/chamfer_full_excess"] > figures["chamfer_full_excess"] + 0.003
+    assert figures["partial_tsdf/instance_iou"] < figures["instance_iou"]
+    assert figures["connected_components/instance_iou"] <= figures["instance_iou"]
+    assert "connected_components/chamfer_full" not in figures
+
+
+def test_nothing_at_all_counts_as_absent(result):
+    figures = result.figures
+    assert figures["nothing/absent"] == 1.0
+    assert figures["nothing/chamfer_full"] == figures["nothing/chamfer_visible"] == 1.0
+    assert figures["nothing/instance_iou"] == figures["nothing/fscore_1cm"] == 0.0
+    occupied = figures["nothing/occupancy_bce"] / 100  # every occupied voxel costs 100
+    assert 0.001 < occupied < 0.1
+
+
+def test_numbers_of_scenes_views_and_samples_are_told(result):
+    assert result.scenes == SCENES
+    assert len(result.views) == 2 * SCENES
+    assert result.figures["views"] == 2 * SCENES
+    assert result.figures["samples"] == 3
+    assert len({view.visibility for view in result.views}) == 2 * SCENES
+    assert all(0 < view.visibility < 0.7 for view in result.views)
+
+
+def test_bins_of_visibility_hold_all_views(result):
+    rows = result.by_visibility("oracle", "chamfer_full")
+    assert sum(row.count for _, _, row in rows) == len(result.views)
+    total = sum(row.mean * row.count for _, _, row in rows) / len(result.views)
+    assert total == pytest.approx(result.figures["chamfer_full"])
+    assert result.summary("oracle", "chamfer_full").sigma == pytest.approx(
+        np.std([view.methods["oracle"]["chamfer_full"] for view in result.views])
+    )
+
+
+def test_a_seed_gives_the_same_figures_and_another_others():
+    scenes = StackScenes(split="test", limit=1)
+    runs = [
+        evaluation({"coin": Coin()}, scenes, grid=GridSpec(resolution=16), seed=seed).score(0, 0)
+        for seed in (0, 0, 1)
+    ]
+    assert runs[0] == runs[1]
+    assert runs[0].visibility != runs[2].visibility
+
+
+def test_bad_settings_are_named():
+    scenes = StackScenes(split="test", limit=1)
+    with pytest.raises(ConfigError, match="grid"):
+        evaluation({"nothing": Nothing()}, scenes)
+    with pytest.raises(ConfigError, match="methods"):
+        evaluation({}, scenes, grid=GridSpec())

@@ -1,0 +1,66 @@
+import pytest
+from tests.unit.report.stored_runs import IMAGES, LABELLING, STACKS, write_run
+
+from scenefw.core.errors import InputError
+from scenefw.report.stored import read_runs
+from scenefw.report.weights.headline import headline
+
+
+@pytest.fixture
+def runs(tmp_path):
+    kinds = {"labelling": LABELLING, "stacks": STACKS, "images": IMAGES}
+    return read_runs([write_run(tmp_path / name, figures) for name, figures in kinds.items()])
+
+
+def rows(text):
+    cells = [
+        [c.strip() for c in line.strip("|").split("|")]
+        for line in text.splitlines()
+        if line.startswith("|")
+    ]
+    return {name: values for name, *values in cells}
+
+
+def test_ours_beside_no_learning_and_the_published(runs):
+    found = rows(headline(runs))
+    assert found[""] == ["scenefw", "without learning", "published"]
+    assert found["Chamfer, whole: excess (mm) \u2193"] == ["6.7", "28.2", "–"]
+    whole = "Chamfer, whole, as the thesis measures (m; floor 0.021) \u2193"
+    assert found[whole] == ["0.028", "–", "0.028"]
+    assert found["BCE of expected occupancy \u2193"] == ["0.326", "–", "0.089"]
+    assert found["instance IoU \u2191"] == ["0.733", "0.200", "–"]
+    assert found["overlap F (%) \u2191"] == ["90.6", "87.3", "83.3"]
+    assert found["objects with F \u2265 0.75 (%) \u2191"] == ["85.0", "76.3", "–"]
+    assert found["view-based \u2191"] == ["0.883", "–", "0.889"]
+    assert found["map-based \u2191"] == ["0.826", "–", "0.922"]
+    assert found["hybrid \u2191"] == ["0.882", "–", "–"]
+    names = [name for name in found if name.startswith("**")]
+    assert [name.split(",")[0].strip("*") for name in names] == [
+        "Simulated stacks",
+        "Real images of a depth camera",
+        "Labelled height maps",
+    ]
+    assert "100 views of 50 test scenes, 3 samples each" in names[0]
+    assert "occupancy IoU \u2191" not in found  # the card has it
+
+
+def test_the_commands_stand_below(runs):
+    text = headline(runs)
+    assert text.count("python -m scenefw run=evaluate  # commit 0123456789, seed 7") == 1
+    assert text.rstrip().endswith("```")
+
+
+def test_what_is_there_is_shown(runs):
+    found = rows(headline(runs[1:2]))
+    assert "instance IoU \u2191" in found
+    assert "hybrid \u2191" not in found
+
+
+def test_foreign_missing_and_double_figures(runs, tmp_path):
+    (other,) = read_runs([write_run(tmp_path / "other", {"train/steps": 3.0})])
+    with pytest.raises(InputError, match=r"other/metrics\.json has no figures to show"):
+        headline([*runs, other])
+    with pytest.raises(InputError, match="the same figures"):
+        headline([*runs, runs[0]])
+    with pytest.raises(InputError, match=r"run\.results"):
+        headline([])
