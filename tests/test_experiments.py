@@ -86,7 +86,7 @@ def test_an_ablation_becomes_one_table(scenefw, tmp_path):
 
 def test_runs_of_a_sweep_begin_with_the_weights_of_their_seed(scenefw, tmp_path):
     words = ("run=train", "debug=smoke", "paths.training=${paths.output}/training")
-    done = scenefw("-m", *words, "seed=0,1", "report.title=one,two", "paths.output=sweep")
+    done = scenefw("-m", *words, "seed=0,1", "run.log_every=1,2", "paths.output=sweep")
     assert done.returncode == 0, done.stderr[-3000:]
     tables = []
     for number in range(4):

@@ -7,6 +7,7 @@ import pkgutil
 import re
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from scenefw.contracts import wrong_methods
 from scenefw.core import protocols
 from scenefw.core.errors import ConfigError
 
@@ -28,10 +29,9 @@ _WORDS = {
 
 
 class _Part(NamedTuple):
-    """A component that one argument takes: what its protocol asks of it; several by name."""
+    """A component that one argument takes, by its protocol; several by name."""
 
-    protocol: str
-    methods: frozenset[str]
+    protocol: type
     several: bool
 
 
@@ -47,8 +47,8 @@ def check_types(config: DictConfig, key: str) -> None:
     """Finds out before the work whether values and parts are what components expect.
 
     Numbers, true or false, text, and sequences of these are checked, and whether parts have the
-    methods of the protocols they stand for. All else is left to the components, as are those that
-    can't be imported.
+    methods of the protocols they stand for, with arguments and results of the same types. All
+    else is left to the components, as are those that can't be imported.
 
     Args:
         config: the whole, as composed.
@@ -66,7 +66,7 @@ def check_types(config: DictConfig, key: str) -> None:
 
 
 def _require_methods(setting: str, node: Any, part: _Part) -> None:
-    """Looks at classes alone: what functions give is not known before."""
+    """Looks at classes alone: what functions make is not known before."""
     from omegaconf import DictConfig
 
     if not isinstance(node, DictConfig):
@@ -76,11 +76,11 @@ def _require_methods(setting: str, node: Any, part: _Part) -> None:
             _require_methods(f"{setting}.{name!s}", each, part._replace(several=False))
         return
     built = None if node.get("_partial_") else _imported(node.get("_target_"))
-    missing = sorted(m for m in part.methods if not hasattr(built, m))
-    if inspect.isclass(built) and missing:
+    wrong = next(wrong_methods(built, part.protocol), None) if inspect.isclass(built) else None
+    if built is not None and wrong is not None:
         raise ConfigError(
-            f"{setting} is a {built.__name__}, which has no {missing[0]}; expected a "
-            f"{part.protocol}: another option of {setting.partition('.')[0]} (--list shows them)"
+            f"{setting} is a {built.__name__}, which {wrong}; expected a {part.protocol.__name__}: "
+            f"another option of {setting.partition('.')[0]} (--list shows them)"
         )
 
 
@@ -169,10 +169,7 @@ def _part(annotation: Any, names: Mapping[str, Any]) -> _Part | None:
     protocol: Any = names.get(name)
     if not getattr(protocol, "_is_protocol", False):
         return None
-    bases = (vars(base) for base in protocol.__mro__ if getattr(base, "_is_protocol", False))
-    methods = {n for members in bases for n, v in members.items() if inspect.isfunction(v)}
-    methods = {n for n in methods if not n.startswith("_") or n == "__call__"}
-    return _Part(name, frozenset(methods), found is not None)
+    return _Part(protocol, found is not None)
 
 
 def _written(annotation: Any) -> str:

@@ -10,13 +10,15 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scenefw import plugins
+from scenefw import plugins, registry
 from scenefw.argument_types import check_types
 from scenefw.core.errors import ConfigError
 from scenefw.core.files import require_writable, write_text
 from scenefw.core.rng import torch_seed
 from scenefw.core.versions import versions
+from scenefw.execution.build import Builder
 from scenefw.execution.leftovers import FIGURES, RECORD, SETTINGS, Leftovers
+from scenefw.execution.reads import require_read
 from scenefw.execution.weights import used_weights
 
 if TYPE_CHECKING:
@@ -40,12 +42,15 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
     from hydra.core.hydra_config import HydraConfig
 
     overrides: list[str] = []
+    choices: Mapping[str, Any] = {}
     if HydraConfig.initialized():  # a sweep gives each run a folder and settings of its own
         config.paths.output = HydraConfig.get().runtime.output_dir
         overrides = list(HydraConfig.get().overrides.task)
+        choices = HydraConfig.get().runtime.choices
     try:
         require_seed(config.seed)
         plugins.activate()
+        require_read(config, overrides, registry.catalogue(), choices)
         check_types(config, "run")
         output = _own_folder(Path(config.paths.output).absolute())
     except ConfigError:
@@ -72,7 +77,6 @@ def _own_folder(output: Path) -> Path:
 
 def _work(config: DictConfig, output: Path, overrides: list[str]) -> dict[str, Any]:
     """Builds the task and runs it; its figures."""
-    from hydra.utils import instantiate
     from omegaconf import OmegaConf
 
     config.device = pick_device(config.device)
@@ -85,7 +89,7 @@ def _work(config: DictConfig, output: Path, overrides: list[str]) -> dict[str, A
         "weights": used_weights(OmegaConf.to_container(config.run, resolve=True)),
     }
     _seed_initial_weights(config.seed)
-    task = instantiate(config.run, _convert_="all")
+    task = Builder(config).build("run")
     (output / FIGURES).unlink(missing_ok=True)
     write_text(output / SETTINGS, resolved)
     write_text(output / RECORD, json.dumps(record, indent=2) + "\n")

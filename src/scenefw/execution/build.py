@@ -1,0 +1,122 @@
+"""Builds the parts of a composed config, each node once, however many others refer to it."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import pkgutil
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from scenefw.config import near_misses
+from scenefw.core.errors import ConfigError, SceneFWError
+
+if TYPE_CHECKING:
+    from omegaconf import DictConfig, ListConfig
+
+LATER = "_later_"
+_TARGET, _PARTIAL = "_target_", "_partial_"
+_OF_HYDRA = {_TARGET, _PARTIAL, "_convert_", "_recursive_"}
+
+
+class Builder:
+    """Turns nodes of a config into objects.
+
+    A node with a `_target_` becomes what that class or function gives for the node's other keys as
+    arguments; with `_partial_: true`, a function that still takes further arguments. A node
+    `{_later_: a.b}` becomes a function without arguments that builds the node `a.b` when it is
+    called: for parts that need what the same run makes first. Everything else becomes plain Python.
+    Nodes that are referred to as `${a.b}` are built once and shared.
+
+    Args:
+        config: the whole, as composed.
+    """
+
+    def __init__(self, config: DictConfig) -> None:
+        self.config = config
+        self._built: dict[str, Any] = {}
+
+    def build(self, key: str) -> Any:
+        """The object of a node.
+
+        Raises:
+            ConfigError: the config has no such node, an argument is unknown or missing, a class
+                can't be imported, or one fails with an error of its own.
+            SceneFWError: as a component raises it.
+        """
+        from omegaconf import OmegaConf
+
+        node: Any = OmegaConf.select(self.config, key)
+        return self._node(node, key)
+
+    def _node(self, node: Any, key: str) -> Any:
+        from omegaconf import DictConfig, ListConfig
+
+        if isinstance(node, ListConfig):
+            return [self._child(node, i, f"{key}[{i}]") for i in range(len(node))]
+        if not isinstance(node, DictConfig):
+            return node
+        if LATER in node:
+            return functools.partial(self.build, str(node[LATER]))
+        if _TARGET not in node:
+            return {name: self._child(node, name, f"{key}.{name!s}") for name in node}
+        own = node._get_full_key("") or key  # where it stands, not where it is referred to
+        if own not in self._built:
+            self._built[own] = self._call(node, own)
+        return self._built[own]
+
+    def _child(self, node: DictConfig | ListConfig, name: Any, key: str) -> Any:
+        from omegaconf import OmegaConf
+
+        if OmegaConf.is_missing(node, name):
+            raise ConfigError(f"{key} is not set; give {key}=...")
+        return self._node(node[name], key)
+
+    def _call(self, node: DictConfig, key: str) -> Any:
+        made = _imported(str(node[_TARGET]), key)
+        names = [name for name in node if name not in _OF_HYDRA]
+        arguments = {str(name): self._child(node, name, f"{key}.{name!s}") for name in names}
+        if node.get(_PARTIAL):
+            return functools.partial(made, **arguments)
+        _require_arguments(made, arguments, key)
+        try:
+            return made(**arguments)
+        except (SceneFWError, OSError):
+            raise
+        except Exception as error:
+            raise ConfigError(
+                f"{key} cannot be built: {_name(made)} says {type(error).__name__}: {error}"
+            ) from error
+
+
+def _imported(target: str, key: str) -> Callable[..., Any]:
+    try:
+        found: Callable[..., Any] = pkgutil.resolve_name(target)
+    except Exception as error:  # whatever the code of a plugin raises
+        raise ConfigError(
+            f"{key}: cannot import {target} ({type(error).__name__}: {error})"
+        ) from error
+    return found
+
+
+def _require_arguments(made: Callable[..., Any], given: Mapping[str, Any], key: str) -> None:
+    """Says which argument is unknown or missing, where that can be known before the call."""
+    try:
+        taken = inspect.signature(made).parameters
+    except (TypeError, ValueError):  # written in C
+        return
+    if not any(p.kind is p.VAR_KEYWORD for p in taken.values()):
+        for name in given:
+            if name not in taken:
+                raise ConfigError(
+                    f"{key}.{name}: {_name(made)} has no argument {name}; "
+                    f"{near_misses(name, list(taken))}"
+                )
+    for name, p in taken.items():
+        required = p.default is p.empty and p.kind not in (p.VAR_KEYWORD, p.VAR_POSITIONAL)
+        if required and name not in given:
+            raise ConfigError(f"{key}.{name} is not set, and {_name(made)} needs it")
+
+
+def _name(made: Callable[..., Any]) -> str:
+    return getattr(made, "__name__", str(made))

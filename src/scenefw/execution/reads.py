@@ -1,0 +1,140 @@
+"""Which settings a run reads, so that one that changes nothing is an error and not silence."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from scenefw.core.errors import ConfigError
+from scenefw.execution.build import LATER
+
+if TYPE_CHECKING:
+    from hydra.core.override_parser.types import Override
+    from omegaconf import DictConfig
+
+_REFERENCE = re.compile(r"\$\{(?:oc\.select:|oc\.dict\.keys:)?(\.*)(\w[\w.]*)")
+_ALWAYS = ("hydra", "paths", "seed", "device")  # of every run, whatever its task
+_SHOWN = 3
+
+
+def settings_read(config: DictConfig, key: str = "run") -> frozenset[str]:
+    """Keys of all settings that building a node reads, by following references.
+
+    Args:
+        config: the whole, as composed.
+        key: of the node.
+
+    Returns:
+        Full keys such as `run.page` and, where that refers to it, `report.title`.
+    """
+    found: set[str] = set()
+    waiting = [key]
+    while waiting:
+        waiting += _visit(config, waiting.pop(), found)
+    return frozenset(found)
+
+
+def require_read(
+    config: DictConfig,
+    overrides: Sequence[str],
+    options: Mapping[str, Collection[str]],
+    choices: Mapping[str, Any] | None = None,
+) -> None:
+    """Finds out before the work whether the run reads all that the user chose.
+
+    Args:
+        config: the whole, as composed.
+        overrides: as typed.
+        options: names of the options of every group.
+        choices: Hydra's record of chosen options, by `group` or `group@place`.
+
+    Raises:
+        ConfigError: it doesn't read one of them; the line says what it reads in its place.
+    """
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+
+    read = settings_read(config)
+    for override in OverridesParser.create().parse_overrides(list(overrides)):
+        place = _place(override, options, config)
+        if place is not None and not _is_read(place, read):
+            others = [word.partition("@") for word in choices or {}]
+            places = [at for group, _, at in others if group == override.key_or_group and at]
+            near = [f"{override.key_or_group}@{at}" for at in places if _is_read(at, read)]
+            raise ConfigError(_complaint(override, place, near or _alike(place, read), config))
+
+
+def _place(
+    override: Override, options: Mapping[str, Collection[str]], config: DictConfig
+) -> str | None:
+    """The key that an override changes; None where it can't be told or is of every run."""
+    from omegaconf import OmegaConf
+
+    name = override.key_or_group
+    if name.partition(".")[0] in _ALWAYS or override.is_delete():
+        return None
+    if name not in options:
+        return name.replace("/", ".")
+    place = override.package or name
+    known = OmegaConf.select(config, place, throw_on_missing=False) is not None
+    return place if known else None  # experiments and scales change settings everywhere
+
+
+def _is_read(place: str, read: Collection[str]) -> bool:
+    return any(key == place or key.startswith((f"{place}.", f"{place}[")) for key in read)
+
+
+def _complaint(override: Override, place: str, near: Sequence[str], config: DictConfig) -> str:
+    from omegaconf import OmegaConf
+
+    task = str(OmegaConf.select(config, "run._target_")).rpartition(".")[2]
+    line = f"{override.input_line} changes nothing: this run ({task}) does not read {place}"
+    if not near:
+        return f"{line}; leave it out, or choose a run that reads it"
+    value = override.get_value_element_as_str()
+    return f"{line}; did you mean {' or '.join(f'{key}={value}' for key in near)}?"
+
+
+def _alike(place: str, read: Collection[str]) -> list[str]:
+    """Settings with the same last word that the run does read."""
+    leaf = place.rpartition(".")[2]
+    return sorted(key for key in read if key.rpartition(".")[2] == leaf and "." in place)[:_SHOWN]
+
+
+def _visit(config: DictConfig, key: str, found: set[str]) -> Iterator[str]:
+    """Notes a key and those below it; gives the keys that they refer to."""
+    from omegaconf import OmegaConf
+
+    if key in found:
+        return
+    found.add(key)
+    parent, _, name = key.rpartition(".")
+    holder: Any = OmegaConf.select(config, parent) if parent else config
+    if not OmegaConf.is_dict(holder) or name not in holder:
+        return
+    own = ".".join(filter(None, [holder._get_full_key(""), name]))  # the holder may be a reference
+    raw: Any = OmegaConf.to_container(holder, resolve=False, throw_on_missing=False)
+    yield from _below(raw[name], own, found)
+
+
+def _below(raw: Any, key: str, found: set[str]) -> Iterator[str]:
+    found.add(key)
+    if isinstance(raw, dict):
+        for name, value in raw.items():
+            if name == LATER:
+                yield str(value)
+            yield from _below(value, f"{key}.{name}", found)
+    elif isinstance(raw, list):
+        for value in raw:
+            yield from _below(value, key, found)
+    elif isinstance(raw, str):
+        for dots, target in _REFERENCE.findall(raw):
+            yield _absolute(dots, target, key)
+
+
+def _absolute(dots: str, target: str, key: str) -> str:
+    """The full key of a reference at `key`: one dot is a sibling, each further one a level up."""
+    if not dots:
+        return target
+    above = key.split(".")[: -len(dots)]
+    return ".".join([*above, target])
