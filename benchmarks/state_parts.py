@@ -117,19 +117,13 @@ def _averages(whole: dict[str, Any]) -> dict[str, Any]:
     average = (whole["scenefw"]["average"] or {}).get("values", {})
     weights = {k: average.get(k.removeprefix("model."), v) for k, v in whole["state_dict"].items()}
     kept = {**whole["scenefw"], "average": None}
-    optimisers = [_without_moments(o) for o in whole["optimizer_states"]]
+    optimisers = [{**optimiser, "state": {}} for optimiser in whole["optimizer_states"]]
     return {
         **whole,
         "scenefw": kept,
         "state_dict": _converted(weights, _half),
         "optimizer_states": optimisers,
     }
-
-
-def _without_moments(optimiser: dict[str, Any]) -> dict[str, Any]:
-    # A group that counts its steps would take new moments for old ones, and step too far.
-    groups = [{k: v for k, v in g.items() if k != "step"} for g in optimiser["param_groups"]]
-    return {**optimiser, "state": {}, "param_groups": groups}
 
 
 def _with_average(whole: dict[str, Any], convert: Callable[[Tensor], Tensor]) -> dict[str, Any]:
