@@ -28,6 +28,7 @@ from torch import Tensor
 from scenefw import config, plugins
 from scenefw.core.errors import CheckpointError, SceneFWError
 from scenefw.core.files import replacing
+from scenefw.learning.state import read_state, write_state
 
 PART = 15_000_000  # bytes
 _HALF = 65_000.0  # about the largest float16
@@ -39,7 +40,7 @@ def split(state: Path, folder: Path, megabytes: float | None = None) -> str:
     Raises:
         CheckpointError: no form is small enough.
     """
-    whole = torch.load(state, map_location="cpu", weights_only=False)
+    whole = read_state(state)
     name, packed = _smallest_fit(whole, megabytes)
     for old in folder.glob("state.part*"):
         old.unlink()
@@ -60,12 +61,14 @@ def join(folder: Path, state: Path) -> str:
         raise CheckpointError(f"no state.part* in {folder}; give the folder that `split` wrote to")
     packed = b"".join(part.read_bytes() for part in parts)
     try:
-        whole = torch.load(io.BytesIO(packed), map_location="cpu", weights_only=False)
-    except Exception as error:  # torch raises many kinds for damaged archives
-        raise CheckpointError(f"the parts in {folder} are damaged or incomplete") from error
-    name = whole.pop("form")
-    with replacing(state) as temporary:
-        torch.save(whole if name == "exact" else _widened(whole), temporary)
+        whole = read_state(io.BytesIO(packed))
+        name = whole.pop("form")
+    except (CheckpointError, KeyError) as error:
+        raise CheckpointError(
+            f"the parts in {folder} are damaged, incomplete or no state of a training; copy all of "
+            "them again"
+        ) from error
+    write_state(state, whole if name == "exact" else _widened(whole))
     return name
 
 

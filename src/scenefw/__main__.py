@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from scenefw import config, plugins, registry
 from scenefw.core.errors import ConfigError, SceneFWError
+from scenefw.core.streams import end_if_unread, ending_quietly
 from scenefw.core.versions import installed
 
 if TYPE_CHECKING:
@@ -51,8 +52,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
         os.environ[_TRACEBACK] = "1"
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra hands errors on instead of printing and exiting
     sys.argv[1:] = [word for word in words if word != "-v"]
+    with ending_quietly():
+        _guarded(sys.argv[1:])
+
+
+def _guarded(words: list[str]) -> None:
     try:
-        _dispatch(sys.argv[1:])
+        _dispatch(words)
+        if sys.stdout is not None:
+            sys.stdout.flush()  # here, where an error is one line
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         sys.exit(130)
@@ -122,6 +130,7 @@ def _task(settings: DictConfig) -> Mapping[str, Any]:
 
 def _stop(error: Exception, *, composing: bool = False) -> None:
     """Ends the process with one line, unless scenefw itself is at fault or -v is given."""
+    end_if_unread(error)
     line = None if os.environ.get(_TRACEBACK) == "1" else _complaint(error, composing)
     if line is not None:
         print(f"error: {line}", file=sys.stderr)

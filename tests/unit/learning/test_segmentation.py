@@ -23,7 +23,7 @@ def run_elsewhere(*words):
 
 
 def state(folder):
-    return torch.load(folder / "state" / "last.ckpt", weights_only=False)
+    return torch.load(folder / "state" / "last.ckpt", weights_only=True)
 
 
 def rows(folder):

@@ -24,7 +24,7 @@ def stacks(tmp_path):
 
 
 def state(folder):
-    return torch.load(folder / "state" / "last.ckpt", weights_only=False)
+    return torch.load(folder / "state" / "last.ckpt", weights_only=True)
 
 
 def same(first, second):
