@@ -87,7 +87,7 @@ def require_room(words: Sequence[str], megabytes: float) -> float:
         raise CheckpointError(
             f"the network has {least / 2:.1f} million weights, the smallest form of its state "
             f"{least:.0f} MB, of which {megabytes:.0f} MB would be brought back; take a narrower "
-            "network (model=shape_instance_vae), or allow more"
+            "network (size.network=narrow), or allow more"
         )
     return least
 

@@ -156,7 +156,7 @@ class RunningHeights(Protocol):
 
 
 class HeightMapping(Protocol):
-    """Fuses frames into height maps (group `mapping`, options `height_*`)."""
+    """Fuses frames into height maps (group `heights`)."""
 
     grid: HeightGrid
 
@@ -183,7 +183,7 @@ class RunningLabels(Protocol):
 
 
 class SemanticMapping(Protocol):
-    """Fuses labelled views into a height map (group `mapping`).
+    """Fuses labelled views into a height map (group `semantics`).
 
     An attribute `reads_map = True` says that it reads the map so far, not the frame alone.
     """

@@ -98,7 +98,7 @@ def test_the_export_says_how_it_was_made_and_from_what(stacks, tmp_path):
     assert (before["device"], before["precision"]) == ("cpu", "32-true")
     assert "started_from" not in before
 
-    options = {"initial": weights, "fresh": ()}
+    options = {"initial": weights, "reinitialise": ()}
     started = tiny.task(stacks, second, steps=2)
     started.learning = tiny.learning(**options)
     started.run()
