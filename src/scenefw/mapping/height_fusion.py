@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.height_maps import HeightGrid, HeightMap
+from scenefw.core.labelling_protocols import State
 from scenefw.core.types import Frame
 from scenefw.kernels import heights as kernels
 from scenefw.kernels.compile import float32
 from scenefw.kernels.triangles import UNSEEN
 from scenefw.mapping.pyramid import Landed, Pyramid
-
-State = dict[str, NDArray[Any]]
 
 
 class HeightFusion:
@@ -67,14 +62,14 @@ class HeightFusion:
         self.prior, self.damping, self.device = prior, damping, device
 
     def begin(
-        self, previous: HeightMap | None = None, state: Mapping[str, NDArray[Any]] | None = None
+        self, previous: HeightMap | None = None, state: State | None = None
     ) -> RunningHeightFusion:
-        """An empty map, or one that goes on.
+        """Starts an empty map or resumes one.
 
         Args:
             previous: an earlier map; each seen vertex becomes one measurement of its own, weighted
-                by its confidence, so what its neighbours shared is forgotten.
-            state: of `RunningHeightFusion.state`; goes on as if never interrupted.
+                by its confidence, so what its neighbours shared is lost.
+            state: of `RunningHeightFusion.state`; resumes as if never interrupted.
 
         Raises:
             InputError: the earlier map or state has another grid.
@@ -126,12 +121,12 @@ class RunningHeightFusion:
         return HeightMap(grid, height, colour, confidence, variance)
 
     def state(self) -> State:
-        """All that is known: `sums` (vertices of all levels, 11) and `heights` (vertices)."""
+        """The whole state: `sums` (vertices of all levels, 11) and `heights` (vertices)."""
         sums = self._sums.view(-1, kernels.RECORD).cpu().numpy().copy()
         return {"sums": sums, "heights": self._heights[0].cpu().numpy().copy()}
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Goes on from a state.
+    def restore(self, state: State) -> None:
+        """Resumes from a state.
 
         Raises:
             InputError: it is of another grid or holds something else.

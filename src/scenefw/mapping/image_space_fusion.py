@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.height_maps import HeightGrid, HeightMap
+from scenefw.core.labelling_protocols import State
 from scenefw.core.types import Camera, Frame
 from scenefw.kernels import label_fusion
 from scenefw.kernels.cameras import finite, stack_cameras
@@ -61,15 +59,15 @@ class ImageSpaceFusion:
         grid: HeightGrid,
         classes: int,
         previous: NDArray[np.float32] | None = None,
-        state: Mapping[str, NDArray[Any]] | None = None,
+        state: State | None = None,
     ) -> RunningImageSpaceFusion:
-        """Uniform probabilities, or those of an earlier map.
+        """Starts from uniform probabilities or resumes.
 
         Args:
             grid: the vertices.
             classes: C.
-            previous: (C, V, V) of an earlier map; certainty beyond float16's is forgotten.
-            state: of `RunningImageSpaceFusion.state`; goes on as if never interrupted.
+            previous: (C, V, V) of an earlier map; certainty beyond float16 is lost.
+            state: of `RunningImageSpaceFusion.state`; resumes as if never interrupted.
 
         Raises:
             InputError: the earlier probabilities or state have another grid or other classes.
@@ -86,7 +84,7 @@ class RunningImageSpaceFusion:
         grid: HeightGrid,
         classes: int,
         previous: NDArray[np.float32] | None,
-        state: Mapping[str, NDArray[Any]] | None,
+        state: State | None,
     ) -> None:
         require_settings(fusion.floor, fusion.angle_power, classes)
         self._fusion, self._grid, self._classes = fusion, grid, classes
@@ -140,7 +138,7 @@ class RunningImageSpaceFusion:
         )  # fmt: skip
 
     def probabilities(self) -> NDArray[np.float32]:
-        """(C, V, V), uniform where nothing was said."""
+        """(C, V, V), uniform where no frame has labelled the vertex."""
         vertices = self._grid.vertices**2
         found = self._logits.new_empty((self._classes, *self._grid.shape))
         label_fusion.normalise(
@@ -148,8 +146,8 @@ class RunningImageSpaceFusion:
         )
         return found.cpu().numpy()
 
-    def state(self) -> dict[str, NDArray[Any]]:
-        """All that is known: `logits` (V * V, C)."""
+    def state(self) -> State:
+        """The whole state: `logits` (V * V, C)."""
         return {"logits": self._logits.cpu().numpy().copy()}
 
     def _part(self, camera: Camera, heights: HeightMap) -> tuple[int, int, int, int] | None:

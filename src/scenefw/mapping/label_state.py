@@ -1,7 +1,6 @@
-"""What both ways of fusing labels check of their input, and where they go on from."""
+"""Checks and initial values that both ways of fusing labels share."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -10,10 +9,11 @@ from torch import Tensor
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.height_maps import HeightGrid
+from scenefw.core.labelling_protocols import State
 from scenefw.core.types import Frame
 
-_SLACK = 0.02  # of sums of half-precision probabilities
-_LEAST = 1e-7  # of a probability taken from a map file, which may be float16
+_SLACK = 0.02  # how far sums of half-precision probabilities may be from 1
+_LEAST = 1e-7  # probability taken from a map file, where float16 may have made it 0
 
 
 def require_settings(floor: float, angle_power: float, classes: int = 2) -> None:
@@ -66,14 +66,14 @@ def initial_logits(previous: NDArray[np.float32], grid: HeightGrid, classes: int
     if previous.shape != expected:
         raise InputError(
             f"probabilities of the earlier map have shape {previous.shape}, expected {expected}; "
-            "go on with the grid and the classes that it was saved with"
+            "resume with the grid and the classes that it was saved with"
         )
     values = torch.from_numpy(np.asarray(previous, dtype=np.float32)).flatten(1)
     logits = values.clamp(min=_LEAST).log()
     return (logits - logits.mean(dim=0)).T.contiguous()
 
 
-def restored_logits(state: Mapping[str, NDArray[Any]], shape: Sequence[int]) -> Tensor:
+def restored_logits(state: State, shape: Sequence[int]) -> Tensor:
     """The sums of a state.
 
     Raises:
@@ -83,6 +83,6 @@ def restored_logits(state: Mapping[str, NDArray[Any]], shape: Sequence[int]) -> 
     if logits.shape != tuple(shape):
         raise InputError(
             f"state of a label fusion has logits of shape {logits.shape}, expected {tuple(shape)}; "
-            "go on with the grid, the classes and the method that it was saved with"
+            "resume with the grid, the classes and the method that it was saved with"
         )
     return torch.from_numpy(logits)

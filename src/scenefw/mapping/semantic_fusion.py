@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.height_maps import HeightGrid, HeightMap
+from scenefw.core.labelling_protocols import State
 from scenefw.core.types import Frame
 from scenefw.kernels import label_fusion
 from scenefw.kernels.compile import float32
@@ -45,6 +43,8 @@ class SemanticFusion:
         device: where the probabilities live.
     """
 
+    reads_map = False
+
     def __init__(
         self,
         alpha: float = 1.0,
@@ -64,15 +64,15 @@ class SemanticFusion:
         grid: HeightGrid,
         classes: int,
         previous: NDArray[np.float32] | None = None,
-        state: Mapping[str, NDArray[Any]] | None = None,
+        state: State | None = None,
     ) -> RunningSemanticFusion:
-        """Uniform probabilities, or those of an earlier map.
+        """Starts from uniform probabilities or resumes.
 
         Args:
             grid: vertices and levels of detail.
             classes: C.
-            previous: (C, V, V) of an earlier map; certainty beyond float16's is forgotten.
-            state: of `RunningSemanticFusion.state`; goes on as if never interrupted.
+            previous: (C, V, V) of an earlier map; certainty beyond float16 is lost.
+            state: of `RunningSemanticFusion.state`; resumes as if never interrupted.
 
         Raises:
             InputError: the earlier probabilities or state have another grid or other classes.
@@ -89,7 +89,7 @@ class RunningSemanticFusion:
         grid: HeightGrid,
         classes: int,
         previous: NDArray[np.float32] | None,
-        state: Mapping[str, NDArray[Any]] | None,
+        state: State | None,
     ) -> None:
         require_settings(fusion.floor, fusion.angle_power, classes)
         self._fusion, self._classes = fusion, classes
@@ -127,7 +127,7 @@ class RunningSemanticFusion:
         )
 
     def probabilities(self) -> NDArray[np.float32]:
-        """(C, V, V), uniform where nothing was said."""
+        """(C, V, V), uniform where no frame has labelled the vertex."""
         classes, grid = self._classes, self._pyramid.grid
         logits, merged = self._logits.view(-1), self._logits.new_empty(0)
         for level in self._pyramid.levels():
@@ -139,6 +139,6 @@ class RunningSemanticFusion:
         label_fusion.normalise(vertices, merged, found.view(-1), vertices, classes)
         return found.cpu().numpy()
 
-    def state(self) -> dict[str, NDArray[Any]]:
-        """All that is known: `logits` (vertices of all levels, C)."""
+    def state(self) -> State:
+        """The whole state: `logits` (vertices of all levels, C)."""
         return {"logits": self._logits.cpu().numpy().copy()}

@@ -134,7 +134,7 @@ def test_frames_without_a_measurement_are_left_out(sequence, tmp_path, capsys):
 
 def test_an_interrupted_map_is_saved(sequence, tmp_path):
     strategies = hybrid()
-    source = strategies["hybrid"].views.source
+    source = strategies["hybrid"].source
     original = source.label
 
     def stop_at_fourth(frame):

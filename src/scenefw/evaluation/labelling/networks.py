@@ -15,13 +15,13 @@ from scenefw.noise.frames import disturb
 
 if TYPE_CHECKING:
     from scenefw.core.height_maps import HeightMap
-    from scenefw.core.protocols import (
+    from scenefw.core.labelling_protocols import (
         FrameSource,
         HeightMapping,
         LabelSource,
         MapLabelSource,
-        Noise,
     )
+    from scenefw.core.protocols import Noise
 
 Counts = NDArray[np.int64]
 Tracker = Callable[[Sequence[int], str], Iterable[int]]

@@ -10,10 +10,10 @@ import numpy as np
 
 from scenefw.core import rng
 from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.labels import known
 from scenefw.evaluation.labelling.curves import frame_counts
 from scenefw.evaluation.labelling.results import MAP_BASED, VIEW_BASED
 from scenefw.labelling.pooling import DOUBT, Pool, check_doubt, fit_pool
-from scenefw.labelling.running import known
 from scenefw.noise.frames import in_turns
 
 if TYPE_CHECKING:
