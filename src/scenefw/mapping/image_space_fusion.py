@@ -15,10 +15,9 @@ from scenefw.kernels.cameras import finite, stack_cameras
 from scenefw.kernels.compile import float32
 from scenefw.kernels.triangles import UNSEEN
 from scenefw.mapping.label_state import (
-    initial_logits,
     require_labels,
     require_settings,
-    restored_logits,
+    start_logits,
 )
 from scenefw.mapping.pyramid import corner_rays
 
@@ -28,7 +27,7 @@ class ImageSpaceFusion:
 
     A vertex is seen where its nearest pixel's depth agrees with its own. The interpolated
     distribution is mixed with the uniform one so that no class falls below `floor`, and its
-    logarithm is added (eq. 4.5). A far pixel speaks to several vertices, a near one maybe to none.
+    logarithm is added (eq. 4.5). A far pixel labels several vertices, a near one maybe none.
     Results don't depend on the number of threads.
 
     Args:
@@ -89,10 +88,7 @@ class RunningImageSpaceFusion:
         require_settings(fusion.floor, fusion.angle_power, classes)
         self._fusion, self._grid, self._classes = fusion, grid, classes
         self._logits = torch.zeros((grid.vertices**2, classes), device=fusion.device)
-        if state is not None:
-            self._logits.copy_(restored_logits(state, self._logits.shape))
-        elif previous is not None:
-            self._logits.copy_(initial_logits(previous, grid, classes))
+        start_logits(self._logits, slice(None), grid, previous, state)
 
     def add(
         self,
@@ -100,7 +96,7 @@ class RunningImageSpaceFusion:
         frame: Frame,
         heights: HeightMap | None = None,
     ) -> None:
-        """Fuses what the pixels around each vertex in view are.
+        """Fuses the labels of the pixels around each vertex in view.
 
         Args:
             probabilities: (C, H, W) that sum to 1 over the classes.

@@ -19,7 +19,7 @@ _LEAST = 1e-7  # probability taken from a map file, where float16 may have made 
 def require_settings(floor: float, angle_power: float, classes: int = 2) -> None:
     """Raises a ConfigError unless the floor leaves room for `classes` and the power is >= 0."""
     if classes < 2:
-        raise ConfigError(f"labels of {classes} class(es) say nothing; give 2 classes or more")
+        raise ConfigError(f"labels need 2 classes or more, got {classes}")
     if not 0 < floor < 1 / classes:
         raise ConfigError(
             f"the smallest likelihood of {classes} classes is floor = {floor}; expected more than "
@@ -54,6 +54,31 @@ def require_labels(probabilities: NDArray[np.float32], frame: Frame, classes: in
             "1 that add up to 1 (scores need a softmax, percent a division by 100)"
         )
     return torch.from_numpy(values)
+
+
+def start_logits(
+    logits: Tensor,
+    finest: slice,
+    grid: HeightGrid,
+    previous: NDArray[np.float32] | None,
+    state: State | None,
+) -> None:
+    """Fills the logits (N, C) of a new fusion, which are zeros, with what it resumes from.
+
+    Args:
+        logits: of the vertices of all levels.
+        finest: those of the finest level.
+        grid: the vertices.
+        previous: (C, V, V) of an earlier map; not read if there is a state.
+        state: of a saved fusion; None = none was kept.
+
+    Raises:
+        InputError: the earlier probabilities or state have another grid or other classes.
+    """
+    if state is not None:
+        logits.copy_(restored_logits(state, logits.shape))
+    elif previous is not None:
+        logits[finest] = initial_logits(previous, grid, logits.shape[1]).to(logits)
 
 
 def initial_logits(previous: NDArray[np.float32], grid: HeightGrid, classes: int) -> Tensor:

@@ -13,10 +13,9 @@ from scenefw.core.types import Frame
 from scenefw.kernels import label_fusion
 from scenefw.kernels.compile import float32
 from scenefw.mapping.label_state import (
-    initial_logits,
     require_labels,
     require_settings,
-    restored_logits,
+    start_logits,
 )
 from scenefw.mapping.pyramid import Pyramid
 
@@ -28,15 +27,15 @@ class SemanticFusion:
     triangle, times their barycentric coefficients as exponents: these add up to one, so a pixel is
     counted once (the thesis says "divided by" the coefficient, against its own figure 4.4). A pixel
     belongs to the level of detail that fits its footprint, as in height fusion, else a far camera
-    would leave vertices between pixels unsaid; a coarser level's sums are divided among the finer
-    vertices it stands for. Eq. 4.8 gives likelihood 0 to other classes at distance 0: here the
-    distribution is mixed with the uniform one so that none falls below `floor`.
+    would leave vertices between pixels unlabelled; a coarser level's sums are divided among the
+    finer vertices it stands for. Eq. 4.8 gives likelihood 0 to other classes at distance 0: here
+    the distribution is mixed with the uniform one so that none falls below `floor`.
 
     Results don't depend on the number of threads; on CUDA sums vary in their last bits.
 
     Args:
-        alpha: decay of a pixel's say with its horizontal distance from the vertex, per spacing of
-            the vertices of its level (eq. 4.8).
+        alpha: decay of a pixel's weight with its horizontal distance from the vertex, per spacing
+            of the vertices of its level (eq. 4.8).
         floor: smallest likelihood of a class, in (0, 1 / C).
         angle_power: pixels weigh cos^power of the angle between their ray and the vertical.
         a: pixels that a triangle of the chosen level covers.
@@ -95,12 +94,7 @@ class RunningSemanticFusion:
         self._fusion, self._classes = fusion, classes
         self._pyramid = Pyramid(grid, fusion.a, fusion.device)
         self._logits = torch.zeros((self._pyramid.vertices, classes), device=fusion.device)
-        if state is not None:
-            self._logits.copy_(restored_logits(state, self._logits.shape))
-        elif previous is not None:
-            self._logits[self._pyramid.finest] = initial_logits(previous, grid, classes).to(
-                self._logits
-            )
+        start_logits(self._logits, self._pyramid.finest, grid, previous, state)
 
     def add(
         self,
@@ -108,12 +102,12 @@ class RunningSemanticFusion:
         frame: Frame,
         heights: HeightMap | None = None,
     ) -> None:
-        """Fuses what a frame's pixels are; pixels without depth say nothing.
+        """Fuses the labels of a frame; pixels without depth are skipped.
 
         Args:
             probabilities: (C, H, W) that sum to 1 over the classes.
             frame: depth and camera, whose pose is in the world frame.
-            heights: not needed here.
+            heights: not read.
 
         Raises:
             InputError: probabilities of another shape, or not finite.
