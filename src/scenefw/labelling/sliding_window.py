@@ -1,4 +1,4 @@
-"""Labels of maps of any size, window by window, as one pass over the whole map would give them."""
+"""Labels of maps of any size, window by window, equal to those of one pass over the whole map."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ class Window:
 
 
 class SlidingWindow:
-    """Runs a network over windows that overlap by what their borders don't know (thesis 4.7.3).
+    """Runs a network over windows that overlap by the context their borders lack (thesis 4.7.3).
 
     Windows of d pixels lie o = d - 2 r apart (eq. 4.11). With r the receptive field, as in the
     thesis, that is more than enough: a pixel depends on no more than half of it to either side, so
@@ -100,7 +100,7 @@ def windows(size: int, side: int, margin: int) -> Iterator[Window]:
 
 @torch.inference_mode()
 def bytes_per_pixel(network: nn.Module) -> float:
-    """Bytes of all features that a pass over an image makes, per pixel: more than live at once."""
+    """Bytes of all features of a pass over an image, per pixel: more than are alive at once."""
     total, side = 0, 8 * network.stride
 
     def count(_module: nn.Module, _inputs: object, output: Tensor) -> None:

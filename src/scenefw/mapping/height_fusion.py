@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.height_maps import HeightGrid, HeightMap
+from scenefw.core.labelling_protocols import State
 from scenefw.core.types import Frame
 from scenefw.kernels import heights as kernels
 from scenefw.kernels.compile import float32
 from scenefw.kernels.triangles import UNSEEN
 from scenefw.mapping.pyramid import Landed, Pyramid
-
-State = dict[str, NDArray[Any]]
 
 
 class HeightFusion:
@@ -27,23 +22,23 @@ class HeightFusion:
     Each depth pixel falls into a triangle of the level of detail that fits its distance and
     constrains the triangle's three vertices by its barycentric weights (eq. 4.1). The normal
     equations (eq. 4.2) of each level are kept whole, so nothing of earlier frames is lost; a few
-    Gauss-Seidel sweeps over what a frame touched follow it. Levels are merged from coarse to fine,
-    a coarser one counting as at most `prior` of a measurement at vertices that have their own, and
-    alone between them. What no measurement touched at any level stays unseen. Results don't depend
-    on the number of threads; on CUDA sums vary in their last bits.
+    Gauss-Seidel sweeps over what a frame touched follow it. Levels are merged from coarse to fine:
+    a coarser one counts as at most `prior` of a measurement at vertices that have their own, and
+    alone between them. Vertices that no measurement touched at any level stay unseen.
+    Results don't depend on the number of threads; on CUDA sums vary in their last bits.
 
     What eq. 4.2 leaves open: while a vertex has few measurements the equations amplify noise, so
-    one whose diagonal of J'J is below `damping` is drawn to the mean of the measurements about it
-    by what it lacks; a measurement farther than `outlier` from the surface known so far is weighted
-    down as Huber's loss does.
+    one whose diagonal of J'J is below `damping` is pulled to the mean of the measurements around
+    it, by as much as it lacks; a measurement farther than `outlier` from the surface known so far
+    is weighted down as Huber's loss does.
 
     Args:
         grid: vertices and levels of detail; None = 1025 x 1025 over 1.024 m.
         a: pixels that a triangle of the chosen level covers.
         iterations: of the solver per frame, two Gauss-Seidel sweeps each.
         outlier: distance from the known surface (m) beyond which weights fall; None = never.
-        prior: most that coarser levels count where a vertex has measurements of its own.
-        damping: diagonal of J'J below which a vertex is drawn to the mean about it.
+        prior: how much coarser levels count at most where a vertex has measurements of its own.
+        damping: diagonal of J'J below which a vertex is pulled to the mean around it.
         device: where the map lives.
     """
 
@@ -67,14 +62,14 @@ class HeightFusion:
         self.prior, self.damping, self.device = prior, damping, device
 
     def begin(
-        self, previous: HeightMap | None = None, state: Mapping[str, NDArray[Any]] | None = None
+        self, previous: HeightMap | None = None, state: State | None = None
     ) -> RunningHeightFusion:
-        """An empty map, or one that goes on.
+        """Starts an empty map or resumes one.
 
         Args:
             previous: an earlier map; each seen vertex becomes one measurement of its own, weighted
-                by its confidence, so what its neighbours shared is forgotten.
-            state: of `RunningHeightFusion.state`; goes on as if never interrupted.
+                by its confidence, so what its neighbours shared is lost.
+            state: of `RunningHeightFusion.state`; resumes as if never interrupted.
 
         Raises:
             InputError: the earlier map or state has another grid.
@@ -126,12 +121,12 @@ class RunningHeightFusion:
         return HeightMap(grid, height, colour, confidence, variance)
 
     def state(self) -> State:
-        """All that is known: `sums` (vertices of all levels, 11) and `heights` (vertices)."""
+        """The whole state: `sums` (vertices of all levels, 11) and `heights` (vertices)."""
         sums = self._sums.view(-1, kernels.RECORD).cpu().numpy().copy()
         return {"sums": sums, "heights": self._heights[0].cpu().numpy().copy()}
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Goes on from a state.
+    def restore(self, state: State) -> None:
+        """Resumes from a state.
 
         Raises:
             InputError: it is of another grid or holds something else.

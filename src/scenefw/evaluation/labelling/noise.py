@@ -84,10 +84,10 @@ class LabellingNoise:
         pose_noise: from `sigma` to noise of poses.
         depth_noise: from `sigma` to noise of depth.
         scenes: how many; None = all. The thesis has 3.
-        chosen: names of the noises that were asked for.
+        chosen: names of the noises on the command line.
 
     Raises:
-        ConfigError: an amount is no length, or a noise was asked for that is not varied here.
+        ConfigError: an amount is no length, or a chosen noise is not varied here.
     """
 
     def __init__(
@@ -104,7 +104,7 @@ class LabellingNoise:
         others = sorted(set(chosen) - {"pose", "gaussian"})
         if others:
             raise ConfigError(
-                f"a noise map varies the noises pose and gaussian, not {', '.join(others)}; give "
+                f"a noise map varies pose and Gaussian noise, not {', '.join(others)}; give "
                 "noise=[pose,gaussian] (experiment=view_vs_map compares under any noise)"
             )
         self.bench = bench
