@@ -1,13 +1,31 @@
-"""Atomic file writing: a kill at any moment leaves the old file or the new one, never half."""
+"""Files: the order of their names, and atomic writing, so that no file is ever half-written."""
 
 import os
+import re
 import secrets
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from scenefw.core.errors import StorageError
+
+_NUMBER = re.compile(r"(?<![0-9])(?<![0-9]\.)[0-9]+")
+"""A whole number, or what comes before a decimal point; digits after one sort well as text."""
+
+_LONGEST_NAME = 255
+
+
+def in_order(paths: Iterable[Path]) -> list[Path]:
+    """Files and folders by name, numbers by their value: 2 before 10.
+
+    Names whose numbers are padded to one width come in the order of their text.
+    """
+    return sorted(paths, key=lambda path: ([_padded(part) for part in path.parts], path))
+
+
+def _padded(name: str) -> str:
+    return _NUMBER.sub(lambda number: number[0].zfill(_LONGEST_NAME), name)
 
 
 @contextmanager

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.files import in_order
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,7 @@ class GatheredRuns:
         Raises:
             InputError: there are none.
         """
-        found = sorted((path.parent for path in self.input.rglob("metrics.json")), key=_number)
+        found = in_order(path.parent for path in self.input.rglob("metrics.json"))
         if not found:
             raise InputError(
                 f"no metrics.json below {self.input}; give the folder of a sweep (-m) whose runs "
@@ -104,11 +105,6 @@ class GatheredRuns:
             for words, folder in zip(own, found, strict=True)
         ]
         return RunsResult(tuple(runs), self.columns, shared)
-
-
-def _number(folder: Path) -> tuple[str, int, str]:
-    """Sorts 10 after 9."""
-    return str(folder.parent), int(folder.name) if folder.name.isdigit() else -1, folder.name
 
 
 def _overrides(folder: Path) -> Sequence[str]:

@@ -11,6 +11,7 @@ from scenefw.core.height_maps import HeightGrid, HeightMap
 from scenefw.core.labelling_protocols import State
 from scenefw.core.types import Frame
 from scenefw.kernels import heights as kernels
+from scenefw.kernels import rivals
 from scenefw.kernels.compile import float32
 from scenefw.kernels.triangles import UNSEEN
 from scenefw.mapping.pyramid import Landed, Pyramid
@@ -28,9 +29,11 @@ class HeightFusion:
     Results don't depend on the number of threads; on CUDA sums vary in their last bits.
 
     What eq. 4.2 leaves open: while a vertex has few measurements the equations amplify noise, so
-    one whose diagonal of J'J is below `damping` is pulled to the mean of the measurements around
-    it, by as much as it lacks; a measurement farther than `outlier` from the surface known so far
-    is weighted down as Huber's loss does.
+    one whose diagonal of J'J is below `damping` is drawn to the mean of the measurements about it
+    by what it lacks; a measurement farther than `outlier` from the surface known so far is weighted
+    down as Huber's loss does, and where more measurements of several frames agree on another height
+    it becomes the surface, and what was fused before is weighted down (`kernels.rivals`). So a bad
+    frame, the first one too, counts little once others outweigh it.
 
     Args:
         grid: vertices and levels of detail; None = 1025 x 1025 over 1.024 m.
@@ -92,6 +95,7 @@ class RunningHeightFusion:
         self._sums = torch.zeros(vertices * kernels.RECORD, device=device)
         # The second half is what bands see of their neighbours while those change.
         self._heights = torch.full((2, vertices), float(UNSEEN), device=device)
+        self._rivals, self._far = (torch.zeros(2 * vertices, device=device) for _ in range(2))
 
     def add(self, frame: Frame) -> None:
         """Fuses depth and colour of a frame, whose camera's pose is in the world frame.
@@ -102,7 +106,10 @@ class RunningHeightFusion:
         landed = self._pyramid.locate(frame)
         (outlier,) = float32(self._fusion.outlier or float(UNSEEN))
         colour = self._colour(frame)
-        kernels.add(landed.pixels, *landed.arguments, colour, self._sums, self._heights[0], outlier)
+        surface = (self._sums, self._heights[0], self._far)
+        kernels.add(landed.pixels, *landed.arguments, colour, *surface, outlier)
+        if self._fusion.outlier is not None:
+            self._vote(landed, outlier)
         self._solve(landed)
 
     def height_map(self) -> HeightMap:
@@ -121,17 +128,21 @@ class RunningHeightFusion:
         return HeightMap(grid, height, colour, confidence, variance)
 
     def state(self) -> State:
-        """The whole state: `sums` (vertices of all levels, 11) and `heights` (vertices)."""
-        sums = self._sums.view(-1, kernels.RECORD).cpu().numpy().copy()
-        return {"sums": sums, "heights": self._heights[0].cpu().numpy().copy()}
+        """The whole state: per vertex of all levels `sums` (11), `heights` and `rivals` (2)."""
+        sums, rival = self._sums.view(-1, kernels.RECORD), self._rivals.view(-1, 2)
+        known = {"sums": sums, "heights": self._heights[0], "rivals": rival}
+        return {name: tensor.cpu().numpy().copy() for name, tensor in known.items()}
 
     def restore(self, state: State) -> None:
-        """Resumes from a state.
+        """Resumes from a state; one of an earlier version has no `rivals`, and none are known.
 
         Raises:
             InputError: it is of another grid or holds something else.
         """
-        for name, tensor in (("sums", self._sums), ("heights", self._heights[0])):
+        parts = {"sums": self._sums, "heights": self._heights[0]}
+        if "rivals" in state:
+            parts["rivals"] = self._rivals
+        for name, tensor in parts.items():
             stored = np.asarray(state.get(name, ()), dtype=np.float32)
             if stored.size != tensor.numel():
                 raise InputError(
@@ -164,6 +175,15 @@ class RunningHeightFusion:
         sums = self._sums.view(-1, kernels.RECORD)[finest]
         sums.copy_(torch.from_numpy(records.reshape(-1, kernels.RECORD)))
         self._heights[0, finest].copy_(torch.from_numpy(height.reshape(-1)))
+
+    def _vote(self, landed: Landed, outlier: np.float32) -> None:
+        """Where the frame is far from the surface: what else has more support takes over."""
+        where = (len(landed.bands), landed.bands, self._pyramid.layout, landed.boxes)
+        wins = torch.empty_like(landed.bands)
+        surface = (self._sums, self._heights[0], self._far, self._rivals)
+        rivals.vote(*where, *surface, wins, outlier)
+        rivals.take_over(*where, *surface, wins)
+        rivals.clear(*where, self._far, wins)
 
     def _solve(self, landed: Landed) -> None:
         """Sweeps the bands that a frame touched."""

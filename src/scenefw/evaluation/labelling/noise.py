@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.files import in_order
 from scenefw.evaluation.labelling.results import Score, Scores, read_scores, score
 from scenefw.evaluation.statistics import Interval, mean_interval
 
@@ -151,7 +152,7 @@ class GatheredNoise:
             InputError: there are none, or runs that can't be one result: of different numbers of
                 frames, or of the same amounts and other scores.
         """
-        found = sorted(self.input.rglob(SCORES_FILE))
+        found = in_order(self.input.rglob(SCORES_FILE))
         if not found:
             raise InputError(
                 f"no {SCORES_FILE} below {self.input}; give the folder of a sweep of "
