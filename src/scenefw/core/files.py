@@ -1,5 +1,6 @@
 """Files: the order of their names, and atomic writing, so that no file is ever half-written."""
 
+import io
 import os
 import re
 import secrets
@@ -63,6 +64,31 @@ def write_text(target: Path | str, text: str) -> None:
     """Writes UTF-8 text atomically."""
     with replacing(target) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def append_text(target: Path | str, text: str) -> None:
+    """Adds UTF-8 text to a file, all of it or nothing.
+
+    Raises:
+        StorageError: the file can't be written, or the disk is full.
+    """
+    target = Path(target)
+    try:
+        with target.open("ab", buffering=0) as file:
+            before = file.tell()
+            try:
+                _write_all(file, text.encode("utf-8"))
+            except OSError:
+                file.truncate(before)
+                raise
+    except OSError as error:
+        raise _unwritable(target, error) from error
+
+
+def _write_all(file: io.RawIOBase, content: bytes) -> None:
+    rest = memoryview(content)
+    while rest:  # a nearly full disk takes a part, and complains of the next
+        rest = rest[file.write(rest) or 0 :]
 
 
 def require_writable(folder: Path | str) -> Path:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from scenefw.core.errors import InputError
-from scenefw.core.files import in_order, write_text
+from scenefw.core.files import in_order, replacing, write_text
 from scenefw.core.labels import UNKNOWN
 from scenefw.core.types import Frame
 from scenefw.data import poses as pose_files
@@ -203,6 +203,7 @@ def write_sequence(
 
     Raises:
         InputError: no frame, or frames of several image sizes.
+        StorageError: the folder can't be written, or the disk is full.
     """
     folder, poses, camera = Path(folder), [], None
     for index, frame in enumerate(frames):
@@ -351,5 +352,5 @@ def _image(path: Path, mode: str, frame: Frame) -> NDArray[np.uint8]:
 
 
 def _write_image(path: Path, values: NDArray[Any]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    Image.fromarray(np.ascontiguousarray(values)).save(path)
+    with replacing(path) as temporary:
+        Image.fromarray(np.ascontiguousarray(values)).save(temporary)

@@ -74,7 +74,7 @@ class NetworkMapLabels:
 
     Args:
         checkpoint: a loaded checkpoint.
-        window: cuts the map into windows; None takes as large ones as 512 MB hold.
+        window: cuts the map into windows; None takes as large ones as free memory holds.
         classes: names by class id to expect; None takes those of the checkpoint.
         device: where the network runs.
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefw.core.errors import StorageError
-from scenefw.core.files import in_order, replacing, require_writable, write_text
+from scenefw.core.files import append_text, in_order, replacing, require_writable, write_text
 
 
 def test_a_block_that_ends_well_replaces_the_file(tmp_path):
@@ -142,3 +142,25 @@ def test_numbers_in_names_count_as_numbers(names):
 def test_padded_numbers_keep_the_order_of_text(parts):
     names = [Path(f"{text}{number:03}{text}.png") for text, number in parts]
     assert in_order(names) == sorted(names)
+
+
+def test_a_full_disk_leaves_the_old_file_alone(tmp_path, full_disk):
+    target = tmp_path / "file.txt"
+    write_text(target, "old")
+    with full_disk(1000), pytest.raises(StorageError, match=r"file\.txt: File too large; choose"):
+        write_text(target, 2000 * "n")
+    assert target.read_text() == "old"
+    assert [p.name for p in tmp_path.iterdir()] == ["file.txt"]
+
+
+def test_text_is_added_whole_or_not_at_all(tmp_path, full_disk):
+    target = tmp_path / "rows.csv"
+    append_text(target, "a,1\n")
+    append_text(target, "\u00e4,2\r\n")
+    before = target.read_bytes()
+    assert before == b"a,1\n\xc3\xa4,2\r\n"
+    with full_disk(1000), pytest.raises(StorageError, match=r"rows\.csv: File too large"):
+        append_text(target, 2000 * "n")  # the first 990 bytes still fit
+    assert target.read_bytes() == before
+    with pytest.raises(StorageError, match="none"):
+        append_text(tmp_path / "none" / "rows.csv", "a")

@@ -1,11 +1,12 @@
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from scenefw.core.errors import InputError
+from scenefw.core.errors import InputError, StorageError
 from scenefw.core.geometry import look_at, quaternion_from_rotation, rigid
 from scenefw.core.types import Camera, Frame
 from scenefw.data.sequences import (
@@ -296,3 +297,12 @@ def test_tum_files_under_times_of_others_are_named(tmp_path, kind):
     file.write_text("\n".join(map(" ".join, zip(swapped, names, strict=True))))
     with pytest.raises(InputError, match=f"lists {kind}/.* under time .*2 of 4 files"):
         TUMSequence(tmp_path)
+
+
+@pytest.mark.parametrize("size", [100, 1200])
+def test_a_full_disk_leaves_no_half_file(tmp_path, full_disk, size):
+    with full_disk(size), pytest.raises(StorageError, match="File too large"):
+        write_sequence(tmp_path, frames())
+    for path in filter(Path.is_file, tmp_path.rglob("*")):
+        Image.open(path).load()  # whole
+        assert not path.name.startswith(".")
