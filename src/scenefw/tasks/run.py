@@ -20,6 +20,7 @@ from scenefw.core.files import require_writable, write_text
 from scenefw.core.rng import torch_seed
 from scenefw.core.versions import installed
 from scenefw.tasks.leftovers import FIGURES, RECORD, SETTINGS, Leftovers
+from scenefw.tasks.threads import require_threads, threads
 from scenefw.tasks.weights import used_weights
 
 if TYPE_CHECKING:
@@ -49,6 +50,7 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
         overrides = list(HydraConfig.get().overrides.task)
     try:
         require_seed(config.seed)
+        require_threads(config.threads)
         plugins.activate()
         check_types(config, "run")
         output = _own_folder(Path(config.paths.output).absolute())
@@ -93,7 +95,8 @@ def _work(config: DictConfig, output: Path, overrides: list[str]) -> dict[str, A
     (output / FIGURES).unlink(missing_ok=True)
     write_text(output / SETTINGS, resolved)
     write_text(output / RECORD, json.dumps(record, indent=2) + "\n")
-    figures = dict(task.run())
+    with threads(config.threads, yields=config.yielding):
+        figures = dict(task.run())
     write_text(output / FIGURES, json.dumps(figures, indent=2) + "\n")
     return figures
 
