@@ -4,8 +4,8 @@ import torch
 
 from scenefw.core.cores import Supply
 from scenefw.core.errors import ConfigError
+from scenefw.execution import threads as module
 from scenefw.execution.threads import require_threads, threads
-from scenefw.tasks import threads as module
 
 
 @pytest.fixture
