@@ -94,6 +94,34 @@ def test_list_shows_every_option_with_its_description(nil):
     assert "A run that does nothing" in done.stdout
     assert "Voxel grid over a 1 m cube" in done.stdout
     assert "nil" in next(line for line in done.stdout.splitlines() if "does nothing" in line)
+    (row,) = (line for line in done.stdout.splitlines() if "Partial TSDF of depth images" in line)
+    assert "run=" in row
+    assert "mapping" in row
+
+
+def test_list_of_a_group_shows_its_options_alone(nil):
+    done = nil("--list", "run")
+    assert done.returncode == 0, done.stderr
+    assert "run=nil: A run that does nothing" in done.stdout
+    assert "${paths.output}" in done.stdout
+    assert "Voxel grid" not in done.stdout
+
+
+def test_a_group_of_a_plugin_says_what_it_is(nil, tmp_path):
+    folder = tmp_path / "plugins" / "nil" / "conf" / "colour"
+    folder.mkdir()
+    (folder / "_group.yaml").write_text("about: What colours there are\nverbs: [nil]\n")
+    (folder / "red.yaml").write_text("# Like roses\nhue: 0\n")
+    done = nil("--list", "colour")
+    assert done.returncode == 0, done.stderr
+    for words in ("What colours there are", "run=nil", "colour=red: Like roses"):
+        assert words in done.stdout
+    assert "_group" not in nil("--help").stdout
+
+
+@pytest.mark.parametrize("word", ["nonsense", "modle"])
+def test_a_group_that_is_none_is_one_line(scenefw, word):
+    assert_one_line(scenefw("--list", word), f"no group '{word}'", "did you mean")
 
 
 @pytest.mark.parametrize("unread", ["stdout", "stdout and stderr"])
@@ -174,6 +202,7 @@ def test_version(scenefw):
         ("seed", "'seed' is not understood"),
         ("renderer=null", "~renderer"),
         ("seed=${sede}", "sede"),
+        ("paths.weights=${ablation.x}", "no ablation is chosen"),
     ],
 )
 def test_a_slip_of_the_pen_gets_one_line_with_near_misses(nil, typed, expected):

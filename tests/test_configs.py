@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from hydra.utils import get_object
 from omegaconf import DictConfig, ListConfig, OmegaConf
+from omegaconf.errors import InterpolationKeyError
 
 from scenefw import config, plugins, registry
 from scenefw.argument_types import check_types
@@ -200,6 +201,25 @@ def test_registry_names_near_misses(words, expected):
     group, name, *arguments = words
     with pytest.raises(config.ConfigError, match=expected):
         registry.build(group, name, **dict.fromkeys(arguments, 1))
+
+
+def test_parts_of_maps_are_chosen_as_typed():
+    words = ["run=label", "labelling=view_based", "semantics=image_space_fusion"]
+    settings = OmegaConf.to_container(config.compose(words), resolve=True)["run"]
+    assert settings["strategies"]["view_based"]["labels"]["_target_"].endswith("ImageSpaceFusion")
+    assert settings["odometry"]["_target_"].endswith("RGBDOdometry")
+
+
+@pytest.mark.parametrize("missing", ["learning", "model", "dataset"])
+def test_what_nothing_chooses_is_named(missing):
+    chosen = {"learning": "shape_instance", "model": "shape_instance_vae", "dataset": "stacks"}
+    words = [f"{group}={name}" for group, name in chosen.items() if group != missing]
+    whole = config.compose(["~experiment", "run=train", *words])
+    with pytest.raises(InterpolationKeyError) as raised:
+        OmegaConf.to_container(whole.run, resolve=True)
+    options = {group: sorted(found) for group, found in registry.catalogue().items()}
+    line = str(config.explain(raised.value, [], options))
+    assert line.startswith(f"no {missing} is chosen; give {missing}=")
 
 
 @pytest.mark.parametrize("run", ["evaluate", "pipeline", "train_and_evaluate"])
