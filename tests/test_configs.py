@@ -153,7 +153,8 @@ def test_registry_names_near_misses(words, expected):
 def test_matching_is_chosen_for_all_that_compares_stacks(run):
     whole = config.compose([f"run={run}", "matching._target_=a.plugin.Matching"])
     resolved = OmegaConf.to_container(whole, resolve=True)
-    found = [node["matching"]["_target_"] for node in nodes_with(resolved["run"], "matching")]
+    read = {"run": resolved["run"], "built later": resolved["evaluation"]}
+    found = [node["matching"]["_target_"] for node in nodes_with(read, "matching")]
     assert found
     assert set(found) == {"a.plugin.Matching"}
 

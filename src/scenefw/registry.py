@@ -36,6 +36,10 @@ PACKAGES = {
     "learning": "learning",
     "trainer": "learning",
     "evaluation": "evaluation",
+    "presentation": "report",
+    "gallery": "report",
+    "showcase": "report",
+    "card": "report",
     "report": "report",
     "run": "tasks",
     "grid": "core",
@@ -66,6 +70,14 @@ def names(group: str) -> list[str]:
         ConfigError: there is no such group.
     """
     return sorted(_options(group))
+
+
+def settings(group: str, name: str) -> dict[str, Any]:
+    """The plain settings of an option as its file has them, without its defaults."""
+    from omegaconf import OmegaConf
+
+    found: Any = OmegaConf.to_container(OmegaConf.load(_file(group, name)), resolve=False)
+    return found if isinstance(found, dict) else {}
 
 
 def describe(group: str, name: str) -> str:

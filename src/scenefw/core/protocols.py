@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     import numpy as np
     import torch
@@ -20,7 +20,10 @@ if TYPE_CHECKING:
         ShapeInstancePrediction,
     )
     from scenefw.core.height_maps import HeightGrid, HeightMap
+    from scenefw.core.measures import Measure
     from scenefw.core.types import Frame, GridSpec, Pose, Scene, SceneObject, Shape
+
+Item = TypeVar("Item")
 
 
 class ShapeSource(Protocol):
@@ -139,6 +142,10 @@ class InstanceExtractor(Protocol):
 class Reconstructor(Protocol):
     """A method that evaluation compares: from partial views to complete scenes."""
 
+    @property
+    def grid(self) -> GridSpec | None:
+        """Of its volumes; None if it takes any."""
+
     def reconstruct(
         self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
     ) -> Sequence[tuple[Tensor, Tensor]]:
@@ -242,6 +249,32 @@ class FrameSource(Protocol):
 
     def truth(self, scene: int) -> HeightMap:
         """Orthographic heights, colour and labels of the scene."""
+
+
+class Result(Protocol):
+    """What an evaluation found."""
+
+    @property
+    def figures(self) -> Mapping[str, float]:
+        """All figures by name, as `metrics.json` has them."""
+
+    @property
+    def measures(self) -> Mapping[str, Measure]:
+        """What is said of figures, by their names; figures without a measure are printed bare."""
+
+
+class Track(Protocol):
+    """Wraps a loop, e.g. in a progress bar."""
+
+    def __call__(self, items: Sequence[Item], what: str, /) -> Iterable[Item]:
+        """The items in their order; `what` says in a word or two what they are."""
+
+
+class Evaluation(Protocol):
+    """Scores methods, or gathers scores (group `evaluation`)."""
+
+    def run(self, track: Track = ...) -> Result:
+        """What it found; `track` wraps its main loop."""
 
 
 class Task(Protocol):

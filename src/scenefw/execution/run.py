@@ -81,12 +81,13 @@ def _work(config: DictConfig, output: Path, overrides: list[str]) -> dict[str, A
 
     config.device = pick_device(config.device)
     resolved = OmegaConf.to_yaml(config, resolve=True)
+    plain: Any = OmegaConf.to_container(config, resolve=True)
     record = {
         "seed": config.seed,
         "versions": versions(),
         "command": sys.argv[1:],
         "overrides": overrides,
-        "weights": used_weights(OmegaConf.to_container(config.run, resolve=True)),
+        "weights": used_weights(plain),
     }
     _seed_initial_weights(config.seed)
     task = Builder(config).build("run")
@@ -94,6 +95,10 @@ def _work(config: DictConfig, output: Path, overrides: list[str]) -> dict[str, A
     write_text(output / SETTINGS, resolved)
     write_text(output / RECORD, json.dumps(record, indent=2) + "\n")
     figures = dict(task.run())
+    if used_weights(plain) != record["weights"]:  # the run itself trained some of them
+        write_text(
+            output / RECORD, json.dumps(record | {"weights": used_weights(plain)}, indent=2) + "\n"
+        )
     write_text(output / FIGURES, json.dumps(figures, indent=2) + "\n")
     return figures
 

@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenefw.core.errors import ConfigError, InputError
+from scenefw.evaluation.labelling.measures import of_networks
 from scenefw.metrics.semantic import class_ious, count_classes, mean_iou, weighted_iou
 from scenefw.noise.frames import disturb
 
 if TYPE_CHECKING:
     from scenefw.core.height_maps import HeightMap
+    from scenefw.core.measures import Measure
     from scenefw.core.protocols import (
         FrameSource,
         HeightMapping,
@@ -55,6 +57,11 @@ class NetworksResult:
             found |= {f"{name}/{label}": float(iou) for label, iou in ious}
             found[f"{name}/number"] = float(self.number[name])
         return {name: value for name, value in found.items() if np.isfinite(value)}
+
+    @property
+    def measures(self) -> Mapping[str, Measure]:
+        """What is said of the figures."""
+        return of_networks(tuple(self.counts), self.classes)
 
 
 class LabellingNetworks:

@@ -10,16 +10,15 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.measures import Measure
 from scenefw.core.types import Float64, Frame, Int32, SceneEstimate
 from scenefw.data.readers import find_images, read_frame
 from scenefw.evaluation.stacks.depth_components import DepthComponents
+from scenefw.evaluation.stacks.measures import REAL_IMAGES, REFERENCE
 from scenefw.metrics.masks import MaskScores, mask_scores
 from scenefw.perception.points import world_points
 
 Tracker = Callable[[Sequence[Path], str], Iterable[Path]]
-
-# Whole Object Segmentation Database, depth only (Xie et al. 2021, UOIS-Net-3D).
-PUBLISHED = {"overlap_f": 0.833, "boundary_f": 0.712}
 
 
 class Estimator(Protocol):
@@ -58,14 +57,19 @@ class RealMaskResult:
     @property
     def figures(self) -> dict[str, float]:
         """Means over images by name; the reference's have the prefix `reference/`."""
-        ours = {name: _mean([i.scores for i in self.images], name) for name in MEASURES}
-        theirs = {name: _mean([i.reference for i in self.images], name) for name in MEASURES}
+        ours = {name: _mean([i.scores for i in self.images], name) for name in SCORES}
+        theirs = {name: _mean([i.reference for i in self.images], name) for name in SCORES}
         counts = {"images": float(len(self.images)), "failures": float(len(self.failures))}
-        return ours | {f"reference/{name}": value for name, value in theirs.items()} | counts
+        return ours | {f"{REFERENCE}/{name}": value for name, value in theirs.items()} | counts
+
+    @property
+    def measures(self) -> Mapping[str, Measure]:
+        """What is said of the figures."""
+        return REAL_IMAGES
 
 
-MEASURES = [f.name for f in fields(MaskScores) if f.name not in {"predicted", "true"}]
-MEASURES.append("count_error")
+SCORES = [f.name for f in fields(MaskScores) if f.name not in {"predicted", "true"}]
+SCORES.append("count_error")
 
 
 class RealMasks:

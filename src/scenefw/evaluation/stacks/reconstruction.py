@@ -50,7 +50,8 @@ class ReconstructionEvaluation:
 
     Args:
         scenes: of the test split.
-        methods: by name; the first is the main one. A method with a `grid` is given views on it.
+        methods: by name; the first is the main one. A method with a grid is given views on it. None
+            leaves one out.
         viewpoints: draws cameras.
         renderer: makes depth images of the true TSDF, and of all TSDFs for what is visible.
         mapping: from depth to partial TSDF.
@@ -71,7 +72,7 @@ class ReconstructionEvaluation:
     def __init__(
         self,
         scenes: StackScenes,
-        methods: Mapping[str, Reconstructor],
+        methods: Mapping[str, Reconstructor | None],
         viewpoints: Viewpoints,
         renderer: Renderer,
         mapping: MappingMethod,
@@ -85,13 +86,13 @@ class ReconstructionEvaluation:
         seed: int = 0,
         device: str = "cpu",
     ) -> None:
-        if not methods or views < 1 or samples < 1:
+        self.methods = {name: method for name, method in methods.items() if method is not None}
+        if not self.methods or views < 1 or samples < 1:
             raise ConfigError(
-                f"evaluation needs methods, views and samples, got {len(methods)}, {views} and "
-                f"{samples}; expected at least 1 of each"
+                f"evaluation needs methods, views and samples, got {len(self.methods)}, {views} "
+                f"and {samples}; expected at least 1 of each"
             )
         self.scenes = scenes
-        self.methods = dict(methods)
         self.extractors = dict(extractors or {})
         self.grids = _grids(self.methods, grid)
         self.makers = {
@@ -198,7 +199,7 @@ class ReconstructionEvaluation:
 
 def _grids(methods: Mapping[str, Reconstructor], default: GridSpec | None) -> dict[str, GridSpec]:
     """The grid of each method: its own, else that of the first method that has one."""
-    own = {name: getattr(method, "grid", None) for name, method in methods.items()}
+    own = {name: method.grid for name, method in methods.items()}
     common = next((grid for grid in own.values() if grid is not None), default)
     if common is None:
         raise ConfigError("no method has a grid of its own; give evaluation.grid=${grid}")

@@ -44,8 +44,8 @@ class Stacks:
         self.shown = shown
         self.simulated = simulated
 
-    def show(self) -> tuple[Section, dict[str, float]]:
-        """The section of the page, and figures: scenes, and how far those made anew lie apart.
+    def show(self) -> tuple[tuple[Section, ...], dict[str, float]]:
+        """A section, and figures: scenes, and how far those made anew lie apart.
 
         Raises:
             StorageError: the folder can't be written.
@@ -61,7 +61,7 @@ class Stacks:
         if self.simulated:
             words, found = self._check()
             figures |= found
-        return Section("Simulated stacks", (Text(words), picture)), figures
+        return (Section("Simulated stacks", (Text(words), picture)),), figures
 
     def _tile(self, row: int) -> tuple[np.ndarray, str]:
         grid = GridSpec()
