@@ -107,7 +107,7 @@ def main() -> None:
     plugins.activate()
     words = sys.argv[1:] or ["experiment=simstack"]
     few = [f"size.tables={SCENES}", "size.validation_tables=1"]
-    quiet = ["noise=none", "noise_in_turns=none"]
+    quiet = ["noise=none", "noise_per_scene=none"]
     words = [word for word in words if not word.startswith("noise")]
     settings = config.compose([*words, *few, *quiet])
     torch.backends.cuda.matmul.allow_tf32 = torch.backends.cudnn.allow_tf32 = False

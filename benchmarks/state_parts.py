@@ -28,6 +28,7 @@ from torch import Tensor
 from scenefw import config, plugins
 from scenefw.core.errors import CheckpointError, SceneFWError
 from scenefw.core.files import replacing
+from scenefw.learning.state import read_state, write_state
 
 PART = 15_000_000  # bytes
 _HALF = 65_000.0  # about the largest float16
@@ -39,7 +40,7 @@ def split(state: Path, folder: Path, megabytes: float | None = None) -> str:
     Raises:
         CheckpointError: no form is small enough.
     """
-    whole = torch.load(state, map_location="cpu", weights_only=False)
+    whole = read_state(state)
     name, packed = _smallest_fit(whole, megabytes)
     for old in folder.glob("state.part*"):
         old.unlink()
@@ -60,12 +61,14 @@ def join(folder: Path, state: Path) -> str:
         raise CheckpointError(f"no state.part* in {folder}; give the folder that `split` wrote to")
     packed = b"".join(part.read_bytes() for part in parts)
     try:
-        whole = torch.load(io.BytesIO(packed), map_location="cpu", weights_only=False)
-    except Exception as error:  # torch raises many kinds for damaged archives
-        raise CheckpointError(f"the parts in {folder} are damaged or incomplete") from error
-    name = whole.pop("form")
-    with replacing(state) as temporary:
-        torch.save(whole if name == "exact" else _widened(whole), temporary)
+        whole = read_state(io.BytesIO(packed))
+        name = whole.pop("form")
+    except (CheckpointError, KeyError) as error:
+        raise CheckpointError(
+            f"the parts in {folder} are damaged, incomplete or no state of a training; copy all of "
+            "them again"
+        ) from error
+    write_state(state, whole if name == "exact" else _widened(whole))
     return name
 
 
@@ -84,7 +87,7 @@ def require_room(words: Sequence[str], megabytes: float) -> float:
         raise CheckpointError(
             f"the network has {least / 2:.1f} million weights, the smallest form of its state "
             f"{least:.0f} MB, of which {megabytes:.0f} MB would be brought back; take a narrower "
-            "network (model=shape_instance_vae), or allow more"
+            "network (size.network=narrow), or allow more"
         )
     return least
 
@@ -117,19 +120,13 @@ def _averages(whole: dict[str, Any]) -> dict[str, Any]:
     average = (whole["scenefw"]["average"] or {}).get("values", {})
     weights = {k: average.get(k.removeprefix("model."), v) for k, v in whole["state_dict"].items()}
     kept = {**whole["scenefw"], "average": None}
-    optimisers = [_without_moments(o) for o in whole["optimizer_states"]]
+    optimisers = [{**optimiser, "state": {}} for optimiser in whole["optimizer_states"]]
     return {
         **whole,
         "scenefw": kept,
         "state_dict": _converted(weights, _half),
         "optimizer_states": optimisers,
     }
-
-
-def _without_moments(optimiser: dict[str, Any]) -> dict[str, Any]:
-    # A group that counts its steps would take new moments for old ones, and step too far.
-    groups = [{k: v for k, v in g.items() if k != "step"} for g in optimiser["param_groups"]]
-    return {**optimiser, "state": {}, "param_groups": groups}
 
 
 def _with_average(whole: dict[str, Any], convert: Callable[[Tensor], Tensor]) -> dict[str, Any]:

@@ -17,7 +17,7 @@
 # Where a command may take 10 minutes and bring back 64 MB:
 #
 #   CHECK=only benchmarks/train_at_scale.sh OUT simstack
-#   LIMIT=580 TOTAL_MB=60 benchmarks/train_at_scale.sh OUT simstack model=shape_instance_vae
+#   LIMIT=580 TOTAL_MB=60 benchmarks/train_at_scale.sh OUT simstack size.network=narrow
 #   LIMIT=580 TOTAL_MB=60 benchmarks/train_at_scale.sh OUT/views label_views
 #   LIMIT=580 TOTAL_MB=60 NAME=fused benchmarks/train_at_scale.sh OUT/fused label_maps \
 #     dataset=tabletop_fused_maps_packed

@@ -1,12 +1,11 @@
 """Settings and fixtures that all tests share."""
 
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from tests.warm import Warm
 
 ROOT = Path(__file__).parents[1]
 
@@ -24,19 +23,20 @@ def real_data():
     return folder
 
 
+@pytest.fixture(scope="session")
+def warm():
+    """Runs `python -m MODULE ...` without waiting for imports (see `tests.warm`)."""
+    process = Warm()
+    yield process.run
+    process.stop()
+
+
 @pytest.fixture
-def scenefw(tmp_path):
+def scenefw(tmp_path, warm):
     """Runs `python -m scenefw ...` in an empty folder, as a user would."""
 
     def run(*words, cwd=None, env=None, timeout=300):
-        return subprocess.run(
-            [sys.executable, "-m", "scenefw", *map(str, words)],
-            cwd=cwd or tmp_path,
-            env={**os.environ, "COLUMNS": "200", **(env or {})},
-            capture_output=True,
-            text=True,
-            timeout=timeout,
-            check=False,
-        )
+        whole = {**os.environ, "COLUMNS": "200", **(env or {})}
+        return warm("scenefw", words, cwd or tmp_path, whole, timeout)
 
     return run

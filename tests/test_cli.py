@@ -1,8 +1,10 @@
 """What a user types, and what comes back: in processes of their own."""
 
 import json
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -22,6 +24,11 @@ class Task:
             raise InputError("no more")
         if self.trouble == "running":
             raise InputError("a value of 5 is no good; give 6")
+        if self.trouble == "talking":
+            from scenefw.core.files import replacing
+
+            with replacing(os.path.join(self.output, "file")):
+                print("step 1", flush=True)
         if self.trouble == "fault":
             raise ZeroDivisionError("a fault of the program")
         if self.trouble == "interrupt":
@@ -42,6 +49,8 @@ version = "1"
 [project.entry-points."scenefw.plugins"]
 nil = "scenefw_nil"
 """
+
+BUFFERED = {**os.environ, "PYTHONUNBUFFERED": ""}  # output into a pipe is written when it is much
 
 
 @pytest.fixture
@@ -83,6 +92,62 @@ def test_list_shows_every_option_with_its_description(nil):
     assert "A run that does nothing" in done.stdout
     assert "Voxel grid over a 1 m cube" in done.stdout
     assert "nil" in next(line for line in done.stdout.splitlines() if "does nothing" in line)
+
+
+@pytest.mark.parametrize("unread", ["stdout", "stdout and stderr"])
+@pytest.mark.parametrize(
+    "words",
+    [["--help"], ["--list"], ["--version"], ["run=nil"], ["run=nil", "run.trouble=talking"]],
+)
+def test_nothing_is_said_where_nobody_reads(nil, tmp_path, words, unread):
+    """As in `python -m scenefw --list | head`; what comes of cat and others there, too."""
+    words = [*words, "paths.output=out", "device=cpu"] if "run=nil" in words else words
+    reader, writer = os.pipe()
+    os.close(reader)
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", "scenefw", *words],
+            cwd=tmp_path,
+            env=BUFFERED,
+            stdout=writer,
+            stderr=writer if "stderr" in unread else subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    finally:
+        os.close(writer)
+    assert done.returncode == 141, done.stderr
+    assert not done.stderr
+    if (tmp_path / "out").exists():
+        assert "file" not in " ".join(path.name for path in (tmp_path / "out").iterdir())
+
+
+def test_errors_are_told_where_nobody_reads_the_output(nil, tmp_path):
+    reader, writer = os.pipe()
+    os.close(reader)
+    words = [sys.executable, "-m", "scenefw", "run=nil", "run.trouble=building", "device=cpu"]
+    done = subprocess.run(
+        words, cwd=tmp_path, stdout=writer, stderr=subprocess.PIPE, text=True, check=False
+    )
+    os.close(writer)
+    assert_one_line(done, "give 4")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+@pytest.mark.parametrize("word", ["--version", "--help", "--list"])
+def test_output_on_a_full_disk_is_one_line(tmp_path, word):
+    with Path("/dev/full").open("w") as full:
+        words = [sys.executable, "-m", "scenefw", word]
+        done = subprocess.run(
+            words,
+            cwd=tmp_path,
+            env=BUFFERED,
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert_one_line(done, "No space left")
 
 
 def test_version(scenefw):

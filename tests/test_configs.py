@@ -1,6 +1,7 @@
 """Every option of every group: it composes, describes itself, and fits what it builds."""
 
 import inspect
+import re
 from pathlib import Path
 
 import pytest
@@ -19,13 +20,7 @@ OPTIONS = [
 
 
 # The default run compares by evaluation=reconstruction and of stacks alone, so others run alone.
-FITS_ELSEWHERE = {
-    "mapping",
-    "renderer",
-    "evaluation",
-    "dataset",
-    "shape",
-}  # parts of other experiments
+FITS_ELSEWHERE = {"renderer", "evaluation", "dataset", "shape"}  # parts of other experiments
 CONTEXT = {"evaluation": ["run=evaluate"], "dataset": ["run=train"]}
 
 
@@ -95,9 +90,73 @@ def test_settings_are_data(path):
         assert banned not in text
 
 
-@pytest.mark.parametrize("path", sorted(ROOT.glob("conf/experiment/*.yaml")), ids=lambda p: p.stem)
+EXPERIMENTS = sorted(ROOT.glob("conf/experiment/[!_]*.yaml"))
+
+
+@pytest.mark.parametrize("path", EXPERIMENTS, ids=lambda p: p.stem)
 def test_experiments_are_short_deltas(path):
-    assert len(path.read_text(encoding="utf-8").splitlines()) <= 45
+    assert len(path.read_text(encoding="utf-8").splitlines()) <= 32
+    for entry in OmegaConf.load(path).get("defaults", []):
+        assert "experiment" not in str(entry), "no experiment imports another"
+
+
+@pytest.mark.parametrize("name", registry.names("scale"))
+def test_a_scale_sets_sizes_alone(name):
+    path = registry.options("scale")[name]
+    assert set(OmegaConf.load(path)) == {"size"}
+    assert path.read_text(encoding="utf-8").startswith("# @package _global_\n")
+
+
+def test_a_scale_has_no_size_that_the_root_does_not_explain():
+    known = set(OmegaConf.load(config.conf_dir() / "config.yaml").size)
+    for path in registry.options("scale").values():
+        assert set(OmegaConf.load(path).size) <= known
+
+
+def test_chapters_do_not_carry_what_another_chose():
+    stacks = config.compose(["experiment=simstack"])
+    assert config.compose() == stacks  # the default
+    labelling = config.compose(["experiment=labelling"])
+    for group in ("model", "learning", "loss"):
+        assert group in stacks
+        assert group not in labelling
+    assert labelling.dataset._target_.endswith("TabletopScenes")
+    assert labelling.gallery._target_.endswith("NoGallery")
+    assert labelling.showcase._target_.endswith("NoShowcase")
+    assert labelling.presentation._target_.endswith("LabellingResults")
+
+
+def test_settings_stand_once():
+    """Fewer than 5 % of all lines stand in a block of five or more that stands elsewhere too."""
+    files = sorted(ROOT.glob("conf/**/*.yaml"))
+    lines, repeated = repetition([path.read_text(encoding="utf-8") for path in files])
+    assert lines > 1000
+    assert repeated / lines < 0.05
+
+
+def test_repetition_is_found():
+    block = "a: 1\nb: 2\nc: 3\nd: 4\ne: 5\n"
+    assert repetition([block, f"x:\n{block}"]) == (11, 10)
+    assert repetition([block, block.replace("c: 3", "c: 4")]) == (10, 0)
+    commented = f"x: # y\n{block}".replace("b: 2", "  b: 2 # two")
+    assert repetition([f"# a\n{block}", commented]) == (11, 10)
+
+
+def repetition(texts, least=5):
+    """Lines of settings, and how many of them are in repeated blocks of `least` lines."""
+    places = {}
+    files = [[line for raw in text.splitlines() if (line := plain(raw))] for text in texts]
+    for number, lines in enumerate(files):
+        for start in range(len(lines) - least + 1):
+            places.setdefault(tuple(lines[start : start + least]), []).append((number, start))
+    several = (place for found in places.values() if len(found) > 1 for place in found)
+    repeated = {(number, start + i) for number, start in several for i in range(least)}
+    return sum(map(len, files)), len(repeated)
+
+
+def plain(line):
+    """A line without comment and indentation."""
+    return re.sub(r"(^|\s)#.*", "", line).strip()
 
 
 @pytest.mark.parametrize("name", ["label_views", "label_maps"])
@@ -114,10 +173,6 @@ def test_experiments_that_label_have_both_scales(name):
     stacks = config.compose(["experiment=simstack", "scale=thesis"])
     assert stacks.trainer.max_epochs == 130
     assert stacks.learning.optimizer._target_.endswith("Muon")
-
-
-def test_every_group_is_in_the_list_of_groups():
-    assert set(registry.catalogue()) <= set(registry.PACKAGES)
 
 
 def test_scale_gives_way_to_experiment_and_that_to_debug():

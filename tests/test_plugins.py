@@ -121,7 +121,7 @@ def test_an_installed_plugin_is_found_without_its_folder(installed, tmp_path):
     assert done.stdout.split()[-1] == "PointClouds"
 
 
-def test_the_wheel_holds_configs_and_assets(tmp_path):
+def test_the_wheel_holds_configs_assets_and_templates(tmp_path):
     pip = [sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check"]
     how = ["--no-deps", "--no-build-isolation", "--no-index", "--wheel-dir", str(tmp_path)]
     subprocess.run([*pip, *how, str(ROOT)], check=True)
@@ -130,3 +130,6 @@ def test_the_wheel_holds_configs_and_assets(tmp_path):
     assert "scenefw/conf/grid/default.yaml" in names
     assets = [p for p in (ROOT / "src/scenefw/assets").glob("*") if p.suffix != ".py"]
     assert {f"scenefw/assets/{p.name}" for p in assets if p.is_file()} <= names
+    templates = list((ROOT / "src").rglob("*.j2"))
+    assert templates
+    assert {p.relative_to(ROOT / "src").as_posix() for p in templates} <= names

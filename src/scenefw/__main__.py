@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from scenefw import config, plugins, registry
 from scenefw.core.errors import ConfigError, SceneFWError
+from scenefw.core.streams import end_if_unread, ending_quietly
 from scenefw.core.versions import installed
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ usage: python -m scenefw [-m] [-v] [group=option ...] [key=value ...]
   python -m scenefw run=predict --cfg job --package run         the settings of run=predict
 
   --list         every group and option with a line on each, plugins included
+  --list GROUP   the options of one group, with their arguments and values
   --cfg job      prints the composed settings and stops
   -m             sweeps over comma-separated values
   -v             shows the whole traceback of an error
@@ -51,8 +53,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
         os.environ[_TRACEBACK] = "1"
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra hands errors on instead of printing and exiting
     sys.argv[1:] = [word for word in words if word != "-v"]
+    with ending_quietly():
+        _guarded(sys.argv[1:])
+
+
+def _guarded(words: list[str]) -> None:
     try:
-        _dispatch(sys.argv[1:])
+        _dispatch(words)
+        if sys.stdout is not None:
+            sys.stdout.flush()  # here, where an error is one line
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         sys.exit(130)
@@ -67,7 +76,7 @@ def _dispatch(words: list[str]) -> None:
     elif "--version" in words:
         print(f"scenefw {installed(['scenefw']).get('scenefw', 'of an unknown version')}")
     elif "--list" in words:
-        _print_catalogue()
+        _print_list(words)
     else:
         _run()
 
@@ -77,25 +86,19 @@ def _print_help() -> None:
     print(USAGE)
     for group, options in registry.catalogue().items():
         print(f"  {group:<16} {', '.join(sorted(options))}")
+    print("\n  --list says what they are")
 
 
-def _print_catalogue() -> None:
-    from rich.console import Console
-    from rich.table import Table
+def _print_list(words: list[str]) -> None:
+    """The catalogue, or the group named after --list."""
+    from scenefw import listing
 
-    found = plugins.find()
-    plugins.refuse_clashes(found)
-    owners = {pair: plugin.name for plugin in found for pair in plugin.options()}
-    table = Table("group", "option", "what it is", "plugin", title="scenefw: group=option")
-    for group, options in registry.catalogue().items():
-        table.add_section()
-        for name, path in sorted(options.items()):
-            about = registry.description(path)
-            table.add_row(group, name, about, owners.get((group, name), ""))
-    console = Console()
-    if not console.is_terminal:  # nothing is cut where there's no window to fit
-        console = Console(width=160)
-    console.print(table)
+    plugins.refuse_clashes(plugins.find())
+    after = words[words.index("--list") + 1 :]
+    if after:
+        listing.print_group(after[0])
+    else:
+        listing.print_catalogue()
 
 
 def _run() -> None:
@@ -122,6 +125,7 @@ def _task(settings: DictConfig) -> Mapping[str, Any]:
 
 def _stop(error: Exception, *, composing: bool = False) -> None:
     """Ends the process with one line, unless scenefw itself is at fault or -v is given."""
+    end_if_unread(error)
     line = None if os.environ.get(_TRACEBACK) == "1" else _complaint(error, composing)
     if line is not None:
         print(f"error: {line}", file=sys.stderr)

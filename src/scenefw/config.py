@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import importlib.util
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from omegaconf import DictConfig
 
 ROOT_CONFIG = "config"
+_ABSENT = re.compile(r"Interpolation key '(\w+)[\w.]*' not found|Key '(\w+)' is not in struct")
 _search_path: list[Path] = []  # folders of plugins, read whenever Hydra starts
 
 
@@ -110,7 +112,7 @@ def explain(
             return ConfigError(f"'{text}' is not understood; overrides look like key=value")
     complaints = (_unknown_option(override, options) for override in parsed)
     wrong = next(filter(None, complaints), None) or _unknown_key(parsed, options)
-    return ConfigError(wrong or squash(error))
+    return ConfigError(wrong or _unchosen(error, options) or squash(error))
 
 
 def squash(error: BaseException) -> str:
@@ -131,6 +133,16 @@ def _unknown_option(override: Override, options: Mapping[str, Sequence[str]]) ->
         if name not in options[group]:
             return f"group {group} has no option '{name}'; {near_misses(name, options[group])}"
     return None
+
+
+def _unchosen(error: Exception, options: Mapping[str, Sequence[str]]) -> str | None:
+    """What to choose where a group is read and nothing chooses one of its options."""
+    found = _ABSENT.search(str(error))
+    group = (found[1] or found[2]) if found else ""
+    if group not in options:
+        return None
+    known = ", ".join(options[group])
+    return f"no {group} is chosen; give {group}=..., or an experiment that does (there are {known})"
 
 
 def _chosen(override: Override) -> Iterator[str]:

@@ -1,7 +1,8 @@
 """Plugins: folders in `plugins/` and packages installed by pip, found without importing them.
 
 A plugin is `<name>/{pyproject.toml, src/<package>/, conf/<group>/<option>.yaml}`; its pyproject
-declares `[project.entry-points."scenefw.plugins"]` with one line `name = "package"`.
+declares `[project.entry-points."scenefw.plugins"]` with one line `name = "package"`. What a
+group of its own is, `conf/<group>/_group.yaml` says.
 """
 
 from __future__ import annotations
@@ -43,6 +44,10 @@ class Plugin:
 
     def options(self) -> Iterator[tuple[str, str]]:
         """Pairs (group, option) of everything it adds."""
+        return ((group, name) for group, name in self.files() if not name.startswith("_"))
+
+    def files(self) -> Iterator[tuple[str, str]]:
+        """The same, with what is no option: `_group` and what options share."""
         return ((path.parent.name, path.stem) for path in sorted(self.conf.glob("*/*.yaml")))
 
 
@@ -83,7 +88,7 @@ def refuse_clashes(plugins: Sequence[Plugin]) -> None:
     core = conf_dir()
     owners: dict[tuple[str, str], str] = {}
     for plugin in plugins:
-        for group, option in plugin.options():
+        for group, option in plugin.files():
             is_core = (core / group / f"{option}.yaml").exists()
             other = "the core" if is_core else owners.setdefault((group, option), plugin.name)
             if other != plugin.name:

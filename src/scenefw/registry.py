@@ -5,62 +5,100 @@ Listing reads file names and first comments only; nothing is imported until some
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 from scenefw import config, plugins
 from scenefw.core.errors import ConfigError
 
-PACKAGES = {
-    "shape": "shapes",
-    "scene": "scenes",
-    "engine": "scenes",
-    "representation": "representations",
-    "renderer": "renderers",
-    "mapping": "mapping",
-    "noise": "noise",
-    "noise_in_turns": "noise",
-    "dataset": "data",
-    "viewpoints": "scenes",
-    "augmentation": "data",
-    "model": "models",
-    "loss": "losses",
-    "matching": "matching",
-    "metric": "metrics",
-    "postprocessing": "postprocessing",
-    "labelling": "labelling",
-    "label_source": "labelling",
-    "map_label_source": "labelling",
-    "key_frames": "labelling",
-    "optimizer": "learning",
-    "learning": "learning",
-    "trainer": "learning",
-    "evaluation": "evaluation",
-    "presentation": "report",
-    "gallery": "report",
-    "showcase": "report",
-    "card": "report",
-    "report": "report",
-    "run": "tasks",
-    "grid": "core",
-    "paths": "",
-    "scale": "",
-    "experiment": "",
-    "ablation": "",
-    "launcher": "",
-    "debug": "",
-}
-"""Config group and the package of its components ("" = settings only)."""
+META = "_group.yaml"  # says what a group is; files whose names begin with _ are no options
+
+
+@dataclass(frozen=True)
+class Group:
+    """What a group's `_group.yaml` says.
+
+    Args:
+        name: as it is typed.
+        about: one line.
+        package: where its components are written, "" if it holds settings alone.
+        protocols: each component satisfies one of them: names in the core's protocols, or dotted.
+        verbs: options of `run` that read it, or `any`.
+    """
+
+    name: str
+    about: str = ""
+    package: str = ""
+    protocols: tuple[str, ...] = ()
+    verbs: tuple[str, ...] = ()
 
 
 def catalogue() -> dict[str, dict[str, Path]]:
-    """Files of all options by group and name; groups in the order of `PACKAGES`, then others."""
-    groups: dict[str, dict[str, Path]] = {group: {} for group in PACKAGES}
-    for folder in (config.conf_dir(), *(plugin.conf for plugin in plugins.find())):
+    """Files of all options by group and name; groups in the order of the root, then others."""
+    found: dict[str, dict[str, Path]] = {}
+    for folder in folders():
         for path in sorted(folder.glob("*/*.yaml")):
-            if path.parent.name != "hydra":
-                groups.setdefault(path.parent.name, {})[path.stem] = path
-    return {group: options for group, options in groups.items() if options}
+            if not path.name.startswith("_"):
+                found.setdefault(path.parent.name, {})[path.stem] = path
+    return {group: found[group] for group in _ordered(found)}
+
+
+def groups() -> dict[str, Group]:
+    """What every group is, in the order of `catalogue`; nothing but the name if none says it."""
+    return {name: group(name) for name in catalogue()}
+
+
+def group(name: str) -> Group:
+    """What one group is.
+
+    Raises:
+        ConfigError: its metadata has a key that is none.
+    """
+    files = (folder / name / META for folder in folders())
+    path = next((file for file in files if file.is_file()), None)
+    said = {} if path is None else settings(path)
+    unknown = sorted(said.keys() - {field.name for field in fields(Group)})
+    if unknown:
+        raise ConfigError(
+            f"{path} has a key '{unknown[0]}'; expected about, package, protocols, verbs"
+        )
+    lists = {key: tuple(said.get(key) or ()) for key in ("protocols", "verbs")}
+    return Group(name, str(said.get("about", "")), str(said.get("package") or ""), **lists)
+
+
+def options(group: str) -> dict[str, Path]:
+    """Files of a group's options by name.
+
+    Raises:
+        ConfigError: there is no such group.
+    """
+    known = catalogue()
+    if group not in known:
+        raise ConfigError(f"no group '{group}'; {config.near_misses(group, list(known))}")
+    return known[group]
+
+
+def folders() -> list[Path]:
+    """Where options lie: the core's folder, then those of plugins."""
+    return [config.conf_dir(), *(plugin.conf for plugin in plugins.find())]
+
+
+def settings(path: Path) -> dict[str, Any]:
+    """A YAML file as it is written, references unresolved."""
+    from omegaconf import OmegaConf
+
+    loaded: Any = OmegaConf.to_container(OmegaConf.load(path), resolve=False)
+    return {str(key): value for key, value in loaded.items()} if isinstance(loaded, dict) else {}
+
+
+def _ordered(found: Iterable[str]) -> list[str]:
+    """Groups as `config.yaml` chooses them, then those that it doesn't know."""
+    root = settings(config.conf_dir() / f"{config.ROOT_CONFIG}.yaml")["defaults"]
+    chosen = [str(next(iter(entry))) for entry in root if isinstance(entry, dict)]
+    places = {name: place for place, name in enumerate(chosen)}
+    return sorted(found, key=lambda name: (places.get(name, len(places)), name))
 
 
 def names(group: str) -> list[str]:
@@ -69,15 +107,7 @@ def names(group: str) -> list[str]:
     Raises:
         ConfigError: there is no such group.
     """
-    return sorted(_options(group))
-
-
-def settings(group: str, name: str) -> dict[str, Any]:
-    """The plain settings of an option as its file has them, without its defaults."""
-    from omegaconf import OmegaConf
-
-    found: Any = OmegaConf.to_container(OmegaConf.load(_file(group, name)), resolve=False)
-    return found if isinstance(found, dict) else {}
+    return sorted(options(group))
 
 
 def describe(group: str, name: str) -> str:
@@ -119,16 +149,9 @@ def build(group: str, name: str, **overrides: Any) -> Any:
         raise ConfigError(f"cannot build {group} {name}: {config.squash(error)}") from error
 
 
-def _options(group: str) -> dict[str, Path]:
-    groups = catalogue()
-    if group not in groups:
-        raise ConfigError(f"no group '{group}'; {config.near_misses(group, list(groups))}")
-    return groups[group]
-
-
 def _file(group: str, name: str) -> Path:
-    options = _options(group)
-    if name not in options:
-        misses = config.near_misses(name, list(options))
+    known = options(group)
+    if name not in known:
+        misses = config.near_misses(name, list(known))
         raise ConfigError(f"group {group} has no option '{name}'; {misses}")
-    return options[name]
+    return known[name]

@@ -1,7 +1,8 @@
 """Atomic file writing: a kill at any moment leaves the old file or the new one, never half."""
 
 import os
-import tempfile
+import secrets
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,27 +12,29 @@ from scenefw.core.errors import StorageError
 
 @contextmanager
 def replacing(target: Path | str) -> Iterator[Path]:
-    """Yields a temporary path beside `target` which replaces it when the block ends without error.
+    """Yields a temporary path which replaces `target` when the block ends without error.
 
-    The temporary name keeps the suffix of the target, as writers choose the format by it.
+    The temporary name keeps the suffix of the target, as writers choose the format by it. A file
+    that is there gives its mode to the new one, and a link stays: the file that it names is
+    replaced.
 
     Raises:
-        StorageError: the folder can't be created or written, or the disk is full.
+        StorageError: the folder can't be created or written, the disk is full, or the target is no
+            plain file.
     """
     target = Path(target)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(
-            prefix=f".{target.stem}.", suffix=target.suffix, dir=target.parent
-        )
-        os.close(handle)
+        file = Path(os.path.realpath(target))
+        mode = _mode(file, target)
+        temporary = _beside(file, target.suffix, 0o666 if mode is None else 0o600)
     except OSError as error:
         raise _unwritable(target, error) from error
-    temporary = Path(name)
     try:
         yield temporary
-        _give_default_mode(temporary)
-        temporary.replace(target)
+        if mode is not None:
+            temporary.chmod(mode)
+        temporary.replace(file)
     except OSError as error:
         raise _unwritable(target, error) from error
     finally:
@@ -59,10 +62,27 @@ def unreadable(error: Exception) -> str:
     return "it is no file of NumPy arrays" if "pickle" in words else words
 
 
-def _give_default_mode(path: Path) -> None:
-    mask = os.umask(0)
-    os.umask(mask)
-    path.chmod(0o666 & ~mask)
+def _mode(file: Path, given: Path) -> int | None:
+    """Permissions of a file that is to be replaced, or None if there is none."""
+    try:
+        found = file.lstat().st_mode
+    except FileNotFoundError:
+        return None
+    if not stat.S_ISREG(found):  # or links in a circle
+        what = "a folder" if stat.S_ISDIR(found) else "no plain file"
+        raise StorageError(f"cannot write {given}: it is {what}; give another path")
+    return stat.S_IMODE(found)
+
+
+def _beside(file: Path, suffix: str, mode: int) -> Path:
+    """A new file in the same folder; its mode is narrowed as the system does for any new file."""
+    while True:
+        name = file.with_name(f".{file.stem}.{secrets.token_hex(4)}{suffix}")
+        try:
+            os.close(os.open(name, os.O_CREAT | os.O_EXCL | os.O_WRONLY, mode))
+        except FileExistsError:
+            continue
+        return name
 
 
 def _unwritable(target: Path, error: OSError) -> StorageError:

@@ -1,4 +1,4 @@
-"""What is said of a figure wherever it is printed: its name, unit, digits and better side."""
+"""How figures are printed: name, unit, digits, which direction is better, published values."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def read_measures(folder: Path) -> dict[str, Measure]:
         found = json.loads(path.read_text(encoding="utf-8"))
         return {name: Measure(**entry) for name, entry in found.items()}
     except (OSError, ValueError, TypeError, AttributeError, ConfigError) as error:
-        raise InputError(f"{path} is damaged ({error}); run that evaluation anew") from error
+        raise InputError(f"{path} is damaged ({error}); run that evaluation again") from error
 
 
 def _plain(measure: Measure) -> dict[str, Any]:

@@ -163,7 +163,7 @@ class RunningHeights(Protocol):
 
 
 class HeightMapping(Protocol):
-    """Fuses frames into height maps (group `mapping`, options `height_*`)."""
+    """Fuses frames into height maps (group `heights`)."""
 
     grid: HeightGrid
 
@@ -190,7 +190,7 @@ class RunningLabels(Protocol):
 
 
 class SemanticMapping(Protocol):
-    """Fuses labelled views into a height map (group `mapping`).
+    """Fuses labelled views into a height map (group `semantics`).
 
     An attribute `reads_map = True` says that it reads the map so far, not the frame alone.
     """
@@ -260,7 +260,7 @@ class Result(Protocol):
 
     @property
     def measures(self) -> Mapping[str, Measure]:
-        """What is said of figures, by their names; figures without a measure are printed bare."""
+        """How figures are printed, by name; a figure without a measure is printed as it is."""
 
 
 class Track(Protocol):

@@ -40,11 +40,22 @@ class EpochBatches:
         seed: seed of the order; None keeps the stored order, and the smaller last batch.
         rank: which part of every epoch, with several processes.
         world: number of processes.
+        distinct: batches after which the first one comes again, as it was; None means never.
     """
 
     def __init__(
-        self, scenes: int, batch_size: int, seed: int | None, rank: int = 0, world: int = 1
+        self,
+        scenes: int,
+        batch_size: int,
+        seed: int | None,
+        rank: int = 0,
+        world: int = 1,
+        distinct: int | None = None,
     ) -> None:
+        if distinct is not None and distinct < 1:
+            raise ConfigError(
+                f"dataset.distinct_batches is {distinct}; expected 1 or more, or null"
+            )
         share = scenes // world if seed is not None else len(range(rank, scenes, world))
         if batch_size < 1 or share < (batch_size if seed is not None else 1):
             raise ConfigError(
@@ -52,7 +63,7 @@ class EpochBatches:
                 "lower dataset.batch_size or raise dataset.limit"
             )
         self.scenes, self.batch_size, self.seed = scenes, batch_size, seed
-        self.rank, self.world = rank, world
+        self.rank, self.world, self.distinct = rank, world, distinct
         self._length = share // batch_size if seed is not None else -(-share // batch_size)
 
     def __len__(self) -> int:
@@ -65,7 +76,7 @@ class EpochBatches:
 
     def batch(self, number: int) -> IndexBatch:
         """Batch `number`, counted through all epochs."""
-        epoch, position = divmod(number, len(self))
+        epoch, position = divmod(number % self.distinct if self.distinct else number, len(self))
         start = position * self.batch_size
         chosen = self._order(epoch)[start : start + self.batch_size]
         return IndexBatch(epoch, torch.from_numpy(chosen.copy()))
@@ -88,6 +99,7 @@ class StackData(lightning.LightningDataModule):
         validation_limit: at most this many validation scenes; None means all.
         batch_size: scenes per step.
         seed: seed of the order of scenes.
+        distinct_batches: train on this many batches again and again, views and all; None means all.
     """
 
     def __init__(
@@ -97,8 +109,10 @@ class StackData(lightning.LightningDataModule):
         validation_limit: int | None = 64,
         batch_size: int = 8,
         seed: int = 0,
+        distinct_batches: int | None = None,
     ) -> None:
         super().__init__()
+        self.distinct_batches = distinct_batches
         self.scenes = StackScenes(path, "train", limit)
         self.validation_scenes = StackScenes(path, "val", validation_limit)
         self.batch_size, self.seed = batch_size, seed
@@ -110,11 +124,15 @@ class StackData(lightning.LightningDataModule):
             "scenes": len(self.scenes),
             "validation_scenes": len(self.validation_scenes),
             "batch_size": self.batch_size,
+            **({"distinct_batches": self.distinct_batches} if self.distinct_batches else {}),
         }
 
     def train_dataloader(self) -> EpochBatches:
         """Shuffled batches."""
-        return EpochBatches(len(self.scenes), self.batch_size, self.seed, *self._processes())
+        parts = self._processes()
+        return EpochBatches(
+            len(self.scenes), self.batch_size, self.seed, *parts, self.distinct_batches
+        )
 
     def val_dataloader(self) -> EpochBatches:
         """The same batches every time."""

@@ -96,6 +96,24 @@ def read_frame(
         ) from error
 
 
+def read_labels(path: Path | str) -> NDArray[np.int32] | None:
+    """The labels (H, W) of an image alone, as `read_frame` has them; None if it has none.
+
+    Raises:
+        InputError: the file is damaged.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".npz":
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return _npz_labels({k: file[k] for k in ("instances", "label") if k in file.files})
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise InputError(
+            f"cannot read {path}: {unreadable(error)}; is the file complete?"
+        ) from error
+
+
 def decode_labels(coded: Array) -> NDArray[np.int32]:
     """Instance ids of labels (H, W) coded as in the Object Segmentation Database.
 

@@ -44,10 +44,16 @@ class SegmentationData(lightning.LightningDataModule):
         validation: samples to watch the training by, of other scenes.
         batch_size: samples per step; 8 in the thesis.
         seed: seed of their order.
+        distinct_batches: train on this many batches again and again, noise and all; None means all.
     """
 
     def __init__(
-        self, train: Samples, validation: Samples, batch_size: int = 8, seed: int = 0
+        self,
+        train: Samples,
+        validation: Samples,
+        batch_size: int = 8,
+        seed: int = 0,
+        distinct_batches: int | None = None,
     ) -> None:
         super().__init__()
         if tuple(train.classes) != tuple(validation.classes):
@@ -57,6 +63,7 @@ class SegmentationData(lightning.LightningDataModule):
             )
         self.train, self.validation = train, validation
         self.batch_size, self.seed = batch_size, seed
+        self.distinct_batches = distinct_batches
 
     @property
     def classes(self) -> tuple[str, ...]:
@@ -81,12 +88,16 @@ class SegmentationData(lightning.LightningDataModule):
             "images": len(self.train),
             "validation_images": len(self.validation),
             "batch_size": self.batch_size,
+            **({"distinct_batches": self.distinct_batches} if self.distinct_batches else {}),
             **self.train.facts(),
         }
 
     def train_dataloader(self) -> EpochBatches:
         """Shuffled batches."""
-        return EpochBatches(len(self.train), self.batch_size, self.seed, *self._processes())
+        parts = self._processes()
+        return EpochBatches(
+            len(self.train), self.batch_size, self.seed, *parts, self.distinct_batches
+        )
 
     def val_dataloader(self) -> EpochBatches:
         """The same batches every time."""

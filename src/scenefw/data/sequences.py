@@ -272,7 +272,7 @@ def _folder_poses(
 def _no_poses(path: Path, file: str, what: str) -> InputError:
     return InputError(
         f"{path} has no camera poses: expected {file} with {what}; add it, or track the camera "
-        "(run=label run.tracked=true)"
+        "(run=label run.estimate_poses=true)"
     )
 
 

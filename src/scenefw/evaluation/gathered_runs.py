@@ -43,7 +43,7 @@ class RunsResult:
 
     @property
     def measures(self) -> dict[str, Measure]:
-        """What is said of the shown figures."""
+        """Those of the columns, for every run."""
         return joined((run.name, self.columns) for run in self.runs)
 
 
@@ -52,9 +52,8 @@ class GatheredRuns:
 
     Args:
         input: folder of the sweep, or one above several, which holds the folders of its runs.
-        columns: figures to show, by name in `metrics.json`; each with what is to be said otherwise
-            of it than its run says, such as `{heading: BCE}`. None leaves a column out, and so are
-            figures that no run has.
+        columns: figures to show, by name in `metrics.json`. Each may change its measure, e.g.
+            `{heading: BCE}`; None leaves a column out. Figures that no run has are left out too.
 
     Raises:
         ConfigError: no input is given, or a column is unusable.
@@ -76,8 +75,8 @@ class GatheredRuns:
         """All runs that finished.
 
         Raises:
-            InputError: there are none, a file is damaged, or no run has a figure to show, or says
-                what its figures are.
+            InputError: there are none, a file is damaged, no run has a figure to show, or none has
+                measures.
         """
         found = sorted((path.parent for path in self.input.rglob("metrics.json")), key=_number)
         if not found:
@@ -95,14 +94,14 @@ class GatheredRuns:
         return RunsResult(runs, self._shown(runs, self._measures(found)), shared)
 
     def _measures(self, folders: Sequence[Path]) -> dict[str, Measure]:
-        """What the runs say of their figures."""
+        """The measures of all runs; the first run counts where they differ."""
         found: dict[str, Measure] = {}
         for folder in reversed(folders):
             found |= read_measures(folder)
         if not found:
             raise InputError(
                 f"no {MEASURES_FILE} beside the figures below {self.input}, which earlier versions "
-                "did not write; run the sweep anew"
+                "did not write; run the sweep again"
             )
         return found
 
@@ -147,5 +146,7 @@ def _read(path: Path) -> dict[str, Any]:
     try:
         read: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise InputError(f"{path} is damaged ({error}); make that run of the sweep anew") from error
+        raise InputError(
+            f"{path} is damaged ({error}); run that part of the sweep again"
+        ) from error
     return read

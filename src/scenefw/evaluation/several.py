@@ -31,7 +31,7 @@ class SeveralResults:
 
     @property
     def measures(self) -> dict[str, Measure]:
-        """What is said of the figures."""
+        """Units, digits and published values of the figures."""
         return joined((name, part.measures) for name, part in self.parts.items())
 
 

@@ -18,6 +18,7 @@ from scenefw.core.rng import torch_seed
 from scenefw.core.versions import versions
 from scenefw.execution.build import Builder
 from scenefw.execution.leftovers import FIGURES, RECORD, SETTINGS, Leftovers
+from scenefw.execution.modifiers import make_deterministic, profiled
 from scenefw.execution.reads import require_read
 from scenefw.execution.weights import used_weights
 
@@ -89,16 +90,17 @@ def _work(config: DictConfig, output: Path, overrides: list[str]) -> dict[str, A
         "overrides": overrides,
         "weights": used_weights(plain),
     }
+    if config.get("deterministic"):
+        make_deterministic()
     _seed_initial_weights(config.seed)
     task = Builder(config).build("run")
     (output / FIGURES).unlink(missing_ok=True)
     write_text(output / SETTINGS, resolved)
     write_text(output / RECORD, json.dumps(record, indent=2) + "\n")
-    figures = dict(task.run())
+    figures = dict(profiled(task.run, output) if config.get("profile") else task.run())
     if used_weights(plain) != record["weights"]:  # the run itself trained some of them
-        write_text(
-            output / RECORD, json.dumps(record | {"weights": used_weights(plain)}, indent=2) + "\n"
-        )
+        record["weights"] = used_weights(plain)
+        write_text(output / RECORD, json.dumps(record, indent=2) + "\n")
     write_text(output / FIGURES, json.dumps(figures, indent=2) + "\n")
     return figures
 

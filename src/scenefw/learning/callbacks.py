@@ -75,15 +75,7 @@ class Snapshots(lightning.Callback):
         require_finite(module)
         with module.clock_stopped():
             began = time.monotonic()
-            if trainer.world_size > 1:  # every process takes part, the first one writes
-                new = self.path.with_name(f".{self.path.name}.new")
-                trainer.save_checkpoint(new)
-                trainer.strategy.barrier()
-                if trainer.is_global_zero:
-                    new.replace(self.path)
-            else:
-                with replacing(self.path) as temporary:
-                    trainer.save_checkpoint(temporary)
+            trainer.save_checkpoint(self.path)  # all processes take part, the first one writes
             if self.export is not None and trainer.is_global_zero:
                 self.export()
             self._last = time.monotonic()

@@ -1,4 +1,4 @@
-"""What is said of the figures that trainings leave."""
+"""Measures of trainings."""
 
 from scenefw.core.measures import Measure
 

@@ -1,6 +1,5 @@
 """Optimisers, made for the weights of a network."""
 
-import sys
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -8,6 +7,7 @@ import torch
 from torch import nn
 
 from scenefw.core.errors import ConfigError
+from scenefw.learning.muon import MuonAndAdamW
 
 RATE = "rate"
 """Key of a group of weights: what its learning rate is times that of the training."""
@@ -50,20 +50,25 @@ class Muon:
     its directions move alike: W -= rate * learning_rate * sqrt(max(1, rows / columns)) * U V^T.
 
     Reference: Jordan et al. 2024, Muon: an optimizer for hidden layers in neural networks. The
-    implementation is pytorch_optimizer's.
+    implementation is torch's.
 
     Args:
         rate: what the learning rate of matrices is times that of the rest.
         momentum: decay of the average of gradients.
 
     Raises:
-        ConfigError: the rate is not positive or the momentum is outside [0, 1).
+        ConfigError: torch has no Muon, the rate is not positive or the momentum is outside [0, 1).
     """
 
     rate: float = 20.0
     momentum: float = 0.95
 
     def __post_init__(self) -> None:
+        if not hasattr(torch.optim, "Muon"):
+            raise ConfigError(
+                f"optimizer=muon needs torch 2.9, this is {torch.__version__}; install a newer "
+                "torch, or give optimizer=adamw"
+            )
         if not self.rate > 0 or not 0 <= self.momentum < 1:
             raise ConfigError(
                 f"optimizer.rate is {self.rate} and optimizer.momentum {self.momentum}; expected a "
@@ -74,39 +79,19 @@ class Muon:
         self, model: nn.Module, learning_rate: float, weight_decay: float, *, fused: bool
     ) -> torch.optim.Optimizer:
         """An optimiser of the weights that need a gradient."""
-        Implementation = _muon()  # noqa: N806
         weights = [p for p in model.parameters() if p.requires_grad]
         matrices = {
             "params": [p for p in weights if p.ndim >= 2],
-            "use_muon": True,
-            "momentum": self.momentum,
+            "lr": self.rate * learning_rate,
             "weight_decay": weight_decay,
+            "momentum": self.momentum,
             RATE: self.rate,
         }
         rest = {
             "params": [p for p in weights if p.ndim < 2],
-            "use_muon": False,
-            "betas": (0.9, 0.999),
-            "eps": 1e-8,
+            "lr": learning_rate,
             "weight_decay": weight_decay,
+            "fused": fused,
             RATE: 1.0,
         }
-        groups = [group for group in (matrices, rest) if group["params"]]
-        made: torch.optim.Optimizer = Implementation(
-            groups, lr=self.rate * learning_rate, adamw_lr=learning_rate
-        )
-        return made
-
-
-def _muon() -> type[torch.optim.Optimizer]:
-    """pytorch_optimizer's class; without what that imports where transformers is installed."""
-    hidden = "transformers" not in sys.modules
-    if hidden:  # it looks for an integration that takes seconds and moves between versions
-        sys.modules["transformers"] = None  # type: ignore[assignment]
-    try:
-        from pytorch_optimizer import Muon as Implementation
-    finally:
-        if hidden:
-            del sys.modules["transformers"]
-    found: type[torch.optim.Optimizer] = Implementation
-    return found
+        return MuonAndAdamW(matrices, rest)

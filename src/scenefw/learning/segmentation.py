@@ -40,8 +40,9 @@ class SegmentationLearning(TrainingModule):
         average: decay of the moving average of weights that is validated and exported; 0: none.
         seed: seed of dropout.
         initial: checkpoint whose weights to start from; None starts from random ones.
-        fresh: modules of the network, such as body.decoder.3, that start from random weights even
-            so, also where the checkpoint has none: the levels by which a network is deeper.
+        reinitialise: modules of the network, such as body.decoder.3, that start from random
+            weights even so, also where the checkpoint has none: the levels by which a network is
+            deeper.
         channels_last: memory format of the network, faster on CPUs and on tensor cores.
         compile: let torch.compile make the network's training pass faster; a text names a backend.
         optimizer: how gradients change weights; None means AdamW.
@@ -59,14 +60,14 @@ class SegmentationLearning(TrainingModule):
         average: float = 0.998,
         seed: int = 0,
         initial: str | Path | None = None,
-        fresh: Sequence[str] = (),
+        reinitialise: Sequence[str] = (),
         *,
         channels_last: bool = True,
         compile: bool | str = False,  # noqa: A002 - as torch calls it
         optimizer: Optimizer | None = None,
     ) -> None:
         if initial is not None:
-            start_from(model, initial, SEGMENTATION, list(fresh))
+            start_from(model, initial, SEGMENTATION, list(reinitialise))
         model = model.to(memory_format=torch.channels_last) if channels_last else model
         schedule = schedule or ExponentialDecay()
         super().__init__(

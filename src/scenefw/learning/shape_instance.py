@@ -47,8 +47,8 @@ class ShapeInstanceLearning(TrainingModule):
         average: decay of the moving average of weights that is validated and exported; 0: none.
         seed: seed of views and codes.
         initial: checkpoint whose weights to start from; None starts from random ones.
-        fresh: modules of the network, such as decoder.linear, that start from random weights even
-            so.
+        reinitialise: modules of the network, such as decoder.linear, that start from random
+            weights even so.
         draw_from: share of the schedule's budget from which codes of the prior are drawn. Before,
             zero takes their place, as samples of a network that knows little differ in all.
         channels_last: memory format of the network, faster on CPUs and on tensor cores.
@@ -69,7 +69,7 @@ class ShapeInstanceLearning(TrainingModule):
         average: float = 0.998,
         seed: int = 0,
         initial: str | Path | None = None,
-        fresh: Sequence[str] = (),
+        reinitialise: Sequence[str] = (),
         draw_from: float = 0.0,
         *,
         channels_last: bool = True,
@@ -81,7 +81,7 @@ class ShapeInstanceLearning(TrainingModule):
                 f"learning.draw_from is {draw_from}, expected a share of the budget from 0 to 1"
             )
         if initial is not None:
-            start_from(model, initial, fresh=list(fresh))
+            start_from(model, initial, reinitialise=list(reinitialise))
         model = model.to(memory_format=torch.channels_last_3d) if channels_last else model
         super().__init__(
             model, learning_rate, weight_decay, schedule, average, seed, compile, optimizer

@@ -13,6 +13,7 @@ from lightning.fabric.utilities.exceptions import MisconfigurationException
 from scenefw.core.errors import ConfigError
 from scenefw.learning.limits import Budget, Limits, seconds_of
 from scenefw.learning.schedules import limit
+from scenefw.learning.state import StateFiles
 
 _QUIET = (
     "num_workers",
@@ -135,6 +136,7 @@ class TrainerSettings:
             "enable_progress_bar": False,
             "enable_model_summary": False,
             "use_distributed_sampler": False,
+            "plugins": [StateFiles()],
             "default_root_dir": str(folder),
         }
         logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)

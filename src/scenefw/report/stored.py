@@ -19,7 +19,7 @@ class StoredRun:
         path: of its figures.
         figures: by name, as in `metrics.json`.
         record: of `run.json`: seed, versions, command line, weights; empty if there is none.
-        measures: what is said of the figures, by name; empty if the run doesn't say it.
+        measures: of the figures, by name; empty if an earlier version wrote the run.
     """
 
     path: Path

@@ -1,8 +1,7 @@
-"""One table, three prints: console (rich), HTML and Markdown."""
+"""A table of figures, for the console (rich) and as Markdown; `html.py` makes it HTML."""
 
 from __future__ import annotations
 
-import html
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
@@ -69,27 +68,11 @@ def to_console(table: Table) -> ConsoleTable:
     shown.add_column("")
     for column in table.columns:
         shown.add_column(column.heading, justify="right")
-    for name, cells in _printed(table):
+    for name, cells in printed(table):
         style = "dim" if name in table.quoted else ""
         texts = [Text(text, style="bold" if best else "") for text, best in cells]
         shown.add_row(Text(name), *texts, style=style)
     return shown
-
-
-def to_html(table: Table) -> str:
-    """The table as a `<figure>` with its title and note."""
-    head = "".join(f"<th scope=col>{html.escape(c.heading)}</th>" for c in table.columns)
-    rows = []
-    for name, cells in _printed(table):
-        kind = ' class="quoted"' if name in table.quoted else ""
-        figures = "".join(f"<td>{_strong(html.escape(text), best)}</td>" for text, best in cells)
-        rows.append(f"<tr{kind}><th scope=row>{html.escape(name)}</th>{figures}</tr>")
-    note = f"<p class=note>{html.escape(table.note)}</p>" if table.note else ""
-    return (
-        f"<figure class=table><figcaption>{html.escape(table.title)}</figcaption>"
-        f"<div class=scroll><table><thead><tr><td></td>{head}</tr></thead>"
-        f"<tbody>{''.join(rows)}</tbody></table></div>{note}</figure>"
-    )
 
 
 def to_markdown(table: Table) -> str:
@@ -97,13 +80,13 @@ def to_markdown(table: Table) -> str:
     lines = [f"**{table.title}**", ""]
     lines.append("| | " + " | ".join(_escape(c.heading) for c in table.columns) + " |")
     lines.append("| --- |" + " ---: |" * len(table.columns))
-    for name, cells in _printed(table):
+    for name, cells in printed(table):
         texts = [f"**{_escape(text)}**" if best else _escape(text) for text, best in cells]
         lines.append(f"| {_escape(name)} | " + " | ".join(texts) + " |")
     return "\n".join([*lines, "", table.note]).rstrip() + "\n"
 
 
-def _printed(table: Table) -> list[tuple[str, list[tuple[str, bool]]]]:
+def printed(table: Table) -> list[tuple[str, list[tuple[str, bool]]]]:
     """Every row's name and its cells as text, with whether they are the column's best."""
     best = [_best(table, i) for i in range(len(table.columns))]
     printed = []
@@ -128,10 +111,6 @@ def _text(cell: Cell, column: Column) -> str:
     if cell is None or (isinstance(cell, float) and math.isnan(cell)):
         return "–"
     return cell if isinstance(cell, str) else f"{cell:.{column.digits}f}"
-
-
-def _strong(text: str, best: bool) -> str:
-    return f"<strong>{text}</strong>" if best else text
 
 
 def _escape(text: str) -> str:

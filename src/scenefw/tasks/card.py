@@ -90,8 +90,8 @@ def words_for(provenance: Provenance) -> Words | None:
     for wanted in dict.fromkeys((sees, None)):
         found = [
             name
-            for name in registry.names("card")
-            if _is_for(registry.settings("card", name), provenance.task, wanted)
+            for name, path in registry.options("card").items()
+            if _is_for(registry.settings(path), provenance.task, wanted)
         ]
         if len(found) > 1:
             raise ConfigError(

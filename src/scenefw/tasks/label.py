@@ -58,8 +58,8 @@ class Label:
         start: frames of the sequence to leave out, e.g. those that the saved map holds.
         frames: frames at most; None = all.
         table: finds the table.
-        odometry: finds poses, if `tracked`.
-        tracked: the sequence has no poses; odometry finds them.
+        odometry: finds poses, if `estimate_poses`.
+        estimate_poses: the sequence has no poses; odometry finds them.
         intrinsics: file; None = that in the folder.
         depth_scale: metres per unit of integer depth; None = that of the format.
         largest_jump: most that the camera moves between two frames (m); None = any.
@@ -82,7 +82,7 @@ class Label:
         table: TableFrame | None = None,
         odometry: Tracking | None = None,
         *,
-        tracked: bool = False,
+        estimate_poses: bool = False,
         intrinsics: str | Path | None = None,
         depth_scale: float | None = None,
         largest_jump: float | None = 0.2,
@@ -106,7 +106,7 @@ class Label:
         self.start, self.frames = start, frames
         self.table = table or TableFrame()
         self.odometry = odometry
-        self.tracked = tracked
+        self.estimate_poses = estimate_poses
         self.options: dict[str, Any] = {"intrinsics": intrinsics, "largest_jump": largest_jump}
         if depth_scale is not None:
             self.options["depth_scale"] = depth_scale
@@ -124,7 +124,7 @@ class Label:
         return self._sequence() if is_sequence else self._images()
 
     def _sequence(self) -> dict[str, float]:
-        sequence = open_sequence(self.input, require_poses=not self.tracked, **self.options)
+        sequence = open_sequence(self.input, require_poses=not self.estimate_poses, **self.options)
         last = (
             len(sequence) if self.frames is None else min(len(sequence), self.start + self.frames)
         )
@@ -166,14 +166,14 @@ class Label:
 
     def _begin(self, sequence: NumberedFrames, measured: Iterable[Frame]) -> tuple[Any, Placed]:
         """A map that starts or goes on, and the frames for it."""
-        if self.tracked and self.odometry is None:
-            raise ConfigError("run.tracked=true needs run.odometry; give mapping@run.odometry")
-        placement = Placement(self.table, self.odometry if self.tracked else None)
+        if self.estimate_poses and self.odometry is None:
+            raise ConfigError("run.estimate_poses=true needs odometry; give odometry=rgbd")
+        placement = Placement(self.table, self.odometry if self.estimate_poses else None)
         if self.resume is None:
             return self.strategy.begin(), placement.begin(measured)
         saved = load_map(self.resume, self.grid)
         before = Recording.from_state(saved.states.get(STATE, {}))
-        joint = sequence[self.start - 1] if self.tracked and self.start else None
+        joint = sequence[self.start - 1] if self.estimate_poses and self.start else None
         placed = placement.go_on(measured, before, joint)
         return self.strategy.begin(saved.height_map, saved.states), placed
 

@@ -7,9 +7,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
-import torch
-
-from scenefw.core.errors import CheckpointError
 from scenefw.core.files import replacing, require_writable
 from scenefw.learning.callbacks import LossTable, ProgressBar, Snapshots
 from scenefw.learning.checkpoint import save_checkpoint
@@ -17,6 +14,7 @@ from scenefw.learning.divergence import Divergence
 from scenefw.learning.limits import finished
 from scenefw.learning.module import TrainingModule
 from scenefw.learning.processes import processes
+from scenefw.learning.state import state_to_go_on
 from scenefw.learning.trainer import TrainerSettings
 from scenefw.report.record import command_line, read_record
 
@@ -111,7 +109,7 @@ class Train:
         """The state to go on from, if there is one."""
         if self.fresh or not self._state.exists():
             return None
-        return read_state(self._state, self.learning.model.recipe, self._settings())
+        return state_to_go_on(self._state, self.learning.model.recipe, self._settings())
 
     def _fit(self) -> Any:
         """The work of one process."""
@@ -189,43 +187,3 @@ class Train:
             "train/seconds": self.learning.seconds,
             "train/parameters": float(sum(p.numel() for p in self.learning.model.parameters())),
         }
-
-
-def read_state(
-    path: Path, recipe: Mapping[str, Any], settings: Mapping[str, Any]
-) -> dict[str, Any]:
-    """The state of a training that can be gone on with; found out before the work.
-
-    Args:
-        path: of the state.
-        recipe: of the network.
-        settings: what it learns from and how; validation may change.
-
-    Raises:
-        CheckpointError: it is damaged, of another network, or of a training with other settings.
-    """
-    try:
-        state = torch.load(path, map_location="cpu", weights_only=False, mmap=True)
-        found, facts = state["scenefw"]["recipe"], state["scenefw"]["facts"]
-    except Exception as error:  # torch raises many kinds for damaged archives
-        raise CheckpointError(
-            f"the state {path} is damaged ({type(error).__name__}); start anew with "
-            "run.fresh=true, or give another paths.training"
-        ) from error
-    different = [k for k in recipe if recipe[k] != found.get(k)]
-    if different:
-        raise CheckpointError(
-            f"the training in {path} had another network ({', '.join(different)}); start anew "
-            "with run.fresh=true, or give another paths.training"
-        )
-    changed = [
-        f"{name} {facts.get(name)} instead of {value}"
-        for name, value in settings.items()
-        if not name.startswith("validation_") and facts.get(name) != value
-    ]
-    if changed:
-        raise CheckpointError(
-            f"the training in {path} has other settings ({', '.join(changed)}); start anew with "
-            "run.fresh=true, or keep this one in a folder of its own, paths.training=FOLDER"
-        )
-    return state

@@ -1,3 +1,4 @@
+import os
 import stat
 
 import pytest
@@ -31,11 +32,79 @@ def test_a_block_that_fails_leaves_the_old_file_alone(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["file.txt"]
 
 
-def test_others_may_read_what_was_written(tmp_path):
-    plain = tmp_path / "plain"
-    plain.write_text("")
+@pytest.mark.parametrize("mask", [0o022, 0o027, 0o077])
+def test_a_new_file_has_the_mode_of_any_new_file(tmp_path, mask):
+    before = os.umask(mask)
+    try:
+        (tmp_path / "plain").write_text("")
+        write_text(tmp_path / "file", "text")
+    finally:
+        os.umask(before)
+    assert mode_of(tmp_path / "file") == mode_of(tmp_path / "plain") == 0o666 & ~mask
+
+
+def test_the_mask_of_other_threads_is_left_alone(tmp_path, monkeypatch):
+    """The process has one; while a thread sets it, another's new files are open to all."""
+    masks = []
+    monkeypatch.setattr(os, "umask", lambda mask: masks.append(mask) or 0o022)
     write_text(tmp_path / "file", "text")
-    assert stat.S_IMODE((tmp_path / "file").stat().st_mode) == stat.S_IMODE(plain.stat().st_mode)
+    write_text(tmp_path / "file", "text")
+    assert masks == []
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o640, 0o444, 0o666, 0o755])
+def test_a_file_keeps_its_mode(tmp_path, mode):
+    target = tmp_path / "file"
+    target.write_text("old")
+    target.chmod(mode)
+    with replacing(target) as temporary:
+        assert mode_of(temporary) & ~mode & 0o077 == 0  # nobody else reads it meanwhile
+        temporary.write_text("new")
+    assert target.read_text() == "new"
+    assert mode_of(target) == mode
+
+
+def mode_of(path):
+    return stat.S_IMODE(path.stat().st_mode)
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_a_link_stays_and_the_file_that_it_names_is_replaced(tmp_path, there):
+    (tmp_path / "far").mkdir()
+    real = tmp_path / "far" / "real"
+    if there:
+        real.write_text("old")
+    (tmp_path / "middle.png").symlink_to(real)
+    link = tmp_path / "link.txt"
+    link.symlink_to("middle.png")
+    with replacing(link) as temporary:
+        assert temporary.suffix == ".txt"
+        assert temporary.parent == real.parent  # else it could be on another disk
+        temporary.write_text("new")
+    assert link.is_symlink()
+    assert real.read_text() == "new"
+    assert not real.is_symlink()
+    assert [p.name for p in real.parent.iterdir()] == ["real"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["far", "link.txt", "middle.png"]
+
+
+def test_no_folder_is_made_where_a_link_leads_nowhere(tmp_path):
+    """As of a disk that is not mounted."""
+    (tmp_path / "link").symlink_to(tmp_path / "disk" / "file")
+    with pytest.raises(StorageError, match="link: No such file"):
+        write_text(tmp_path / "link", "text")
+    assert [p.name for p in tmp_path.iterdir()] == ["link"]
+
+
+def test_what_is_no_file_is_left_alone(tmp_path):
+    (tmp_path / "folder").mkdir()
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "circle").symlink_to("circle")
+    for name, why in (("folder", "a folder"), ("pipe", "no plain"), ("circle", "no plain")):
+        with pytest.raises(StorageError, match=f"{name}: it is {why}"):
+            write_text(tmp_path / name, "text")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["circle", "folder", "pipe"]
+    assert stat.S_ISFIFO((tmp_path / "pipe").stat().st_mode)
 
 
 def test_an_impossible_folder_is_named(tmp_path):

@@ -52,3 +52,18 @@ def test_stack_data_keeps_splits_apart(tmp_path):
     assert len(data.train_dataloader()) == 2
     assert [b.indices.tolist() for b in data.val_dataloader()] == [[0, 1]]
     assert not set(data.scenes.indices) & set(data.validation_scenes.indices)
+
+
+def test_a_few_batches_come_again_as_they_were():
+    every, few = EpochBatches(20, 5, seed=3), EpochBatches(20, 5, seed=3, distinct=2)
+    for number in range(9):
+        expected, found = every.batch(number % 2), few.batch(number)
+        assert found.epoch == 0
+        assert found.indices.tolist() == expected.indices.tolist()
+    assert few.batch(0).indices.tolist() != few.batch(1).indices.tolist()
+    assert len(few) == len(every)
+
+
+def test_no_distinct_batch_is_refused():
+    with pytest.raises(ConfigError, match="distinct_batches is 0"):
+        EpochBatches(20, 5, seed=3, distinct=0)

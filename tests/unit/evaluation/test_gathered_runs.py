@@ -83,5 +83,5 @@ def test_what_is_missing_or_damaged_is_one_line(tmp_path):
 def test_runs_of_earlier_versions_do_not_say_what_their_figures_are(tmp_path):
     write_run(tmp_path / "0", [], {"iou": 0.1})
     (tmp_path / "0" / "measures.json").unlink()
-    with pytest.raises(InputError, match=r"no measures\.json .* run the sweep anew"):
+    with pytest.raises(InputError, match=r"no measures\.json .* run the sweep again"):
         GatheredRuns(tmp_path, COLUMNS).run()

@@ -106,7 +106,7 @@ def task(folder, steps, processes=1, batch_size=4, learning=None, **limits):
 
 
 def state(folder):
-    return torch.load(Path(folder) / "state" / "last.ckpt", weights_only=False)
+    return torch.load(Path(folder) / "state" / "last.ckpt", weights_only=True)
 
 
 if __name__ == "__main__":

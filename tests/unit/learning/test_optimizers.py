@@ -1,14 +1,10 @@
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 import torch
 from tests.unit.learning import plain
 from torch import nn
 
-from scenefw.core.errors import ConfigError
+from scenefw.core.errors import CheckpointError, ConfigError
 from scenefw.learning.optimizers import AdamW, Muon
 from scenefw.learning.schedules import Progress
 
@@ -93,20 +89,34 @@ def test_settings_out_of_range_are_one_line(settings):
         Muon(**settings)
 
 
-def test_muon_does_not_import_transformers(tmp_path):
-    """Where it is installed, pytorch_optimizer would look for an integration in it."""
-    (tmp_path / "transformers.py").write_text("raise SystemExit('imported')")
-    code = (
-        "import sys; from scenefw.learning.optimizers import Muon; from torch import nn;"
-        "Muon().make(nn.Linear(2, 2), 1e-3, 0.0, fused=False);"
-        "assert 'transformers' not in sys.modules; import transformers"
-    )
-    path = os.pathsep.join([str(tmp_path), *sys.path])
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        env={**os.environ, "PYTHONPATH": path},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.stderr.strip() == "imported"  # by the last statement alone
+def test_older_torch_without_muon_is_one_line(monkeypatch):
+    monkeypatch.delattr(torch.optim, "Muon")
+    with pytest.raises(ConfigError, match=r"needs torch 2\.9.*optimizer=adamw"):
+        Muon()
+
+
+def test_the_order_of_channels_in_memory_changes_no_step():
+    torch.manual_seed(0)
+    layers = [(nn.Conv3d(1, 4, 3), nn.Conv3d(4, 6, 3), nn.Conv3d(6, 5, 1)) for _ in range(2)]
+    models = [nn.Sequential(*chosen) for chosen in layers]
+    models[1].load_state_dict(models[0].state_dict())
+    models[1].to(memory_format=torch.channels_last_3d)
+    assert not models[1][1].weight.is_contiguous()
+    gradients = [[torch.randn(p.shape) for p in models[0].parameters()] for _ in range(3)]
+    for model in models:
+        optimizer = Muon().make(model, 1e-2, 1e-2, fused=False)
+        for gradient in gradients:
+            for weight, value in zip(model.parameters(), gradient, strict=True):
+                weight.grad = torch.empty_like(weight).copy_(value)
+            optimizer.step()
+    assert not models[1][1].weight.is_contiguous()
+    for one, other in zip(models[0].parameters(), models[1].parameters(), strict=True):
+        assert torch.equal(one, other)
+
+
+def test_a_state_of_an_earlier_version_is_one_line():
+    optimizer = Muon().make(nn.Linear(2, 2), 1e-2, 0.0, fused=False)
+    earlier = optimizer.state_dict()
+    earlier["param_groups"][0]["use_muon"] = True
+    with pytest.raises(CheckpointError, match=r"earlier version.*fresh=true"):
+        optimizer.load_state_dict(earlier)

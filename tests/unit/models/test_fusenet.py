@@ -1,7 +1,8 @@
 import pytest
 import torch
+from omegaconf import OmegaConf
 
-from scenefw import registry
+from scenefw import config, registry
 from scenefw.core.errors import ConfigError
 from scenefw.models.fusenet import FuseNet
 from scenefw.models.receptive_field import receptive_field
@@ -70,13 +71,14 @@ def test_both_encoders_learn(network):
 def test_the_thesis_has_eight_modules_and_the_laptop_one_million_weights():
     small = registry.build("model", "fusenet")
     assert sum(p.numel() for p in small.parameters()) < 1e6
-    for name, modules, megabytes in (
-        ("fusenet", 8, 1),
-        ("fusenet_deep", 10, 3),
-        ("fusenet_wide", 10, 12),
+    for words, modules, megabytes in (
+        (["model=fusenet"], 8, 1),
+        (["model=fusenet_deep"], 10, 3),
+        (["model=fusenet", "size.network=wide"], 10, 12),
     ):
+        settings = OmegaConf.to_container(config.compose(words).model, resolve=True)
         with torch.device("meta"):
-            found = registry.build("model", name)
+            found = FuseNet(**{k: v for k, v in settings.items() if k != "_target_"})
         assert len(found.body.colour) == len(found.body.depth) == modules
         assert 2 * sum(value.numel() for value in found.state_dict().values()) < megabytes * 1e6
 

@@ -6,7 +6,8 @@ from html.parser import HTMLParser
 import pytest
 from rich.console import Console
 
-from scenefw.report.tables import Column, Table, to_console, to_html, to_markdown
+from scenefw.report.html import block_html
+from scenefw.report.tables import Column, Table, to_console, to_markdown
 
 TABLE = Table(
     "Chamfer <distance>",
@@ -43,14 +44,14 @@ class _Cells(HTMLParser):
 
 def test_html_holds_every_figure_and_marks_the_best():
     reader = _Cells()
-    reader.feed(to_html(TABLE))
+    reader.feed(block_html(TABLE))
     assert reader.rows == [
         ["", "visible (m) ↓", "IoU ↑", "views"],
         ["ours", "*0.0161", "*0.50", "30"],  # 0.5 and 0.504 print alike: both win
         ["partial | alone", "0.0402", "*0.50", "30"],
         ["thesis", "0.0001", "–", "4257"],  # quoted figures win nothing
     ]
-    assert "Chamfer &lt;distance&gt;" in to_html(TABLE)
+    assert "Chamfer &lt;distance&gt;" in block_html(TABLE)
 
 
 def test_markdown_is_a_table_github_reads():

@@ -175,9 +175,9 @@ def test_a_sequence_without_poses_is_tracked(sequence, tmp_path):
     with pytest.raises(InputError, match="no camera poses"):
         label(bare, tmp_path / "out").run()
     with pytest.raises(ConfigError, match="odometry"):
-        label(bare, tmp_path / "out", tracked=True).run()
+        label(bare, tmp_path / "out", estimate_poses=True).run()
     maps = {"map_based": MapBased(HeightFusion(GRID), ByHeight(CLASSES, "keyboard"))}
-    tracking = {"tracked": True, "odometry": Perfect()}
+    tracking = {"estimate_poses": True, "odometry": Perfect()}
     label(bare, tmp_path / "out", maps, **tracking).run()
     whole = load_map(tmp_path / "out" / "map.npz")
     assert np.nanmedian(whole.height_map.heights) == pytest.approx(0, abs=0.002)
@@ -231,7 +231,7 @@ def test_views_are_labelled_where_the_map_has_them(request, world, sequence, tmp
         (folder := tmp_path / "in").mkdir()
         for name in ("depth", "rgb", "intrinsics.json"):
             (folder / name).symlink_to(sequence / name)
-        tracking = {"tracked": True, "odometry": Perfect()}
+        tracking = {"estimate_poses": True, "odometry": Perfect()}
     maps = {"map_based": MapBased(HeightFusion(GRID), ByHeight(CLASSES, "keyboard"))}
     label(folder, tmp_path / "out", maps, **tracking).run()
     path = tmp_path / "out" / "map.npz"

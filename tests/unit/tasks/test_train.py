@@ -24,7 +24,7 @@ def stacks(tmp_path):
 
 
 def state(folder):
-    return torch.load(folder / "state" / "last.ckpt", weights_only=False)
+    return torch.load(folder / "state" / "last.ckpt", weights_only=True)
 
 
 def same(first, second):
@@ -98,7 +98,7 @@ def test_the_export_says_how_it_was_made_and_from_what(stacks, tmp_path):
     assert (before["device"], before["precision"]) == ("cpu", "32-true")
     assert "started_from" not in before
 
-    options = {"initial": weights, "fresh": ()}
+    options = {"initial": weights, "reinitialise": ()}
     started = tiny.task(stacks, second, steps=2)
     started.learning = tiny.learning(**options)
     started.run()

@@ -1,4 +1,4 @@
-"""What is said of the figures of this chapter, by the evaluation that finds them."""
+"""Measures of this chapter, by evaluation."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ SCORES = {
         "height median", "median error of heights", "mm", 2, "lower", 1000.0
     ),
 }  # fmt: skip
-"""Of a map against its truth."""
+"""A labelled map compared with the true one."""
 
 
 def of_curves(strategies: Sequence[str]) -> dict[str, Measure]:
-    """Of scores after all frames, `<strategy>/<score>`."""
+    """Measures of scores after all frames, `<strategy>/<score>`."""
     found = dict(_SCENES)
     for strategy in strategies:
         for name, measure in SCORES.items():
@@ -41,7 +41,7 @@ def of_curves(strategies: Sequence[str]) -> dict[str, Measure]:
 
 
 def of_noise(strategies: Sequence[str], amounts: Iterable[str]) -> dict[str, Measure]:
-    """Of the mean IoU under each amount of noise, `<strategy>/<amount>`."""
+    """Measures of the mean IoU under each amount of noise, `<strategy>/<amount>`."""
     cells = [(strategy, amount) for strategy in strategies for amount in amounts]
     return {"scenes": _SCENES["scenes"]} | {
         f"{strategy}/{amount}": Measure(
@@ -54,7 +54,7 @@ def of_noise(strategies: Sequence[str], amounts: Iterable[str]) -> dict[str, Mea
 
 
 def of_networks(kinds: Sequence[str], classes: Sequence[str]) -> dict[str, Measure]:
-    """Of IoUs of networks, `<kind>/<class>` and their means, beside table 4.1 of the thesis."""
+    """Measures of IoUs, `<kind>/<class>`, and their means, with table 4.1 of the thesis."""
     found = {}
     for kind in kinds:
         theirs = dict(zip(published.CLASSES, published.CLASS_IOU[kind], strict=True))
@@ -82,7 +82,7 @@ def of_networks(kinds: Sequence[str], classes: Sequence[str]) -> dict[str, Measu
 
 
 def of_times(names: Iterable[str]) -> dict[str, Measure]:
-    """Of times and memory; their names say what they are and end in the unit."""
+    """Measures of times and memory, whose names end in the unit."""
     found = dict(_SCENES)
     for name in names:
         words, unit = name.rsplit(" ", 1)
@@ -93,7 +93,7 @@ def of_times(names: Iterable[str]) -> dict[str, Measure]:
 
 
 def of_weights(weights: Iterable[str]) -> dict[str, Measure]:
-    """Of the weights of the hybrid's pool, and how right it is with them."""
+    """Measures of the weights of the hybrid's pool, and of its accuracy with them."""
     found = {name: Measure(name.replace("/", ", "), digits=4) for name in weights}
     for name in ("views", "map", "pool"):
         found[f"accuracy/{name}"] = Measure(

@@ -60,7 +60,7 @@ class NetworksResult:
 
     @property
     def measures(self) -> Mapping[str, Measure]:
-        """What is said of the figures."""
+        """Units, digits and published values of the figures."""
         return of_networks(tuple(self.counts), self.classes)
 
 

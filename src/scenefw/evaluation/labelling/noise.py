@@ -76,7 +76,7 @@ class NoiseResult:
 
     @property
     def measures(self) -> Mapping[str, Measure]:
-        """What is said of the figures."""
+        """Units, digits and published values of the figures."""
         return of_noise(self.strategies, [_amount(p, d) for p in self.pose for d in self.depth])
 
 

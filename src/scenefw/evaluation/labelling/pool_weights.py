@@ -57,7 +57,7 @@ class WeightsResult:
 
     @property
     def measures(self) -> Mapping[str, Measure]:
-        """What is said of the figures."""
+        """Units, digits and published values of the figures."""
         return of_weights(self._weights())
 
     def _weights(self) -> dict[str, float]:
@@ -120,12 +120,13 @@ class HybridWeights:
         self.doubt = check_doubt(doubt)
         if noise and bench.noise:
             raise ConfigError(
-                "scenes get noise either alike or in turns; with noise=... give noise_in_turns=none"
+                "scenes get noise either alike or in turns; with noise=... give "
+                "noise_per_scene=none"
             )
         if noise and len(bench.scenes) < len(noise):
             raise ConfigError(
                 f"{len(bench.scenes)} scenes can't take {len(noise)} noises in turns; give "
-                f"size.validation_tables={len(noise)} or more, or noise_in_turns=none"
+                f"size.validation_tables={len(noise)} or more, or noise_per_scene=none"
             )
 
     def run(self, track: Tracker = lambda scenes, _: scenes) -> WeightsResult:

@@ -162,7 +162,7 @@ class CurvesResult:
 
     @property
     def measures(self) -> Mapping[str, Measure]:
-        """What is said of the figures."""
+        """Units, digits and published values of the figures."""
         return of_curves(self.scores.strategies)
 
 

@@ -51,7 +51,7 @@ class TimesResult:
 
     @property
     def measures(self) -> Mapping[str, Measure]:
-        """What is said of the figures."""
+        """Units, digits and published values of the figures."""
         return of_times(self._costs())
 
     def _costs(self) -> dict[str, float]:

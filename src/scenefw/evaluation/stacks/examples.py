@@ -1,4 +1,4 @@
-"""A few test views with what a method makes of them, to be looked at."""
+"""A few test views with predictions and truth, for pictures."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

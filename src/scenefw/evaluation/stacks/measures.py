@@ -1,4 +1,4 @@
-"""What is said of the figures of this chapter, on simulated stacks and on real images."""
+"""Measures of this chapter, on simulated stacks and on real images."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from scipy.ndimage import distance_transform_edt, map_coordinates
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.measures import Measure
 from scenefw.core.types import Float64, Frame, Int32, SceneEstimate
-from scenefw.data.readers import find_images, read_frame
+from scenefw.data.readers import find_images, read_frame, read_labels
 from scenefw.evaluation.stacks.depth_components import DepthComponents
 from scenefw.evaluation.stacks.measures import REAL_IMAGES, REFERENCE
 from scenefw.metrics.masks import MaskScores, mask_scores
@@ -48,35 +48,74 @@ class ImageResult:
 
 
 @dataclass(frozen=True)
+class Failure:
+    """A labelled image that no scene could be made of.
+
+    Args:
+        name: of the image.
+        reason: one line.
+        objects: how many are labelled; None where the file can't be read at all.
+    """
+
+    name: str
+    reason: str
+    objects: int | None
+
+    @property
+    def scores(self) -> MaskScores:
+        """Nothing is found, so all shares are 0 and every labelled object is missed."""
+        return MaskScores(0, 0, 0, 0, 0, 0, 0, predicted=0, true=self.objects or 0)
+
+
+@dataclass(frozen=True)
 class RealMaskResult:
-    """Results of all labelled images, and those that no scene could be made of (name, reason)."""
+    """Results of all labelled images, and those that no scene could be made of.
+
+    The latter count as well, for both methods, as the reference stands on the same floor.
+    """
 
     images: tuple[ImageResult, ...]
-    failures: tuple[tuple[str, str], ...] = ()
+    failures: tuple[Failure, ...] = ()
+
+    @property
+    def number(self) -> int:
+        """Labelled images, failed ones included."""
+        return len(self.images) + len(self.failures)
+
+    def scores(self, which: Literal["scores", "reference"] = "scores") -> list[MaskScores]:
+        """Of every image, failed ones last."""
+        return [getattr(i, which) for i in self.images] + [f.scores for f in self.failures]
 
     @property
     def figures(self) -> dict[str, float]:
         """Means over images by name; the reference's have the prefix `reference/`."""
-        ours = {name: _mean([i.scores for i in self.images], name) for name in SCORES}
-        theirs = {name: _mean([i.reference for i in self.images], name) for name in SCORES}
-        counts = {"images": float(len(self.images)), "failures": float(len(self.failures))}
+        ours, theirs = self._means("scores"), self._means("reference")
+        counts = {"images": float(self.number), "failures": float(len(self.failures))}
         return ours | {f"{REFERENCE}/{name}": value for name, value in theirs.items()} | counts
 
     @property
     def measures(self) -> Mapping[str, Measure]:
-        """What is said of the figures."""
+        """Units, digits and published values of the figures."""
         return REAL_IMAGES
 
+    def _means(self, which: Literal["scores", "reference"]) -> dict[str, float]:
+        means = {name: _mean(self.scores(which), name) for name in SCORES}
+        known = [getattr(i, which) for i in self.images]
+        known += [f.scores for f in self.failures if f.objects is not None]
+        return {**means, COUNT_ERROR: _mean(known, COUNT_ERROR)}
 
+
+COUNT_ERROR = "count_error"
 SCORES = [f.name for f in fields(MaskScores) if f.name not in {"predicted", "true"}]
-SCORES.append("count_error")
+SCORES.append(COUNT_ERROR)
 
 
 class RealMasks:
     """Scores a method on labelled depth images, beside a segmentation without learning.
 
     A pixel takes the instance of the predicted volume at its own 3D point, so that the borders come
-    from the image and not from the silhouettes of voxels.
+    from the image and not from the silhouettes of voxels. A labelled image that no scene can be
+    made of scores 0, and all its objects are missed.
 
     Args:
         input: a labelled depth image or a folder of them; those without labels are left out.
@@ -117,16 +156,17 @@ class RealMasks:
             InputError: no image has labels, or no labelled image could be used.
         """
         paths = find_images(self.input)
-        images, failures = [], []
+        images: list[ImageResult] = []
+        failures: list[Failure] = []
         for path in track(paths, "labelled images"):
             try:
                 frame = read_frame(path)
                 if frame.labels is not None:
                     images.append(self._score(frame, frame.labels))
             except InputError as error:
-                failures.append((path.stem, str(error)))
+                failures += _failure(path, error)
         if not images and failures:
-            raise InputError(f"no labelled image could be used; the first: {failures[0][1]}")
+            raise InputError(f"no labelled image could be used; the first: {failures[0].reason}")
         if not images:
             raise InputError(
                 f"none of the {len(paths)} images in {self.input} has labels; this needs a "
@@ -146,6 +186,17 @@ class RealMasks:
             {name: image.astype(np.int16) for name, image in labels.items()},
             frame.colour,
         )
+
+
+def _failure(path: Path, error: InputError) -> list[Failure]:
+    """What an image that can't be scored counts as: nothing, if it has no labels."""
+    try:
+        true = read_labels(path)
+    except InputError:  # the same damage, or more: it may well have labels
+        return [Failure(path.stem, str(error), None)]
+    if true is None:
+        return []
+    return [Failure(path.stem, str(error), len(np.unique(true[true > 0])))]
 
 
 def seen_instances(estimate: SceneEstimate, margin: float = 0.005, reach: float = 2.0) -> Int32:

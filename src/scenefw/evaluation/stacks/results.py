@@ -130,5 +130,5 @@ class ReconstructionResult:
 
     @property
     def measures(self) -> Mapping[str, Measure]:
-        """What is said of the figures."""
+        """Units, digits and published values of the figures."""
         return of_scores(self.methods)

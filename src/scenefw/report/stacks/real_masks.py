@@ -31,7 +31,7 @@ _PUBLISHED_ROW = "UOIS-Net-3D, depth only, whole data set (published)"
 
 def real_mask_sections(result: RealMaskResult, folder: Path) -> tuple[Section, ...]:
     """Tables, and pictures of the best, the median and the worst image, written into the folder."""
-    failures = tuple(Text(f"{name}: {reason}") for name, reason in result.failures)
+    failures = tuple(Text(f"{failed.name}: {failed.reason}") for failed in result.failures)
     pictures = _pictures(result, folder)
     return (
         Section("Labelled real images", (_measures(result), _spread(result), *failures)),
@@ -46,9 +46,8 @@ def _measures(result: RealMaskResult) -> Table:
         ("floor removed, components cut at depth jumps", _cells(figures, f"{REFERENCE}/")),
         (_PUBLISHED_ROW, _cells(published.REAL_IMAGES)),
     )
-    missing = f"; {len(result.failures)} more could not be used" if result.failures else ""
     note = (
-        f"Percent, means over {len(result.images)} images{missing}; count error in objects per "
+        f"Percent, means over {result.number} images{_failed(result)}; count error in objects per "
         "image. P precision, R recall. The second row needs no learning; its thresholds, and the "
         "height up to which points count as floor in both rows, were chosen on the learning split "
         "of the Object Segmentation Database (45 images). The published row is of the whole of it, "
@@ -56,6 +55,18 @@ def _measures(result: RealMaskResult) -> Table:
     )
     columns = tuple(column(REAL_IMAGES[name], unit=False) for name in _SHOWN)
     return Table("Instances on real images", columns, rows, frozenset({_PUBLISHED_ROW}), note)
+
+
+def _failed(result: RealMaskResult) -> str:
+    """How many images failed, and what they count as."""
+    if not result.failures:
+        return ""
+    unread = sum(failed.objects is None for failed in result.failures)
+    unknown = f" (but for {unread}, whose labels can't be read)" if unread else ""
+    return (
+        f", of which {len(result.failures)} failed and count as 0 in both rows, all their objects "
+        f"missed{unknown}"
+    )
 
 
 def _cells(figures: Mapping[str, float], prefix: str = "") -> tuple[float | None, ...]:
@@ -70,8 +81,8 @@ def _spread(result: RealMaskResult) -> Table:
         for name in ("scenefw", "reference")
         for what in ("overlap F", "boundary F")
     )
-    ours = [(i.scores.overlap_f, i.scores.boundary_f) for i in result.images]
-    theirs = [(i.reference.overlap_f, i.reference.boundary_f) for i in result.images]
+    ours = [(s.overlap_f, s.boundary_f) for s in result.scores()]
+    theirs = [(s.overlap_f, s.boundary_f) for s in result.scores("reference")]
     values = 100 * np.concatenate([ours, theirs], axis=1)
     quartiles = np.percentile(values, [100, 75, 50, 25, 0], axis=0)
     names = ("best", "upper quarter", "median", "lower quarter", "worst")

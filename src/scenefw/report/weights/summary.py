@@ -22,10 +22,10 @@ class Summary:
     Args:
         name: one or two words.
         title: of the table; may name figures in braces, as `{scenes:.0f}`.
-        needs: figures by which a run of it is known.
-        measures: rows, by the names of figures; each with what is to be said otherwise of it than
-            its run says, such as `{name: hybrid}`. None leaves a row out.
-        details: further rows, of cards alone.
+        needs: figures that every run of such an evaluation has.
+        measures: rows, by name of figure. Each may change its measure, e.g. `{name: hybrid}`; None
+            leaves a row out.
+        details: further rows, in cards only.
         note: what the measures are.
     """
 
@@ -41,11 +41,7 @@ class Summary:
             _changed(Measure(name), name, changes or {})
 
     def within(self, run: StoredRun) -> "Part | None":
-        """The part of a run that this sums up, that of one of `Several` too; None if there is none.
-
-        Raises:
-            InputError: the run doesn't say what its figures are.
-        """
+        """The part of a run that this sums up, or one of its several evaluations; None if none."""
         parts = dict.fromkeys(["", *(name.partition("/")[0] + "/" for name in run.figures)])
         for part in parts:
             if all(part + name in run.figures for name in self.needs):
@@ -85,12 +81,12 @@ class Part:
         """Rows of the figures that are there.
 
         Raises:
-            InputError: the run doesn't say what its figures are.
+            InputError: the run has no measures.
         """
         if not self.run.measures:
             raise InputError(
                 f"no {MEASURES_FILE} beside {self.run.path}, which earlier versions did not write; "
-                "run that evaluation anew"
+                "run that evaluation again"
             )
         figures = self.run.figures
         entries = {**self.summary.measures, **(self.summary.details if details else {})}

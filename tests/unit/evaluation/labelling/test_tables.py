@@ -75,7 +75,7 @@ def test_weights_make_the_pool_as_right_as_the_better_one():
         HybridWeights(bench, NEAR, frames=5, doubt=1.0)
 
 
-def test_weights_are_estimated_on_scenes_under_noise_in_turns():
+def test_weights_are_estimated_on_scenes_under_noise_per_scene():
     seen = []
 
     class Watched(Bench):

@@ -87,19 +87,59 @@ def test_floor_distant_points_and_holes_belong_to_nothing():
 
 def test_run_gives_means_of_method_and_reference(tmp_path):
     frame = _frame()
-    hole = frame.depth.copy()
-    hole[0, 0] = 0
     _save(tmp_path / "a.npz", frame, instances=frame.labels)
-    _save(tmp_path / "b.npz", replace(frame, depth=hole), instances=frame.labels)
     _save(tmp_path / "c.npz", frame)
     result = RealMasks(tmp_path, _Method(), DepthComponents(smallest=50)).run()
     figures = result.figures
-    assert (figures["images"], figures["failures"]) == (1, 1)
-    assert result.failures == (("b", "no floor"),)
+    assert (figures["images"], figures["failures"]) == (1, 0)
     assert figures["overlap_f"] == result.images[0].scores.overlap_f > 0.95
     assert figures["count_error"] == 0
     assert figures["reference/count_error"] == result.images[0].reference.count_error
     assert {"boundary_f", "objects_f75", "reference/boundary_f"} <= set(figures)
+
+
+SHARES = [
+    f"{name}{what}" for name in ("overlap_", "boundary_") for what in ("f", "precision", "recall")
+] + ["objects_f75"]
+
+
+def test_images_that_fail_count_as_nothing_found(tmp_path):
+    """One without a floor, one without a measurement; unlabelled ones are left out all the same."""
+    frame = _frame()
+    hole, empty = frame.depth.copy(), np.zeros_like(frame.depth)
+    hole[0, 0] = 0
+    _save(tmp_path / "a.npz", frame, instances=frame.labels)
+    _save(tmp_path / "b.npz", replace(frame, depth=hole), instances=frame.labels)
+    _save(tmp_path / "c.npz", replace(frame, depth=hole))
+    coded = 10 * frame.labels + 1
+    _save(tmp_path / "d.npz", replace(frame, depth=empty), label=coded)
+    _save(tmp_path / "e.npz", replace(frame, depth=empty))
+    np.save(tmp_path / "f.npy", empty)
+    result = RealMasks(tmp_path, _Method(), DepthComponents(smallest=50)).run()
+    assert [(f.name, f.objects) for f in result.failures] == [("b", 2), ("d", 2)]
+    assert result.failures[0].reason == "no floor"
+    assert "no measurement" in result.failures[1].reason
+    figures, (image,) = result.figures, result.images
+    assert (figures["images"], figures["failures"]) == (3, 2)
+    for name in SHARES:
+        assert figures[name] == pytest.approx(getattr(image.scores, name) / 3)
+        assert figures[f"reference/{name}"] == pytest.approx(getattr(image.reference, name) / 3)
+    assert image.scores.count_error == 0
+    assert figures["count_error"] == pytest.approx((0 + 2 + 2) / 3)
+    missed = image.reference.count_error
+    assert figures["reference/count_error"] == pytest.approx((missed + 2 + 2) / 3)
+
+
+def test_a_damaged_image_counts_as_nothing_found_of_an_unknown_number(tmp_path):
+    frame = _frame()
+    _save(tmp_path / "a.npz", frame, instances=frame.labels)
+    whole = (tmp_path / "a.npz").read_bytes()
+    (tmp_path / "b.npz").write_bytes(whole[: len(whole) // 2])
+    result = RealMasks(tmp_path, _Method(), DepthComponents(smallest=50)).run()
+    figures = result.figures
+    assert [(f.name, f.objects) for f in result.failures] == [("b", None)]
+    assert figures["overlap_f"] == pytest.approx(result.images[0].scores.overlap_f / 2)
+    assert figures["count_error"] == result.images[0].scores.count_error
 
 
 def test_the_whole_folder_is_followed_by_a_bar(tmp_path):

@@ -72,7 +72,9 @@ def test_scenes_that_come_out_otherwise_are_counted(scenes, tmp_path, source):
         def generate(self, index, seed):
             return None
 
-    (section,), figures = Stacks(scenes, source or _Failing(), tmp_path, shown=1, simulated=2).show()
+    (section,), figures = Stacks(
+        scenes, source or _Failing(), tmp_path, shown=1, simulated=2
+    ).show()
     assert "0 came out as stored" in section.blocks[0].text
     assert figures["stacks/same"] == 0
     assert "stacks/apart" not in figures

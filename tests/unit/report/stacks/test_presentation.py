@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenefw.evaluation.stacks.real_masks import ImageResult, RealMaskResult
+from scenefw.evaluation.stacks.real_masks import Failure, ImageResult, RealMaskResult
 from scenefw.evaluation.stacks.results import ReconstructionResult, ViewScores
 from scenefw.metrics.masks import MaskScores
 from scenefw.report.blocks import Drawing
@@ -23,23 +23,34 @@ def _image(name, scores):
 
 def test_masks_beside_reference_and_published(tmp_path):
     images = (_image("a", GOOD), _image("b", POOR))
-    section, gallery = sections(RealMaskResult(images, (("c", "no floor"),)), tmp_path)
-    table, spread, failure = section.blocks
+    failures = (Failure("c", "no floor", 5), Failure("d", "damaged", None))
+    section, gallery = sections(RealMaskResult(images, failures), tmp_path)
+    table, spread, failure, damaged = section.blocks
     ours, reference, published = (cells for _, cells in table.rows)
-    assert ours[0] == pytest.approx(67.5)  # per cent, mean of 0.85 and 0.5
-    assert ours[-1] == pytest.approx(1.0)  # objects per image
-    assert reference[0] == pytest.approx(50)
+    assert ours[0] == pytest.approx(33.75)  # per cent, mean of 0.85, 0.5 and twice 0
+    assert ours[-1] == pytest.approx(7 / 3)  # objects per image: 0, 2 and 5
+    assert reference[0] == pytest.approx(25)
     assert published[0] == pytest.approx(83.3)
     assert published[-1] is None
-    assert "2 images; 1 more" in table.note
+    assert "4 images, of which 2 failed and count as 0" in table.note
+    assert "but for 1, whose labels" in table.note
     assert spread.rows[0][1][0] == pytest.approx(85)
-    assert spread.rows[-1][1][0] == pytest.approx(50)
+    assert spread.rows[-1][1] == (0, 0, 0, 0)
+    assert "d: damaged" in damaged.text
     assert "c: no floor" in failure.text
     assert [block.path for block in gallery.blocks] == [
         f"gallery/{word}.jpg" for word in ("best", "median", "worst")
     ]
     assert all((tmp_path / block.path).is_file() for block in gallery.blocks)
     assert not any(block.shareable for block in gallery.blocks)  # of somebody's data
+
+
+def test_masks_without_failures_speak_of_none(tmp_path):
+    section, _ = sections(RealMaskResult((_image("a", GOOD), _image("b", POOR))), tmp_path)
+    table, spread = section.blocks
+    assert dict(table.rows)["scenefw"][0] == pytest.approx(67.5)
+    assert table.note.startswith("Percent, means over 2 images; count error")
+    assert spread.rows[-1][1][0] == pytest.approx(50)
 
 
 def _view(number, visibility, **changes):

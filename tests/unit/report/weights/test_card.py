@@ -106,7 +106,7 @@ def test_figures_of_earlier_versions_have_to_be_found_anew(weights, words, tmp_p
     provenance = weights(FIRST)
     run = write_run(tmp_path / "old", STACKS, {"w.safetensors": provenance.digest})
     (run / "measures.json").unlink()
-    with pytest.raises(InputError, match=r"no measures\.json .* run that evaluation anew"):
+    with pytest.raises(InputError, match=r"no measures\.json .* run that evaluation again"):
         card_sections(provenance, words, read_runs([run]))
 
 

@@ -1,0 +1,149 @@
+"""What `--list` shows: groups and options, or the arguments of one group's options.
+
+Everything is read from files; no component is imported.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from scenefw import plugins, registry
+from scenefw.docstrings import Argument, arguments
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+Row = tuple[str, str, str]
+"""Argument, value, what it is."""
+
+
+def print_catalogue() -> None:
+    """Every group with the verbs that read it, and a line on each of its options."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    found = plugins.find()
+    owners = {pair: plugin.name for plugin in found for pair in plugin.options()}
+    table = Table("group", "option", "what it is", "plugin", title="scenefw: group=option")
+    for group, options in registry.catalogue().items():
+        said = registry.group(group)
+        table.add_section()
+        verbs = f" (run={', '.join(said.verbs)})" if said.verbs else ""
+        table.add_row(f"[bold]{group}[/]", "", f"[bold]{escape(said.about)}[/]{escape(verbs)}", "")
+        for name, path in sorted(options.items()):
+            owner = owners.get((group, name), "")
+            table.add_row("", name, escape(registry.description(path)), owner)
+    _console().print(table)
+
+
+def print_group(name: str) -> None:
+    """The options of one group with their arguments, the values these have, and what they are.
+
+    Raises:
+        ConfigError: there is no such group.
+    """
+    from rich.markup import escape
+    from rich.table import Table
+
+    options = registry.options(name)
+    said, console = registry.group(name), _console()
+    console.print(f"[bold]{name}[/]: {escape(said.about)}")
+    if said.verbs:
+        console.print(f"read by run={', '.join(said.verbs)}")
+    roots = list(_roots())
+    for option, path in sorted(options.items()):
+        console.print(f"\n[bold]{name}={option}[/]: {escape(registry.description(path))}")
+        rows = list(_rows(composed(path), roots))
+        if rows:
+            table = Table("argument", "value", "what it is", box=None, padding=(0, 2, 0, 0))
+            for row in rows:
+                table.add_row(*map(escape, row))
+            console.print(table)
+
+
+def composed(path: Path) -> dict[str, Any]:
+    """An option with what its defaults list brings in, references unresolved."""
+    own = registry.settings(path)
+    entries = own.pop("defaults", [])
+    whole: dict[str, Any] = {}
+    for entry in entries if "_self_" in entries else [*entries, "_self_"]:
+        if entry == "_self_":
+            _merge(whole, own)
+            continue
+        typed, option = next(iter(entry.items())) if isinstance(entry, dict) else ("", entry)
+        key, _, place = (typed or option).partition("@")
+        file = _file(path.parent, key, option if typed else "")
+        part = composed(file) if file is not None else {}
+        for name in reversed(place.split(".") if place else []):
+            part = {name: part}
+        _merge(whole, part)
+    return whole
+
+
+def _file(here: Path, group: str, option: Any) -> Path | None:
+    """The file of an entry of a defaults list; None for overrides and what is left open."""
+    inside = group.lstrip("/") + (f"/{option}" if option else "")
+    folders = [here] if not group.startswith("/") else registry.folders()
+    files = (folder / f"{inside}.yaml" for folder in folders)
+    return next((file for file in files if file.is_file()), None)
+
+
+def _merge(whole: dict[str, Any], part: dict[str, Any]) -> None:
+    for name, value in part.items():
+        if isinstance(value, dict) and isinstance(whole.get(name), dict):
+            _merge(whole[name], value)
+        else:
+            whole[name] = value
+
+
+def _rows(node: dict[str, Any], roots: list[Path], prefix: str = "") -> Iterator[Row]:
+    """Arguments of a component and of those within it."""
+    target = node.get("_target_")
+    known = arguments(target, roots) if isinstance(target, str) else {}
+    names = [*known, *(name for name in node if name not in known and not name.startswith("_"))]
+    for name in names:
+        argument = known.get(name, Argument(None, ""))
+        value: Any = node.get(name)
+        inner = isinstance(value, dict) and _has_target(value)
+        if target and name in node:
+            shown = str(value["_target_"]) if inner and "_target_" in value else _shown(value)
+            yield prefix + name, "" if inner and "_target_" not in value else shown, argument.about
+        elif target:
+            yield prefix + name, argument.default or "", argument.about
+        if inner:
+            yield from _rows(value, roots, f"{prefix}{name}.")
+
+
+def _has_target(node: dict[str, Any]) -> bool:
+    parts = (value for value in node.values() if isinstance(value, dict))
+    return "_target_" in node or any(map(_has_target, parts))
+
+
+def _shown(value: Any) -> str:
+    """As it is typed."""
+    if isinstance(value, list):
+        return f"[{', '.join(map(_shown, value))}]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    return "null" if value is None else str(value)
+
+
+def _roots() -> Iterator[Path]:
+    """Folders that packages lie in: the core's and those of plugins."""
+    yield Path(__file__).parents[1]
+    for plugin in plugins.find():
+        if plugin.source is not None:
+            yield plugin.source
+        elif (found := importlib.util.find_spec(plugin.package)) and found.origin:
+            yield Path(found.origin).parents[1]
+
+
+def _console() -> Console:
+    """Nothing is cut where there's no window to fit."""
+    from rich.console import Console
+
+    console = Console(highlight=False)
+    return console if console.is_terminal else Console(width=160, highlight=False)

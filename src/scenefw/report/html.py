@@ -1,0 +1,48 @@
+"""Pages and blocks as HTML, from the templates beside this file."""
+
+from collections.abc import Iterable, Iterator
+from functools import cache
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from scenefw.report.blocks import Block, Picture
+from scenefw.report.tables import printed
+
+_TEMPLATES = Path(__file__).with_name("templates")
+
+
+def render(name: str, **values: Any) -> str:
+    """A template's text; what isn't marked as safe in it is escaped."""
+    return _environment().get_template(name).render(values)
+
+
+def block_html(block: Block) -> str:
+    """A block as one element."""
+    macros = _environment().get_template("blocks.html.j2").module
+    return str(getattr(macros, _kind(block))(block))
+
+
+@cache
+def _environment() -> Environment:
+    made = Environment(
+        loader=FileSystemLoader(_TEMPLATES),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        undefined=StrictUndefined,
+    )
+    made.filters.update(kind=_kind, printed=printed, rows=_rows)
+    return made
+
+
+def _kind(block: Block) -> str:
+    return type(block).__name__
+
+
+def _rows(blocks: Iterable[Block]) -> Iterator[tuple[bool, Iterable[Block]]]:
+    """Blocks in their order, pictures that follow each other together (True)."""
+    return groupby(blocks, lambda block: isinstance(block, Picture))

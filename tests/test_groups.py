@@ -1,0 +1,120 @@
+"""What `_group.yaml` says of every group: it is there, and it is true."""
+
+import functools
+import pkgutil
+import re
+
+import pytest
+from omegaconf import ListConfig, OmegaConf
+
+from scenefw import config, plugins, registry
+from scenefw.core import protocols
+from scenefw.execution.build import LATER
+
+GROUPS = sorted(registry.catalogue())
+VERBS = registry.names("run")
+OF_PLUGINS = {pair for plugin in plugins.find() for pair in plugin.options()}
+REFERENCE = re.compile(r"\$\{(?:oc\.[\w.]+:)?(\w[\w.]*)(?![\w.:])")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _plugins():
+    plugins.activate()
+
+
+@pytest.mark.parametrize("name", GROUPS)
+def test_every_group_says_what_it_is(name):
+    group = registry.group(name)
+    assert 10 <= len(group.about) <= 90, f"conf/{name}/_group.yaml: about: one line"
+    if group.package:
+        assert (config.conf_dir().parent / "src" / "scenefw" / group.package).is_dir()
+    for protocol in group.protocols:
+        found = pkgutil.resolve_name(protocol) if "." in protocol else getattr(protocols, protocol)
+        assert getattr(found, "_is_protocol", False), protocol
+
+
+@pytest.mark.parametrize("name", GROUPS)
+def test_a_group_says_which_verbs_read_it(name):
+    said = set(registry.group(name).verbs)
+    found = {verb for verb in VERBS if name in read_by(verb)}
+    if ("run", name) not in OF_PLUGINS:
+        found -= {verb for verb in VERBS if ("run", verb) in OF_PLUGINS}
+    if said == {"any"}:
+        assert not found
+    else:
+        assert said == found, f"conf/{name}/_group.yaml: verbs: [{', '.join(sorted(found))}]"
+
+
+def test_verbs_follow_references_through_options():
+    """Of the verbs that this test itself relies on."""
+    assert {"learning", "model", "loss", "dataset", "renderer"} <= read_by("train")
+    assert {"labelling", "semantics", "label_source", "heights"} <= read_by("label")
+    assert "model" not in read_by("evaluate")
+    assert {"label_source", "presentation"} <= read_by("pipeline")  # of any evaluation
+
+
+def test_metadata_with_a_key_that_is_none_is_refused(tmp_path, monkeypatch):
+    (tmp_path / "thing").mkdir()
+    (tmp_path / "thing" / "_group.yaml").write_text("abuot: things\n")
+    monkeypatch.setattr(registry, "folders", lambda: [tmp_path])
+    with pytest.raises(config.ConfigError, match="abuot"):
+        registry.group("thing")
+
+
+@functools.cache
+def read_by(verb):
+    """Groups that a verb can reach by references, whatever options are chosen."""
+    todo, seen = {f"run.{verb}"}, set()
+    while todo:
+        path = todo.pop()
+        seen.add(path)
+        todo |= references(path) - seen
+    return {path.partition(".")[0] for path in seen} & set(GROUPS) - {"run"}
+
+
+@functools.cache
+def references(path):
+    """Settings that a setting refers to, in any option of its group."""
+    first, _, rest = path.partition(".")
+    if first == "run":
+        return found_in(nodes("run", rest))
+    options = registry.catalogue().get(first)
+    found = [nodes(first, name) for name in options] if options else [whole()[first]]
+    return set().union(*(found_in(part(node, rest)) for node in found))
+
+
+@functools.cache
+def nodes(group, name):
+    """An option as composed, references unresolved."""
+    chosen = f"{group}=[{name}]" if group in SEVERAL else f"{group}={name}"
+    node = OmegaConf.select(config.compose([chosen]), group)
+    return None if node is None else OmegaConf.to_container(node, resolve=False)
+
+
+@functools.cache
+def whole():
+    return OmegaConf.to_container(config.compose(), resolve=False)
+
+
+ROOT = OmegaConf.load(config.conf_dir() / "config.yaml").defaults
+SEVERAL = {
+    k for e in ROOT if not isinstance(e, str) for k, v in e.items() if isinstance(v, ListConfig)
+}
+
+
+def part(node, path):
+    """The part of a node at a path, or what it refers to on the way there."""
+    for name in path.split(".") if path else []:
+        if not isinstance(node, dict):
+            return node
+        node = node.get(name)
+    return node
+
+
+def found_in(node):
+    if isinstance(node, dict):
+        later = {str(node[LATER])} if LATER in node else set()
+        return later.union(*map(found_in, node.values()))
+    if isinstance(node, list):
+        return set().union(*map(found_in, node))
+    return set(REFERENCE.findall(node)) if isinstance(node, str) else set()

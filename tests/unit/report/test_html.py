@@ -1,0 +1,42 @@
+"""Every kind of block has a template, and pictures that follow each other stand together."""
+
+from typing import get_args
+
+import pytest
+
+from scenefw.report.blocks import Block, Code, Drawing, Picture, Points, Section, Text
+from scenefw.report.html import block_html, render
+from scenefw.report.tables import Column, Table
+
+BLOCKS = {
+    Text: (Text("a < b"), "<p>a &lt; b</p>"),
+    Points: (Points(("one", "<two>")), "<ul><li>one</li><li>&lt;two&gt;</li></ul>"),
+    Code: (Code(("x < 1", "y")), "<pre class=command>x &lt; 1\ny</pre>"),
+    Drawing: (Drawing("<svg></svg>", "a & b"), "<svg></svg><p class=note>a &amp; b</p>"),
+    Picture: (Picture("a.png", links=(("GLB", "a.glb"),)), '<a href="a.glb">GLB</a>'),
+    Table: (Table("T", (Column("c"),), (("<r>", (1.0,)),)), "<th scope=row>&lt;r&gt;</th>"),
+}
+
+
+@pytest.mark.parametrize("kind", get_args(Block))
+def test_a_block_is_drawn_and_escaped(kind):
+    block, expected = BLOCKS[kind]
+    assert expected in block_html(block)
+
+
+def test_pictures_that_follow_each_other_share_a_gallery():
+    one = Picture("a.png")
+    section = Section("S", (one, one, Text("between"), one))
+    page = render(
+        "page.html.j2",
+        title="T",
+        style="",
+        facts=[],
+        command="",
+        sections=[section],
+        figures={},
+        settings=None,
+        versions=None,
+    )
+    galleries = [part.split("</div>")[0] for part in page.split("<div class=gallery>")[1:]]
+    assert [gallery.count("<img") for gallery in galleries] == [2, 1]

@@ -1,0 +1,115 @@
+"""Runs modules in processes that are forked from one that has already imported what takes long.
+
+A new Python takes three seconds to import torch and Lightning. Here one process imports them and
+nothing else, computes nothing, and is forked for each command, which thus starts in milliseconds,
+as alone as in a process of its own: its own folder, environment, arguments, output and exit status.
+"""
+
+import contextlib
+import importlib
+import json
+import os
+import runpy
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import traceback
+from pathlib import Path
+
+SLOW = ("hydra", "lightning", "matplotlib.pyplot", "numba", "rich.progress", "scipy.ndimage",
+        "skimage.measure", "torch", "torchmetrics")  # fmt: skip
+ROOT = Path(__file__).parents[1]
+
+
+class Warm:
+    """The process that is forked; started at its first command, ended with this one."""
+
+    def __init__(self):
+        self._process = None
+
+    def run(self, module, words, cwd, env, timeout=300):
+        """As `subprocess.run([python, "-m", module, *words], capture_output=True, text=True)`."""
+        if self._process is None or self._process.poll() is not None:
+            command = [sys.executable, "-m", "tests.warm"]
+            self._process = subprocess.Popen(
+                command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            )
+        with tempfile.TemporaryDirectory() as folder:
+            files = [str(Path(folder) / name) for name in ("out", "err")]
+            order = [module, list(map(str, words)), str(cwd), env, files, timeout]
+            self._process.stdin.write(json.dumps(order) + "\n")
+            self._process.stdin.flush()
+            status = int(self._process.stdout.readline())
+            out, err = (Path(file).read_text(encoding="utf-8") for file in files)
+        if status == -signal.SIGALRM:
+            raise subprocess.TimeoutExpired([module, *words], timeout, out, err)
+        return subprocess.CompletedProcess([module, *words], status, out, err)
+
+    def stop(self):
+        if self._process is not None:
+            self._process.stdin.close()
+            self._process.wait()
+            self._process = None
+
+
+def serve():
+    """Forks for each line of orders on standard input, and answers with its exit status."""
+    for name in SLOW:
+        with contextlib.suppress(ImportError):
+            importlib.import_module(name)
+    for line in sys.stdin:
+        order = json.loads(line)
+        child = os.fork()
+        if not child:
+            _become(*order)
+        print(_status(child, order[-1]), flush=True)
+
+
+def _status(child, timeout):
+    until = time.monotonic() + timeout
+    pause = 0.001
+    while time.monotonic() < until:
+        done, status = os.waitpid(child, os.WNOHANG)
+        if done:
+            return os.waitstatus_to_exitcode(status)
+        time.sleep(pause)
+        pause = min(2 * pause, 0.05)
+    os.killpg(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    return -signal.SIGALRM
+
+
+def _become(module, words, cwd, env, files, timeout):
+    """What `python -m module` does in a new process; never returns."""
+    os.setsid()
+    for number, file in enumerate(files, start=1):
+        os.dup2(os.open(file, os.O_WRONLY | os.O_CREAT), number)
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    os.chdir(cwd)
+    os.environ.clear()
+    os.environ.update(env)
+    sys.path[0] = cwd
+    sys.argv = [module, *words]
+    sys.modules.pop("__main__")
+    status = 1
+    try:
+        runpy.run_module(module, run_name="__main__", alter_sys=True)
+        status = 0
+    except SystemExit as end:
+        if isinstance(end.code, str):
+            print(end.code, file=sys.stderr)
+        status = end.code if isinstance(end.code, int) else int(end.code is not None)
+    except BaseException:  # noqa: BLE001 - as Python does at the end of a process
+        traceback.print_exc()
+    finally:
+        with contextlib.suppress(Exception):
+            sys.stdout.flush()
+            sys.stderr.flush()
+        os._exit(status)
+
+
+if __name__ == "__main__":
+    serve()
