@@ -59,7 +59,7 @@ JOBS = [
     Job(f"labels of one view, 320 x 240, {torch.get_num_threads()} threads", view),
     Job(
         "labels of one map, 1025 x 1025, windows of 512 MB",
-        lambda: height_map(SlidingWindow()),
+        lambda: height_map(SlidingWindow(memory=512)),
         {"one pass": pass_over_all},
         repeats=5,
     ),

@@ -49,26 +49,29 @@ def finished(work: Callable[[], object]) -> Timed:
     return run
 
 
-def views(*, noise: bool) -> ViewMaker:
+def views(*, noise: bool, grid: GridSpec = GRID) -> ViewMaker:
     """As `experiment=simstack_shipped` makes them, but for noise on all images or none."""
     noises = {"kinect": Kinect(disparity_step=0.031, lateral=0.3)} if noise else {}
     return ViewMaker(
-        GRID, RandomViewpoints(*SIZE), SphereTracer(), Projective(), noises, RigidAugmentation()
+        grid, RandomViewpoints(*SIZE), SphereTracer(), Projective(), noises, RigidAugmentation()
     )
 
 
-def data_side(*, noise: bool) -> Callable[[], ShapeInstanceBatch]:
+def data_side(
+    *, noise: bool, grid: GridSpec = GRID, device: str = DEVICE, scenes: int = SCENES
+) -> Callable[[], ShapeInstanceBatch]:
     """Draws the same batch of the shipped stacks at every call."""
-    scenes, maker, indices = StackScenes(limit=SCENES), views(noise=noise), torch.arange(SCENES)
+    stacks, indices = StackScenes(limit=scenes), torch.arange(scenes)
+    maker = views(noise=noise, grid=grid)
 
     @torch.no_grad()
     def draw() -> ShapeInstanceBatch:
         streams = Streams.of(0, 2, indices=indices.numpy())
-        made = maker.make(scenes.parameters(indices, DEVICE), streams)
-        return training_batch(made.partial, made.volumes, GRID, observed=True)
+        made = maker.make(stacks.parameters(indices, device), streams)
+        return training_batch(made.partial, made.volumes, grid, observed=True)
 
     draw()  # compiled, scenes on the device
-    if DEVICE == "cuda":
+    if device == "cuda":
         torch.cuda.set_sync_debug_mode("error")
         draw()
         torch.cuda.set_sync_debug_mode("default")

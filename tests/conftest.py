@@ -1,6 +1,7 @@
 """Settings and fixtures that all tests share."""
 
 import os
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -29,6 +30,23 @@ def warm():
     process = Warm()
     yield process.run
     process.stop()
+
+
+@pytest.fixture
+def full_disk():
+    """Gives blocks in which no file grows beyond so many bytes, as on a disk that is full."""
+    resource = pytest.importorskip("resource")
+
+    @contextmanager
+    def limited(size):
+        before = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+        try:
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+    return limited
 
 
 @pytest.fixture

@@ -29,6 +29,8 @@ class Task:
 
             with replacing(os.path.join(self.output, "file")):
                 print("step 1", flush=True)
+        if self.trouble == "full":
+            raise OSError(28, "No space left on device")  # as of `write`, which knows no name
         if self.trouble == "fault":
             raise ZeroDivisionError("a fault of the program")
         if self.trouble == "interrupt":
@@ -148,6 +150,12 @@ def test_output_on_a_full_disk_is_one_line(tmp_path, word):
             check=False,
         )
     assert_one_line(done, "No space left")
+
+
+def test_a_full_disk_is_one_line(nil, tmp_path):
+    done = nil("run=nil", "run.trouble=full", "device=cpu", "paths.output=out")
+    assert_one_line(done, "No space left on device", "paths.output=FOLDER")
+    assert not (tmp_path / "out").exists()
 
 
 def test_version(scenefw):

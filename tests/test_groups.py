@@ -1,14 +1,13 @@
 """What `_group.yaml` says of every group: it is there, and it is true."""
 
 import functools
-import pkgutil
 import re
 
 import pytest
 from omegaconf import ListConfig, OmegaConf
 
 from scenefw import config, plugins, registry
-from scenefw.core import protocols
+from scenefw.contracts import protocol_named
 from scenefw.execution.build import LATER
 
 GROUPS = sorted(registry.catalogue())
@@ -29,8 +28,7 @@ def test_every_group_says_what_it_is(name):
     if group.package:
         assert (config.conf_dir().parent / "src" / "scenefw" / group.package).is_dir()
     for protocol in group.protocols:
-        found = pkgutil.resolve_name(protocol) if "." in protocol else getattr(protocols, protocol)
-        assert getattr(found, "_is_protocol", False), protocol
+        assert protocol_named(protocol)
 
 
 @pytest.mark.parametrize("name", GROUPS)

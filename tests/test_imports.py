@@ -4,6 +4,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import grimp
 import pytest
 
 SOURCE = Path(__file__).parents[1] / "src" / "scenefw"
@@ -51,6 +52,21 @@ def test_tasks_are_imported_without_them():
 
 def test_configs_are_read_without_torch():
     assert "torch" not in imported_with(["scenefw.config", "scenefw.registry", "scenefw.plugins"])
+
+
+@pytest.fixture(scope="module")
+def graph():
+    """Who imports whom, also for annotations alone."""
+    return grimp.build_graph("scenefw", exclude_type_checking_imports=False, cache_dir=None)
+
+
+@pytest.mark.parametrize("package", ["core", "labelling", "mapping", "evaluation.labelling"])
+def test_no_circle_of_imports_even_for_annotations(graph, package):
+    inside = graph.find_descendants(f"scenefw.{package}")
+    imports = [(a, b) for a in inside for b in graph.find_modules_directly_imported_by(a)]
+    assert imports
+    circles = [(a, b) for a, b in imports if graph.chain_exists(importer=b, imported=a)]
+    assert not circles
 
 
 def test_packages_hold_a_docstring_only():

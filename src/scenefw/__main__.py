@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 import traceback
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from omegaconf import DictConfig
 
 _WITH_VALUE = {"--cfg", "-c", "--package", "-p", "--config-path", "-cp", "--config-name", "-cn"}
+_NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO}
 _TRACEBACK = "SCENEFW_TRACEBACK"  # set to 1 by -v; runs of a sweep in other processes see it too
 
 USAGE = """\
@@ -143,6 +145,8 @@ def _complaint(error: Exception, composing: bool) -> str | None:
         return (
             f"cannot use {error.filename}: {error.strerror}; give another path, or make it writable"
         )
+    if isinstance(error, OSError) and error.errno in _NO_ROOM:
+        return f"cannot write: {error.strerror}; free some space, or give paths.output=FOLDER"
     if composing or type(error).__module__.startswith(("hydra.", "omegaconf.")):
         return f"{_misconfigured(error)} (-v shows the traceback)"
     return None

@@ -8,7 +8,7 @@ import re
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from scenefw.contracts import wrong_methods
-from scenefw.core import protocols
+from scenefw.core import labelling_protocols, protocols
 from scenefw.core.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -127,7 +127,8 @@ def _arguments(target: Any) -> Mapping[str, _Argument | _Part]:
     built = _imported(target)
     if built is None:
         return {}
-    names = vars(protocols) | getattr(inspect.getmodule(built), "__dict__", {})
+    known = vars(protocols) | vars(labelling_protocols)
+    names = known | getattr(inspect.getmodule(built), "__dict__", {})
     found: dict[str, _Argument | _Part] = {}
     for name, parameter in inspect.signature(built).parameters.items():
         plain = _argument(parameter.annotation, parameter.default)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import ast
 import inspect
+import pkgutil
 import re
 import textwrap
 from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
-from scenefw.core import batches, height_maps, tabletop, types
+from scenefw.core import batches, height_maps, labelling_protocols, protocols, tabletop, types
 
 _NAME = re.compile(r"[A-Za-z_]\w*")
 _CROSSING = frozenset(
@@ -20,6 +21,25 @@ _CROSSING = frozenset(
     if inspect.isclass(value) and value.__module__ == module.__name__
 )
 """Types that cross floors: final, so that one never stands for another."""
+
+
+def protocol_named(name: str) -> type:
+    """A protocol of `core` by its name, or any other by its dotted path.
+
+    Raises:
+        AttributeError, ImportError: there is none.
+    """
+    if "." in name:
+        return _protocol(pkgutil.resolve_name(name), name)
+    known = vars(protocols) | vars(labelling_protocols)
+    return _protocol(known.get(name), name)
+
+
+def _protocol(found: Any, name: str) -> type:
+    if not getattr(found, "_is_protocol", False):
+        raise AttributeError(f"{name} is no protocol")
+    checked: type = found
+    return checked
 
 
 def problems(found: type, protocol: type) -> Iterator[str]:

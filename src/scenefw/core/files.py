@@ -1,13 +1,32 @@
-"""Atomic file writing: a kill at any moment leaves the old file or the new one, never half."""
+"""Files: the order of their names, and atomic writing, so that no file is ever half-written."""
 
+import io
 import os
+import re
 import secrets
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from scenefw.core.errors import StorageError
+
+_NUMBER = re.compile(r"(?<![0-9])(?<![0-9]\.)[0-9]+")
+"""A whole number, or what comes before a decimal point; digits after one sort well as text."""
+
+_LONGEST_NAME = 255
+
+
+def in_order(paths: Iterable[Path]) -> list[Path]:
+    """Files and folders by name, numbers by their value: 2 before 10.
+
+    Names whose numbers are padded to one width come in the order of their text.
+    """
+    return sorted(paths, key=lambda path: ([_padded(part) for part in path.parts], path))
+
+
+def _padded(name: str) -> str:
+    return _NUMBER.sub(lambda number: number[0].zfill(_LONGEST_NAME), name)
 
 
 @contextmanager
@@ -45,6 +64,31 @@ def write_text(target: Path | str, text: str) -> None:
     """Writes UTF-8 text atomically."""
     with replacing(target) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def append_text(target: Path | str, text: str) -> None:
+    """Adds UTF-8 text to a file, all of it or nothing.
+
+    Raises:
+        StorageError: the file can't be written, or the disk is full.
+    """
+    target = Path(target)
+    try:
+        with target.open("ab", buffering=0) as file:
+            before = file.tell()
+            try:
+                _write_all(file, text.encode("utf-8"))
+            except OSError:
+                file.truncate(before)
+                raise
+    except OSError as error:
+        raise _unwritable(target, error) from error
+
+
+def _write_all(file: io.RawIOBase, content: bytes) -> None:
+    rest = memoryview(content)
+    while rest:  # a nearly full disk takes a part, and complains of the next
+        rest = rest[file.write(rest) or 0 :]
 
 
 def require_writable(folder: Path | str) -> Path:

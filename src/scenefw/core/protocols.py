@@ -1,11 +1,14 @@
-"""One small protocol per component group; tensors are batched, channels first, on one device."""
+"""One small protocol per component group; tensors are batched, channels first, on one device.
+
+Those of labelling are in `core.labelling_protocols`.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     import numpy as np
     import torch
@@ -19,9 +22,8 @@ if TYPE_CHECKING:
         ShapeInstanceBatch,
         ShapeInstancePrediction,
     )
-    from scenefw.core.height_maps import HeightGrid, HeightMap
     from scenefw.core.measures import Measure
-    from scenefw.core.types import Frame, GridSpec, Pose, Scene, SceneObject, Shape
+    from scenefw.core.types import Camera, Float64, GridSpec, Pose, Scene, SceneObject, Shape
 
 Item = TypeVar("Item")
 
@@ -100,6 +102,20 @@ class Noise(Protocol):
         """
 
 
+@runtime_checkable
+class PoseNoise(Noise, Protocol):
+    """Noise that moves a frame's camera away from its true pose (group `noise`)."""
+
+    DRAWS: int
+    """Numbers in [0, 1) that one camera takes."""
+
+    def move(self, camera: Camera, generator: torch.Generator) -> Camera:
+        """The camera at a disturbed pose, drawn from a generator on the CPU."""
+
+    def moves(self, draws: Float64) -> Float64:
+        """Disturbed poses (B, 4, 4) in the frames of their cameras, of draws (B, `DRAWS`)."""
+
+
 class Loss(Protocol):
     """One named term of the training loss (group `loss`), and what it counts in the sum."""
 
@@ -150,105 +166,6 @@ class Reconstructor(Protocol):
         self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
     ) -> Sequence[tuple[Tensor, Tensor]]:
         """`samples` pairs of TSDF (B, X, Y, Z) metres and instances (B, X, Y, Z) int32."""
-
-
-class RunningHeights(Protocol):
-    """A height map that grows frame by frame."""
-
-    def add(self, frame: Frame) -> None:
-        """Fuses depth and colour of a frame, whose camera's pose is in the world frame."""
-
-    def height_map(self) -> HeightMap:
-        """The map of all frames so far."""
-
-
-class HeightMapping(Protocol):
-    """Fuses frames into height maps (group `heights`)."""
-
-    grid: HeightGrid
-
-    def begin(self, previous: HeightMap | None = None) -> RunningHeights:
-        """An empty map, or one that goes on from an earlier one."""
-
-
-class RunningLabels(Protocol):
-    """Class probabilities of vertices that sharpen frame by frame."""
-
-    def add(
-        self, probabilities: NDArray[np.float32], frame: Frame, heights: HeightMap | None
-    ) -> None:
-        """Fuses what a frame's pixels are, (C, H, W) that sum to 1; depth 0 says nothing.
-
-        Args:
-            probabilities: (C, H, W) float32.
-            frame: that they are of.
-            heights: a recent map; None only for fusion that reads the frame alone.
-        """
-
-    def probabilities(self) -> NDArray[np.float32]:
-        """(C, V, V), uniform where nothing was said."""
-
-
-class SemanticMapping(Protocol):
-    """Fuses labelled views into a height map (group `semantics`).
-
-    An attribute `reads_map = True` says that it reads the map so far, not the frame alone.
-    """
-
-    def begin(
-        self, grid: HeightGrid, classes: int, previous: NDArray[np.float32] | None = None
-    ) -> RunningLabels:
-        """Uniform probabilities, or those (C, V, V) of an earlier map."""
-
-
-class LabelSource(Protocol):
-    """Says what each pixel of a frame is: a network, files of masks, the truth, a callable."""
-
-    classes: Sequence[str]
-
-    def label(self, frame: Frame) -> NDArray[np.float32]:
-        """Probabilities (C, H, W), summing to 1 over the classes."""
-
-
-class MapLabelSource(Protocol):
-    """Says what each vertex of a height map is."""
-
-    classes: Sequence[str]
-
-    def label_map(self, height_map: HeightMap) -> NDArray[np.float32]:
-        """Probabilities (C, V, V), summing to 1; uniform where the map is unseen."""
-
-
-class RunningLabelling(Protocol):
-    """A labelled height map that grows frame by frame."""
-
-    def add(self, frame: Frame) -> None:
-        """Takes in the next frame."""
-
-    def height_map(self) -> HeightMap:
-        """The map so far with probabilities, labels, sources and classes."""
-
-
-class Labelling(Protocol):
-    """A strategy of labelling a scene from many views (group `labelling`)."""
-
-    def begin(self, previous: HeightMap | None = None) -> RunningLabelling:
-        """Starts a scene, or goes on with a saved one."""
-
-
-class FrameSource(Protocol):
-    """Scenes with RGB-D views and, where known, ground truth (group `dataset`, `tabletop*`)."""
-
-    classes: Sequence[str]
-
-    def __len__(self) -> int:
-        """Number of scenes."""
-
-    def frames(self, scene: int, count: int, start: int = 0) -> Iterator[Frame]:
-        """Views number start to start + count - 1 of a scene; view i never changes."""
-
-    def truth(self, scene: int) -> HeightMap:
-        """Orthographic heights, colour and labels of the scene."""
 
 
 class Result(Protocol):

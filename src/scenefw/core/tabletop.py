@@ -7,16 +7,12 @@ Colours are linear, in 0..1.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from scenefw.core.height_maps import HeightGrid, HeightMap
-    from scenefw.core.types import Camera, Float32, Float64, Frame, Int32
+from scenefw.core.types import Float32, Float64, Int32
 
 PLAIN, STRIPES, CHECKER, NOISE, WOOD, SPECKLE = range(6)
 """Kinds of texture."""
@@ -135,43 +131,3 @@ class TabletopGeometry:
             self.corners, self.normals, self.colours, self.texture_of, self.item_of, self.labels,
             self.placements, self.textures, self.surface, self.lights, self.ambient,
         )  # fmt: skip
-
-
-class TabletopModels(Protocol):
-    """Models by class and instance (group `shape`, options `tabletop*` and `shapenet`)."""
-
-    classes: Sequence[str]
-
-    def instances(self, label: int, split: str) -> Sequence[int]:
-        """Numbers of the instances of a class in a part of the data."""
-
-    def model(self, label: int, instance: int) -> TexturedMesh:
-        """One model; always the same for the same numbers."""
-
-
-class TabletopSource(Protocol):
-    """Makes table-top scenes (group `scene`, options `tabletop*`)."""
-
-    classes: Sequence[str]
-
-    def numbers(self, split: str) -> Sequence[int]:
-        """Numbers of the scenes of a part of the data."""
-
-    def generate(self, index: int, seed: int) -> TabletopScene:
-        """Scene number `index` of the data set `seed`."""
-
-    def geometry(self, scene: TabletopScene) -> TabletopGeometry:
-        """The triangles of a scene."""
-
-
-class TabletopRenderer(Protocol):
-    """Colour, depth and labels of table-top scenes (group `renderer`)."""
-
-    def fingerprint(self) -> str:
-        """Changes with whatever changes the images."""
-
-    def frames(self, geometry: TabletopGeometry, cameras: Sequence[Camera]) -> Iterator[Frame]:
-        """One frame per camera: z-depth (0 = nothing), colour, class ids."""
-
-    def height_map(self, geometry: TabletopGeometry, grid: HeightGrid) -> HeightMap:
-        """The scene from straight above, every vertex seen."""

@@ -7,7 +7,8 @@ from typing import Any
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.height_maps import HeightMap
-from scenefw.core.protocols import FrameSource, HeightMapping, Noise
+from scenefw.core.labelling_protocols import FrameSource, HeightMapping
+from scenefw.core.protocols import Noise
 from scenefw.core.types import Frame
 from scenefw.data.height_maps import load_map, save_map
 from scenefw.noise.frames import described, disturb, in_turns

@@ -1,4 +1,4 @@
-"""Height maps as files: one .npz each, with what it takes to go on fusing."""
+"""Height maps as files: one .npz each, with the states to resume from."""
 
 import zipfile
 from collections.abc import Mapping
@@ -40,7 +40,7 @@ def save_map(path: Path | str, height_map: HeightMap, states: States | None = No
         path: the file; the suffix .npz is added if missing.
         height_map: the map.
         states: `state()` of the fusions by name, e.g. {"heights": ..., "labels": ...}. With them a
-            fusion goes on as if never interrupted; the map alone loses what vertices shared (the
+            fusion resumes as if never interrupted; the map alone loses what vertices shared (the
             couplings of the normal equations) and certainty beyond float16.
 
     Raises:

@@ -14,7 +14,8 @@ from torch import Tensor
 
 from scenefw.core.batches import CameraBatch, SegmentationBatch
 from scenefw.core.errors import ConfigError
-from scenefw.core.protocols import FrameSource, Noise
+from scenefw.core.labelling_protocols import FrameSource
+from scenefw.core.protocols import Noise, PoseNoise
 from scenefw.core.rng import Streams
 from scenefw.core.types import Float64, Frame
 from scenefw.data.distances import DEPTH, distance_images
@@ -24,7 +25,7 @@ from scenefw.data.segmentation import image_tensors
 from scenefw.data.tabletop import TabletopScenes
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.kernels.transfer import to_device
-from scenefw.noise.frames import PoseNoise, described
+from scenefw.noise.frames import described
 from scenefw.renderers.mesh_raycaster import image
 from scenefw.renderers.tables import Pictures, camera_lenses
 

@@ -15,8 +15,8 @@ from torch import Tensor
 from scenefw.core.batches import SegmentationBatch
 from scenefw.core.errors import ConfigError
 from scenefw.core.height_maps import HeightMap
+from scenefw.core.labelling_protocols import FrameSource
 from scenefw.core.labels import UNKNOWN
-from scenefw.core.protocols import FrameSource
 from scenefw.core.rng import Streams
 from scenefw.core.types import Float64
 from scenefw.data.distances import HEIGHT

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenefw.core.errors import InputError
+from scenefw.core.files import write_text
 from scenefw.core.geometry import rigid, rotation_from_quaternion
 
 Array = NDArray[np.float64]
@@ -41,10 +42,10 @@ def read_poses(path: Path) -> list[Array]:
 
 
 def write_poses(path: Path, poses: Sequence[Array], *, ordered: bool = True) -> None:
-    """Writes one 4 x 4 matrix per line, row by row."""
+    """Writes one 4 x 4 matrix per line, row by row, atomically."""
     lines = [] if ordered else [UNORDERED]
     lines += [" ".join(f"{value:.9g}" for value in np.asarray(pose).ravel()) for pose in poses]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def pose_of(words: Sequence[str], where: str) -> Array:

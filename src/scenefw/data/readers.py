@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from scenefw.core.errors import EmptyImageError, InputError
-from scenefw.core.files import unreadable
+from scenefw.core.files import in_order, unreadable
 from scenefw.core.types import Frame
 from scenefw.data.intrinsics import camera_from_matrix, read_intrinsics
 
@@ -31,7 +31,7 @@ _COLOUR_WORDS = ("rgb", "color", "colour")
 def read_frames(
     path: Path | str, *, intrinsics: Path | str | None = None, depth_scale: float = 0.001
 ) -> list[Frame]:
-    """All frames at a path: one image, or a folder of them in the order of their names.
+    """All frames at a path: one image, or those of a folder by name, 2 before 10.
 
     Raises:
         InputError: as `find_images` and `read_frame`.
@@ -55,8 +55,8 @@ def find_images(path: Path | str) -> list[Path]:
         raise InputError(f"no file or folder {path}; give input=PATH of a depth image or a folder")
     if path.is_file():
         return [path]
-    images = [entry for entry in sorted(path.iterdir()) if _is_depth_image(entry)]
-    images = images or [entry for entry in sorted(path.rglob("*")) if _is_depth_image(entry)]
+    images = [entry for entry in in_order(path.iterdir()) if _is_depth_image(entry)]
+    images = images or [entry for entry in in_order(path.rglob("*")) if _is_depth_image(entry)]
     if not images:
         raise InputError(f"no depth image in {path}; expected .npz, .npy or 16-bit .png files")
     return images

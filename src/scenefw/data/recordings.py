@@ -1,4 +1,4 @@
-"""Frames of a recording that can be used, and where they stand in the map made of them."""
+"""Frames of a recording that can be used, and their poses in the map made of them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Recording:
 
     Args:
         T_map_world: (4, 4), takes the world of the recording's own poses to the map's frame; None =
-            it has no poses of its own, they were tracked.
+            it has no poses of its own, odometry estimated them.
         names: of the frames that the map was made of.
         poses: (4, 4) each, camera to map.
     """
@@ -32,7 +32,7 @@ class Recording:
     poses: tuple[Float64, ...] = ()
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """What `from_state` makes it of again."""
+        """Arrays that `from_state` restores it from."""
         poses = np.array(self.poses, dtype=np.float64).reshape(-1, 4, 4)
         known: dict[str, NDArray[Any]] = {"names": np.array(self.names, np.str_), "poses": poses}
         return known if self.T_map_world is None else known | {"T_map_world": self.T_map_world}
@@ -56,15 +56,15 @@ class Recording:
         return replace(self, names=(*self.names, frame.name), poses=(*self.poses, pose))
 
     @property
-    def tracked(self) -> bool:
-        """Whether it has no poses of its own, so that only frames of the map have any."""
+    def poses_estimated(self) -> bool:
+        """Whether odometry found its poses, so that only frames of the map have any."""
         return self.T_map_world is None and bool(self.names)
 
     def in_map(self, frames: Iterable[Frame]) -> Iterator[Frame]:
         """Frames as they were read, placed in the map's frame.
 
-        Of a tracked recording those are left out that the map was not made of. Poses are taken as
-        they are if nothing is known of the recording.
+        If poses were estimated, frames that the map was not made of are left out. Poses are taken
+        as they are if the map holds no recording.
         """
         for frame in frames:
             if self.T_map_world is not None:
@@ -93,7 +93,7 @@ class MeasuredFrames:
         numbers: those to read.
 
     Attributes:
-        empty: numbers that were left out so far.
+        empty: numbers left out so far.
     """
 
     def __init__(self, sequence: NumberedFrames, numbers: Iterable[int]) -> None:

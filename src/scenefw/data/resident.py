@@ -6,7 +6,7 @@ import torch
 from rich.progress import track
 
 from scenefw.core.errors import ConfigError
-from scenefw.core.tabletop import TabletopSource
+from scenefw.core.labelling_protocols import TabletopSource
 from scenefw.data.tabletop import TabletopScenes
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
 from scenefw.renderers.tables import PreparedTable, Tables, prepared

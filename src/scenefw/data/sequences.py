@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from scenefw.core.errors import InputError
-from scenefw.core.files import write_text
+from scenefw.core.files import in_order, replacing, write_text
 from scenefw.core.labels import UNKNOWN
 from scenefw.core.types import Frame
 from scenefw.data import poses as pose_files
+from scenefw.data.image_poses import folder_poses, no_poses, require_times
 from scenefw.data.intrinsics import read_intrinsics
 from scenefw.data.readers import read_frame
 
@@ -67,9 +68,11 @@ class _Sequence(ABC):
 class RGBDFolder(_Sequence):
     """A folder with `depth/`, maybe `rgb/` and `labels/`, `poses.txt` and an intrinsics file.
 
-    Depth images are 16-bit .png or .npy, in the order of their names; colours and labels have the
-    same names (labels: 8-bit .png of class ids, 255 = unknown). `poses.txt` holds one camera-to-
-    world pose per depth image: 16 or 12 numbers row by row, or x y z qx qy qz qw.
+    Depth images are 16-bit .png or .npy, in the order of their names, 2 before 10; colours and
+    labels have the same names (labels: 8-bit .png of class ids, 255 = unknown). `poses.txt` holds
+    one camera-to-world pose per depth image: 16 or 12 numbers row by row, or x y z qx qy qz qw,
+    in the same order, or in any if each line begins with the name of its image. `poses/NAME.txt`,
+    one file per depth image, does as well.
 
     Args:
         path: the folder.
@@ -95,10 +98,10 @@ class RGBDFolder(_Sequence):
         folder = path / "depth"
         if not folder.is_dir():
             raise InputError(f"no folder {folder}; expected depth/, rgb/ and poses.txt in {path}")
-        depths = [file for file in sorted(folder.iterdir()) if file.suffix in (".png", ".npy")]
+        depths = [file for file in in_order(folder.iterdir()) if file.suffix in (".png", ".npy")]
         if not depths:
             raise InputError(f"no depth image in {folder}; expected 16-bit .png or .npy files")
-        poses = _folder_poses(path, len(depths), largest_jump, require_poses)
+        poses = folder_poses(path, depths, largest_jump, require_poses)
         colours, labels = _beside(path, _COLOURS, depths), _beside(path, ("labels",), depths)
         entries = [_Entry(*each) for each in zip(depths, colours, labels, poses, strict=True)]
         self._frames = _Frames(entries, _intrinsics(path, intrinsics), depth_scale)
@@ -109,7 +112,8 @@ class TUMSequence(_Sequence):
 
     `rgb.txt` and `depth.txt` list times and files, `groundtruth.txt` times and poses (x y z qx qy
     qz qw); every depth image gets the colour image and the pose nearest in time. Depth images
-    without a pose near enough are left out.
+    without a pose near enough are left out. Where files are named by times, those must agree with
+    the times of their lines.
 
     Args:
         path: the folder.
@@ -136,6 +140,8 @@ class TUMSequence(_Sequence):
         path = Path(path)
         depth_times, depths = _timed(path / "depth.txt")
         colour_times, colours = _timed(path / "rgb.txt")
+        require_times(path / "depth.txt", depth_times, depths, largest_delay)
+        require_times(path / "rgb.txt", colour_times, colours, largest_delay)
         colour_of = _nearest(depth_times, colour_times, largest_delay)
         poses: list[NDArray[np.float64]] = []
         pose_of = np.full(len(depths), -1)
@@ -143,7 +149,7 @@ class TUMSequence(_Sequence):
             pose_times, poses = _timed_poses(path / "groundtruth.txt")
             pose_of = _nearest(depth_times, pose_times, largest_delay)
         if require_poses and (pose_of < 0).all():
-            raise _no_poses(path, "groundtruth.txt", f"within {largest_delay} s of a depth image")
+            raise no_poses(path, "groundtruth.txt", f"within {largest_delay} s of a depth image")
         entries = [
             _Entry(
                 path / words[0],
@@ -197,6 +203,7 @@ def write_sequence(
 
     Raises:
         InputError: no frame, or frames of several image sizes.
+        StorageError: the folder can't be written, or the disk is full.
     """
     folder, poses, camera = Path(folder), [], None
     for index, frame in enumerate(frames):
@@ -247,33 +254,6 @@ class _Frames:
             labels[labels == IGNORED] = UNKNOWN
         camera = frame.camera if entry.pose is None else frame.camera.moved(entry.pose)
         return replace(frame, camera=camera, colour=colour, labels=labels)
-
-
-def _folder_poses(
-    path: Path, count: int, largest_jump: float | None, require: bool
-) -> list[NDArray[np.float64]] | list[None]:
-    file = path / "poses.txt"
-    if not file.is_file():
-        if require:
-            raise _no_poses(path, "poses.txt", "one line per depth image")
-        return [None] * count
-    poses = pose_files.read_poses(file)
-    if len(poses) != count:
-        raise InputError(
-            f"{file} holds {len(poses)} poses, but {path / 'depth'} {count} images; give one pose "
-            "per depth image, in the order of their names"
-        )
-    unordered = file.read_text(encoding="utf-8").startswith(pose_files.UNORDERED)
-    if largest_jump is not None and not unordered:
-        pose_files.require_smooth(poses, largest_jump, str(path))
-    return poses
-
-
-def _no_poses(path: Path, file: str, what: str) -> InputError:
-    return InputError(
-        f"{path} has no camera poses: expected {file} with {what}; add it, or track the camera "
-        "(run=label run.estimate_poses=true)"
-    )
 
 
 def _beside(path: Path, names: Sequence[str], depths: list[Path]) -> list[Path | None]:
@@ -372,5 +352,5 @@ def _image(path: Path, mode: str, frame: Frame) -> NDArray[np.uint8]:
 
 
 def _write_image(path: Path, values: NDArray[Any]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    Image.fromarray(np.ascontiguousarray(values)).save(path)
+    with replacing(path) as temporary:
+        Image.fromarray(np.ascontiguousarray(values)).save(temporary)

@@ -5,7 +5,7 @@ on the machine and on the number of samples: `size.rendered`.
 """
 
 from scenefw.core.errors import ConfigError
-from scenefw.core.protocols import FrameSource
+from scenefw.core.labelling_protocols import FrameSource
 from scenefw.data.label_views import RenderedViews, StoredViews
 from scenefw.data.map_crops import Fused, RenderedMaps, StoredMaps
 from scenefw.data.tabletop import TabletopScenes

@@ -20,12 +20,8 @@ from scenefw.core import rng as streams
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.geometry import look_at
 from scenefw.core.height_maps import HeightGrid, HeightMap
-from scenefw.core.tabletop import (
-    TabletopGeometry,
-    TabletopRenderer,
-    TabletopScene,
-    TabletopSource,
-)
+from scenefw.core.labelling_protocols import TabletopRenderer, TabletopSource
+from scenefw.core.tabletop import TabletopGeometry, TabletopScene
 from scenefw.core.types import Camera, Float64, Frame
 from scenefw.data.view_cache import ViewCache, exact, key_of
 

@@ -11,13 +11,12 @@ from torch import Tensor
 
 from scenefw.core.batches import CameraBatch, PartialTSDF, SceneParameters, SceneVolumes
 from scenefw.core.errors import ConfigError
-from scenefw.core.protocols import MappingMethod, Noise, Renderer
+from scenefw.core.protocols import MappingMethod, Noise, PoseNoise, Renderer
 from scenefw.core.rng import Streams
 from scenefw.core.types import Camera, Float64, GridSpec
 from scenefw.data.augmentation import RigidAugmentation
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.kernels.transfer import to_device
-from scenefw.noise.frames import PoseNoise
 from scenefw.representations.volumes import scene_volumes
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.files import in_order
 from scenefw.core.measures import MEASURES_FILE, Measure, joined, read_measures
 
 
@@ -78,7 +79,7 @@ class GatheredRuns:
             InputError: there are none, a file is damaged, no run has a figure to show, or none has
                 measures.
         """
-        found = sorted((path.parent for path in self.input.rglob("metrics.json")), key=_number)
+        found = in_order(path.parent for path in self.input.rglob("metrics.json"))
         if not found:
             raise InputError(
                 f"no metrics.json below {self.input}; give the folder of a sweep (-m) whose runs "
@@ -129,11 +130,6 @@ def _changed(measure: Measure, name: str, changes: Mapping[str, Any]) -> Measure
         return measure.changed(changes)
     except ConfigError as error:
         raise ConfigError(f"evaluation.columns.{name}: {error}") from error
-
-
-def _number(folder: Path) -> tuple[str, int, str]:
-    """Sorts 10 after 9."""
-    return str(folder.parent), int(folder.name) if folder.name.isdigit() else -1, folder.name
 
 
 def _overrides(folder: Path) -> Sequence[str]:

@@ -3,6 +3,9 @@
 from contextlib import suppress
 from pathlib import Path
 
+from scenefw.core.errors import StorageError
+from scenefw.core.files import replacing
+
 SETTINGS, RECORD, FIGURES = "config.yaml", "run.json", "metrics.json"
 """Files that every run writes."""
 
@@ -29,11 +32,15 @@ class Leftovers:
             return
         for name in (SETTINGS, RECORD, FIGURES):
             if name in self.records:
-                (self.folder / name).write_bytes(self.records[name])
+                self._put_back(name)
             else:
                 (self.folder / name).unlink(missing_ok=True)
         with suppress(OSError):  # it holds an earlier run
             self.folder.rmdir()
+
+    def _put_back(self, name: str) -> None:
+        with suppress(StorageError), replacing(self.folder / name) as temporary:
+            temporary.write_bytes(self.records[name])  # a full disk is told of already
 
     def _others(self) -> dict[str, int]:
         """Times of change of all else that lies there."""

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from omegaconf import DictConfig
 
 _REFERENCE = re.compile(r"\$\{(?:oc\.select:|oc\.dict\.keys:)?(\.*)(\w[\w.]*)")
-_ALWAYS = ("hydra", "paths", "seed", "device")  # of every run, whatever its task
+_ALWAYS = ("hydra", "paths", "seed", "device", "threads", "yielding", "deterministic", "profile")
+"""Settings of every run, whatever its task."""
 _SHOWN = 3
 
 

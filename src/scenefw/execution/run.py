@@ -20,6 +20,7 @@ from scenefw.execution.build import Builder
 from scenefw.execution.leftovers import FIGURES, RECORD, SETTINGS, Leftovers
 from scenefw.execution.modifiers import make_deterministic, profiled
 from scenefw.execution.reads import require_read
+from scenefw.execution.threads import require_threads, threads
 from scenefw.execution.weights import used_weights
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
         choices = HydraConfig.get().runtime.choices
     try:
         require_seed(config.seed)
+        require_threads(config.threads)
         plugins.activate()
         require_read(config, overrides, registry.catalogue(), choices)
         check_types(config, "run")
@@ -97,7 +99,8 @@ def _work(config: DictConfig, output: Path, overrides: list[str]) -> dict[str, A
     (output / FIGURES).unlink(missing_ok=True)
     write_text(output / SETTINGS, resolved)
     write_text(output / RECORD, json.dumps(record, indent=2) + "\n")
-    figures = dict(profiled(task.run, output) if config.get("profile") else task.run())
+    with threads(config.threads, yields=config.yielding):
+        figures = dict(profiled(task.run, output) if config.get("profile") else task.run())
     if used_weights(plain) != record["weights"]:  # the run itself trained some of them
         record["weights"] = used_weights(plain)
         write_text(output / RECORD, json.dumps(record, indent=2) + "\n")

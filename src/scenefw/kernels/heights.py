@@ -18,7 +18,7 @@ import numpy as np
 from numba import prange
 
 from scenefw.kernels.compile import Kernel, atomic_add, element, loop
-from scenefw.kernels.triangles import BAND_ROWS, SEEN, UNSEEN, corners, level_of, parents
+from scenefw.kernels.triangles import SEEN, UNSEEN, corners, level_of, parents, rows_of
 
 RECORD = 11
 MERGED = 6
@@ -46,21 +46,25 @@ def _add_vertex(sums, vertex, weight, share, z, red, green, blue, coloured):
 
 
 @element
-def _robust(z, surface, outlier):
-    """Huber's weight of a measurement about the surface known so far, if any."""
-    far = abs(z - surface)
-    return outlier / far if far > outlier and surface < SEEN else _ONE
+def _add_far(far, vertex, share, z):
+    atomic_add(far, 2 * vertex, share)
+    atomic_add(far, 2 * vertex + 1, share * z)
 
 
 @element
-def _add_pixel(pixel, cells, spots, colour, sums, heights, n, outlier):
-    """Adds a pixel's equation (4.1) to the normal equations of its three vertices."""
+def _add_pixel(pixel, cells, spots, colour, sums, heights, far, n, outlier):
+    """Adds a pixel's equation (4.1), by Huber's weight, to the equations of its three vertices."""
     cell = cells[pixel]
     f, g, z = spots[pixel, 0], spots[pixel, 1], spots[pixel, 2]
     middle, a, b, c = corners(cell, f, g, n)
     last = cell + n + 1
     surface = a * heights[cell] + b * heights[middle] + c * heights[last]
-    w = _robust(z, surface, outlier)
+    w, distance = _ONE, abs(z - surface)
+    if distance > outlier and surface < SEEN:
+        w = outlier / distance
+        _add_far(far, cell, a, z)
+        _add_far(far, middle, b, z)
+        _add_far(far, last, c, z)
     coloured = len(colour) > 0
     red, green, blue = _ZERO, _ZERO, _ZERO
     if coloured:
@@ -77,37 +81,28 @@ def _add_pixel(pixel, cells, spots, colour, sums, heights, n, outlier):
 
 
 @element
-def _add(i, bands, order, starts, work, layout, cells, spots, colour, sums, heights, outlier):
+def _add(i, bands, order, starts, work, layout, cells, spots, colour, sums, heights, far, outlier):
     if bands[i] >= 0:
         n = layout[level_of(bands[i], layout), 1]
-        _add_pixel(i, cells, spots, colour, sums, heights, n, outlier)
+        _add_pixel(i, cells, spots, colour, sums, heights, far, n, outlier)
 
 
 @loop
 def _add_all(
-    count, bands, order, starts, work, layout, cells, spots, colour, sums, heights, outlier
+    count, bands, order, starts, work, layout, cells, spots, colour, sums, heights, far, outlier
 ):
     for parity in range(2):
         for k in prange(work[parity, 0]):
             band = work[parity, k + 1]
             n = layout[level_of(band, layout), 1]
             for j in range(starts[band], starts[band + 1]):
-                _add_pixel(order[j], cells, spots, colour, sums, heights, n, outlier)
-
-
-@element
-def _rows_of(band, layout):
-    """First vertex and side of a band's level, its rows from the first to the end, its level."""
-    level = level_of(band, layout)
-    first, n = np.int64(layout[level, 0]), np.int64(layout[level, 1])
-    top = np.int64(band - layout[level, 2]) * BAND_ROWS
-    return first, n, top, n if top + BAND_ROWS >= n - 1 else top + BAND_ROWS, level
+                _add_pixel(order[j], cells, spots, colour, sums, heights, far, n, outlier)
 
 
 @element
 def _begin(i, bands, layout, boxes, sums, heights):
     """Vertices of a band touched for the first time start at the mean of what touches them."""
-    first, n, top, bottom, level = _rows_of(bands[i], layout)
+    first, n, top, bottom, level = rows_of(bands[i], layout)
     for row in range(top, bottom):
         for column in range(boxes[level, 2], boxes[level, 3]):
             vertex = first + row * n + column
@@ -147,7 +142,7 @@ def _relax_row(row, above, below, sums, heights, first, n, left, right, damping)
 @element
 def _relax(i, bands, layout, boxes, sums, heights, damping):
     """Sweeps down and up a band; its neighbours' rows lie in the second half of `heights`."""
-    first, n, top, bottom, level = _rows_of(bands[i], layout)
+    first, n, top, bottom, level = rows_of(bands[i], layout)
     left, right = np.int64(boxes[level, 2]), np.int64(boxes[level, 3])
     before = len(heights) // 2
     for k in range(2 * (bottom - top)):

@@ -106,6 +106,15 @@ def level_of(band, layout):
 
 
 @element
+def rows_of(band, layout):
+    """First vertex and side of a band's level, its rows from the first to the end, its level."""
+    level = level_of(band, layout)
+    first, n = np.int64(layout[level, 0]), np.int64(layout[level, 1])
+    top = np.int64(band - layout[level, 2]) * BAND_ROWS
+    return first, n, top, n if top + BAND_ROWS >= n - 1 else top + BAND_ROWS, level
+
+
+@element
 def parents(row, column, coarse):
     """The two vertices of the next coarser level between which a vertex lies, maybe the same."""
     first = (row // 2) * coarse + column // 2

@@ -16,9 +16,9 @@ class ByHeight:
 
     Args:
         classes: names by class id; the first is the surface.
-        raised: name of the class that everything higher is given.
-        level: height (m) from which a vertex is of that class.
-        confidence: probability of the class that is given; the others share the rest.
+        raised: name of the class of everything higher.
+        level: height (m) above which a vertex is of that class.
+        confidence: probability of the class given; the others share the rest.
     """
 
     def __init__(
@@ -29,7 +29,9 @@ class ByHeight:
         confidence: float = 0.8,
     ) -> None:
         if raised not in classes or len(classes) < 2:
-            raise ConfigError(f"'{raised}' is none of the classes {', '.join(classes)}")
+            raise ConfigError(
+                f"raised = {raised} is none of the classes {', '.join(classes)}; give one of them"
+            )
         if not 1 / len(classes) < confidence < 1:
             raise ConfigError(f"confidence = {confidence}; expected more than chance, below 1")
         self.classes = tuple(classes)

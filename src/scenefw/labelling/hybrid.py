@@ -2,30 +2,34 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from scenefw.core.errors import ConfigError
-from scenefw.core.labels import FROM_BOTH, FROM_MAP, FROM_VIEWS
+from scenefw.core.labels import FROM_BOTH, FROM_MAP, FROM_VIEWS, known, labelled
+from scenefw.labelling.key_frames import EveryNth
 from scenefw.labelling.pooling import Pool, disagreement
 from scenefw.labelling.reconstruction import Reconstruction
-from scenefw.labelling.running import MAP_LABELS, MapLabels, known, labelled, states_of
+from scenefw.labelling.running import MAP_LABELS, MapLabels
 from scenefw.labelling.view_based import RunningViewBased, ViewBased
 
 if TYPE_CHECKING:
     from scenefw.core.height_maps import HeightMap
-    from scenefw.core.protocols import (
+    from scenefw.core.labelling_protocols import (
         HeightMapping,
+        KeyFrames,
         LabelSource,
         MapLabelSource,
         SemanticMapping,
+        States,
     )
+    from scenefw.core.labels import Sources
     from scenefw.core.types import Float32, Frame
-    from scenefw.labelling.key_frames import KeyFrames
-    from scenefw.labelling.running import Share, Sources, States
 
 
+@dataclass(frozen=True, eq=False)
 class Hybrid:
     """Fuses labels of views and refines them by labels of the map, as probabilities.
 
@@ -39,67 +43,54 @@ class Hybrid:
         map_source: labels a height map.
         pool: of both distributions.
         reconstruction: how well the map is built about each vertex.
-        key_frames: which frames are labelled; None = all.
-        every: the map is labelled at every so many frames; None = whenever it is asked for.
+        key_frames: which frames are labelled.
+        every: the map is labelled every so many frames; None = whenever it is requested.
         refresh: as that of `ViewBased`.
 
     Raises:
         ConfigError: the two sources have different classes, or only one.
     """
 
-    def __init__(
-        self,
-        heights: HeightMapping,
-        labels: SemanticMapping,
-        source: LabelSource,
-        map_source: MapLabelSource,
-        pool: Pool | None = None,
-        reconstruction: Reconstruction | None = None,
-        key_frames: KeyFrames | None = None,
-        every: int | None = None,
-        refresh: int | None = None,
-    ) -> None:
-        if tuple(source.classes) != tuple(map_source.classes):
+    heights: HeightMapping
+    labels: SemanticMapping
+    source: LabelSource
+    map_source: MapLabelSource
+    pool: Pool = field(default_factory=Pool)
+    reconstruction: Reconstruction = field(default_factory=Reconstruction)
+    key_frames: KeyFrames = field(default_factory=EveryNth)
+    every: int | None = None
+    refresh: int | None = None
+
+    def __post_init__(self) -> None:
+        classes, of_maps = tuple(self.source.classes), tuple(self.map_source.classes)
+        if classes != of_maps:
             raise ConfigError(
-                f"views are labelled with {', '.join(source.classes)}, maps with "
-                f"{', '.join(map_source.classes)}; give two checkpoints of the same classes"
+                f"views are labelled with {', '.join(classes)}, maps with {', '.join(of_maps)}; "
+                "give two checkpoints of the same classes"
             )
-        if len(source.classes) < 2:
+        if len(classes) < 2:
             raise ConfigError(
-                f"the labels have one class alone, {source.classes[0]}; give classes of the "
-                "surface and of objects"
+                f"the labels have one class alone, {classes[0]}; give classes of the surface and "
+                "of objects"
             )
-        if every is not None and every < 1:
-            raise ConfigError(f"every = {every}; expected a number of frames, or null")
-        self.views = ViewBased(heights, labels, source, key_frames, refresh)
-        self.map_source = map_source
-        self.pool = pool or Pool()
-        self.reconstruction = reconstruction or Reconstruction()
-        self.every = every
+        if self.every is not None and self.every < 1:
+            raise ConfigError(f"every = {self.every}; expected a number of frames, or null")
+        object.__setattr__(self, "refresh", self.views.refresh)
+
+    @property
+    def views(self) -> ViewBased:
+        """The strategy that labels views."""
+        return ViewBased(self.heights, self.labels, self.source, self.key_frames, self.refresh)
 
     @property
     def classes(self) -> tuple[str, ...]:
         """Names by class id."""
-        return self.views.classes
-
-    def sharing(self, share: Share) -> Hybrid:
-        """The same strategy with each part replaced, for runs side by side on the same frames."""
-        return Hybrid(
-            share("heights", self.views.heights),
-            share("labels", self.views.labels),
-            share("source", self.views.source),
-            share("map_source", self.map_source),
-            self.pool,
-            self.reconstruction,
-            self.views.key_frames,
-            self.every,
-            self.views.refresh,
-        )
+        return tuple(self.source.classes)
 
     def begin(
         self, previous: HeightMap | None = None, states: States | None = None
     ) -> RunningHybrid:
-        """Starts a scene, or goes on with a saved one (exactly, if its states are given).
+        """Starts a scene or resumes a saved one, exactly if its states are given.
 
         Raises:
             InputError: the map has other classes.
@@ -118,7 +109,7 @@ class RunningHybrid:
         self.labels = MapLabels(strategy.every, states)
 
     def add(self, frame: Frame) -> None:
-        """Fuses the frame; labels the map if its frame has come."""
+        """Fuses the frame; labels the map if it is time."""
         self.views.add(frame)
         if self.labels.due():
             self._refine(self.views.heights.height_map())
@@ -136,9 +127,9 @@ class RunningHybrid:
         sources = _sources(views, of_map, pooled)
         return labelled(height_map, pooled, self.strategy.classes, sources)
 
-    def states(self) -> dict[str, dict[str, Any]]:
-        """What to save for going on exactly: that of views and map."""
-        return self.views.states() | states_of(**{MAP_LABELS: self.labels})
+    def states(self) -> States:
+        """What to resume from exactly: the states of views and of the map's labels."""
+        return {**self.views.states(), MAP_LABELS: self.labels.state()}
 
     def _refine(self, height_map: HeightMap) -> None:
         of_map = self.strategy.map_source.label_map(height_map)

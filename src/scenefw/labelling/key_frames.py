@@ -1,9 +1,8 @@
-"""Which frames a network labels: every n-th, or those that show enough that is new."""
+"""Which frames a network labels: every n-th, or those that show enough new."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,31 +11,11 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.types import Camera
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from scenefw.core.labelling_protocols import RunningKeyFrames, State
     from scenefw.core.types import Frame
-
-    State = Mapping[str, NDArray[Any]]
 
 _LENS = ("fx", "fy", "cx", "cy", "width", "height")
 _STRIDE = 8  # pixels: overlap is counted on a coarse grid
-
-
-class RunningKeyFrames(Protocol):
-    """Decides frame by frame."""
-
-    def takes(self, frame: Frame) -> bool:
-        """Whether the next frame is a key frame."""
-
-    def state(self) -> dict[str, NDArray[Any]]:
-        """What `begin` goes on from."""
-
-
-class KeyFrames(Protocol):
-    """A schedule of key frames (group `key_frames`)."""
-
-    def begin(self, state: State | None = None) -> RunningKeyFrames:
-        """Starts a sequence, whose first frame is a key frame, or goes on with one."""
 
 
 class EveryNth:
@@ -52,7 +31,7 @@ class EveryNth:
         self.n = n
 
     def begin(self, state: State | None = None) -> RunningKeyFrames:
-        """Starts a sequence or goes on with one."""
+        """Starts a sequence or resumes one."""
         return _Counting(self.n, state)
 
 
@@ -74,14 +53,14 @@ class ByMotion:
         self.angle = angle
 
     def begin(self, state: State | None = None) -> RunningKeyFrames:
-        """Starts a sequence or goes on with one."""
+        """Starts a sequence or resumes one."""
         return _Moving(self, state)
 
 
 class ByOverlap:
-    """Frames of whose points the last key frame sees less than a share.
+    """Frames of which the last key frame sees too few points.
 
-    Occlusion is not looked at: a point counts as seen if it projects into the image.
+    Occlusion is ignored: a point counts as seen if it projects into the image.
 
     Args:
         overlap: least share in [0, 1] of points in view that makes a frame superfluous.
@@ -93,7 +72,7 @@ class ByOverlap:
         self.overlap = overlap
 
     def begin(self, state: State | None = None) -> RunningKeyFrames:
-        """Starts a sequence or goes on with one."""
+        """Starts a sequence or resumes one."""
         return _Overlapping(self.overlap, state)
 
 
@@ -106,7 +85,7 @@ class _Counting:
         self.count += 1
         return (self.count - 1) % self.n == 0
 
-    def state(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> State:
         return {"count": np.array(self.count)}
 
 
@@ -125,7 +104,7 @@ class _Moving:
         self.last = frame.camera
         return True
 
-    def state(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> State:
         return _state(self.last)
 
 
@@ -140,11 +119,11 @@ class _Overlapping:
         self.last = frame.camera
         return True
 
-    def state(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> State:
         return _state(self.last)
 
 
-def _state(camera: Camera | None) -> dict[str, NDArray[Any]]:
+def _state(camera: Camera | None) -> State:
     """The camera of the last key frame, in arrays."""
     if camera is None:
         return {}

@@ -5,17 +5,17 @@ products of experts, Hinton 2002):
 
     p(c) ~ u(c) (v(c) / u(c))^a (m(c) / u(c))^b,  v = (1 - e) views + e u,  m = (1 - e) map + e u
 
-where u is what an expert says that knows nothing (all classes alike) and a and b are inverse
-temperatures (Guo et al. 2017): fused views repeat one network's mistake, so that their product is
-far too sure of it. Both go from one value to another with how well the map is reconstructed about
-the vertex, since that is what a network that reads the map depends on. The doubt e bounds what a
-single vertex can say.
+where u is uninformative (all classes equally probable) and a and b are inverse temperatures (Guo
+et al. 2017): fused views repeat one network's mistakes, so their product is overconfident. Both
+slide from one value to another with how well the map is reconstructed around the vertex, since
+that is what a network that reads the map depends on. The doubt e bounds the evidence that one
+vertex can give.
 
 There is one such pool for whether a vertex belongs to the surface or to an object, and one for
-which object it belongs to (nested logit, McFadden 1978), since the experts' mistakes lie in
-different places: fused views bleed over outlines. With the same weights for both, what is won
-inside of objects is lost along their outlines. A bias of the surface allows for the bleeding. The
-likelihood is convex in all weights, so that they are unique.
+which object it belongs to (nested logit, McFadden 1978), since the experts make their mistakes in
+different places: fused views bleed over outlines. With the same weights for both, what is gained
+inside objects is lost along their outlines. A bias of the surface makes up for the bleeding. The
+regularised log-likelihood is strictly concave in the weights, so they are unique.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ if TYPE_CHECKING:
 
     from scenefw.core.types import Float32, Int32
 
-_LARGEST = 20.0  # of the weights and biases that calibration tries
-_PRIOR = 1e-4  # pulls weights that vertices say nothing about towards 0
+_LARGEST = 20.0  # bound of weights and biases in calibration
+_PRIOR = 1e-4  # pulls weights that no vertex constrains towards 0
 DOUBT = 0.005
-_NOTHING = 1e-6  # float32 probabilities this close to uniform say nothing
+_TOLERANCE = 1e-6  # float32 probabilities this close to uninformative count as that
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Weights:
         values = astuple(self)
         if not np.isfinite(values).all() or min(values[:4]) < 0:
             raise ConfigError(
-                f"{self} can't be used; expected weights of 0 or more, and biases that are numbers"
+                f"{self} can't be used; expected weights of 0 or more and finite biases"
             )
 
 
@@ -76,7 +76,7 @@ class Pool:
     Args:
         surface: weights of the pool of p(surface) and p(object).
         objects: weights of the pool of p(class | object).
-        doubt: share of knowing nothing in each distribution that is pooled.
+        doubt: share of the uninformative distribution mixed into each one before pooling.
     """
 
     surface: Weights = field(default_factory=Weights)
@@ -92,7 +92,7 @@ class Pool:
         return {"surface": self.surface, "objects": self.objects}
 
     def __call__(self, views: Float32, of_map: Float32, well: Float32) -> Float32:
-        """Pooled probabilities (C, ...) float32; an expert that is uniform has no say.
+        """Pooled probabilities (C, ...) float32; an expert that is uniform has no influence.
 
         Args:
             views: (C, ...) of fused views.
@@ -100,7 +100,7 @@ class Pool:
             well: (...) in [0, 1], see `Reconstruction`.
         """
         (views_gate, views_objects), (map_gate, map_objects) = nested(views), nested(of_map)
-        unknown, any_object = _nothing(len(views))
+        unknown, any_object = _uninformative(len(views))
         gate = pool(views_gate, map_gate, well, self.surface, self.doubt, unknown)
         objects = pool(views_objects, map_objects, well, self.objects, self.doubt, any_object)
         objects *= gate[1]
@@ -128,7 +128,7 @@ def pool(
     well: Float32,
     weights: Weights,
     doubt: float,
-    nothing: Float32,
+    uninformative: Float32,
 ) -> Float32:
     """Pooled probabilities (C, ...) float32 of one logarithmic pool.
 
@@ -137,15 +137,16 @@ def pool(
         of_map: (C, ...) of the map's labels.
         well: (...) in [0, 1], see `Reconstruction`.
         weights: of the pool.
-        doubt: share of `nothing` in each of the two.
-        nothing: (C,) what an expert says that knows nothing.
+        doubt: share of `uninformative` mixed into each of the two.
+        uninformative: (C,) distribution of an expert without evidence.
     """
-    scores = np.zeros_like(views) + _upright(np.log(nothing), views)
+    scores = np.zeros_like(views) + _upright(np.log(uninformative), views)
     poor_and_well = np.array(astuple(weights), np.float32).reshape(3, 2)
     amounts = np.tensordot(poor_and_well, _ends(well), axes=1)
-    for amount, said in zip(amounts, _said(views, of_map, doubt, nothing), strict=True):
-        said *= amount
-        scores += said
+    features = _features(views, of_map, doubt, uninformative)
+    for amount, feature in zip(amounts, features, strict=True):
+        feature *= amount
+        scores += feature
     scores -= scores.max(axis=0)
     np.exp(scores, out=scores)
     scores /= scores.sum(axis=0)
@@ -163,15 +164,15 @@ def fit_pool(
     """Weights of least negative log-likelihood of the true classes, each class counting the same.
 
     Classes count the same because the mean IoU that strategies are compared by gives a small class
-    as much say as the surface. The likelihood is a product of that of surface or object, over all
-    vertices, and of that of the class, over those of objects, so that each is fitted alone.
+    as much influence as the surface. The likelihood is a product of that of surface or object, over
+    all vertices, and of that of the class, over those of objects, so that each is fitted alone.
 
     Args:
-        views: (C, N) of vertices of scenes that are not tested on.
+        views: (C, N) of vertices of scenes that no test uses.
         of_map: (C, N).
         well: (N,).
         truth: (N,) class ids.
-        drawn_for: (N,) the class that a vertex was drawn for and counts to; None: its true one.
+        drawn_for: (N,) the class that a vertex was drawn for and counts towards; None: its own.
         doubt: of the pool.
 
     Raises:
@@ -184,9 +185,9 @@ def fit_pool(
     share = 1 / counts[counted] / np.count_nonzero(counts)
     (views_gate, views_objects), (map_gate, map_objects) = nested(views), nested(of_map)
     of_object = truth > 0
-    unknown, any_object = _nothing(len(views))
-    gate = _said(views_gate, map_gate, doubt, unknown)
-    objects = _said(views_objects[:, of_object], map_objects[:, of_object], doubt, any_object)
+    unknown, any_object = _uninformative(len(views))
+    gate = _features(views_gate, map_gate, doubt, unknown)
+    objects = _features(views_objects[:, of_object], map_objects[:, of_object], doubt, any_object)
     which = truth[of_object].astype(np.intp) - 1
     return Pool(
         _fit(gate, well, unknown, of_object.astype(np.intp), share),
@@ -202,18 +203,18 @@ def disagreement(views: Float32, of_map: Float32, pooled: Float32) -> Sequence[N
 
 
 def _fit(
-    said: Float32,
+    features: Float32,
     well: Float32,
-    nothing: Float32,
+    uninformative: Float32,
     truth: NDArray[np.intp],
     share: NDArray[np.float64],
     *,
     biased: bool = True,
 ) -> Weights:
     """Weights of one pool of least negative log-likelihood, vertices counting their shares."""
-    terms = (said[:, None] * _ends(well)[:, None]).reshape(6, *said.shape[1:])
+    terms = (features[:, None] * _ends(well)[:, None]).reshape(6, *features.shape[1:])
     of_truth = np.take_along_axis(terms, truth[None, None], axis=1)[:, 0]
-    offset = np.log(nothing)[:, None]
+    offset = np.log(uninformative)[:, None]
 
     def loss(values: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         scores = np.tensordot(values.astype(np.float32), terms, axes=1) + offset
@@ -233,15 +234,16 @@ def _fit(
     return Weights(*(float(value) for value in found.x))
 
 
-def _said(views: Float32, of_map: Float32, doubt: float, nothing: Float32) -> Float32:
-    """What is weighed (3, C, ...): the experts' evidence, zeros where they know nothing, and bias.
+def _features(views: Float32, of_map: Float32, doubt: float, uninformative: Float32) -> Float32:
+    """What the weights multiply (3, C, ...): the evidence of views and of the map, and the bias.
 
-    The bias counts only where one of the two says anything, so that nothing is told of vertices
-    that neither knows.
+    The bias counts only where one of the two is informative, so that vertices without evidence
+    stay unknown.
     """
-    first = np.zeros_like(views)
-    first[0] = _told(views, nothing) | _told(of_map, nothing)
-    return np.stack([_evidence(views, doubt, nothing), _evidence(of_map, doubt, nothing), first])
+    bias = np.zeros_like(views)
+    bias[0] = _is_informative(views, uninformative) | _is_informative(of_map, uninformative)
+    evidence = (_evidence(expert, doubt, uninformative) for expert in (views, of_map))
+    return np.stack([*evidence, bias])
 
 
 def _ends(well: Float32) -> Float32:
@@ -249,26 +251,26 @@ def _ends(well: Float32) -> Float32:
     return np.stack([1 - well, well]).astype(np.float32)
 
 
-def _told(probabilities: Float32, nothing: Float32) -> NDArray[np.bool_]:
-    """(...) where a distribution says anything."""
-    away = np.abs(probabilities - _upright(nothing, probabilities))
-    return np.asarray(away.max(axis=0) > _NOTHING)
+def _is_informative(probabilities: Float32, uninformative: Float32) -> NDArray[np.bool_]:
+    """(...) where a distribution differs from the uninformative one."""
+    away = np.abs(probabilities - _upright(uninformative, probabilities))
+    return np.asarray(away.max(axis=0) > _TOLERANCE)
 
 
-def _evidence(probabilities: Float32, doubt: float, nothing: Float32) -> Float32:
-    """Log of the distribution mixed with knowing nothing, against that of knowing nothing."""
-    mixed = probabilities * np.float32(1 - doubt) / _upright(nothing, probabilities)
+def _evidence(probabilities: Float32, doubt: float, uninformative: Float32) -> Float32:
+    """Log-ratio of the distribution, mixed with the uninformative one, to the latter."""
+    mixed = probabilities * np.float32(1 - doubt) / _upright(uninformative, probabilities)
     mixed += np.float32(doubt)
     return np.log(mixed, out=mixed)
 
 
-def _nothing(classes: int) -> tuple[Float32, Float32]:
-    """What knowing nothing says of surface or object (2,), and of which object (C - 1,)."""
+def _uninformative(classes: int) -> tuple[Float32, Float32]:
+    """Uninformative distributions of surface or object (2,), and of which object (C - 1,)."""
     kinds = max(classes - 1, 1)
     gate = np.array([1, kinds], np.float32) / np.float32(kinds + 1)
     return gate, np.full(classes - 1, 1 / kinds, np.float32)
 
 
 def _upright(values: Float32, like: Float32) -> Float32:
-    """(C,) as (C, 1, ...), to go with (C, ...)."""
+    """(C,) as (C, 1, ...), to broadcast against (C, ...)."""
     return values.reshape(-1, *[1] * (like.ndim - 1))

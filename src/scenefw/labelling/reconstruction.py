@@ -19,7 +19,7 @@ class Reconstruction:
 
     The mean, over the network's receptive field, of c / (c + c0) * s0^2 / (s^2 + s0^2), with c the
     confidence and s^2 the variance of a vertex, and 0 where it is unseen: the share of its context
-    that a network sees, with vertices counting as much as they can be relied on.
+    that a network sees, with vertices weighted by their reliability.
 
     Args:
         confidence: c0, at which a vertex counts half (sum of weights of measurements).

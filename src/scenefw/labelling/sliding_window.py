@@ -1,4 +1,4 @@
-"""Labels of maps of any size, window by window, as one pass over the whole map would give them."""
+"""Labels of maps of any size, window by window, equal to those of one pass over the whole map."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -7,7 +7,11 @@ import torch
 from torch import Tensor, nn
 
 from scenefw.core.errors import ConfigError
+from scenefw.core.memory import available_memory
 from scenefw.models.receptive_field import receptive_field
+
+LEAST, MOST, UNKNOWN = 128, 4096, 512
+"""Megabytes taken at least and at most, and where nothing says what is free."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +25,7 @@ class Window:
 
 
 class SlidingWindow:
-    """Runs a network over windows that overlap by what their borders don't know (thesis 4.7.3).
+    """Runs a network over windows that overlap by the context their borders lack (thesis 4.7.3).
 
     Windows of d pixels lie o = d - 2 r apart (eq. 4.11). With r the receptive field, as in the
     thesis, that is more than enough: a pixel depends on no more than half of it to either side, so
@@ -31,12 +35,16 @@ class SlidingWindow:
     other pixels. Borders of the map are those of its outer windows, padded as in one pass.
 
     Args:
-        memory: megabytes that the features of one window may take.
+        memory: megabytes that the features of one window may take; None follows what is free where
+            the network runs. Results are the same but for rounding.
         window: d in pixels instead, rounded up to fit; None takes what the memory holds.
+
+    Raises:
+        ConfigError: either is 0 or less.
     """
 
-    def __init__(self, memory: float = 512.0, window: int | None = None) -> None:
-        if not memory > 0 or (window is not None and window < 1):
+    def __init__(self, memory: float | None = None, window: int | None = None) -> None:
+        if (memory is not None and not memory > 0) or (window is not None and window < 1):
             raise ConfigError(
                 f"the sliding window has memory = {memory} and window = {window}; expected "
                 "megabytes and pixels above 0"
@@ -54,8 +62,8 @@ class SlidingWindow:
         """
         height, width = colour.shape[1:]
         margin = max(receptive_field(network.body, axis).margin for axis in (0, 1))
-        side = self._side(network, margin)
         device = next(network.parameters()).device
+        side = self._side(network, margin, device)
         result = torch.empty(network.classes, height, width)
         for rows in windows(height, side, margin):
             for columns in windows(width, side, margin):
@@ -70,15 +78,33 @@ class SlidingWindow:
                 result[kept] = scores[0][inner].softmax(dim=0).float().cpu()
         return result
 
-    def _side(self, network: nn.Module, margin: int) -> int:
+    def _side(self, network: nn.Module, margin: int, device: torch.device) -> int:
         """The window's side d: a multiple of the stride, wide enough to keep a quarter of it."""
         stride = network.stride
         if self.window is not None:
             side = -(-self.window // stride) * stride
         else:
-            pixels = self.memory * 1e6 / bytes_per_pixel(network)
+            memory = free_megabytes(device) if self.memory is None else self.memory
+            pixels = memory * 1e6 / bytes_per_pixel(network)
             side = int(pixels**0.5) // stride * stride
         return max(side, 4 * margin)
+
+
+def free_megabytes(device: torch.device) -> int:
+    """Megabytes for a window: a quarter of what is free, from LEAST to MOST.
+
+    A power of 2, so that windows, and with them the last bits of a result, are those of other
+    runs unless memory is a good deal scarcer.
+    """
+    if device.type == "cuda":
+        kept = torch.cuda.memory_reserved(device) - torch.cuda.memory_allocated(device)
+        free = torch.cuda.mem_get_info(device)[0] + kept  # torch keeps what it has freed
+    else:
+        free = available_memory() if device.type == "cpu" else None
+    if free is None:
+        return UNKNOWN
+    quarter = max(int(free / 4e6), 1)
+    return min(max(1 << quarter.bit_length() - 1, LEAST), MOST)
 
 
 def windows(size: int, side: int, margin: int) -> Iterator[Window]:
@@ -100,7 +126,7 @@ def windows(size: int, side: int, margin: int) -> Iterator[Window]:
 
 @torch.inference_mode()
 def bytes_per_pixel(network: nn.Module) -> float:
-    """Bytes of all features that a pass over an image makes, per pixel: more than live at once."""
+    """Bytes of all features of a pass over an image, per pixel: more than are alive at once."""
     total, side = 0, 8 * network.stride
 
     def count(_module: nn.Module, _inputs: object, output: Tensor) -> None:

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import nn
 
 from scenefw.core.errors import CheckpointError, ConfigError, InputError
 from scenefw.core.height_maps import HeightMap
@@ -24,9 +25,9 @@ Labels = NDArray[np.integer]
 
 
 class TrainedLabeller(Protocol):
-    """What a loaded checkpoint gives (`learning.checkpoint.load_checkpoint`)."""
+    """A loaded checkpoint (`learning.checkpoint.load_checkpoint`)."""
 
-    model: Any
+    model: nn.Module
     metadata: Mapping[str, Any]
 
 
@@ -35,7 +36,7 @@ class NetworkLabels:
 
     Args:
         checkpoint: a loaded checkpoint.
-        classes: names by class id that are wanted; None takes those of the checkpoint.
+        classes: names by class id to expect; None takes those of the checkpoint.
         device: where the network runs.
 
     Raises:
@@ -73,8 +74,8 @@ class NetworkMapLabels:
 
     Args:
         checkpoint: a loaded checkpoint.
-        window: cuts the map into windows; None takes as large ones as 512 MB hold.
-        classes: names by class id that are wanted; None takes those of the checkpoint.
+        window: cuts the map into windows; None takes as large ones as free memory holds.
+        classes: names by class id to expect; None takes those of the checkpoint.
         device: where the network runs.
 
     Raises:
@@ -102,12 +103,12 @@ class NetworkMapLabels:
 
 
 class TrueLabels:
-    """The true labels of frames, a share of them wrong if asked for: for studies and tests.
+    """The true labels of frames, a share of them wrong if so set: for studies and tests.
 
     Args:
         classes: names by class id.
-        error_rate: share of pixels that are given another class, any with the same chance.
-        confidence: probability of the class that is given; the others share the rest.
+        error_rate: share of pixels that get another class, any with the same chance.
+        confidence: probability of the class given; the others share the rest.
         seed: of the errors, which for a frame depend on (seed, its name) alone.
     """
 
@@ -243,15 +244,15 @@ def _require_confidence(confidence: float, classes: Sequence[str]) -> None:
     least = 1 / max(len(classes), 1)
     if not least < confidence <= 1:
         raise ConfigError(
-            f"confidence = {confidence}, the probability of the class that is given of "
-            f"{len(classes)}; expected more than {least:.3g} and at most 1"
+            f"confidence = {confidence}, the probability of the given one of "
+            f"{len(classes)} classes; expected more than {least:.3g} and at most 1"
         )
 
 
 def agreed_classes(
     checkpoint: TrainedLabeller, classes: Sequence[str] | None, kind: str
 ) -> tuple[str, ...]:
-    """The classes of a checkpoint, which must be those that are wanted.
+    """The classes of a checkpoint, which must be those expected.
 
     Raises:
         CheckpointError: they differ, or it was trained on something else than `kind`.
@@ -265,13 +266,13 @@ def agreed_classes(
         )
     if classes is not None and tuple(classes) != found:
         raise CheckpointError(
-            f"the network labels {', '.join(found)}, but {', '.join(classes)} are wanted; give a "
+            f"the network labels {', '.join(found)}, expected {', '.join(classes)}; give a "
             "checkpoint that was trained on these classes"
         )
     return found
 
 
-def _ready(model: Any, device: torch.device) -> Any:
+def _ready(model: nn.Module, device: torch.device) -> nn.Module:
     """The network as it runs fastest."""
     return model.to(device, memory_format=torch.channels_last).eval()
 

@@ -1,32 +1,30 @@
-"""View-based labelling: every key frame goes through a network, the vertices fuse what it says."""
+"""View-based labelling: a network labels every key frame, and the vertices fuse its labels."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from scenefw.core.errors import ConfigError
-from scenefw.core.labels import FROM_VIEWS
+from scenefw.core.labels import FROM_VIEWS, labelled
 from scenefw.labelling.key_frames import EveryNth
-from scenefw.labelling.running import (
-    KEY_FRAMES,
-    begin_heights,
-    begin_labels,
-    labelled,
-    require_classes,
-    states_of,
-)
+from scenefw.labelling.running import HEIGHTS, KEY_FRAMES, LABELS, require_classes, state_of
 
 if TYPE_CHECKING:
     from scenefw.core.height_maps import HeightMap
-    from scenefw.core.protocols import HeightMapping, LabelSource, SemanticMapping
+    from scenefw.core.labelling_protocols import (
+        HeightMapping,
+        KeyFrames,
+        LabelSource,
+        SemanticMapping,
+        States,
+    )
     from scenefw.core.types import Frame
-    from scenefw.labelling.key_frames import KeyFrames
-    from scenefw.labelling.running import Share, States
-
 
 _REFRESH = 10  # key frames
 
 
+@dataclass(frozen=True, eq=False)
 class ViewBased:
     """Labels views and fuses their labels into the height map (thesis 4.4, 4.7.3).
 
@@ -34,7 +32,7 @@ class ViewBased:
         heights: fuses depth and colour of all frames.
         labels: fuses the labels of key frames.
         source: labels a frame.
-        key_frames: which frames are labelled; None = all.
+        key_frames: which frames are labelled.
         refresh: label fusion gets a new height map every so many key frames; 0 = never, for
             fusion that reads the frame alone (in height-map space); None = 10 for fusion that reads
             the map, else 0.
@@ -43,54 +41,39 @@ class ViewBased:
         ConfigError: fusion that reads the map gets none.
     """
 
-    def __init__(
-        self,
-        heights: HeightMapping,
-        labels: SemanticMapping,
-        source: LabelSource,
-        key_frames: KeyFrames | None = None,
-        refresh: int | None = None,
-    ) -> None:
-        reads_map = getattr(labels, "reads_map", False)
-        if refresh is None:
-            refresh = _REFRESH if reads_map else 0
-        if refresh < 0:
-            raise ConfigError(f"refresh = {refresh}; expected a number of key frames, 0 = never")
-        if reads_map and not refresh:
+    heights: HeightMapping
+    labels: SemanticMapping
+    source: LabelSource
+    key_frames: KeyFrames = field(default_factory=EveryNth)
+    refresh: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.refresh is None:
+            object.__setattr__(self, "refresh", _REFRESH if self.labels.reads_map else 0)
+        if self.refresh is None or self.refresh < 0:
+            raise ConfigError(
+                f"refresh = {self.refresh}; expected a number of key frames, 0 = never"
+            )
+        if self.labels.reads_map and not self.refresh:
             raise ConfigError(
                 f"refresh = 0, but label fusion in image space reads the height map; give "
                 f"labelling.NAME.refresh={_REFRESH}, or null"
             )
-        self.heights = heights
-        self.labels = labels
-        self.source = source
-        self.key_frames = key_frames or EveryNth(1)
-        self.refresh = refresh
 
     @property
     def classes(self) -> tuple[str, ...]:
         """Names by class id."""
         return tuple(self.source.classes)
 
-    def sharing(self, share: Share) -> ViewBased:
-        """The same strategy with each part replaced, for runs side by side on the same frames."""
-        return ViewBased(
-            share("heights", self.heights),
-            share("labels", self.labels),
-            share("source", self.source),
-            self.key_frames,
-            self.refresh,
-        )
-
     def begin(
         self, previous: HeightMap | None = None, states: States | None = None
     ) -> RunningViewBased:
-        """Starts a scene, or goes on with a saved one.
+        """Starts a scene or resumes a saved one.
 
         Args:
             previous: the map so far.
-            states: as the saved labelling's `states`; with them the map goes on exactly (with
-                `refresh`, from a new height map).
+            states: of the saved labelling; with them the map is resumed exactly (with `refresh`,
+                from a new height map).
 
         Raises:
             InputError: the map has other classes.
@@ -106,10 +89,14 @@ class RunningViewBased:
         self, strategy: ViewBased, previous: HeightMap | None, states: States | None
     ) -> None:
         self.strategy = strategy
-        self.heights = begin_heights(strategy.heights, previous, states)
-        grid, classes = strategy.heights.grid, len(strategy.classes)
-        self.labels = begin_labels(strategy.labels, grid, classes, previous, states)
-        self.schedule = strategy.key_frames.begin((states or {}).get(KEY_FRAMES))
+        self.heights = strategy.heights.begin(previous, state_of(HEIGHTS, states))
+        self.labels = strategy.labels.begin(
+            strategy.heights.grid,
+            len(strategy.classes),
+            None if previous is None else previous.probabilities,
+            state_of(LABELS, states),
+        )
+        self.schedule = strategy.key_frames.begin(state_of(KEY_FRAMES, states))
         self.key_frames = 0
         self._surface: HeightMap | None = None
 
@@ -128,10 +115,13 @@ class RunningViewBased:
         classes = self.strategy.classes
         return labelled(self.heights.height_map(), probabilities, classes, FROM_VIEWS)
 
-    def states(self) -> dict[str, dict[str, Any]]:
-        """What to save for going on exactly."""
-        running = {"heights": self.heights, "labels": self.labels, KEY_FRAMES: self.schedule}
-        return states_of(**running)
+    def states(self) -> States:
+        """What to resume from exactly."""
+        return {
+            HEIGHTS: self.heights.state(),
+            LABELS: self.labels.state(),
+            KEY_FRAMES: self.schedule.state(),
+        }
 
     def _recent(self) -> HeightMap | None:
         """A height map for label fusion, as old as the strategy allows."""

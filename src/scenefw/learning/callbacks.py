@@ -1,6 +1,7 @@
 """What happens beside the steps of a training: snapshots, the table of losses, the progress bar."""
 
 import csv
+import io
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -17,7 +18,7 @@ from rich.progress import (
 )
 from torch import Tensor
 
-from scenefw.core.files import replacing
+from scenefw.core.files import append_text, replacing
 from scenefw.learning.divergence import require_finite
 from scenefw.learning.limits import Limits
 from scenefw.learning.module import AGREE_EVERY, TrainingModule
@@ -133,8 +134,9 @@ class LossTable(lightning.Callback):
             return
         epoch = max(module.batches_seen - 1, 0) // max(module.batches_per_epoch, 1)
         place = [module.batches_seen, epoch, f"{module.seconds:.1f}"]
-        with self.path.open("a", newline="", encoding="utf-8") as file:
-            csv.writer(file).writerows([[*place, n, f"{v:.6g}"] for n, v in values.items()])
+        rows = io.StringIO(newline="")
+        csv.writer(rows).writerows([[*place, n, f"{v:.6g}"] for n, v in values.items()])
+        append_text(self.path, rows.getvalue())
 
 
 class ProgressBar(lightning.Callback):

@@ -12,7 +12,7 @@ from typing import Any
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 from torch import nn
 
 from scenefw.core import assets
@@ -128,8 +128,9 @@ def save_checkpoint(
         value = value.detach().cpu()
         narrow = half and value.dtype == torch.float32 and value.ndim > 1
         tensors[name] = (value.half() if narrow else value).contiguous().clone()
-    with replacing(path) as temporary:
-        save_file(tensors, str(temporary), {_FORMAT: json.dumps(header)})
+    packed = save(tensors, {_FORMAT: json.dumps(header)})
+    with replacing(path) as temporary:  # written here, as an error of safetensors is no OSError
+        temporary.write_bytes(packed)
 
 
 def load_checkpoint(

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.height_maps import HeightGrid, HeightMap
+from scenefw.core.labelling_protocols import State
 from scenefw.core.types import Frame
 from scenefw.kernels import heights as kernels
+from scenefw.kernels import rivals
 from scenefw.kernels.compile import float32
 from scenefw.kernels.triangles import UNSEEN
 from scenefw.mapping.pyramid import Landed, Pyramid
-
-State = dict[str, NDArray[Any]]
 
 
 class HeightFusion:
@@ -27,23 +23,25 @@ class HeightFusion:
     Each depth pixel falls into a triangle of the level of detail that fits its distance and
     constrains the triangle's three vertices by its barycentric weights (eq. 4.1). The normal
     equations (eq. 4.2) of each level are kept whole, so nothing of earlier frames is lost; a few
-    Gauss-Seidel sweeps over what a frame touched follow it. Levels are merged from coarse to fine,
-    a coarser one counting as at most `prior` of a measurement at vertices that have their own, and
-    alone between them. What no measurement touched at any level stays unseen. Results don't depend
-    on the number of threads; on CUDA sums vary in their last bits.
+    Gauss-Seidel sweeps over what a frame touched follow it. Levels are merged from coarse to fine:
+    a coarser one counts as at most `prior` of a measurement at vertices that have their own, and
+    alone between them. Vertices that no measurement touched at any level stay unseen.
+    Results don't depend on the number of threads; on CUDA sums vary in their last bits.
 
     What eq. 4.2 leaves open: while a vertex has few measurements the equations amplify noise, so
     one whose diagonal of J'J is below `damping` is drawn to the mean of the measurements about it
     by what it lacks; a measurement farther than `outlier` from the surface known so far is weighted
-    down as Huber's loss does.
+    down as Huber's loss does, and where more measurements of several frames agree on another height
+    it becomes the surface, and what was fused before is weighted down (`kernels.rivals`). So a bad
+    frame, the first one too, counts little once others outweigh it.
 
     Args:
         grid: vertices and levels of detail; None = 1025 x 1025 over 1.024 m.
         a: pixels that a triangle of the chosen level covers.
         iterations: of the solver per frame, two Gauss-Seidel sweeps each.
         outlier: distance from the known surface (m) beyond which weights fall; None = never.
-        prior: most that coarser levels count where a vertex has measurements of its own.
-        damping: diagonal of J'J below which a vertex is drawn to the mean about it.
+        prior: how much coarser levels count at most where a vertex has measurements of its own.
+        damping: diagonal of J'J below which a vertex is pulled to the mean around it.
         device: where the map lives.
     """
 
@@ -67,14 +65,14 @@ class HeightFusion:
         self.prior, self.damping, self.device = prior, damping, device
 
     def begin(
-        self, previous: HeightMap | None = None, state: Mapping[str, NDArray[Any]] | None = None
+        self, previous: HeightMap | None = None, state: State | None = None
     ) -> RunningHeightFusion:
-        """An empty map, or one that goes on.
+        """Starts an empty map or resumes one.
 
         Args:
             previous: an earlier map; each seen vertex becomes one measurement of its own, weighted
-                by its confidence, so what its neighbours shared is forgotten.
-            state: of `RunningHeightFusion.state`; goes on as if never interrupted.
+                by its confidence, so what its neighbours shared is lost.
+            state: of `RunningHeightFusion.state`; resumes as if never interrupted.
 
         Raises:
             InputError: the earlier map or state has another grid.
@@ -97,6 +95,7 @@ class RunningHeightFusion:
         self._sums = torch.zeros(vertices * kernels.RECORD, device=device)
         # The second half is what bands see of their neighbours while those change.
         self._heights = torch.full((2, vertices), float(UNSEEN), device=device)
+        self._rivals, self._far = (torch.zeros(2 * vertices, device=device) for _ in range(2))
 
     def add(self, frame: Frame) -> None:
         """Fuses depth and colour of a frame, whose camera's pose is in the world frame.
@@ -107,7 +106,10 @@ class RunningHeightFusion:
         landed = self._pyramid.locate(frame)
         (outlier,) = float32(self._fusion.outlier or float(UNSEEN))
         colour = self._colour(frame)
-        kernels.add(landed.pixels, *landed.arguments, colour, self._sums, self._heights[0], outlier)
+        surface = (self._sums, self._heights[0], self._far)
+        kernels.add(landed.pixels, *landed.arguments, colour, *surface, outlier)
+        if self._fusion.outlier is not None:
+            self._vote(landed, outlier)
         self._solve(landed)
 
     def height_map(self) -> HeightMap:
@@ -126,17 +128,21 @@ class RunningHeightFusion:
         return HeightMap(grid, height, colour, confidence, variance)
 
     def state(self) -> State:
-        """All that is known: `sums` (vertices of all levels, 11) and `heights` (vertices)."""
-        sums = self._sums.view(-1, kernels.RECORD).cpu().numpy().copy()
-        return {"sums": sums, "heights": self._heights[0].cpu().numpy().copy()}
+        """The whole state: per vertex of all levels `sums` (11), `heights` and `rivals` (2)."""
+        sums, rival = self._sums.view(-1, kernels.RECORD), self._rivals.view(-1, 2)
+        known = {"sums": sums, "heights": self._heights[0], "rivals": rival}
+        return {name: tensor.cpu().numpy().copy() for name, tensor in known.items()}
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Goes on from a state.
+    def restore(self, state: State) -> None:
+        """Resumes from a state; one of an earlier version has no `rivals`, and none are known.
 
         Raises:
             InputError: it is of another grid or holds something else.
         """
-        for name, tensor in (("sums", self._sums), ("heights", self._heights[0])):
+        parts = {"sums": self._sums, "heights": self._heights[0]}
+        if "rivals" in state:
+            parts["rivals"] = self._rivals
+        for name, tensor in parts.items():
             stored = np.asarray(state.get(name, ()), dtype=np.float32)
             if stored.size != tensor.numel():
                 raise InputError(
@@ -169,6 +175,15 @@ class RunningHeightFusion:
         sums = self._sums.view(-1, kernels.RECORD)[finest]
         sums.copy_(torch.from_numpy(records.reshape(-1, kernels.RECORD)))
         self._heights[0, finest].copy_(torch.from_numpy(height.reshape(-1)))
+
+    def _vote(self, landed: Landed, outlier: np.float32) -> None:
+        """Where the frame is far from the surface: what else has more support takes over."""
+        where = (len(landed.bands), landed.bands, self._pyramid.layout, landed.boxes)
+        wins = torch.empty_like(landed.bands)
+        surface = (self._sums, self._heights[0], self._far, self._rivals)
+        rivals.vote(*where, *surface, wins, outlier)
+        rivals.take_over(*where, *surface, wins)
+        rivals.clear(*where, self._far, wins)
 
     def _solve(self, landed: Landed) -> None:
         """Sweeps the bands that a frame touched."""

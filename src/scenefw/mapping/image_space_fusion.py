@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.height_maps import HeightGrid, HeightMap
+from scenefw.core.labelling_protocols import State
 from scenefw.core.types import Camera, Frame
 from scenefw.kernels import label_fusion
 from scenefw.kernels.cameras import finite, stack_cameras
 from scenefw.kernels.compile import float32
 from scenefw.kernels.triangles import UNSEEN
 from scenefw.mapping.label_state import (
-    initial_logits,
     require_labels,
     require_settings,
-    restored_logits,
+    start_logits,
 )
 from scenefw.mapping.pyramid import corner_rays
 
@@ -30,7 +27,7 @@ class ImageSpaceFusion:
 
     A vertex is seen where its nearest pixel's depth agrees with its own. The interpolated
     distribution is mixed with the uniform one so that no class falls below `floor`, and its
-    logarithm is added (eq. 4.5). A far pixel speaks to several vertices, a near one maybe to none.
+    logarithm is added (eq. 4.5). A far pixel labels several vertices, a near one maybe none.
     Results don't depend on the number of threads.
 
     Args:
@@ -61,15 +58,15 @@ class ImageSpaceFusion:
         grid: HeightGrid,
         classes: int,
         previous: NDArray[np.float32] | None = None,
-        state: Mapping[str, NDArray[Any]] | None = None,
+        state: State | None = None,
     ) -> RunningImageSpaceFusion:
-        """Uniform probabilities, or those of an earlier map.
+        """Starts from uniform probabilities or resumes.
 
         Args:
             grid: the vertices.
             classes: C.
-            previous: (C, V, V) of an earlier map; certainty beyond float16's is forgotten.
-            state: of `RunningImageSpaceFusion.state`; goes on as if never interrupted.
+            previous: (C, V, V) of an earlier map; certainty beyond float16 is lost.
+            state: of `RunningImageSpaceFusion.state`; resumes as if never interrupted.
 
         Raises:
             InputError: the earlier probabilities or state have another grid or other classes.
@@ -86,15 +83,12 @@ class RunningImageSpaceFusion:
         grid: HeightGrid,
         classes: int,
         previous: NDArray[np.float32] | None,
-        state: Mapping[str, NDArray[Any]] | None,
+        state: State | None,
     ) -> None:
         require_settings(fusion.floor, fusion.angle_power, classes)
         self._fusion, self._grid, self._classes = fusion, grid, classes
         self._logits = torch.zeros((grid.vertices**2, classes), device=fusion.device)
-        if state is not None:
-            self._logits.copy_(restored_logits(state, self._logits.shape))
-        elif previous is not None:
-            self._logits.copy_(initial_logits(previous, grid, classes))
+        start_logits(self._logits, slice(None), grid, previous, state)
 
     def add(
         self,
@@ -102,7 +96,7 @@ class RunningImageSpaceFusion:
         frame: Frame,
         heights: HeightMap | None = None,
     ) -> None:
-        """Fuses what the pixels around each vertex in view are.
+        """Fuses the labels of the pixels around each vertex in view.
 
         Args:
             probabilities: (C, H, W) that sum to 1 over the classes.
@@ -140,7 +134,7 @@ class RunningImageSpaceFusion:
         )  # fmt: skip
 
     def probabilities(self) -> NDArray[np.float32]:
-        """(C, V, V), uniform where nothing was said."""
+        """(C, V, V), uniform where no frame has labelled the vertex."""
         vertices = self._grid.vertices**2
         found = self._logits.new_empty((self._classes, *self._grid.shape))
         label_fusion.normalise(
@@ -148,8 +142,8 @@ class RunningImageSpaceFusion:
         )
         return found.cpu().numpy()
 
-    def state(self) -> dict[str, NDArray[Any]]:
-        """All that is known: `logits` (V * V, C)."""
+    def state(self) -> State:
+        """The whole state: `logits` (V * V, C)."""
         return {"logits": self._logits.cpu().numpy().copy()}
 
     def _part(self, camera: Camera, heights: HeightMap) -> tuple[int, int, int, int] | None:

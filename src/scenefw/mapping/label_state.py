@@ -1,7 +1,6 @@
-"""What both ways of fusing labels check of their input, and where they go on from."""
+"""Checks and initial values that both ways of fusing labels share."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -10,16 +9,17 @@ from torch import Tensor
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.height_maps import HeightGrid
+from scenefw.core.labelling_protocols import State
 from scenefw.core.types import Frame
 
-_SLACK = 0.02  # of sums of half-precision probabilities
-_LEAST = 1e-7  # of a probability taken from a map file, which may be float16
+_SLACK = 0.02  # how far sums of half-precision probabilities may be from 1
+_LEAST = 1e-7  # probability taken from a map file, where float16 may have made it 0
 
 
 def require_settings(floor: float, angle_power: float, classes: int = 2) -> None:
     """Raises a ConfigError unless the floor leaves room for `classes` and the power is >= 0."""
     if classes < 2:
-        raise ConfigError(f"labels of {classes} class(es) say nothing; give 2 classes or more")
+        raise ConfigError(f"labels need 2 classes or more, got {classes}")
     if not 0 < floor < 1 / classes:
         raise ConfigError(
             f"the smallest likelihood of {classes} classes is floor = {floor}; expected more than "
@@ -56,6 +56,31 @@ def require_labels(probabilities: NDArray[np.float32], frame: Frame, classes: in
     return torch.from_numpy(values)
 
 
+def start_logits(
+    logits: Tensor,
+    finest: slice,
+    grid: HeightGrid,
+    previous: NDArray[np.float32] | None,
+    state: State | None,
+) -> None:
+    """Fills the logits (N, C) of a new fusion, which are zeros, with what it resumes from.
+
+    Args:
+        logits: of the vertices of all levels.
+        finest: those of the finest level.
+        grid: the vertices.
+        previous: (C, V, V) of an earlier map; not read if there is a state.
+        state: of a saved fusion; None = none was kept.
+
+    Raises:
+        InputError: the earlier probabilities or state have another grid or other classes.
+    """
+    if state is not None:
+        logits.copy_(restored_logits(state, logits.shape))
+    elif previous is not None:
+        logits[finest] = initial_logits(previous, grid, logits.shape[1]).to(logits)
+
+
 def initial_logits(previous: NDArray[np.float32], grid: HeightGrid, classes: int) -> Tensor:
     """Log-probabilities (V * V, C) of an earlier map's (C, V, V).
 
@@ -66,14 +91,14 @@ def initial_logits(previous: NDArray[np.float32], grid: HeightGrid, classes: int
     if previous.shape != expected:
         raise InputError(
             f"probabilities of the earlier map have shape {previous.shape}, expected {expected}; "
-            "go on with the grid and the classes that it was saved with"
+            "resume with the grid and the classes that it was saved with"
         )
     values = torch.from_numpy(np.asarray(previous, dtype=np.float32)).flatten(1)
     logits = values.clamp(min=_LEAST).log()
     return (logits - logits.mean(dim=0)).T.contiguous()
 
 
-def restored_logits(state: Mapping[str, NDArray[Any]], shape: Sequence[int]) -> Tensor:
+def restored_logits(state: State, shape: Sequence[int]) -> Tensor:
     """The sums of a state.
 
     Raises:
@@ -83,6 +108,6 @@ def restored_logits(state: Mapping[str, NDArray[Any]], shape: Sequence[int]) -> 
     if logits.shape != tuple(shape):
         raise InputError(
             f"state of a label fusion has logits of shape {logits.shape}, expected {tuple(shape)}; "
-            "go on with the grid, the classes and the method that it was saved with"
+            "resume with the grid, the classes and the method that it was saved with"
         )
     return torch.from_numpy(logits)

@@ -38,13 +38,13 @@ class RGBDOdometry:
         iterations: tuple[int, ...] = (20, 10, 5),
     ) -> None:
         if method not in _METHODS:
-            raise ConfigError(f"odometry has no method '{method}'; choose of {list(_METHODS)}")
+            raise ConfigError(f"odometry has no method {method}; give one of {', '.join(_METHODS)}")
         self.method = method
         self.largest_depth, self.largest_difference = largest_depth, largest_difference
         self.least_fitness, self.iterations = least_fitness, tuple(iterations)
 
     def track(self, frames: Iterable[Frame]) -> Iterator[Frame]:
-        """The frames with poses; those they have are not looked at.
+        """The frames with poses relative to the first camera; poses that they have are ignored.
 
         Raises:
             InputError: a frame without colour or of another size, or tracking is lost.
@@ -69,7 +69,7 @@ class RGBDOdometry:
         if frame.colour is None and self.method != "point_to_plane":
             raise InputError(
                 f"frame {frame.name or index} has no colour, which odometry by '{self.method}' "
-                "needs; use method=point_to_plane"
+                "needs; give odometry.method=point_to_plane"
             )
         colour = frame.colour
         if colour is None:
@@ -104,7 +104,7 @@ class RGBDOdometry:
 
 def _lost(frame: Frame, index: int, reason: str) -> InputError:
     return InputError(
-        f"tracking is lost at frame {frame.name or index} ({reason}); cut the sequence before it, "
+        f"tracking was lost at frame {frame.name or index} ({reason}); cut the sequence before it, "
         "record with slower motion, or give poses"
     )
 

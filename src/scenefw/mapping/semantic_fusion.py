@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.height_maps import HeightGrid, HeightMap
+from scenefw.core.labelling_protocols import State
 from scenefw.core.types import Frame
 from scenefw.kernels import label_fusion
 from scenefw.kernels.compile import float32
 from scenefw.mapping.label_state import (
-    initial_logits,
     require_labels,
     require_settings,
-    restored_logits,
+    start_logits,
 )
 from scenefw.mapping.pyramid import Pyramid
 
@@ -30,20 +27,22 @@ class SemanticFusion:
     triangle, times their barycentric coefficients as exponents: these add up to one, so a pixel is
     counted once (the thesis says "divided by" the coefficient, against its own figure 4.4). A pixel
     belongs to the level of detail that fits its footprint, as in height fusion, else a far camera
-    would leave vertices between pixels unsaid; a coarser level's sums are divided among the finer
-    vertices it stands for. Eq. 4.8 gives likelihood 0 to other classes at distance 0: here the
-    distribution is mixed with the uniform one so that none falls below `floor`.
+    would leave vertices between pixels unlabelled; a coarser level's sums are divided among the
+    finer vertices it stands for. Eq. 4.8 gives likelihood 0 to other classes at distance 0: here
+    the distribution is mixed with the uniform one so that none falls below `floor`.
 
     Results don't depend on the number of threads; on CUDA sums vary in their last bits.
 
     Args:
-        alpha: decay of a pixel's say with its horizontal distance from the vertex, per spacing of
-            the vertices of its level (eq. 4.8).
+        alpha: decay of a pixel's weight with its horizontal distance from the vertex, per spacing
+            of the vertices of its level (eq. 4.8).
         floor: smallest likelihood of a class, in (0, 1 / C).
         angle_power: pixels weigh cos^power of the angle between their ray and the vertical.
         a: pixels that a triangle of the chosen level covers.
         device: where the probabilities live.
     """
+
+    reads_map = False
 
     def __init__(
         self,
@@ -64,15 +63,15 @@ class SemanticFusion:
         grid: HeightGrid,
         classes: int,
         previous: NDArray[np.float32] | None = None,
-        state: Mapping[str, NDArray[Any]] | None = None,
+        state: State | None = None,
     ) -> RunningSemanticFusion:
-        """Uniform probabilities, or those of an earlier map.
+        """Starts from uniform probabilities or resumes.
 
         Args:
             grid: vertices and levels of detail.
             classes: C.
-            previous: (C, V, V) of an earlier map; certainty beyond float16's is forgotten.
-            state: of `RunningSemanticFusion.state`; goes on as if never interrupted.
+            previous: (C, V, V) of an earlier map; certainty beyond float16 is lost.
+            state: of `RunningSemanticFusion.state`; resumes as if never interrupted.
 
         Raises:
             InputError: the earlier probabilities or state have another grid or other classes.
@@ -89,18 +88,13 @@ class RunningSemanticFusion:
         grid: HeightGrid,
         classes: int,
         previous: NDArray[np.float32] | None,
-        state: Mapping[str, NDArray[Any]] | None,
+        state: State | None,
     ) -> None:
         require_settings(fusion.floor, fusion.angle_power, classes)
         self._fusion, self._classes = fusion, classes
         self._pyramid = Pyramid(grid, fusion.a, fusion.device)
         self._logits = torch.zeros((self._pyramid.vertices, classes), device=fusion.device)
-        if state is not None:
-            self._logits.copy_(restored_logits(state, self._logits.shape))
-        elif previous is not None:
-            self._logits[self._pyramid.finest] = initial_logits(previous, grid, classes).to(
-                self._logits
-            )
+        start_logits(self._logits, self._pyramid.finest, grid, previous, state)
 
     def add(
         self,
@@ -108,12 +102,12 @@ class RunningSemanticFusion:
         frame: Frame,
         heights: HeightMap | None = None,
     ) -> None:
-        """Fuses what a frame's pixels are; pixels without depth say nothing.
+        """Fuses the labels of a frame; pixels without depth are skipped.
 
         Args:
             probabilities: (C, H, W) that sum to 1 over the classes.
             frame: depth and camera, whose pose is in the world frame.
-            heights: not needed here.
+            heights: not read.
 
         Raises:
             InputError: probabilities of another shape, or not finite.
@@ -127,7 +121,7 @@ class RunningSemanticFusion:
         )
 
     def probabilities(self) -> NDArray[np.float32]:
-        """(C, V, V), uniform where nothing was said."""
+        """(C, V, V), uniform where no frame has labelled the vertex."""
         classes, grid = self._classes, self._pyramid.grid
         logits, merged = self._logits.view(-1), self._logits.new_empty(0)
         for level in self._pyramid.levels():
@@ -139,6 +133,6 @@ class RunningSemanticFusion:
         label_fusion.normalise(vertices, merged, found.view(-1), vertices, classes)
         return found.cpu().numpy()
 
-    def state(self) -> dict[str, NDArray[Any]]:
-        """All that is known: `logits` (vertices of all levels, C)."""
+    def state(self) -> State:
+        """The whole state: `logits` (vertices of all levels, C)."""
         return {"logits": self._logits.cpu().numpy().copy()}

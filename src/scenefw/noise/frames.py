@@ -3,27 +3,13 @@
 import zlib
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Protocol, runtime_checkable
 
 import torch
 
 from scenefw.core import rng
-from scenefw.core.protocols import Noise
-from scenefw.core.types import Camera, Float64, Frame
+from scenefw.core.protocols import Noise, PoseNoise
+from scenefw.core.types import Frame
 from scenefw.kernels.cameras import stack_cameras
-
-
-@runtime_checkable
-class PoseNoise(Protocol):
-    """Noise that disturbs where a frame's camera is believed to be."""
-
-    DRAWS: int
-
-    def move(self, camera: Camera, generator: torch.Generator) -> Camera:
-        """The camera at a disturbed pose."""
-
-    def moves(self, draws: Float64) -> Float64:
-        """Disturbed poses (B, 4, 4) in the frames of their cameras, of draws (B, `DRAWS`)."""
 
 
 def disturb(frame: Frame, noises: Mapping[str, Noise], seed: int, scene: int, index: int) -> Frame:
@@ -53,7 +39,7 @@ def disturb(frame: Frame, noises: Mapping[str, Noise], seed: int, scene: int, in
 
 
 def in_turns(noises: Mapping[str, Mapping[str, Noise]], scene: int) -> Mapping[str, Noise]:
-    """The noises of a scene where scenes take settings in turns; none if there is no setting.
+    """The noises of a scene where scenes take settings in turn; none if there is no setting.
 
     Args:
         noises: settings by any name, each of noises by name.
@@ -65,10 +51,10 @@ def in_turns(noises: Mapping[str, Mapping[str, Noise]], scene: int) -> Mapping[s
 def described(noises: Mapping[str, Noise]) -> list[str]:
     """Each noise with its amounts in words, e.g. `gaussian sigma=0.002 lowest=0.002 share=1`."""
     return [
-        " ".join([name, *(f"{n}={_said(v)}" for n, v in vars(noise).items())])
+        " ".join([name, *(f"{n}={_short(v)}" for n, v in vars(noise).items())])
         for name, noise in sorted(noises.items())
     ]
 
 
-def _said(value: object) -> str:
+def _short(value: object) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)

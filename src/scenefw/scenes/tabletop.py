@@ -11,14 +11,8 @@ from scipy.spatial import ConvexHull
 
 from scenefw.core import rng as streams
 from scenefw.core.errors import ConfigError
-from scenefw.core.tabletop import (
-    SPLITS,
-    Light,
-    TabletopGeometry,
-    TabletopItem,
-    TabletopModels,
-    TabletopScene,
-)
+from scenefw.core.labelling_protocols import TabletopModels
+from scenefw.core.tabletop import SPLITS, Light, TabletopGeometry, TabletopItem, TabletopScene
 from scenefw.shapes.tabletop import colours
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,18 +26,12 @@ from scenefw.report.pictures import save_picture
 
 if TYPE_CHECKING:
     from scenefw.core.height_maps import HeightGrid, HeightMap
+    from scenefw.core.labelling_protocols import Labelling, Odometry, RunningLabelling
     from scenefw.core.types import Frame
     from scenefw.data.recordings import NumberedFrames
-    from scenefw.perception.placement import Placed, Tracking
+    from scenefw.perception.placement import Placed
 
 MAP, PICTURE = "map.npz", "map.png"
-
-
-class Strategy(Protocol):
-    """A labelling strategy whose maps can be saved and gone on with."""
-
-    def begin(self, previous: HeightMap | None = None, states: Any = None) -> Any:
-        """Starts a map or goes on with one."""
 
 
 class Label:
@@ -45,16 +39,16 @@ class Label:
 
     A sequence (folder with `depth/`, or TUM's format) becomes one map: `map.npz`, `map.png`, and
     while it grows `growth/000020.png` ... and `growth.gif`. It is saved as it grows, and when it is
-    interrupted, with the poses of its frames; `resume` goes on with it. Frames without a
+    interrupted, with the poses of its frames; `resume` continues it. Frames without a
     measurement are left out. Any other depth image, or each of a folder of them, becomes a map of
-    its own; an unusable one doesn't lose the others.
+    its own; an unusable one is left out.
 
     Args:
         input: folder of a sequence, a depth image or a folder of images.
         strategies: by name; one of them.
         grid: of the map.
         output: the run's folder.
-        resume: a saved map to go on with.
+        resume: a saved map to continue.
         start: frames of the sequence to leave out, e.g. those that the saved map holds.
         frames: frames at most; None = all.
         table: finds the table.
@@ -73,14 +67,14 @@ class Label:
     def __init__(
         self,
         input: str | Path | None,  # noqa: A002 - named as the setting on the command line
-        strategies: Mapping[str, Strategy],
+        strategies: Mapping[str, Labelling],
         grid: HeightGrid,
         output: str | Path,
         resume: str | Path | None = None,
         start: int = 0,
         frames: int | None = None,
         table: TableFrame | None = None,
-        odometry: Tracking | None = None,
+        odometry: Odometry | None = None,
         *,
         estimate_poses: bool = False,
         intrinsics: str | Path | None = None,
@@ -113,7 +107,7 @@ class Label:
         self.picture_every, self.save_every = picture_every, save_every
 
     def run(self) -> dict[str, float]:
-        """Labels all there is; returns how many frames, coverage and seconds per frame.
+        """Labels all frames; returns their number, coverage and seconds per frame.
 
         Raises:
             InputError: the input or the saved map is unusable.
@@ -164,21 +158,23 @@ class Label:
             "seconds_per_frame": seconds / number,
         } | _facts(height_map)
 
-    def _begin(self, sequence: NumberedFrames, measured: Iterable[Frame]) -> tuple[Any, Placed]:
-        """A map that starts or goes on, and the frames for it."""
+    def _begin(
+        self, sequence: NumberedFrames, measured: Iterable[Frame]
+    ) -> tuple[RunningLabelling, Placed]:
+        """A new or resumed map, and the frames to add."""
         if self.estimate_poses and self.odometry is None:
-            raise ConfigError("run.estimate_poses=true needs odometry; give odometry=rgbd")
+            raise ConfigError("run.estimate_poses=true needs a method; give odometry=rgbd")
         placement = Placement(self.table, self.odometry if self.estimate_poses else None)
         if self.resume is None:
             return self.strategy.begin(), placement.begin(measured)
         saved = load_map(self.resume, self.grid)
         before = Recording.from_state(saved.states.get(STATE, {}))
-        joint = sequence[self.start - 1] if self.estimate_poses and self.start else None
-        placed = placement.go_on(measured, before, joint)
+        last = sequence[self.start - 1] if self.estimate_poses and self.start else None
+        placed = placement.resume(measured, before, last)
         return self.strategy.begin(saved.height_map, saved.states), placed
 
-    def _save(self, running: Any, recording: Recording) -> HeightMap:
-        height_map: HeightMap = running.height_map()
+    def _save(self, running: RunningLabelling, recording: Recording) -> HeightMap:
+        height_map = running.height_map()
         save_map(self.output / MAP, height_map, {**running.states(), STATE: recording.state()})
         return height_map
 
@@ -209,7 +205,7 @@ class Label:
         frame = self.table.rectified(read_frame(image, **options))
         running = self.strategy.begin()
         running.add(replace(frame, labels=None))
-        height_map: HeightMap = running.height_map()
+        height_map = running.height_map()
         save_map(folder / MAP, height_map, running.states())
         save_picture(map_picture(height_map), folder / PICTURE)
         return height_map

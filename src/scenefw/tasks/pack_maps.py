@@ -4,31 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.progress import track
 
 from scenefw.core.errors import ConfigError
-from scenefw.data.map_crops import MapCrops, StoredMaps
 from scenefw.data.packed_maps import packed, save_maps
-from scenefw.data.segmentation import SegmentationData
+
+if TYPE_CHECKING:
+    from scenefw.core.labelling_protocols import MapArrays
 
 
 class PackMaps:
     """Writes the maps of both splits, those of validation first, as many as fit (`run=pack_maps`).
 
     Args:
-        data: crops of maps that a source has (dataset tabletop_fused_maps or tabletop_maps).
+        train: maps to learn from; None = the chosen data set has none.
+        validation: maps of other scenes to watch the training by.
         path: the file; `dataset=tabletop_fused_maps_packed` trains from it alone.
-        megabytes: most that it may have; null = any.
+        megabytes: its largest size; None = any.
         workers: processes, -1 = one per core.
 
     Raises:
-        ConfigError: other data, or no process.
+        ConfigError: no maps, splits of different classes, or no process.
     """
 
     def __init__(
         self,
-        data: SegmentationData,
+        train: MapArrays | None,
+        validation: MapArrays | None,
         path: str | Path,
         megabytes: float | None = 40.0,
         workers: int = -1,
@@ -37,7 +41,17 @@ class PackMaps:
             raise ConfigError(
                 "run.workers = 0: expected a number of processes, or -1 for all cores"
             )
-        self.splits = {"validation": _maps(data.validation), "train": _maps(data.train)}
+        if train is None or validation is None:
+            raise ConfigError(
+                "run=pack_maps needs a data set of height maps; give dataset=tabletop_fused_maps, "
+                "or tabletop_maps for true maps"
+            )
+        if tuple(train.classes) != tuple(validation.classes):
+            raise ConfigError(
+                f"classes of training {list(train.classes)} and of validation "
+                f"{list(validation.classes)} differ; give two splits of one data set"
+            )
+        self.splits = {"validation": validation, "train": train}
         self.path, self.megabytes, self.workers = Path(path), megabytes, workers
 
     def run(self) -> dict[str, float]:
@@ -55,21 +69,11 @@ class PackMaps:
         from joblib import Parallel, delayed
 
         jobs = [(split, maps, s) for split, maps in self.splits.items() for s in range(len(maps))]
-        # joblib's own way with one worker is a plain loop
+        # with one worker joblib runs a plain loop
         work = Parallel(n_jobs=self.workers, return_as="generator", pre_dispatch="n_jobs")
         made = work(delayed(_pack)(*job) for job in jobs)
         yield from track(made, "packing maps", total=len(jobs))
 
 
-def _pack(split: str, maps: StoredMaps, scene: int) -> tuple[str, bytes]:
+def _pack(split: str, maps: MapArrays, scene: int) -> tuple[str, bytes]:
     return split, packed(*maps.arrays(scene))
-
-
-def _maps(samples: object) -> StoredMaps:
-    maps = samples.maps if isinstance(samples, MapCrops) else None
-    if not isinstance(maps, StoredMaps):
-        raise ConfigError(
-            "run=pack_maps packs maps that a source has; give dataset=tabletop_fused_maps, or "
-            "tabletop_maps for true maps"
-        )
-    return maps

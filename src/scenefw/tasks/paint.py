@@ -1,4 +1,4 @@
-"""Labels by hand: a map's picture to paint on, and what was painted made into training data."""
+"""Labels by hand: a map's picture to paint on, and training data made from the painted one."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from scenefw.report.pictures import save_picture
 if TYPE_CHECKING:
     from scenefw.core.height_maps import HeightMap
 
-_LOOKED_AT = 8  # views that say whether the poses are those of the map's world
+_CHECKED = 8  # views that must agree with the map, as their poses may be of another world
 
 
 class PaintExport:
@@ -34,7 +34,7 @@ class PaintExport:
 
     Args:
         input: a saved map (.npz).
-        classes: names of what can be painted; None = those of the map.
+        classes: names of the classes to paint; None = those of the map.
         output: the run's folder.
 
     Raises:
@@ -54,7 +54,7 @@ class PaintExport:
         self.classes = classes
 
     def run(self) -> dict[str, float]:
-        """Returns how many vertices there are to paint.
+        """Returns the number of vertices to paint.
 
         Raises:
             InputError: the map can't be read.
@@ -78,7 +78,7 @@ class PaintImport:
         output: the run's folder; gets `labelled.npz`, `labelled.png` and `views/`.
         views: folder of the recording that the map was made of, or of another one with poses of the
             same world, whose views are labelled; None = none are.
-        every: every so many views.
+        every: label every so many views.
         border: pixels on either side of a border between labels that count as unknown.
         background: class of what was left unpainted; None = unknown.
 
@@ -126,11 +126,11 @@ class PaintImport:
         return shares | {"views": float(count)}
 
     def _label_views(self, folder: Path, painted: HeightMap, recording: Recording) -> int:
-        """Labels those of its views that have a place in the map; returns how many."""
-        sequence = open_sequence(folder, require_poses=not recording.tracked)
+        """Labels the views that have a pose in the map; returns their number."""
+        sequence = open_sequence(folder, require_poses=not recording.poses_estimated)
         chosen = range(0, len(sequence), self.every)
-        looked_at = MeasuredFrames(sequence, chosen[:: max(1, len(chosen) // _LOOKED_AT)])
-        require_agreement(painted, recording.in_map(looked_at), str(folder))
+        checked = MeasuredFrames(sequence, chosen[:: max(1, len(chosen) // _CHECKED)])
+        require_agreement(painted, recording.in_map(checked), str(folder))
         frames = recording.in_map(MeasuredFrames(sequence, track(chosen, "views")))
         written = write_views(self.output / "views", painted, frames, self.border)
         return len(list((written / "depth").iterdir()))

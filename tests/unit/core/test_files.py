@@ -1,10 +1,13 @@
 import os
 import stat
+from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from scenefw.core.errors import StorageError
-from scenefw.core.files import replacing, require_writable, write_text
+from scenefw.core.files import append_text, in_order, replacing, require_writable, write_text
 
 
 def test_a_block_that_ends_well_replaces_the_file(tmp_path):
@@ -118,3 +121,46 @@ def test_an_impossible_folder_is_named(tmp_path):
 def test_a_writable_folder_is_left_empty(tmp_path):
     assert require_writable(tmp_path / "new") == tmp_path / "new"
     assert list((tmp_path / "new").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ["1.png", "2.png", "10.png", "a.png"],
+        ["view9_left.png", "view10_left.png", "view10_right.png"],
+        ["2/10.png", "10/2.png"],
+        ["depth1305031102.175304.png", "depth1305031102.5.png", "depth1305031103.25.png"],
+        ["1.25.npy", "1.5.npy", "10.1.npy"],
+    ],
+)
+def test_numbers_in_names_count_as_numbers(names):
+    paths = [Path(name) for name in names]
+    assert in_order(paths[::-1]) == paths
+
+
+@given(st.lists(st.tuples(st.text("ab-_. Z", max_size=3), st.integers(0, 999)), unique=True))
+def test_padded_numbers_keep_the_order_of_text(parts):
+    names = [Path(f"{text}{number:03}{text}.png") for text, number in parts]
+    assert in_order(names) == sorted(names)
+
+
+def test_a_full_disk_leaves_the_old_file_alone(tmp_path, full_disk):
+    target = tmp_path / "file.txt"
+    write_text(target, "old")
+    with full_disk(1000), pytest.raises(StorageError, match=r"file\.txt: File too large; choose"):
+        write_text(target, 2000 * "n")
+    assert target.read_text() == "old"
+    assert [p.name for p in tmp_path.iterdir()] == ["file.txt"]
+
+
+def test_text_is_added_whole_or_not_at_all(tmp_path, full_disk):
+    target = tmp_path / "rows.csv"
+    append_text(target, "a,1\n")
+    append_text(target, "\u00e4,2\r\n")
+    before = target.read_bytes()
+    assert before == b"a,1\n\xc3\xa4,2\r\n"
+    with full_disk(1000), pytest.raises(StorageError, match=r"rows\.csv: File too large"):
+        append_text(target, 2000 * "n")  # the first 990 bytes still fit
+    assert target.read_bytes() == before
+    with pytest.raises(StorageError, match="none"):
+        append_text(tmp_path / "none" / "rows.csv", "a")

@@ -247,3 +247,10 @@ def test_text_is_no_file_of_arrays(tmp_path, name):
     with pytest.raises(InputError, match=rf"{name}: it is no file of NumPy arrays") as caught:
         read_frame(tmp_path / name)
     assert "pickle" not in str(caught.value)
+
+
+def test_images_come_in_the_order_of_their_numbers(tmp_path):
+    for number in (1, 2, 10):
+        save_npz(tmp_path, f"view_{number}.npz")
+    assert [path.stem for path in find_images(tmp_path)] == ["view_1", "view_2", "view_10"]
+    assert [frame.name for frame in read_frames(tmp_path)] == ["view_1", "view_2", "view_10"]

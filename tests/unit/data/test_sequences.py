@@ -1,11 +1,12 @@
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from scenefw.core.errors import InputError
+from scenefw.core.errors import InputError, StorageError
 from scenefw.core.geometry import look_at, quaternion_from_rotation, rigid
 from scenefw.core.types import Camera, Frame
 from scenefw.data.sequences import (
@@ -209,3 +210,99 @@ def test_missing_files_are_named(tmp_path):
 def test_frames_without_labels_have_none(tmp_path):
     write_sequence(tmp_path, [replace(frame, labels=None) for frame in frames()])
     assert RGBDFolder(tmp_path)[0].labels is None
+
+
+def unpadded(folder, given, names=None):
+    """A sequence whose files are named 0, 1, ... without padding, or as given."""
+    write_sequence(folder, given)
+    for kind in ("depth", "rgb", "labels"):
+        for i, name in enumerate(names or range(len(given))):
+            (folder / kind / f"{i:06d}.png").rename(folder / kind / f"{name}.png")
+    return (folder / "poses.txt").read_text().splitlines()
+
+
+def test_frames_without_padding_keep_their_poses(tmp_path):
+    given = frames(12, step=0.01)
+    unpadded(tmp_path, given)
+    assert_same(RGBDFolder(tmp_path), given)
+
+
+@pytest.mark.parametrize(
+    ("image", "line"),
+    [
+        ("{}", "{}"),
+        ("{}", "depth/{}.png"),
+        ("{}", "{:06d}"),
+        ("{}.25", "{}.250000"),
+        ("a{}", "a{}"),
+    ],
+)
+def test_poses_with_names_may_come_in_any_order(tmp_path, image, line):
+    given = frames(12, step=0.01)
+    lines = unpadded(tmp_path, given, [image.format(i) for i in range(12)])
+    named = [f"{line.format(i)} {pose}" for i, pose in enumerate(lines)]
+    named.append(f"{line.format(77)} {lines[0]}")  # of an image that was left out
+    (tmp_path / "poses.txt").write_text("\n".join(named[::-1]))
+    assert_same(RGBDFolder(tmp_path), given)
+
+
+def test_poses_may_lie_in_files_of_their_own(tmp_path):
+    given = frames(12, step=0.01)
+    lines = unpadded(tmp_path, given)
+    (tmp_path / "poses").mkdir()
+    for i, pose in enumerate(lines):
+        rows = np.array(pose.split()).reshape(4, 4)
+        (tmp_path / "poses" / f"{i}.txt").write_text("\n".join(map(" ".join, rows)))
+    (tmp_path / "poses.txt").unlink()
+    assert_same(RGBDFolder(tmp_path), given)
+    (tmp_path / "poses" / "10.txt").unlink()
+    with pytest.raises(InputError, match=r"no pose .*10\.txt beside .*10\.png; add it") as raised:
+        RGBDFolder(tmp_path)
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda lines: lines[:2] + lines[3:], r"names no pose of .*2\.png \(1 of 4 images"),
+        (lambda lines: [f"frame{line}" for line in lines], r"\(4 of 4 images .*leave names out"),
+        (lambda lines: [*lines, lines[1]], "two poses of image 1; leave one"),
+        (lambda lines: [lines[0], *(line[2:] for line in lines[1:])], "line 2 .* in each line or"),
+        (lambda lines: [f"{line} 1" for line in lines], "18 numbers, no pose"),
+    ],
+)
+def test_poses_of_other_images_are_named(tmp_path, change, message):
+    lines = unpadded(tmp_path, frames())
+    named = [f"{i} {pose}" for i, pose in enumerate(lines)]
+    (tmp_path / "poses.txt").write_text("\n".join(change(named)))
+    with pytest.raises(InputError, match=message) as raised:
+        RGBDFolder(tmp_path)
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("kind", ["depth", "rgb"])
+def test_tum_files_under_times_of_others_are_named(tmp_path, kind):
+    write_tum(tmp_path, frames())
+    file = tmp_path / f"{kind}.txt"
+    lines = [line.split() for line in file.read_text().splitlines()]
+    shifted = 1305031102.0  # names by another clock are no mistake
+    for time, name in lines:
+        (tmp_path / name).rename(tmp_path / kind / f"{float(time) + shifted:.6f}.png")
+    times = [time for time, _ in lines]
+    text = [f"{time} {kind}/{float(time) + shifted:.6f}.png" for time in times]
+    file.write_text("\n".join(text))
+    assert_same(TUMSequence(tmp_path), frames(), labels=False)
+    swapped = [times[1], times[0], *times[2:]]
+    names = [line.split()[1] for line in text]
+    file.write_text("\n".join(map(" ".join, zip(swapped, names, strict=True))))
+    with pytest.raises(InputError, match=f"lists {kind}/.* under time .*2 of 4 files"):
+        TUMSequence(tmp_path)
+
+
+@pytest.mark.parametrize("size", [100, 1200])
+def test_a_full_disk_leaves_no_half_file(tmp_path, full_disk, size):
+    with full_disk(size), pytest.raises(StorageError, match="File too large"):
+        write_sequence(tmp_path, frames())
+    for path in filter(Path.is_file, tmp_path.rglob("*")):
+        Image.open(path).load()  # whole
+        assert not path.name.startswith(".")

@@ -48,3 +48,14 @@ def test_what_a_failed_run_made_stays_with_its_records(tmp_path, made):
     (tmp_path / made).write_text("made")
     before.restore()
     assert json.loads((tmp_path / RECORD).read_text()) == {"of": "later"}
+
+
+def test_a_full_disk_hides_no_error_and_halves_no_record(tmp_path, full_disk):
+    for name in RECORDS:
+        (tmp_path / name).write_text(500 * "a")
+    before = Leftovers(tmp_path)
+    write(tmp_path, "later")
+    later = found(tmp_path)
+    with full_disk(100):
+        before.restore()
+    assert found(tmp_path) == later

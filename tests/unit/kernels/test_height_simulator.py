@@ -6,6 +6,7 @@ from tests.unit.kernels.simulator import simulate
 from tests.unit.mapping import tables
 
 from scenefw.core.height_maps import HeightGrid
+from scenefw.core.types import Frame
 from scenefw.mapping.height_fusion import HeightFusion
 from scenefw.mapping.image_space_fusion import ImageSpaceFusion
 from scenefw.mapping.semantic_fusion import SemanticFusion
@@ -24,6 +25,10 @@ def results():
     for frame in frames:
         running.add(frame)
     known = running.height_map()
+    bad = Frame(frames[0].depth * np.float32(0.8), cameras[0])
+    outvoted = HeightFusion(GRID, iterations=1).begin()
+    for frame in (bad, *frames, *frames):
+        outvoted.add(frame)
     labels = SemanticFusion(angle_power=1.0).begin(GRID, 3)
     in_images = ImageSpaceFusion(angle_power=1.0).begin(GRID, 3)
     for frame in frames:
@@ -32,6 +37,8 @@ def results():
     return {
         "heights": np.nan_to_num(known.heights),
         "confidence": known.confidence,
+        "heights after a bad frame": np.nan_to_num(outvoted.height_map().heights),
+        "rivals": outvoted.state()["rivals"],
         "labels": labels.probabilities(),
         "labels in images": in_images.probabilities(),
         "view": view(known, cameras[0]).depth,
@@ -49,6 +56,8 @@ def simulated(tmp_path_factory):
     [
         ("heights", 1e-5),
         ("confidence", 1e-4),
+        ("heights after a bad frame", 1e-5),
+        ("rivals", 1e-4),
         ("labels", 1e-4),
         ("labels in images", 1e-4),
         ("view", 1e-4),

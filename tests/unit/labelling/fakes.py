@@ -82,13 +82,14 @@ class RunningHeights:
 class Labels:
     """Multiplies probabilities column by column."""
 
+    reads_map = False
+
     def begin(self, grid, classes, previous=None, state=None):
         running = RunningLabels(classes)
-        known = state["logs"] if state is not None else None
-        if previous is not None:
-            known = np.log(previous)
-        if known is not None:
-            running.logs = known.copy()
+        if state is not None:
+            running.logs = state["logs"].copy()
+        elif previous is not None:
+            running.logs = np.log(previous)
         return running
 
 

@@ -16,7 +16,7 @@ def test_what_rises_is_an_object():
 
 
 def test_settings_are_checked():
-    with pytest.raises(ConfigError, match="'coin'"):
+    with pytest.raises(ConfigError, match="raised = coin"):
         ByHeight(CLASSES, "coin")
     with pytest.raises(ConfigError, match="confidence"):
         ByHeight(CLASSES, "pen", confidence=0.2)

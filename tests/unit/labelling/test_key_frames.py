@@ -54,7 +54,7 @@ def test_overlap_schedule():
     "schedule", [EveryNth(3), ByMotion(distance=0.05, angle=0.3), ByOverlap(0.75)]
 )
 @pytest.mark.parametrize("cut", [0, 1, 2, 5])
-def test_a_schedule_goes_on_where_it_was(schedule, cut):
+def test_a_schedule_resumes_where_it_was(schedule, cut):
     steps = [frame(0.02 * i, turn=0.05 * i) for i in range(9)]
     before = schedule.begin()
     taken_before = [before.takes(f) for f in steps[:cut]]

@@ -5,7 +5,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefw.core.errors import ConfigError
-from scenefw.labelling.sliding_window import SlidingWindow, bytes_per_pixel, windows
+from scenefw.labelling import sliding_window
+from scenefw.labelling.sliding_window import (
+    SlidingWindow,
+    bytes_per_pixel,
+    free_megabytes,
+    windows,
+)
 from scenefw.models.fusenet import FuseNet
 
 
@@ -65,13 +71,60 @@ def test_inner_windows_lie_apart_by_eq_4_11():
 
 
 def test_more_memory_gives_larger_windows(network):
-    small, large = (SlidingWindow(memory)._side(network, 56) for memory in (20.0, 80.0))
+    cpu = torch.device("cpu")
+    small, large = (SlidingWindow(memory)._side(network, 56, cpu) for memory in (20.0, 80.0))
     assert large == pytest.approx(2 * small, abs=2 * 8)
     assert large % 8 == small % 8 == 0
     assert large**2 * bytes_per_pixel(network) <= 80e6
-    assert SlidingWindow(1e-3)._side(network, 56) == 4 * 56
+    assert SlidingWindow(1e-3)._side(network, 56, cpu) == 4 * 56
+
+
+def test_labels_are_the_same_whatever_memory_is_free(network, monkeypatch):
+    colour, distance = images(1025, 1025)
+    seen = []
+    hook = network.register_forward_pre_hook(lambda _, inputs: seen.append(inputs[0].shape[-1]))
+
+    def found(free):
+        seen.clear()
+        monkeypatch.setattr(sliding_window, "available_memory", lambda: free)
+        result = SlidingWindow().probabilities(network, colour, distance)
+        return result, max(seen)
+
+    monkeypatch.setattr(sliding_window, "LEAST", 16)
+    (scarce, narrow), (plenty, wide) = found(120e6), found(64e9)
+    hook.remove()
+    assert narrow < 500
+    assert wide == 1025
+    assert float((scarce - plenty).abs().max()) < 1e-5
+
+
+@pytest.mark.parametrize(
+    ("free", "expected"),
+    [(0, 128), (600e6, 128), (2.5e9, 512), (5e9, 1024), (8.2e9, 2048), (1e12, 4096), (None, 512)],
+)
+def test_a_quarter_of_what_is_free_is_taken(monkeypatch, free, expected):
+    monkeypatch.setattr(sliding_window, "available_memory", lambda: free)
+    assert free_megabytes(torch.device("cpu")) == expected
+
+
+def test_on_a_gpu_its_own_memory_counts(monkeypatch):
+    gpu = torch.device("cuda")
+    monkeypatch.setattr(sliding_window, "available_memory", lambda: 64e9)
+    monkeypatch.setattr(torch.cuda, "mem_get_info", lambda _: (1e9, 8e9))
+    monkeypatch.setattr(torch.cuda, "memory_reserved", lambda _: 4e9)
+    monkeypatch.setattr(torch.cuda, "memory_allocated", lambda _: 0.5e9)
+    assert free_megabytes(gpu) == 1024  # a quarter of 4.5 GB, rounded down
+    assert free_megabytes(torch.device("meta")) == 512  # nobody knows
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="there is no GPU")
+def test_free_memory_of_a_gpu():
+    held = torch.cuda.mem_get_info()[1]
+    assert 128 <= free_megabytes(torch.device("cuda")) <= max(128, held / 4e6)
 
 
 def test_wrong_settings_are_refused():
     with pytest.raises(ConfigError, match="sliding window"):
         SlidingWindow(memory=0)
+    with pytest.raises(ConfigError, match="sliding window"):
+        SlidingWindow(window=0)

@@ -58,7 +58,7 @@ def test_a_network_labels_a_map_where_it_is_seen():
 
 
 def test_another_networks_classes_are_one_line():
-    with pytest.raises(CheckpointError, match="surface, red, blue, but surface, coin") as caught:
+    with pytest.raises(CheckpointError, match="red, blue, expected surface, coin") as caught:
         NetworkLabels(checkpoint("views"), ("surface", "coin"))
     assert "\n" not in str(caught.value)
     with pytest.raises(CheckpointError, match="trained on maps"):

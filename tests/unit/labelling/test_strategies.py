@@ -145,13 +145,13 @@ def map_based(**changes):
     ],
 )
 @pytest.mark.parametrize("cut", [1, 3, 4])
-def test_a_saved_state_goes_on_exactly(make, changes, cut):
+def test_a_saved_state_resumes_exactly(make, changes, cut):
     through = run(make(**changes), 5).height_map()
     before = make(**changes).begin()
     shown = list(frames(5))
     for frame in shown[:cut]:
         before.add(frame)
-    states = before.states()  # first, as asking for the map must not change how it goes on
+    states = before.states()  # first, as asking for the map must not change how it continues
     after = make(**changes).begin(before.height_map(), states)
     for frame in shown[cut:]:
         after.add(frame)
@@ -173,7 +173,7 @@ def test_labels_of_a_map_stay_until_there_are_new_ones():
     assert (more.height_map().sources[:, :16] == FROM_MAP).all()
 
 
-def test_a_map_alone_goes_on_too():
+def test_a_map_alone_can_be_resumed_too():
     first = run(view_based(), 2).height_map()
     more = view_based().begin(first)
     more.add(list(frames(3))[2])

@@ -6,7 +6,7 @@ import torch
 from safetensors.torch import save_file
 
 from scenefw.core.batches import ShapeInstanceBatch
-from scenefw.core.errors import CheckpointError, InputError
+from scenefw.core.errors import CheckpointError, InputError, StorageError
 from scenefw.core.types import GridSpec
 from scenefw.learning.checkpoint import (
     load_checkpoint,
@@ -67,6 +67,14 @@ def test_channels_last_weights_are_stored_plainly(tmp_path, model):
     found = load_checkpoint(tmp_path / "last.safetensors").model.state_dict()
     for name, value in last.state_dict().items():
         assert torch.equal(found[name], value)
+
+
+def test_a_full_disk_leaves_the_old_weights_alone(tmp_path, path, model, full_disk):
+    before = path.read_bytes()
+    with full_disk(5000), pytest.raises(StorageError, match="File too large"):
+        save_checkpoint(path, model, model.recipe, GRID)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_missing_file_names_the_way_out(tmp_path):

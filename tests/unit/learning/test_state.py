@@ -9,7 +9,7 @@ import torch
 from benchmarks import state_parts
 from tests.unit.learning import plain
 
-from scenefw.core.errors import CheckpointError
+from scenefw.core.errors import CheckpointError, StorageError
 from scenefw.learning.state import StateFiles, read_state, state_to_go_on, write_state
 
 
@@ -120,3 +120,25 @@ def test_parts_of_another_file_are_one_line(tmp_path):
     torch.save({"x": 1}, tmp_path / "state.part000")
     with pytest.raises(CheckpointError, match="no state of a training"):
         state_parts.join(tmp_path, tmp_path / "last.ckpt")
+
+
+def test_a_full_disk_leaves_the_old_state_alone(tmp_path, full_disk):
+    write_state(tmp_path / "state", {"n": 1})
+    with full_disk(5000), pytest.raises(StorageError, match="state: File too large"):
+        write_state(tmp_path / "state", {"x": torch.zeros(5000)})
+    assert read_state(tmp_path / "state") == {"n": 1}
+    assert [p.name for p in tmp_path.iterdir()] == ["state"]
+
+
+def test_a_training_on_a_full_disk_keeps_its_last_snapshot(tmp_path, full_disk):
+    plain.task(tmp_path, steps=2).run()
+    folder = tmp_path / "state"
+    state, there = (folder / "last.ckpt").read_bytes(), {p.name for p in folder.iterdir()}
+    room = (folder / "losses.csv").stat().st_size + 200  # of a snapshot there is more
+    with full_disk(room), pytest.raises(StorageError, match=r"last\.ckpt: File too large"):
+        plain.task(tmp_path, steps=4).run()
+    assert (folder / "last.ckpt").read_bytes() == state
+    assert {p.name for p in folder.iterdir()} == there
+    with full_disk(room - 200), pytest.raises(StorageError, match=r"losses\.csv: File too large"):
+        plain.task(tmp_path, steps=4).run()
+    assert plain.task(tmp_path, steps=4).run()["train/steps"] == 4

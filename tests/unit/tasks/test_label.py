@@ -68,7 +68,7 @@ def elsewhere(tmp_path_factory):
 
 
 @pytest.mark.parametrize("world", ["sequence", "elsewhere"])
-def test_a_saved_map_goes_on_as_if_never_interrupted(request, world, tmp_path):
+def test_a_saved_map_resumes_as_if_never_interrupted(request, world, tmp_path):
     folder = request.getfixturevalue(world)
     label(folder, tmp_path / "whole").run()
     label(folder, tmp_path / "first", frames=4).run()
@@ -81,21 +81,21 @@ def test_a_saved_map_goes_on_as_if_never_interrupted(request, world, tmp_path):
         np.testing.assert_array_equal(value, rest.states["recording"][key])
 
 
-def test_a_map_that_lost_its_world_does_not_go_on(sequence, elsewhere, tmp_path):
+def test_a_map_that_lost_its_world_is_not_resumed(sequence, elsewhere, tmp_path):
     """Maps of earlier versions don't say how their recording's world lies."""
     for folder in (sequence, elsewhere):
         label(folder, tmp_path / "first", frames=4).run()
         saved = load_map(tmp_path / "first" / "map.npz")
         states = {name: state for name, state in saved.states.items() if name != "recording"}
         old = save_map(tmp_path / "old.npz", saved.height_map, states)
-        going_on = label(folder, tmp_path / "rest", resume=old, start=4)
+        resumed = label(folder, tmp_path / "rest", resume=old, start=4)
         if folder == sequence:  # its world is the table's
-            assert going_on.run()["frames"] == 2
+            assert resumed.run()["frames"] == 2
             recording = load_map(tmp_path / "rest" / "map.npz").states["recording"]
             np.testing.assert_array_equal(recording["T_map_world"], np.eye(4))
         else:
             with pytest.raises(InputError, match="fuse the whole recording again"):
-                going_on.run()
+                resumed.run()
 
 
 def test_labels_are_fused_in_image_space_as_well(sequence, tmp_path):
@@ -134,7 +134,7 @@ def test_frames_without_a_measurement_are_left_out(sequence, tmp_path, capsys):
 
 def test_an_interrupted_map_is_saved(sequence, tmp_path):
     strategies = hybrid()
-    source = strategies["hybrid"].views.source
+    source = strategies["hybrid"].source
     original = source.label
 
     def stop_at_fourth(frame):
@@ -184,12 +184,12 @@ def test_a_sequence_without_poses_is_tracked(sequence, tmp_path):
     label(bare, tmp_path / "first", maps, frames=3, **tracking).run()
     resume = tmp_path / "first" / "map.npz"
     for start in (0, 2, 5):
-        going_on = label(bare, tmp_path / "rest", maps, resume=resume, start=start, **tracking)
+        resumed = label(bare, tmp_path / "rest", maps, resume=resume, start=start, **tracking)
         if start == 2:  # frame 2 twice, but in its place
-            assert going_on.run()["frames"] == 4
+            assert resumed.run()["frames"] == 4
         else:
             with pytest.raises(InputError, match=r"give run\.start=NUMBER"):
-                going_on.run()
+                resumed.run()
     label(bare, tmp_path / "rest", maps, resume=resume, start=3, **tracking).run()
     rest = load_map(tmp_path / "rest" / "map.npz")
     np.testing.assert_allclose(rest.height_map.heights, whole.height_map.heights, atol=1e-4)
@@ -362,7 +362,7 @@ def test_a_real_image_becomes_a_map_whose_table_is_flat(real_data, tmp_path):
     assert (found.labels[raised] > 0).mean() > 0.7
 
 
-def test_a_real_image_goes_on_in_the_same_place(real_data, tmp_path):
+def test_a_real_image_resumes_in_the_same_place(real_data, tmp_path):
     """Its camera is the world of its poses, which is not the table's."""
     image = read_frame(real_data / "real" / "realsense_table" / "uois_1.npz")
     shown = write_sequence(tmp_path / "in", [image] * 3)

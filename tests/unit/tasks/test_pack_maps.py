@@ -5,22 +5,19 @@ import torch
 from tests.unit.data.rectangles import Rectangles
 
 from scenefw.core.errors import ConfigError
-from scenefw.data.label_views import StoredViews, ViewSamples
-from scenefw.data.map_crops import MapCrops, StoredMaps
+from scenefw.data.map_crops import StoredMaps
 from scenefw.data.packed_maps import PackedMaps
-from scenefw.data.segmentation import SegmentationData
 from scenefw.tasks.pack_maps import PackMaps
 
 
-def data():
-    train, validation = (MapCrops(StoredMaps(Rectangles(n, seed=n)), 3, (24, 16)) for n in (3, 1))
-    return SegmentationData(train, validation)
+def splits():
+    return StoredMaps(Rectangles(3, seed=3)), StoredMaps(Rectangles(1, seed=1))
 
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_maps_are_packed(tmp_path, workers, capsys):
     path = tmp_path / "maps.npz"
-    figures = PackMaps(data(), path, workers=workers).run()
+    figures = PackMaps(*splits(), path, workers=workers).run()
     assert figures["maps/train"] == 3
     assert figures["maps/validation"] == 1
     assert figures["mb"] == pytest.approx(path.stat().st_size / 1e6)
@@ -31,9 +28,26 @@ def test_maps_are_packed(tmp_path, workers, capsys):
         assert torch.equal(found.labels[scene].int(), labels)
 
 
-def test_other_data_are_refused(tmp_path):
-    views = ViewSamples(StoredViews(Rectangles(), 3))
-    with pytest.raises(ConfigError, match="dataset=tabletop_fused_maps"):
-        PackMaps(SegmentationData(views, views), tmp_path / "maps.npz")
+def test_wrong_use(tmp_path):
     with pytest.raises(ConfigError, match=r"run\.workers = 0"):
-        PackMaps(data(), tmp_path / "maps.npz", workers=0)
+        PackMaps(*splits(), tmp_path / "maps.npz", workers=0)
+    train, validation = splits()
+    validation.classes = ("surface", "coin")
+    with pytest.raises(ConfigError, match="differ"):
+        PackMaps(train, validation, tmp_path / "maps.npz")
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ([], "run=pack_maps needs a data set of height maps; give dataset=tabletop_fused_maps"),
+        (["dataset=tabletop_views"], "give dataset=tabletop_fused_maps"),
+        (["dataset=tabletop_fused_maps_packed"], "PackedMaps, which has no arrays"),
+    ],
+)
+def test_other_data_are_refused_in_one_line(scenefw, tmp_path, words, expected):
+    done = scenefw("run=pack_maps", *words, "device=cpu", "paths.output=out")
+    assert done.returncode == 2
+    assert expected in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert not (tmp_path / "out").exists()

@@ -1,35 +1,22 @@
-"""Strategies of labelling run side by side on the same frames of the same scenes."""
+"""Labelling strategies run side by side on the same frames of the same scenes."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.evaluation.labelling.shared_parts import LOADING, SharedParts, require_alike
+from scenefw.evaluation.labelling.shared_parts import LOADING, SharedParts
 from scenefw.evaluation.labelling.stopwatch import SharedWork
 from scenefw.noise.frames import disturb
 
 if TYPE_CHECKING:
     from scenefw.core.height_maps import HeightMap
-    from scenefw.core.protocols import FrameSource, Noise, RunningLabelling
+    from scenefw.core.labelling_protocols import FrameSource, Labelling, RunningLabelling
+    from scenefw.core.protocols import Noise
     from scenefw.core.types import Frame
-
-
-class SharingLabelling(Protocol):
-    """A strategy whose parts can be shared with others."""
-
-    @property
-    def classes(self) -> tuple[str, ...]:
-        """Names by class id."""
-
-    def sharing(self, share: Any) -> SharingLabelling:
-        """The same strategy with each part replaced by `share(kind, part)`."""
-
-    def begin(self, previous: HeightMap | None = None) -> RunningLabelling:
-        """Starts a scene."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +26,8 @@ class Snapshot:
     Args:
         frames: number of frames that made it.
         height_map: with labels.
-        seconds: by stage: what it takes to have this map if it is asked for once.
-        calls: by stage: pieces of work that these seconds are of.
+        seconds: by stage: what it takes to have this map if it is requested once.
+        calls: by stage: how many pieces of work these seconds are of.
     """
 
     frames: int
@@ -64,14 +51,13 @@ class Bench:
         seed: of the noise.
 
     Raises:
-        ConfigError: no strategy, other classes than the scenes', or strategies that can't share
-            their work.
+        ConfigError: no strategy, or other classes than the scenes'.
     """
 
     def __init__(
         self,
         scenes: FrameSource,
-        strategies: Mapping[str, SharingLabelling],
+        strategies: Mapping[str, Labelling],
         noise: Mapping[str, Noise] | None = None,
         seed: int = 0,
     ) -> None:
@@ -83,7 +69,6 @@ class Bench:
                     f"{name} labels {', '.join(strategy.classes)}, the scenes hold "
                     f"{', '.join(scenes.classes)}; give checkpoints of these classes"
                 )
-        require_alike(strategies)
         self.scenes = scenes
         self.strategies = dict(strategies)
         self.noise = dict(noise or {})
@@ -95,7 +80,7 @@ class Bench:
         return tuple(self.scenes.classes)
 
     def warm_up(self) -> None:
-        """One frame for nothing, so that no strategy pays for compiling."""
+        """Runs one frame that does not count, so that no strategy is charged for compiling."""
         list(self.run(0, [1]))
 
     def run(
@@ -111,13 +96,12 @@ class Bench:
         work = SharedWork()
         parts = SharedParts(work)
         running = {
-            name: strategy.sharing(parts.share).begin()
-            for name, strategy in self.strategies.items()
+            name: parts.shared(strategy).begin() for name, strategy in self.strategies.items()
         }
         chosen = self.noise if noise is None else noise
         frames = self._frames(scene, max(counts), chosen)
         for index in range(max(counts)):
-            work.turn = index
+            work.begin_turn(index)
             for name, labelling in running.items():
                 with work.of(name):
                     labelling.add(work.do(LOADING, "frame", lambda: _next(frames, scene)))
@@ -132,15 +116,15 @@ class Bench:
 def _next(frames: Iterator[Frame], scene: int) -> Frame:
     frame = next(frames, None)
     if frame is None:
-        raise InputError(f"scene {scene} has fewer frames than are asked for; give size.frames")
+        raise InputError(f"scene {scene} has fewer frames than requested; give a lower size.frames")
     return frame
 
 
 def _snapshot(name: str, running: RunningLabelling, count: int, work: SharedWork) -> Snapshot:
-    asking = f"{name} after {count} frames"
-    with work.of(asking):
+    request = f"{name} after {count} frames"
+    with work.of(request):
         height_map = running.height_map()
     seconds, calls = Counter(work.spent(name)), Counter(work.calls(name))
-    seconds.update(work.spent(asking))
-    calls.update(work.calls(asking))
+    seconds.update(work.spent(request))
+    calls.update(work.calls(request))
     return Snapshot(count, height_map, dict(seconds), dict(calls))

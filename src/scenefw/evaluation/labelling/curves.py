@@ -85,7 +85,7 @@ class LabellingCurves:
 
 
 def frame_counts(frames: int, steps: int, first: int | None = None) -> tuple[int, ...]:
-    """Evenly spaced numbers of frames, the last of them `frames`, with an earlier first one."""
+    """Evenly spaced numbers of frames up to `frames`, after an earlier first one if given."""
     even = {max(1, round(frames * (i + 1) / steps)) for i in range(steps)}
     early = {first} if first is not None and first < min(even) else set()
     return tuple(sorted(even | early))
@@ -97,7 +97,7 @@ def mean_seconds(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
 
 
 class _ExampleMaker:
-    """Gathers thinned-out maps of one scene."""
+    """Collects thinned-out maps of one scene."""
 
     def __init__(self, truth: HeightMap, frames: tuple[int, ...]) -> None:
         self.step = max(1, truth.grid.vertices // _PICTURE)

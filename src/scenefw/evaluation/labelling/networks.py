@@ -16,14 +16,14 @@ from scenefw.noise.frames import disturb
 
 if TYPE_CHECKING:
     from scenefw.core.height_maps import HeightMap
-    from scenefw.core.measures import Measure
-    from scenefw.core.protocols import (
+    from scenefw.core.labelling_protocols import (
         FrameSource,
         HeightMapping,
         LabelSource,
         MapLabelSource,
-        Noise,
     )
+    from scenefw.core.measures import Measure
+    from scenefw.core.protocols import Noise
 
 Counts = NDArray[np.int64]
 Tracker = Callable[[Sequence[int], str], Iterable[int]]
@@ -94,7 +94,7 @@ class LabellingNetworks:
         for what, part in (("views", source), ("maps", map_source)):
             if tuple(part.classes) != tuple(scenes.classes):
                 raise ConfigError(
-                    f"the network of {what} knows {', '.join(part.classes)}, the scenes hold "
+                    f"the network of {what} labels {', '.join(part.classes)}, the scenes hold "
                     f"{', '.join(scenes.classes)}; give a checkpoint for these classes"
                 )
         self.scenes = scenes

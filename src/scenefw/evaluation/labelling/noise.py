@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.files import in_order
 from scenefw.evaluation.labelling.measures import of_noise
 from scenefw.evaluation.labelling.results import Score, Scores, read_scores, score
 from scenefw.evaluation.statistics import Interval, mean_interval
@@ -91,10 +92,10 @@ class LabellingNoise:
         pose_noise: from `sigma` to noise of poses.
         depth_noise: from `sigma` to noise of depth.
         scenes: how many; None = all. The thesis has 3.
-        chosen: names of the noises that were asked for.
+        chosen: names of the noises on the command line.
 
     Raises:
-        ConfigError: an amount is no length, or a noise was asked for that is not varied here.
+        ConfigError: an amount is no length, or a chosen noise is not varied here.
     """
 
     def __init__(
@@ -111,7 +112,7 @@ class LabellingNoise:
         others = sorted(set(chosen) - {"pose", "gaussian"})
         if others:
             raise ConfigError(
-                f"a noise map varies the noises pose and gaussian, not {', '.join(others)}; give "
+                f"a noise map varies pose and Gaussian noise, not {', '.join(others)}; give "
                 "noise=[pose,gaussian] (experiment=view_vs_map compares under any noise)"
             )
         self.bench = bench
@@ -158,7 +159,7 @@ class GatheredNoise:
             InputError: there are none, or runs that can't be one result: of different numbers of
                 frames, or of the same amounts and other scores.
         """
-        found = sorted(self.input.rglob(SCORES_FILE))
+        found = in_order(self.input.rglob(SCORES_FILE))
         if not found:
             raise InputError(
                 f"no {SCORES_FILE} below {self.input}; give the folder of a sweep of "

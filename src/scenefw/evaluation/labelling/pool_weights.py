@@ -1,4 +1,4 @@
-"""Weights of the hybrid's pool, estimated on scenes that are not tested on."""
+"""Weights of the hybrid's pool, estimated on scenes that no test uses."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 
 from scenefw.core import rng
 from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.labels import known
 from scenefw.evaluation.labelling.curves import frame_counts
 from scenefw.evaluation.labelling.measures import of_weights
 from scenefw.evaluation.labelling.results import MAP_BASED, VIEW_BASED
 from scenefw.labelling.pooling import DOUBT, Pool, check_doubt, fit_pool
-from scenefw.labelling.running import known
 from scenefw.noise.frames import in_turns
 
 if TYPE_CHECKING:
@@ -27,13 +27,13 @@ if TYPE_CHECKING:
     from scenefw.evaluation.labelling.bench import Bench
     from scenefw.labelling.reconstruction import Reconstruction
 
-_MAYBE = 0.1  # probability from which on a vertex may be taken for a class
+_MAYBE = 0.1  # a vertex may be taken for a class that is more probable than this
 Tracker = Callable[[Sequence[int], str], Iterable[int]]
 
 
 @dataclass(frozen=True)
 class WeightsResult:
-    """Weights and how right the pool is with them, each class counting the same.
+    """Weights and the accuracy of the pool with them, each class counting the same.
 
     Args:
         pool: with the weights found.
@@ -70,22 +70,22 @@ class WeightsResult:
 
 
 class HybridWeights:
-    """Estimates the weights from what views and maps say of true labels, after ever more frames.
+    """Estimates the weights by comparing views and maps with true labels, after ever more frames.
 
-    For each class vertices are drawn from those that are of it or that views or map may take for
-    it, over which its IoU is taken: along the outlines of objects the two differ most, and there
-    are few of these vertices among all. Those that are taken for another class by a narrow margin
-    belong to them, as the pool may take them for this one.
+    For each class, vertices are drawn from those that belong to it or that views or map may take
+    for it, the ones its IoU is computed over: the two differ most along the outlines of objects,
+    where few of all vertices lie. Vertices that are given another class by a narrow margin are
+    included, as the pool may give them this one.
 
     Args:
-        bench: runs `view_based` and `map_based`, on scenes that no network has seen.
+        bench: runs `view_based` and `map_based` on scenes that no network was trained on.
         reconstruction: that of the hybrid.
         frames: of each sequence.
-        steps: numbers of frames looked at, evenly spaced.
-        first: an earlier number of frames; None = none.
+        steps: how many numbers of frames are sampled, evenly spaced.
+        first: an earlier number of frames, sampled too; None = none.
         vertices: drawn for each class, scene and number of frames.
         seed: of the draw.
-        noise: noises that scenes are seen under in turns, as `in_turns`; None: that of the bench.
+        noise: settings of noise that scenes take in turn, as `in_turns`; None: the bench's noise.
         doubt: of the pool.
 
     Raises:
@@ -120,12 +120,12 @@ class HybridWeights:
         self.doubt = check_doubt(doubt)
         if noise and bench.noise:
             raise ConfigError(
-                "scenes get noise either alike or in turns; with noise=... give "
+                "scenes have one noise or take several in turn; with noise=... give "
                 "noise_per_scene=none"
             )
         if noise and len(bench.scenes) < len(noise):
             raise ConfigError(
-                f"{len(bench.scenes)} scenes can't take {len(noise)} noises in turns; give "
+                f"{len(bench.scenes)} scenes can't take {len(noise)} noises in turn; give "
                 f"size.validation_tables={len(noise)} or more, or noise_per_scene=none"
             )
 
@@ -148,21 +148,21 @@ class HybridWeights:
         pool = fit_pool(views, of_map, well, labels, drawn_for, self.doubt)
         pooled = pool(views, of_map, well)
         accuracy = {
-            name: balanced_accuracy(said.argmax(axis=0), labels, drawn_for)
-            for name, said in (("views", views), ("map", of_map), ("pool", pooled))
+            name: balanced_accuracy(found.argmax(axis=0), labels, drawn_for)
+            for name, found in (("views", views), ("map", of_map), ("pool", pooled))
         }
         return WeightsResult(pool, accuracy, len(labels), len(scenes))
 
     def _draw(
         self, maps: Sequence[HeightMap], truth: Int32, scene: int, frames: int
     ) -> tuple[NDArray[np.intp], Int32]:
-        """Numbers of seen vertices, as many for each class, and the class they are drawn for."""
+        """Indices of seen vertices drawn for each class, and the class each is drawn for."""
         random = rng.generator(self.seed, scene, frames)
         usable = maps[0].seen & (truth >= 0)
-        said = [_probabilities(m) for m in maps]
+        experts = [_probabilities(m) for m in maps]
         chosen, drawn_for = [], []
         for label in np.unique(truth[truth >= 0]):
-            maybe = (known(p) & (p[label] > _MAYBE) for p in said)
+            maybe = (known(p) & (p[label] > _MAYBE) for p in experts)
             concerned = np.any([truth == label, *maybe], axis=0)
             (places,) = np.nonzero((usable & concerned).ravel())
             chosen.append(random.permutation(places)[: self.vertices])
@@ -175,7 +175,7 @@ class HybridWeights:
         truth: Int32,
         drawn: tuple[NDArray[np.intp], Int32],
     ) -> tuple[Float32, Float32, Float32, Int32, Int32]:
-        """Of these: probabilities (C, N) of views and map, how well built, truth, drawn for."""
+        """Their probabilities (C, N) of views and map, reconstruction, truth, class drawn for."""
         chosen, drawn_for = drawn
         views, of_map = (_probabilities(m).reshape(-1, truth.size)[:, chosen] for m in maps)
         well = self.reconstruction.of(maps[0]).reshape(-1)[chosen]

@@ -1,4 +1,4 @@
-"""How strategies label, scene by scene and frame count by frame count, and its summaries."""
+"""Scores of strategies by scene and number of frames, and their summaries."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ class Score:
         strategy: its name.
         scene: number of the scene.
         frames: number of frames that made the map.
-        miou: mean over the classes of the scene of the IoU over all vertices; those that are
-            unseen or have no label are missed.
-        miou_seen: the same over vertices that have been seen alone.
+        miou: mean over the scene's classes of the IoU over all vertices; unseen and unlabelled
+            ones count as missed.
+        miou_seen: the same over seen vertices alone.
         coverage: share of vertices seen.
         seconds: of processing, without loading.
         height_rms: root mean square error of seen heights (m).

@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
-import torch
+from collections.abc import Callable
+from dataclasses import fields, is_dataclass, replace
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from scenefw.core.errors import ConfigError
+from scenefw.core.labelling_protocols import (
+    HeightMapping,
+    LabelSource,
+    MapLabelSource,
+    RunningHeights,
+    RunningLabels,
+    SemanticMapping,
+)
 from scenefw.evaluation.labelling.stopwatch import OTHER
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Hashable, Sequence
 
     from scenefw.core.height_maps import HeightGrid, HeightMap
-    from scenefw.core.protocols import (
-        HeightMapping,
-        LabelSource,
-        MapLabelSource,
-        RunningHeights,
-        RunningLabels,
-        SemanticMapping,
-    )
+    from scenefw.core.labelling_protocols import Labelling, State
     from scenefw.core.types import Float32, Frame
-    from scenefw.evaluation.labelling.bench import SharingLabelling
     from scenefw.evaluation.labelling.stopwatch import SharedWork
 
 LOADING = "data loading"
@@ -35,9 +33,12 @@ MAP_NETWORK = "network, whole map"
 STAGES = (LOADING, RECONSTRUCTION, VIEW_NETWORK, FUSION, MAP_NETWORK, OTHER)
 """What seconds are counted for."""
 
+Running = TypeVar("Running", bound=RunningHeights | RunningLabels)
+Value = TypeVar("Value")
+
 
 class SharedParts:
-    """One wrapper per kind of part; every strategy that names the kind gets the same one.
+    """Lets strategies that hold the same parts share their work on one scene.
 
     Args:
         work: does the work once per turn.
@@ -45,143 +46,187 @@ class SharedParts:
 
     def __init__(self, work: SharedWork) -> None:
         self.work = work
-        self._wrapped: dict[str, Any] = {}
+        self._running: dict[Hashable, _Shared[Any]] = {}
 
-    def share(self, kind: str, part: Any) -> Any:
-        """The wrapper of a kind of part; made of the first part that is given."""
-        if kind not in self._wrapped:
-            self._wrapped[kind] = _WRAPPERS[kind](part, self.work)
-        return self._wrapped[kind]
+    def shared(self, strategy: Labelling) -> Labelling:
+        """The strategy with its parts replaced by shared ones; itself if it is no dataclass.
+
+        Two strategies share what they hold the very same object of.
+        """
+        if not is_dataclass(strategy) or isinstance(strategy, type):
+            return strategy
+        parts = {f.name: self._wrapped(getattr(strategy, f.name)) for f in fields(strategy)}
+        return replace(strategy, **{name: part for name, part in parts.items() if part is not None})
+
+    def running(
+        self, part: object, settings: Hashable, stage: str, begin: Callable[[], Running]
+    ) -> _Shared[Running]:
+        """The running part of all strategies that begin it with the same settings."""
+        key = (id(part), settings)
+        if key not in self._running:
+            self._running[key] = _Shared(begin(), self.work, stage)
+        return self._running[key]
+
+    def _wrapped(self, part: object) -> object | None:
+        """What stands for a part in one strategy; None for what isn't shared."""
+        if isinstance(part, HeightMapping):
+            return _Heights(part, self)
+        if isinstance(part, SemanticMapping):
+            return _Labels(part, self)
+        if isinstance(part, LabelSource) and isinstance(part, MapLabelSource):
+            return _BothSources(part, self.work)
+        if isinstance(part, LabelSource):
+            return _Source(part, self.work)
+        return _MapSource(part, self.work) if isinstance(part, MapLabelSource) else None
 
 
-def require_alike(strategies: Mapping[str, SharingLabelling]) -> None:
-    """Finds out before any work whether strategies can share theirs.
+class _Shared(Generic[Running]):
+    """A running part, and what it was fed: per call the turn and the identity of its inputs."""
+
+    def __init__(self, running: Running, work: SharedWork, stage: str) -> None:
+        self.running, self.work, self.stage = running, work, stage
+        self.fed: list[tuple[int, ...]] = []
+
+
+class _View(Generic[Running]):
+    """What one strategy sees of a running part that it shares.
 
     Raises:
-        ConfigError: parts of one kind differ in settings or weights.
+        ConfigError: strategies feed the part with something else, so that they can't share it.
     """
-    first: dict[str, tuple[str, Any]] = {}
-    for name, strategy in strategies.items():
 
-        def compare(kind: str, part: Any, name: str = name) -> Any:
-            owner, other = first.setdefault(kind, (name, part))
-            if not alike(other, part):
-                raise ConfigError(
-                    f"{owner} and {name} share their work while they are compared, but their "
-                    f"{_KINDS[kind]} differ in settings; give both the same, or evaluate them one "
-                    f"by one (labelling=[{name}])"
-                )
-            return part
+    def __init__(self, shared: _Shared[Running]) -> None:
+        self._shared = shared
+        self._fed: list[tuple[int, ...]] = []
 
-        strategy.sharing(compare)
+    def _feed(self, add: Callable[[], None], *inputs: object) -> None:
+        shared, number = self._shared, len(self._fed)
+        self._fed.append((shared.work.turn, *map(id, inputs)))
+        if number == len(shared.fed):
+            shared.fed.append(self._fed[-1])
+        if shared.fed[number] != self._fed[-1]:
+            raise _unlike(shared.stage)
+        shared.work.do(shared.stage, (id(shared), number), add, inputs)
+
+    def _read(self, what: str, read: Callable[[], Value]) -> Value:
+        shared, number = self._shared, len(self._fed)
+        if shared.fed != self._fed:
+            raise _unlike(shared.stage)
+        return shared.work.do(shared.stage, (id(shared), number, what), read)
+
+    def state(self) -> State:
+        return self._shared.running.state()
 
 
-def alike(one: Any, other: Any) -> bool:
-    """Whether two parts are of one class, with equal settings and weights."""
-    if one is other:
-        return True
-    if type(one) is not type(other):
-        return False
-    if isinstance(one, torch.nn.Module):
-        return alike(one.state_dict(), other.state_dict())
-    if isinstance(one, torch.Tensor):
-        return torch.equal(one, other)
-    if isinstance(one, np.ndarray):
-        return np.array_equal(one, other)
-    if isinstance(one, Mapping):
-        return one.keys() == other.keys() and all(alike(one[key], other[key]) for key in one)
-    if isinstance(one, list | tuple):
-        return len(one) == len(other) and all(map(alike, one, other))
-    if type(one).__eq__ is object.__eq__ and hasattr(one, "__dict__"):
-        return alike(vars(one), vars(other))
-    return bool(one == other)
+def _unlike(stage: str) -> ConfigError:
+    return ConfigError(
+        f"strategies that are compared share their {stage}, but feed it different frames or "
+        "labels; give all the same label_source, key_frames and refresh, or evaluate them one by "
+        "one (labelling=[NAME])"
+    )
 
 
 class _Heights:
-    """Height fusion of one scene: whoever begins gets the same map."""
+    """Height fusion of one strategy."""
 
-    def __init__(self, part: HeightMapping, work: SharedWork) -> None:
-        self.grid: HeightGrid = part.grid
-        self.work = work
-        self.running = part.begin()
+    def __init__(self, part: HeightMapping, parts: SharedParts) -> None:
+        self.part, self.parts, self.begun = part, parts, 0
 
-    def begin(self, previous: HeightMap | None = None) -> RunningHeights:
-        return self
+    @property
+    def grid(self) -> HeightGrid:
+        return self.part.grid
 
+    def begin(
+        self, previous: HeightMap | None = None, state: State | None = None
+    ) -> RunningHeights:
+        if previous is not None or state is not None:
+            return self.part.begin(previous, state)
+        self.begun += 1
+        return _HeightsView(
+            self.parts.running(self.part, self.begun, RECONSTRUCTION, self.part.begin)
+        )
+
+
+class _HeightsView(_View[RunningHeights]):
     def add(self, frame: Frame) -> None:
-        self.work.do(RECONSTRUCTION, "frame", lambda: self.running.add(frame))
+        self._feed(lambda: self._shared.running.add(frame), frame)
 
     def height_map(self) -> HeightMap:
-        return self.work.do(RECONSTRUCTION, "map", self.running.height_map)
+        return self._read("map", self._shared.running.height_map)
 
 
 class _Labels:
-    """Label fusion of one scene; all who use it must fuse the same key frames."""
+    """Label fusion of one strategy."""
 
-    def __init__(self, part: SemanticMapping, work: SharedWork) -> None:
-        self.part = part
-        self.work = work
-        self.running: RunningLabels | None = None
-        self.turns: list[int] = []
+    def __init__(self, part: SemanticMapping, parts: SharedParts) -> None:
+        self.part, self.parts, self.begun = part, parts, 0
+
+    @property
+    def reads_map(self) -> bool:
+        return self.part.reads_map
 
     def begin(
-        self, grid: HeightGrid, classes: int, previous: Float32 | None = None
+        self,
+        grid: HeightGrid,
+        classes: int,
+        previous: Float32 | None = None,
+        state: State | None = None,
     ) -> RunningLabels:
-        self.running = self.running or self.part.begin(grid, classes)
-        return _LabelsOfOne(self, self.running)
+        if previous is not None or state is not None:
+            return self.part.begin(grid, classes, previous, state)
+        self.begun += 1
+        settings = (self.begun, grid, classes)
+        running = self.parts.running(
+            self.part, settings, FUSION, lambda: self.part.begin(grid, classes)
+        )
+        return _LabelsView(running, reads_map=self.part.reads_map)
 
 
-class _LabelsOfOne:
-    """What one strategy sees of the shared label fusion."""
-
-    def __init__(self, shared: _Labels, running: RunningLabels) -> None:
-        self.shared, self.running = shared, running
-        self.turns: list[int] = []
+class _LabelsView(_View[RunningLabels]):
+    def __init__(self, shared: _Shared[RunningLabels], *, reads_map: bool) -> None:
+        super().__init__(shared)
+        self.reads_map = reads_map
 
     def add(self, probabilities: Float32, frame: Frame, heights: HeightMap | None) -> None:
         def fuse() -> None:
-            self.running.add(probabilities, frame, heights)
-            self.shared.turns.append(self.shared.work.turn)
+            self._shared.running.add(probabilities, frame, heights)
 
-        self.shared.work.do(FUSION, "frame", fuse)
-        self.turns.append(self.shared.work.turn)
+        self._feed(fuse, probabilities, frame, *([heights] if self.reads_map else []))
 
     def probabilities(self) -> Float32:
-        if self.turns != self.shared.turns:
-            raise ConfigError(
-                "strategies that are compared have different key frames; give all the same "
-                "key_frames, or evaluate them one by one (labelling=[...])"
-            )
-        return self.shared.work.do(FUSION, "map", self.running.probabilities)
+        return self._read("map", self._shared.running.probabilities)
 
 
 class _Source:
     def __init__(self, part: LabelSource, work: SharedWork) -> None:
         self.part, self.work = part, work
-        self.classes: Sequence[str] = part.classes
+
+    @property
+    def classes(self) -> Sequence[str]:
+        return self.part.classes
 
     def label(self, frame: Frame) -> Float32:
-        return self.work.do(VIEW_NETWORK, "frame", lambda: self.part.label(frame))
+        return self.work.do(VIEW_NETWORK, id(self.part), lambda: self.part.label(frame), (frame,))
 
 
 class _MapSource:
     def __init__(self, part: MapLabelSource, work: SharedWork) -> None:
-        self.part, self.work = part, work
-        self.classes: Sequence[str] = part.classes
+        self.map_part, self.work = part, work
+
+    @property
+    def classes(self) -> Sequence[str]:
+        return self.map_part.classes
 
     def label_map(self, height_map: HeightMap) -> Float32:
-        return self.work.do(MAP_NETWORK, "map", lambda: self.part.label_map(height_map))
+        m = height_map
+        inputs = (m.heights, m.colour, m.confidence, m.variance)  # the same whatever the labels
+        work = self.work
+        return work.do(MAP_NETWORK, id(self.map_part), lambda: self.map_part.label_map(m), inputs)
 
 
-_KINDS = {
-    "heights": "height fusion",
-    "labels": "label fusion",
-    "source": "labels of views",
-    "map_source": "labels of maps",
-}
-_WRAPPERS: dict[str, Any] = {
-    "heights": _Heights,
-    "labels": _Labels,
-    "source": _Source,
-    "map_source": _MapSource,
-}
+class _BothSources(_Source, _MapSource):
+    """One object that labels views and maps."""
+
+    def __init__(self, part: Any, work: SharedWork) -> None:
+        _Source.__init__(self, part, work)
+        _MapSource.__init__(self, part, work)

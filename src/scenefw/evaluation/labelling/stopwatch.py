@@ -1,10 +1,10 @@
-"""Work that several methods share: done once, and its time charged to each that asks for it."""
+"""Work that several methods share: done once, with its time charged to each of them."""
 
 from __future__ import annotations
 
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
@@ -19,59 +19,68 @@ OTHER = "other"
 class SharedWork:
     """Remembers the result and the seconds of each piece of work of a turn.
 
-    Methods that run side by side ask in turn, frame by frame: the first of them has the work done,
-    the others get the same result, and all of them pay what it took. `turn` is set by whoever runs
-    them; a new turn means new work.
+    Methods run side by side, frame by frame: the first that needs a piece of work has it done, the
+    others get the same result, and all of them are charged its time. Whoever runs them begins a
+    new turn with each frame, in which all work is done anew.
     """
 
     def __init__(self) -> None:
         self.turn = 0
-        self._kept: dict[tuple[str, str], tuple[int, Any, float]] = {}
+        self._kept: dict[Hashable, tuple[tuple[object, ...], Any, float]] = {}
         self._spent: dict[str, dict[str, float]] = defaultdict(lambda: defaultdict(float))
         self._calls: dict[str, dict[str, int]] = defaultdict(lambda: defaultdict(int))
-        self._asking = ""
+        self._method = ""
         self._done = 0.0  # seconds of work that was really done
+
+    def begin_turn(self, turn: int) -> None:
+        """Forgets the results of the turn before."""
+        if turn != self.turn:
+            self._kept.clear()
+        self.turn = turn
 
     @contextmanager
     def of(self, method: str) -> Iterator[None]:
-        """Charges what is asked for in this block to a method; as `OTHER` what it does alone."""
-        before, self._asking = self._asking, method
+        """Charges the work of this block to a method, what it does alone as `OTHER`."""
+        before, self._method = self._method, method
         start, done = time.perf_counter(), self._done
         try:
             yield
         finally:
             alone = time.perf_counter() - start - (self._done - done)
             self._spent[method][OTHER] += alone
-            self._asking = before
+            self._method = before
 
-    def do(self, stage: str, what: str, work: Callable[[], Value]) -> Value:
+    def do(
+        self, stage: str, what: Hashable, work: Callable[[], Value], inputs: tuple[object, ...] = ()
+    ) -> Value:
         """The result of a piece of work, done now or, in the same turn, remembered.
 
         Args:
             stage: that its seconds count for.
             what: its name in the stage.
             work: does it.
+            inputs: objects that the result depends on; with other ones it is done again.
         """
-        kept = self._kept.get((stage, what))
-        if kept is None or kept[0] != self.turn:
+        key = (stage, what, *map(id, inputs))
+        if key not in self._kept:
             _wait_for_gpu()
             start = time.perf_counter()
             value = work()
             _wait_for_gpu()
             seconds = time.perf_counter() - start
             self._done += seconds
-            kept = self._kept[stage, what] = (self.turn, value, seconds)
-        self._spent[self._asking][stage] += kept[2]
-        self._calls[self._asking][stage] += 1
-        result: Value = kept[1]
-        return result
+            self._kept[key] = (inputs, value, seconds)  # inputs live on, so that ids stay theirs
+        _, result, seconds = self._kept[key]
+        self._spent[self._method][stage] += seconds
+        self._calls[self._method][stage] += 1
+        return result  # type: ignore[no-any-return]
 
     def spent(self, method: str) -> dict[str, float]:
         """Seconds of a method by stage."""
         return dict(self._spent[method])
 
     def calls(self, method: str) -> dict[str, int]:
-        """How often a method asked for work, by stage."""
+        """How often a method needed work, by stage."""
         return dict(self._calls[method])
 
 

@@ -1,6 +1,6 @@
 """Predicted instances against hand-labelled real depth images (overlap, boundary, object count)."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Literal, Protocol
@@ -11,14 +11,13 @@ from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.measures import Measure
+from scenefw.core.protocols import Track
 from scenefw.core.types import Float64, Frame, Int32, SceneEstimate
 from scenefw.data.readers import find_images, read_frame, read_labels
 from scenefw.evaluation.stacks.depth_components import DepthComponents
 from scenefw.evaluation.stacks.measures import REAL_IMAGES, REFERENCE
 from scenefw.metrics.masks import MaskScores, mask_scores
 from scenefw.perception.points import world_points
-
-Tracker = Callable[[Sequence[Path], str], Iterable[Path]]
 
 
 class Estimator(Protocol):
@@ -149,7 +148,7 @@ class RealMasks:
         self.reach = reach
         self.tolerance = tolerance
 
-    def run(self, track: Tracker = lambda paths, _: paths) -> RealMaskResult:
+    def run(self, track: Track = lambda paths, _: paths) -> RealMaskResult:
         """Scores every labelled image; `track` wraps the loop in a progress bar.
 
         Raises:

@@ -1,6 +1,6 @@
 """Shape and instances from one view, by visibility (thesis table 5.1, figs 5.24, 5.25)."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 
 import numpy as np
@@ -16,6 +16,7 @@ from scenefw.core.protocols import (
     Noise,
     Reconstructor,
     Renderer,
+    Track,
 )
 from scenefw.core.types import Camera, GridSpec
 from scenefw.data.stacks import StackScenes
@@ -33,8 +34,6 @@ from scenefw.metrics.occupancy import (
     probable_occupancy,
 )
 
-Pair = tuple[int, int]
-Tracker = Callable[[Sequence[Pair], str], Iterable[Pair]]
 Sample = tuple[Tensor, Tensor]
 
 _VIEW_STREAM, _POINT_STREAM, _CODE_STREAM = 1, 2, 3
@@ -108,7 +107,7 @@ class ReconstructionEvaluation:
         self.device = device
 
     @torch.no_grad()
-    def run(self, track: Tracker = lambda pairs, _: pairs) -> ReconstructionResult:
+    def run(self, track: Track = lambda pairs, _: pairs) -> ReconstructionResult:
         """Scores all views; `track(items, what)` shows a bar of the loop."""
         pairs = list(product(range(len(self.scenes)), range(self.views)))
         scores = tuple(self.score(scene, view) for scene, view in track(pairs, "test views"))

@@ -1,8 +1,9 @@
 """Strategies side by side: each gives what it gives alone, and shared work is done once."""
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 import pytest
-import torch
 from tests.unit.labelling.fakes import Heights, Labels, Maps, Scenes, Views, frames
 
 from scenefw.core.errors import ConfigError, InputError
@@ -13,7 +14,6 @@ from scenefw.evaluation.labelling.shared_parts import (
     MAP_NETWORK,
     RECONSTRUCTION,
     VIEW_NETWORK,
-    alike,
 )
 from scenefw.evaluation.labelling.stopwatch import OTHER, SharedWork
 from scenefw.labelling.hybrid import Hybrid
@@ -24,10 +24,11 @@ from scenefw.noise.gaussian import Gaussian
 
 
 def strategies(**views):
+    heights, labels, source, map_source = Heights(), Labels(), Views(), Maps()
     return {
-        "view_based": ViewBased(Heights(), Labels(), Views(), **views),
-        "map_based": MapBased(Heights(), Maps()),
-        "hybrid": Hybrid(Heights(), Labels(), Views(), Maps(), **views),
+        "view_based": ViewBased(heights, labels, source, **views),
+        "map_based": MapBased(heights, map_source),
+        "hybrid": Hybrid(heights, labels, source, map_source, **views),
     }
 
 
@@ -50,7 +51,6 @@ def test_shared_work_is_done_once():
     list(Bench(Scenes(), chosen).run(0, [2, 4]))
     assert chosen["view_based"].source.calls == 4
     assert chosen["map_based"].map_source.calls == 2
-    assert chosen["hybrid"].views.source.calls == chosen["hybrid"].map_source.calls == 0
 
 
 def test_every_strategy_pays_for_its_stages():
@@ -83,13 +83,16 @@ def test_the_map_is_paid_once_however_often_it_was_asked_for(monkeypatch):
 def test_work_of_a_turn():
     work, done = SharedWork(), []
     for turn in (0, 0, 1):
-        work.turn = turn
+        work.begin_turn(turn)
         for method in ("a", "b"):
             with work.of(method):
                 work.do("stage", "what", lambda: done.append(1))
     assert len(done) == 2
     assert work.spent("a")["stage"] == work.spent("b")["stage"]
     assert work.calls("a") == {"stage": 3}
+    first, second = [work.do("stage", "of", list, (each,)) for each in ("x", "y")]
+    assert first is not second
+    assert work.do("stage", "of", list, ("x",)) is first
     assert work.spent("c") == {}
 
 
@@ -107,35 +110,103 @@ def test_what_a_method_does_alone_is_its_own(monkeypatch):
     assert work.spent("b") == {"stage": 3.0, OTHER: 2.0}
 
 
-def test_parts_of_other_settings_cannot_be_compared():
-    different = Labels()
-    different.floor = 0.1
-    chosen = strategies()
-    chosen["hybrid"] = Hybrid(Heights(), different, Views(), Maps())
-    with pytest.raises(ConfigError, match=r"view_based and hybrid share .* label fusion"):
-        Bench(Scenes(), chosen)
-    Bench(Scenes(), {"hybrid": chosen["hybrid"]})
+def alone(strategy, count):
+    running = strategy.begin()
+    for frame in frames(count):
+        running.add(frame)
+    return running.height_map()
 
 
-def test_networks_are_alike_if_their_weights_are():
-    def made(seed, **settings):
-        torch.manual_seed(seed)
-        source = Views()
-        source.model, source.settings = torch.nn.Linear(2, 3), settings
-        return source
+def test_strategies_share_only_what_both_hold():
+    """Another source needs another fusion; heights are shared all the same."""
 
-    assert alike(made(0, size=[1, 2.0]), made(0, size=[1, 2.0]))
-    assert not alike(made(0), made(1))
-    assert not alike(made(0, size=[1, 2.0]), made(0, size=[1, 3.0]))
-    assert not alike(made(0, size=1), made(0))
-    assert not alike(made(0, at=np.zeros(2)), made(0, at=np.ones(2)))
-    assert not alike(Views(), Maps())
+    class Others(Views):
+        def label(self, frame):
+            return super().label(frame)[::-1].copy()
+
+    heights, source, other = Heights(), Views(), Others()
+    chosen = {
+        "one": ViewBased(heights, Labels(), source),
+        "other": ViewBased(heights, Labels(), other),
+    }
+    (snapshots,) = Bench(Scenes(), chosen).run(0, [3])
+    assert source.calls == other.calls == 3
+    for name, snapshot in snapshots.items():
+        np.testing.assert_array_equal(snapshot.height_map.labels, alone(chosen[name], 3).labels)
+
+
+class Skipping:
+    """Leaves out every other frame; no dataclass, so that it shares nothing."""
+
+    classes = Views.classes
+
+    def __init__(self, strategy):
+        self.strategy = strategy
+
+    def begin(self, previous=None, states=None):
+        running = self.strategy.begin(previous, states)
+        taken, add = iter([True, False] * 9), running.add
+        running.add = lambda frame: add(frame) if next(taken) else None
+        return running
+
+
+def test_a_strategy_that_is_no_dataclass_runs_on_its_own():
+    heights, source = Heights(), Maps()
+    chosen = {
+        "map_based": MapBased(heights, source),
+        "skipping": Skipping(MapBased(heights, source)),
+    }
+    (snapshots,) = Bench(Scenes(), chosen).run(0, [3])
+    assert source.calls == 2
+    assert set(snapshots["skipping"].seconds) == {LOADING, OTHER}
+    whole, half = (snapshots[name].height_map.seen[0] for name in ("map_based", "skipping"))
+    assert whole[:24].all()
+    assert half[:24].tolist() == [True] * 8 + [False] * 8 + [True] * 8
+
+
+@dataclass(frozen=True)
+class Twice:
+    """Fuses each frame into two maps, or the first frame alone."""
+
+    heights: Heights
+    frames: int = 99
+
+    classes = Views.classes
+
+    def begin(self, previous=None, states=None):
+        maps, limit = [self.heights.begin(), self.heights.begin()], self.frames
+
+        class Running:
+            def __init__(self):
+                self.count = 0
+
+            def add(self, frame):
+                self.count += 1
+                maps[0].add(frame)
+                if self.count <= limit:
+                    maps[1].add(frame)
+
+            def height_map(self):
+                return [each.height_map() for each in maps][1]
+
+        return Running()
+
+
+def test_every_map_that_a_strategy_begins_is_its_own():
+    """The first two share both maps, the third feeds its second one with other frames."""
+    heights = Heights()
+    chosen = {"a": Twice(heights), "b": Twice(heights)}
+    (snapshots,) = Bench(Scenes(), chosen).run(0, [3])
+    assert snapshots["a"].height_map is snapshots["b"].height_map
+    assert snapshots["a"].height_map.confidence[0, 0] == 1
+    with pytest.raises(ConfigError, match="share their reconstruction"):
+        list(Bench(Scenes(), {"a": Twice(heights), "c": Twice(heights, 1)}).run(0, [3]))
 
 
 def test_key_frames_must_be_shared_to_be_compared():
     chosen = strategies()
-    chosen["hybrid"] = Hybrid(Heights(), Labels(), Views(), Maps(), key_frames=EveryNth(2))
-    with pytest.raises(ConfigError, match="key frames"):
+    chosen["hybrid"] = replace(chosen["hybrid"], key_frames=EveryNth(2))
+    with pytest.raises(ConfigError, match="key_frames"):
         list(Bench(Scenes(), chosen).run(0, [2]))
 
 

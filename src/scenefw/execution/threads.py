@@ -1,0 +1,58 @@
+"""Threads of a run: how many compute, and how they wait."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from typing import Any
+
+from scenefw.core.cores import quota
+from scenefw.core.errors import ConfigError
+from scenefw.core.waiting import chosen, yielding
+
+
+@contextmanager
+def threads(count: int | None, *, yields: bool) -> Iterator[None]:
+    """Inside, torch and numba compute with so many threads.
+
+    Args:
+        count: how many; None means one for each core that the process may use, or as many as
+            OpenMP's variables of the environment say. numba takes at most one for each core.
+        yields: threads that wait are asleep while other programs need the cores.
+    """
+    import torch
+
+    if count is None and not chosen():
+        limit = quota()
+        if limit is not None and limit.cores < torch.get_num_threads():
+            count = max(int(limit.cores), 1)
+    with ExitStack() as stack:
+        if count is not None:
+            stack.enter_context(_exactly(count))
+        stack.enter_context(yielding(torch.get_num_threads, wanted=yields))
+        yield
+
+
+def require_threads(count: Any) -> None:
+    """Finds out before the work whether a number of threads can be used.
+
+    Raises:
+        ConfigError: it is no whole number of 1 or more.
+    """
+    if count is not None and (not isinstance(count, int) or isinstance(count, bool) or count < 1):
+        raise ConfigError(
+            f"threads is {count}; expected a whole number of 1 or more, or null for one per core"
+        )
+
+
+@contextmanager
+def _exactly(count: int) -> Iterator[None]:
+    import numba
+    import torch
+
+    before = torch.get_num_threads(), numba.get_num_threads()
+    torch.set_num_threads(count)
+    numba.set_num_threads(min(count, numba.config.NUMBA_NUM_THREADS))
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before[0])
+        numba.set_num_threads(before[1])
