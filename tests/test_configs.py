@@ -122,7 +122,9 @@ def test_chapters_do_not_carry_what_another_chose():
         assert group in stacks
         assert group not in labelling
     assert labelling.dataset._target_.endswith("TabletopScenes")
-    assert labelling.gallery is None
+    assert labelling.gallery._target_.endswith("NoGallery")
+    assert labelling.showcase._target_.endswith("NoShowcase")
+    assert labelling.presentation._target_.endswith("LabellingResults")
 
 
 def test_settings_stand_once():
@@ -226,7 +228,8 @@ def test_what_nothing_chooses_is_named(missing):
 def test_matching_is_chosen_for_all_that_compares_stacks(run):
     whole = config.compose([f"run={run}", "matching._target_=a.plugin.Matching"])
     resolved = OmegaConf.to_container(whole, resolve=True)
-    found = [node["matching"]["_target_"] for node in nodes_with(resolved["run"], "matching")]
+    read = {"run": resolved["run"], "built later": resolved["evaluation"]}
+    found = [node["matching"]["_target_"] for node in nodes_with(read, "matching")]
     assert found
     assert set(found) == {"a.plugin.Matching"}
 

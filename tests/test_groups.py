@@ -8,6 +8,7 @@ from omegaconf import ListConfig, OmegaConf
 
 from scenefw import config, plugins, registry
 from scenefw.contracts import protocol_named
+from scenefw.execution.build import LATER
 
 GROUPS = sorted(registry.catalogue())
 VERBS = registry.names("run")
@@ -47,7 +48,7 @@ def test_verbs_follow_references_through_options():
     assert {"learning", "model", "loss", "dataset", "renderer"} <= read_by("train")
     assert {"labelling", "semantics", "label_source", "heights"} <= read_by("label")
     assert "model" not in read_by("evaluate")
-    assert "label_source" not in read_by("pipeline")  # reads parts of one evaluation alone
+    assert {"label_source", "presentation"} <= read_by("pipeline")  # of any evaluation
 
 
 def test_metadata_with_a_key_that_is_none_is_refused(tmp_path, monkeypatch):
@@ -110,7 +111,8 @@ def part(node, path):
 
 def found_in(node):
     if isinstance(node, dict):
-        return set().union(*map(found_in, node.values()))
+        later = {str(node[LATER])} if LATER in node else set()
+        return later.union(*map(found_in, node.values()))
     if isinstance(node, list):
         return set().union(*map(found_in, node))
     return set(REFERENCE.findall(node)) if isinstance(node, str) else set()

@@ -26,14 +26,23 @@ def conf_dir(package: str = "scenefw") -> Path:
     Raises:
         ConfigError: the package isn't installed or brings no configs.
     """
-    found = importlib.util.find_spec(package)
-    if found is None or not found.submodule_search_locations:
-        raise ConfigError(f"package {package} is not installed; its configs can't be found")
-    root = Path(next(iter(found.submodule_search_locations)))
+    root = package_dir(package)
     for folder in (root / "conf", root.parent.parent / "conf"):
         if folder.is_dir():
             return folder
     raise ConfigError(f"package {package} has no folder conf, neither in {root} nor beside its src")
+
+
+def package_dir(package: str) -> Path:
+    """The folder of an installed package, which is not imported.
+
+    Raises:
+        ConfigError: it isn't installed.
+    """
+    found = importlib.util.find_spec(package)
+    if found is None or not found.submodule_search_locations:
+        raise ConfigError(f"package {package} is not installed; its configs can't be found")
+    return Path(next(iter(found.submodule_search_locations)))
 
 
 def search_also(folders: Sequence[Path]) -> None:

@@ -16,7 +16,8 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
-from scenefw.config import conf_dir, search_also
+from scenefw.config import conf_dir, package_dir, search_also
+from scenefw.core import assets
 from scenefw.core.errors import ConfigError
 
 ENTRY_POINTS = "scenefw.plugins"
@@ -32,12 +33,14 @@ class Plugin:
         package: the Python package that its configs point to.
         conf: folder of its options.
         source: folder that must join `sys.path`, None if pip installed it.
+        assets: folder of weights that it brings, in its package.
     """
 
     name: str
     package: str
     conf: Path
     source: Path | None = None
+    assets: Path | None = None
 
     def options(self) -> Iterator[tuple[str, str]]:
         """Pairs (group, option) of everything it adds."""
@@ -61,6 +64,7 @@ def activate() -> tuple[Plugin, ...]:
             sys.path.append(str(plugin.source))
     if found:
         search_also([plugin.conf for plugin in found])
+        assets.search_also(plugin.assets for plugin in found if plugin.assets is not None)
     return found
 
 
@@ -117,12 +121,14 @@ def _read(folder: Path) -> Plugin:
     for needed in (folder / "src" / package, folder / "conf"):
         if not needed.is_dir():
             raise ValueError(f"there is no folder {needed.relative_to(folder)}")
-    return Plugin(name, package, folder / "conf", folder / "src")
+    source = folder / "src"
+    return Plugin(name, package, folder / "conf", source, source / package / "assets")
 
 
 def _installed() -> Iterator[Plugin]:
     for entry in metadata.entry_points(group=ENTRY_POINTS):
         try:
-            yield Plugin(entry.name, entry.value, conf_dir(entry.value))
+            root = package_dir(entry.value)
+            yield Plugin(entry.name, entry.value, conf_dir(entry.value), assets=root / "assets")
         except (ConfigError, ValueError, ImportError) as error:
             _log.warning("plugin %s is left out: %s", entry.name, error)

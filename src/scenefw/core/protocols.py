@@ -5,10 +5,10 @@ Those of labelling are in `core.labelling_protocols`.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     import numpy as np
     import torch
@@ -22,7 +22,10 @@ if TYPE_CHECKING:
         ShapeInstanceBatch,
         ShapeInstancePrediction,
     )
+    from scenefw.core.measures import Measure
     from scenefw.core.types import Camera, Float64, GridSpec, Pose, Scene, SceneObject, Shape
+
+Item = TypeVar("Item")
 
 
 class ShapeSource(Protocol):
@@ -155,10 +158,40 @@ class InstanceExtractor(Protocol):
 class Reconstructor(Protocol):
     """A method that evaluation compares: from partial views to complete scenes."""
 
+    @property
+    def grid(self) -> GridSpec | None:
+        """Of its volumes; None if it takes any."""
+
     def reconstruct(
         self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
     ) -> Sequence[tuple[Tensor, Tensor]]:
         """`samples` pairs of TSDF (B, X, Y, Z) metres and instances (B, X, Y, Z) int32."""
+
+
+class Result(Protocol):
+    """What an evaluation found."""
+
+    @property
+    def figures(self) -> Mapping[str, float]:
+        """All figures by name, as `metrics.json` has them."""
+
+    @property
+    def measures(self) -> Mapping[str, Measure]:
+        """How figures are printed, by name; a figure without a measure is printed as it is."""
+
+
+class Track(Protocol):
+    """Wraps a loop, e.g. in a progress bar."""
+
+    def __call__(self, items: Sequence[Item], what: str, /) -> Iterable[Item]:
+        """The items in their order; `what` says in a word or two what they are."""
+
+
+class Evaluation(Protocol):
+    """Scores methods, or gathers scores (group `evaluation`)."""
+
+    def run(self, track: Track = ...) -> Result:
+        """What it found; `track` wraps its main loop."""
 
 
 class Task(Protocol):

@@ -2,31 +2,13 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import in_order
-
-
-@dataclass(frozen=True)
-class ShownFigure:
-    """A figure that is worth a column.
-
-    Args:
-        figure: its name in `metrics.json`.
-        heading: what stands above the column.
-        digits: decimals.
-        better: lower, higher, or None.
-        factor: multiplies it, as 1000 makes millimetres of metres.
-    """
-
-    figure: str
-    heading: str
-    digits: int = 3
-    better: str | None = None
-    factor: float = 1.0
+from scenefw.core.measures import MEASURES_FILE, Measure, joined, read_measures
 
 
 @dataclass(frozen=True)
@@ -44,29 +26,35 @@ class Run:
 
 @dataclass(frozen=True)
 class RunsResult:
-    """Runs in the order of their numbers, and which figures to show."""
+    """Runs in the order of their numbers, the figures to show of them, and what all runs share."""
 
     runs: tuple[Run, ...]
-    columns: tuple[ShownFigure, ...]
+    columns: Mapping[str, Measure]
     shared: tuple[str, ...]
 
     @property
     def figures(self) -> dict[str, float]:
         """The shown figures, as `<run>/<figure>`."""
         return {
-            f"{run.name}/{column.figure}": run.figures[column.figure]
+            f"{run.name}/{name}": run.figures[name]
             for run in self.runs
-            for column in self.columns
-            if column.figure in run.figures
+            for name in self.columns
+            if name in run.figures
         }
+
+    @property
+    def measures(self) -> dict[str, Measure]:
+        """Those of the columns, for every run."""
+        return joined((run.name, self.columns) for run in self.runs)
 
 
 class GatheredRuns:
-    """Reads the runs of a sweep from their folders (`metrics.json`, `run.json`).
+    """Reads the runs of a sweep from their folders (`metrics.json`, `measures.json`, `run.json`).
 
     Args:
         input: folder of the sweep, or one above several, which holds the folders of its runs.
-        columns: figures to show, by name; a heading, digits, better and factor each.
+        columns: figures to show, by name in `metrics.json`. Each may change its measure, e.g.
+            `{heading: BCE}`; None leaves a column out. Figures that no run has are left out too.
 
     Raises:
         ConfigError: no input is given, or a column is unusable.
@@ -75,21 +63,21 @@ class GatheredRuns:
     def __init__(
         self,
         input: str | Path | None,  # noqa: A002 - as on the command line
-        columns: Mapping[str, Mapping[str, Any]],
+        columns: Mapping[str, Mapping[str, Any] | None],
     ) -> None:
         if input is None:
             raise ConfigError("this gathers the runs of a sweep; give input=FOLDER of the sweep")
         self.input = Path(input)
-        try:
-            self.columns = tuple(ShownFigure(name, **column) for name, column in columns.items())
-        except TypeError as error:
-            raise ConfigError(f"a column of evaluation.columns is unusable: {error}") from error
+        self.columns = {name: entry for name, entry in columns.items() if entry is not None}
+        for name, changes in self.columns.items():
+            _changed(Measure(name), name, changes)
 
     def run(self, track: object = None) -> RunsResult:
-        """All runs that came to their end.
+        """All runs that finished.
 
         Raises:
-            InputError: there are none.
+            InputError: there are none, a file is damaged, no run has a figure to show, or none has
+                measures.
         """
         found = in_order(path.parent for path in self.input.rglob("metrics.json"))
         if not found:
@@ -100,11 +88,48 @@ class GatheredRuns:
         overrides = [_overrides(folder) for folder in found]
         shared = tuple(w for w in overrides[0] if all(w in words for words in overrides[1:]))
         own = [[w for w in words if w not in shared] for words in overrides]
-        runs = [
+        runs = tuple(
             Run(", ".join(words) or folder.name, _read(folder / "metrics.json"))
             for words, folder in zip(own, found, strict=True)
-        ]
-        return RunsResult(tuple(runs), self.columns, shared)
+        )
+        return RunsResult(runs, self._shown(runs, self._measures(found)), shared)
+
+    def _measures(self, folders: Sequence[Path]) -> dict[str, Measure]:
+        """The measures of all runs; the first run counts where they differ."""
+        found: dict[str, Measure] = {}
+        for folder in reversed(folders):
+            found |= read_measures(folder)
+        if not found:
+            raise InputError(
+                f"no {MEASURES_FILE} beside the figures below {self.input}, which earlier versions "
+                "did not write; run the sweep again"
+            )
+        return found
+
+    def _shown(self, runs: Sequence[Run], measures: Mapping[str, Measure]) -> dict[str, Measure]:
+        """The columns that a run has figures of, each with a heading of its own."""
+        shown: dict[str, Measure] = {}
+        for name, changes in self.columns.items():
+            if not any(name in run.figures for run in runs):
+                continue
+            measure = _changed(measures.get(name, Measure(name)), name, changes)
+            if measure.heading in {other.heading for other in shown.values()}:
+                part = name.partition("/")[0]
+                measure = replace(measure, heading=f"{measure.heading}, {part}")
+            shown[name] = measure
+        if not shown:
+            raise InputError(
+                f"the runs below {self.input} have none of the figures {', '.join(self.columns)}; "
+                "give evaluation.columns of theirs (metrics.json)"
+            )
+        return shown
+
+
+def _changed(measure: Measure, name: str, changes: Mapping[str, Any]) -> Measure:
+    try:
+        return measure.changed(changes)
+    except ConfigError as error:
+        raise ConfigError(f"evaluation.columns.{name}: {error}") from error
 
 
 def _overrides(folder: Path) -> Sequence[str]:
@@ -117,5 +142,7 @@ def _read(path: Path) -> dict[str, Any]:
     try:
         read: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise InputError(f"{path} is damaged ({error}); make that run of the sweep anew") from error
+        raise InputError(
+            f"{path} is damaged ({error}); run that part of the sweep again"
+        ) from error
     return read

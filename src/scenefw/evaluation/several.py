@@ -4,32 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING
 
 from scenefw.core.errors import ConfigError
+from scenefw.core.measures import joined
 
-
-class Evaluation(Protocol):
-    """One of them."""
-
-    def run(self, track: Any = ...) -> Any:
-        """Its result, with `figures` by name."""
+if TYPE_CHECKING:
+    from scenefw.core.measures import Measure
+    from scenefw.core.protocols import Evaluation, Result, Track
 
 
 @dataclass(frozen=True)
 class SeveralResults:
-    """Results by name, in their order."""
+    """Results by name, in their order; each keeps its figures, as `<name>/<figure>`."""
 
-    parts: Mapping[str, Any]
+    parts: Mapping[str, Result]
 
     @property
     def figures(self) -> dict[str, float]:
-        """Figures of all, as `<name>/<figure>`."""
+        """Figures of all parts."""
         return {
             f"{name}/{figure}": value
             for name, part in self.parts.items()
             for figure, value in part.figures.items()
         }
+
+    @property
+    def measures(self) -> dict[str, Measure]:
+        """Units, digits and published values of the figures."""
+        return joined((name, part.measures) for name, part in self.parts.items())
 
 
 class Several:
@@ -44,6 +47,6 @@ class Several:
         if not self.parts:
             raise ConfigError("nothing to evaluate; leave one of evaluation.parts in")
 
-    def run(self, track: Any = lambda items, _: items) -> SeveralResults:
+    def run(self, track: Track = lambda items, _: items) -> SeveralResults:
         """The results of all; `track` wraps the loops of each in a progress bar."""
         return SeveralResults({name: part.run(track) for name, part in self.parts.items()})

@@ -84,12 +84,13 @@ def _work(config: DictConfig, output: Path, overrides: list[str]) -> dict[str, A
 
     config.device = pick_device(config.device)
     resolved = OmegaConf.to_yaml(config, resolve=True)
+    plain: Any = OmegaConf.to_container(config, resolve=True)
     record = {
         "seed": config.seed,
         "versions": versions(),
         "command": sys.argv[1:],
         "overrides": overrides,
-        "weights": used_weights(OmegaConf.to_container(config.run, resolve=True)),
+        "weights": used_weights(plain),
     }
     if config.get("deterministic"):
         make_deterministic()
@@ -100,6 +101,9 @@ def _work(config: DictConfig, output: Path, overrides: list[str]) -> dict[str, A
     write_text(output / RECORD, json.dumps(record, indent=2) + "\n")
     with threads(config.threads, yields=config.yielding):
         figures = dict(profiled(task.run, output) if config.get("profile") else task.run())
+    if used_weights(plain) != record["weights"]:  # the run itself trained some of them
+        record["weights"] = used_weights(plain)
+        write_text(output / RECORD, json.dumps(record, indent=2) + "\n")
     write_text(output / FIGURES, json.dumps(figures, indent=2) + "\n")
     return figures
 

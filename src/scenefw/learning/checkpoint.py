@@ -7,7 +7,6 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import nn
 
+from scenefw.core import assets
 from scenefw.core.errors import CheckpointError
 from scenefw.core.files import replacing
 from scenefw.core.types import GridSpec
@@ -48,23 +48,28 @@ class Checkpoint:
 
 
 def shipped_checkpoint(name: str = "simstack") -> Path:
-    """Weights that come with the package: simstack, label_views or label_maps.
+    """Weights that come with scenefw (simstack, label_views, label_maps) or with a plugin.
 
     Raises:
-        CheckpointError: there are none of this name.
+        CheckpointError: there are none of this name, or several.
     """
-    folder = Path(str(resources.files("scenefw") / "assets"))
-    path = folder / f"{name}.safetensors"
-    if not path.is_file():
-        there = ", ".join(sorted(entry.stem for entry in folder.glob("*.safetensors")))
+    known = assets.weights()
+    paths = known.get(name, [])
+    if not paths:
         raise CheckpointError(
-            f"no weights {name!r} come with the package; give a file, or one of {there}"
+            f"no weights {name!r} come with scenefw or its plugins; give a file, or one of "
+            f"{', '.join(sorted(known))}"
         )
-    return path
+    if len(paths) > 1:
+        raise CheckpointError(
+            f"weights {name!r} come with {' and '.join(str(path.parent) for path in paths)}; give "
+            "the file"
+        )
+    return paths[0]
 
 
 def weights_file(given: Path | str | None, shipped: str = "simstack") -> Path:
-    """The file of a path, or of the name of weights that come with the package.
+    """The file of a path, or of the name of weights that come with scenefw or a plugin.
 
     Args:
         given: a path, or a name without a suffix; None means `shipped`.

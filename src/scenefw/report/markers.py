@@ -38,7 +38,7 @@ def filled(text: str, document: Path, name: str, body: str) -> str:
     if text.count(first) != 1 or text.count(last) != 1 or text.index(first) > text.index(last):
         raise StorageError(
             f"{document} needs the lines {first} and {last} once each, in this order; what stands "
-            "between them is written anew"
+            "between them is replaced"
         )
     before, after = text.split(first)[0], text.split(last)[1]
     return f"{before}{first}\n{body.strip()}\n{last}{after}"

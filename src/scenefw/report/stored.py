@@ -2,11 +2,12 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from scenefw.core.errors import InputError
+from scenefw.core.measures import Measures, read_measures
 from scenefw.report.record import command_line, read_record, used_weights
 
 
@@ -18,11 +19,13 @@ class StoredRun:
         path: of its figures.
         figures: by name, as in `metrics.json`.
         record: of `run.json`: seed, versions, command line, weights; empty if there is none.
+        measures: of the figures, by name; empty if an earlier version wrote the run.
     """
 
     path: Path
     figures: Mapping[str, float]
     record: Mapping[str, Any]
+    measures: Measures = field(default_factory=dict)
 
     @property
     def origin(self) -> str:
@@ -54,4 +57,4 @@ def _read(path: Path) -> StoredRun:
         isinstance(v, int | float) for v in figures.values()
     ):
         raise InputError(f"{path} holds no figures by name; give the metrics.json of a run")
-    return StoredRun(path, figures, record)
+    return StoredRun(path, figures, record, read_measures(path.parent))

@@ -48,7 +48,7 @@ def seen_share(estimate: SceneEstimate, tsdf: Float32, camera: Camera) -> Float3
 
     Args:
         estimate: gives the grid.
-        tsdf: (X, Y, Z) whose surface is asked for (m).
+        tsdf: (X, Y, Z) with the surface (m).
         camera: from where.
     """
     grid = estimate.grid

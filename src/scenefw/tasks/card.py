@@ -2,15 +2,19 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
+from scenefw import registry
+from scenefw.core.errors import ConfigError
 from scenefw.core.files import require_writable
 from scenefw.learning.checkpoint import weights_file
-from scenefw.learning.provenance import read_provenance
+from scenefw.learning.provenance import Provenance, read_provenance
 from scenefw.report.page import Page
 from scenefw.report.publication import publish
 from scenefw.report.record import read_record
 from scenefw.report.stored import read_runs
 from scenefw.report.weights.card import card_sections
+from scenefw.report.weights.words import Words
 
 
 class Card:
@@ -19,12 +23,14 @@ class Card:
     Writes `<name>.md` and a page into the run's folder.
 
     Args:
-        checkpoint: file of weights, or the name of shipped ones; None means simstack.
+        checkpoint: file of weights, or the name of weights that come with scenefw or a plugin; None
+            means simstack.
         output: the run's folder.
         publish: also write the card to this file, e.g. beside the weights; None = don't.
         results: folders of evaluations of these weights.
         before: weights of earlier trainings that the file does not know of, the last one first.
         notes: further limits, one line each.
+        words: texts of the card; None takes those of group `card` for the network's task and input.
     """
 
     def __init__(
@@ -35,22 +41,26 @@ class Card:
         results: Sequence[str | Path] = (),
         before: Sequence[str | Path] = (),
         notes: Sequence[str] = (),
+        words: Words | None = None,
     ) -> None:
         self.checkpoint, self.output, self.publish = checkpoint, Path(output), publish
         self.results, self.before, self.notes = list(results), list(before), list(notes)
+        self.words = words
 
     def run(self) -> dict[str, float]:
         """Writes the card; returns size and length of training.
 
         Raises:
             CheckpointError: weights are missing, damaged or from elsewhere.
+            ConfigError: several options of group `card` are for such a network.
             InputError: results are missing, damaged, or of other weights.
             StorageError: the folder can't be written.
         """
         require_writable(self.output)
         provenance = read_provenance(weights_file(self.checkpoint))
         before = [t for path in self.before for t in read_provenance(path).trainings]
-        shown = card_sections(provenance, read_runs(self.results), before, self.notes)
+        words = self.words or words_for(provenance)
+        shown = card_sections(provenance, words, read_runs(self.results), before, self.notes)
         name = provenance.path.stem
         title = f"Weights {name}"
         card = publish(
@@ -66,3 +76,33 @@ class Card:
         Page(title, self.publish).write(self.output, shown, figures)
         print(self.publish or card)
         return figures
+
+
+def words_for(provenance: Provenance) -> Words | None:
+    """Texts for a network by its task and input, of plugins too; None if there are none.
+
+    Texts for its very input go before those for any input.
+
+    Raises:
+        ConfigError: there are several.
+    """
+    sees = provenance.metadata.get("input")
+    for wanted in dict.fromkeys((sees, None)):
+        found = [
+            name
+            for name, path in registry.options("card").items()
+            if _is_for(registry.settings(path), provenance.task, wanted)
+        ]
+        if len(found) > 1:
+            raise ConfigError(
+                f"{' and '.join(found)} are cards for {provenance.task}; choose one, "
+                f"card={found[0]}"
+            )
+        if found:
+            words: Words = registry.build("card", found[0])
+            return words
+    return None
+
+
+def _is_for(settings: dict[str, Any], task: str, sees: str | None) -> bool:
+    return settings.get("task") == task and settings.get("input") == sees

@@ -1,14 +1,15 @@
 """Writes the table of a document that says how well the shipped weights do."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from scenefw.core import assets
 from scenefw.core.errors import InputError
-from scenefw.learning.checkpoint import shipped_checkpoint
 from scenefw.learning.provenance import digest
 from scenefw.report.markers import fill, read
 from scenefw.report.stored import StoredRun, read_runs
 from scenefw.report.weights.headline import headline
+from scenefw.report.weights.summary import Summary
 
 _MARKER = "headline"
 
@@ -17,12 +18,19 @@ class Headline:
     """Puts figures of runs between `<!-- headline -->` and `<!-- /headline -->` (`run=headline`).
 
     Args:
-        results: folders of evaluations, of stacks, real images and labelling, in any order.
+        results: folders of evaluations, one per summary at most, in any order.
+        summaries: of kinds of evaluations, by name, in the order of the table; None leaves one out.
         document: that shows them, e.g. README.md.
     """
 
-    def __init__(self, results: Sequence[str | Path], document: str | Path = "README.md") -> None:
+    def __init__(
+        self,
+        results: Sequence[str | Path],
+        summaries: Mapping[str, Summary | None],
+        document: str | Path = "README.md",
+    ) -> None:
         self.results, self.document = list(results), Path(document)
+        self.summaries = [summary for summary in summaries.values() if summary is not None]
 
     def run(self) -> dict[str, float]:
         """Writes the table; returns how many runs it shows.
@@ -34,7 +42,7 @@ class Headline:
         read(self.document, _MARKER)
         runs = read_runs(self.results)
         require_shipped(runs)
-        text = headline(runs)
+        text = headline(runs, self.summaries)
         fill(self.document, _MARKER, text)
         print(text)
         return {"runs": float(len(runs))}
@@ -42,7 +50,7 @@ class Headline:
 
 def require_shipped(runs: Sequence[StoredRun]) -> None:
     """Raises an InputError if a run says that it used other weights than those that ship."""
-    known = {digest(path) for path in shipped_checkpoint().parent.glob("*.safetensors")}
+    known = {digest(path) for paths in assets.weights().values() for path in paths}
     for run in runs:
         for name, found in run.record.get("weights", {}).items():
             if found not in known:

@@ -1,38 +1,30 @@
-"""The whole of it: stacks, a network trained for some minutes, figures beside others', a report."""
+"""From data to a report: the data, a network trained on it, its figures beside those of others."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from scenefw.core.files import require_writable
-from scenefw.core.protocols import Reconstructor, Task
-from scenefw.learning.checkpoint import load_checkpoint
+from scenefw.core.measures import write_measures
+from scenefw.core.protocols import Evaluation, Task
+from scenefw.learning.measures import TRAINING
 from scenefw.report.blocks import Drawing, Section, Text
-from scenefw.report.console import print_tables, track
+from scenefw.report.console import track
 from scenefw.report.figures import loss_figure, read_curves
 from scenefw.report.page import Page
-from scenefw.report.sections import sections
-from scenefw.report.stacks.dataset import Stacks
-from scenefw.report.stacks.gallery import Gallery
-from scenefw.tasks.evaluate import Evaluation
-
-TRAINED_HERE = "trained_here"
+from scenefw.report.protocols import Gallery, Presentation, Showcase
+from scenefw.report.results import result_sections
 
 
 class Pipeline:
-    """Shows the stacks, trains, evaluates and reports.
-
-    The network trained here is compared, on the same views, with the checkpoint (the shipped one or
-    `checkpoint=...`) and with references that need no learning.
+    """Shows the data, trains, evaluates and reports (`run=pipeline`).
 
     Args:
-        stacks: shows the data set.
+        showcase: shows the data set.
         train: trains the network.
-        weights: file that it leaves.
         losses: table that it leaves.
-        network: from a `checkpoint` to a method.
-        evaluation: from methods by name to an evaluation of them.
-        methods: what the trained network is compared with; the first is the main one.
+        evaluation: makes the evaluation, called after the training, as it may load its weights.
+        presentation: how the result looks.
         gallery: shows examples.
         page: writes the report.
         output: the run's folder.
@@ -40,59 +32,42 @@ class Pipeline:
 
     def __init__(
         self,
-        stacks: Stacks,
+        showcase: Showcase,
         train: Task,
-        weights: str | Path,
         losses: str | Path,
-        network: Callable[..., Reconstructor],
-        evaluation: Callable[..., Evaluation],
-        methods: Mapping[str, Reconstructor],
+        evaluation: Callable[[], Evaluation],
+        presentation: Presentation,
         gallery: Gallery,
         page: Page,
         output: str | Path,
     ) -> None:
-        self.stacks = stacks
-        self.train = train
-        self.weights = Path(weights)
-        self.losses = Path(losses)
-        self.network = network
-        self.evaluation = evaluation
-        self.methods = dict(methods)
-        self.gallery = gallery
-        self.page = page
-        self.output = Path(output)
+        self.showcase, self.train, self.losses = showcase, train, Path(losses)
+        self.evaluation, self.presentation, self.gallery = evaluation, presentation, gallery
+        self.page, self.output = page, Path(output)
 
     def run(self) -> dict[str, float]:
         """Returns the figures of all parts.
 
         Raises:
             StorageError: the folder can't be written.
-            CheckpointError: the checkpoint to compare with is missing or damaged.
+            CheckpointError: weights that the evaluation compares are missing or damaged.
         """
         require_writable(self.output)
-        print("1/4 stacks", flush=True)
-        stacks, figures = self.stacks.show()
+        print("1/4 data", flush=True)
+        data, data_figures = self.showcase.show()
         print("2/4 training", flush=True)
         trained = dict(self.train.run())
         print("3/4 evaluation", flush=True)
-        result = self.evaluation(methods=self._with_trained()).run(track)
-        found = sections(result, self.output)
-        print_tables(found)
+        result = self.evaluation().run(track)
         print("4/4 report", flush=True)
-        figures = {**result.figures, **figures, **trained}
-        main, *others = found
-        examples = Section("Predictions beside ground truth", self.gallery.show())
-        shown = [main, examples, *others, self._losses(trained), stacks]
+        shown = result_sections(result, self.presentation, self.gallery, self.output)
+        shown += [self._training(trained), *data]
+        figures = {**result.figures, **data_figures, **trained}
+        write_measures(self.output, {**result.measures, **TRAINING})
         print(self.page.write(self.output, shown, figures))
         return figures
 
-    def _with_trained(self) -> dict[str, Reconstructor]:
-        """The methods, the network trained here in second place."""
-        (name, main), *others = self.methods.items()
-        mine = self.network(checkpoint=load_checkpoint(self.weights))
-        return {name: main, TRAINED_HERE: mine, **dict(others)}
-
-    def _losses(self, trained: Mapping[str, Any]) -> Section:
+    def _training(self, trained: Mapping[str, Any]) -> Section:
         words = (
             f"{trained.get('train/steps', 0):.0f} steps in {trained.get('train/seconds', 0):.0f} s "
             f"of a network of {trained.get('train/parameters', 0) / 1e6:.1f} million parameters."

@@ -1,56 +1,67 @@
-"""A network trained and scored in one run, as comparisons of many settings need it."""
+"""A network trained and evaluated in one run, as comparisons of many settings need it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 
+from scenefw.core.errors import ConfigError
 from scenefw.core.files import require_writable
-from scenefw.core.protocols import Reconstructor, Task
-from scenefw.evaluation.several import Several
-from scenefw.learning.checkpoint import load_checkpoint
-from scenefw.report.console import print_tables, track
+from scenefw.core.measures import write_measures
+from scenefw.core.protocols import Evaluation, Task
+from scenefw.learning.measures import TRAINING
+from scenefw.report.console import track
 from scenefw.report.page import Page
-from scenefw.report.sections import sections
-from scenefw.tasks.evaluate import Evaluation
+from scenefw.report.protocols import Gallery, Presentation
+from scenefw.report.results import result_sections
 
 
 class TrainAndEvaluate:
-    """Trains a network, then scores it alone on several sets of views (`run=train_and_evaluate`).
+    """Trains a network, then runs any evaluation of it (`run=train_and_evaluate`).
 
     Args:
         train: trains the network.
-        weights: file that it leaves.
-        network: from a `checkpoint` to a method.
-        evaluations: by name, from methods by name to an evaluation of them.
+        evaluation: makes the evaluation, called after the training, as it loads its weights.
+        presentation: how the result looks.
+        gallery: shows examples; made after the training too.
         page: writes the report.
         output: the run's folder.
+        weights: file that the training leaves.
+        checkpoint: file that the evaluation reads.
+
+    Raises:
+        ConfigError: the evaluation would read other weights.
     """
 
     def __init__(
         self,
         train: Task,
-        weights: str | Path,
-        network: Callable[..., Reconstructor],
-        evaluations: Mapping[str, Callable[..., Evaluation]],
+        evaluation: Callable[[], Evaluation],
+        presentation: Presentation,
+        gallery: Callable[[], Gallery],
         page: Page,
         output: str | Path,
+        weights: str | Path,
+        checkpoint: str | Path | None,
     ) -> None:
-        self.train, self.weights = train, Path(weights)
-        self.network, self.evaluations = network, dict(evaluations)
+        if str(weights) != str(checkpoint):
+            raise ConfigError(
+                f"run=train_and_evaluate evaluates what it trains, not {checkpoint}; leave "
+                "checkpoint=... out, or start from it with learning.initial=..."
+            )
+        self.train, self.evaluation = train, evaluation
+        self.presentation, self.gallery = presentation, gallery
         self.page, self.output = page, Path(output)
 
     def run(self) -> dict[str, float]:
-        """Returns the figures of the training, and those of the evaluations as `<name>/<figure>`.
+        """Returns the figures of the training and of the evaluation.
 
         Raises:
             StorageError: the folder can't be written.
         """
         require_writable(self.output)
         trained = dict(self.train.run())
-        methods = {"scenefw": self.network(checkpoint=load_checkpoint(self.weights))}
-        parts = {name: make(methods=methods) for name, make in self.evaluations.items()}
-        result = Several(parts).run(track)
-        shown = sections(result, self.output)
-        print_tables(shown)
+        result = self.evaluation().run(track)
+        shown = result_sections(result, self.presentation, self.gallery(), self.output)
         figures = {**trained, **result.figures}
-        print(self.page.write(self.output, list(shown), figures))
+        write_measures(self.output, {**TRAINING, **result.measures})
+        print(self.page.write(self.output, shown, figures))
         return figures

@@ -3,12 +3,21 @@ import json
 import pytest
 
 from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.measures import Measure, write_measures
 from scenefw.evaluation.gathered_runs import GatheredRuns
 from scenefw.report.runs import runs_sections
 
+MEASURES = {
+    "iou": Measure("intersection", better="higher"),
+    "chamfer": Measure("Chamfer", unit="mm", digits=1, factor=1000.0),
+    "noisy/iou": Measure("IoU"),
+}
 COLUMNS = {
-    "iou": {"heading": "IoU", "better": "higher"},
-    "chamfer": {"heading": "Chamfer (mm)", "digits": 1, "factor": 1000.0},
+    "iou": {"heading": "IoU"},
+    "chamfer": {},
+    "noisy/iou": {},
+    "nobody/has": {},
+    "seen": None,
 }
 
 
@@ -16,6 +25,7 @@ def write_run(folder, overrides, figures):
     folder.mkdir(parents=True)
     (folder / "run.json").write_text(json.dumps({"overrides": overrides}))
     (folder / "metrics.json").write_text(json.dumps(figures))
+    write_measures(folder, MEASURES)
 
 
 @pytest.fixture
@@ -31,15 +41,17 @@ def test_runs_are_named_by_what_they_do_not_share(sweep):
     assert [run.name for run in result.runs] == [f"model.widths=[{n}]" for n in range(11)]
     assert result.shared == ("experiment=e", "seed=3")
     assert result.figures["model.widths=[10]/iou"] == 1.0
+    assert result.measures["model.widths=[10]/iou"].heading == "IoU"
 
 
 def test_the_table_has_a_row_per_run_and_leaves_gaps(sweep):
-    write_run(sweep / "11", ["experiment=e", "model.widths=[11]", "seed=3"], {"iou": 0.5})
+    figures = {"iou": 0.5, "noisy/iou": 0.25, "seen": 1.0}
+    write_run(sweep / "11", ["experiment=e", "model.widths=[11]", "seed=3"], figures)
     (section,) = runs_sections(GatheredRuns(sweep, COLUMNS).run())
     (table,) = section.blocks
-    assert [column.heading for column in table.columns] == ["IoU ↑", "Chamfer (mm)"]
-    assert table.rows[10] == ("model.widths=[10]", (1.0, pytest.approx(10.0)))
-    assert table.rows[11] == ("model.widths=[11]", (0.5, None))
+    assert [column.heading for column in table.columns] == ["IoU ↑", "Chamfer (mm)", "IoU, noisy"]
+    assert table.rows[10] == ("model.widths=[10]", (1.0, pytest.approx(10.0), None))
+    assert table.rows[11] == ("model.widths=[11]", (0.5, None, 0.25))
     assert "experiment=e seed=3" in table.note
 
 
@@ -56,11 +68,20 @@ def test_a_run_without_overrides_has_the_name_of_its_folder(tmp_path):
 def test_what_is_missing_or_damaged_is_one_line(tmp_path):
     with pytest.raises(ConfigError, match="input=FOLDER"):
         GatheredRuns(None, COLUMNS)
-    with pytest.raises(ConfigError, match="columns"):
+    with pytest.raises(ConfigError, match=r"columns\.iou: a measure has no 'title'"):
         GatheredRuns(tmp_path, {"iou": {"title": "IoU"}})
     with pytest.raises(InputError, match=r"metrics\.json"):
         GatheredRuns(tmp_path, COLUMNS).run()
     write_run(tmp_path / "0", [], {})
+    with pytest.raises(InputError, match="none of the figures iou, chamfer"):
+        GatheredRuns(tmp_path, COLUMNS).run()
     (tmp_path / "0" / "metrics.json").write_text('{"iou": ')
     with pytest.raises(InputError, match="damaged"):
+        GatheredRuns(tmp_path, COLUMNS).run()
+
+
+def test_runs_of_earlier_versions_do_not_say_what_their_figures_are(tmp_path):
+    write_run(tmp_path / "0", [], {"iou": 0.1})
+    (tmp_path / "0" / "measures.json").unlink()
+    with pytest.raises(InputError, match=r"no measures\.json .* run the sweep again"):
         GatheredRuns(tmp_path, COLUMNS).run()

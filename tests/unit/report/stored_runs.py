@@ -2,6 +2,10 @@
 
 import json
 
+from scenefw.core.measures import joined, write_measures
+from scenefw.evaluation.labelling.measures import of_curves, of_networks
+from scenefw.evaluation.stacks.measures import REAL_IMAGES, of_scores
+
 STACKS = {
     "views": 100.0,
     "scenes": 50.0,
@@ -42,10 +46,23 @@ LABELLING = {
     "noise/view_based/pose 0 mm, depth 0 mm": 0.8,
 }
 
+CLASSES = ("surface", "remote_control", "keyboard", "model_plane")
+MEASURES = {
+    **of_scores(("scenefw", "zero_code", "partial_tsdf")),
+    **REAL_IMAGES,
+    **joined(
+        [
+            ("curves", of_curves(("view_based", "map_based", "hybrid"))),
+            ("networks", of_networks(("views", "maps"), CLASSES)),
+        ]
+    ),
+}
+
 
 def write_run(folder, figures, weights=None, command=("run=evaluate",)):
-    """A folder with metrics.json and run.json."""
+    """A folder with metrics.json, measures.json and run.json."""
     folder.mkdir(parents=True)
+    write_measures(folder, {name: m for name, m in MEASURES.items() if name in figures})
     (folder / "metrics.json").write_text(json.dumps(figures))
     record = {"seed": 7, "versions": {"commit": "0123456789abcdef"}, "command": list(command)}
     (folder / "run.json").write_text(json.dumps(record | ({"weights": weights} if weights else {})))

@@ -2,9 +2,11 @@ import hashlib
 import json
 
 import pytest
+from tests.unit.learning import tiny
 from tests.unit.report.stored_runs import IMAGES, LABELLING, write_run
 
-from scenefw.learning.checkpoint import shipped_checkpoint
+from scenefw.core.types import GridSpec
+from scenefw.learning.checkpoint import save_checkpoint, shipped_checkpoint
 from scenefw.learning.provenance import read_provenance
 from scenefw.tasks.card import Card
 
@@ -46,3 +48,57 @@ def test_command_line(scenefw, tmp_path):
         done = scenefw(*words, f"run.results={wrong}")
         assert done.returncode == 2
         assert len(done.stderr.strip().splitlines()) == 1, done.stderr
+
+
+CARD = """\
+# Card of a network of sounds
+_target_: scenefw.report.weights.words.Words
+task: hearing
+input: {sees}
+what: Hears things.
+use: [To listen.]
+limits: [It is deaf to whispers.]
+licence: Free.
+"""
+
+
+def write_plugin(folder, *cards):
+    """A plugin with weights in its package and cards."""
+    package, conf = folder / "src" / "scenefw_ears", folder / "conf" / "card"
+    for path in (package / "assets", conf):
+        path.mkdir(parents=True)
+    (package / "__init__.py").write_text("")
+    model = tiny.network()
+    path = package / "assets" / "ears.safetensors"
+    save_checkpoint(path, model, model.recipe, GridSpec(8), {"input": "sound"}, task="hearing")
+    for number, sees in enumerate(cards):
+        (conf / f"ears{number}.yaml").write_text(CARD.format(sees=sees))
+    project = '[project.entry-points."scenefw.plugins"]\nears = "scenefw_ears"\n'
+    (folder / "pyproject.toml").write_text(project)
+
+
+@pytest.mark.parametrize(
+    ("cards", "expected"),
+    [
+        (["sound"], "Hears things."),
+        (["null"], "Hears things."),
+        (["null", "sound"], "Hears things."),
+        (["light"], "conf/card/NAME.yaml with task: hearing and input: sound"),
+        ([], "conf/card/NAME.yaml with task: hearing and input: sound"),
+    ],
+)
+def test_weights_of_a_plugin_and_their_card(scenefw, tmp_path, cards, expected):
+    write_plugin(tmp_path / "plugins" / "ears", *cards)
+    done = scenefw("run=card", "checkpoint=ears", "paths.output=out")
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert expected in (tmp_path / "out" / "ears.md").read_text()
+
+
+def test_of_two_cards_one_has_to_be_chosen(scenefw, tmp_path):
+    write_plugin(tmp_path / "plugins" / "ears", "sound", "sound")
+    words = ("run=card", "checkpoint=ears", "paths.output=out")
+    done = scenefw(*words)
+    assert done.returncode == 2
+    assert "card=ears0" in done.stderr
+    done = scenefw(*words, "card=ears1")
+    assert done.returncode == 0, done.stderr[-3000:]

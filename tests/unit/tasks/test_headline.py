@@ -1,12 +1,26 @@
+import functools
+
 import pytest
+from hydra.utils import instantiate
 from tests.unit.report.stored_runs import IMAGES, STACKS, write_run
 
+from scenefw import config
 from scenefw.core.errors import InputError, StorageError
 from scenefw.learning.checkpoint import shipped_checkpoint
 from scenefw.learning.provenance import digest
-from scenefw.tasks.headline import Headline
+from scenefw.tasks import headline
 
 MARKED = "# Title\n\n<!-- headline -->\nold\n<!-- /headline -->\n\n| a | table |\n"
+
+
+@functools.cache
+def summaries():
+    """Those of run=headline."""
+    return instantiate(config.compose(["run=headline"]).run.summaries, _convert_="all")
+
+
+def Headline(results, document):  # noqa: N802
+    return headline.Headline(results, summaries(), document)
 
 
 @pytest.fixture

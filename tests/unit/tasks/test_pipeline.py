@@ -1,30 +1,36 @@
-"""The order of the parts, and who is compared with whom."""
+"""The order of the parts, and what they leave."""
+
+import json
 
 import pytest
 
 from scenefw.core.errors import CheckpointError
+from scenefw.core.measures import Measure
 from scenefw.report.blocks import Picture, Section, Text
+from scenefw.report.nothing import NoShowcase
 from scenefw.report.page import Page
-from scenefw.tasks import pipeline
+from scenefw.report.presentation import Figures
 from scenefw.tasks.pipeline import Pipeline
 
 
 class _Parts:
     """All parts of a pipeline; notes in which order they are used."""
 
+    figures = {"chamfer_full": 0.03}  # noqa: RUF012
+    measures = {"chamfer_full": Measure("Chamfer")}  # noqa: RUF012
+
     def __init__(self, folder):
         self.folder, self.order = folder, []
 
     def show(self):
-        self.order.append("gallery" if "evaluate" in self.order else "stacks")
+        self.order.append("gallery" if "evaluate" in self.order else "data")
         if self.order[-1] == "gallery":
             return (Picture("gallery/a.jpg", "scene 1"),)
-        return Section("Simulated stacks", (Text("3 stacks"),)), {"stacks/scenes": 3.0}
+        return (Section("Simulated stacks", (Text("3 stacks"),)),), {"stacks/scenes": 3.0}
 
     def run(self, track=None):
         if track is None:
             self.order.append("train")
-            (self.folder / "weights").write_text("x")
             (self.folder / "losses.csv").write_text(
                 "step,epoch,seconds,name,value\n1,0,1,train/tsdf,0.5\n"
             )
@@ -32,28 +38,23 @@ class _Parts:
         self.order.append("evaluate")
         return self
 
-    figures = {"chamfer_full": 0.03}  # noqa: RUF012
-
-    def evaluation(self, methods):
-        self.methods = methods
+    def evaluation(self):
+        self.order.append("build")
         return self
 
 
 @pytest.fixture
-def parts(tmp_path, monkeypatch):
-    monkeypatch.setattr(pipeline, "load_checkpoint", lambda path: f"checkpoint {path.name}")
+def parts(tmp_path):
     return _Parts(tmp_path)
 
 
 def _pipeline(parts, **changes):
     arguments = {
-        "stacks": parts,
+        "showcase": parts,
         "train": parts,
-        "weights": parts.folder / "weights",
         "losses": parts.folder / "losses.csv",
-        "network": lambda checkpoint: f"network of {checkpoint}",
         "evaluation": parts.evaluation,
-        "methods": {"scenefw": "shipped", "partial_tsdf": "reference"},
+        "presentation": Figures(),
         "gallery": parts,
         "page": Page("All of it"),
         "output": parts.folder,
@@ -61,15 +62,9 @@ def _pipeline(parts, **changes):
     return Pipeline(**arguments | changes)
 
 
-def test_the_trained_network_is_scored_beside_the_shipped_one(parts):
+def test_data_training_evaluation_and_examples_on_one_page(parts):
     figures = _pipeline(parts).run()
-    assert parts.order == ["stacks", "train", "evaluate", "gallery"]
-    assert parts.methods == {
-        "scenefw": "shipped",
-        "trained_here": "network of checkpoint weights",
-        "partial_tsdf": "reference",
-    }
-    assert list(parts.methods)[0] == "scenefw"  # its figures carry no prefix  # noqa: RUF015
+    assert parts.order == ["data", "train", "build", "evaluate", "gallery"]
     assert figures == {
         "chamfer_full": 0.03,
         "stacks/scenes": 3.0,
@@ -80,6 +75,13 @@ def test_the_trained_network_is_scored_beside_the_shipped_one(parts):
     page = (parts.folder / "report.html").read_text()
     for text in ("All of it", "1 steps in 2 s", "3.0 million", "<svg", "3 stacks", "gallery/a.jpg"):
         assert text in page
+    measures = json.loads((parts.folder / "measures.json").read_text())
+    assert {"chamfer_full", "train/parameters"} <= measures.keys()
+
+
+def test_data_need_not_be_shown(parts):
+    assert "stacks/scenes" not in _pipeline(parts, showcase=NoShowcase()).run()
+    assert "Simulated stacks" not in (parts.folder / "report.html").read_text()
 
 
 def test_an_unusable_folder_is_found_before_the_training(parts, tmp_path):
@@ -90,10 +92,9 @@ def test_an_unusable_folder_is_found_before_the_training(parts, tmp_path):
     assert parts.order == []
 
 
-def test_errors_of_the_weights_pass_through(parts, monkeypatch):
-    def broken(path):
+def test_errors_of_the_weights_pass_through(parts):
+    def broken():
         raise CheckpointError("truncated")
 
-    monkeypatch.setattr(pipeline, "load_checkpoint", broken)
     with pytest.raises(CheckpointError, match="truncated"):
-        _pipeline(parts).run()
+        _pipeline(parts, evaluation=broken).run()

@@ -1,9 +1,14 @@
-"""The network is trained first, and scored alone on every set of views."""
+"""The network is trained first; only then the evaluation, which reads its weights, is built."""
 
-from dataclasses import dataclass
+import json
 
+import pytest
+
+from scenefw.core.errors import ConfigError
+from scenefw.core.measures import Measure
+from scenefw.report.nothing import NoGallery
 from scenefw.report.page import Page
-from scenefw.tasks import train_and_evaluate
+from scenefw.report.presentation import Figures
 from scenefw.tasks.train_and_evaluate import TrainAndEvaluate
 
 
@@ -12,40 +17,45 @@ class Training:
         self.weights = weights
 
     def run(self):
-        self.weights.write_text("x")
+        self.weights.write_text("0.5")
         return {"train/steps": 2.0}
 
 
-@dataclass
 class Evaluation:
-    score: float
-    methods: dict
+    measures = {"iou": Measure("IoU", better="higher")}  # noqa: RUF012
+
+    def __init__(self, weights):
+        self.score = float(weights.read_text())  # fails before the training
 
     def run(self, track):
         self.figures = {"iou": self.score}
         return self
 
 
-def test_it_trains_then_scores_on_every_set(tmp_path, monkeypatch):
-    weights = tmp_path / "weights"
-    monkeypatch.setattr(train_and_evaluate, "load_checkpoint", lambda path: path.read_text())
-    seen = []
+def task(folder, **changes):
+    weights = folder / "weights"
+    arguments = {
+        "train": Training(weights),
+        "evaluation": lambda: Evaluation(weights),
+        "presentation": Figures(),
+        "gallery": NoGallery,
+        "page": Page("Both"),
+        "output": folder,
+        "weights": weights,
+        "checkpoint": weights,
+    }
+    return TrainAndEvaluate(**arguments | changes)
 
-    def evaluation(score):
-        def make(methods):
-            seen.append(methods)
-            return Evaluation(score, methods)
 
-        return make
+def test_it_trains_then_evaluates_what_it_trained(tmp_path):
+    assert task(tmp_path).run() == {"train/steps": 2.0, "iou": 0.5}
+    assert "IoU" in (tmp_path / "report.html").read_text()
+    measures = json.loads((tmp_path / "measures.json").read_text())
+    assert measures["iou"]["heading"] == "IoU"
+    assert measures["train/steps"]["heading"] == "steps"
 
-    figures = TrainAndEvaluate(
-        Training(weights),
-        weights,
-        lambda checkpoint: f"network of {checkpoint}",
-        {"stacks": evaluation(0.5), "noisy": evaluation(0.25)},
-        Page("Both"),
-        tmp_path,
-    ).run()
-    assert figures == {"train/steps": 2.0, "stacks/iou": 0.5, "noisy/iou": 0.25}
-    assert seen == [{"scenefw": "network of x"}] * 2
-    assert (tmp_path / "report.html").exists()
+
+@pytest.mark.parametrize("checkpoint", [None, "others"])
+def test_other_weights_are_refused_before_the_training(tmp_path, checkpoint):
+    with pytest.raises(ConfigError, match=f"not {checkpoint}; .*learning.initial"):
+        task(tmp_path, checkpoint=checkpoint)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenefw.core.errors import ConfigError, InputError
+from scenefw.evaluation.labelling.measures import of_networks
 from scenefw.metrics.semantic import class_ious, count_classes, mean_iou, weighted_iou
 from scenefw.noise.frames import disturb
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
         LabelSource,
         MapLabelSource,
     )
+    from scenefw.core.measures import Measure
     from scenefw.core.protocols import Noise
 
 Counts = NDArray[np.int64]
@@ -55,6 +57,11 @@ class NetworksResult:
             found |= {f"{name}/{label}": float(iou) for label, iou in ious}
             found[f"{name}/number"] = float(self.number[name])
         return {name: value for name, value in found.items() if np.isfinite(value)}
+
+    @property
+    def measures(self) -> Mapping[str, Measure]:
+        """Units, digits and published values of the figures."""
+        return of_networks(tuple(self.counts), self.classes)
 
 
 class LabellingNetworks:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import in_order
+from scenefw.evaluation.labelling.measures import of_noise
 from scenefw.evaluation.labelling.results import Score, Scores, read_scores, score
 from scenefw.evaluation.statistics import Interval, mean_interval
 
 if TYPE_CHECKING:
+    from scenefw.core.measures import Measure
     from scenefw.core.protocols import Noise
     from scenefw.evaluation.labelling.bench import Bench
 
@@ -65,13 +67,18 @@ class NoiseResult:
     def figures(self) -> dict[str, float]:
         """Means by strategy and amounts in millimetres."""
         cells = {
-            f"{name}/pose {1000 * p:g} mm, depth {1000 * d:g} mm": self.cell(name, p, d).mean
+            f"{name}/{_amount(p, d)}": self.cell(name, p, d).mean
             for name in self.strategies
             for p in self.pose
             for d in self.depth
         }
         found = {name: value for name, value in cells.items() if np.isfinite(value)}
         return {"scenes": float(len(self.scores.scenes))} | found
+
+    @property
+    def measures(self) -> Mapping[str, Measure]:
+        """Units, digits and published values of the figures."""
+        return of_noise(self.strategies, [_amount(p, d) for p in self.pose for d in self.depth])
 
 
 class LabellingNoise:
@@ -177,6 +184,10 @@ class GatheredNoise:
                 "size.frames"
             )
         return NoiseResult(scores)
+
+
+def _amount(pose: float, depth: float) -> str:
+    return f"pose {1000 * pose:g} mm, depth {1000 * depth:g} mm"
 
 
 def _amounts(name: str, values: float | Sequence[float]) -> tuple[float, ...]:

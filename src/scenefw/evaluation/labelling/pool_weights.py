@@ -12,6 +12,7 @@ from scenefw.core import rng
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.labels import known
 from scenefw.evaluation.labelling.curves import frame_counts
+from scenefw.evaluation.labelling.measures import of_weights
 from scenefw.evaluation.labelling.results import MAP_BASED, VIEW_BASED
 from scenefw.labelling.pooling import DOUBT, Pool, check_doubt, fit_pool
 from scenefw.noise.frames import in_turns
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from scenefw.core.height_maps import HeightMap
+    from scenefw.core.measures import Measure
     from scenefw.core.protocols import Noise
     from scenefw.core.types import Float32, Int32
     from scenefw.evaluation.labelling.bench import Bench
@@ -49,14 +51,22 @@ class WeightsResult:
     @property
     def figures(self) -> dict[str, float]:
         """Weights, accuracies and numbers."""
+        accuracy = {f"accuracy/{name}": value for name, value in self.accuracy.items()}
+        counts = {"vertices": float(self.vertices), "scenes": float(self.scenes)}
+        return self._weights() | accuracy | counts
+
+    @property
+    def measures(self) -> Mapping[str, Measure]:
+        """Units, digits and published values of the figures."""
+        return of_weights(self._weights())
+
+    def _weights(self) -> dict[str, float]:
         weights = {
             f"{part}/{name}": value
             for part, values in self.pool.parts.items()
             for name, value in asdict(values).items()
         }
-        accuracy = {f"accuracy/{name}": value for name, value in self.accuracy.items()}
-        counts = {"vertices": float(self.vertices), "scenes": float(self.scenes)}
-        return weights | {"doubt": self.pool.doubt} | accuracy | counts
+        return weights | {"doubt": self.pool.doubt}
 
 
 class HybridWeights:

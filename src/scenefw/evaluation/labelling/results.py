@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 
 from scenefw.core.errors import InputError
 from scenefw.core.files import write_text
+from scenefw.evaluation.labelling.measures import of_curves
 from scenefw.evaluation.statistics import Interval, mean_interval, paired_interval
 from scenefw.metrics.semantic import class_ious, count_classes, mean_iou
 
 if TYPE_CHECKING:
     from scenefw.core.height_maps import HeightMap
+    from scenefw.core.measures import Measure
     from scenefw.evaluation.labelling.bench import Snapshot
 
 VIEW_BASED, MAP_BASED, HYBRID = "view_based", "map_based", "hybrid"
@@ -157,6 +159,11 @@ class CurvesResult:
             bounds = self.scores.final(strategy)
             found |= {f"{strategy}/miou_low": bounds.low, f"{strategy}/miou_high": bounds.high}
         return {name: value for name, value in found.items() if np.isfinite(value)}
+
+    @property
+    def measures(self) -> Mapping[str, Measure]:
+        """Units, digits and published values of the figures."""
+        return of_curves(self.scores.strategies)
 
 
 def score(

@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING
 import torch
 
 from scenefw.core.errors import ConfigError
+from scenefw.evaluation.labelling.measures import of_times
 from scenefw.evaluation.labelling.shared_parts import LOADING, MAP_NETWORK, STAGES, VIEW_NETWORK
 from scenefw.learning.costs import peak_memory
 
 if TYPE_CHECKING:
+    from scenefw.core.measures import Measure
     from scenefw.evaluation.labelling.bench import Bench
 
 Tracker = Callable[[Sequence[int], str], Iterable[int]]
@@ -45,6 +47,14 @@ class TimesResult:
     @property
     def figures(self) -> dict[str, float]:
         """All of them, times as `<strategy>/<stage> ms`."""
+        return self._costs() | {"scenes": self.scenes, "frames": self.frames}
+
+    @property
+    def measures(self) -> Mapping[str, Measure]:
+        """Units, digits and published values of the figures."""
+        return of_times(self._costs())
+
+    def _costs(self) -> dict[str, float]:
         times = {
             f"{strategy}/{stage} ms": value
             for strategy, stages in self.milliseconds.items()
@@ -52,7 +62,7 @@ class TimesResult:
         }
         totals = {f"{name}/per frame ms": value for name, value in self.per_frame.items()}
         memory = {f"memory of {name} MB": value for name, value in self.memory.items()}
-        return times | totals | memory | {"scenes": self.scenes, "frames": self.frames}
+        return times | totals | memory
 
 
 class LabellingTimes:

@@ -1,13 +1,13 @@
-"""A few test views with what a method makes of them, to be looked at."""
+"""A few test views with predictions and truth, for pictures."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import torch
 
 from scenefw.core import rng
+from scenefw.core.errors import ConfigError
 from scenefw.core.protocols import MappingMethod, Noise, Reconstructor, Renderer
 from scenefw.core.types import Camera, Float32, GridSpec, Int32
 from scenefw.data.stacks import StackScenes
@@ -47,18 +47,12 @@ class Example:
     others: tuple[tuple[Float32, Int32], ...] = ()
 
 
-class GridMethod(Reconstructor, Protocol):
-    """A method that knows its voxel grid."""
-
-    grid: GridSpec
-
-
 class Examples:
     """Views that do not depend on how many of them are made.
 
     Args:
         scenes: of the split to show.
-        method: completes them; views are on its grid.
+        method: completes them; views are on its grid, which it must have.
         viewpoints: draws cameras.
         renderer: makes depth images.
         mapping: from depth to partial TSDF.
@@ -67,12 +61,15 @@ class Examples:
         seed: of viewpoints and codes.
         device: where volumes and views are computed.
         samples: codes per scene.
+
+    Raises:
+        ConfigError: the method has no grid.
     """
 
     def __init__(
         self,
         scenes: StackScenes,
-        method: GridMethod,
+        method: Reconstructor,
         viewpoints: Viewpoints,
         renderer: Renderer,
         mapping: MappingMethod,
@@ -82,6 +79,8 @@ class Examples:
         device: str = "cpu",
         samples: int = 1,
     ) -> None:
+        if method.grid is None:
+            raise ConfigError("the method of examples has no grid; give gallery.examples.method")
         self.scenes = scenes
         self.views = ViewMaker(method.grid, viewpoints, renderer, mapping, noise)
         self.method = method

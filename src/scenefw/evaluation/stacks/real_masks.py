@@ -1,6 +1,6 @@
 """Predicted instances against hand-labelled real depth images (overlap, boundary, object count)."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Literal, Protocol
@@ -10,16 +10,14 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.measures import Measure
+from scenefw.core.protocols import Track
 from scenefw.core.types import Float64, Frame, Int32, SceneEstimate
 from scenefw.data.readers import find_images, read_frame, read_labels
 from scenefw.evaluation.stacks.depth_components import DepthComponents
+from scenefw.evaluation.stacks.measures import REAL_IMAGES, REFERENCE
 from scenefw.metrics.masks import MaskScores, mask_scores
 from scenefw.perception.points import world_points
-
-Tracker = Callable[[Sequence[Path], str], Iterable[Path]]
-
-# Whole Object Segmentation Database, depth only (Xie et al. 2021, UOIS-Net-3D).
-PUBLISHED = {"overlap_f": 0.833, "boundary_f": 0.712}
 
 
 class Estimator(Protocol):
@@ -92,18 +90,23 @@ class RealMaskResult:
         """Means over images by name; the reference's have the prefix `reference/`."""
         ours, theirs = self._means("scores"), self._means("reference")
         counts = {"images": float(self.number), "failures": float(len(self.failures))}
-        return ours | {f"reference/{name}": value for name, value in theirs.items()} | counts
+        return ours | {f"{REFERENCE}/{name}": value for name, value in theirs.items()} | counts
+
+    @property
+    def measures(self) -> Mapping[str, Measure]:
+        """Units, digits and published values of the figures."""
+        return REAL_IMAGES
 
     def _means(self, which: Literal["scores", "reference"]) -> dict[str, float]:
-        means = {name: _mean(self.scores(which), name) for name in MEASURES}
+        means = {name: _mean(self.scores(which), name) for name in SCORES}
         known = [getattr(i, which) for i in self.images]
         known += [f.scores for f in self.failures if f.objects is not None]
         return {**means, COUNT_ERROR: _mean(known, COUNT_ERROR)}
 
 
 COUNT_ERROR = "count_error"
-MEASURES = [f.name for f in fields(MaskScores) if f.name not in {"predicted", "true"}]
-MEASURES.append(COUNT_ERROR)
+SCORES = [f.name for f in fields(MaskScores) if f.name not in {"predicted", "true"}]
+SCORES.append(COUNT_ERROR)
 
 
 class RealMasks:
@@ -145,7 +148,7 @@ class RealMasks:
         self.reach = reach
         self.tolerance = tolerance
 
-    def run(self, track: Tracker = lambda paths, _: paths) -> RealMaskResult:
+    def run(self, track: Track = lambda paths, _: paths) -> RealMaskResult:
         """Scores every labelled image; `track` wraps the loop in a progress bar.
 
         Raises:

@@ -1,6 +1,6 @@
 """Shape and instances from one view, by visibility (thesis table 5.1, figs 5.24, 5.25)."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 
 import numpy as np
@@ -16,6 +16,7 @@ from scenefw.core.protocols import (
     Noise,
     Reconstructor,
     Renderer,
+    Track,
 )
 from scenefw.core.types import Camera, GridSpec
 from scenefw.data.stacks import StackScenes
@@ -33,8 +34,6 @@ from scenefw.metrics.occupancy import (
     probable_occupancy,
 )
 
-Pair = tuple[int, int]
-Tracker = Callable[[Sequence[Pair], str], Iterable[Pair]]
 Sample = tuple[Tensor, Tensor]
 
 _VIEW_STREAM, _POINT_STREAM, _CODE_STREAM = 1, 2, 3
@@ -50,7 +49,8 @@ class ReconstructionEvaluation:
 
     Args:
         scenes: of the test split.
-        methods: by name; the first is the main one. A method with a `grid` is given views on it.
+        methods: by name; the first is the main one. A method with a grid is given views on it. None
+            leaves one out.
         viewpoints: draws cameras.
         renderer: makes depth images of the true TSDF, and of all TSDFs for what is visible.
         mapping: from depth to partial TSDF.
@@ -71,7 +71,7 @@ class ReconstructionEvaluation:
     def __init__(
         self,
         scenes: StackScenes,
-        methods: Mapping[str, Reconstructor],
+        methods: Mapping[str, Reconstructor | None],
         viewpoints: Viewpoints,
         renderer: Renderer,
         mapping: MappingMethod,
@@ -85,13 +85,13 @@ class ReconstructionEvaluation:
         seed: int = 0,
         device: str = "cpu",
     ) -> None:
-        if not methods or views < 1 or samples < 1:
+        self.methods = {name: method for name, method in methods.items() if method is not None}
+        if not self.methods or views < 1 or samples < 1:
             raise ConfigError(
-                f"evaluation needs methods, views and samples, got {len(methods)}, {views} and "
-                f"{samples}; expected at least 1 of each"
+                f"evaluation needs methods, views and samples, got {len(self.methods)}, {views} "
+                f"and {samples}; expected at least 1 of each"
             )
         self.scenes = scenes
-        self.methods = dict(methods)
         self.extractors = dict(extractors or {})
         self.grids = _grids(self.methods, grid)
         self.makers = {
@@ -107,7 +107,7 @@ class ReconstructionEvaluation:
         self.device = device
 
     @torch.no_grad()
-    def run(self, track: Tracker = lambda pairs, _: pairs) -> ReconstructionResult:
+    def run(self, track: Track = lambda pairs, _: pairs) -> ReconstructionResult:
         """Scores all views; `track(items, what)` shows a bar of the loop."""
         pairs = list(product(range(len(self.scenes)), range(self.views)))
         scores = tuple(self.score(scene, view) for scene, view in track(pairs, "test views"))
@@ -198,7 +198,7 @@ class ReconstructionEvaluation:
 
 def _grids(methods: Mapping[str, Reconstructor], default: GridSpec | None) -> dict[str, GridSpec]:
     """The grid of each method: its own, else that of the first method that has one."""
-    own = {name: getattr(method, "grid", None) for name, method in methods.items()}
+    own = {name: method.grid for name, method in methods.items()}
     common = next((grid for grid in own.values() if grid is not None), default)
     if common is None:
         raise ConfigError("no method has a grid of its own; give evaluation.grid=${grid}")

@@ -24,6 +24,11 @@ class PartialSurface:
         self.extractor = extractor
         self.clearance = clearance
 
+    @property
+    def grid(self) -> None:
+        """It takes any."""
+        return None
+
     def reconstruct(
         self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
     ) -> list[tuple[Tensor, Tensor]]:

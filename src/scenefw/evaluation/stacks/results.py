@@ -7,6 +7,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from scenefw.core.measures import Measure
+from scenefw.evaluation.stacks.measures import of_scores
+
 VISIBILITY_EDGES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 1.0)
 
 
@@ -124,3 +127,8 @@ class ReconstructionResult:
         counts = {"scenes": self.scenes, "views": len(self.views), "samples": self.samples}
         shares = {"visibility": float(self.visibility.mean())}
         return found | shares | {name: float(count) for name, count in counts.items()}
+
+    @property
+    def measures(self) -> Mapping[str, Measure]:
+        """Units, digits and published values of the figures."""
+        return of_scores(self.methods)

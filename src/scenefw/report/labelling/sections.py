@@ -10,6 +10,7 @@ import numpy as np
 
 from scenefw.evaluation.labelling import published
 from scenefw.evaluation.labelling.curves import CurvesResult
+from scenefw.evaluation.labelling.measures import SCORES
 from scenefw.evaluation.labelling.networks import MAPS, VIEWS, NetworksResult
 from scenefw.evaluation.labelling.noise import SCORES_FILE, NoiseResult
 from scenefw.evaluation.labelling.pool_weights import WeightsResult
@@ -20,6 +21,7 @@ from scenefw.evaluation.statistics import Interval
 from scenefw.report.blocks import Block, Drawing, Picture, Section, Text
 from scenefw.report.labelling.figures import Panel, bounds_figure, noise_figure
 from scenefw.report.labelling.pictures import example_picture
+from scenefw.report.measured import column
 from scenefw.report.pictures import save_picture
 from scenefw.report.tables import Cell, Column, Table
 
@@ -76,14 +78,12 @@ def noise_sections(result: NoiseResult, folder: Path) -> tuple[Section, ...]:
 def network_sections(result: NetworksResult) -> tuple[Section, ...]:
     """Table 4.1."""
     figures = result.figures
-    columns = (
-        Column("class mean", 3, "higher"),
-        Column("frequency-weighted", 3),
-        *(Column(name, 3, "higher") for name in result.classes),
+    keys = ("miou", "weighted_iou", *result.classes)
+    columns = tuple(
+        column(result.measures[f"{VIEWS}/{key}"], ranked=key != "weighted_iou") for key in keys
     )
     rows: list[tuple[str, tuple[Cell, ...]]] = []
     for name in (VIEWS, MAPS):
-        keys = ("miou", "weighted_iou", *result.classes)
         cells = tuple(figures.get(f"{name}/{key}") for key in keys)
         rows.append((f"{name} ({result.number[name]})", cells))
     quoted = []
@@ -175,7 +175,11 @@ def _caption(scores: Scores) -> str:
 
 
 def _final(scores: Scores) -> Table:
-    columns = (Column("mean IoU", 3, "higher"), Column("95 % bounds"), Column("over seen", 3))
+    columns = (
+        column(SCORES["miou"]),
+        Column("95 % bounds"),
+        column(SCORES["miou_seen"], ranked=False),
+    )
     rows: list[tuple[str, tuple[Cell, ...]]] = []
     for name in scores.strategies:
         found, seen = scores.final(name), scores.final(name, "miou_seen")
@@ -193,7 +197,7 @@ def _by_frames(scores: Scores) -> Table:
     columns = (
         *(Column(name, 3) for name in scores.strategies),
         *(Column(f"{name}, over seen", 3) for name in scores.strategies),
-        Column("coverage", 3),
+        column(SCORES["coverage"], ranked=False),
     )
     curves = [scores.curve(n, m) for m in ("miou", "miou_seen") for n in scores.strategies]
     curves.append(scores.curve(scores.strategies[0], "coverage"))
@@ -286,7 +290,7 @@ def _noise_table(result: NoiseResult) -> Table:
     columns = (
         *(Column(name, 3, None) for name in result.strategies),
         *([Column(f"{HYBRID} − best of the others", 3, None)] if compared else []),
-        Column("height RMS (mm)", 2),
+        column(SCORES["height_rms"], ranked=False),
     )
     rows = []
     for p in result.pose:
@@ -295,7 +299,7 @@ def _noise_table(result: NoiseResult) -> Table:
             cells = list(means.values())
             if compared:
                 cells.append(means[HYBRID] - max(means[name] for name in others))
-            cells.append(1000 * result.cell(first, p, d, "height_rms").mean)
+            cells.append(SCORES["height_rms"].shown(result.cell(first, p, d, "height_rms").mean))
             rows.append((f"pose {1000 * p:g} mm, depth {1000 * d:g} mm", tuple(cells)))
     return Table("Mean IoU under noise (figure 4.26)", columns, tuple(rows))
 

@@ -1,4 +1,4 @@
-"""Shows the stacks that everything learns from, and makes some of them anew as a check."""
+"""Shows the stacks that networks learn from, and simulates some of them again as a check."""
 
 from pathlib import Path
 
@@ -27,7 +27,7 @@ class Stacks:
         source: made these scenes.
         output: the run's folder.
         shown: scenes to draw.
-        simulated: scenes to make anew; 0 = none.
+        simulated: scenes to simulate again; 0 = none.
     """
 
     def __init__(
@@ -44,8 +44,8 @@ class Stacks:
         self.shown = shown
         self.simulated = simulated
 
-    def show(self) -> tuple[Section, dict[str, float]]:
-        """The section of the page, and figures: scenes, and how far those made anew lie apart.
+    def show(self) -> tuple[tuple[Section, ...], dict[str, float]]:
+        """A section, and figures: scenes, and how far those simulated again lie apart.
 
         Raises:
             StorageError: the folder can't be written.
@@ -61,7 +61,7 @@ class Stacks:
         if self.simulated:
             words, found = self._check()
             figures |= found
-        return Section("Simulated stacks", (Text(words), picture)), figures
+        return (Section("Simulated stacks", (Text(words), picture)),), figures
 
     def _tile(self, row: int) -> tuple[np.ndarray, str]:
         grid = GridSpec()
@@ -93,7 +93,7 @@ class Stacks:
         return words, figures | {"stacks/apart": max(same)}
 
     def _gap(self, row: int, made: Scene | None) -> float | None:
-        """Largest distance (m) of an object made anew to the stored one; None if another scene."""
+        """Largest distance (m) of an object to the stored one; None if it is another scene."""
         if made is None:
             return None
         old = self.scenes.parameters([row])

@@ -6,23 +6,26 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from scenefw.evaluation.stacks.real_masks import PUBLISHED, ImageResult, RealMaskResult
+from scenefw.evaluation.stacks import published
+from scenefw.evaluation.stacks.measures import REAL_IMAGES, REFERENCE
+from scenefw.evaluation.stacks.real_masks import ImageResult, RealMaskResult
 from scenefw.metrics.masks import borders
 from scenefw.report.blocks import Picture, Section, Text
+from scenefw.report.measured import column
 from scenefw.report.palette import instance_colours
 from scenefw.report.pictures import beside, save_picture
 from scenefw.report.tables import Column, Table
 
-_COLUMNS = {
-    "overlap_f": Column("overlap F", 1, "higher"),
-    "overlap_precision": Column("P", 1),
-    "overlap_recall": Column("R", 1),
-    "boundary_f": Column("boundary F", 1, "higher"),
-    "boundary_precision": Column("P", 1),
-    "boundary_recall": Column("R", 1),
-    "objects_f75": Column("objects F ≥ 75", 1, "higher"),
-    "count_error": Column("count error", 2, "lower"),
-}
+_SHOWN = (
+    "overlap_f",
+    "overlap_precision",
+    "overlap_recall",
+    "boundary_f",
+    "boundary_precision",
+    "boundary_recall",
+    "objects_f75",
+    "count_error",
+)
 _PUBLISHED_ROW = "UOIS-Net-3D, depth only, whole data set (published)"
 
 
@@ -40,8 +43,8 @@ def _measures(result: RealMaskResult) -> Table:
     figures = result.figures
     rows = (
         ("scenefw", _cells(figures)),
-        ("floor removed, components cut at depth jumps", _cells(figures, "reference/")),
-        (_PUBLISHED_ROW, _cells(PUBLISHED)),
+        ("floor removed, components cut at depth jumps", _cells(figures, f"{REFERENCE}/")),
+        (_PUBLISHED_ROW, _cells(published.REAL_IMAGES)),
     )
     note = (
         f"Percent, means over {result.number} images{_failed(result)}; count error in objects per "
@@ -50,7 +53,7 @@ def _measures(result: RealMaskResult) -> Table:
         "of the Object Segmentation Database (45 images). The published row is of the whole of it, "
         "harder images included."
     )
-    columns = tuple(_COLUMNS.values())
+    columns = tuple(column(REAL_IMAGES[name], unit=False) for name in _SHOWN)
     return Table("Instances on real images", columns, rows, frozenset({_PUBLISHED_ROW}), note)
 
 
@@ -67,9 +70,8 @@ def _failed(result: RealMaskResult) -> str:
 
 
 def _cells(figures: Mapping[str, float], prefix: str = "") -> tuple[float | None, ...]:
-    scale = {name: 1.0 if name == "count_error" else 100.0 for name in _COLUMNS}
-    found = {name: figures.get(prefix + name) for name in _COLUMNS}
-    return tuple(None if v is None else scale[name] * v for name, v in found.items())
+    found = {name: figures.get(prefix + name) for name in _SHOWN}
+    return tuple(None if v is None else REAL_IMAGES[name].shown(v) for name, v in found.items())
 
 
 def _spread(result: RealMaskResult) -> Table:

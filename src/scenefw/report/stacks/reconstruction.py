@@ -1,10 +1,11 @@
 """Results on simulated stacks: table 5.1 beside the thesis's, instances, by visibility."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 from scenefw.evaluation.stacks import published
 from scenefw.evaluation.stacks.results import VISIBILITY_EDGES, ReconstructionResult
+from scenefw.report import measured
 from scenefw.report.blocks import Drawing, Section, Text
 from scenefw.report.figures import bin_figure
 from scenefw.report.tables import Cell, Column, Table
@@ -15,31 +16,27 @@ _NAMES = {
     "partial_tsdf": "partial TSDF meshed (no learning)",
     "connected_components": "components of scenefw's shape (no votes)",
 }
-_AS_THESIS = {
-    "chamfer_visible": ("Chamfer visible (m)", 3),
-    "chamfer_full": ("Chamfer full (m)", 3),
-    "occupancy_bce": ("BCE of occupancy", 3),
-}
-_SURFACE = {
-    "chamfer_visible_excess": Column("visible, excess (mm)", 1, "lower"),
-    "chamfer_full_excess": Column("full, excess (mm)", 1, "lower"),
-    "chamfer_full_dense": Column("full, dense (mm)", 1, "lower"),
-    "fscore_1cm": Column("F at 1 cm", 3, "higher"),
-    "normal_consistency": Column("normals", 3, "higher"),
-    "occupancy_iou": Column("occupancy IoU", 3, "higher"),
-    "hidden_coverage": Column("hidden in spread", 3),
-}
-_INSTANCES = {
-    "instance_iou": Column("instance IoU", 3, "higher"),
-    "panoptic_quality": Column("panoptic quality", 3, "higher"),
-    "instance_recall": Column("found", 3, "higher"),
-    "count_error": Column("count error", 2, "lower"),
-    "count_excess": Column("too many", 2),
-}
-_BY_VISIBILITY = {
-    "chamfer_full_excess": ("Chamfer full, excess (mm)", 1000.0, 1),
-    "occupancy_bce": ("BCE of expected occupancy", 1.0, 3),
-    "instance_iou": ("Instance IoU", 1.0, 3),
+_AS_THESIS = ("chamfer_visible", "chamfer_full", "occupancy_bce")
+_SURFACE = (
+    "chamfer_visible_excess",
+    "chamfer_full_excess",
+    "chamfer_full_dense",
+    "fscore_1cm",
+    "normal_consistency",
+    "occupancy_iou",
+    "hidden_coverage",
+)
+_INSTANCES = (
+    "instance_iou",
+    "panoptic_quality",
+    "instance_recall",
+    "count_error",
+    "count_excess",
+)
+_BY_VISIBILITY = {  # with the titles of its panels
+    "chamfer_full_excess": "Chamfer full, excess (mm)",
+    "occupancy_bce": "BCE of expected occupancy",
+    "instance_iou": "Instance IoU",
 }
 
 
@@ -64,8 +61,8 @@ def as_thesis(result: ReconstructionResult) -> Table:
     """Means and sigmas of the figures of table 5.1, the thesis's rows last."""
     columns = [
         column
-        for name, digits in _AS_THESIS.values()
-        for column in (Column(name, digits, "lower"), Column("σ", digits + 1))
+        for measure in (result.measures[name] for name in _AS_THESIS)
+        for column in (measured.column(measure), Column("σ", measure.digits + 1))
     ]
     rows = [
         (method_name(method), _means_and_sigmas(result, method))
@@ -137,33 +134,31 @@ def _instances(result: ReconstructionResult) -> Table:
     return _table(result, "Instances after matching", _INSTANCES, f"{sizes(result)} {note}")
 
 
-def _table(
-    result: ReconstructionResult, title: str, columns: Mapping[str, Column], note: str
-) -> Table:
-    scale = {name: 1000.0 if "(mm)" in column.name else 1.0 for name, column in columns.items()}
+def _table(result: ReconstructionResult, title: str, names: Sequence[str], note: str) -> Table:
+    measures = {name: result.measures[name] for name in names}
     rows = []
     for method in result.methods:
         known = result.names(method)
         cells = [
-            scale[name] * result.summary(method, name).mean if name in known else None
-            for name in columns
+            measure.shown(result.summary(method, name).mean) if name in known else None
+            for name, measure in measures.items()
         ]
         if any(cell is not None for cell in cells):
             rows.append((method_name(method), tuple(cells)))
-    return Table(title, tuple(columns.values()), tuple(rows), note=note)
+    return Table(title, tuple(map(measured.column, measures.values())), tuple(rows), note=note)
 
 
 def _by_visibility(result: ReconstructionResult) -> tuple[Drawing | Table, ...]:
     """One drawing of all figures, then a table of each."""
     panels = {
         title: {
-            method_name(method): _binned(result, method, name, scale)
+            method_name(method): _binned(result, method, name)
             for method in result.methods
             if name in result.names(method)
         }
-        for name, (title, scale, _) in _BY_VISIBILITY.items()
+        for name, title in _BY_VISIBILITY.items()
     }
-    digits = [digits for _, _, digits in _BY_VISIBILITY.values()]
+    digits = [result.measures[name].digits for name in _BY_VISIBILITY]
     tables = [
         _bins_table(result, title, lines, count)
         for (title, lines), count in zip(panels.items(), digits, strict=True)
@@ -172,11 +167,10 @@ def _by_visibility(result: ReconstructionResult) -> tuple[Drawing | Table, ...]:
     return (Drawing(bin_figure(VISIBILITY_EDGES, panels, label)), *tables)
 
 
-def _binned(
-    result: ReconstructionResult, method: str, name: str, scale: float
-) -> tuple[float | None, ...]:
+def _binned(result: ReconstructionResult, method: str, name: str) -> tuple[float | None, ...]:
     found = {low: s.mean for low, _, s in result.by_visibility(method, name)}
-    return tuple(scale * found[low] if low in found else None for low in VISIBILITY_EDGES[:-1])
+    shown = result.measures[name].shown
+    return tuple(shown(found[low]) if low in found else None for low in VISIBILITY_EDGES[:-1])
 
 
 def _bins_table(

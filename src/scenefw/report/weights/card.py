@@ -6,16 +6,18 @@ from typing import Any
 from scenefw.core.errors import InputError
 from scenefw.learning.provenance import Provenance
 from scenefw.report.blocks import Block, Code, Points, Section, Text
+from scenefw.report.presentation import figure_table
 from scenefw.report.stored import StoredRun
 from scenefw.report.tables import Column, Table
-from scenefw.report.weights.measures import COLUMNS, Group, figures_of, groups_in
-from scenefw.report.weights.words import LICENCE, words_for
+from scenefw.report.weights.summary import COLUMNS, parts_in
+from scenefw.report.weights.words import Words
 
 _UNKNOWN = "not recorded"
 
 
 def card_sections(
     provenance: Provenance,
+    words: Words | None = None,
     runs: Sequence[StoredRun] = (),
     before: Sequence[Mapping[str, Any]] = (),
     notes: Sequence[str] = (),
@@ -24,25 +26,33 @@ def card_sections(
 
     Args:
         provenance: what the file says of itself.
+        words: texts for such a network; None = there are none, so the card has facts alone.
         runs: evaluations of these weights.
         before: metadata of earlier trainings that the file does not know of, the last one first.
         notes: limits that only those who trained it know.
 
     Raises:
-        InputError: a run has no figures of such a network, or was of other weights; or no card is
-            known of such a network.
+        InputError: a run has no figures of such a network, or was of other weights.
     """
-    words = words_for(provenance)
     trainings = (*provenance.trainings, *before)
     commands = tuple(str(t.get("command", f"# {_UNKNOWN}")) for t in reversed(trainings))
+    limits = (*(words.limits if words else ()), *notes)
     return (
-        Section("The network", (Text(words.what), _facts(provenance))),
-        Section("Intended use", (Points(words.use),)),
-        Section("Limits", (Points((*words.limits, *notes)),)),
+        Section("The network", (Text(_what(provenance, words)), _facts(provenance))),
+        *([Section("Intended use", (Points(tuple(words.use)),))] if words else []),
+        *([Section("Limits", (Points(limits),))] if limits else []),
         Section("Training", (_trainings(trainings), Code(commands))),
-        Section("Figures", _figures(provenance, runs, words.groups)),
-        Section("Licence", (Text(LICENCE),)),
+        Section("Figures", _figures(provenance, words, runs)),
+        *([Section("Licence", (Text(words.licence),))] if words else []),
     )
+
+
+def _what(provenance: Provenance, words: Words | None) -> str:
+    if words:
+        return words.what
+    sees = provenance.metadata.get("input")
+    which = f"task: {provenance.task}" + (f" and input: {sees}" if sees else "")
+    return f"A file conf/card/NAME.yaml with {which} would say here what this network is for."
 
 
 def _facts(provenance: Provenance) -> Points:
@@ -68,13 +78,13 @@ def _trainings(trainings: Sequence[Mapping[str, Any]]) -> Table:
     """One column per training, in the order of time, and their sums."""
     ordered = list(reversed(trainings))
     names = [str(i + 1) for i in range(len(ordered))] if len(ordered) > 1 else ["training"]
-    rows = [(name, tuple(tell(t) for t in ordered)) for name, tell in _TOLD.items()]
+    rows = [(name, tuple(cell(t) for t in ordered)) for name, cell in _ROWS.items()]
     if len(ordered) > 1:
         names.append("all")
         sums = {
             n: sum(float(t.get(n, 0)) for t in ordered) for n in ("steps", "samples", "seconds")
         }
-        all_cells = {name: _TOLD[name](sums) for name in ("steps", "samples", "minutes")}
+        all_cells = {name: _ROWS[name](sums) for name in ("steps", "samples", "minutes")}
         rows = [(name, (*cells, all_cells.get(name, ""))) for name, cells in rows]
     note = "Minutes are of training alone, without validation and snapshots."
     if len(ordered) > 1:
@@ -83,29 +93,30 @@ def _trainings(trainings: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def _figures(
-    provenance: Provenance, runs: Sequence[StoredRun], groups: Sequence[Group]
+    provenance: Provenance, words: Words | None, runs: Sequence[StoredRun]
 ) -> tuple[Block, ...]:
     blocks: list[Block] = []
     for run in runs:
-        found = groups_in(run, groups)
-        note = _require_these_weights(provenance, run)
-        figures = figures_of(run)
-        blocks += [
-            Table(g.title.format_map(figures), COLUMNS, tuple(g.rows(figures)), note=g.note)
-            for g in found
-        ]
-        blocks.append(Code((run.origin, *note)))
+        tables = _summaries(run, words) if words and words.summaries else [figure_table(run)]
+        blocks += [*tables, Code((run.origin, *_require_these_weights(provenance, run)))]
     return tuple(blocks) or (Text("None were given (run.results)."),)
+
+
+def _summaries(run: StoredRun, words: Words) -> list[Table]:
+    return [
+        Table(part.title, COLUMNS, tuple(part.rows()), note=part.summary.note)
+        for part in parts_in(run, words.summaries)
+    ]
 
 
 def _require_these_weights(provenance: Provenance, run: StoredRun) -> tuple[str, ...]:
     used = run.record.get("weights")
     if not used:
-        return ("# of which weights that run was is not recorded",)
+        return ("# that run did not record its weights",)
     if provenance.digest not in used.values():
         raise InputError(
             f"{run.path} has figures of other weights ({', '.join(used)}) than {provenance.path}; "
-            "evaluate these ones"
+            "evaluate these"
         )
     return ()
 
@@ -149,7 +160,7 @@ def _plain(name: str) -> Any:
     return lambda training: str(training.get(name, _UNKNOWN))
 
 
-_TOLD = {
+_ROWS = {
     "steps": lambda t: f"{t['steps']:.0f}" if "steps" in t else _UNKNOWN,
     "samples": lambda t: f"{t['samples']:.0f}" if "samples" in t else _UNKNOWN,
     "minutes": _minutes,
@@ -158,7 +169,7 @@ _TOLD = {
     "noise": _noise,
     "losses and weights": lambda t: _listed(t["losses"]) if "losses" in t else _UNKNOWN,
     "batch": _plain("batch_size"),
-    # Before trainings told it, there was AdamW alone.
+    # Trainings that don't record it are from when there was AdamW alone.
     "optimiser": lambda t: str(t.get("optimizer", "AdamW")),
     "learning rate": _plain("learning_rate"),
     "started from": _start,

@@ -4,45 +4,38 @@ from collections.abc import Sequence
 
 from scenefw.core.errors import InputError
 from scenefw.report.stored import StoredRun
-from scenefw.report.tables import Cell, Table, to_markdown
-from scenefw.report.weights.measures import (
-    COLUMNS,
-    IMAGES,
-    LABELLING,
-    STACKS,
-    Group,
-    figures_of,
-    groups_in,
-)
-
-GROUPS = (STACKS, IMAGES, LABELLING)
+from scenefw.report.tables import Table, to_markdown
+from scenefw.report.weights.summary import COLUMNS, Part, Row, Summary, parts_in
 
 
-def headline(runs: Sequence[StoredRun]) -> str:
+def headline(runs: Sequence[StoredRun], summaries: Sequence[Summary]) -> str:
     """One table of all runs in Markdown, and the commands that found its figures.
 
     Args:
-        runs: of stacks, real images and labelling, as many as there are, one of each at most.
+        runs: one per summary at most.
+        summaries: in the order of the table.
 
     Raises:
-        InputError: there is none, one has other figures, or two have the same.
+        InputError: there is no run, one has other figures, or two have the same.
     """
     if not runs:
         raise InputError("no results to show; give run.results=[FOLDER,...] of run=evaluate")
-    by_group: dict[Group, StoredRun] = {}
-    for run in runs:
-        for group in groups_in(run, GROUPS):
-            if group in by_group:
-                raise InputError(f"{by_group[group].path} and {run.path} hold the same figures")
-            by_group[group] = run
-    rows: list[tuple[str, tuple[Cell, ...]]] = []
-    shown = [group for group in GROUPS if group in by_group]
-    for group in shown:
-        figures = figures_of(by_group[group])
-        rows.append((f"**{group.title.format_map(figures)}**", ("",) * len(COLUMNS)))
-        rows += group.rows(figures, brief=True)
+    found = [part for run in runs for part in parts_in(run, summaries)]
+    shown = [part for summary in summaries for part in _only(found, summary)]
+    rows: list[Row] = []
+    for part in shown:
+        rows.append((f"**{part.title}**", ("",) * len(COLUMNS)))
+        rows += part.rows(details=False)
     table = Table("Figures of the weights that ship", COLUMNS, tuple(rows))
-    commands = dict.fromkeys(by_group[group].origin for group in shown)
-    return "\n".join(
-        [to_markdown(table), *[f"*{g.name}.* {g.note}\n" for g in shown], "```", *commands, "```"]
-    )
+    notes = [f"*{part.summary.name}.* {part.summary.note}\n" for part in shown]
+    commands = dict.fromkeys(part.run.origin for part in shown)
+    return "\n".join([to_markdown(table), *notes, "```", *commands, "```"])
+
+
+def _only(parts: Sequence[Part], summary: Summary) -> list[Part]:
+    """The part of a summary, if there is one."""
+    found = [part for part in parts if part.summary is summary]
+    if len(found) > 1:
+        first, second = (part.run.path for part in found[:2])
+        raise InputError(f"{first} and {second} hold the same figures")
+    return found

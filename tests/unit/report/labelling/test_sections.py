@@ -27,9 +27,11 @@ from scenefw.report.labelling.pictures import (
     map_picture,
     source_picture,
 )
+from scenefw.report.labelling.presentation import LabellingResults
 from scenefw.report.palette import class_colours
-from scenefw.report.sections import sections
 from scenefw.report.tables import Table, to_markdown
+
+sections = LabellingResults().sections
 
 
 def tables(shown):

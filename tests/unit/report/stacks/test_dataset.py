@@ -47,7 +47,7 @@ def scenes(tmp_path):
 
 @pytest.mark.parametrize("shift", [0.0, 0.004])
 def test_scenes_made_anew_are_measured_against_the_stored_ones(scenes, tmp_path, shift):
-    section, figures = Stacks(scenes, _Source(shift), tmp_path, shown=2, simulated=2).show()
+    (section,), figures = Stacks(scenes, _Source(shift), tmp_path, shown=2, simulated=2).show()
     assert figures["stacks/scenes"] == 3
     assert figures["stacks/simulated"] == 2
     assert figures["stacks/apart"] == pytest.approx(shift, abs=1e-6)
@@ -61,7 +61,7 @@ def test_without_a_simulator_the_page_says_so(scenes, tmp_path):
         def generate(self, index, seed):
             raise MissingDependencyError("pip install pybullet")
 
-    section, figures = Stacks(scenes, _Missing(), tmp_path, shown=1).show()
+    (section,), figures = Stacks(scenes, _Missing(), tmp_path, shown=1).show()
     assert "pip install pybullet" in section.blocks[0].text
     assert "stacks/apart" not in figures
 
@@ -72,7 +72,9 @@ def test_scenes_that_come_out_otherwise_are_counted(scenes, tmp_path, source):
         def generate(self, index, seed):
             return None
 
-    section, figures = Stacks(scenes, source or _Failing(), tmp_path, shown=1, simulated=2).show()
+    (section,), figures = Stacks(
+        scenes, source or _Failing(), tmp_path, shown=1, simulated=2
+    ).show()
     assert "0 came out as stored" in section.blocks[0].text
     assert figures["stacks/same"] == 0
     assert "stacks/apart" not in figures

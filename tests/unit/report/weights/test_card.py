@@ -2,7 +2,8 @@ import pytest
 from tests.unit.learning import tiny
 from tests.unit.report.stored_runs import IMAGES, LABELLING, STACKS, write_run
 
-from scenefw.core.errors import InputError
+from scenefw import registry
+from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import GridSpec
 from scenefw.learning.checkpoint import SEGMENTATION, save_checkpoint, shipped_checkpoint
 from scenefw.learning.provenance import read_provenance
@@ -10,6 +11,7 @@ from scenefw.report.blocks import Code, Points, Text
 from scenefw.report.stored import read_runs
 from scenefw.report.tables import Table
 from scenefw.report.weights.card import card_sections
+from scenefw.report.weights.summary import Summary
 
 FIRST = {"steps": 100, "samples": 800, "seconds": 600.0, "data": {"stacks": 50}, "command": "first"}
 SECOND = {
@@ -23,6 +25,11 @@ SECOND = {
     "command": "second",
     "started_from": {"file": "first.safetensors", "sha256": "abcdef0123456789", **FIRST},
 }
+
+
+@pytest.fixture(scope="module")
+def words():
+    return registry.build("card", "shape_instance")
 
 
 @pytest.fixture
@@ -64,18 +71,18 @@ def test_trainings_in_the_order_of_time_and_their_sums(weights):
     assert code.lines == ("first", "second")
 
 
-def test_trainings_that_the_file_does_not_know_of(weights):
-    sections = card_sections(weights(FIRST), before=[{"steps": 5}], notes=["Made by hand."])
+def test_trainings_that_the_file_does_not_know_of(weights, words):
+    sections = card_sections(weights(FIRST), words, before=[{"steps": 5}], notes=["Made by hand."])
     (table,) = blocks(sections, Table, "Training")
     assert cells(table)["steps"] == ("5", "100", "105")
     assert "Made by hand." in blocks(sections, Points, "Limits")[0].points
 
 
-def test_figures_of_these_weights_beside_the_published(weights, tmp_path):
+def test_figures_of_these_weights_beside_the_published(weights, words, tmp_path):
     provenance = weights(FIRST)
     used = {"w.safetensors": provenance.digest}
     folders = [write_run(tmp_path / "a", STACKS, used), write_run(tmp_path / "b", IMAGES)]
-    sections = card_sections(provenance, read_runs(folders))
+    sections = card_sections(provenance, words, read_runs(folders))
     stacks, images = blocks(sections, Table, "Figures")
     assert cells(stacks)["occupancy IoU \u2191"] == ("0.796", None, None)
     assert cells(stacks)["BCE of expected occupancy \u2193"] == ("0.326", None, "0.089")
@@ -85,31 +92,55 @@ def test_figures_of_these_weights_beside_the_published(weights, tmp_path):
     assert "not recorded" in unknown.lines[1]
 
 
-def test_figures_of_other_weights_or_of_another_kind(weights, tmp_path):
+def test_figures_of_other_weights_or_of_another_kind(weights, words, tmp_path):
     provenance = weights(FIRST)
     other = write_run(tmp_path / "other", STACKS, {"x.safetensors": "0" * 64})
     with pytest.raises(InputError, match=r"other weights \(x\.safetensors\)"):
-        card_sections(provenance, read_runs([other]))
+        card_sections(provenance, words, read_runs([other]))
     labels = write_run(tmp_path / "labels", LABELLING)
     with pytest.raises(InputError, match="no figures to show here"):
-        card_sections(provenance, read_runs([labels]))
+        card_sections(provenance, words, read_runs([labels]))
+
+
+def test_figures_of_earlier_versions_have_to_be_found_anew(weights, words, tmp_path):
+    provenance = weights(FIRST)
+    run = write_run(tmp_path / "old", STACKS, {"w.safetensors": provenance.digest})
+    (run / "measures.json").unlink()
+    with pytest.raises(InputError, match=r"no measures\.json .* run that evaluation again"):
+        card_sections(provenance, words, read_runs([run]))
 
 
 @pytest.mark.parametrize(("name", "tables"), [("label_views", 2), ("label_maps", 1)])
 def test_shipped_networks_of_labels(tmp_path, name, tables):
     provenance = read_provenance(shipped_checkpoint(name))
     runs = read_runs([write_run(tmp_path / "run", LABELLING)])
-    found = blocks(card_sections(provenance, runs), Table, "Figures")
+    found = blocks(card_sections(provenance, registry.build("card", name), runs), Table, "Figures")
     assert len(found) == tables
     assert cells(found[-1])["hybrid \u2191"] == ("0.882", None, None)
     if name == "label_views":
         assert cells(found[0])["IoU of surface \u2191"] == ("0.999", None, "0.990")
 
 
-def test_a_network_of_which_no_card_is_known(weights):
-    provenance = weights({"input": "sound"}, task=SEGMENTATION)
-    with pytest.raises(InputError, match="segmentation of sound"):
-        card_sections(provenance)
+def test_without_words_the_card_has_the_facts_alone(weights, tmp_path):
+    provenance = weights({"input": "sound", **FIRST}, task=SEGMENTATION)
+    run = write_run(tmp_path / "run", IMAGES, {"w.safetensors": provenance.digest})
+    sections = card_sections(provenance, None, read_runs([run]), notes=["Only whispers."])
+    assert [s.title for s in sections] == ["The network", "Limits", "Training", "Figures"]
+    (text,) = blocks(sections, Text, "The network")
+    assert "conf/card/NAME.yaml with task: segmentation and input: sound" in text.text
+    (table,) = blocks(sections, Table, "Figures")
+    assert cells(table)["overlap F (%) \u2191"] == ("90.6", "87.3", "83.3")
+
+
+def test_rows_of_a_summary_are_changed_and_left_out(tmp_path):
+    (run,) = read_runs([write_run(tmp_path / "run", IMAGES)])
+    entries = {"overlap_f": {"name": "F", "unit": ""}, "boundary_f": None, "count_error": {}}
+    summary = Summary("Images", "{images:.0f} images", ("overlap_f",), entries)
+    part = summary.within(run)
+    assert part.title == "45 images"
+    assert [name for name, _ in part.rows()] == ["F \u2191", "objects too many or too few \u2193"]
+    with pytest.raises(ConfigError, match=r"measure overlap_f of a summary: .*'words'"):
+        Summary("Images", "", (), {"overlap_f": {"words": "F"}})
 
 
 def test_without_results_the_card_says_so(weights):

@@ -1,6 +1,8 @@
 import pytest
+from hydra.utils import instantiate
 from tests.unit.report.stored_runs import IMAGES, LABELLING, STACKS, write_run
 
+from scenefw import config
 from scenefw.core.errors import InputError
 from scenefw.report.stored import read_runs
 from scenefw.report.weights.headline import headline
@@ -12,6 +14,13 @@ def runs(tmp_path):
     return read_runs([write_run(tmp_path / name, figures) for name, figures in kinds.items()])
 
 
+@pytest.fixture(scope="module")
+def summaries():
+    """Those of run=headline."""
+    chosen = config.compose(["run=headline"]).run.summaries
+    return [instantiate(node, _convert_="all") for node in chosen.values()]
+
+
 def rows(text):
     cells = [
         [c.strip() for c in line.strip("|").split("|")]
@@ -21,8 +30,8 @@ def rows(text):
     return {name: values for name, *values in cells}
 
 
-def test_ours_beside_no_learning_and_the_published(runs):
-    found = rows(headline(runs))
+def test_ours_beside_no_learning_and_the_published(runs, summaries):
+    found = rows(headline(runs, summaries))
     assert found[""] == ["scenefw", "without learning", "published"]
     assert found["Chamfer, whole: excess (mm) \u2193"] == ["6.7", "28.2", "–"]
     whole = "Chamfer, whole, as the thesis measures (m; floor 0.021) \u2193"
@@ -44,23 +53,23 @@ def test_ours_beside_no_learning_and_the_published(runs):
     assert "occupancy IoU \u2191" not in found  # the card has it
 
 
-def test_the_commands_stand_below(runs):
-    text = headline(runs)
+def test_the_commands_stand_below(runs, summaries):
+    text = headline(runs, summaries)
     assert text.count("python -m scenefw run=evaluate  # commit 0123456789, seed 7") == 1
     assert text.rstrip().endswith("```")
 
 
-def test_what_is_there_is_shown(runs):
-    found = rows(headline(runs[1:2]))
+def test_what_is_there_is_shown(runs, summaries):
+    found = rows(headline(runs[1:2], summaries))
     assert "instance IoU \u2191" in found
     assert "hybrid \u2191" not in found
 
 
-def test_foreign_missing_and_double_figures(runs, tmp_path):
+def test_foreign_missing_and_double_figures(runs, summaries, tmp_path):
     (other,) = read_runs([write_run(tmp_path / "other", {"train/steps": 3.0})])
     with pytest.raises(InputError, match=r"other/metrics\.json has no figures to show"):
-        headline([*runs, other])
+        headline([*runs, other], summaries)
     with pytest.raises(InputError, match="the same figures"):
-        headline([*runs, runs[0]])
+        headline([*runs, runs[0]], summaries)
     with pytest.raises(InputError, match=r"run\.results"):
-        headline([])
+        headline([], summaries)

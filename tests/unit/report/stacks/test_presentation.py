@@ -1,7 +1,6 @@
-"""Sections of results: as in the thesis, real masks with references, results of any other kind."""
+"""Sections of results: as in the thesis, and real masks with references."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,9 +9,9 @@ from scenefw.evaluation.stacks.real_masks import Failure, ImageResult, RealMaskR
 from scenefw.evaluation.stacks.results import ReconstructionResult, ViewScores
 from scenefw.metrics.masks import MaskScores
 from scenefw.report.blocks import Drawing
-from scenefw.report.sections import sections
-from scenefw.report.tables import Table
+from scenefw.report.stacks.presentation import StackResults
 
+sections = StackResults().sections
 GOOD = MaskScores(0.9, 0.8, 0.85, 0.7, 0.6, 0.65, 1.0, 2, 2)
 POOR = replace(GOOD, overlap_f=0.5, objects_f75=0.0, predicted=4)
 
@@ -52,13 +51,6 @@ def test_masks_without_failures_speak_of_none(tmp_path):
     assert dict(table.rows)["scenefw"][0] == pytest.approx(67.5)
     assert table.note.startswith("Percent, means over 2 images; count error")
     assert spread.rows[-1][1][0] == pytest.approx(50)
-
-
-def test_any_result_with_figures(tmp_path):
-    (section,) = sections(SimpleNamespace(figures={"some_figure": 0.25}), tmp_path)
-    (table,) = section.blocks
-    assert isinstance(table, Table)
-    assert table.rows == (("some_figure", (0.25,)),)
 
 
 def _view(number, visibility, **changes):

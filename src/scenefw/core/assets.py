@@ -1,0 +1,27 @@
+"""Where weights lie that come with scenefw and its plugins."""
+
+from collections.abc import Iterable
+from importlib import resources
+from pathlib import Path
+
+SUFFIX = ".safetensors"
+_folders: list[Path] = []  # of plugins
+
+
+def search_also(folders: Iterable[Path]) -> None:
+    """Makes weights in these folders known by name, after those of scenefw itself."""
+    _folders.extend(folder for folder in folders if folder not in _folders)
+
+
+def folders() -> tuple[Path, ...]:
+    """All that are searched, that of scenefw first."""
+    return (Path(str(resources.files("scenefw") / "assets")), *_folders)
+
+
+def weights() -> dict[str, list[Path]]:
+    """Files by name; several where packages use the same name."""
+    found: dict[str, list[Path]] = {}
+    for folder in folders():
+        for path in sorted(folder.glob(f"*{SUFFIX}")):
+            found.setdefault(path.stem, []).append(path)
+    return found

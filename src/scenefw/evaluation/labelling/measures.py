@@ -1,0 +1,106 @@
+"""Measures of this chapter, by evaluation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from scenefw.core.measures import Measure
+from scenefw.evaluation.labelling import published
+
+_SCENES = {"scenes": Measure("scenes", digits=0), "frames": Measure("frames", digits=0)}
+_SHORT = {"view_based": "views", "map_based": "map"}
+SCORES = {
+    "miou": Measure("mean IoU", better="higher"),
+    "miou_low": Measure("mean IoU, low", "mean IoU, lower bound (95 %)"),
+    "miou_high": Measure("mean IoU, high", "mean IoU, upper bound (95 %)"),
+    "miou_seen": Measure("over seen", "mean IoU over seen vertices", better="higher"),
+    "coverage": Measure("coverage", "share of vertices seen", better="higher"),
+    "seconds": Measure("processing", "processing time", "s", 2, "lower"),
+    "height_rms": Measure("height RMS", "RMS error of heights", "mm", 2, "lower", 1000.0),
+    "height_median": Measure(
+        "height median", "median error of heights", "mm", 2, "lower", 1000.0
+    ),
+}  # fmt: skip
+"""A labelled map compared with the true one."""
+
+
+def of_curves(strategies: Sequence[str]) -> dict[str, Measure]:
+    """Measures of scores after all frames, `<strategy>/<score>`."""
+    found = dict(_SCENES)
+    for strategy in strategies:
+        for name, measure in SCORES.items():
+            theirs = published.FINAL.get(strategy) if name == "miou" else None
+            found[f"{strategy}/{name}"] = measure.changed(
+                {
+                    "heading": f"{measure.heading}, {_short(strategy)}",
+                    "name": f"{measure.name or measure.heading}, {strategy.replace('_', '-')}",
+                    "published": theirs.mean if theirs else None,
+                }
+            )
+    return found
+
+
+def of_noise(strategies: Sequence[str], amounts: Iterable[str]) -> dict[str, Measure]:
+    """Measures of the mean IoU under each amount of noise, `<strategy>/<amount>`."""
+    cells = [(strategy, amount) for strategy in strategies for amount in amounts]
+    return {"scenes": _SCENES["scenes"]} | {
+        f"{strategy}/{amount}": Measure(
+            f"{_short(strategy)}, {amount}",
+            f"mean IoU, {strategy.replace('_', '-')}, {amount}",
+            better="higher",
+        )
+        for strategy, amount in cells
+    }
+
+
+def of_networks(kinds: Sequence[str], classes: Sequence[str]) -> dict[str, Measure]:
+    """Measures of IoUs, `<kind>/<class>`, and their means, with table 4.1 of the thesis."""
+    found = {}
+    for kind in kinds:
+        theirs = dict(zip(published.CLASSES, published.CLASS_IOU[kind], strict=True))
+        found[f"{kind}/miou"] = Measure(
+            "class mean",
+            "mean IoU over classes",
+            better="higher",
+            published=sum(theirs.values()) / len(theirs),
+        )
+        found[f"{kind}/weighted_iou"] = Measure(
+            "frequency-weighted",
+            "frequency-weighted IoU",
+            better="higher",
+            published=published.PRINTED_MEAN[kind],
+        )
+        for label in classes:
+            found[f"{kind}/{label}"] = Measure(
+                label,
+                f"IoU of {label.replace('_', ' ')}",
+                better="higher",
+                published=theirs.get(label),
+            )
+        found[f"{kind}/number"] = Measure(kind, f"{kind} scored", digits=0)
+    return found
+
+
+def of_times(names: Iterable[str]) -> dict[str, Measure]:
+    """Measures of times and memory, whose names end in the unit."""
+    found = dict(_SCENES)
+    for name in names:
+        words, unit = name.rsplit(" ", 1)
+        found[name] = Measure(
+            words.replace("/", ", "), unit=unit, digits=2 if unit == "ms" else 0, better="lower"
+        )
+    return found
+
+
+def of_weights(weights: Iterable[str]) -> dict[str, Measure]:
+    """Measures of the weights of the hybrid's pool, and of its accuracy with them."""
+    found = {name: Measure(name.replace("/", ", "), digits=4) for name in weights}
+    for name in ("views", "map", "pool"):
+        found[f"accuracy/{name}"] = Measure(
+            name, f"labelled right, mean over classes, {name}", digits=4, better="higher"
+        )
+    return found | {"vertices": Measure("vertices", digits=0), "scenes": _SCENES["scenes"]}
+
+
+def _short(strategy: str) -> str:
+    return _SHORT.get(strategy, strategy)

@@ -1,0 +1,115 @@
+"""Measures of this chapter, on simulated stacks and on real images."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from scenefw.core.measures import Measure
+from scenefw.evaluation.stacks import published
+
+WITHOUT_LEARNING = "partial_tsdf"
+"""The method of evaluations that needs no learning."""
+
+_THESIS = {name: figure.mean for name, figure in published.SUPERQUADRICS["SIMstack"].items()}
+_COUNT_ERROR = Measure("count error", "objects too many or too few", digits=2, better="lower")
+_SCORES = {
+    "chamfer_visible": Measure(
+        "Chamfer visible", "Chamfer, visible, as the thesis measures", "m", better="lower",
+        published=_THESIS["chamfer_visible"], floor="chamfer_visible_floor",
+    ),
+    "chamfer_full": Measure(
+        "Chamfer full", "Chamfer, whole, as the thesis measures", "m", better="lower",
+        published=_THESIS["chamfer_full"], floor="chamfer_full_floor",
+    ),
+    "chamfer_visible_excess": Measure(
+        "visible, excess", "Chamfer, visible: excess", "mm", 1, "lower", 1000.0
+    ),
+    "chamfer_full_excess": Measure(
+        "full, excess", "Chamfer, whole: excess", "mm", 1, "lower", 1000.0
+    ),
+    "chamfer_full_dense": Measure(
+        "full, dense", "Chamfer, whole, from many points", "mm", 1, "lower", 1000.0
+    ),
+    "fscore_1cm": Measure("F at 1 cm", better="higher"),
+    "normal_consistency": Measure("normals", "normals (mean cosine)", better="higher"),
+    "occupancy_bce": Measure(
+        "BCE of occupancy", "BCE of expected occupancy", better="lower",
+        published=_THESIS["occupancy_bce"],
+    ),
+    "occupancy_bce_probability": Measure(
+        "BCE of probability", "BCE of the probability of being occupied", better="lower"
+    ),
+    "occupancy_iou": Measure("occupancy IoU", better="higher"),
+    "hidden_coverage": Measure("hidden in spread", "hidden voxels within the samples' spread"),
+    "instance_iou": Measure("instance IoU", better="higher"),
+    "panoptic_quality": Measure("panoptic quality", better="higher"),
+    "instance_recall": Measure("found", "objects found (IoU > 0.5)", better="higher"),
+    "count_error": _COUNT_ERROR,
+    "count_excess": Measure("too many", "objects too many", digits=2),
+}  # fmt: skip
+_NUMBERS = {
+    "visibility": Measure("visible", "visible share of the true surface"),
+    "scenes": Measure("scenes", digits=0),
+    "views": Measure("views", digits=0),
+    "samples": Measure("samples", "samples of each view", digits=0),
+}
+_OF_METHOD = {"zero_code": " of the zero code alone"}
+
+
+def of_scores(methods: Sequence[str]) -> dict[str, Measure]:
+    """Measures of the scores of methods, the main one first, and of their numbers.
+
+    Args:
+        methods: names; figures of all but the first one begin with theirs.
+    """
+    compared = WITHOUT_LEARNING in methods[1:]
+    found = {
+        name: replace(measure, trivial=f"{WITHOUT_LEARNING}/{name}" if compared else None)
+        for name, measure in _SCORES.items()
+    }
+    for method in methods[1:]:
+        words = _OF_METHOD.get(method, f", {method.replace('_', ' ')}")
+        for name, measure in _SCORES.items():
+            found[f"{method}/{name}"] = replace(
+                measure,
+                heading=measure.heading + words,
+                name=(measure.name or measure.heading) + words,
+                published=None,
+            )
+    return found | _NUMBERS
+
+
+_IMAGE_SCORES = {
+    "overlap_f": Measure("overlap F", "", "%", 1, "higher", 100.0),
+    "overlap_precision": Measure("P", "overlap precision", "%", 1, None, 100.0),
+    "overlap_recall": Measure("R", "overlap recall", "%", 1, None, 100.0),
+    "boundary_f": Measure("boundary F", "", "%", 1, "higher", 100.0),
+    "boundary_precision": Measure("P", "boundary precision", "%", 1, None, 100.0),
+    "boundary_recall": Measure("R", "boundary recall", "%", 1, None, 100.0),
+    "objects_f75": Measure("objects F ≥ 75", "objects with F ≥ 0.75", "%", 1, "higher", 100.0),
+    "count_error": _COUNT_ERROR,
+}
+REFERENCE = "reference"
+
+
+def _of_images() -> Mapping[str, Measure]:
+    ours = {
+        name: replace(
+            measure, trivial=f"{REFERENCE}/{name}", published=published.REAL_IMAGES.get(name)
+        )
+        for name, measure in _IMAGE_SCORES.items()
+    }
+    theirs = {
+        f"{REFERENCE}/{name}": replace(
+            measure, name=f"{measure.name or measure.heading}, without learning"
+        )
+        for name, measure in _IMAGE_SCORES.items()
+    }
+    numbers = {
+        "images": Measure("images", digits=0),
+        "failures": Measure("failures", "images that could not be used", digits=0),
+    }
+    return ours | theirs | numbers
+
+
+REAL_IMAGES = _of_images()
+"""Of instances on labelled real images."""

@@ -1,0 +1,29 @@
+"""What shows results and data on a page; a protocol per component group."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Protocol
+
+from scenefw.core.protocols import Result
+from scenefw.report.blocks import Block, Section
+
+
+class Presentation(Protocol):
+    """How the result of an evaluation looks (group `presentation`)."""
+
+    def sections(self, result: Result, folder: Path) -> Sequence[Section]:
+        """The sections of a result; pictures are written into the folder, that of the page."""
+
+
+class Gallery(Protocol):
+    """Examples of what methods make of single scenes (group `gallery`)."""
+
+    def show(self) -> Sequence[Block]:
+        """What stands below the heading of the examples; empty = there is no such section."""
+
+
+class Showcase(Protocol):
+    """What a page shows of the data that a network learns from (group `showcase`)."""
+
+    def show(self) -> tuple[Sequence[Section], Mapping[str, float]]:
+        """Sections, and figures of the data by name."""

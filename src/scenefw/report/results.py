@@ -1,0 +1,30 @@
+"""Sections of a result with examples among them."""
+
+from pathlib import Path
+
+from scenefw.core.protocols import Result
+from scenefw.report.blocks import Section
+from scenefw.report.console import print_tables
+from scenefw.report.protocols import Gallery, Presentation
+
+EXAMPLES = "Predictions beside ground truth"
+
+
+def result_sections(
+    result: Result, presentation: Presentation, gallery: Gallery, folder: Path
+) -> list[Section]:
+    """Prints the tables of a result; its sections, examples in second place if there are any.
+
+    Args:
+        result: of an evaluation.
+        presentation: makes the sections.
+        gallery: makes the examples.
+        folder: of the page.
+
+    Raises:
+        StorageError: the folder can't be written.
+    """
+    shown = list(presentation.sections(result, folder))
+    print_tables(shown)
+    examples = tuple(gallery.show())
+    return [*shown[:1], *([Section(EXAMPLES, examples)] if examples else []), *shown[1:]]

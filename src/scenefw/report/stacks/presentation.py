@@ -1,0 +1,24 @@
+"""How results of this chapter look on the page."""
+
+from pathlib import Path
+
+from scenefw.core.protocols import Result
+from scenefw.evaluation.stacks.real_masks import RealMaskResult
+from scenefw.evaluation.stacks.results import ReconstructionResult
+from scenefw.report.blocks import Section
+from scenefw.report.presentation import Show, sections_by_class
+from scenefw.report.stacks.real_masks import real_mask_sections
+from scenefw.report.stacks.reconstruction import reconstruction_sections
+
+_SHOWN_BY: dict[type, Show] = {
+    ReconstructionResult: lambda result, _: reconstruction_sections(result),
+    RealMaskResult: real_mask_sections,
+}
+
+
+class StackResults:
+    """Reconstructions beside the thesis's, and instances on real images."""
+
+    def sections(self, result: Result, folder: Path) -> tuple[Section, ...]:
+        """Those of the chapter; results of others get a table of their figures."""
+        return sections_by_class(result, folder, _SHOWN_BY)
