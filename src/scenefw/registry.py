@@ -35,6 +35,8 @@ PACKAGES = {
     "optimizer": "learning",
     "learning": "learning",
     "trainer": "learning",
+    "callback": "learning",
+    "logger": "learning",
     "evaluation": "evaluation",
     "report": "report",
     "run": "tasks",

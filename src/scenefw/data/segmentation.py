@@ -9,9 +9,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from scenefw.core.batches import SegmentationBatch
+from scenefw.core.batches import IndexBatch, SegmentationBatch
 from scenefw.core.errors import ConfigError
-from scenefw.data.modules import EpochBatches, IndexBatch
+from scenefw.data.epochs import EpochBatches
 
 
 class Samples(Protocol):
@@ -45,6 +45,8 @@ class SegmentationData(lightning.LightningDataModule):
         batch_size: samples per step; 8 in the thesis.
         seed: seed of their order.
     """
+
+    grid = None  # images have no voxels
 
     def __init__(
         self, train: Samples, validation: Samples, batch_size: int = 8, seed: int = 0

@@ -6,28 +6,30 @@ from pathlib import Path
 from torch import Tensor, nn
 
 from scenefw.core.errors import CheckpointError, ConfigError
+from scenefw.core.training_protocols import Network
 from scenefw.learning.checkpoint import SHAPE_INSTANCE, load_checkpoint
 
 
 def start_from(
-    model: nn.Module,
+    model: Network,
     path: Path | str,
     task: str = SHAPE_INSTANCE,
-    fresh: Sequence[str] = (),
-) -> nn.Module:
-    """Gives a network the weights of a checkpoint; returns the network.
+    reinitialise: Sequence[str] = (),
+) -> None:
+    """Gives a network the weights of a checkpoint.
 
     Children that only training needs (`training_only`) may be missing there, as in the weights that
-    ship, and start anew. So do the modules named by `fresh`, whatever the file holds.
+    ship, and start from random weights. So do the modules named by `reinitialise`, whatever the
+    file holds.
 
     Raises:
         CheckpointError: the file is unusable, for another task, or of other layers.
-        ConfigError: the network has no module of a name in `fresh`.
+        ConfigError: the network has no module of a name in `reinitialise`.
     """
-    own = model.state_dict()
-    anew = [*getattr(model, "training_only", ()), *_known(fresh, own)]
+    own = _weights(model)
+    anew = [*model.training_only, *_known(reinitialise, own)]
     stored = load_checkpoint(path, task=task).model.state_dict()
-    weights = {n: value for n, value in stored.items() if not _within(n, fresh)}
+    weights = {n: value for n, value in stored.items() if not _within(n, reinitialise)}
     missing = [n for n in own if n not in weights and not _within(n, anew)]
     other = [n for n in weights if n not in own or own[n].shape != weights[n].shape]
     if missing or other:
@@ -35,18 +37,25 @@ def start_from(
             f"{path} holds another network than the one to train ({(missing + other)[0]} and "
             f"{len(missing + other) - 1} more differ); give the same model and grid settings"
         )
-    model.load_state_dict({**own, **weights})
-    return model
+    _load(model, {**own, **weights})
 
 
-def _known(fresh: Sequence[str], own: Mapping[str, Tensor]) -> list[str]:
-    for name in fresh:
+def _weights(model: nn.Module) -> dict[str, Tensor]:
+    return model.state_dict()
+
+
+def _load(model: nn.Module, weights: Mapping[str, Tensor]) -> None:
+    model.load_state_dict(weights)
+
+
+def _known(reinitialise: Sequence[str], own: Mapping[str, Tensor]) -> list[str]:
+    for name in reinitialise:
         if not any(_within(n, [name]) for n in own):
             raise ConfigError(
-                f"learning.fresh names {name}, which the network does not have; it has "
+                f"learning.reinitialise names {name}, which the network does not have; it has "
                 f"{', '.join(sorted({'.'.join(n.split('.')[:2]) for n in own}))}"
             )
-    return list(fresh)
+    return list(reinitialise)
 
 
 def _within(name: str, modules: Sequence[str]) -> bool:

@@ -18,7 +18,9 @@ def moved(model):
 def test_a_network_takes_on_the_weights_of_a_file(tmp_path):
     stored = moved(network())
     save_checkpoint(tmp_path / "a.safetensors", stored, stored.recipe, GridSpec(8))
-    found = start_from(network(), tmp_path / "a.safetensors").state_dict()
+    model = network()
+    start_from(model, tmp_path / "a.safetensors")
+    found = model.state_dict()
     assert all(torch.equal(value, found[name]) for name, value in stored.state_dict().items())
 
 
@@ -50,7 +52,7 @@ def test_named_modules_start_anew(tmp_path):
     stored, fresh = moved(network()), network()
     save_checkpoint(tmp_path / "a.safetensors", stored, stored.recipe, GridSpec(8))
     found = learning(
-        initial=tmp_path / "a.safetensors", fresh=["decoder.linear"]
+        initial=tmp_path / "a.safetensors", reinitialise=["decoder.linear"]
     ).model.state_dict()
     for name, value in fresh.state_dict().items():
         new = name.startswith("decoder.linear.")
@@ -61,4 +63,4 @@ def test_an_unknown_module_is_refused_with_those_there_are(tmp_path):
     stored = network()
     save_checkpoint(tmp_path / "a.safetensors", stored, stored.recipe, GridSpec(8))
     with pytest.raises(ConfigError, match=r"decoder\.lin,.*decoder\.linear"):
-        start_from(network(), tmp_path / "a.safetensors", fresh=["decoder.lin"])
+        start_from(network(), tmp_path / "a.safetensors", reinitialise=["decoder.lin"])

@@ -106,7 +106,7 @@ def test_a_deeper_network_starts_from_a_shallower_one(tmp_path):
     before = load_checkpoint(weights, task="segmentation").model.state_dict()
     added = ["body.colour.2", "body.depth.2", "body.decoder.1"]
     deep = {"widths": (6, 8, 10), "initial": weights}
-    after = tiny_labels.learning(**deep, fresh=added).model.state_dict()
+    after = tiny_labels.learning(**deep, reinitialise=added).model.state_dict()
     assert before.keys() < after.keys()
     assert all(torch.equal(after[name], value) for name, value in before.items())
     assert {".".join(n.split(".")[:3]) for n in after.keys() - before.keys()} == set(added)
