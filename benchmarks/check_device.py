@@ -15,10 +15,9 @@ import torch
 from torch import Tensor
 
 from scenefw import config, plugins
-from scenefw.core.batches import ShapeInstanceBatch
+from scenefw.core.batches import IndexBatch
 from scenefw.core.rng import Streams
-from scenefw.data.conditioning import training_batch
-from scenefw.data.modules import IndexBatch
+from scenefw.data.conditioning import shape_instance_batch
 from scenefw.data.segmentation import SegmentationData
 from scenefw.data.stacks import StackScenes
 
@@ -46,7 +45,7 @@ def step(settings, device) -> dict[str, Tensor]:
     found = (
         labelled(learning, data, device)
         if isinstance(data, SegmentationData)
-        else completed(learning, device)
+        else completed(learning, data, device)
     )
     return {name: value.detach().float().cpu() for name, value in found.items()}
 
@@ -62,15 +61,12 @@ def labelled(learning, data, device) -> dict[str, Tensor]:
     return {"colour": batch.colour, "distance": distance, "labels": batch.labels, "losses": losses}
 
 
-def completed(learning, device) -> dict[str, Tensor]:
+def completed(learning, data, device) -> dict[str, Tensor]:
     """Volumes, views and losses of a shape-and-instance network."""
     scenes = StackScenes(split="train", limit=SCENES)
     streams = Streams.of(0, 2, 0, indices=np.arange(SCENES))
-    made = learning.views.make(scenes.parameters(list(range(SCENES)), device), streams)
-    observed = learning.model.channels == 2
-    batch: ShapeInstanceBatch = training_batch(
-        made.partial, made.volumes, learning.grid, observed=observed
-    )
+    made = data.views.make(scenes.parameters(list(range(SCENES)), device), streams)
+    batch = shape_instance_batch(made.partial, made.scenes, data.representations)
     model = learning.model.to(device)
     prediction = model(batch, torch.Generator().manual_seed(0))
     losses = torch.stack([loss(prediction, batch).detach() for loss in learning.losses.values()])

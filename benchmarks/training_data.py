@@ -19,7 +19,7 @@ from scenefw.core.batches import SceneParameters, ShapeInstanceBatch
 from scenefw.core.rng import Streams
 from scenefw.core.types import GridSpec
 from scenefw.data.augmentation import RigidAugmentation
-from scenefw.data.conditioning import training_batch
+from scenefw.data.conditioning import shape_instance_batch
 from scenefw.data.stacks import StackScenes
 from scenefw.data.views import ViewMaker
 from scenefw.losses.partial_tsdf import PartialTsdfLoss
@@ -30,10 +30,13 @@ from scenefw.mapping.projective import Projective
 from scenefw.models.shape_instance_vae import ShapeInstanceVAE
 from scenefw.noise.kinect import Kinect
 from scenefw.renderers.sphere_tracer import SphereTracer
+from scenefw.representations.tsdf import TSDF
+from scenefw.representations.vote_field import VoteField
 from scenefw.scenes.cameras import RandomViewpoints
 
 GRID = GridSpec()
 SIZE = (160, 120)
+VOLUMES = {"tsdf": TSDF(), "votes": VoteField()}
 DEVICE = "cuda" if torch.cuda.is_available() else "cpu"
 SCENES = 64 if DEVICE == "cuda" else 8
 
@@ -68,7 +71,7 @@ def data_side(
     def draw() -> ShapeInstanceBatch:
         streams = Streams.of(0, 2, indices=indices.numpy())
         made = maker.make(stacks.parameters(indices, device), streams)
-        return training_batch(made.partial, made.volumes, grid, observed=True)
+        return shape_instance_batch(made.partial, made.scenes, VOLUMES)
 
     draw()  # compiled, scenes on the device
     if device == "cuda":

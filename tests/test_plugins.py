@@ -109,7 +109,8 @@ def test_an_installed_plugin_is_found_without_its_folder(installed, tmp_path):
         "found = plugins.activate(); print(*[(p.name, p.source, p.conf) for p in found]);"
         "assert 'scenefw_point_cloud' not in sys.modules;"
         "from scenefw import registry;"
-        "print(type(registry.build('representation', 'point_cloud', stride=2)).__name__)"
+        "print(registry.describe('run', 'point_cloud'));"
+        "from scenefw_point_cloud.representation import PointClouds; print(PointClouds.__name__)"
     )
     env = {**os.environ, "PYTHONPATH": str(installed)}
     done = subprocess.run(

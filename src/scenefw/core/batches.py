@@ -5,12 +5,14 @@ torch is imported for type checkers only, so that these can be named without it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from torch import Tensor
+
+    from scenefw.core.types import GridSpec
 
 
 @dataclass(frozen=True)
@@ -77,52 +79,131 @@ class PartialTSDF:
 
 
 @dataclass(frozen=True)
+class IndexBatch:
+    """Positions of samples in their split, and the epoch that takes them."""
+
+    epoch: int
+    indices: Tensor
+
+    def to(self, *_args: Any, **_options: Any) -> IndexBatch:
+        """Itself: indices stay where the parameters are."""
+        return self
+
+
+@dataclass(frozen=True)
 class ShapeInstanceBatch:
-    """One training or evaluation batch; distances in units of the truncation, so in [-1, 1].
+    """One training or validation batch, in the units of the network.
 
     Args:
-        condition: (B, C, X, Y, Z): partial TSDF, then (C = 2) observed as 0 or 1.
-        tsdf: (B, 1, X, Y, Z).
-        votes: (B, 3, X, Y, Z).
+        condition: (B, 2, X, Y, Z): partial TSDF in units of the truncation, in [-1, 1], and 1 where
+            observed, else 0. A network takes the channels that it needs.
+        targets: complete scenes (B, C, X, Y, Z) by name of the representation.
+        truths: the same in the units of the representations; in validation alone.
     """
 
     condition: Tensor
-    tsdf: Tensor
-    votes: Tensor
+    targets: Mapping[str, Tensor]
+    truths: Mapping[str, Tensor] = field(default_factory=dict)
+
+    @property
+    def tsdf(self) -> Tensor:
+        """(B, 1, X, Y, Z) distances in units of the truncation."""
+        return self.targets["tsdf"]
+
+    @property
+    def votes(self) -> Tensor:
+        """(B, 3, X, Y, Z) votes, unit vectors or 0."""
+        return self.targets["votes"]
 
 
 @dataclass(frozen=True)
 class RedrawnShapes:
-    """Shapes of some of a batch's views from a second code each, drawn like the first.
+    """Some of a batch's views from a second code each, drawn like the first.
 
     Args:
         rows: of the batch, P of them.
-        tsdf: (P, 1, X, Y, Z) distances in units of the truncation.
+        volumes: outputs (P, C, X, Y, Z) by name.
     """
 
     rows: slice
-    tsdf: Tensor
+    volumes: Mapping[str, Tensor]
+
+    @property
+    def tsdf(self) -> Tensor:
+        """(P, 1, X, Y, Z) distances in units of the truncation."""
+        return self.volumes["tsdf"]
 
 
 @dataclass(frozen=True)
 class ShapeInstancePrediction:
-    """Output of a shape-and-instance network; distances in units of the truncation.
+    """Output of a shape-and-instance network, in its own units.
 
     Args:
-        tsdf: (B, 1, X, Y, Z).
-        votes: (B, 3, X, Y, Z), not normalised.
+        volumes: outputs (B, C, X, Y, Z) by name of the representation.
         partial: (B, 1, X, Y, Z) reconstruction of the condition, or None.
         latent: codes (L) of B views, or of those that an encoder saw in training, or None.
         statistics: further tensors by name, e.g. mean and log-variance of the code.
         redrawn: what other codes make of some of the views, or None.
     """
 
-    tsdf: Tensor
-    votes: Tensor
+    volumes: Mapping[str, Tensor]
     partial: Tensor | None = None
     latent: Tensor | None = None
     statistics: Mapping[str, Tensor] = field(default_factory=dict)
     redrawn: RedrawnShapes | None = None
+
+    @property
+    def tsdf(self) -> Tensor:
+        """(B, 1, X, Y, Z) distances in units of the truncation."""
+        return self.volumes["tsdf"]
+
+    @property
+    def votes(self) -> Tensor:
+        """(B, 3, X, Y, Z) votes, not normalised."""
+        return self.volumes["votes"]
+
+
+@dataclass(frozen=True)
+class ShapeInstanceSetup:
+    """What losses may know of a training of volumes before it starts.
+
+    Args:
+        grid: the voxel grid.
+        targets: channels of each volume by name.
+        batch_size: views per step.
+        redrawn: how many of them get two codes from the prior.
+    """
+
+    grid: GridSpec
+    targets: Mapping[str, int]
+    batch_size: int
+    redrawn: int
+
+
+@dataclass(frozen=True)
+class Completion:
+    """Complete scenes that a network makes of B partial views with one code each.
+
+    Args:
+        tsdf: (B, X, Y, Z) metres.
+        instances: (B, X, Y, Z) int32.
+        volumes: (B, C, X, Y, Z) by name, as their representations say them.
+    """
+
+    tsdf: Tensor
+    instances: Tensor
+    volumes: Mapping[str, Tensor] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class SegmentationSetup:
+    """What losses may know of a training of labels before it starts.
+
+    Args:
+        classes: names by class id.
+    """
+
+    classes: Sequence[str]
 
 
 @dataclass(frozen=True)

@@ -15,13 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import Tensor
 
-    from scenefw.core.batches import (
-        CameraBatch,
-        PartialTSDF,
-        SceneParameters,
-        ShapeInstanceBatch,
-        ShapeInstancePrediction,
-    )
+    from scenefw.core.batches import CameraBatch, PartialTSDF, SceneParameters, SceneVolumes
     from scenefw.core.measures import Measure
     from scenefw.core.types import Camera, Float64, GridSpec, Pose, Scene, SceneObject, Shape
 
@@ -67,11 +61,30 @@ class SceneSource(Protocol):
         """Attempt number `index` of the data set `seed`; None if the attempt failed."""
 
 
-class Representation(Protocol):
-    """A volume that describes scenes (group `representation`)."""
+class SceneBatch(Protocol):
+    """B scenes of which volumes are made, on one device."""
 
-    def of_scenes(self, parameters: SceneParameters, grid: GridSpec) -> Tensor:
-        """(B, C, X, Y, Z) of B scenes, on the device of the parameters."""
+    parameters: SceneParameters
+    grid: GridSpec
+
+    @property
+    def volumes(self) -> SceneVolumes:
+        """Their exact distances, votes and instances, computed when first read, and once."""
+
+
+class Representation(Protocol):
+    """A volume that describes scenes, which networks learn to give (group `representation`)."""
+
+    channels: int
+
+    def of_scenes(self, scenes: SceneBatch) -> Tensor:
+        """(B, channels, X, Y, Z) of B scenes in its own units, on their device."""
+
+    def to_network(self, volume: Tensor, grid: GridSpec) -> Tensor:
+        """What losses compare a network's output with, float32, of a volume of `of_scenes`."""
+
+    def from_network(self, output: Tensor, grid: GridSpec) -> Tensor:
+        """A network's output (..., channels, X, Y, Z) in the units of `of_scenes`, float32."""
 
 
 class Renderer(Protocol):
@@ -114,25 +127,6 @@ class PoseNoise(Noise, Protocol):
 
     def moves(self, draws: Float64) -> Float64:
         """Disturbed poses (B, 4, 4) in the frames of their cameras, of draws (B, `DRAWS`)."""
-
-
-class Loss(Protocol):
-    """One named term of the training loss (group `loss`), and what it counts in the sum."""
-
-    weight: float
-
-    def __call__(self, prediction: ShapeInstancePrediction, batch: ShapeInstanceBatch) -> Tensor:
-        """A scalar."""
-
-
-class ShapeInstanceModel(Protocol):
-    """A network from a partial view to complete shape and centre votes (group `model`)."""
-
-    def forward(self, batch: ShapeInstanceBatch) -> ShapeInstancePrediction:
-        """Training pass, which may see the full scene."""
-
-    def predict(self, condition: Tensor, latent: Tensor | None = None) -> ShapeInstancePrediction:
-        """Test pass from (B, C, X, Y, Z) and codes (B, L); None means the zero code."""
 
 
 class Matching(Protocol):

@@ -241,6 +241,7 @@ class SceneEstimate:
         instances: (X, Y, Z) int32.
         frame: the view in the world frame (its camera's pose is the estimated one).
         details: flat facts worth keeping (floor, versions, checkpoint, warnings).
+        volumes: what else the network says (C, X, Y, Z), by name of the representation.
     """
 
     objects: tuple[ObjectEstimate, ...]
@@ -249,3 +250,4 @@ class SceneEstimate:
     instances: Int32
     frame: Frame
     details: Mapping[str, Any] = field(default_factory=dict)
+    volumes: Mapping[str, NDArray[Any]] = field(default_factory=dict)

@@ -1,29 +1,46 @@
 """The network's input and truth in its own units."""
 
+from collections.abc import Mapping
+
 import torch
 from torch import Tensor
 
-from scenefw.core.batches import PartialTSDF, SceneVolumes, ShapeInstanceBatch
+from scenefw.core.batches import PartialTSDF, ShapeInstanceBatch
+from scenefw.core.protocols import Representation, SceneBatch
 from scenefw.core.types import GridSpec
 
 
-def condition(partial: PartialTSDF, grid: GridSpec, *, observed: bool) -> Tensor:
-    """The network's input (B, C, X, Y, Z) in units of the truncation, in [-1, 1].
+def condition(partial: PartialTSDF, grid: GridSpec) -> Tensor:
+    """The network's input (B, 2, X, Y, Z): distance in units of the truncation, and what was seen.
 
     Args:
         partial: partial TSDF (m).
         grid: gives the truncation.
-        observed: add a second channel, 1 where observed, else 0 (thesis: False).
+
+    Returns:
+        Distances in [-1, 1], then 1 where observed, else 0.
     """
     distance = (partial.distance / grid.truncation).clamp(-1, 1)
-    if not observed:
-        return distance
     return torch.cat([distance, partial.observed.to(distance.dtype)], dim=1)
 
 
-def training_batch(
-    partial: PartialTSDF, volumes: SceneVolumes, grid: GridSpec, *, observed: bool
+def shape_instance_batch(
+    partial: PartialTSDF,
+    scenes: SceneBatch,
+    representations: Mapping[str, Representation],
+    *,
+    truths: bool = False,
 ) -> ShapeInstanceBatch:
-    """What the network trains on: the condition and the complete scene, objects alone."""
-    tsdf = (volumes.tsdf / grid.truncation).clamp(-1, 1)
-    return ShapeInstanceBatch(condition(partial, grid, observed=observed), tsdf, volumes.votes)
+    """What the network trains on: the condition and the complete scenes, objects alone.
+
+    Args:
+        partial: partial TSDFs (m) of the scenes.
+        scenes: as they were seen.
+        representations: by name.
+        truths: also the volumes in the units of their representations.
+    """
+    made = {name: one.of_scenes(scenes) for name, one in representations.items()}
+    targets = {
+        name: one.to_network(made[name], scenes.grid) for name, one in representations.items()
+    }
+    return ShapeInstanceBatch(condition(partial, scenes.grid), targets, made if truths else {})

@@ -9,9 +9,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from scenefw.core.batches import SegmentationBatch
+from scenefw.core.batches import IndexBatch, SegmentationBatch
 from scenefw.core.errors import ConfigError
-from scenefw.data.modules import EpochBatches, IndexBatch
+from scenefw.data.epochs import EpochBatches
 
 
 class Samples(Protocol):
@@ -46,6 +46,8 @@ class SegmentationData(lightning.LightningDataModule):
         seed: seed of their order.
         distinct_batches: train on this many batches again and again, noise and all; None means all.
     """
+
+    grid = None  # images have no voxels
 
     def __init__(
         self,

@@ -11,13 +11,13 @@ from torch import Tensor
 
 from scenefw.core.batches import CameraBatch, PartialTSDF, SceneParameters, SceneVolumes
 from scenefw.core.errors import ConfigError
-from scenefw.core.protocols import MappingMethod, Noise, PoseNoise, Renderer
+from scenefw.core.protocols import MappingMethod, Noise, PoseNoise, Renderer, SceneBatch
 from scenefw.core.rng import Streams
 from scenefw.core.types import Camera, Float64, GridSpec
 from scenefw.data.augmentation import RigidAugmentation
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.kernels.transfer import to_device
-from scenefw.representations.volumes import scene_volumes
+from scenefw.representations.volumes import ExactScenes
 
 
 class Viewpoints(Protocol):
@@ -37,16 +37,21 @@ class ViewBatch:
     """B scenes, each seen once.
 
     Args:
-        volumes: the complete scenes, metres.
+        scenes: as they were seen, moved by the augmentation.
         depth: (B, H, W) z-depth in metres, 0 = no measurement.
         cameras: one per scene.
         partial: what the depth images say of the grid, metres.
     """
 
-    volumes: SceneVolumes
+    scenes: SceneBatch
     depth: Tensor
     cameras: CameraBatch
     partial: PartialTSDF
+
+    @property
+    def volumes(self) -> SceneVolumes:
+        """The complete scenes, metres."""
+        return self.scenes.volumes
 
 
 class ViewMaker:
@@ -126,8 +131,8 @@ class ViewMaker:
 
     def _see(self, parameters: SceneParameters, cameras: CameraBatch, seeds: Tensor) -> ViewBatch:
         """Views with noise of seeds (N, B), one row per noise."""
-        volumes = scene_volumes(parameters, self.grid)
-        depth = self.renderer.render(volumes.tsdf, self.grid, cameras)
+        scenes = ExactScenes(parameters, self.grid)
+        depth = self.renderer.render(scenes.volumes.tsdf, self.grid, cameras)
         for name, row in zip(sorted(self.noise), seeds, strict=True):
             depth = self.noise[name].apply(depth, cameras, row)
-        return ViewBatch(volumes, depth, cameras, self.mapping.fuse(depth, self.grid, cameras))
+        return ViewBatch(scenes, depth, cameras, self.mapping.fuse(depth, self.grid, cameras))

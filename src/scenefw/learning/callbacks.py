@@ -1,7 +1,6 @@
-"""What happens beside the steps of a training: snapshots, the table of losses, the progress bar."""
+"""What happens beside the steps of a training: snapshots, and the progress bar."""
 
-import csv
-import io
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -16,12 +15,11 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
-from torch import Tensor
 
-from scenefw.core.files import append_text, replacing
 from scenefw.learning.divergence import require_finite
 from scenefw.learning.limits import Limits
-from scenefw.learning.module import AGREE_EVERY, TrainingModule
+from scenefw.learning.module import TrainingModule
+from scenefw.learning.resumable import AGREE_EVERY
 
 
 class Snapshots(lightning.Callback):
@@ -74,7 +72,7 @@ class Snapshots(lightning.Callback):
 
     def _save(self, trainer: lightning.Trainer, module: TrainingModule) -> None:
         require_finite(module)
-        with module.clock_stopped():
+        with module.clock.stopped():
             began = time.monotonic()
             trainer.save_checkpoint(self.path)  # all processes take part, the first one writes
             if self.export is not None and trainer.is_global_zero:
@@ -83,78 +81,26 @@ class Snapshots(lightning.Callback):
             self.seconds, self._saved = self._last - began, module.batches_seen
 
 
-class LossTable(lightning.Callback):
-    """Writes losses and validation scores as one flat CSV: step, epoch, seconds, name, value.
-
-    A resumed training first drops the rows that come after its snapshot.
-
-    Args:
-        path: of the file, appended to.
-        every: steps between rows of the training losses, each the mean since the last.
-    """
-
-    def __init__(self, path: Path, every: int = 20) -> None:
-        self.path, self.every = path, every
-        self._sums: dict[str, Tensor] = {}
-        self._count = 0
-
-    def on_fit_start(self, trainer: lightning.Trainer, module: TrainingModule) -> None:
-        """Starts the file, or cuts it back to where the training goes on."""
-        if not trainer.is_global_zero:
-            return
-        rows = []
-        if module.batches_seen and self.path.exists():
-            with self.path.open(newline="", encoding="utf-8") as file:
-                rows = [r for r in list(csv.reader(file))[1:] if int(r[0]) <= module.batches_seen]
-        with replacing(self.path) as temporary, temporary.open("w", newline="") as file:
-            csv.writer(file).writerows([["step", "epoch", "seconds", "name", "value"], *rows])
-
-    def on_train_batch_end(
-        self, trainer: lightning.Trainer, module: TrainingModule, *_: Any
-    ) -> None:
-        """Adds up, and writes the means every few steps."""
-        self._count += 1
-        for name, value in trainer.callback_metrics.items():
-            if name.startswith("train/"):
-                self._sums[name] = self._sums.get(name, 0.0) + value  # stays on the device
-        if module.batches_seen % self.every == 0:
-            means = {n: float(s) / self._count for n, s in self._sums.items()}
-            self._write(trainer, module, means)
-            self._sums, self._count = {}, 0
-
-    def on_validation_end(self, trainer: lightning.Trainer, module: TrainingModule) -> None:
-        """Writes the scores."""
-        values = {n: float(v) for n, v in trainer.callback_metrics.items() if n.startswith("val/")}
-        self._write(trainer, module, values)
-
-    def _write(
-        self, trainer: lightning.Trainer, module: TrainingModule, values: dict[str, float]
-    ) -> None:
-        if not trainer.is_global_zero:
-            return
-        epoch = max(module.batches_seen - 1, 0) // max(module.batches_per_epoch, 1)
-        place = [module.batches_seen, epoch, f"{module.seconds:.1f}"]
-        rows = io.StringIO(newline="")
-        csv.writer(rows).writerows([[*place, n, f"{v:.6g}"] for n, v in values.items()])
-        append_text(self.path, rows.getvalue())
-
-
 class ProgressBar(lightning.Callback):
     """A rich bar with rate, memory, losses and time left, whichever limit comes first.
 
+    Where there is no terminal it prints lines instead (group `callback`).
+
     Args:
-        limits: say how far the training is.
-        lines: print a plain line every this many seconds instead, for logs; None draws the bar.
+        lines: seconds between lines where there is no terminal.
+        bar: draw the bar: true, false, or null where there is a terminal.
     """
 
-    def __init__(self, limits: Limits, lines: float | None = None) -> None:
-        self.limits, self.lines = limits, lines
+    def __init__(self, lines: float = 60.0, bar: bool | None = None) -> None:
+        self.every = lines
+        self.drawn = sys.stdout.isatty() if bar is None else bar
         self._bar: Progress | None = None
         self._printed = time.monotonic()
 
     def on_train_start(self, trainer: lightning.Trainer, module: TrainingModule) -> None:
         """Starts the bar."""
-        if self.lines is None and trainer.is_global_zero:
+        self._limits = next((c for c in trainer.callbacks if isinstance(c, Limits)), None)
+        if self.drawn and trainer.is_global_zero:
             self._bar = Progress(
                 TextColumn("training"),
                 BarColumn(),
@@ -172,19 +118,20 @@ class ProgressBar(lightning.Callback):
     ) -> None:
         """Moves the bar."""
         now = time.monotonic()
-        if now - self._printed < (self.lines or 0.5) or not trainer.is_global_zero:
+        wait = 0.5 if self.drawn else self.every
+        if now - self._printed < wait or not trainer.is_global_zero:
             return
         self._printed = now
         rate = _rate(module)
         if self._bar is not None:
             self._bar.update(
                 self._task,
-                completed=self.limits.share(trainer, module),
+                completed=self._limits.share(trainer, module) if self._limits else 0.0,
                 step=module.batches_seen,
                 rate=rate,
                 losses=_losses(trainer),
             )
-        elif self.lines is not None:
+        elif not self.drawn:
             epoch = module.batches_seen // module.batches_per_epoch
             print(
                 f"step {module.batches_seen} epoch {epoch}, {rate}, "

@@ -35,14 +35,12 @@ class Checkpoint:
     Args:
         model: in eval mode.
         grid: the voxel grid it was trained on; None for a network of images.
-        observed: whether its condition has the channel of what was observed.
         recipe: class and arguments of the network.
         metadata: how it was trained.
     """
 
     model: nn.Module
     grid: GridSpec | None
-    observed: bool
     recipe: dict[str, Any]
     metadata: dict[str, Any]
 
@@ -171,9 +169,8 @@ def load_checkpoint(
             f"{header['recipe']['_target_']}; use the version of scenefw that wrote it "
             f"({header['versions'].get('scenefw')})"
         ) from error
-    observed = getattr(model, "channels", 1) == 2
     model = model.to(device).eval()
-    return Checkpoint(model, header["grid"], observed, header["recipe"], header["metadata"])
+    return Checkpoint(model, header["grid"], header["recipe"], header["metadata"])
 
 
 def read_header(path: Path | str) -> tuple[dict[str, Any], int]:

@@ -4,7 +4,7 @@ import dataclasses
 import sys
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, TypeVar
 
 import torch
@@ -65,7 +65,7 @@ class SideStream:
         self._stream: Any = None
 
     def run(self, device: torch.device, make: Callable[[], Batch]) -> Batch:
-        """What `make` makes, a dataclass of tensors, ready for the network's stream."""
+        """What `make` makes, a dataclass of tensors and mappings of them, ready for the network."""
         if device.type != "cuda":
             return make()
         if self._stream is None:
@@ -74,11 +74,18 @@ class SideStream:
         with torch.cuda.stream(self._stream):
             batch = make()
         main.wait_stream(self._stream)
-        for field in dataclasses.fields(batch):  # type: ignore[arg-type]
-            value = getattr(batch, field.name)
-            if isinstance(value, torch.Tensor):
-                value.record_stream(main)  # its memory is not given away before the network's use
+        for tensor in _tensors(batch):
+            tensor.record_stream(main)  # its memory is not given away before the network's use
         return batch
+
+
+def _tensors(batch: Any) -> Iterator[torch.Tensor]:
+    """Those that are fields of a dataclass, or in mappings there."""
+    for field in dataclasses.fields(batch):
+        value = getattr(batch, field.name)
+        for one in value.values() if isinstance(value, Mapping) else [value]:
+            if isinstance(one, torch.Tensor):
+                yield one
 
 
 def peak_memory(device: torch.device) -> float:

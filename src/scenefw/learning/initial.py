@@ -6,26 +6,28 @@ from pathlib import Path
 from torch import Tensor, nn
 
 from scenefw.core.errors import CheckpointError, ConfigError
+from scenefw.core.training_protocols import Network
 from scenefw.learning.checkpoint import SHAPE_INSTANCE, load_checkpoint
 
 
 def start_from(
-    model: nn.Module,
+    model: Network,
     path: Path | str,
     task: str = SHAPE_INSTANCE,
     reinitialise: Sequence[str] = (),
-) -> nn.Module:
-    """Gives a network the weights of a checkpoint; returns the network.
+) -> None:
+    """Gives a network the weights of a checkpoint.
 
     Children that only training needs (`training_only`) may be missing there, as in the weights that
-    ship, and start anew. So do the modules named by `reinitialise`, whatever the file holds.
+    ship, and start from random weights. So do the modules named by `reinitialise`, whatever the
+    file holds.
 
     Raises:
         CheckpointError: the file is unusable, for another task, or of other layers.
         ConfigError: the network has no module of a name in `reinitialise`.
     """
-    own = model.state_dict()
-    anew = [*getattr(model, "training_only", ()), *_known(reinitialise, own)]
+    own = _weights(model)
+    anew = [*model.training_only, *_known(reinitialise, own)]
     stored = load_checkpoint(path, task=task).model.state_dict()
     weights = {n: value for n, value in stored.items() if not _within(n, reinitialise)}
     missing = [n for n in own if n not in weights and not _within(n, anew)]
@@ -35,8 +37,15 @@ def start_from(
             f"{path} holds another network than the one to train ({(missing + other)[0]} and "
             f"{len(missing + other) - 1} more differ); give the same model and grid settings"
         )
-    model.load_state_dict({**own, **weights})
-    return model
+    _load(model, {**own, **weights})
+
+
+def _weights(model: nn.Module) -> dict[str, Tensor]:
+    return model.state_dict()
+
+
+def _load(model: nn.Module, weights: Mapping[str, Tensor]) -> None:
+    model.load_state_dict(weights)
 
 
 def _known(reinitialise: Sequence[str], own: Mapping[str, Tensor]) -> list[str]:

@@ -9,7 +9,8 @@ from typing import Any
 import lightning
 
 from scenefw.core.errors import ConfigError
-from scenefw.learning.module import AGREE_EVERY, TrainingModule
+from scenefw.learning.module import TrainingModule
+from scenefw.learning.resumable import AGREE_EVERY
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class Budget:
 
 
 def finished(budget: Budget, state: dict[str, Any]) -> str | None:
-    """Says in one line that the training of a stored state is at its end, and how to go on."""
+    """Says in one line that the training of a stored state is at its end, and how to continue."""
     mine = state["scenefw"]
     shares = budget.shares(
         state["global_step"],
@@ -60,7 +61,7 @@ def finished(budget: Budget, state: dict[str, Any]) -> str | None:
     if not used:
         return None
     raised = " and ".join(f"trainer.{name}" for _, name in used)
-    return f"the training is finished: {', '.join(w for w, _ in used)}; to go on raise {raised}"
+    return f"the training is finished: {', '.join(w for w, _ in used)}; to continue raise {raised}"
 
 
 class Limits(lightning.Callback):

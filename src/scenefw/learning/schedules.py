@@ -120,8 +120,8 @@ class CosineDecay:
         self.minutes = limit(minutes, "learning.schedule.minutes")
         if not self.steps and not self.minutes and not self.epochs:
             raise ConfigError(
-                "a cosine schedule needs a budget: learning.schedule.steps or .minutes or .epochs "
-                "(size.minutes, size.epochs)"
+                "a cosine schedule needs a budget: learning.schedule.steps, .minutes or .epochs; "
+                "give size.minutes or trainer.max_epochs"
             )
         self.warmup, self.lowest = warmup, lowest
 

@@ -5,50 +5,48 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
-from scenefw.core.batches import ShapeInstanceBatch
+from scenefw.core.batches import (
+    IndexBatch,
+    ShapeInstanceBatch,
+    ShapeInstancePrediction,
+    ShapeInstanceSetup,
+)
 from scenefw.core.errors import ConfigError
-from scenefw.core.protocols import Loss
-from scenefw.core.rng import Streams, torch_seed
-from scenefw.core.types import GridSpec
-from scenefw.data.conditioning import training_batch
-from scenefw.data.modules import IndexBatch
-from scenefw.data.stacks import StackScenes
-from scenefw.data.views import ViewMaker
+from scenefw.core.rng import torch_seed
+from scenefw.core.training_protocols import (
+    Loss,
+    ShapeInstanceData,
+    ShapeInstanceLoss,
+    ShapeInstanceModel,
+    VolumeMetric,
+)
 from scenefw.learning.checkpoint import SHAPE_INSTANCE
-from scenefw.learning.initial import start_from
 from scenefw.learning.module import TrainingModule
 from scenefw.learning.optimizers import Optimizer
-from scenefw.learning.provenance import origin
 from scenefw.learning.schedules import Schedule
-from scenefw.learning.scores import sample_scores, scores
-from scenefw.noise.frames import described
 
-# Random streams, beside that of the order of scenes
-_VIEWS, _VALIDATION, _CODES, _SAMPLES = 2, 3, 4, 5
+# Random streams, beside those of data
+_CODES, _SAMPLES = 4, 5
 _DRAWN = 3  # codes per view that a validation scores
 
 
 class ShapeInstanceLearning(TrainingModule):
-    """Trains a network from partial views to complete shape and votes (group `learning`).
-
-    A step takes indices of scenes, computes their volumes and one view each on the training device,
-    and sums the named losses times their weights. All randomness is a function of the seed and of
-    numbers of epoch, scene and step, so that a resumed training goes on as if never stopped.
+    """Trains a network from partial views to complete volumes (group `learning`).
 
     Args:
-        model: the network; its `channels` say whether it sees what was observed.
-        losses: terms by name, each with a `weight`.
-        views: makes volumes and views.
+        model: the network.
+        losses: terms by name.
+        metrics: figures of a validation by name; None: none.
         learning_rate: of the optimiser at factor 1.
         weight_decay: of the optimiser; 0 makes AdamW Adam.
         schedule: factor of the learning rate; None means 0.99 every 5 epochs.
         average: decay of the moving average of weights that is validated and exported; 0: none.
-        seed: seed of views and codes.
-        initial: checkpoint whose weights to start from; None starts from random ones.
-        reinitialise: modules of the network, such as decoder.linear, that start from random
-            weights even so.
+        seed: seed of codes.
+        initial: weights to start from; None: random ones.
+        reinitialise: modules of the network, such as decoder.linear, that start from random weights
+            even so.
         draw_from: share of the schedule's budget from which codes of the prior are drawn. Before,
             zero takes their place, as samples of a network that knows little differ in all.
         channels_last: memory format of the network, faster on CPUs and on tensor cores.
@@ -57,12 +55,14 @@ class ShapeInstanceLearning(TrainingModule):
     """
 
     task = SHAPE_INSTANCE
+    memory_format = torch.channels_last_3d
+    model: ShapeInstanceModel
 
     def __init__(
         self,
-        model: nn.Module,
-        losses: Mapping[str, Loss],
-        views: ViewMaker,
+        model: ShapeInstanceModel,
+        losses: Mapping[str, ShapeInstanceLoss],
+        metrics: Mapping[str, VolumeMetric] | None = None,
         learning_rate: float = 1e-3,
         weight_decay: float = 0.0,
         schedule: Schedule | None = None,
@@ -80,101 +80,85 @@ class ShapeInstanceLearning(TrainingModule):
             raise ConfigError(
                 f"learning.draw_from is {draw_from}, expected a share of the budget from 0 to 1"
             )
-        if initial is not None:
-            start_from(model, initial, reinitialise=list(reinitialise))
-        model = model.to(memory_format=torch.channels_last_3d) if channels_last else model
         super().__init__(
-            model, learning_rate, weight_decay, schedule, average, seed, compile, optimizer
-        )
-        self.started_from = origin(initial) if initial is not None else None
-        self.losses = dict(losses)
-        self.views = views
+            model, losses, learning_rate, weight_decay, schedule, average, seed, initial,
+            reinitialise, channels_last=channels_last, compile=compile, optimizer=optimizer,
+        )  # fmt: skip
+        self.metrics = dict(metrics or {})
         self.draw_from = draw_from
 
-    @property
-    def grid(self) -> GridSpec:
-        """The voxel grid of the views."""
-        return self.views.grid
-
-    def facts(self) -> dict[str, Any]:
-        """How it trains."""
-        return {
-            "optimizer": str(self.optimizer),
-            "learning_rate": self.learning_rate,
-            "losses": {name: loss.weight for name, loss in self.losses.items()},
-            "noise": described(self.views.noise),
-            "seed": self.seed,
-        }
-
-    def check(self, data: Any) -> None:
-        """Finds out before the work whether network, losses and data go together.
+    def setup_with(self, data: ShapeInstanceData) -> ShapeInstanceSetup:
+        """Grid, volumes, and how many views have two codes.
 
         Raises:
-            ConfigError: a loss compares two codes per view and none has two, or it doesn't fit the
-                volume.
+            ConfigError: the network's outputs are not the volumes of the data.
         """
-        comparing = [name for name, loss in self.losses.items() if _of_draws(loss)]
-        redraws = getattr(self.model, "redraws", None)
-        if comparing and not (redraws and redraws(data.batch_size)):
+        channels = {name: one.channels for name, one in data.representations.items()}
+        if dict(self.model.outputs) != channels:
             raise ConfigError(
-                f"the loss {' and '.join(comparing)} needs two codes per view, and none of a batch "
-                f"of {data.batch_size} has them; raise model.prior_share or the batch, or leave "
-                "the loss out"
+                f"the network gives {_listed(self.model.outputs)}, but is to be trained on "
+                f"{_listed(channels)}; give a network with these outputs, or "
+                f"representation=[{','.join(self.model.outputs)}]"
             )
-        for loss in self.losses.values():
-            if hasattr(loss, "check"):
-                loss.check(self.grid.resolution)
+        redrawn = self.model.redraws(data.batch_size)
+        return ShapeInstanceSetup(data.grid, channels, data.batch_size, redrawn)
 
-    def training_step(self, batch: IndexBatch, batch_idx: int) -> Tensor:
-        """The weighted sum of the losses of the next batch.
+    def check(self, data: Any) -> None:
+        """Finds out before the work whether network, losses, metrics and data go together.
 
-        The loader starts anew when a training is resumed within an epoch; so what is next follows
-        from the number of batches seen.
+        Raises:
+            ConfigError: they don't.
         """
-        batch = self.trainer.train_dataloader.batch(self.batches_seen)
-        scenes = self.trainer.datamodule.scenes
-        volumes = self.fetch(lambda: self._draw(scenes, batch, _VIEWS))
+        super().check(data)
+        for metric in self.metrics.values():
+            metric.check(self.setup_with(data))
+
+    def losses_now(self) -> Mapping[str, Loss]:
+        """Without those that compare drawn codes before any are drawn."""
+        return {n: loss for n, loss in self.losses.items() if self._draw or not loss.needs_draws}
+
+    def predict_batch(self, batch: ShapeInstanceBatch) -> ShapeInstancePrediction:
+        """The training pass, with the codes of this step."""
         codes = torch.Generator()  # on the CPU: the same codes on every device
         codes.manual_seed(torch_seed(self.seed, _CODES, self.batches_seen, self.global_rank))
-        draw = self.budget_done >= self.draw_from
-        prediction = self.model(volumes, codes, draw=draw)
-        chosen = {n: loss for n, loss in self.losses.items() if draw or not _of_draws(loss)}
-        terms = {name: loss(prediction, volumes) for name, loss in chosen.items()}
-        total: Tensor = sum(self.losses[name].weight * term for name, term in terms.items())
-        values = {f"train/{name}": term.detach() for name, term in terms.items()}
-        self.log_dict({"train/total": total.detach(), **values}, batch_size=len(batch.indices))
-        self.count_batch()
-        return total
+        return self.model(batch, codes, draw=self._draw)
+
+    @property
+    def _draw(self) -> bool:
+        return self.budget_done >= self.draw_from
 
     def validation_step(self, batch: IndexBatch, batch_idx: int) -> None:
         """Scores predictions of the same views every time: of the zero code, and of drawn ones."""
-        volumes = self._draw(self.trainer.datamodule.validation_scenes, batch, _VALIDATION)
-        prediction = self.model.predict(volumes.condition)
-        found = scores(prediction, volumes)
-        if hasattr(self.model, "latent_size"):
-            found |= sample_scores(self._samples(volumes, batch_idx), volumes.tsdf)
-        values = {f"val/{name}": value for name, value in found.items()}
+        made = self.trainer.datamodule.validation_batch(batch, self.device)
+        grid = self.trainer.datamodule.grid
+        predicted = {False: self._volumes(self.model.predict(made.condition))}
+        if any(metric.of_samples for metric in self.metrics.values()):
+            predicted[True] = self._samples(made.condition, batch_idx)
+        values = {
+            f"val/{name}": metric(predicted[metric.of_samples], made.truths, grid)
+            for name, metric in self.metrics.items()
+        }
         self.log_dict(values, batch_size=len(batch.indices), on_epoch=True, sync_dist=True)
 
-    def _samples(self, volumes: ShapeInstanceBatch, batch_idx: int) -> Tensor:
-        """Distances (S, B, 1, X, Y, Z) of the same codes from N(0, I) each time."""
-        views = len(volumes.tsdf)
+    def _samples(self, condition: Tensor, batch_idx: int) -> dict[str, Tensor]:
+        """Volumes (S, B, C, X, Y, Z) of the same codes from N(0, I) each time; S = 1 without."""
+        views = len(condition)
+        if not self.model.latent_size:
+            found = self._volumes(self.model.predict(condition))
+            return {name: volume[None] for name, volume in found.items()}
         codes = torch.Generator().manual_seed(torch_seed(self.seed, _SAMPLES, batch_idx))
         latent = torch.randn((_DRAWN * views, self.model.latent_size), generator=codes)
-        tsdf: Tensor = self.model.predict(volumes.condition, latent.to(self.device)).tsdf
-        return tsdf.unflatten(0, (_DRAWN, views))
+        found = self._volumes(self.model.predict(condition, latent.to(self.device)))
+        return {name: volume.unflatten(0, (_DRAWN, views)) for name, volume in found.items()}
 
-    @torch.no_grad()
-    def _draw(self, scenes: StackScenes, batch: IndexBatch, stream: int) -> ShapeInstanceBatch:
-        """Volumes and one view of each scene; scene i of epoch e depends on (seed, e, i) alone."""
-        parameters = scenes.parameters(batch.indices, self.device)
-        streams = Streams.of(self.seed, stream, batch.epoch, indices=batch.indices.numpy())
-        with torch.autocast(self.device.type, enabled=False):
-            made = self.views.make(parameters, streams)
-        observed = self.model.channels == 2
-        return training_batch(made.partial, made.volumes, self.views.grid, observed=observed)
+    def _volumes(self, prediction: ShapeInstancePrediction) -> dict[str, Tensor]:
+        """In the units of their representations."""
+        data = self.trainer.datamodule
+        return {
+            name: one.from_network(prediction.volumes[name], data.grid)
+            for name, one in data.representations.items()
+        }
 
 
-def _of_draws(loss: Loss) -> bool:
-    """Whether a loss compares drawn codes."""
-    return getattr(loss, "of_draws", False)
+def _listed(channels: Mapping[str, int]) -> str:
+    return ", ".join(f"{name} ({count} channels)" for name, count in channels.items())

@@ -37,7 +37,7 @@ class TrainerSettings:
         max_steps: end after this many steps; None or -1 means never.
         max_minutes: end after this time of training, all calls together; None or -1 means never.
         max_time: stop this call, state saved, before it has taken this time, DD:HH:MM:SS; the next
-            call goes on. None means never.
+            call resumes it. None means never.
         validate_every: steps between validations; None means once per epoch; 0 means never.
         gradient_clip: largest norm of the gradient; None means no limit.
         nodes: machines.

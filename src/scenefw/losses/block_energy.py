@@ -4,8 +4,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction
+from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction, ShapeInstanceSetup
 from scenefw.core.errors import ConfigError
+from scenefw.losses.targets import require_draws, require_target
 
 _LEAST = 1e-4  # truncations^2: the root's slope stays finite where two samples agree
 
@@ -21,24 +22,30 @@ class BlockEnergy:
     Args:
         weight: factor of this term in the total; any, as the term is a proper score on its own.
         block: side of a block (voxels).
+        target: name of the representation.
 
     Raises:
         ConfigError: a block has no voxel.
     """
 
-    of_draws = True
+    needs_draws = True
 
-    def __init__(self, weight: float = 1.0, block: int = 8) -> None:
+    def __init__(self, weight: float = 1.0, block: int = 8, target: str = "tsdf") -> None:
         if block < 1:
             raise ConfigError(f"loss.block_energy.block is {block}, expected 1 voxel or more")
-        self.weight, self.block = weight, block
+        self.weight, self.block, self.target = weight, block, target
 
-    def check(self, resolution: int) -> None:
-        """Whether it can be taken of a volume of this many voxels per side.
+    def check(self, setup: ShapeInstanceSetup) -> None:
+        """Whether it can be taken of these volumes.
 
         Raises:
-            ConfigError: blocks don't fill it.
+            ConfigError: there is no such volume, no view has two codes, or blocks don't fill it.
         """
+        require_target("block_energy", self.target, setup)
+        require_draws("block_energy", setup)
+        self._require_blocks(setup.grid.resolution)
+
+    def _require_blocks(self, resolution: int) -> None:
         if resolution % self.block:
             raise ConfigError(
                 f"loss.block_energy.block is {self.block}, the volume has {resolution} voxels per "
@@ -57,10 +64,11 @@ class BlockEnergy:
                 "the loss block_energy needs two codes per view; give model.prior_share of more "
                 "than 0 and a batch large enough for it, or leave the loss out"
             )
-        self.check(batch.tsdf.shape[-1])
-        truth = batch.tsdf[redrawn.rows].float()
-        first = prediction.tsdf[redrawn.rows].float().clamp(-1, 1)
-        second = redrawn.tsdf.float().clamp(-1, 1)
+        true = batch.targets[self.target]
+        self._require_blocks(true.shape[-1])
+        truth = true[redrawn.rows].float()
+        first = prediction.volumes[self.target][redrawn.rows].float().clamp(-1, 1)
+        second = redrawn.volumes[self.target].float().clamp(-1, 1)
         errors = self._distances(first, truth) + self._distances(second, truth)
         return 0.5 * (errors - self._distances(first, second)).mean()
 

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from scenefw.core.batches import SegmentationBatch
+from scenefw.core.batches import SegmentationBatch, SegmentationSetup
 from scenefw.core.errors import ConfigError
 from scenefw.core.labels import UNKNOWN
 
@@ -21,6 +21,8 @@ class CrossEntropy:
         smoothing: share of the truth spread evenly over the classes, which keeps the network's
             probabilities from 0 and 1.
     """
+
+    needs_draws = False
 
     def __init__(
         self,
@@ -38,12 +40,15 @@ class CrossEntropy:
         self.smoothing = smoothing
         self._on_device: Tensor | None = None
 
-    def check(self, classes: int) -> None:
-        """Whether it can be taken of this number of classes.
+    def check(self, setup: SegmentationSetup) -> None:
+        """Whether it can be taken of these classes.
 
         Raises:
             ConfigError: there is another number of class weights.
         """
+        self._require_weights(len(setup.classes))
+
+    def _require_weights(self, classes: int) -> None:
         if self.class_weights is not None and len(self.class_weights) != classes:
             raise ConfigError(
                 f"loss.cross_entropy.class_weights has {len(self.class_weights)} numbers, but "
@@ -57,7 +62,7 @@ class CrossEntropy:
             ConfigError: there are not as many class weights as classes.
         """
         logits, labels = prediction.float(), batch.labels
-        self.check(logits.shape[1])
+        self._require_weights(logits.shape[1])
         weights, known = self._weights(logits.device), labels != UNKNOWN
         total = functional.cross_entropy(
             logits,

@@ -2,7 +2,7 @@
 
 from torch import Tensor
 
-from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction
+from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction, ShapeInstanceSetup
 from scenefw.core.errors import ConfigError
 
 
@@ -22,10 +22,15 @@ class KLDivergence:
         ConfigError: free is negative.
     """
 
+    needs_draws = False
+
     def __init__(self, weight: float = 4e-6, free: float = 0.0) -> None:
         if free < 0:
             raise ConfigError(f"loss.kl.free is {free} nats, expected at least 0")
         self.weight, self.free = weight, free
+
+    def check(self, setup: ShapeInstanceSetup) -> None:
+        """Any volumes will do."""
 
     def __call__(self, prediction: ShapeInstancePrediction, batch: ShapeInstanceBatch) -> Tensor:
         """A scalar: the divergence in nats, the mean over the batch, at least `free`.

@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction
+from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction, ShapeInstanceSetup
 from scenefw.core.errors import ConfigError
 
 
@@ -41,10 +41,15 @@ class MaximumMeanDiscrepancy:
             from N(0, I) have a kernel value near 1 / e.
     """
 
+    needs_draws = False
+
     def __init__(self, weight: float = 0.38, bandwidth: float = 1.0) -> None:
         if bandwidth <= 0:
             raise ConfigError(f"the MMD's bandwidth is {bandwidth}, expected a positive number")
         self.weight, self.bandwidth = weight, bandwidth
+
+    def check(self, setup: ShapeInstanceSetup) -> None:
+        """Any volumes will do."""
 
     def __call__(self, prediction: ShapeInstancePrediction, batch: ShapeInstanceBatch) -> Tensor:
         """A scalar.

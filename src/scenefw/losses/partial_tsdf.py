@@ -2,7 +2,7 @@
 
 from torch import Tensor
 
-from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction
+from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction, ShapeInstanceSetup
 from scenefw.core.errors import ConfigError
 from scenefw.losses.tsdf import weighted_distance_error
 
@@ -19,10 +19,15 @@ class PartialTsdfLoss:
         ConfigError: the floor is not positive.
     """
 
+    needs_draws = False
+
     def __init__(self, weight: float = 1.0, floor: float = 0.1, *, one_sided: bool = True) -> None:
         if floor <= 0:
             raise ConfigError(f"loss.partial_tsdf.floor is {floor}, expected a positive number")
         self.weight, self.floor, self.one_sided = weight, floor, one_sided
+
+    def check(self, setup: ShapeInstanceSetup) -> None:
+        """Any volumes will do."""
 
     def __call__(self, prediction: ShapeInstancePrediction, batch: ShapeInstanceBatch) -> Tensor:
         """A scalar, the mean over voxels.

@@ -2,8 +2,9 @@
 
 from torch import Tensor
 
-from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction
+from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction, ShapeInstanceSetup
 from scenefw.core.errors import ConfigError
+from scenefw.losses.targets import require_draws, require_target
 
 
 class SampleSpread:
@@ -17,17 +18,23 @@ class SampleSpread:
     Args:
         weight: factor of this term in the total, that of `tsdf`. A larger one has no minimum.
         floor: smallest |v| in the weight, in truncations, that of `tsdf`.
+        target: name of the representation.
 
     Raises:
         ConfigError: the floor is not positive.
     """
 
-    of_draws = True
+    needs_draws = True
 
-    def __init__(self, weight: float = 1.0, floor: float = 0.1) -> None:
+    def __init__(self, weight: float = 1.0, floor: float = 0.1, target: str = "tsdf") -> None:
         if floor <= 0:
             raise ConfigError(f"loss.sample_spread.floor is {floor}, expected a positive number")
-        self.weight, self.floor = weight, floor
+        self.weight, self.floor, self.target = weight, floor, target
+
+    def check(self, setup: ShapeInstanceSetup) -> None:
+        """Raises a ConfigError if there is no such volume, or no view with two codes."""
+        require_target("sample_spread", self.target, setup)
+        require_draws("sample_spread", setup)
 
     def __call__(self, prediction: ShapeInstancePrediction, batch: ShapeInstanceBatch) -> Tensor:
         """A scalar of at most 0, the mean over voxels and over all rows of the batch.
@@ -41,7 +48,8 @@ class SampleSpread:
                 "the loss sample_spread needs two codes per view; give model.prior_share of more "
                 "than 0 and a batch large enough for it, or leave the loss out"
             )
-        weight = 1 / batch.tsdf[redrawn.rows].float().abs().clamp(min=self.floor)
-        first = prediction.tsdf[redrawn.rows].float().clamp(-1, 1)
-        spread = (weight * (first - redrawn.tsdf.float().clamp(-1, 1)).abs()).sum()
-        return -0.5 * spread / batch.tsdf.numel()
+        true = batch.targets[self.target]
+        weight = 1 / true[redrawn.rows].float().abs().clamp(min=self.floor)
+        first = prediction.volumes[self.target][redrawn.rows].float().clamp(-1, 1)
+        second = redrawn.volumes[self.target].float().clamp(-1, 1)
+        return -0.5 * (weight * (first - second).abs()).sum() / true.numel()

@@ -3,8 +3,9 @@
 import torch
 from torch import Tensor
 
-from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction
+from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction, ShapeInstanceSetup
 from scenefw.core.errors import ConfigError
+from scenefw.losses.targets import require_target
 
 
 def weighted_distance_error(
@@ -35,19 +36,33 @@ class TsdfLoss:
         weight: factor of this term in the total.
         floor: smallest |v| in the weight, in truncations: 0.1 of 5 voxels is half a voxel, so no
             voxel counts more than 10 times one in free space.
+        target: name of the representation.
         one_sided: don't punish distances beyond the truncation where the truth is cut there.
 
     Raises:
         ConfigError: the floor is not positive.
     """
 
-    def __init__(self, weight: float = 1.0, floor: float = 0.1, *, one_sided: bool = True) -> None:
+    needs_draws = False
+
+    def __init__(
+        self,
+        weight: float = 1.0,
+        floor: float = 0.1,
+        target: str = "tsdf",
+        *,
+        one_sided: bool = True,
+    ) -> None:
         if floor <= 0:
             raise ConfigError(f"loss.tsdf.floor is {floor}, expected a positive number")
         self.weight, self.floor, self.one_sided = weight, floor, one_sided
+        self.target = target
+
+    def check(self, setup: ShapeInstanceSetup) -> None:
+        """Raises a ConfigError if the training has no such volume."""
+        require_target("tsdf", self.target, setup)
 
     def __call__(self, prediction: ShapeInstancePrediction, batch: ShapeInstanceBatch) -> Tensor:
         """A scalar, the mean over voxels."""
-        return weighted_distance_error(
-            prediction.tsdf, batch.tsdf, self.floor, one_sided=self.one_sided
-        )
+        predicted, true = prediction.volumes[self.target], batch.targets[self.target]
+        return weighted_distance_error(predicted, true, self.floor, one_sided=self.one_sided)

@@ -2,8 +2,9 @@
 
 from torch import Tensor
 
-from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction
+from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction, ShapeInstanceSetup
 from scenefw.core.errors import ConfigError
+from scenefw.losses.targets import require_target
 
 
 class VoteLoss:
@@ -17,13 +18,20 @@ class VoteLoss:
         epsilon: added under the root (squared), so that the gradient of a perfect vote is finite.
         object_share: share of the loss that voxels of objects have together, free voxels the rest;
             None: every voxel counts the same, as in the thesis.
+        target: name of the representation.
 
     Raises:
         ConfigError: epsilon is not positive, or the share is none.
     """
 
+    needs_draws = False
+
     def __init__(
-        self, weight: float = 1.0, epsilon: float = 1e-3, object_share: float | None = None
+        self,
+        weight: float = 1.0,
+        epsilon: float = 1e-3,
+        object_share: float | None = None,
+        target: str = "votes",
     ) -> None:
         if epsilon <= 0 or not (object_share is None or 0 <= object_share <= 1):
             raise ConfigError(
@@ -31,11 +39,16 @@ class VoteLoss:
                 "positive number, and a share from 0 to 1 or null"
             )
         self.weight, self.epsilon, self.object_share = weight, epsilon, object_share
+        self.target = target
+
+    def check(self, setup: ShapeInstanceSetup) -> None:
+        """Raises a ConfigError if the training has no such volume of vectors."""
+        require_target("votes", self.target, setup, channels=3)
 
     def __call__(self, prediction: ShapeInstancePrediction, batch: ShapeInstanceBatch) -> Tensor:
         """A scalar, the (weighted) mean over voxels."""
-        truth = batch.votes.float()
-        squared = (prediction.votes.float() - truth).square().sum(dim=1)
+        truth = batch.targets[self.target].float()
+        squared = (prediction.volumes[self.target].float() - truth).square().sum(dim=1)
         error = (squared + self.epsilon**2).sqrt() - self.epsilon
         if self.object_share is None:
             return error.mean()

@@ -98,6 +98,8 @@ class FuseNet(nn.Module):
         scale: distance (m) from there that becomes 1.
     """
 
+    training_only = ()
+
     def __init__(
         self,
         classes: int = 4,

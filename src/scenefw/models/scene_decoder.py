@@ -1,11 +1,14 @@
-"""Scene decoder: from a code and the view's features to complete shape and votes."""
+"""Scene decoder: from a code and the view's features to complete volumes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import torch
 from torch import Tensor, nn
 
 from scenefw.models.blocks import Conv3d, ConvUnit, ResidualBlock, UpUnit, depth_to_space
+
+STANDARD = {"tsdf": 1, "votes": 3}
+"""Channels of the volumes of a network that is told nothing else."""
 
 _MAPPED = 3  # the joint level that gets a map of the code
 
@@ -17,7 +20,7 @@ class SceneDecoder(nn.Module):
     half of it, which also sees the condition itself, so that what is visible need not be rebuilt
     from features, gives the TSDF as blocks of 2^3 voxels. Votes are smooth within objects: a layer
     at a quarter of the side gives them as blocks of 4^3 voxels, and the fine layer what changes at
-    the borders of objects.
+    the borders of objects. Any further volume comes from the fine layer, as the TSDF does.
 
     Args:
         sizes: side of the five joint levels, coarsest first; the last is a quarter of the grid's.
@@ -29,6 +32,7 @@ class SceneDecoder(nn.Module):
         latent_size: size of the latent code, which comes first.
         code_width: channels of a map at the fourth level that the latent code gives directly;
             0 = none.
+        outputs: channels of each volume by name; None: tsdf 1, votes 3.
     """
 
     def __init__(
@@ -40,8 +44,10 @@ class SceneDecoder(nn.Module):
         code_size: int,
         latent_size: int = 0,
         code_width: int = 0,
+        outputs: Mapping[str, int] | None = None,
     ) -> None:
         super().__init__()
+        self.outputs = dict(outputs or STANDARD)
         self.coarsest = (widths[0], *(sizes[0],) * 3)
         flat = widths[0] * sizes[0] ** 3
         self.linear = nn.Sequential(
@@ -60,12 +66,20 @@ class SceneDecoder(nn.Module):
         if code_width:
             self.code_map = _CodeMap(latent_size, code_width, widths[_MAPPED], sizes[_MAPPED])
         self.fine = _FineLayer(widths[4], condition_widths[4], branch)
-        self.tsdf = Conv3d(branch + condition_widths[5], 8, 1)
-        self.votes = nn.Sequential(ConvUnit(widths[4], widths[4]), Conv3d(widths[4], 3 * 64, 1))
-        self.fine_votes = Conv3d(branch + condition_widths[5], 3 * 8, 1)
+        fine = branch + condition_widths[5]
+        self.others = nn.ModuleDict()
+        if "tsdf" in self.outputs:
+            self.tsdf = Conv3d(fine, 8 * self.outputs["tsdf"], 1)
+        if "votes" in self.outputs:
+            blocks = self.outputs["votes"] * 64
+            self.votes = nn.Sequential(ConvUnit(widths[4], widths[4]), Conv3d(widths[4], blocks, 1))
+            self.fine_votes = Conv3d(fine, 8 * self.outputs["votes"], 1)
+        for name in self.outputs:
+            if name not in STANDARD:
+                self.others[name] = Conv3d(fine, 8 * self.outputs[name], 1)
 
-    def forward(self, code: Tensor, maps: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
-        """TSDF (B, 1, X, Y, Z) and votes (B, 3, X, Y, Z).
+    def forward(self, code: Tensor, maps: Sequence[Tensor]) -> dict[str, Tensor]:
+        """Volumes (B, C, X, Y, Z) by name, in the order of `outputs`.
 
         Args:
             code: (B, code_size).
@@ -73,13 +87,14 @@ class SceneDecoder(nn.Module):
         """
         features = self._features(code, maps)
         fine = self.fine(features, maps[4], maps[5])
-        votes = depth_to_space(self.votes(features), 4) + depth_to_space(self.fine_votes(fine), 2)
-        return depth_to_space(self.tsdf(fine), 2), votes
+        return {name: self._volume(name, features, fine) for name in self.outputs}
 
-    def shape(self, code: Tensor, maps: Sequence[Tensor]) -> Tensor:
-        """The TSDF alone."""
-        fine = self.fine(self._features(code, maps), maps[4], maps[5])
-        return depth_to_space(self.tsdf(fine), 2)
+    def _volume(self, name: str, features: Tensor, fine: Tensor) -> Tensor:
+        if name == "votes":
+            coarse = depth_to_space(self.votes(features), 4)
+            return coarse + depth_to_space(self.fine_votes(fine), 2)
+        head = self.tsdf if name == "tsdf" else self.others[name]
+        return depth_to_space(head(fine), 2)
 
     def _features(self, code: Tensor, maps: Sequence[Tensor]) -> Tensor:
         features: Tensor = self.first(self.linear(code).reshape(-1, *self.coarsest))

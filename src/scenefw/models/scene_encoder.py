@@ -1,6 +1,6 @@
-"""Scene encoder: from the complete shape and votes to the latent code (training only)."""
+"""Scene encoder: from the complete volumes to the latent code (training only)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import torch
 from torch import Tensor, nn
@@ -17,6 +17,7 @@ class SceneEncoder(nn.Module):
         condition_widths: channels of the condition's feature maps of those sizes.
         stem: channels of each modality's layers.
         latent_size: size of the code.
+        inputs: channels of each volume by name; None: tsdf 1, votes 3.
     """
 
     def __init__(
@@ -26,11 +27,19 @@ class SceneEncoder(nn.Module):
         condition_widths: Sequence[int],
         stem: int,
         latent_size: int,
+        inputs: Mapping[str, int] | None = None,
     ) -> None:
         super().__init__()
-        self.tsdf = _stem(1, stem)
-        self.votes = _stem(3, stem)
-        before = [2 * stem, *widths[:-1]]
+        self.inputs = dict(inputs or {"tsdf": 1, "votes": 3})
+        self.others = nn.ModuleDict()
+        for name, channels in self.inputs.items():
+            if name == "tsdf":
+                self.tsdf = _stem(channels, stem)
+            elif name == "votes":
+                self.votes = _stem(channels, stem)
+            else:
+                self.others[name] = _stem(channels, stem)
+        before = [len(self.inputs) * stem, *widths[:-1]]
         above = [sizes[0], *sizes[:-1]]
         self.levels = nn.ModuleList()
         for i, size in enumerate(sizes):
@@ -40,19 +49,25 @@ class SceneEncoder(nn.Module):
             self.levels.append(nn.ModuleList([down, merge, ResidualBlock(widths[i])]))
         self.code = nn.Linear(widths[-1] * sizes[-1] ** 3, 2 * latent_size)
 
-    def forward(self, tsdf: Tensor, votes: Tensor, maps: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
+    def forward(
+        self, volumes: Mapping[str, Tensor], maps: Sequence[Tensor]
+    ) -> tuple[Tensor, Tensor]:
         """Mean and log-variance (B, latent_size) of the posterior.
 
         Args:
-            tsdf: (B, 1, X, Y, Z) in units of the truncation.
-            votes: (B, 3, X, Y, Z).
+            volumes: complete scenes (B, C, X, Y, Z) by name, in units of the network.
             maps: the condition's feature maps at the sizes of the joint levels.
         """
-        features = torch.cat([self.tsdf(tsdf), self.votes(votes)], dim=1)
+        features = torch.cat([self._stem(name)(volumes[name]) for name in self.inputs], dim=1)
         for (down, merge, block), condition in zip(self.levels, maps, strict=True):
             features = block(merge(torch.cat([down(features), condition], dim=1)))
         mean, log_variance = self.code(features.flatten(1)).chunk(2, dim=1)
         return mean, log_variance.clamp(-10.0, 4.0)
+
+    def _stem(self, name: str) -> nn.Module:
+        if name == "tsdf":
+            return self.tsdf
+        return self.votes if name == "votes" else self.others[name]
 
 
 def _stem(channels: int, width: int) -> nn.Sequential:

@@ -1,6 +1,6 @@
 """Depth-conditioned variational autoencoder of shape and instances (SIMstack)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import torch
@@ -8,8 +8,9 @@ from torch import Tensor, nn
 
 from scenefw.core.batches import RedrawnShapes, ShapeInstanceBatch, ShapeInstancePrediction
 from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.protocols import Representation
 from scenefw.models.condition import ConditionAutoencoder
-from scenefw.models.scene_decoder import SceneDecoder
+from scenefw.models.scene_decoder import STANDARD, SceneDecoder
 from scenefw.models.scene_encoder import SceneEncoder
 
 
@@ -26,7 +27,7 @@ class ShapeInstanceVAE(nn.Module):
 
     Args:
         resolution: voxels per side, a power of two of at least 8.
-        channels: channels of the condition: 1 partial TSDF, 2 also what was observed.
+        channels: channels of the condition that it sees: 1 partial TSDF, 2 also what was observed.
         latent_size: size of the latent code.
         bottleneck: size of the conditioning autoencoder's code.
         condition_widths: channels of its five layers, finest first.
@@ -39,6 +40,8 @@ class ShapeInstanceVAE(nn.Module):
         zero_share: share of a training batch whose codes are replaced by the zero code.
         prior_share: share of a training batch whose codes are replaced by draws from N(0, I),
             two for each view.
+        outputs: volumes that it gives, by name: their representations, or their numbers of
+            channels; None: tsdf and votes. Each further one has a layer of its own at the end.
 
     Raises:
         ConfigError: a width list has not five entries, or the resolution is no power of two.
@@ -60,9 +63,11 @@ class ShapeInstanceVAE(nn.Module):
         code_width: int = 0,
         zero_share: float = 0.1,
         prior_share: float = 0.4,
+        outputs: Mapping[str, Representation | int] | None = None,
     ) -> None:
         super().__init__()
-        self.recipe = _recipe(locals())
+        self.outputs = _channels(outputs)
+        self.recipe = _recipe({**locals(), "outputs": self.outputs})
         _check(resolution, channels, condition_widths, encoder_widths, decoder_widths)
         _check_shares(zero_share, prior_share)
         self.resolution, self.channels, self.latent_size = resolution, channels, latent_size
@@ -74,7 +79,9 @@ class ShapeInstanceVAE(nn.Module):
         joint, maps = fine[1:], [*widths[1:], widths[4]]
         self.encoder: SceneEncoder | None = None
         if zero_share + prior_share < 1:
-            self.encoder = SceneEncoder(joint, list(encoder_widths), maps, stem_width, latent_size)
+            self.encoder = SceneEncoder(
+                joint, list(encoder_widths), maps, stem_width, latent_size, self.outputs
+            )
         self.decoder = SceneDecoder(
             joint[::-1],
             list(decoder_widths)[::-1],
@@ -83,6 +90,7 @@ class ShapeInstanceVAE(nn.Module):
             latent_size + bottleneck,
             latent_size,
             code_width,
+            self.outputs,
         )
 
     def forward(
@@ -102,26 +110,28 @@ class ShapeInstanceVAE(nn.Module):
         zeros, drawn = (
             self._replaced(count, draw=draw) if generator is not None else (0, slice(0, 0))
         )
-        maps, view = self.condition.encode(batch.condition)
+        maps, view = self.condition.encode(batch.condition[:, : self.channels])
         latent, statistics = self._posterior(batch, maps, drawn.stop, generator)
         codes = [view.new_zeros(zeros, self.latent_size), *self._draws(view[drawn], generator)]
         first = torch.cat([*codes[:2], *([] if latent is None else [latent])])
         code = torch.cat([first, *codes[2:]])
         views = torch.cat([view, view[drawn]])
-        tsdf, votes = self.decoder(
+        volumes = self.decoder(
             torch.cat([code, views], dim=1), [torch.cat([m, m[drawn]]) for m in maps[::-1]]
         )
-        redrawn = RedrawnShapes(drawn, tsdf[count:]) if len(tsdf) > count else None
+        redrawn = None
+        if len(code) > count:
+            redrawn = RedrawnShapes(drawn, {name: v[count:] for name, v in volumes.items()})
         partial = self.condition.decode(view)
-        return ShapeInstancePrediction(
-            tsdf[:count], votes[:count], partial, latent, statistics, redrawn
-        )
+        volumes = {name: v[:count] for name, v in volumes.items()}
+        return ShapeInstancePrediction(volumes, partial, latent, statistics, redrawn)
 
     def predict(self, condition: Tensor, latent: Tensor | None = None) -> ShapeInstancePrediction:
         """Test pass without the encoder.
 
         Args:
-            condition: (B, C, X, Y, Z), distances in units of the truncation.
+            condition: (B, 2, X, Y, Z), distances in units of the truncation; or its first channels,
+                as many as the network sees.
             latent: (B, latent_size) codes, or (S B, latent_size) for S codes per condition, sample
                 after sample; None means the zero code.
 
@@ -132,14 +142,16 @@ class ShapeInstanceVAE(nn.Module):
             InputError: the shapes don't fit the network.
         """
         self._check_condition(condition)
-        maps, view = self.condition.encode(condition)
+        maps, view = self.condition.encode(condition[:, : self.channels])
         if latent is None:
             latent = view.new_zeros(len(view), self.latent_size)
         samples = self._samples(latent, len(view))
         view = view.repeat(samples, 1)
         maps = [m.repeat(samples, 1, 1, 1, 1) if samples > 1 else m for m in maps]
-        tsdf, votes = self.decoder(torch.cat([latent, view], dim=1), maps[::-1])
-        return ShapeInstancePrediction(tsdf.clamp(-1, 1), votes, latent=latent)
+        volumes = self.decoder(torch.cat([latent, view], dim=1), maps[::-1])
+        if "tsdf" in volumes:
+            volumes["tsdf"] = volumes["tsdf"].clamp(-1, 1)
+        return ShapeInstancePrediction(volumes, latent=latent)
 
     def redraws(self, count: int) -> int:
         """How many rows of a training batch get two codes from the prior."""
@@ -172,10 +184,12 @@ class ShapeInstanceVAE(nn.Module):
         if self.encoder is None:
             raise InputError(
                 "this network was stored without its encoder, so it only predicts; train with "
-                "run=train, which goes on from the state in paths.training"
+                "run=train, which resumes from the state in paths.training"
             )
         features = [m[start:] for m in [*maps[2:], maps[5]]]
-        mean, log_variance = self.encoder(batch.tsdf[start:], batch.votes[start:], features)
+        mean, log_variance = self.encoder(
+            {name: batch.targets[name][start:] for name in self.outputs}, features
+        )
         statistics = {"mean": mean, "log_variance": log_variance}
         if generator is None:
             return mean, statistics
@@ -190,11 +204,11 @@ class ShapeInstanceVAE(nn.Module):
         return len(latent) // batch
 
     def _check_condition(self, condition: Tensor) -> None:
-        expected = (self.channels, *(self.resolution,) * 3)
-        if condition.ndim != 5 or tuple(condition.shape[1:]) != expected:
+        size, found = (self.resolution,) * 3, tuple(condition.shape)
+        if len(found) != 5 or found[2:] != size or found[1] < self.channels:
             raise InputError(
-                f"condition has shape {tuple(condition.shape)}, expected (B, {expected[0]}, "
-                f"{expected[1]}, {expected[2]}, {expected[3]}); use the grid of the checkpoint"
+                f"condition has shape {found}, expected (B, 2, {size[0]}, {size[1]}, {size[2]}); "
+                "use the grid of the checkpoint"
             )
 
 
@@ -205,9 +219,20 @@ def _normal(like: Tensor, generator: torch.Generator) -> Tensor:
     return noise.to(like.device, non_blocking=True).to(like.dtype)
 
 
+def _channels(outputs: Mapping[str, Representation | int] | None) -> dict[str, int]:
+    """Channels of each output."""
+    found = {
+        name: one if isinstance(one, int) else one.channels for name, one in (outputs or {}).items()
+    }
+    return dict(STANDARD) if not found or found == STANDARD else found
+
+
 def _recipe(arguments: dict[str, Any]) -> dict[str, Any]:
     """What rebuilds the network: its class and plain arguments."""
     recipe: dict[str, Any] = {"_target_": f"{__name__}.ShapeInstanceVAE"}
+    outputs = arguments.pop("outputs")
+    if outputs != STANDARD:  # files of earlier versions name no outputs
+        recipe["outputs"] = dict(outputs)
     for name, value in arguments.items():
         if name not in ("self", "__class__"):
             recipe[name] = value if isinstance(value, (int, float)) else [int(v) for v in value]

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import torch
 
 from scenefw.core import rng
-from scenefw.core.batches import PartialTSDF
+from scenefw.core.batches import Completion, PartialTSDF
 from scenefw.core.errors import ConfigError
-from scenefw.core.protocols import Reconstructor
 from scenefw.core.types import GridSpec, SceneEstimate
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.matching.instances import renumbered_like
@@ -23,21 +22,24 @@ from scenefw.postprocessing.confidence import confidences
 from scenefw.postprocessing.surfaces import instance_meshes
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from torch import Tensor
+    from collections.abc import Iterator, Mapping, Sequence
 
     from scenefw.core.protocols import MappingMethod
-    from scenefw.core.types import Frame
+    from scenefw.core.types import Frame, Int32
 
-    Sample = tuple[Tensor, Tensor]
+_SHAPE = ("tsdf", "votes")  # what objects are made of; other volumes are kept as they are
 
 
-class GridReconstructor(Reconstructor, Protocol):
-    """A reconstructor that knows the grid it works on, and what made it."""
+class GridReconstructor(Protocol):
+    """A method that completes scenes on a grid of its own, and knows what made it."""
 
     grid: GridSpec
     metadata: dict[str, Any]
+
+    def complete(
+        self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
+    ) -> Sequence[Completion]:
+        """Complete scenes of B partial views, once per code."""
 
 
 @dataclass(frozen=True)
@@ -138,13 +140,12 @@ class Pipeline:
         An object has the same id in all of them. Its confidence says how much the others agree.
         """
         samples = self._samples(view.partial)
-        for number, (tsdf, instances) in enumerate(samples):
-            others = [labels for i, (_, labels) in enumerate(samples) if i != number]
-            yield self._scene(view, tsdf, instances, confidences(instances, others))
+        for number, sample in enumerate(samples):
+            others = [other.instances[0] for i, other in enumerate(samples) if i != number]
+            yield self._scene(view, sample, confidences(sample.instances[0], others))
 
-    def _scene(
-        self, view: View, tsdf: Tensor, instances: Tensor, sure: Mapping[int, float]
-    ) -> SceneEstimate:
+    def _scene(self, view: View, sample: Completion, sure: Mapping[int, float]) -> SceneEstimate:
+        tsdf, instances = sample.tsdf[0], sample.instances[0]
         meshes = instance_meshes(tsdf, instances, self.grid)
         floor = view.floor
         details = {
@@ -171,18 +172,24 @@ class Pipeline:
             instances.cpu().numpy(),
             view.workspace.frame,
             details,
+            {n: v[0].cpu().numpy() for n, v in sample.volumes.items() if n not in _SHAPE},
         )
 
-    def _samples(self, partial: PartialTSDF) -> list[Sample]:
-        """TSDF (X, Y, Z) and instances (X, Y, Z) of each code, without contradictions."""
+    def _samples(self, partial: PartialTSDF) -> list[Completion]:
+        """The scene of each code, without contradictions; an object has one label in all."""
         generator = torch.Generator().manual_seed(rng.torch_seed(self.seed))
-        samples = self.reconstructor.reconstruct(partial, self.grid, self.samples, generator)
-        cleaned = []
-        for tsdf, instances in samples:
-            shape = carve(tsdf[0], partial, self.grid) if self.carve else tsdf[0]
-            cleaned.append(whole_objects(shape, instances[0], self.grid))
-        first = cleaned[0][1].cpu().numpy()
-        return cleaned[:1] + [
-            (tsdf, torch.from_numpy(renumbered_like(labels.cpu().numpy(), first)).to(labels.device))
-            for tsdf, labels in cleaned[1:]
-        ]
+        samples = self.reconstructor.complete(partial, self.grid, self.samples, generator)
+        cleaned = [self._cleaned(sample, partial) for sample in samples]
+        first = cleaned[0].instances[0].cpu().numpy()
+        return cleaned[:1] + [_renumbered(sample, first) for sample in cleaned[1:]]
+
+    def _cleaned(self, sample: Completion, partial: PartialTSDF) -> Completion:
+        shape = carve(sample.tsdf[0], partial, self.grid) if self.carve else sample.tsdf[0]
+        tsdf, instances = whole_objects(shape, sample.instances[0], self.grid)
+        return Completion(tsdf[None], instances[None], sample.volumes)
+
+
+def _renumbered(sample: Completion, like: Int32) -> Completion:
+    labels = sample.instances[0]
+    fitted = torch.from_numpy(renumbered_like(labels.cpu().numpy(), like)).to(labels.device)
+    return replace(sample, instances=fitted[None])

@@ -8,25 +8,28 @@ from typing import TYPE_CHECKING, Any, Protocol
 import torch
 from torch.nn.functional import conv3d, pad
 
+from scenefw.core.batches import Completion
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.data.conditioning import condition
+from scenefw.representations.tsdf import TSDF
+from scenefw.representations.vote_field import VoteField
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from torch import Tensor
+    from torch import Tensor, nn
 
     from scenefw.core.batches import PartialTSDF
-    from scenefw.core.protocols import InstanceExtractor
+    from scenefw.core.protocols import InstanceExtractor, Representation
+    from scenefw.core.training_protocols import ShapeInstanceModel
     from scenefw.core.types import GridSpec
 
 
 class TrainedNetwork(Protocol):
     """What a loaded checkpoint gives (`learning.checkpoint.load_checkpoint`)."""
 
-    model: Any
+    model: ShapeInstanceModel
     grid: GridSpec
-    observed: bool
     metadata: Mapping[str, Any]
 
 
@@ -34,7 +37,8 @@ class NetworkReconstructor:
     """Completes partial TSDFs with a trained network and several latent codes.
 
     The first sample decodes the zero code, the most typical scene; the others decode codes from
-    N(0, I), times the temperature, that are drawn together (`coupled_codes`).
+    N(0, I), times the temperature, that are drawn together (`coupled_codes`). A network without
+    codes gives one sample.
 
     Args:
         checkpoint: a loaded checkpoint; its grid is the grid of everything here.
@@ -45,10 +49,12 @@ class NetworkReconstructor:
             bumps on the surface.
         temperature: standard deviation of drawn codes. Below 1 samples are more typical and differ
             less (the truncation of Brock et al. 2019).
+        representations: of the volumes that come out, by name; tsdf and votes are among them,
+            and each is an output of the network. None: these two alone.
         typical_first: without it all samples are drawn.
 
     Raises:
-        ConfigError: smoothing or temperature is negative.
+        ConfigError: smoothing or temperature is negative, or the network lacks an output.
     """
 
     def __init__(
@@ -58,6 +64,7 @@ class NetworkReconstructor:
         device: str = "cpu",
         smoothing: float = 0.6,
         temperature: float = 1.0,
+        representations: Mapping[str, Representation] | None = None,
         *,
         typical_first: bool = True,
     ) -> None:
@@ -66,20 +73,22 @@ class NetworkReconstructor:
                 f"smoothing is {smoothing}, temperature {temperature}; expected voxels and a "
                 "standard deviation of at least 0"
             )
+        standard: dict[str, Representation] = {"tsdf": TSDF(), "votes": VoteField()}
+        self.representations = {**standard, **(representations or {})}
+        _require_outputs(self.representations, checkpoint.model.outputs)
         self.grid = checkpoint.grid
-        self.observed = checkpoint.observed
         self.metadata = dict(checkpoint.metadata)
         self.extractor = extractor
         self.smoothing, self.temperature = smoothing, temperature
         self.typical_first = typical_first
         self.device = torch.device(device)
-        self.model = checkpoint.model.to(self.device).eval()
+        self.model = _ready(checkpoint.model, self.device)
 
     @torch.no_grad()
     def volumes(
         self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
-    ) -> list[tuple[Tensor, Tensor]]:
-        """`samples` pairs of TSDF (B, X, Y, Z) in metres and votes (B, 3, X, Y, Z).
+    ) -> list[dict[str, Tensor]]:
+        """Volumes (B, C, X, Y, Z) of each of `samples` codes, by name of their representations.
 
         At temperature 0 there is one, as all would be the same.
 
@@ -91,36 +100,61 @@ class NetworkReconstructor:
                 f"the network was trained on {self.grid}, the view is on {grid}; fuse it on the "
                 "checkpoint's grid, or give another checkpoint"
             )
-        inputs = condition(partial, grid, observed=self.observed)
+        inputs = condition(partial, grid)
         inputs = inputs.to(self.device, memory_format=_memory_format(self.device))
         results = []
         for code in self._codes(samples, len(inputs), generator):
-            prediction = self.model.predict(inputs, code.to(self.device))
-            tsdf = smoothed(prediction.tsdf.float().clamp(-1, 1), self.smoothing)[:, 0]
-            results.append((tsdf * grid.truncation, prediction.votes.float()))
+            found = dict(self.model.predict(inputs, code.to(self.device)).volumes)
+            found["tsdf"] = smoothed(found["tsdf"].float().clamp(-1, 1), self.smoothing)
+            results.append(
+                {n: one.from_network(found[n], grid) for n, one in self.representations.items()}
+            )
         return results
 
     def _codes(self, samples: int, views: int, generator: torch.Generator) -> Tensor:
         """Codes (S, B, latent_size), on the CPU: the same on every device."""
         shape = (views, self.model.latent_size)
-        if not self.temperature:
+        if not self.temperature or not self.model.latent_size:
             return torch.zeros(1, *shape)
         typical = torch.zeros(int(self.typical_first), *shape)
         drawn = coupled_codes(samples - len(typical), shape, generator)
         return torch.cat([typical, self.temperature * drawn])
 
+    def complete(
+        self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
+    ) -> list[Completion]:
+        """Complete scenes of `samples` codes, with all volumes that they are made of."""
+        return [
+            Completion(found["tsdf"][:, 0], self._instances(found, grid), found)
+            for found in self.volumes(partial, grid, samples, generator)
+        ]
+
+    def _instances(self, volumes: Mapping[str, Tensor], grid: GridSpec) -> Tensor:
+        pairs = zip(volumes["tsdf"][:, 0], volumes["votes"], strict=True)
+        return torch.stack([self.extractor.extract(tsdf, votes, grid)[0] for tsdf, votes in pairs])
+
     def reconstruct(
         self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
     ) -> list[tuple[Tensor, Tensor]]:
         """`samples` pairs of TSDF (B, X, Y, Z) in metres and instances (B, X, Y, Z) int32."""
-        results = []
-        for tsdf, votes in self.volumes(partial, grid, samples, generator):
-            instances = [
-                self.extractor.extract(distance, vote, grid)[0]
-                for distance, vote in zip(tsdf, votes, strict=True)
-            ]
-            results.append((tsdf, torch.stack(instances)))
-        return results
+        found = self.complete(partial, grid, samples, generator)
+        return [(scenes.tsdf, scenes.instances) for scenes in found]
+
+
+def _require_outputs(
+    representations: Mapping[str, Representation], outputs: Mapping[str, int]
+) -> None:
+    for name, one in representations.items():
+        if outputs.get(name) != one.channels:
+            raise ConfigError(
+                f"the network has no output {name} of {one.channels} channels, its outputs are "
+                f"{', '.join(f'{n} ({c})' for n, c in outputs.items())}; give a checkpoint that "
+                "was trained on it, or leave it out of representation=[...]"
+            )
+
+
+def _ready(model: nn.Module, device: torch.device) -> ShapeInstanceModel:
+    return model.to(device).eval()
 
 
 def coupled_codes(samples: int, shape: tuple[int, ...], generator: torch.Generator) -> Tensor:

@@ -2,22 +2,26 @@
 
 from torch import Tensor
 
-from scenefw.core.batches import SceneParameters
+from scenefw.core.protocols import SceneBatch
 from scenefw.core.types import GridSpec
-from scenefw.representations.volumes import object_occupancy
 
 
 class Occupancy:
-    """Whether voxel centres lie inside objects (occupied = signed distance below 0).
+    """Whether voxel centres lie inside objects (signed distance below 0); networks give its logits.
 
-    Args:
-        per_object: one channel for each of the N objects, else one for all.
+    Trained on with the loss `bce`.
     """
 
-    def __init__(self, *, per_object: bool = False) -> None:
-        self.per_object = per_object
+    channels = 1
 
-    def of_scenes(self, parameters: SceneParameters, grid: GridSpec) -> Tensor:
-        """(B, 1, X, Y, Z) or (B, N, X, Y, Z) bool, False where an object is absent."""
-        occupancy = object_occupancy(parameters, grid)
-        return occupancy if self.per_object else occupancy.any(dim=1, keepdim=True)
+    def of_scenes(self, scenes: SceneBatch) -> Tensor:
+        """(B, 1, X, Y, Z) bool."""
+        return scenes.volumes.tsdf < 0
+
+    def to_network(self, volume: Tensor, grid: GridSpec) -> Tensor:
+        """Probabilities 0 and 1."""
+        return volume.float()
+
+    def from_network(self, output: Tensor, grid: GridSpec) -> Tensor:
+        """Probabilities of logits."""
+        return output.float().sigmoid()

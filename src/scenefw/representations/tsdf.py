@@ -3,9 +3,8 @@
 import torch
 from torch import Tensor
 
-from scenefw.core.batches import SceneParameters
+from scenefw.core.protocols import SceneBatch
 from scenefw.core.types import GridSpec
-from scenefw.representations.volumes import scene_volumes
 
 
 def with_floor(tsdf: Tensor, grid: GridSpec) -> Tensor:
@@ -26,14 +25,26 @@ def with_floor(tsdf: Tensor, grid: GridSpec) -> Tensor:
 class TSDF:
     """Signed distance to the objects, negative inside, cut at +-truncation (m).
 
+    Networks have it in units of the truncation, within [-1, 1].
+
     Args:
         floor: the floor z = 0 counts as surface.
     """
 
+    channels = 1
+
     def __init__(self, *, floor: bool = False) -> None:
         self.floor = floor
 
-    def of_scenes(self, parameters: SceneParameters, grid: GridSpec) -> Tensor:
+    def of_scenes(self, scenes: SceneBatch) -> Tensor:
         """(B, 1, X, Y, Z) float32 metres."""
-        tsdf = scene_volumes(parameters, grid).tsdf
-        return with_floor(tsdf, grid) if self.floor else tsdf
+        tsdf = scenes.volumes.tsdf
+        return with_floor(tsdf, scenes.grid) if self.floor else tsdf
+
+    def to_network(self, volume: Tensor, grid: GridSpec) -> Tensor:
+        """In units of the truncation."""
+        return (volume / grid.truncation).clamp(-1, 1)
+
+    def from_network(self, output: Tensor, grid: GridSpec) -> Tensor:
+        """In metres."""
+        return output.float() * grid.truncation

@@ -1,5 +1,7 @@
 """Exact volumes of scenes of superquadrics, from parameters, on the device that holds them."""
 
+from functools import cached_property
+
 import numpy as np
 import torch
 from torch import Tensor
@@ -9,6 +11,23 @@ from scenefw.core.errors import InputError
 from scenefw.core.types import GridSpec
 from scenefw.kernels.compile import float32
 from scenefw.kernels.scenes import object_voxels, scene_voxels
+
+
+class ExactScenes:
+    """B scenes whose volumes several representations share, computed in one pass.
+
+    Args:
+        parameters: the scenes.
+        grid: the voxel grid, world frame.
+    """
+
+    def __init__(self, parameters: SceneParameters, grid: GridSpec) -> None:
+        self.parameters, self.grid = parameters, grid
+
+    @cached_property
+    def volumes(self) -> SceneVolumes:
+        """Exact distances, votes and instances, see `scene_volumes`."""
+        return scene_volumes(self.parameters, self.grid)
 
 
 def scene_volumes(parameters: SceneParameters, grid: GridSpec) -> SceneVolumes:

@@ -2,14 +2,23 @@
 
 from torch import Tensor
 
-from scenefw.core.batches import SceneParameters
+from scenefw.core.protocols import SceneBatch
 from scenefw.core.types import GridSpec
-from scenefw.representations.volumes import scene_volumes
 
 
 class VoteField:
     """Unit vectors from occupied voxel centres to the centre of mass of their object."""
 
-    def of_scenes(self, parameters: SceneParameters, grid: GridSpec) -> Tensor:
+    channels = 3
+
+    def of_scenes(self, scenes: SceneBatch) -> Tensor:
         """(B, 3, X, Y, Z) float32, 0 where no object."""
-        return scene_volumes(parameters, grid).votes
+        return scenes.volumes.votes
+
+    def to_network(self, volume: Tensor, grid: GridSpec) -> Tensor:
+        """As they are."""
+        return volume
+
+    def from_network(self, output: Tensor, grid: GridSpec) -> Tensor:
+        """As they are, not normalised."""
+        return output.float()

@@ -10,6 +10,9 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from scenefw.core.errors import ConfigError, InputError, StorageError
 from scenefw.core.files import require_writable
@@ -30,8 +33,9 @@ class Predict:
 
     A folder holds `scene.glb`, `object_01.ply` ..., `scene.json` and `overview.png`, and what other
     codes make of the image in `hypothesis_2` ... and `hypotheses.png`; it appears when all of them
-    are written. An unusable image doesn't lose the others: it is reported at the
-    end. Only if every image is unusable does the task fail.
+    are written. Volumes of further representations are in `volumes.npz`, by name. An unusable image
+    doesn't lose the others: it is reported at the end. Only if every image is unusable does the
+    task fail.
 
     Args:
         input: a depth image or a folder of them.
@@ -137,6 +141,9 @@ def _write_scene(folder: Path, estimate: SceneEstimate) -> list[Colour]:
     for item, colour in zip(estimate.objects, colours, strict=True):
         write_ply(folder / files[item.id], item.mesh, colour)
     write_glb(folder / "scene.glb", estimate, colours)
+    if estimate.volumes:
+        arrays: dict[str, Any] = dict(estimate.volumes)
+        np.savez_compressed(folder / "volumes.npz", **arrays)
     write_summary(folder / "scene.json", estimate, files, versions())
     return colours
 

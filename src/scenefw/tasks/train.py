@@ -1,33 +1,28 @@
 """Trains a network, from the start or from where the last training in a folder stopped."""
 
 import shutil
-import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
+
+import lightning
 
 from scenefw.core.files import replacing, require_writable
-from scenefw.learning.callbacks import LossTable, ProgressBar, Snapshots
+from scenefw.core.training_protocols import TrainingData, TrainingLogger
+from scenefw.learning.callbacks import ProgressBar, Snapshots
 from scenefw.learning.checkpoint import save_checkpoint
 from scenefw.learning.divergence import Divergence
 from scenefw.learning.limits import finished
+from scenefw.learning.loggers import LossTable
 from scenefw.learning.module import TrainingModule
 from scenefw.learning.processes import processes
+from scenefw.learning.recording import Recording
 from scenefw.learning.state import state_to_go_on
 from scenefw.learning.trainer import TrainerSettings
 from scenefw.report.record import command_line, read_record
 
 _STATE, _TABLE = "last.ckpt", "losses.csv"
-
-
-class TrainingData(Protocol):
-    """A Lightning data module that says what is in it."""
-
-    batch_size: int
-
-    def facts(self) -> Mapping[str, Any]:
-        """What the network learns from, as plain data for the checkpoint's metadata."""
 
 
 class Train:
@@ -38,12 +33,14 @@ class Train:
         data: what it learns from, a Lightning data module.
         trainer: how long and on what.
         output: folder of this run, where weights and the table of losses end up.
-        folder: keeps the state of the training; one found there is gone on with.
-        fresh: start anew even if there is one.
+        folder: keeps the state of the training; one found there is resumed.
+        fresh: start again even if there is one.
         snapshot_minutes: time between snapshots.
         snapshot_steps: steps between snapshots instead, if given.
-        log_every: steps between rows of the table of losses.
+        log_every: steps between losses that are logged.
         name: file name of the exported weights, without suffix.
+        callbacks: what else happens beside the steps, by name; None: `progress` and `divergence`.
+        loggers: what keeps losses and scores, by name; None: `csv`.
         half: export weights as float16.
         lean: leave out of the export what only training needs, such as the scene encoder.
     """
@@ -59,6 +56,8 @@ class Train:
         snapshot_steps: int | None = None,
         log_every: int = 20,
         name: str = "simstack",
+        callbacks: Mapping[str, lightning.Callback] | None = None,
+        loggers: Mapping[str, TrainingLogger] | None = None,
         *,
         fresh: bool = False,
         half: bool = True,
@@ -69,6 +68,10 @@ class Train:
         self.output, self.folder = Path(output), Path(folder)
         self.snapshot_minutes, self.snapshot_steps = snapshot_minutes, snapshot_steps
         self.weights = f"{name}.safetensors"
+        if callbacks is None:
+            callbacks = {"progress": ProgressBar(), "divergence": Divergence()}
+        self.callbacks = dict(callbacks)
+        self.loggers = dict(loggers) if loggers is not None else {"csv": LossTable()}
         self.log_every, self.fresh, self.half, self.lean = log_every, fresh, half, lean
 
     def run(self) -> Mapping[str, Any]:
@@ -106,7 +109,7 @@ class Train:
         return self.folder / _STATE
 
     def _found(self) -> dict[str, Any] | None:
-        """The state to go on from, if there is one."""
+        """The state to resume from, if there is one."""
         if self.fresh or not self._state.exists():
             return None
         return state_to_go_on(self._state, self.learning.model.recipe, self._settings())
@@ -133,9 +136,9 @@ class Train:
     def _callbacks(self) -> list[Any]:
         snapshots = Snapshots(self._state, self.snapshot_minutes, self.snapshot_steps, self._export)
         limits = self.trainer.limits(lambda: snapshots.seconds, self._began)
-        bar = ProgressBar(limits, None if sys.stdout.isatty() else 60.0)
-        table = LossTable(self.folder / _TABLE, self.log_every)
-        return [Divergence(), limits, bar, table, snapshots]
+        recording = Recording(self.loggers, self.folder, self.log_every)
+        # Snapshots last: what diverged is not saved
+        return [limits, *self.callbacks.values(), recording, snapshots]
 
     def _export(self, facts: Mapping[str, Any] | None = None) -> None:
         """Writes the averaged weights into the folder of the training."""
@@ -145,10 +148,10 @@ class Train:
                 self.folder / self.weights,
                 model,
                 model.recipe,
-                learning.grid,
+                self.data.grid,
                 dict(self._facts() if facts is None else facts),
                 half=self.half,
-                omit=getattr(model, "training_only", ()) if self.lean else (),
+                omit=model.training_only if self.lean else (),
                 task=learning.task,
             )
 

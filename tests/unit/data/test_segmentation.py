@@ -3,11 +3,12 @@ import pytest
 import torch
 from tests.unit.data.rectangles import Rectangles
 
+from scenefw.core.batches import IndexBatch
 from scenefw.core.errors import ConfigError
+from scenefw.data.epochs import EpochBatches
 from scenefw.data.fused_maps import FusedMaps
 from scenefw.data.label_views import StoredViews, ViewSamples
 from scenefw.data.map_crops import MapCrops, StoredMaps
-from scenefw.data.modules import EpochBatches, IndexBatch
 from scenefw.data.segmentation import SegmentationData, image_tensor
 from scenefw.noise.gaussian import Gaussian
 from scenefw.noise.pose import Jitter

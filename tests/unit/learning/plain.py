@@ -1,13 +1,14 @@
 """A training of a linear network; run as a script, on one process or on several."""
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import lightning
 import torch
 from torch import nn
 
-from scenefw.data.modules import EpochBatches
+from scenefw.data.epochs import EpochBatches
 from scenefw.learning.module import TrainingModule
 from scenefw.learning.schedules import CosineDecay
 from scenefw.learning.trainer import TrainerSettings
@@ -17,8 +18,27 @@ INPUTS = torch.randn(24, 3, generator=torch.Generator().manual_seed(1))
 TARGETS = INPUTS.sum(dim=1, keepdim=True).tanh()
 
 
+class SquaredError:
+    weight = 1.0
+    needs_draws = False
+
+    def check(self, setup):
+        pass
+
+    def __call__(self, prediction, batch):
+        return (prediction - batch.targets).square().mean()
+
+
+@dataclass(frozen=True)
+class Batch:
+    inputs: torch.Tensor
+    targets: torch.Tensor
+
+
 class Network(nn.Module):
     """Two layers, and statistics of batches only if asked for."""
+
+    training_only = ()
 
     def __init__(self, normalised=False):
         super().__init__()
@@ -39,22 +59,22 @@ class Learning(TrainingModule):
 
     def __init__(self, folder, failing=None, **options):
         settings = {"average": 0.9, "seed": 0, "compile": False, **options}
-        super().__init__(Network(), 1e-2, 0.0, CosineDecay(steps=30, warmup=2), **settings)
+        schedule = CosineDecay(steps=30, warmup=2)
+        losses = {"error": SquaredError()}
+        super().__init__(Network(), losses, 1e-2, 0.0, schedule, **settings)
         self.folder, self.failing = Path(folder), failing
         self.gradients = []
 
     def facts(self):
         return {}
 
-    def training_step(self, batch, batch_idx):
-        batch = self.trainer.train_dataloader.batch(self.batches_seen)
+    def setup_with(self, data):
+        return None
+
+    def predict_batch(self, batch):
         if self.failing == self.global_rank and self.batches_seen == 2:
             raise ValueError("no more\nnumbers")
-        inputs, targets = INPUTS[batch.indices], TARGETS[batch.indices]
-        loss = (self.model(inputs) - targets).square().mean()
-        self.log_dict({"train/total": loss.detach()}, batch_size=len(batch.indices))
-        self.count_batch()
-        return loss
+        return self.model(batch.inputs)
 
     def validation_step(self, batch, batch_idx):
         error = (self.model(INPUTS[batch.indices]) - TARGETS[batch.indices]).square().mean()
@@ -71,12 +91,17 @@ class Learning(TrainingModule):
 class Data(lightning.LightningDataModule):
     """Twenty-four samples."""
 
+    grid = None
+
     def __init__(self, batch_size):
         super().__init__()
         self.batch_size = batch_size
 
     def facts(self):
         return {}
+
+    def training_batch(self, batch, device):
+        return Batch(INPUTS[batch.indices], TARGETS[batch.indices])
 
     def train_dataloader(self):
         return EpochBatches(24, self.batch_size, 0, *self._processes())

@@ -46,7 +46,6 @@ def test_one_line_rebuilds_it(path, model):
     assert not found.model.training
     assert torch.equal(found.model.predict(condition).tsdf, model.eval().predict(condition).tsdf)
     assert found.grid == GRID
-    assert found.observed
     assert found.metadata == {"steps": 7}
     assert found.recipe == model.recipe
 
@@ -163,7 +162,8 @@ def test_what_only_training_needs_can_be_left_out(tmp_path, path, model):
     condition = torch.rand(2, 2, 16, 16, 16)
     assert torch.equal(found.predict(condition).votes, model.eval().predict(condition).votes)
     assert lean.stat().st_size < path.stat().st_size
-    batch = ShapeInstanceBatch(condition, condition[:, :1], torch.zeros(2, 3, 16, 16, 16))
+    targets = {"tsdf": condition[:, :1], "votes": torch.zeros(2, 3, 16, 16, 16)}
+    batch = ShapeInstanceBatch(condition, targets)
     with pytest.raises(InputError, match="without its encoder"):
         found(batch)
 

@@ -6,6 +6,7 @@ import torch
 from tests.unit.learning import plain
 from torch.utils._python_dispatch import TorchDispatchMode
 
+from scenefw.core.batches import SegmentationBatch, ShapeInstanceBatch
 from scenefw.learning import costs
 from scenefw.learning.costs import SideStream, StepTimes, peak_memory
 
@@ -91,6 +92,15 @@ def test_the_peak_of_memory_is_what_the_system_says():
     lines = Path("/proc/self/status").read_text().splitlines()
     (peak,) = (int(line.split()[1]) for line in lines if line.startswith("VmHWM"))
     assert peak_memory(CPU) == pytest.approx(1024 * peak, rel=0.02)
+
+
+def test_every_tensor_of_a_batch_is_kept_for_the_network():
+    """On CUDA its memory must not be given away before the network has used it."""
+    condition, tsdf, votes = (torch.zeros(n) for n in (1, 2, 3))
+    batch = ShapeInstanceBatch(condition, {"tsdf": tsdf, "votes": votes})
+    assert [len(t) for t in costs._tensors(batch)] == [1, 2, 3]
+    labels = SegmentationBatch(condition, tsdf, votes)
+    assert [len(t) for t in costs._tensors(labels)] == [1, 2, 3]
 
 
 def test_on_a_cpu_data_are_made_at_once():

@@ -71,7 +71,7 @@ def test_a_finished_training_says_so_and_its_weights_are_there(tmp_path, capsys)
     capsys.readouterr()
     figures = plain.task(tmp_path, steps=3).run()
     said, where = capsys.readouterr().out.strip().splitlines()
-    assert "the training is finished: 3 of 3 steps; to go on raise trainer.max_steps" in said
+    assert "the training is finished: 3 of 3 steps; to continue raise trainer.max_steps" in said
     assert where == str(tmp_path / "out" / "plain.safetensors")
     assert (tmp_path / "out" / "plain.safetensors").exists()
     assert figures["train/steps"] == 3
@@ -80,7 +80,7 @@ def test_a_finished_training_says_so_and_its_weights_are_there(tmp_path, capsys)
 
 def test_minutes_are_those_of_all_calls(tmp_path):
     task = plain.task(tmp_path, steps=-1, max_minutes=2.0)
-    task.learning.seconds = 119.999  # as if earlier calls had taken them
+    task.learning.clock.seconds = 119.999  # as if earlier calls had taken them
     task.run()
     stored = plain.state(tmp_path)["scenefw"]
     assert stored["seconds"] >= 120
@@ -92,7 +92,7 @@ def test_every_limit_that_is_met_is_named():
     state = {"global_step": 24, "scenefw": stored}
     assert finished(Budget(), state) is None
     assert finished(Budget(25, 3, 2.0), state) is None
-    assert "2 of 2 epochs; to go on raise trainer.max_epochs" in finished(Budget(25, 2), state)
+    assert "2 of 2 epochs; to continue raise trainer.max_epochs" in finished(Budget(25, 2), state)
     both = finished(Budget(24, None, 1.5), state)
     assert both.endswith("raise trainer.max_steps and trainer.max_minutes")
     assert "\n" not in both

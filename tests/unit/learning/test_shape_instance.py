@@ -5,20 +5,21 @@ import torch
 from tests.unit.data.stacks_file import write_stacks
 from tests.unit.learning import tiny
 
-from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction
 from scenefw.core.errors import ConfigError
-from scenefw.data.modules import IndexBatch, StackData
 from scenefw.learning.averaging import AveragedWeights
 from scenefw.learning.schedules import CosineDecay
-from scenefw.learning.scores import sample_scores, scores
 from scenefw.losses.sample_spread import SampleSpread
-from scenefw.metrics.occupancy import binary_cross_entropy, expected_occupancy, occupancy_iou
 
 
 @pytest.fixture
-def data(tmp_path):
+def stacks(tmp_path):
     write_stacks(tmp_path / "stacks.npz")
-    return StackData(str(tmp_path / "stacks.npz"), limit=2, validation_limit=2, batch_size=2)
+    return tmp_path / "stacks.npz"
+
+
+@pytest.fixture
+def data(stacks):
+    return tiny.data(stacks, limit=2)
 
 
 def trainer(steps, **options):
@@ -34,22 +35,7 @@ def trainer(steps, **options):
     )
 
 
-@pytest.mark.parametrize("resolution", [8, 16])
-def test_a_scene_of_an_epoch_is_the_same_in_any_batch(data, resolution):
-    module = tiny.learning(resolution)
-    both = module._draw(data.scenes, IndexBatch(3, torch.tensor([0, 1])), 2)
-    one = module._draw(data.scenes, IndexBatch(3, torch.tensor([1])), 2)
-    later = module._draw(data.scenes, IndexBatch(4, torch.tensor([1])), 2)
-    assert torch.equal(both.condition[1:], one.condition)
-    assert torch.equal(both.tsdf[1:], one.tsdf)
-    assert not torch.equal(later.condition, one.condition)
-    other = tiny.learning(resolution, seed=1)._draw(
-        data.scenes, IndexBatch(3, torch.tensor([1])), 2
-    )
-    assert not torch.equal(other.condition, one.condition)
-
-
-def test_it_learns_a_few_scenes(data):
+def test_it_learns_a_few_scenes(stacks):
     module = tiny.learning(16, schedule=None, learning_rate=2e-2)
     first = {}
 
@@ -58,7 +44,7 @@ def test_it_learns_a_few_scenes(data):
             first.setdefault("total", float(trainer.callback_metrics["train/total"]))
 
     run = trainer(60, callbacks=[First()])
-    run.fit(module, data)
+    run.fit(module, tiny.data(stacks, 16, limit=2))
     assert float(run.callback_metrics["train/total"]) < 0.6 * first["total"]
     assert module.batches_seen == 60
     assert module.seconds > 0
@@ -107,37 +93,9 @@ def test_averaged_weights_are_a_moving_average():
     assert float(model.weight.detach()) == 29
 
 
-def test_scores_of_a_known_prediction():
-    truth = torch.ones(1, 1, 2, 2, 2)
-    truth[0, 0, 0] = -0.5
-    guess = torch.ones(1, 1, 2, 2, 2)
-    guess[0, 0, 0, 0] = -0.5
-    votes = torch.zeros(1, 3, 2, 2, 2)
-    votes[0, 0, 0] = 1
-    turned = torch.zeros(1, 3, 2, 2, 2)
-    turned[0, 0, 0], turned[0, 1, 0] = 2, 2
-    found = scores(ShapeInstancePrediction(guess, turned), ShapeInstanceBatch(truth, truth, votes))
-    assert float(found["iou"]) == pytest.approx(2 / 4)
-    assert float(found["tsdf"]) == pytest.approx(2 * 1.5 / 8)
-    assert float(found["vote_degrees"]) == pytest.approx(45, abs=1e-3)
-
-
-@pytest.mark.parametrize("resolution", [4, 8])
-def test_sample_scores_are_those_of_the_numpy_metrics(resolution):
-    shape = (5, 1, *(resolution,) * 3)
-    samples = torch.randn((3, *shape), generator=torch.Generator().manual_seed(1))
-    truth = torch.randn(shape, generator=torch.Generator().manual_seed(2))
-    found = sample_scores(samples, truth)
-    occupied = truth.numpy() < 0
-    expected = expected_occupancy(samples.numpy())
-    assert float(found["sample_bce"]) == pytest.approx(binary_cross_entropy(expected, occupied))
-    overlaps = [occupancy_iou(sample.numpy() < 0, occupied) for sample in samples]
-    assert float(found["sample_iou"]) == pytest.approx(np.mean(overlaps))
-
-
-def test_validation_scores_drawn_codes(data):
+def test_validation_scores_drawn_codes(stacks):
     run = trainer(1)
-    module = tiny.learning(16)
+    module, data = tiny.learning(16), tiny.data(stacks, 16, limit=2)
     run.limit_val_batches = 1
     run.fit(module, data)
     first = run.validate(module, data, verbose=False)[0]

@@ -23,6 +23,9 @@ from scenefw.losses.partial_tsdf import PartialTsdfLoss
 from scenefw.losses.tsdf import TsdfLoss
 from scenefw.losses.votes import VoteLoss
 from scenefw.mapping.projective import Projective
+from scenefw.metrics.absolute_error import AbsoluteError
+from scenefw.metrics.expected_occupancy import ExpectedOccupancy
+from scenefw.metrics.occupancy_overlap import OccupancyOverlap
 from scenefw.models.shape_instance_vae import ShapeInstanceVAE
 from scenefw.renderers.sphere_tracer import SphereTracer
 from scenefw.tasks.train import Train
@@ -56,10 +59,23 @@ def network(resolution=8):
     )
 
 
-def learning(resolution=8, **options):
+def data(stacks, resolution=8, **options):
     views = ViewMaker(
         GridSpec(resolution), Circle(), SphereTracer(), Projective(), {}, RigidAugmentation()
     )
+    sizes = {"limit": 8, "validation_limit": 2, "batch_size": 2}
+    return StackData(views, path=str(stacks), **{**sizes, **options})
+
+
+METRICS = {
+    "iou": OccupancyOverlap(),
+    "tsdf": AbsoluteError(in_truncations=True),
+    "sample_iou": OccupancyOverlap(of_samples=True),
+    "sample_bce": ExpectedOccupancy(),
+}
+
+
+def learning(resolution=8, **options):
     losses = {
         "tsdf": TsdfLoss(),
         "votes": VoteLoss(),
@@ -69,19 +85,18 @@ def learning(resolution=8, **options):
     return ShapeInstanceLearning(
         network(resolution),
         losses,
-        views,
+        METRICS,
         **{"learning_rate": 1e-2, "schedule": CosineDecay(steps=20, warmup=3), **options},
     )
 
 
 def task(stacks, folder, steps, resolution=8, **options):
     """Four batches of two scenes per epoch."""
-    data = StackData(str(stacks), limit=8, validation_limit=2, batch_size=2)
     trainer = TrainerSettings("cpu", max_steps=steps, max_epochs=-1, validate_every=3)
     folder = Path(folder)
     return Train(
         learning(resolution),
-        data,
+        data(stacks, resolution),
         trainer,
         folder / "out",
         folder / "state",
@@ -102,13 +117,6 @@ class Killer(lightning.Callback):
             os.kill(os.getpid(), signal.SIGKILL)
 
 
-class Doomed(Train):
-    after = 5
-
-    def _callbacks(self):
-        return [*super()._callbacks(), Killer(self.after)]
-
-
 def run_elsewhere(*words):
     """Runs this file as a script in a process of its own.
 
@@ -124,7 +132,5 @@ def run_elsewhere(*words):
 
 
 if __name__ == "__main__":
-    training = task(*sys.argv[1:3], steps=9)
-    if "kill" in sys.argv[3:]:
-        training.__class__ = Doomed
-    training.run()
+    doomed = {"callbacks": {"killer": Killer(5)}} if "kill" in sys.argv[3:] else {}
+    task(*sys.argv[1:3], steps=9, **doomed).run()

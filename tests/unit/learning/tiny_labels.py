@@ -45,7 +45,7 @@ def rendered():
     return SegmentationData(train, ViewSamples(RenderedViews(source, 1)), batch_size=2)
 
 
-def task(folder, steps, source=data, **options):
+def task(folder, steps, source=data, doomed=False, **options):
     """Four batches of two views per epoch."""
     trainer = TrainerSettings("cpu", max_steps=steps, max_epochs=-1, validate_every=3)
     folder = Path(folder)
@@ -58,12 +58,8 @@ def task(folder, steps, source=data, **options):
         snapshot_steps=2,
         log_every=1,
         name="labels",
+        callbacks={"killer": Killer(5)} if doomed else None,
     )
-
-
-class Doomed(Train):
-    def _callbacks(self):
-        return [*super()._callbacks(), Killer(5)]
 
 
 if __name__ == "__main__":
@@ -71,7 +67,5 @@ if __name__ == "__main__":
     if "rendered" in what:
         training = task(folder, steps, rendered, classes=4, widths=(4, 6))
     else:
-        training = task(folder, steps)
-    if "kill" in what:
-        training.__class__ = Doomed
+        training = task(folder, steps, doomed="kill" in what)
     training.run()

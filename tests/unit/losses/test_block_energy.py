@@ -36,11 +36,10 @@ def energy(samples, truths, block):
     total = 0.0
     for truth, first, second in itertools.product(truths, samples, samples):
         first, second, truth = (v.view(1, 1, 2, 2, 2) for v in (first, second, truth))
-        batch = ShapeInstanceBatch(truth, truth, truth)
-        shapes = RedrawnShapes(slice(0, 1), second)
-        total += float(
-            BlockEnergy(block=block)(ShapeInstancePrediction(first, truth, redrawn=shapes), batch)
-        )
+        batch = ShapeInstanceBatch(truth, {"tsdf": truth})
+        shapes = RedrawnShapes(slice(0, 1), {"tsdf": second})
+        prediction = ShapeInstancePrediction({"tsdf": first}, redrawn=shapes)
+        total += float(BlockEnergy(block=block)(prediction, batch))
     return total / len(truths) / len(samples) ** 2
 
 

@@ -16,7 +16,8 @@ def redrawn_pair(resolution=4, rows=slice(1, 3)):
     second = torch.from_numpy(
         np.random.default_rng(9).uniform(-1.5, 1.5, (2, 1, *(resolution,) * 3))
     )
-    return replace(prediction, redrawn=RedrawnShapes(rows, second.requires_grad_())), batch
+    shapes = RedrawnShapes(rows, {"tsdf": second.requires_grad_()})
+    return replace(prediction, redrawn=shapes), batch
 
 
 @pytest.mark.parametrize("resolution", [4, 6])
@@ -43,9 +44,9 @@ def energy(spread, truths, *, middle=0.0):
     for truth in truths:
         tsdf = torch.full((4, 1, 1, 1, 1), truth, dtype=torch.float64)
         shapes = [values.view(4, 1, 1, 1, 1) for values in (first, second)]
-        batch = ShapeInstanceBatch(tsdf, tsdf, tsdf)
+        batch = ShapeInstanceBatch(tsdf, {"tsdf": tsdf})
         prediction = ShapeInstancePrediction(
-            shapes[0], tsdf, redrawn=RedrawnShapes(slice(0, 4), shapes[1])
+            {"tsdf": shapes[0]}, redrawn=RedrawnShapes(slice(0, 4), {"tsdf": shapes[1]})
         )
         total += float(TsdfLoss()(prediction, batch) + SampleSpread()(prediction, batch))
     return total / len(truths)

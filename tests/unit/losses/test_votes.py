@@ -19,7 +19,7 @@ def test_it_is_the_mean_norm_of_the_difference(resolution):
 def test_perfect_votes_cost_nothing_and_have_a_finite_gradient():
     prediction, batch = random_pair()
     votes = batch.votes.clone().requires_grad_()
-    loss = VoteLoss()(replace(prediction, votes=votes), batch)
+    loss = VoteLoss()(replace(prediction, volumes={"votes": votes}), batch)
     loss.backward()
     assert float(loss) == pytest.approx(0, abs=1e-7)
     assert torch.isfinite(votes.grad).all()
@@ -37,7 +37,7 @@ def test_voxels_of_objects_have_their_share_of_the_loss(share):
 
 def test_a_scene_without_objects_has_a_finite_loss():
     prediction, batch = random_pair()
-    empty = replace(batch, votes=torch.zeros_like(batch.votes))
+    empty = replace(batch, targets={"votes": torch.zeros_like(batch.votes)})
     assert torch.isfinite(VoteLoss(object_share=0.8)(prediction, empty))
 
 
@@ -53,7 +53,7 @@ def test_objects_may_have_a_share_of_the_loss(share):
 
 def test_a_grid_without_objects_has_no_object_term():
     prediction, batch = random_pair(3)
-    empty = replace(batch, votes=torch.zeros_like(batch.votes))
+    empty = replace(batch, targets={"votes": torch.zeros_like(batch.votes)})
     loss = VoteLoss(epsilon=1e-6, object_share=0.8)(prediction, empty)
     expected = 0.2 * np.linalg.norm(prediction.votes.detach().numpy(), axis=1).mean()
     assert float(loss) == pytest.approx(expected, rel=1e-5)

@@ -17,8 +17,10 @@ def random_pair(resolution=4, batch=3, latent=5, seed=0):
     condition = torch.cat([draw(batch, 1, *size), draw(batch, 1, *size).round()], dim=1)
     votes = torch.nn.functional.normalize(draw(batch, 3, *size), dim=1) * (truth < 0)
     prediction = ShapeInstancePrediction(
-        draw(batch, 1, *size, low=-1.5, high=1.5).requires_grad_(),
-        draw(batch, 3, *size).requires_grad_(),
+        {
+            "tsdf": draw(batch, 1, *size, low=-1.5, high=1.5).requires_grad_(),
+            "votes": draw(batch, 3, *size).requires_grad_(),
+        },
         draw(batch, 1, *size, low=-1.5, high=1.5).requires_grad_(),
         draw(batch, latent, low=-2, high=2).requires_grad_(),
         {
@@ -26,4 +28,4 @@ def random_pair(resolution=4, batch=3, latent=5, seed=0):
             "log_variance": draw(batch, latent).requires_grad_(),
         },
     )
-    return prediction, ShapeInstanceBatch(condition, truth, votes)
+    return prediction, ShapeInstanceBatch(condition, {"tsdf": truth, "votes": votes})

@@ -26,7 +26,8 @@ def batch(resolution=16, count=2, channels=2, seed=0):
     generator = torch.Generator().manual_seed(seed)
     size = (resolution,) * 3
     draws = (torch.rand(count, c, *size, generator=generator) * 2 - 1 for c in (channels, 1, 3))
-    return ShapeInstanceBatch(*draws)
+    condition, tsdf, votes = draws
+    return ShapeInstanceBatch(condition, {"tsdf": tsdf, "votes": votes})
 
 
 @pytest.mark.parametrize("resolution", [8, 16, 32, 64])
@@ -175,7 +176,8 @@ def test_codes_follow_the_generator_alone():
 
 def test_it_learns_one_batch():
     model, data = network(zero_share=0.5, prior_share=0.0), batch(count=2)
-    data = ShapeInstanceBatch(data.condition, (data.tsdf * 0.3).clamp(-1, 1), data.votes * 0.3)
+    targets = {"tsdf": (data.tsdf * 0.3).clamp(-1, 1), "votes": data.votes * 0.3}
+    data = ShapeInstanceBatch(data.condition, targets)
     optimizer = torch.optim.Adam(model.parameters(), lr=5e-3)
     generator, errors = torch.Generator().manual_seed(0), []
     for _ in range(60):

@@ -5,7 +5,7 @@ import pytest
 import torch
 from tests.unit.perception.synthetic import STACK, camera_at, frame_of
 
-from scenefw.core.batches import PartialTSDF
+from scenefw.core.batches import Completion, PartialTSDF
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import GridSpec
 from scenefw.export.summary import plain
@@ -22,13 +22,13 @@ class KnownBoxes:
         self.boxes = boxes
         self.seen = []
 
-    def reconstruct(self, partial, grid, samples, generator):
+    def complete(self, partial, grid, samples, generator):
         self.seen.append((partial, torch.rand(1, generator=generator).item()))
         fields = np.stack([self._distance(grid, box) for box in self.boxes])
         tsdf = fields.min(axis=0).clip(-grid.truncation, grid.truncation)
         instances = np.where(tsdf < 0, fields.argmin(axis=0) + 1, 0)
-        pair = (torch.from_numpy(tsdf).float()[None], torch.from_numpy(instances).int()[None])
-        return [pair] * samples
+        tsdf, instances = torch.from_numpy(tsdf).float(), torch.from_numpy(instances).int()
+        return [Completion(tsdf[None], instances[None], {"mine": tsdf[None, None]})] * samples
 
     @staticmethod
     def _distance(grid, box):
@@ -53,6 +53,7 @@ def test_objects_of_a_known_scene(resolution):
     np.testing.assert_allclose(np.sort(below.extents), (0.12, 0.16, 0.20), atol=1.2 / resolution)
     np.testing.assert_allclose(above.pose.position[2], 0.16, atol=1 / resolution)
     assert estimate.tsdf.shape == estimate.instances.shape == grid.shape
+    assert estimate.volumes["mine"].shape == (1, *grid.shape)
     json.dumps(plain(estimate.details), allow_nan=False)
 
 
@@ -62,7 +63,7 @@ def test_partial_tsdf_is_zero_on_seen_surfaces(resolution):
     method = KnownBoxes(grid)
     frame = frame_of(CAMERA)
     view = Pipeline(method, Projective()).prepare(frame)
-    truth, _ = method.reconstruct(view.partial, grid, 1, torch.Generator())[0]
+    truth = method.complete(view.partial, grid, 1, torch.Generator())[0].tsdf
     partial: PartialTSDF = view.partial
     x, y, z = np.moveaxis(grid.centres(), -1, 0)
     top = (np.abs(x) < 0.03) & (y > 0.0) & (y < 0.04) & (np.abs(z - 0.2) < 1.5 * grid.voxel_size)
@@ -90,16 +91,17 @@ def test_same_image_same_estimate():
 class Growing(KnownBoxes):
     """Every further sample is 7 mm fatter, and numbers its objects the other way round."""
 
-    def reconstruct(self, partial, grid, samples, generator):
-        (pair, *_) = super().reconstruct(partial, grid, samples, generator)
-        tsdf = pair[0]
+    def complete(self, partial, grid, samples, generator):
+        (first, *_) = super().complete(partial, grid, samples, generator)
+        tsdf = first.tsdf
         nearest = torch.stack(
             [torch.from_numpy(self._distance(grid, box)).float() for box in self.boxes]
         ).argmin(dim=0)
-        found = [pair]
+        found = [first]
         for number in range(1, samples):
             fatter = tsdf - 0.007 * number
-            found.append((fatter, torch.where(fatter < 0, 2 - nearest[None], 0).int()))
+            instances = torch.where(fatter < 0, 2 - nearest[None], 0).int()
+            found.append(Completion(fatter, instances))
         return found
 
 

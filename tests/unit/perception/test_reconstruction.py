@@ -10,17 +10,20 @@ from scenefw.core.batches import PartialTSDF, ShapeInstancePrediction
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import GridSpec
 from scenefw.perception.reconstruction import NetworkReconstructor, coupled_codes, smoothed
+from scenefw.representations.occupancy import Occupancy
 
 
 class Echo(torch.nn.Module):
     """A network whose TSDF is its condition plus the first entry of the code."""
 
-    latent_size = 4
+    def __init__(self, latent_size=4):
+        super().__init__()
+        self.latent_size, self.outputs = latent_size, {"tsdf": 1, "votes": 3}
 
     def predict(self, condition, latent=None):
-        shift = latent[:, :1, None, None, None]
+        shift = latent[:, :1, None, None, None] if self.latent_size else 0
         votes = condition[:, :1].expand(-1, 3, -1, -1, -1)
-        return ShapeInstancePrediction(condition[:, :1] + shift, votes)
+        return ShapeInstancePrediction({"tsdf": condition[:, :1] + shift, "votes": votes})
 
 
 class Signs:
@@ -30,9 +33,9 @@ class Signs:
         return (tsdf < 0).int(), torch.zeros(1, 3)
 
 
-def make(resolution, observed=False, smoothing=0.0, **options):
+def make(resolution, smoothing=0.0, **options):
     grid = GridSpec(resolution=resolution)
-    checkpoint = SimpleNamespace(model=Echo(), grid=grid, observed=observed, metadata={})
+    checkpoint = SimpleNamespace(model=Echo(), grid=grid, metadata={})
     distance = grid.truncation * (2 * torch.rand(2, 1, *grid.shape) - 1)
     return (
         NetworkReconstructor(checkpoint, Signs(), smoothing=smoothing, **options),
@@ -41,10 +44,9 @@ def make(resolution, observed=False, smoothing=0.0, **options):
     )
 
 
-@pytest.mark.parametrize("observed", [False, True])
 @pytest.mark.parametrize("resolution", [8, 16])
-def test_first_sample_is_the_zero_code_and_distances_are_metres(resolution, observed):
-    method, grid, partial = make(resolution, observed)
+def test_first_sample_is_the_zero_code_and_distances_are_metres(resolution):
+    method, grid, partial = make(resolution)
     samples = method.reconstruct(partial, grid, 3, torch.Generator().manual_seed(0))
     assert len(samples) == 3
     torch.testing.assert_close(samples[0][0], partial.distance[:, 0])
@@ -59,8 +61,9 @@ def test_first_sample_is_the_zero_code_and_distances_are_metres(resolution, obse
 def test_codes_come_from_the_generator():
     method, grid, partial = make(8)
     runs = [method.volumes(partial, grid, 2, torch.Generator().manual_seed(s)) for s in (1, 1, 2)]
-    assert torch.equal(runs[0][1][0], runs[1][1][0])
-    assert not torch.equal(runs[0][1][0], runs[2][1][0])
+    first, again, other = (samples[1]["tsdf"] for samples in runs)
+    assert torch.equal(first, again)
+    assert not torch.equal(first, other)
 
 
 def test_the_temperature_scales_drawn_codes_alone():
@@ -70,7 +73,7 @@ def test_the_temperature_scales_drawn_codes_alone():
     def shifts(temperature):
         method, _, _ = make(8, temperature=temperature)
         found = method.volumes(partial, grid, 4, torch.Generator().manual_seed(5))
-        return torch.stack([tsdf[0, 0, 0, 0] / grid.truncation for tsdf, _ in found])
+        return torch.stack([v["tsdf"][0, 0, 0, 0, 0] / grid.truncation for v in found])
 
     torch.testing.assert_close(shifts(0.2), 0.2 * shifts(0.4) / 0.4, atol=1e-6, rtol=1e-5)
     assert shifts(0.2)[1:].abs().min() > 0
@@ -82,7 +85,7 @@ def test_all_samples_can_be_drawn():
     partial = PartialTSDF(torch.zeros(1, 1, *grid.shape), torch.ones(1, 1, *grid.shape, dtype=bool))
     method, _, _ = make(8, typical_first=False, temperature=0.1)
     found = method.volumes(partial, grid, 3, torch.Generator().manual_seed(5))
-    shifts = torch.stack([tsdf[0, 0, 0, 0] for tsdf, _ in found]) / grid.truncation
+    shifts = torch.stack([v["tsdf"][0, 0, 0, 0, 0] for v in found]) / grid.truncation
     assert shifts.abs().min() > 0
     assert shifts.sum().abs() < 1e-6  # of coupled codes
     assert len(method.volumes(partial, grid, 1, torch.Generator())) == 1
@@ -149,6 +152,20 @@ def test_a_plane_stays_where_it_is():
 def test_distances_are_smoothed_before_instances_are_found():
     plain, grid, partial = make(16)
     method, _, _ = make(16, smoothing=0.6)
-    raw = plain.volumes(partial, grid, 1, torch.Generator())[0][0]
-    tsdf = method.volumes(partial, grid, 1, torch.Generator())[0][0]
-    torch.testing.assert_close(tsdf, smoothed(raw[:, None], 0.6)[:, 0])
+    raw = plain.volumes(partial, grid, 1, torch.Generator())[0]["tsdf"]
+    tsdf = method.volumes(partial, grid, 1, torch.Generator())[0]["tsdf"]
+    torch.testing.assert_close(tsdf, smoothed(raw, 0.6))
+
+
+def test_a_network_without_codes_gives_one_sample():
+    grid = GridSpec(resolution=8)
+    checkpoint = SimpleNamespace(model=Echo(latent_size=0), grid=grid, metadata={})
+    method = NetworkReconstructor(checkpoint, Signs())
+    partial = PartialTSDF(torch.zeros(2, 1, *grid.shape), torch.ones(2, 1, *grid.shape, dtype=bool))
+    assert len(method.reconstruct(partial, grid, 3, torch.Generator())) == 1
+
+
+def test_an_output_that_the_network_lacks_is_one_line():
+    with pytest.raises(ConfigError, match="no output occupancy of 1 channels") as caught:
+        make(8, representations={"occupancy": Occupancy()})
+    assert "\n" not in str(caught.value)

@@ -9,6 +9,7 @@ import torch
 from scenefw.core.batches import SceneParameters
 from scenefw.core.types import GridSpec
 from scenefw.representations.occupancy import Occupancy
+from scenefw.representations.volumes import ExactScenes, object_occupancy
 
 SCENE = SceneParameters(
     torch.tensor([[[0.1, 0.05, 0.12], [0.08, 0.15, 0.07], [0.1, 0.1, 0.1]]]),
@@ -22,7 +23,7 @@ SCENE = SceneParameters(
 @pytest.mark.parametrize("resolution", [32, 64])
 def test_per_object(resolution):
     grid = GridSpec(resolution=resolution)
-    occupancy = Occupancy(per_object=True).of_scenes(SCENE, grid)
+    occupancy = object_occupancy(SCENE, grid)
     assert occupancy.shape == (1, 3, *grid.shape)
     for i in range(2):
         u = np.abs(grid.centres() - SCENE.positions[0, i].numpy()) / SCENE.half_axes[0, i].numpy()
@@ -35,12 +36,19 @@ def test_per_object(resolution):
 
 def test_union():
     grid = GridSpec(resolution=20)
-    union = Occupancy().of_scenes(SCENE, grid)
-    each = Occupancy(per_object=True).of_scenes(SCENE, grid)
+    union = Occupancy().of_scenes(ExactScenes(SCENE, grid))
+    each = object_occupancy(SCENE, grid)
     assert union.shape == (1, 1, *grid.shape)
     assert torch.equal(union[:, 0], each[:, 0] | each[:, 1])
 
 
 def test_nobody_there():
     empty = replace(SCENE, present=torch.zeros(1, 3, dtype=torch.bool))
-    assert not Occupancy().of_scenes(empty, GridSpec(resolution=8)).any()
+    assert not Occupancy().of_scenes(ExactScenes(empty, GridSpec(resolution=8))).any()
+
+
+def test_networks_give_logits_of_it():
+    made, grid = Occupancy(), GridSpec(8)
+    assert made.to_network(torch.tensor([True, False]), grid).tolist() == [1, 0]
+    found = made.from_network(torch.tensor([0.0, 2.0]), grid)
+    assert found.tolist() == pytest.approx([0.5, 1 / (1 + np.exp(-2))])

@@ -1,11 +1,12 @@
 """TSDF with and without the floor."""
 
+import pytest
 import torch
 
 from scenefw.core.batches import SceneParameters
 from scenefw.core.types import GridSpec
 from scenefw.representations.tsdf import TSDF, with_floor
-from scenefw.representations.volumes import scene_volumes
+from scenefw.representations.volumes import ExactScenes, scene_volumes
 
 GRID = GridSpec(resolution=20)
 BALL = SceneParameters(
@@ -34,9 +35,9 @@ def test_floor_deep_below_is_cut():
 
 def test_nearer_of_object_and_floor_wins():
     alone = scene_volumes(BALL, GRID).tsdf
-    standing = TSDF(floor=True).of_scenes(BALL, GRID)
+    standing = TSDF(floor=True).of_scenes(ExactScenes(BALL, GRID))
     heights = torch.from_numpy(GRID.centres()[..., 2]).float()
-    assert torch.equal(TSDF().of_scenes(BALL, GRID), alone)
+    assert torch.equal(TSDF().of_scenes(ExactScenes(BALL, GRID)), alone)
     assert torch.allclose(standing[0, 0], torch.minimum(alone[0, 0], heights), atol=1e-6)
     assert (standing < alone).any()
 
@@ -45,3 +46,10 @@ def test_kept_in_half_precision():
     assert (
         with_floor(torch.zeros(1, 1, *GRID.shape, dtype=torch.float16), GRID).dtype == torch.float16
     )
+
+
+def test_networks_have_it_in_truncations():
+    metres = torch.tensor([-2.0, -0.5, 0.0, 0.25, 3.0]) * GRID.truncation
+    units = TSDF().to_network(metres, GRID)
+    assert units.tolist() == pytest.approx([-1, -0.5, 0, 0.25, 1])
+    torch.testing.assert_close(TSDF().from_network(units, GRID)[1:4], metres[1:4])

@@ -4,6 +4,7 @@ import torch
 
 from scenefw.core.batches import SceneParameters
 from scenefw.core.types import GridSpec
+from scenefw.representations.volumes import ExactScenes
 from scenefw.representations.vote_field import VoteField
 
 
@@ -17,7 +18,7 @@ def test_votes_of_a_ball_meet_at_its_centre():
         centre[None, None],
         torch.ones(1, 1, dtype=torch.bool),
     )
-    votes = VoteField().of_scenes(ball, grid)[0]
+    votes = VoteField().of_scenes(ExactScenes(ball, grid))[0]
     away = centre - torch.from_numpy(grid.centres()).float()
     distance = away.norm(dim=-1)
     inside = distance < 0.12 - 1e-4

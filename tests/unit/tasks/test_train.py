@@ -9,6 +9,7 @@ from tests.unit.data.stacks_file import write_stacks
 from tests.unit.learning import tiny
 
 from scenefw.core.errors import CheckpointError, ConfigError, StorageError, TrainingError
+from scenefw.data.stacks import StackScenes
 from scenefw.learning.checkpoint import load_checkpoint
 from scenefw.learning.optimizers import Muon
 from scenefw.learning.trainer import TrainerSettings
@@ -135,9 +136,7 @@ def test_a_training_with_other_settings_can_not_go_on(stacks, tmp_path):
         other.run()
     assert (tmp_path / "state" / "last.ckpt").read_bytes() == before
     validated = tiny.task(stacks, tmp_path, steps=4)
-    validated.data.validation_scenes = validated.data.validation_scenes.__class__(
-        str(stacks), "val", 1
-    )
+    validated.data.validation_scenes = StackScenes(str(stacks), "val", 1)
     assert validated.run()["train/steps"] == 4  # what watches a training may change
 
 

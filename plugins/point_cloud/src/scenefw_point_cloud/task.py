@@ -18,7 +18,7 @@ class PointCloudTask:
     """Writes a PLY and a picture for each view.
 
     Args:
-        representation: makes the clouds.
+        clouds: makes the clouds.
         input: depth image(s) to read; None: views of simulated test scenes.
         output: folder of the results.
         scenes: opens the simulated scenes, called without an input only.
@@ -31,7 +31,7 @@ class PointCloudTask:
 
     def __init__(
         self,
-        representation: PointClouds,
+        clouds: PointClouds,
         input: str | None,  # noqa: A002 - the name of the setting
         output: str,
         scenes: Callable[[], Any],
@@ -41,7 +41,7 @@ class PointCloudTask:
         views: int = 3,
         seed: int = 0,
     ) -> None:
-        self.representation = representation
+        self.clouds = clouds
         self.input = input
         self.output = Path(output)
         self.scenes = scenes
@@ -55,7 +55,7 @@ class PointCloudTask:
         """Makes all clouds; returns how many points they hold."""
         counts = []
         for frame in self._frames():
-            cloud = self.representation.of_frame(frame)
+            cloud = self.clouds.of_frame(frame)
             cloud.save(self.output / f"{frame.name}.ply")
             draw(cloud, frame.camera, self.output / f"{frame.name}.png", frame.name)
             counts.append(len(cloud))

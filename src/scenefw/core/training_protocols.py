@@ -1,0 +1,194 @@
+"""Protocols of what trains and is trained: data, networks, losses, metrics and loggers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    import torch
+    from torch import Tensor
+
+    from scenefw.core.batches import (
+        IndexBatch,
+        SegmentationBatch,
+        SegmentationSetup,
+        ShapeInstanceBatch,
+        ShapeInstancePrediction,
+        ShapeInstanceSetup,
+    )
+    from scenefw.core.protocols import Representation
+    from scenefw.core.types import GridSpec
+
+
+class TrainingData(Protocol):
+    """A Lightning data module that makes batches where the network trains (group `dataset`).
+
+    Its loaders (`train_dataloader`, `val_dataloader`) give an `IndexBatch` by its number.
+    """
+
+    batch_size: int
+    grid: GridSpec | None
+
+    def facts(self) -> Mapping[str, Any]:
+        """What a network learns from, as plain data for the checkpoint's metadata."""
+
+    def training_batch(self, batch: IndexBatch, device: torch.device) -> Any:
+        """The samples of an epoch, each a function of (seed, epoch, index) alone."""
+
+    def validation_batch(self, batch: IndexBatch, device: torch.device) -> Any:
+        """The same samples in every epoch."""
+
+
+class ShapeInstanceData(TrainingData, Protocol):
+    """Partial views of scenes with their complete volumes (group `dataset`, options `stacks*`)."""
+
+    grid: GridSpec
+    representations: Mapping[str, Representation]
+
+    def training_batch(self, batch: IndexBatch, device: torch.device) -> ShapeInstanceBatch:
+        """Views and volumes of an epoch, each a function of (seed, epoch, index) alone."""
+
+    def validation_batch(self, batch: IndexBatch, device: torch.device) -> ShapeInstanceBatch:
+        """The same views in every epoch, with their volumes in both units."""
+
+
+class SegmentationTrainingData(TrainingData, Protocol):
+    """Labelled views or crops of maps (group `dataset`, options `tabletop*`)."""
+
+    classes: Sequence[str]
+
+    def training_batch(self, batch: IndexBatch, device: torch.device) -> SegmentationBatch:
+        """The samples of an epoch, each a function of (seed, epoch, index) alone."""
+
+    def validation_batch(self, batch: IndexBatch, device: torch.device) -> SegmentationBatch:
+        """The same samples in every epoch."""
+
+
+class Loss(Protocol):
+    """One named term of a training's loss, and what it counts in the sum."""
+
+    weight: float
+    needs_draws: bool
+    """Whether it compares two drawn codes of a view; left out before codes are drawn."""
+
+    def check(self, setup: Any) -> None:
+        """Raises a ConfigError before the work if it can't be taken of what is trained on."""
+
+    def __call__(self, prediction: Any, batch: Any) -> Tensor:
+        """A scalar."""
+
+
+class ShapeInstanceLoss(Loss, Protocol):
+    """A term of the loss of shape-and-instance networks (group `loss`)."""
+
+    def check(self, setup: ShapeInstanceSetup) -> None:
+        """Raises a ConfigError before the work if it can't be taken of these volumes."""
+
+    def __call__(self, prediction: ShapeInstancePrediction, batch: ShapeInstanceBatch) -> Tensor:
+        """A scalar."""
+
+
+class SegmentationLoss(Loss, Protocol):
+    """A term of the loss of networks that label (group `loss`)."""
+
+    def check(self, setup: SegmentationSetup) -> None:
+        """Raises a ConfigError before the work if it can't be taken of these classes."""
+
+    def __call__(self, prediction: Tensor, batch: SegmentationBatch) -> Tensor:
+        """A scalar of scores (B, classes, H, W)."""
+
+
+class Network(Protocol):
+    """A `torch.nn.Module` that a file of weights can rebuild (group `model`)."""
+
+    recipe: Mapping[str, Any]
+    """Its class as `_target_`, and its arguments as plain data."""
+    training_only: Sequence[str]
+    """Children that only training needs; weights are stored without them, and read as None."""
+
+
+class ShapeInstanceModel(Network, Protocol):
+    """A network from a partial view to complete volumes (group `model`)."""
+
+    latent_size: int
+    """Length of a code that says what the view leaves open; 0: it has none."""
+    outputs: Mapping[str, int]
+    """Channels of each volume that it gives, by name of the representation."""
+
+    def redraws(self, count: int) -> int:
+        """How many views of a training batch of `count` get two codes from the prior."""
+
+    def forward(
+        self,
+        batch: ShapeInstanceBatch,
+        generator: torch.Generator | None = None,
+        *,
+        draw: bool = True,
+    ) -> ShapeInstancePrediction:
+        """Training pass, which may see the full scene.
+
+        Args:
+            batch: views and complete scenes.
+            generator: of codes, on the CPU; None: no code is random.
+            draw: codes may come from the prior; before `learning.draw_from` they don't yet.
+        """
+
+    def __call__(
+        self,
+        batch: ShapeInstanceBatch,
+        generator: torch.Generator | None = None,
+        *,
+        draw: bool = True,
+    ) -> ShapeInstancePrediction:
+        """Torch's way to `forward`."""
+
+    def predict(self, condition: Tensor, latent: Tensor | None = None) -> ShapeInstancePrediction:
+        """Test pass from conditions (B, 2, X, Y, Z), distances within [-1, 1].
+
+        Args:
+            condition: as in `ShapeInstanceBatch`.
+            latent: (S B, latent_size) codes, sample after sample; None means the zero code.
+        """
+
+
+class SegmentationModel(Network, Protocol):
+    """A network from colour and distance to a label per pixel (group `model`)."""
+
+    classes: int
+
+    def forward(self, colour: Tensor, distance: Tensor) -> Tensor:
+        """Scores (B, classes, H, W) of (B, 3, H, W) in [0, 1] and (B, 1, H, W) m, NaN: missing."""
+
+    def __call__(self, colour: Tensor, distance: Tensor) -> Tensor:
+        """Torch's way to `forward`."""
+
+
+class VolumeMetric(Protocol):
+    """A figure by which the training of volumes is watched (group `metric`)."""
+
+    of_samples: bool
+    """Whether it takes volumes of several drawn codes, (S, B, C, X, Y, Z), else of the zero code"""
+
+    def check(self, setup: ShapeInstanceSetup) -> None:
+        """Raises a ConfigError before the work if these volumes lack what it compares."""
+
+    def __call__(
+        self, predicted: Mapping[str, Tensor], true: Mapping[str, Tensor], grid: GridSpec
+    ) -> Tensor:
+        """A scalar of volumes (B, C, X, Y, Z) by name, in the units of their representations."""
+
+
+class TrainingLogger(Protocol):
+    """Keeps losses and scores of a training (group `logger`)."""
+
+    def begin(self, folder: Path, step: int) -> None:
+        """Starts in the training's folder, or continues after `step` and drops what came later."""
+
+    def log(self, step: int, epoch: int, seconds: float, values: Mapping[str, float]) -> None:
+        """Adds values by name, such as `train/total` and `val/iou`."""
+
+    def end(self) -> None:
+        """Closes what is open."""
