@@ -135,11 +135,9 @@ def test_settings_of_a_training(words, expected):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        ("run=predict mapping=odometry", r"^mapping is a RGBDOdometry, which has no fuse"),
-        (
-            "run=predict mapping=height_fusion",
-            r"^mapping is a HeightFusion, .* of mapping \(--list",
-        ),
+        ("run=train loss=[cross_entropy]", r"^loss\.cross_entropy is a CrossEntropy, which takes"),
+        ("run=train model=fusenet", r"^model is a FuseNet, which .* expected a ShapeInstanceModel"),
+        ("run=generate scene=tabletop", r"^scene is a TabletopGenerator, which gives Tabletop"),
         ("run=evaluate renderer=mesh_raycaster", r"^renderer is a MeshRaycaster, .* a Renderer"),
         ("run=train dataset=tabletop", r"^dataset is a TabletopScenes, .* expected a TrainingData"),
         ("run=evaluate evaluation=labelling", r"^dataset is a StackData, .* a FrameSource"),

@@ -1,0 +1,66 @@
+"""Every option of every group keeps its group's protocol, and nobody asks for more than it says."""
+
+import ast
+import inspect
+import pkgutil
+from pathlib import Path
+
+import pytest
+
+from scenefw import config, plugins, registry
+from scenefw.contracts import problems, protocol_named
+
+ROOT = Path(__file__).parents[1]
+SOURCES = [
+    path
+    for folder in (ROOT / "src", *sorted((ROOT / "plugins").glob("*/src")))
+    for path in sorted(folder.rglob("*.py"))
+]
+# What is looked at there is no component: arrays, C extensions, annotations, data of a library.
+PROBED = {
+    "argument_types.py", "contracts.py", "compile.py", "pybullet_engine.py", "receptive_field.py",
+    "shapenet.py", "shared_parts.py", "sources.py", "build.py",
+}  # fmt: skip
+
+
+def options():
+    plugins.activate()
+    for group, names in registry.catalogue().items():
+        if registry.group(group).protocols:
+            yield from ((group, name) for name in names)
+
+
+def targets(node):
+    """Classes of an option: its own, or, where it is a dict of several, that of each."""
+    if "_target_" in node:
+        return [node["_target_"]]
+    return [
+        each["_target_"] for each in node.values() if hasattr(each, "get") and "_target_" in each
+    ]
+
+
+@pytest.mark.parametrize(("group", "name"), sorted(options()))
+def test_every_option_keeps_a_protocol_of_its_group(group, name):
+    plugins.activate()
+    whole = config.compose([f"+{group}@component={name}"])
+    promised = [protocol_named(each) for each in registry.group(group).protocols]
+    for target in targets(whole.component):
+        made = pkgutil.resolve_name(target)
+        assert inspect.isclass(made), f"{target} is no class"
+        found = {each.__name__: list(problems(made, each)) for each in promised}
+        assert not all(found.values()), f"{target}: {found}"
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_nobody_feels_for_what_a_protocol_does_not_say(path):
+    if path.name in PROBED:
+        return
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Name):
+            continue
+        probing = node.func.id == "hasattr" or (
+            node.func.id == "getattr"
+            and len(node.args) == 3
+            and isinstance(node.args[1], ast.Constant)
+        )
+        assert not probing, f"{path}:{node.lineno} feels for an attribute; put it into the protocol"
