@@ -89,7 +89,7 @@ def test_figures_of_these_weights_beside_the_published(weights, words, tmp_path)
     assert cells(images)["overlap F (%) \u2191"] == ("90.6", "87.3", "83.3")
     known, unknown = blocks(sections, Code, "Figures")
     assert len(known.lines) == 1
-    assert "not recorded" in unknown.lines[1]
+    assert "did not record its weights" in unknown.lines[1]
 
 
 def test_figures_of_other_weights_or_of_another_kind(weights, words, tmp_path):
