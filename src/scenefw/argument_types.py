@@ -7,8 +7,7 @@ import pkgutil
 import re
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from scenefw.contracts import wrong_methods
-from scenefw.core import labelling_protocols, protocols
+from scenefw.contracts import PROTOCOLS, wrong_methods
 from scenefw.core.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -127,7 +126,7 @@ def _arguments(target: Any) -> Mapping[str, _Argument | _Part]:
     built = _imported(target)
     if built is None:
         return {}
-    known = vars(protocols) | vars(labelling_protocols)
+    known = PROTOCOLS
     names = known | getattr(inspect.getmodule(built), "__dict__", {})
     found: dict[str, _Argument | _Part] = {}
     for name, parameter in inspect.signature(built).parameters.items():

@@ -11,7 +11,15 @@ from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
-from scenefw.core import batches, height_maps, labelling_protocols, protocols, tabletop, types
+from scenefw.core import (
+    batches,
+    height_maps,
+    labelling_protocols,
+    protocols,
+    tabletop,
+    training_protocols,
+    types,
+)
 
 _NAME = re.compile(r"[A-Za-z_]\w*")
 _CROSSING = frozenset(
@@ -23,6 +31,12 @@ _CROSSING = frozenset(
 """Types that cross floors: final, so that one never stands for another."""
 
 
+PROTOCOLS: dict[str, Any] = {
+    **vars(protocols), **vars(labelling_protocols), **vars(training_protocols)
+}  # fmt: skip
+"""What stands in the modules of `core` that hold protocols, by name."""
+
+
 def protocol_named(name: str) -> type:
     """A protocol of `core` by its name, or any other by its dotted path.
 
@@ -31,8 +45,7 @@ def protocol_named(name: str) -> type:
     """
     if "." in name:
         return _protocol(pkgutil.resolve_name(name), name)
-    known = vars(protocols) | vars(labelling_protocols)
-    return _protocol(known.get(name), name)
+    return _protocol(PROTOCOLS.get(name), name)
 
 
 def _protocol(found: Any, name: str) -> type:
