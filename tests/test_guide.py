@@ -28,7 +28,7 @@ def followed(tmp_path):
 def test_files_and_commands_are_found():
     assert len(FILES) == 13
     assert GUIDE.count("```toml") + GUIDE.count("```yaml") + GUIDE.count("```python") == 13 + 3
-    assert [words[:2] for words in COMMANDS] == [["python", "-m"]] * 6
+    assert [words[:2] for words in COMMANDS] == [["python", "-m"]] * 5
 
 
 def test_the_guide_leads_to_figures_and_a_card(scenefw, warm, followed):
@@ -43,9 +43,8 @@ def test_the_guide_leads_to_figures_and_a_card(scenefw, warm, followed):
     assert "Litres of matter in a partial view" in shown["--list model"]
     outputs = followed / "outputs"
     scored = json.loads((outputs / "scored" / "metrics.json").read_text())
-    both = json.loads((outputs / "both" / "metrics.json").read_text())
     assert scored["views"] == 2
-    assert {"train/steps", "error", "mean/error"} <= both.keys()
+    assert {"error", "mean/error"} <= scored.keys()
     card = (outputs / "card" / "litres.md").read_text()
     for words in ("to the litres of matter in the grid", "| litres too many or too few (l) ↓ |"):
         assert words in card

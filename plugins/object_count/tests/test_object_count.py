@@ -13,6 +13,7 @@ from scenefw.core.types import GridSpec
 from scenefw.data.stacks import StackScenes
 from scenefw.execution.build import Builder
 from scenefw.learning.checkpoint import load_checkpoint
+from scenefw.losses.tsdf import TsdfLoss
 from scenefw_object_count.batches import CountBatch
 from scenefw_object_count.counters import BaseRate, NetworkCounter
 from scenefw_object_count.evaluation import CountedView, CountResult
@@ -44,8 +45,7 @@ def test_weights_that_ship_are_found_by_name_and_beat_random_ones():
     """On 12 views of the test split, by the log score, beside the base rate too."""
     plugins.activate()
     chosen = ("experiment=object_count", "run=evaluate", "device=cpu", "size.test_scenes=12")
-    whole = config.compose([*chosen, "evaluation.methods.base_rate.scenes.limit=300"])
-    evaluation = Builder(whole).build("evaluation")
+    evaluation = Builder(config.compose(chosen)).build("evaluation")
     shipped = evaluation.methods["network"]
     assert shipped.model.recipe["_target_"] == "scenefw_object_count.network.CountNetwork"
     torch.manual_seed(0)
@@ -120,4 +120,13 @@ def test_data_with_more_objects_than_the_network_knows_are_refused():
 
     learning = CountLearning(CountNetwork(most=4), {"log_score": LogScore()})
     with pytest.raises(ConfigError, match=r"model\.most=8"):
+        learning.check(Data())
+
+
+def test_losses_of_other_trainings_are_refused():
+    class Data:
+        most = 8
+
+    learning = CountLearning(CountNetwork(), {"log_score": LogScore(), "tsdf": TsdfLoss()})
+    with pytest.raises(ConfigError, match=r"the loss tsdf is for .* ShapeInstanceSetup"):
         learning.check(Data())
