@@ -2,8 +2,9 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from dataclasses import is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import torch
 from torch import Tensor, nn
@@ -96,7 +97,8 @@ class TrainingModule(ResumableModule, ABC):
             ConfigError: they don't.
         """
         setup: Any = self.setup_with(data)
-        for loss in self.losses.values():
+        for name, loss in self.losses.items():
+            _require_setup(name, loss, setup)
             loss.check(setup)
 
     def facts(self) -> dict[str, Any]:
@@ -129,6 +131,20 @@ class TrainingModule(ResumableModule, ABC):
         self.log_dict({"train/total": total.detach(), **values}, batch_size=len(batch.indices))
         self.count_batch()
         return total
+
+
+def _require_setup(name: str, loss: Loss, setup: Any) -> None:
+    """Refuses a loss that is written for another kind of training, by what its `check` takes."""
+    try:
+        hints = get_type_hints(loss.check)
+    except NameError:  # imported for type checkers only
+        return
+    taken = next((kind for word, kind in hints.items() if word != "return"), None)
+    if isinstance(taken, type) and is_dataclass(taken) and not isinstance(setup, taken):
+        raise ConfigError(
+            f"the loss {name} is for trainings that give it a {taken.__name__}, this one gives a "
+            f"{type(setup).__name__}; choose others by loss=[...]"
+        )
 
 
 def _laid_out(model: nn.Module, memory_format: torch.memory_format) -> nn.Module:

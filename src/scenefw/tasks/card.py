@@ -24,12 +24,13 @@ class Card:
 
     Args:
         checkpoint: file of weights, or the name of weights that come with scenefw or a plugin; None
-            means simstack.
+            means those named `shipped`.
         output: the run's folder.
         publish: also write the card to this file, e.g. beside the weights; None = don't.
         results: folders of evaluations of these weights.
         before: weights of earlier trainings that the file does not know of, the last one first.
         notes: further limits, one line each.
+        shipped: name of the weights that are meant if none are given.
         words: texts of the card; None takes those of group `card` for the network's task and input.
     """
 
@@ -41,11 +42,12 @@ class Card:
         results: Sequence[str | Path] = (),
         before: Sequence[str | Path] = (),
         notes: Sequence[str] = (),
+        shipped: str = "simstack",
         words: Words | None = None,
     ) -> None:
         self.checkpoint, self.output, self.publish = checkpoint, Path(output), publish
         self.results, self.before, self.notes = list(results), list(before), list(notes)
-        self.words = words
+        self.shipped, self.words = shipped, words
 
     def run(self) -> dict[str, float]:
         """Writes the card; returns size and length of training.
@@ -57,7 +59,7 @@ class Card:
             StorageError: the folder can't be written.
         """
         require_writable(self.output)
-        provenance = read_provenance(weights_file(self.checkpoint))
+        provenance = read_provenance(weights_file(self.checkpoint, self.shipped))
         before = [t for path in self.before for t in read_provenance(path).trainings]
         words = self.words or words_for(provenance)
         shown = card_sections(provenance, words, read_runs(self.results), before, self.notes)

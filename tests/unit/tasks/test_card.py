@@ -94,6 +94,16 @@ def test_weights_of_a_plugin_and_their_card(scenefw, tmp_path, cards, expected):
     assert expected in (tmp_path / "out" / "ears.md").read_text()
 
 
+def test_without_a_checkpoint_the_card_is_of_the_weights_of_the_experiment(scenefw, tmp_path):
+    write_plugin(tmp_path / "plugins" / "ears", "sound")
+    experiment = tmp_path / "plugins" / "ears" / "conf" / "experiment" / "listening.yaml"
+    experiment.parent.mkdir()
+    experiment.write_text("# @package _global_\n# Listens to sounds\npaths:\n  weights: ears\n")
+    done = scenefw("experiment=listening", "run=card", "paths.output=out")
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert (tmp_path / "out" / "ears.md").exists()
+
+
 def test_of_two_cards_one_has_to_be_chosen(scenefw, tmp_path):
     write_plugin(tmp_path / "plugins" / "ears", "sound", "sound")
     words = ("run=card", "checkpoint=ears", "paths.output=out")
