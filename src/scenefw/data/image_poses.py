@@ -118,7 +118,7 @@ def _alone(folder: Path, image: Path) -> NDArray[np.float64]:
     """The pose in the file that is named as an image."""
     file = folder / f"{image.stem}.txt"
     if not file.is_file():
-        raise InputError(f"no pose {file} beside {image}; add it, named as the depth image")
+        raise InputError(f"no pose {file} beside {image}; add it, with the name of the depth image")
     return pose_of([word for words in read_numbers(file) for word in words], str(file))
 
 

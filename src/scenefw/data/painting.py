@@ -82,7 +82,7 @@ def load_painting(
     path = Path(path)
     classes = _classes(path) if classes is None else tuple(classes)
     if background is not None and background not in classes:
-        raise InputError(f"background '{background}' is no class; choose one of {list(classes)}")
+        raise InputError(f"background '{background}' is not a class; choose one of {list(classes)}")
     painted, colours = _picture(path, height_map), palette(classes)
     labels = np.full(height_map.grid.shape, UNKNOWN, np.int32)
     untouched = (painted == _canvas(height_map, colours)).all(-1)
@@ -155,7 +155,7 @@ def require_agreement(
         raise InputError(
             f"views of {name} {found}; give the "
             "recording that the map was made of (maps of earlier versions don't keep how its world "
-            "lies: run=label makes them anew)"
+            "lies: run=label makes new ones)"
         )
 
 

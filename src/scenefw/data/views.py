@@ -1,4 +1,4 @@
-"""Views of scenes: complete volumes, a depth image and what it says of the grid."""
+"""Views of scenes: complete volumes, a depth image and what it tells about the grid."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -72,7 +72,7 @@ class TabletopGenerator:
         self._outlines: dict[tuple[int, int], Array] = {}
 
     def numbers(self, split: str) -> Sequence[int]:
-        """Numbers of the scenes of a split.
+        """Indices of the scenes of a split.
 
         Raises:
             ConfigError: there is no such split.

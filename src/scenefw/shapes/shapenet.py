@@ -62,7 +62,7 @@ class ShapeNetModels:
         self._models: dict[tuple[int, int], TexturedMesh] = {}
 
     def instances(self, label: int, split: str) -> Sequence[int]:
-        """Numbers of the instances of a class in a part of the data."""
+        """Indices of the instances of a class in a split."""
         if split not in SPLITS:
             raise ConfigError(f"split '{split}' is unknown; there are {', '.join(SPLITS)}")
         return split_instances(len(self._files[label - 1]))[split]

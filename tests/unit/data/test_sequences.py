@@ -175,7 +175,7 @@ def poses_text(tmp_path, text):
         ("0 0 0 0 0 0 1\n", "1 poses, but .* 2 images"),
         ("1 2 3\n4 5 6\n", "3 numbers, no pose"),
         ("0 0 0 0 0 0 0\n0 0 0 0 0 0 1\n", "no rotation"),
-        ("a b c d e f g\n", "is no pose: a b"),
+        ("a b c d e f g\n", "is not a pose: a b"),
         ("2 0 0 0 0 2 0 0 0 0 2 0\n" * 2, "no rigid motion"),
     ],
 )

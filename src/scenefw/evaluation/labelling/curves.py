@@ -62,7 +62,7 @@ class LabellingCurves:
         self.bench.warm_up()
         for scene in track(range(len(self.bench.scenes)), "scenes"):
             truth = self.bench.scenes.truth(scene)
-            example = example or _ExampleMaker(truth, self._shown())
+            example = example or _ExampleMaker(truth, self._shown_counts())
             for snapshots in self.bench.run(scene, self.counts):
                 for name, snapshot in snapshots.items():
                     rows.append(score(name, scene, snapshot, truth))
@@ -79,7 +79,7 @@ class LabellingCurves:
             example.made() if example else None,
         )
 
-    def _shown(self) -> tuple[int, ...]:
+    def _shown_counts(self) -> tuple[int, ...]:
         places = np.linspace(0, len(self.counts) - 1, min(self.shown, len(self.counts)))
         return tuple(self.counts[round(place)] for place in places)
 

@@ -108,7 +108,7 @@ class HybridWeights:
         missing = {VIEW_BASED, MAP_BASED} - set(bench.strategies)
         if missing:
             raise ConfigError(
-                f"the hybrid's weights need {' and '.join(sorted(missing))} too; give "
+                f"estimating the hybrid's weights needs {' and '.join(sorted(missing))} too; give "
                 "labelling=[view_based,map_based]"
             )
         self.bench = bench
@@ -120,12 +120,12 @@ class HybridWeights:
         self.doubt = check_doubt(doubt)
         if noise and bench.noise:
             raise ConfigError(
-                "scenes have one noise or take several in turn; with noise=... give "
+                "scenes have one noise or use several in rotation; with noise=... give "
                 "noise_per_scene=none"
             )
         if noise and len(bench.scenes) < len(noise):
             raise ConfigError(
-                f"{len(bench.scenes)} scenes can't take {len(noise)} noises in turn; give "
+                f"{len(bench.scenes)} scenes can't use {len(noise)} noises in rotation; give "
                 f"size.validation_tables={len(noise)} or more, or noise_per_scene=none"
             )
 

@@ -49,7 +49,7 @@ class SharedParts:
         self._running: dict[Hashable, _Shared[Any]] = {}
 
     def shared(self, strategy: Labelling) -> Labelling:
-        """The strategy with its parts replaced by shared ones; itself if it is no dataclass.
+        """The strategy with its parts replaced by shared ones; itself if it is not a dataclass.
 
         Two strategies share what they hold the very same object of.
         """

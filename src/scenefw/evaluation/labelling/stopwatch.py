@@ -21,12 +21,12 @@ class SharedWork:
 
     Methods run side by side, frame by frame: the first that needs a piece of work has it done, the
     others get the same result, and all of them are charged its time. Whoever runs them begins a
-    new turn with each frame, in which all work is done anew.
+    new turn with each frame, in which all work is done again.
     """
 
     def __init__(self) -> None:
         self.turn = 0
-        self._kept: dict[Hashable, tuple[tuple[object, ...], Any, float]] = {}
+        self._results: dict[Hashable, tuple[tuple[object, ...], Any, float]] = {}
         self._spent: dict[str, dict[str, float]] = defaultdict(lambda: defaultdict(float))
         self._calls: dict[str, dict[str, int]] = defaultdict(lambda: defaultdict(int))
         self._method = ""
@@ -35,7 +35,7 @@ class SharedWork:
     def begin_turn(self, turn: int) -> None:
         """Forgets the results of the turn before."""
         if turn != self.turn:
-            self._kept.clear()
+            self._results.clear()
         self.turn = turn
 
     @contextmanager
@@ -62,15 +62,15 @@ class SharedWork:
             inputs: objects that the result depends on; with other ones it is done again.
         """
         key = (stage, what, *map(id, inputs))
-        if key not in self._kept:
+        if key not in self._results:
             _wait_for_gpu()
             start = time.perf_counter()
             value = work()
             _wait_for_gpu()
             seconds = time.perf_counter() - start
             self._done += seconds
-            self._kept[key] = (inputs, value, seconds)  # inputs live on, so that ids stay theirs
-        _, result, seconds = self._kept[key]
+            self._results[key] = (inputs, value, seconds)  # inputs live on, so that ids stay theirs
+        _, result, seconds = self._results[key]
         self._spent[self._method][stage] += seconds
         self._calls[self._method][stage] += 1
         return result  # type: ignore[no-any-return]

@@ -37,7 +37,7 @@ class Growth:
         self.pictures: list[Path] = []
 
     def show(self, height_map: HeightMap, frames: int) -> Path:
-        """Writes the picture of a map after so many frames."""
+        """Writes the picture of a map after this many frames."""
         tiles = {f"{frames} frames": colour_picture(height_map)}
         if height_map.labels is not None:
             tiles["labels"] = label_picture(height_map.labels, len(height_map.classes))

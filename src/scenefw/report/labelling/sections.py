@@ -260,7 +260,7 @@ def _stages(result: CurvesResult) -> Table:
         (name, tuple(times.get(stage) for stage in stages))
         for name, times in result.seconds.items()
     )
-    note = "Per scene, all frames; the map is labelled once, when it is asked for."
+    note = "Per scene, all frames; the map is labelled once, when it is read."
     return Table("Time of each stage", columns, rows, note=note)
 
 
