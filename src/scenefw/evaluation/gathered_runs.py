@@ -107,7 +107,7 @@ class GatheredRuns:
         return found
 
     def _columns(self, runs: Sequence[Run], measures: Mapping[str, Measure]) -> dict[str, Measure]:
-        """The columns that a run has figures of, each with a heading of its own."""
+        """The columns that a run has figures for, each with its own heading."""
         shown: dict[str, Measure] = {}
         for name, changes in self.columns.items():
             if not any(name in run.figures for run in runs):

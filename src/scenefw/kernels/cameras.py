@@ -66,9 +66,7 @@ def _require_usable(camera: Camera) -> None:
     pose = np.asarray(camera.T_world_camera)
     rotation = pose[:3, :3]
     if pose.shape != (4, 4) or not np.isfinite(pose).all():
-        raise InputError(
-            f"camera pose {pose.tolist()} is not a finite 4x4 matrix; check its source"
-        )
+        raise InputError(f"camera pose {pose.tolist()} is no finite 4x4 matrix; check its source")
     if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4):
         raise InputError(
             f"camera pose has no rotation in its upper left 3x3 {rotation.tolist()}; "

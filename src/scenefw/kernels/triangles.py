@@ -25,7 +25,7 @@ UNSEEN = np.float32(1e30)
 """Height of a vertex that nothing was seen of; finite, as times a coupling of 0 it must be 0."""
 
 SEEN = np.float32(1e20)
-"""Heights (m) of seen vertices are below this."""
+"""Heights (m) of vertices of which something was seen are less."""
 
 _ZERO = np.float32(0)
 _HALF = np.float32(0.5)

@@ -52,7 +52,7 @@ class MeshRaycaster:
     def tables(
         self, scenes: Sequence[tables.PreparedTable], device: torch.device | str | None = None
     ) -> Tables:
-        """Scenes that stay on a device (default: this renderer's), rendered in batches."""
+        """Scenes that stay on a device (default: this renderer's), looked at in batches."""
         return Tables(scenes, device or self.device, self.contrast)
 
     def frames(self, geometry: TabletopGeometry, cameras: Sequence[Camera]) -> Iterator[Frame]:

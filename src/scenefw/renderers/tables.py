@@ -78,7 +78,7 @@ def prepared(geometry: TabletopGeometry) -> PreparedTable:
 
 
 class Tables:
-    """Scenes on a device, about 3 MB each, rendered in batches.
+    """Scenes on a device, about 3 MB each, that are looked at in batches.
 
     Args:
         scenes: prepared.

@@ -1,4 +1,4 @@
-"""Line figures as SVG that takes the page's text colour, so that they read on light and on dark."""
+"""Line figures as SVG that takes the page's text colour, readable on light and dark backgrounds."""
 
 import csv
 import io
@@ -18,7 +18,7 @@ from scenefw.core.errors import StorageError
 
 Curve = Sequence[tuple[float, float]]
 
-INK = "#010203"  # stands for the page's text colour, put in by `to_svg`
+INK = "#010203"  # placeholder of the page's text colour, replaced by `to_svg`
 STYLE = {
     "svg.fonttype": "none",
     "svg.hashsalt": "scenefw",

@@ -1,4 +1,4 @@
-"""Height maps as surfaces: empty ones, and what a camera sees of one."""
+"""Height maps as surfaces: empty maps, and what a camera sees of a map."""
 
 import numpy as np
 import torch

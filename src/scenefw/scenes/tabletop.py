@@ -160,7 +160,7 @@ def outline_of(vertices: Array) -> Array:
 
 
 def apart(first: Array, second: Array, gap: float) -> bool:
-    """Whether a side of one of two convex outlines (K, 2) keeps the other off by `gap`.
+    """Whether a side of one convex outline (K, 2) is at least `gap` away from the other outline.
 
     Where corner faces corner, outlines somewhat farther apart than `gap` may count as too near.
     """

@@ -42,7 +42,7 @@ class Snapshot:
 
 
 class Bench:
-    """Feeds the frames of a scene to all strategies; work that they share is done once.
+    """Feeds the frames of a scene to all strategies; shared work is done once.
 
     Args:
         scenes: views and truth.

@@ -1,4 +1,4 @@
-"""How well the two networks label single views and fused maps (thesis table 4.1)."""
+"""Accuracy of the two labelling networks on single views and fused maps (thesis table 4.1)."""
 
 from __future__ import annotations
 

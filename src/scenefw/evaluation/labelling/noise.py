@@ -34,12 +34,12 @@ class NoiseResult:
 
     @property
     def pose(self) -> tuple[float, ...]:
-        """Amounts of pose noise (m), rising."""
+        """Amounts of pose noise (m), ascending."""
         return tuple(sorted({row.pose for row in self.scores.rows}))
 
     @property
     def depth(self) -> tuple[float, ...]:
-        """Amounts of depth noise (m), rising."""
+        """Amounts of depth noise (m), ascending."""
         return tuple(sorted({row.depth for row in self.scores.rows}))
 
     @property

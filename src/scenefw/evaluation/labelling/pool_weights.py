@@ -27,13 +27,13 @@ if TYPE_CHECKING:
     from scenefw.evaluation.labelling.bench import Bench
     from scenefw.labelling.reconstruction import Reconstruction
 
-_MAYBE = 0.1  # a vertex may be taken for a class that is more probable than this
+_MAYBE = 0.1  # a vertex may be drawn for a class that is more probable than this
 Tracker = Callable[[Sequence[int], str], Iterable[int]]
 
 
 @dataclass(frozen=True)
 class WeightsResult:
-    """Weights and the accuracy of the pool with them, each class counting the same.
+    """Weights of the pool and its accuracy with them, averaged over classes.
 
     Args:
         pool: with the weights found.
@@ -70,7 +70,7 @@ class WeightsResult:
 
 
 class HybridWeights:
-    """Estimates the weights by comparing views and maps with true labels, after ever more frames.
+    """Estimates the weights from views, maps and true labels, after growing numbers of frames.
 
     For each class, vertices are drawn from those that belong to it or that views or map may take
     for it, the ones its IoU is computed over: the two differ most along the outlines of objects,

@@ -64,7 +64,7 @@ _READ = {"strategy": str, "scene": int, "frames": int}
 
 @dataclass(frozen=True)
 class Example:
-    """Maps of one scene to look at, thinned out.
+    """Thinned-out maps of one scene, for pictures.
 
     Args:
         frames: numbers of frames, one per column.
@@ -95,7 +95,7 @@ class Scores:
 
     @property
     def strategies(self) -> tuple[str, ...]:
-        """Names in the order they came."""
+        """Names in order of appearance."""
         return tuple(dict.fromkeys(row.strategy for row in self.rows))
 
     @property

@@ -30,17 +30,17 @@ class SharedWork:
         self._spent: dict[str, dict[str, float]] = defaultdict(lambda: defaultdict(float))
         self._calls: dict[str, dict[str, int]] = defaultdict(lambda: defaultdict(int))
         self._method = ""
-        self._done = 0.0  # seconds of work that was really done
+        self._done = 0.0  # seconds of work actually done
 
     def begin_turn(self, turn: int) -> None:
-        """Forgets the results of the turn before."""
+        """Forgets the results of the previous turn."""
         if turn != self.turn:
             self._results.clear()
         self.turn = turn
 
     @contextmanager
     def of(self, method: str) -> Iterator[None]:
-        """Charges the work of this block to a method, what it does alone as `OTHER`."""
+        """Charges the work of this block to a method; work that is not shared counts as `OTHER`."""
         before, self._method = self._method, method
         start, done = time.perf_counter(), self._done
         try:
@@ -53,7 +53,7 @@ class SharedWork:
     def do(
         self, stage: str, what: Hashable, work: Callable[[], Value], inputs: tuple[object, ...] = ()
     ) -> Value:
-        """The result of a piece of work, done now or, in the same turn, remembered.
+        """The result of a piece of work, done now or remembered from the same turn.
 
         Args:
             stage: that its seconds count for.
@@ -69,7 +69,11 @@ class SharedWork:
             _wait_for_gpu()
             seconds = time.perf_counter() - start
             self._done += seconds
-            self._results[key] = (inputs, value, seconds)  # inputs live on, so that ids stay theirs
+            self._results[key] = (
+                inputs,
+                value,
+                seconds,
+            )  # keeps inputs alive: unique ids
         _, result, seconds = self._results[key]
         self._spent[self._method][stage] += seconds
         self._calls[self._method][stage] += 1

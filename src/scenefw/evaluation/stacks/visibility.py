@@ -70,5 +70,5 @@ def _visible(
     nearest = depth[np.clip(v, 0, camera.height - 1), np.clip(u, 0, camera.width - 1)]
     slope = np.sqrt(np.maximum(1 - cosine**2, 0)) / np.maximum(cosine, _LEAST_COSINE)
     reach = tolerance + slope * z / camera.fx
-    # 0 is a ray that hits nothing, beside a silhouette: the face's own pixel says no more.
+    # 0 is a ray that hits nothing, next to a silhouette: the face's own pixel tells no more.
     return inside & (cosine > 0) & ((nearest == 0) | (z <= nearest + reach))

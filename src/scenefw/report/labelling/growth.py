@@ -1,4 +1,4 @@
-"""Pictures of a map that grows: PNGs while it does, one moving picture (GIF) in the end."""
+"""Pictures of a growing map: PNGs as it grows, and an animation (GIF) at the end."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Growth:
         return path
 
     def film(self) -> Path | None:
-        """Writes the moving picture; None if there are fewer than two pictures."""
+        """Writes the animation; None if there are fewer than two pictures."""
         if len(self.pictures) < 2:
             return None
         path = self.folder / "growth.gif"

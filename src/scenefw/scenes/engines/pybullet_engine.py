@@ -204,6 +204,6 @@ class PyBulletEngine:
 
 @lru_cache(maxsize=8192)
 def _listed(corners: bytes) -> list[list[float]]:
-    """The same list for the same corners: PyBullet never lets go of a list that it was given."""
+    """The same list for the same corners, as PyBullet never releases a list."""
     points: list[list[float]] = np.frombuffer(corners).reshape(-1, 3).tolist()
     return points
