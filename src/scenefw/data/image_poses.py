@@ -104,7 +104,7 @@ def _named(file: Path, lines: Sequence[Sequence[str]], images: Sequence[Path]) -
     missing = [image for image in images if _key(image.name) not in found]
     if missing:
         raise InputError(
-            f"{file} names no pose of {missing[0]} ({len(missing)} of {len(images)} images have "
+            f"{file} has no pose for {missing[0]} ({len(missing)} of {len(images)} images have "
             "none); begin each line with the name of its image, or leave names out and give one "
             "line per image in their order (2 before 10)"
         )

@@ -125,7 +125,7 @@ def write_views(
         InputError: the map has no labels, or there is no view.
     """
     if height_map.labels is None:
-        raise InputError("a height map without labels labels no views; load_painting gives them")
+        raise InputError("the height map has no labels; load_painting adds them")
     frames = _labelled(height_map, views, border, tolerance)
     return write_sequence(folder, frames, height_map.classes, ordered=False)
 
@@ -153,9 +153,8 @@ def require_agreement(
             f"see the map in {np.mean(shares):.1%} of their pixels" if shares else "have no pose"
         )
         raise InputError(
-            f"views of {name} {found}; give the "
-            "recording that the map was made of (maps of earlier versions don't keep how its world "
-            "lies: run=label makes new ones)"
+            f"views of {name} {found}; give the recording that the map was made from (maps of "
+            "earlier versions don't store the transform of its world: make a new map with run=label)"
         )
 
 

@@ -64,7 +64,7 @@ def pose_of(words: Sequence[str], where: str) -> Array:
         x, y, z, w = values[3:]
         return rigid(rotation_from_quaternion((w, x, y, z)), values[:3])
     if values.size not in (12, 16):
-        raise InputError(f"{where} holds {values.size} numbers, no pose; expected {_FORMATS}")
+        raise InputError(f"{where} holds {values.size} numbers; expected {_FORMATS}")
     matrix = np.eye(4)
     matrix[:3] = values[:12].reshape(3, 4)
     rotation = matrix[:3, :3]

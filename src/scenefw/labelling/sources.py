@@ -132,7 +132,7 @@ class TrueLabels:
             InputError: the frame has no labels.
         """
         if frame.labels is None:
-            raise InputError(f"frame {frame.name} has no true labels; give another source of them")
+            raise InputError(f"frame {frame.name} has no true labels; give another label_source")
         labels, count = frame.labels, len(self.classes)
         if self.error_rate:
             rng = generator(self.seed, zlib.crc32(frame.name.encode()))
@@ -180,7 +180,7 @@ class MaskFiles:
         if labels.shape != frame.depth.shape:
             raise InputError(
                 f"{path} is {labels.shape[::-1]} pixels, its frame {frame.depth.shape[::-1]}; "
-                "give a mask of one channel and of the size of the frame"
+                "give a mask with one channel and the size of the frame"
             )
         labels = np.where(labels == 255, -1, labels.astype(np.int32))
         return one_hot(labels, len(self.classes), self.confidence, str(path))
