@@ -153,8 +153,8 @@ def require_agreement(
             f"see the map in {np.mean(shares):.1%} of their pixels" if shares else "have no pose"
         )
         raise InputError(
-            f"views of {name} {found}; give the recording that the map was made from (maps of "
-            "earlier versions don't store the transform of its world: make a new map with run=label)"
+            f"views of {name} {found}; give the recording that the map was made of (maps of "
+            "earlier versions don't store its world: make a new one with run=label)"
         )
 
 
