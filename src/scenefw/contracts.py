@@ -1,4 +1,4 @@
-"""Whether a class keeps what a protocol promises, as far as can be seen without an instance."""
+"""Whether a class satisfies a protocol, as far as can be checked without an instance."""
 
 from __future__ import annotations
 
@@ -50,15 +50,15 @@ def protocol_named(name: str) -> type:
 
 def _protocol(found: Any, name: str) -> type:
     if not getattr(found, "_is_protocol", False):
-        raise AttributeError(f"{name} is no protocol")
+        raise AttributeError(f"{name} is not a protocol")
     checked: type = found
     return checked
 
 
 def problems(found: type, protocol: type) -> Iterator[str]:
-    """What a class lacks or does otherwise than a protocol says, each in a few words.
+    """What a class lacks or does differently from a protocol, each in a few words.
 
-    Looked at are methods, how many arguments they take, the types of `core` that they take and
+    Compares methods, how many arguments they take, the types of `core` that they take and
     give, and attributes that the class or its `__init__` sets.
     """
     yield from wrong_methods(found, protocol)
@@ -66,7 +66,7 @@ def problems(found: type, protocol: type) -> Iterator[str]:
 
 
 def wrong_methods(found: type, protocol: type) -> Iterator[str]:
-    """As `problems`, of methods alone."""
+    """As `problems`, but only for methods."""
     for name, promised in methods(protocol).items():
         own = getattr(found, name, None)
         if own is None:
