@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from scenefw.core.errors import ConfigError, InputError
@@ -111,7 +112,7 @@ def _every(stride: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
 
 
 def _array(volume: Any, grid: GridSpec) -> NDArray[Any]:
-    array = np.asarray(volume.detach().cpu() if hasattr(volume, "detach") else volume)
+    array = torch.as_tensor(volume).detach().cpu().numpy()
     if array.shape != grid.shape:
         raise InputError(
             f"a volume has shape {array.shape}, its grid {grid.shape}; give both alike"
