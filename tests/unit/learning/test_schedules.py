@@ -27,7 +27,7 @@ def test_warm_up_rises_evenly():
 
 
 def test_a_cosine_needs_a_budget():
-    with pytest.raises(ConfigError, match=r"steps or \.minutes"):
+    with pytest.raises(ConfigError, match=r"steps, \.minutes"):
         CosineDecay()
 
 
