@@ -94,7 +94,9 @@ def test_list_shows_every_option_with_its_description(nil):
     assert "A run that does nothing" in done.stdout
     assert "Voxel grid over a 1 m cube" in done.stdout
     assert "nil" in next(line for line in done.stdout.splitlines() if "does nothing" in line)
-    (row,) = (line for line in done.stdout.splitlines() if "Partial TSDF of depth images" in line)
+    (row,) = (
+        line for line in done.stdout.splitlines() if "Partial TSDFs from depth images" in line
+    )
     assert "run=" in row
     assert "mapping" in row
 

@@ -30,7 +30,7 @@ usage: python -m scenefw [-m] [-v] [group=option ...] [key=value ...]
   python -m scenefw experiment=simstack run=predict input=PATH  a depth image to a 3D scene
   python -m scenefw experiment=simstack run=train size.minutes=60
   python -m scenefw experiment=simstack run=evaluate            figures of the shipped weights
-  python -m scenefw experiment=simstack run=generate            makes the stacks anew
+  python -m scenefw experiment=simstack run=generate            regenerates the stacks
   python -m scenefw experiment=osd input=FOLDER                 scores on labelled real images
   python -m scenefw run=label labelling=hybrid input=FOLDER     an RGB-D sequence to a labelled map
   python -m scenefw experiment=labelling                        labelling strategies compared
@@ -114,7 +114,7 @@ def _run() -> None:
 
 
 def _task(settings: DictConfig) -> Mapping[str, Any]:
-    """One run; errors end the process here, before Hydra adds lines of its own to them."""
+    """One run; errors end the process here, before Hydra adds its own lines."""
     from scenefw.execution.run import execute
 
     try:

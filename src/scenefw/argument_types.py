@@ -1,4 +1,4 @@
-"""Whether the values of a config are of the kinds that components say they take."""
+"""Checks the values of a config against the argument types of components."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ import pkgutil
 import re
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from scenefw.contracts import wrong_methods
-from scenefw.core import labelling_protocols, protocols
+from scenefw.contracts import PROTOCOLS, wrong_methods
 from scenefw.core.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -44,7 +43,7 @@ class _Argument(NamedTuple):
 
 
 def check_types(config: DictConfig, key: str) -> None:
-    """Finds out before the work whether values and parts are what components expect.
+    """Checks before the work that values and parts are what components expect.
 
     Numbers, true or false, text, and sequences of these are checked, and whether parts have the
     methods of the protocols they stand for, with arguments and results of the same types. All
@@ -62,11 +61,11 @@ def check_types(config: DictConfig, key: str) -> None:
         if isinstance(argument, _Part):
             _require_methods(setting, value, argument)
         elif not _fits(value, argument):
-            raise ConfigError(f"{setting} is {_shown(value)}; expected {_expectation(argument)}")
+            raise ConfigError(f"{setting} is {_as_typed(value)}; expected {_expectation(argument)}")
 
 
 def _require_methods(setting: str, node: Any, part: _Part) -> None:
-    """Looks at classes alone: what functions make is not known before."""
+    """Checks only classes: what functions return is not known in advance."""
     from omegaconf import DictConfig
 
     if not isinstance(node, DictConfig):
@@ -109,7 +108,7 @@ def _values(
 
 
 def _origin(config: DictConfig, setting: str, written: Any) -> str:
-    """Where a value is set that was written as a reference to another setting."""
+    """The setting that a reference finally leads to."""
     from omegaconf import OmegaConf
 
     while isinstance(written, str) and (found := _REFERENCE.fullmatch(written)):
@@ -123,11 +122,11 @@ def _origin(config: DictConfig, setting: str, written: Any) -> str:
 
 
 def _arguments(target: Any) -> Mapping[str, _Argument | _Part]:
-    """Arguments by name, of those kinds alone that are known."""
+    """Arguments by name, only of known kinds."""
     built = _imported(target)
     if built is None:
         return {}
-    known = vars(protocols) | vars(labelling_protocols)
+    known = PROTOCOLS
     names = known | getattr(inspect.getmodule(built), "__dict__", {})
     found: dict[str, _Argument | _Part] = {}
     for name, parameter in inspect.signature(built).parameters.items():
@@ -163,7 +162,7 @@ def _argument(annotation: Any, default: Any) -> _Argument | None:
 
 
 def _part(annotation: Any, names: Mapping[str, Any]) -> _Part | None:
-    """What a protocol, or a mapping to it, asks of a component."""
+    """The protocol that an annotation names, alone or in a mapping."""
     words = [word for word in _written(annotation).split(" | ") if word != "None"]
     found = _MAPPING.fullmatch(words[0]) if len(words) == 1 else None
     name = (found[1] if found else words[0] if len(words) == 1 else "").rpartition(".")[2]
@@ -174,7 +173,7 @@ def _part(annotation: Any, names: Mapping[str, Any]) -> _Part | None:
 
 
 def _written(annotation: Any) -> str:
-    """An annotation as it is written, whether or not it has been evaluated."""
+    """An annotation as written, whether or not it has been evaluated."""
     if isinstance(annotation, type) and not hasattr(annotation, "__args__"):
         return annotation.__name__
     return str(annotation).replace("collections.abc.", "").replace("typing.", "")
@@ -198,7 +197,7 @@ def _fits(value: Any, argument: _Argument) -> bool:
 def _expectation(argument: _Argument) -> str:
     words = [word for kind, word in _WORDS.items() if kind in argument.kinds]
     if argument.sequence and argument.default:
-        return f"a list such as {_shown(list(argument.default))}"
+        return f"a list such as {_as_typed(list(argument.default))}"
     if argument.sequence:
         return "a list of " + ("words" if "str" in argument.kinds else "numbers")
     example = argument.default
@@ -206,10 +205,10 @@ def _expectation(argument: _Argument) -> str:
     return " or ".join(words) + (f", such as {example}" if numeric else "")
 
 
-def _shown(value: Any) -> str:
+def _as_typed(value: Any) -> str:
     """As it is typed."""
     if isinstance(value, list):
-        return f"[{', '.join(map(_shown, value))}]"
+        return f"[{', '.join(map(_as_typed, value))}]"
     if isinstance(value, bool):
         return str(value).lower()
     return "null" if value is None else str(value)

@@ -1,4 +1,4 @@
-"""Configs: where they lie, how Hydra composes them, and what is wrong with them in one line."""
+"""Configs: where they are, how Hydra composes them, and what is wrong with them in one line."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def compose(overrides: Sequence[str] = ()) -> DictConfig:
 
 
 def near_misses(name: str, known: Sequence[str]) -> str:
-    """A question that names what the user may have meant; what there is, if nothing comes near."""
+    """Asks what the user may have meant, or lists what there is if nothing is similar."""
     close = difflib.get_close_matches(name, known, n=3, cutoff=0.6)
     if close:
         return "did you mean " + " or ".join(close) + "?"
@@ -94,7 +94,7 @@ def near_misses(name: str, known: Sequence[str]) -> str:
 def explain(
     error: Exception, overrides: Sequence[str], options: Mapping[str, Sequence[str]]
 ) -> ConfigError:
-    """Says in one line which override is wrong and what was perhaps meant.
+    """Says in one line which override is wrong and what the user may have meant.
 
     Args:
         error: what Hydra raised.
@@ -136,7 +136,7 @@ def _unknown_option(override: Override, options: Mapping[str, Sequence[str]]) ->
 
 
 def _unchosen(error: Exception, options: Mapping[str, Sequence[str]]) -> str | None:
-    """What to choose where a group is read and nothing chooses one of its options."""
+    """Asks for an option of a group that is read but has none chosen."""
     found = _ABSENT.search(str(error))
     group = (found[1] or found[2]) if found else ""
     if group not in options:

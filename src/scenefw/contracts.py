@@ -1,4 +1,4 @@
-"""Whether a class keeps what a protocol promises, as far as can be seen without an instance."""
+"""Whether a class satisfies a protocol, as far as can be checked without an instance."""
 
 from __future__ import annotations
 
@@ -11,7 +11,15 @@ from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
-from scenefw.core import batches, height_maps, labelling_protocols, protocols, tabletop, types
+from scenefw.core import (
+    batches,
+    height_maps,
+    labelling_protocols,
+    protocols,
+    tabletop,
+    training_protocols,
+    types,
+)
 
 _NAME = re.compile(r"[A-Za-z_]\w*")
 _CROSSING = frozenset(
@@ -23,6 +31,12 @@ _CROSSING = frozenset(
 """Types that cross floors: final, so that one never stands for another."""
 
 
+PROTOCOLS: dict[str, Any] = {
+    **vars(protocols), **vars(labelling_protocols), **vars(training_protocols)
+}  # fmt: skip
+"""What stands in the modules of `core` that hold protocols, by name."""
+
+
 def protocol_named(name: str) -> type:
     """A protocol of `core` by its name, or any other by its dotted path.
 
@@ -31,21 +45,20 @@ def protocol_named(name: str) -> type:
     """
     if "." in name:
         return _protocol(pkgutil.resolve_name(name), name)
-    known = vars(protocols) | vars(labelling_protocols)
-    return _protocol(known.get(name), name)
+    return _protocol(PROTOCOLS.get(name), name)
 
 
 def _protocol(found: Any, name: str) -> type:
     if not getattr(found, "_is_protocol", False):
-        raise AttributeError(f"{name} is no protocol")
+        raise AttributeError(f"{name} is not a protocol")
     checked: type = found
     return checked
 
 
 def problems(found: type, protocol: type) -> Iterator[str]:
-    """What a class lacks or does otherwise than a protocol says, each in a few words.
+    """What a class lacks or does differently from a protocol, each in a few words.
 
-    Looked at are methods, how many arguments they take, the types of `core` that they take and
+    Compares methods, how many arguments they take, the types of `core` that they take and
     give, and attributes that the class or its `__init__` sets.
     """
     yield from wrong_methods(found, protocol)
@@ -53,7 +66,7 @@ def problems(found: type, protocol: type) -> Iterator[str]:
 
 
 def wrong_methods(found: type, protocol: type) -> Iterator[str]:
-    """As `problems`, of methods alone."""
+    """As `problems`, but only for methods."""
     for name, promised in methods(protocol).items():
         own = getattr(found, name, None)
         if own is None:

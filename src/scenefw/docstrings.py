@@ -1,4 +1,4 @@
-"""Arguments of classes and functions as their source says them; nothing is imported for it."""
+"""Arguments of classes and functions, read from their source without importing it."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def arguments(target: str, roots: Iterable[Path]) -> dict[str, Argument]:
 
 
 def described(docstring: str) -> dict[str, str]:
-    """What the section `Args:` of a docstring says of each argument."""
+    """What the section `Args:` of a docstring says about each argument."""
     found: dict[str, list[str]] = {}
     lines = iter(docstring.splitlines())
     for line in lines:

@@ -29,10 +29,10 @@ def print_catalogue() -> None:
     owners = {pair: plugin.name for plugin in found for pair in plugin.options()}
     table = Table("group", "option", "what it is", "plugin", title="scenefw: group=option")
     for group, options in registry.catalogue().items():
-        said = registry.group(group)
+        info = registry.group(group)
         table.add_section()
-        verbs = f" (run={', '.join(said.verbs)})" if said.verbs else ""
-        table.add_row(f"[bold]{group}[/]", "", f"[bold]{escape(said.about)}[/]{escape(verbs)}", "")
+        verbs = f" (run={', '.join(info.verbs)})" if info.verbs else ""
+        table.add_row(f"[bold]{group}[/]", "", f"[bold]{escape(info.about)}[/]{escape(verbs)}", "")
         for name, path in sorted(options.items()):
             owner = owners.get((group, name), "")
             table.add_row("", name, escape(registry.description(path)), owner)
@@ -49,10 +49,10 @@ def print_group(name: str) -> None:
     from rich.table import Table
 
     options = registry.options(name)
-    said, console = registry.group(name), _console()
-    console.print(f"[bold]{name}[/]: {escape(said.about)}")
-    if said.verbs:
-        console.print(f"read by run={', '.join(said.verbs)}")
+    info, console = registry.group(name), _console()
+    console.print(f"[bold]{name}[/]: {escape(info.about)}")
+    if info.verbs:
+        console.print(f"read by run={', '.join(info.verbs)}")
     roots = list(_roots())
     for option, path in sorted(options.items()):
         console.print(f"\n[bold]{name}={option}[/]: {escape(registry.description(path))}")
@@ -84,7 +84,7 @@ def composed(path: Path) -> dict[str, Any]:
 
 
 def _file(here: Path, group: str, option: Any) -> Path | None:
-    """The file of an entry of a defaults list; None for overrides and what is left open."""
+    """The file of an entry of a defaults list; None for overrides and open choices."""
     inside = group.lstrip("/") + (f"/{option}" if option else "")
     folders = [here] if not group.startswith("/") else registry.folders()
     files = (folder / f"{inside}.yaml" for folder in folders)
@@ -109,7 +109,7 @@ def _rows(node: dict[str, Any], roots: list[Path], prefix: str = "") -> Iterator
         value: Any = node.get(name)
         inner = isinstance(value, dict) and _has_target(value)
         if target and name in node:
-            shown = str(value["_target_"]) if inner and "_target_" in value else _shown(value)
+            shown = str(value["_target_"]) if inner and "_target_" in value else _as_typed(value)
             yield prefix + name, "" if inner and "_target_" not in value else shown, argument.about
         elif target:
             yield prefix + name, argument.default or "", argument.about
@@ -122,17 +122,17 @@ def _has_target(node: dict[str, Any]) -> bool:
     return "_target_" in node or any(map(_has_target, parts))
 
 
-def _shown(value: Any) -> str:
+def _as_typed(value: Any) -> str:
     """As it is typed."""
     if isinstance(value, list):
-        return f"[{', '.join(map(_shown, value))}]"
+        return f"[{', '.join(map(_as_typed, value))}]"
     if isinstance(value, bool):
         return str(value).lower()
     return "null" if value is None else str(value)
 
 
 def _roots() -> Iterator[Path]:
-    """Folders that packages lie in: the core's and those of plugins."""
+    """Folders that contain packages: the core's and those of plugins."""
     yield Path(__file__).parents[1]
     for plugin in plugins.find():
         if plugin.source is not None:
@@ -142,7 +142,7 @@ def _roots() -> Iterator[Path]:
 
 
 def _console() -> Console:
-    """Nothing is cut where there's no window to fit."""
+    """Cuts nothing when the output is not a terminal."""
     from rich.console import Console
 
     console = Console(highlight=False)

@@ -47,7 +47,7 @@ class Plugin:
         return ((group, name) for group, name in self.files() if not name.startswith("_"))
 
     def files(self) -> Iterator[tuple[str, str]]:
-        """The same, with what is no option: `_group` and what options share."""
+        """The same, with what are not options: `_group` and files that options share."""
         return ((path.parent.name, path.stem) for path in sorted(self.conf.glob("*/*.yaml")))
 
 
@@ -77,7 +77,7 @@ def find() -> tuple[Plugin, ...]:
 
 
 def search_folders() -> list[Path]:
-    """Where plugins are dropped in: SCENEFW_PLUGINS, ./plugins and the project's own `plugins`."""
+    """Where plugins are looked for: SCENEFW_PLUGINS, ./plugins and the project's own `plugins`."""
     listed = [Path(p) for p in os.environ.get("SCENEFW_PLUGINS", "").split(os.pathsep) if p]
     folders = [*listed, Path("plugins"), conf_dir().parent / "plugins"]
     return list(dict.fromkeys(folder.resolve() for folder in folders))
@@ -105,7 +105,7 @@ def _dropped_in(folders: Sequence[Path]) -> Iterator[Plugin]:
 
 
 def _tolerated(folder: Path) -> Iterator[Plugin]:
-    """A broken plugin costs a warning, nothing else, to those who don't use it."""
+    """A broken plugin only causes a warning for those who don't use it."""
     try:
         yield _read(folder)
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:

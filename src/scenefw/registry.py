@@ -13,7 +13,7 @@ from typing import Any
 from scenefw import config, plugins
 from scenefw.core.errors import ConfigError
 
-META = "_group.yaml"  # says what a group is; files whose names begin with _ are no options
+META = "_group.yaml"  # says what a group is; files whose names begin with _ are not options
 
 
 @dataclass(frozen=True)
@@ -46,26 +46,26 @@ def catalogue() -> dict[str, dict[str, Path]]:
 
 
 def groups() -> dict[str, Group]:
-    """What every group is, in the order of `catalogue`; nothing but the name if none says it."""
+    """Metadata of every group, in the order of `catalogue`; only the name if it has no metadata."""
     return {name: group(name) for name in catalogue()}
 
 
 def group(name: str) -> Group:
-    """What one group is.
+    """The metadata of one group.
 
     Raises:
-        ConfigError: its metadata has a key that is none.
+        ConfigError: its metadata has an unknown key.
     """
     files = (folder / name / META for folder in folders())
     path = next((file for file in files if file.is_file()), None)
-    said = {} if path is None else settings(path)
-    unknown = sorted(said.keys() - {field.name for field in fields(Group)})
+    metadata = {} if path is None else settings(path)
+    unknown = sorted(metadata.keys() - {field.name for field in fields(Group)})
     if unknown:
         raise ConfigError(
             f"{path} has a key '{unknown[0]}'; expected about, package, protocols, verbs"
         )
-    lists = {key: tuple(said.get(key) or ()) for key in ("protocols", "verbs")}
-    return Group(name, str(said.get("about", "")), str(said.get("package") or ""), **lists)
+    lists = {key: tuple(metadata.get(key) or ()) for key in ("protocols", "verbs")}
+    return Group(name, str(metadata.get("about", "")), str(metadata.get("package") or ""), **lists)
 
 
 def options(group: str) -> dict[str, Path]:
@@ -81,12 +81,12 @@ def options(group: str) -> dict[str, Path]:
 
 
 def folders() -> list[Path]:
-    """Where options lie: the core's folder, then those of plugins."""
+    """Where options are: the core's folder, then those of plugins."""
     return [config.conf_dir(), *(plugin.conf for plugin in plugins.find())]
 
 
 def settings(path: Path) -> dict[str, Any]:
-    """A YAML file as it is written, references unresolved."""
+    """A YAML file as written, references unresolved."""
     from omegaconf import OmegaConf
 
     loaded: Any = OmegaConf.to_container(OmegaConf.load(path), resolve=False)
@@ -127,7 +127,7 @@ def description(path: Path) -> str:
 
 
 def build(group: str, name: str, **overrides: Any) -> Any:
-    """Builds one component with its defaults from the config and these arguments changed.
+    """Builds one component with the defaults of its config, except for these arguments.
 
     Raises:
         ConfigError: no such group, option or argument.

@@ -1,4 +1,4 @@
-"""Where weights lie that come with scenefw and its plugins."""
+"""Where the weights are that come with scenefw and its plugins."""
 
 from collections.abc import Iterable
 from importlib import resources
@@ -14,7 +14,7 @@ def search_also(folders: Iterable[Path]) -> None:
 
 
 def folders() -> tuple[Path, ...]:
-    """All that are searched, that of scenefw first."""
+    """All folders that are searched, scenefw's first."""
     return (Path(str(resources.files("scenefw") / "assets")), *_folders)
 
 

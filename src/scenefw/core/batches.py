@@ -1,4 +1,4 @@
-"""What crosses a floor as torch tensors: batches of cameras, scenes, volumes and predictions.
+"""Data that crosses floors as torch tensors: batches of cameras, scenes, volumes and predictions.
 
 torch is imported for type checkers only, so that these can be named without it.
 """
@@ -52,7 +52,7 @@ class SceneParameters:
 
 @dataclass(frozen=True)
 class SceneVolumes:
-    """Volumes of B scenes, objects alone (no floor).
+    """Volumes of B scenes, only objects (no floor).
 
     Args:
         tsdf: (B, 1, X, Y, Z) metres, negative inside, cut at +-truncation.
@@ -67,7 +67,7 @@ class SceneVolumes:
 
 @dataclass(frozen=True)
 class PartialTSDF:
-    """What B depth images say of the grid.
+    """What B depth images tell about the grid.
 
     Args:
         distance: (B, 1, X, Y, Z) metres, +truncation where unseen.
@@ -118,7 +118,7 @@ class ShapeInstanceBatch:
 
 @dataclass(frozen=True)
 class RedrawnShapes:
-    """Some of a batch's views from a second code each, drawn like the first.
+    """Predictions of some of a batch's views from a second code each, drawn like the first.
 
     Args:
         rows: of the batch, P of them.
@@ -165,7 +165,7 @@ class ShapeInstancePrediction:
 
 @dataclass(frozen=True)
 class ShapeInstanceSetup:
-    """What losses may know of a training of volumes before it starts.
+    """What losses may check before a training on volumes starts.
 
     Args:
         grid: the voxel grid.
@@ -197,7 +197,7 @@ class Completion:
 
 @dataclass(frozen=True)
 class SegmentationSetup:
-    """What losses may know of a training of labels before it starts.
+    """What losses may check before a training on labels starts.
 
     Args:
         classes: names by class id.

@@ -28,7 +28,7 @@ class Supply:
 
 
 class Neighbours:
-    """Tells whether other programs need the cores that this process would use.
+    """Says whether other programs need the cores that this process would use.
 
     Args:
         supplies: what the process may not exceed, and shares.
@@ -42,7 +42,7 @@ class Neighbours:
         self._before = self._now()
 
     def crowd(self, threads: int) -> bool:
-        """Whether since the last look others left fewer cores than `threads` of this process."""
+        """Whether other programs have left fewer than `threads` cores since the last call."""
         before, self._before = self._before, self._now()
         at, own, *used = (now - then for now, then in zip(self._before, before, strict=True))
         return any(
@@ -79,7 +79,7 @@ def quota(groups: Path = _GROUPS, mount: Path = _MOUNT) -> Supply | None:
 
 
 def _busy(stat: Path, allowed: frozenset[str]) -> float:
-    """Seconds that some cores have worked for programs and for the system."""
+    """Seconds that some cores have spent on programs and the system."""
     lines = (line.split() for line in stat.read_text().splitlines() if line.startswith("cpu"))
     ticks = 0
     for name, user, nice, system, _idle, _wait, interrupts, soft, *_rest in lines:

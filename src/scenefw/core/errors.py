@@ -10,7 +10,7 @@ class InputError(SceneFWError):
 
 
 class EmptyImageError(InputError):
-    """A depth image without a single measurement, as of a covered lens."""
+    """A depth image without a single measurement, as from a covered lens."""
 
 
 class ConfigError(SceneFWError):
@@ -22,7 +22,7 @@ class CheckpointError(SceneFWError):
 
 
 class TrainingError(SceneFWError):
-    """A training can't go on: its numbers are no longer finite."""
+    """A training can't continue: its numbers are no longer finite."""
 
 
 class StorageError(SceneFWError):

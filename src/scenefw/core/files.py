@@ -18,7 +18,7 @@ _LONGEST_NAME = 255
 
 
 def in_order(paths: Iterable[Path]) -> list[Path]:
-    """Files and folders by name, numbers by their value: 2 before 10.
+    """Files and folders sorted by name, numbers by value: 2 before 10.
 
     Names whose numbers are padded to one width come in the order of their text.
     """
@@ -87,12 +87,12 @@ def append_text(target: Path | str, text: str) -> None:
 
 def _write_all(file: io.RawIOBase, content: bytes) -> None:
     rest = memoryview(content)
-    while rest:  # a nearly full disk takes a part, and complains of the next
+    while rest:  # a nearly full disk writes a part, and fails at the next
         rest = rest[file.write(rest) or 0 :]
 
 
 def require_writable(folder: Path | str) -> Path:
-    """Returns the folder, created if need be, or raises a StorageError before any work is lost."""
+    """Returns the folder, created if needed, or raises a StorageError before any work is lost."""
     folder = Path(folder)
     with replacing(folder / ".writable"):
         pass
@@ -103,7 +103,7 @@ def require_writable(folder: Path | str) -> Path:
 def unreadable(error: Exception) -> str:
     """Why a file of arrays can't be read, in a few words; numpy takes other files for pickles."""
     words = str(error).splitlines()[0] if str(error) else type(error).__name__
-    return "it is no file of NumPy arrays" if "pickle" in words else words
+    return "it is not a file of NumPy arrays" if "pickle" in words else words
 
 
 def _mode(file: Path, given: Path) -> int | None:

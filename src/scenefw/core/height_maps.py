@@ -1,4 +1,4 @@
-"""What crosses a floor of height maps: the grid of vertices over the table, and the map on it."""
+"""Data of height maps that crosses floors: the grid of vertices over the table, the map on it."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class HeightGrid:
 
 @dataclass(frozen=True)
 class HeightMap:
-    """One height per vertex of a grid over the table, with what else is known of each.
+    """One height per vertex of a grid over the table, with colour, labels and more.
 
     Args:
         grid: where the vertices are.

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from scenefw.core.types import Camera, Float32, Frame
 
 State: TypeAlias = Mapping[str, NDArray[Any]]
-"""Arrays by name, of one running part; empty if it keeps nothing."""
+"""Arrays of one running part by name; empty if it keeps nothing."""
 
 States: TypeAlias = Mapping[str, State]
 """States of running parts by name."""
@@ -35,10 +35,10 @@ class TabletopModels(Protocol):
         """Names by class id."""
 
     def instances(self, label: int, split: str) -> Sequence[int]:
-        """Numbers of the instances of a class in a part of the data."""
+        """Indices of the instances of a class in a split."""
 
     def model(self, label: int, instance: int) -> TexturedMesh:
-        """One model; always the same for the same numbers."""
+        """One model; always the same for the same arguments."""
 
 
 class TabletopSource(Protocol):
@@ -49,7 +49,7 @@ class TabletopSource(Protocol):
         """Names by class id."""
 
     def numbers(self, split: str) -> Sequence[int]:
-        """Numbers of the scenes of a part of the data."""
+        """Indices of the scenes of a split."""
 
     def generate(self, index: int, seed: int) -> TabletopScene:
         """Scene number `index` of the data set `seed`."""
@@ -62,7 +62,7 @@ class TabletopRenderer(Protocol):
     """Colour, depth and labels of table-top scenes (group `renderer`)."""
 
     def fingerprint(self) -> str:
-        """Changes with whatever changes the images."""
+        """A key that changes with everything that changes the images."""
 
     def frames(self, geometry: TabletopGeometry, cameras: Sequence[Camera]) -> Iterator[Frame]:
         """One frame per camera: z-depth (0 = nothing), colour, class ids."""
@@ -82,14 +82,14 @@ class FrameSource(Protocol):
         """Number of scenes."""
 
     def frames(self, scene: int, count: int, start: int = 0) -> Iterator[Frame]:
-        """Views number start to start + count - 1 of a scene; view i never changes."""
+        """Views start to start + count - 1 of a scene; view i is always the same."""
 
     def truth(self, scene: int) -> HeightMap:
         """Orthographic heights, colour and labels of the scene."""
 
 
 class MapArrays(Protocol):
-    """Whole labelled maps of scenes as arrays (`maps` of group `dataset`, `tabletop_*maps`)."""
+    """Whole labelled maps of scenes, as arrays (`maps` of group `dataset`, `tabletop_*maps`)."""
 
     @property
     def classes(self) -> Sequence[str]:
@@ -109,7 +109,7 @@ class Odometry(Protocol):
     """Estimates the camera poses of a sequence (group `odometry`)."""
 
     def track(self, frames: Iterable[Frame]) -> Iterator[Frame]:
-        """The frames with poses relative to the first camera; poses that they have are ignored."""
+        """The frames with poses relative to the first camera; existing poses are ignored."""
 
 
 class RunningHeights(Protocol):
@@ -131,7 +131,7 @@ class HeightMapping(Protocol):
 
     @property
     def grid(self) -> HeightGrid:
-        """Where the vertices of its maps are."""
+        """The grid of its maps."""
 
     def begin(
         self, previous: HeightMap | None = None, state: State | None = None
@@ -140,12 +140,12 @@ class HeightMapping(Protocol):
 
         Args:
             previous: an earlier map to start from; not read if there is a state.
-            state: of `RunningHeights.state`, to resume exactly; None = none was kept.
+            state: of `RunningHeights.state`, to resume exactly; None if none was kept.
         """
 
 
 class RunningLabels(Protocol):
-    """Class probabilities of vertices that sharpen frame by frame."""
+    """Class probabilities of vertices, refined frame by frame."""
 
     def add(self, probabilities: Float32, frame: Frame, heights: HeightMap | None) -> None:
         """Fuses the labels of a frame; pixels without depth are skipped.
@@ -169,7 +169,7 @@ class SemanticMapping(Protocol):
 
     @property
     def reads_map(self) -> bool:
-        """Whether `add` needs the height map, not the frame alone."""
+        """Whether `add` needs the height map as well as the frame."""
 
     def begin(
         self,
@@ -184,13 +184,13 @@ class SemanticMapping(Protocol):
             grid: the vertices.
             classes: C.
             previous: (C, V, V) of an earlier map to start from; not read if there is a state.
-            state: of `RunningLabels.state`, to resume exactly; None = none was kept.
+            state: of `RunningLabels.state`, to resume exactly; None if none was kept.
         """
 
 
 @runtime_checkable
 class LabelSource(Protocol):
-    """Labels the pixels of a frame (group `label_source`): a network, files of masks, the truth."""
+    """Labels the pixels of a frame (group `label_source`): network, mask files or ground truth."""
 
     @property
     def classes(self) -> Sequence[str]:
@@ -212,12 +212,12 @@ class MapLabelSource(Protocol):
         """Probabilities (C, V, V), summing to 1; uniform where the map is unseen.
 
         Args:
-            height_map: its heights, colour, confidence and variance are read, no labels.
+            height_map: only heights, colour, confidence and variance are read.
         """
 
 
 class RunningKeyFrames(Protocol):
-    """Decides frame by frame which are labelled."""
+    """Decides frame by frame which ones are labelled."""
 
     def takes(self, frame: Frame) -> bool:
         """Whether the next frame of the sequence is a key frame."""
@@ -233,7 +233,7 @@ class KeyFrames(Protocol):
         """Starts a sequence, whose first frame is a key frame, or resumes one.
 
         Args:
-            state: of `RunningKeyFrames.state`, maybe of another schedule; None = none was kept.
+            state: of `RunningKeyFrames.state`, maybe of another schedule; None if none was kept.
         """
 
 
@@ -241,7 +241,7 @@ class RunningLabelling(Protocol):
     """A labelled height map that grows frame by frame."""
 
     def add(self, frame: Frame) -> None:
-        """Takes in the next frame."""
+        """Adds the next frame."""
 
     def height_map(self) -> HeightMap:
         """The map so far with probabilities, labels, sources and classes."""
@@ -251,11 +251,11 @@ class RunningLabelling(Protocol):
 
 
 class Labelling(Protocol):
-    """A strategy of labelling a scene from many views (group `labelling`).
+    """A strategy for labelling a scene from many views (group `labelling`).
 
     Strategies that are compared side by side share the work of equal parts if they are
     dataclasses: fields that hold a `HeightMapping`, `SemanticMapping`, `LabelSource` or
-    `MapLabelSource` are then replaced by `dataclasses.replace`. Any other class runs on its own.
+    `MapLabelSource` are then replaced by `dataclasses.replace`. Any other class runs separately.
     """
 
     @property
@@ -270,7 +270,7 @@ class Labelling(Protocol):
         Args:
             previous: the map so far.
             states: of `RunningLabelling.states`, to resume exactly. They may hold states of
-                others, which are ignored.
+                other parts, which are ignored.
 
         Raises:
             InputError: the map has other classes.

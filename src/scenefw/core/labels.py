@@ -1,4 +1,4 @@
-"""Labels of height maps: which are unknown, where they come from, how they are put on a map."""
+"""Labels of height maps: which are unknown, where they come from, how they get onto a map."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ class Measure:
             raise ConfigError(f"better is {self.better!r}; expected lower, higher or null")
 
     def within(self, part: str) -> Measure:
-        """The same measure where figures have the name of a part before their own."""
+        """The same measure for figures with the name of a part in front."""
         return replace(
             self,
             trivial=self.trivial and f"{part}/{self.trivial}",
@@ -116,7 +116,7 @@ def read_measures(folder: Path) -> dict[str, Measure]:
 
 
 def _plain(measure: Measure) -> dict[str, Any]:
-    """All that isn't as by default."""
+    """All arguments that differ from their defaults."""
     values = {
         field.name: (getattr(measure, field.name), field.default) for field in fields(measure)
     }

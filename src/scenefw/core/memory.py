@@ -4,7 +4,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-# Limit, use and the name of what a kernel gives back of it (files that it keeps for later), for
+# Limit, use and the name of what the kernel can reclaim of it (files that it keeps for later), for
 # control groups of version 2 and 1
 _GROUPS = (
     ("sys/fs/cgroup", "memory.max", "memory.current", "inactive_file"),
@@ -18,7 +18,7 @@ _GROUPS = (
 
 
 def available_memory(root: Path | str = "/") -> int | None:
-    """Bytes that are free on this machine and in every control group of this process.
+    """Bytes free on this machine and in every control group of this process.
 
     Containers and batch systems limit groups; the kernel ends a process that takes more. None
     where it can't be found out (not on Linux).

@@ -1,6 +1,6 @@
 """One small protocol per component group; tensors are batched, channels first, on one device.
 
-Those of labelling are in `core.labelling_protocols`.
+Protocols of labelling are in `core.labelling_protocols`, of training in `core.training_protocols`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Item = TypeVar("Item")
 
 
 class ShapeSource(Protocol):
-    """Where scenes take their shapes from (group `shape`)."""
+    """Shapes to make scenes from (group `shape`)."""
 
     def sample(self, rng: np.random.Generator) -> Shape:
         """One random shape."""
@@ -39,19 +39,19 @@ class Engine(Protocol):
         """Adds an object and returns its handle."""
 
     def remove(self, handle: int) -> None:
-        """Takes an object out."""
+        """Removes an object."""
 
     def overlaps(self, handle: int) -> bool:
         """Whether the object touches another object or the floor where it is now."""
 
     def settle(self, max_steps: int) -> bool:
-        """Simulates until everything rests, at most `max_steps` steps; whether it came to rest."""
+        """Simulates until everything rests, at most `max_steps` steps; returns whether it rests."""
 
     def simulate(self, steps: int) -> None:
         """Simulates exactly `steps` steps."""
 
     def pose(self, handle: int) -> Pose:
-        """Pose of the object now."""
+        """Current pose of the object."""
 
 
 class SceneSource(Protocol):
@@ -62,26 +62,26 @@ class SceneSource(Protocol):
 
 
 class SceneBatch(Protocol):
-    """B scenes of which volumes are made, on one device."""
+    """B scenes on one device, to make volumes of."""
 
     parameters: SceneParameters
     grid: GridSpec
 
     @property
     def volumes(self) -> SceneVolumes:
-        """Their exact distances, votes and instances, computed when first read, and once."""
+        """Their exact distances, votes and instances, computed once, when first read."""
 
 
 class Representation(Protocol):
-    """A volume that describes scenes, which networks learn to give (group `representation`)."""
+    """A volume that describes a scene and that networks predict (group `representation`)."""
 
     channels: int
 
     def of_scenes(self, scenes: SceneBatch) -> Tensor:
-        """(B, channels, X, Y, Z) of B scenes in its own units, on their device."""
+        """The volumes of B scenes, (B, channels, X, Y, Z), in its own units, on their device."""
 
     def to_network(self, volume: Tensor, grid: GridSpec) -> Tensor:
-        """What losses compare a network's output with, float32, of a volume of `of_scenes`."""
+        """A volume of `of_scenes` in the network's units, float32: the target of losses."""
 
     def from_network(self, output: Tensor, grid: GridSpec) -> Tensor:
         """A network's output (..., channels, X, Y, Z) in the units of `of_scenes`, float32."""
@@ -102,7 +102,7 @@ class MappingMethod(Protocol):
 
 
 class Noise(Protocol):
-    """Disturbs depth images as a sensor does (group `noise`)."""
+    """Adds sensor noise to depth images (group `noise`)."""
 
     def apply(self, depth: Tensor, cameras: CameraBatch, seeds: Tensor) -> Tensor:
         """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0.
@@ -110,8 +110,8 @@ class Noise(Protocol):
         Args:
             depth: (B, H, W) metres.
             cameras: one per image.
-            seeds: (B,) int64, 0 or more, on the device of the depth: each image's noise is a
-                function of its own seed, whatever stands beside it.
+            seeds: (B,) int64, 0 or more, on the device of the depth: each image's noise
+                depends only on its own seed, not on the rest of the batch.
         """
 
 
@@ -120,20 +120,20 @@ class PoseNoise(Noise, Protocol):
     """Noise that moves a frame's camera away from its true pose (group `noise`)."""
 
     DRAWS: int
-    """Numbers in [0, 1) that one camera takes."""
+    """Number of draws from [0, 1) per camera."""
 
     def move(self, camera: Camera, generator: torch.Generator) -> Camera:
         """The camera at a disturbed pose, drawn from a generator on the CPU."""
 
     def moves(self, draws: Float64) -> Float64:
-        """Disturbed poses (B, 4, 4) in the frames of their cameras, of draws (B, `DRAWS`)."""
+        """Disturbed poses (B, 4, 4) in the frames of their cameras, from draws (B, `DRAWS`)."""
 
 
 class Matching(Protocol):
     """Assigns predictions to truths (group `matching`)."""
 
     def assign(self, cost: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Pairs (K, 2) of (row, column) of least total cost."""
+        """Pairs (K, 2) of (row, column) with the lowest total cost."""
 
 
 class InstanceExtractor(Protocol):
@@ -154,7 +154,7 @@ class Reconstructor(Protocol):
 
     @property
     def grid(self) -> GridSpec | None:
-        """Of its volumes; None if it takes any."""
+        """The grid of its volumes; None if it takes any."""
 
     def reconstruct(
         self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
@@ -171,21 +171,21 @@ class Result(Protocol):
 
     @property
     def measures(self) -> Mapping[str, Measure]:
-        """How figures are printed, by name; a figure without a measure is printed as it is."""
+        """How figures are printed, by name; a figure without a measure is printed as is."""
 
 
 class Track(Protocol):
     """Wraps a loop, e.g. in a progress bar."""
 
     def __call__(self, items: Sequence[Item], what: str, /) -> Iterable[Item]:
-        """The items in their order; `what` says in a word or two what they are."""
+        """The items in order; `what` names them in a word or two."""
 
 
 class Evaluation(Protocol):
     """Scores methods, or gathers scores (group `evaluation`)."""
 
     def run(self, track: Track = ...) -> Result:
-        """What it found; `track` wraps its main loop."""
+        """Runs the evaluation; `track` wraps its main loop."""
 
 
 class Task(Protocol):

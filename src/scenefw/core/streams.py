@@ -1,4 +1,4 @@
-"""Output whose reader is gone, as of `python -m scenefw --list | head`."""
+"""Output whose reader has gone, as in `python -m scenefw --list | head`."""
 
 import os
 import select
@@ -63,5 +63,5 @@ def _unread(stream: Any) -> bool:
     except (AttributeError, OSError, ValueError):  # None, closed, or a text in memory
         return False
     asked = select.poll()
-    asked.register(number, 0)  # errors are told without being asked for
+    asked.register(number, 0)  # errors are reported in any case
     return any(event & select.POLLERR for _, event in asked.poll(0))

@@ -1,4 +1,4 @@
-"""Protocols of what trains and is trained: data, networks, losses, metrics and loggers."""
+"""Protocols of training: data, networks, losses, metrics and loggers."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ class TrainingData(Protocol):
     grid: GridSpec | None
 
     def facts(self) -> Mapping[str, Any]:
-        """What a network learns from, as plain data for the checkpoint's metadata."""
+        """Facts about the training data, as plain data for the checkpoint's metadata."""
 
     def training_batch(self, batch: IndexBatch, device: torch.device) -> Any:
-        """The samples of an epoch, each a function of (seed, epoch, index) alone."""
+        """The samples of an epoch, each a function of only (seed, epoch, index)."""
 
     def validation_batch(self, batch: IndexBatch, device: torch.device) -> Any:
         """The same samples in every epoch."""
@@ -49,7 +49,7 @@ class ShapeInstanceData(TrainingData, Protocol):
     representations: Mapping[str, Representation]
 
     def training_batch(self, batch: IndexBatch, device: torch.device) -> ShapeInstanceBatch:
-        """Views and volumes of an epoch, each a function of (seed, epoch, index) alone."""
+        """Views and volumes of an epoch, each a function of only (seed, epoch, index)."""
 
     def validation_batch(self, batch: IndexBatch, device: torch.device) -> ShapeInstanceBatch:
         """The same views in every epoch, with their volumes in both units."""
@@ -61,21 +61,21 @@ class SegmentationTrainingData(TrainingData, Protocol):
     classes: Sequence[str]
 
     def training_batch(self, batch: IndexBatch, device: torch.device) -> SegmentationBatch:
-        """The samples of an epoch, each a function of (seed, epoch, index) alone."""
+        """The samples of an epoch, each a function of only (seed, epoch, index)."""
 
     def validation_batch(self, batch: IndexBatch, device: torch.device) -> SegmentationBatch:
         """The same samples in every epoch."""
 
 
 class Loss(Protocol):
-    """One named term of a training's loss, and what it counts in the sum."""
+    """One named term of a training's loss, and its weight in the sum."""
 
     weight: float
     needs_draws: bool
-    """Whether it compares two drawn codes of a view; left out before codes are drawn."""
+    """Whether it compares samples of two drawn codes; if so, left out until codes are drawn."""
 
     def check(self, setup: Any) -> None:
-        """Raises a ConfigError before the work if it can't be taken of what is trained on."""
+        """Raises a ConfigError before the work if it doesn't fit the training."""
 
     def __call__(self, prediction: Any, batch: Any) -> Tensor:
         """A scalar."""
@@ -85,38 +85,38 @@ class ShapeInstanceLoss(Loss, Protocol):
     """A term of the loss of shape-and-instance networks (group `loss`)."""
 
     def check(self, setup: ShapeInstanceSetup) -> None:
-        """Raises a ConfigError before the work if it can't be taken of these volumes."""
+        """Raises a ConfigError before the work if it doesn't fit these volumes."""
 
     def __call__(self, prediction: ShapeInstancePrediction, batch: ShapeInstanceBatch) -> Tensor:
         """A scalar."""
 
 
 class SegmentationLoss(Loss, Protocol):
-    """A term of the loss of networks that label (group `loss`)."""
+    """A term of the loss of labelling networks (group `loss`)."""
 
     def check(self, setup: SegmentationSetup) -> None:
-        """Raises a ConfigError before the work if it can't be taken of these classes."""
+        """Raises a ConfigError before the work if it doesn't fit these classes."""
 
     def __call__(self, prediction: Tensor, batch: SegmentationBatch) -> Tensor:
-        """A scalar of scores (B, classes, H, W)."""
+        """A scalar from scores (B, classes, H, W)."""
 
 
 class Network(Protocol):
-    """A `torch.nn.Module` that a file of weights can rebuild (group `model`)."""
+    """A `torch.nn.Module` that can be rebuilt from a file of weights (group `model`)."""
 
     recipe: Mapping[str, Any]
     """Its class as `_target_`, and its arguments as plain data."""
     training_only: Sequence[str]
-    """Children that only training needs; weights are stored without them, and read as None."""
+    """Children used only in training; weights are stored without them, and they load as None."""
 
 
 class ShapeInstanceModel(Network, Protocol):
     """A network from a partial view to complete volumes (group `model`)."""
 
     latent_size: int
-    """Length of a code that says what the view leaves open; 0: it has none."""
+    """Length of the latent code, for what the view leaves open; 0: it has none."""
     outputs: Mapping[str, int]
-    """Channels of each volume that it gives, by name of the representation."""
+    """Channels of each predicted volume, by name of the representation."""
 
     def redraws(self, count: int) -> int:
         """How many views of a training batch of `count` get two codes from the prior."""
@@ -133,7 +133,7 @@ class ShapeInstanceModel(Network, Protocol):
         Args:
             batch: views and complete scenes.
             generator: of codes, on the CPU; None: no code is random.
-            draw: codes may come from the prior; before `learning.draw_from` they don't yet.
+            draw: whether codes may come from the prior; False before `learning.draw_from`.
         """
 
     def __call__(
@@ -143,7 +143,7 @@ class ShapeInstanceModel(Network, Protocol):
         *,
         draw: bool = True,
     ) -> ShapeInstancePrediction:
-        """Torch's way to `forward`."""
+        """Calls `forward`, as torch does."""
 
     def predict(self, condition: Tensor, latent: Tensor | None = None) -> ShapeInstancePrediction:
         """Test pass from conditions (B, 2, X, Y, Z), distances within [-1, 1].
@@ -163,11 +163,11 @@ class SegmentationModel(Network, Protocol):
         """Scores (B, classes, H, W) of (B, 3, H, W) in [0, 1] and (B, 1, H, W) m, NaN: missing."""
 
     def __call__(self, colour: Tensor, distance: Tensor) -> Tensor:
-        """Torch's way to `forward`."""
+        """Calls `forward`, as torch does."""
 
 
 class VolumeMetric(Protocol):
-    """A figure by which the training of volumes is watched (group `metric`)."""
+    """A validation figure of training on volumes (group `metric`)."""
 
     of_samples: bool
     """Whether it takes volumes of several drawn codes, (S, B, C, X, Y, Z), else of the zero code"""
@@ -178,17 +178,17 @@ class VolumeMetric(Protocol):
     def __call__(
         self, predicted: Mapping[str, Tensor], true: Mapping[str, Tensor], grid: GridSpec
     ) -> Tensor:
-        """A scalar of volumes (B, C, X, Y, Z) by name, in the units of their representations."""
+        """A scalar from volumes (B, C, X, Y, Z) by name, in the units of their representations."""
 
 
 class TrainingLogger(Protocol):
     """Keeps losses and scores of a training (group `logger`)."""
 
     def begin(self, folder: Path, step: int) -> None:
-        """Starts in the training's folder, or continues after `step` and drops what came later."""
+        """Starts in the training's folder, or resumes after `step` and drops later entries."""
 
     def log(self, step: int, epoch: int, seconds: float, values: Mapping[str, float]) -> None:
         """Adds values by name, such as `train/total` and `val/iou`."""
 
     def end(self) -> None:
-        """Closes what is open."""
+        """Closes its files."""

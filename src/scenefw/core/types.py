@@ -108,7 +108,7 @@ class GridSpec:
     def __post_init__(self) -> None:
         if self.resolution < 2 or not self.extent > 0 or not self.truncation_voxels > 0:
             raise ConfigError(
-                f"{self} is no voxel grid; give 2 voxels or more and positive lengths"
+                f"{self} is not a voxel grid; give 2 voxels or more and positive lengths"
             )
         object.__setattr__(self, "lower", tuple(float(x) for x in self.lower))  # configs hold lists
 

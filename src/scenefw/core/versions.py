@@ -1,4 +1,4 @@
-"""Versions of the packages at hand, and the commit of a checkout."""
+"""Versions of installed packages, and the commit of a checkout."""
 
 import platform
 import subprocess

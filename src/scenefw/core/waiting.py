@@ -1,11 +1,11 @@
-"""Threads that wait: busily while the cores are free, asleep while other programs need them.
+"""Waiting threads: spinning while the cores are free, asleep while other programs need them.
 
-The threads of a pool meet after each operation. libgomp, the pool of torch and of numba on Linux,
-lets those that are early spin for milliseconds, as waking a thread takes longer than many an
-operation. Beside another program that is ruinous: who spins takes the core from the one that all
-wait for. How long it spins is read once, when the library is loaded. But it also gives up spinning
-at once while a process has more threads in its pools than there are cores, so that is what we
-bring about: one more pool, all asleep.
+The threads of a pool synchronise after each operation. libgomp, the pool of torch and of numba on
+Linux, lets those that are early spin for milliseconds, as waking a thread takes longer than many an
+operation. With other programs running that is ruinous: a spinning thread takes the core from the
+thread that all wait for. libgomp reads the time to spin only once, when it is loaded. But it does
+not spin at all while a process has more threads in its pools than there are cores. So we add one
+more pool, whose threads all sleep.
 
 Neither the number of threads that compute nor their shares of the work change, so results don't.
 """
@@ -19,15 +19,15 @@ from pathlib import Path
 
 from scenefw.core.cores import Neighbours, supplies
 
-_INTERVAL = 0.5  # seconds between looks: /proc/stat counts in hundredths
-_QUIET_LOOKS = 3  # until waiting is busy again
+_INTERVAL = 0.5  # seconds between checks: /proc/stat counts in hundredths
+_QUIET_LOOKS = 3  # checks until threads spin again
 _MAPS = Path("/proc/self/maps")
 _CHOSEN = ("OMP_NUM_THREADS", "OMP_WAIT_POLICY", "GOMP_SPINCOUNT")
 
 
 @contextmanager
 def yielding(threads: Callable[[], int], *, wanted: bool = True) -> Iterator[None]:
-    """Inside, threads that wait are asleep while other programs need the cores.
+    """Within the block, waiting threads sleep while other programs need the cores.
 
     Args:
         threads: how many compute.
@@ -71,11 +71,11 @@ class Sleepers:
         self._groups: dict[str, tuple[threading.Thread, threading.Event]] = {}
 
     def add(self) -> None:
-        """Adds them where they are missing; libraries may have been loaded since the last call."""
+        """Adds missing ones; libraries may have been loaded since the last call."""
         for library in pools():
             if library not in self._groups:
                 ready, over = threading.Event(), threading.Event()
-                owner = threading.Thread(target=_own, args=(library, ready, over), daemon=True)
+                owner = threading.Thread(target=_own_pool, args=(library, ready, over), daemon=True)
                 owner.start()
                 ready.wait()
                 self._groups[library] = owner, over
@@ -94,7 +94,7 @@ def pools() -> list[str]:
     return sorted(name for name in names if Path(name).name.startswith("libgomp"))
 
 
-def _own(library: str, ready: threading.Event, over: threading.Event) -> None:
+def _own_pool(library: str, ready: threading.Event, over: threading.Event) -> None:
     """A pool belongs to the thread that first computes in parallel, and ends with it."""
     try:
         nothing = ctypes.cast(ctypes.CDLL(None).sched_yield, ctypes.c_void_p)

@@ -1,4 +1,4 @@
-"""Batches of numbers of samples, any of them found by its own number."""
+"""Batches of sample indices; each batch is computed from its own index."""
 
 from collections.abc import Iterator
 

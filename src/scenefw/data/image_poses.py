@@ -104,7 +104,7 @@ def _named(file: Path, lines: Sequence[Sequence[str]], images: Sequence[Path]) -
     missing = [image for image in images if _key(image.name) not in found]
     if missing:
         raise InputError(
-            f"{file} names no pose of {missing[0]} ({len(missing)} of {len(images)} images have "
+            f"{file} has no pose for {missing[0]} ({len(missing)} of {len(images)} images have "
             "none); begin each line with the name of its image, or leave names out and give one "
             "line per image in their order (2 before 10)"
         )
@@ -118,7 +118,7 @@ def _alone(folder: Path, image: Path) -> NDArray[np.float64]:
     """The pose in the file that is named as an image."""
     file = folder / f"{image.stem}.txt"
     if not file.is_file():
-        raise InputError(f"no pose {file} beside {image}; add it, named as the depth image")
+        raise InputError(f"no pose {file} beside {image}; add it, with the name of the depth image")
     return pose_of([word for words in read_numbers(file) for word in words], str(file))
 
 

@@ -75,8 +75,8 @@ class ViewSamples:
 
     Args:
         images: stored or rendered views.
-        noise: disturbs depth anew in every epoch, applied in the order of the names; noise of
-            poses disturbs the heights that are made of it, and is left out if there are none.
+        noise: disturbs depth differently in every epoch, applied in the order of the names; noise
+            of poses disturbs the heights that are made of it, and is left out if there are none.
         jitter: changes the light; None leaves it.
         seed: of noise and light.
         geometry: the network sees depth (as in the thesis), or height above the table.
@@ -162,8 +162,8 @@ class StoredViews:
     def __init__(self, source: FrameSource, views: int = 40, memory: float = 1500.0) -> None:
         self.source, self.views = source, views
         self.classes = tuple(source.classes)
-        self._left = memory * 1e6
-        self._kept: dict[int, Frame] = {}
+        self._bytes_left = memory * 1e6
+        self._cached: dict[int, Frame] = {}
 
     def __len__(self) -> int:
         """Views of all scenes."""
@@ -180,7 +180,7 @@ class StoredViews:
         self, indices: NDArray[np.int64], epoch: int | None, device: torch.device
     ) -> LabelledViews:
         """The stored views, whatever the epoch."""
-        frames = [self._kept.get(int(i)) or self._fetch(int(i)) for i in indices]
+        frames = [self._cached.get(int(i)) or self._fetch(int(i)) for i in indices]
         cameras = stack_cameras([frame.camera for frame in frames])
         arrays = [np.stack([getattr(frame, name) for frame in frames]) for name in _ARRAYS]
         arrays += [cameras.intrinsics.numpy(), cameras.T_world_camera.numpy()]
@@ -199,10 +199,10 @@ class StoredViews:
     def _keep(self, index: int, frame: Frame) -> bool:
         """Keeps a view; whether there was room."""
         arrays = (getattr(frame, name) for name in _ARRAYS)
-        self._left -= sum(array.nbytes for array in arrays)
-        if self._left >= 0:
-            self._kept[index] = frame
-        return self._left >= 0
+        self._bytes_left -= sum(array.nbytes for array in arrays)
+        if self._bytes_left >= 0:
+            self._cached[index] = frame
+        return self._bytes_left >= 0
 
 
 class RenderedViews:
@@ -233,7 +233,7 @@ class RenderedViews:
         self.source, self.views, self.renew, self.seed = source, views, renew, seed
         self.classes = tuple(source.classes)
         self._scenes = ResidentScenes(source, workers)
-        self._kept: Pictures | None = None
+        self._cached: Pictures | None = None
         self._rounds = np.full(len(self), -1)  # of the views that are kept
 
     def __len__(self) -> int:
@@ -308,15 +308,15 @@ class RenderedViews:
         return chosen, intrinsics, poses
 
     def _pool(self, device: torch.device) -> Pictures:
-        if self._kept is None or self._kept.labels.device != device:
+        if self._cached is None or self._cached.labels.device != device:
             lens = self.source.lens
             size = (len(self), lens.height, lens.width)
-            self._kept = Pictures(
+            self._cached = Pictures(
                 torch.empty(size, device=device),
                 torch.empty(size, dtype=torch.int8, device=device),
                 torch.empty(*size, 3, dtype=torch.uint8, device=device),
             )
-        return self._kept
+        return self._cached
 
 
 def _compact(frame: Frame) -> Frame:

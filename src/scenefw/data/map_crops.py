@@ -73,7 +73,7 @@ class MapCrops:
         size: width and height of a crop (vertices), cut to the maps' where it is larger.
         jitter: changes the light; None leaves it.
         height_noise: standard deviation of noise on heights (m), as fused maps are not smooth.
-        unseen: share of crops of which a random line cuts off a part as unseen, as maps have that
+        unseen: share of crops in which a random line cuts off a part as unseen, as maps have that
             are not finished.
         seed: of places, flips, noise and light.
         flips: mirror crops at random, for classes that don't tell left from right.
@@ -100,8 +100,8 @@ class MapCrops:
         if crops < 1 or min(size) < 1 or height_noise < 0 or not 0 <= unseen <= 1:
             raise ConfigError(
                 f"crops of maps have crops = {crops}, size = {list(size)}, height_noise = "
-                f"{height_noise}, unseen = {unseen}; expected numbers from 1 on, metres from 0 on "
-                "and a share from 0 to 1"
+                f"{height_noise}, unseen = {unseen}; expected numbers of at least 1, metres of at "
+                "least 0 and a share from 0 to 1"
             )
         self.maps, self.crops, self.jitter = maps, crops, jitter
         self.size = (int(size[0]), int(size[1]))

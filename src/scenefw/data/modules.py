@@ -71,7 +71,7 @@ class StackData(lightning.LightningDataModule):
         return self.views.grid
 
     def facts(self) -> dict[str, Any]:
-        """What a network learns from."""
+        """Facts about the training data."""
         return {
             "data": self.scenes.sizes,
             "scenes": len(self.scenes),

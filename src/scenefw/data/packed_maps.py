@@ -43,7 +43,7 @@ class PackedMaps:
     Args:
         path: the file, made by `run=pack_maps`.
         split: train or validation.
-        limit: at most so many maps; None = all.
+        limit: at most this many maps; None = all.
 
     Raises:
         StorageError: the file is missing, damaged or of another version.
@@ -65,7 +65,7 @@ class PackedMaps:
         if limit is not None and limit < 1:
             raise ConfigError(f"limit = {limit}: expected 1 map or more, or null for all")
         held = facts["maps"][split]
-        self._count, self._made = held if limit is None else min(held, limit), facts["made"]
+        self._count, self._provenance = held if limit is None else min(held, limit), facts["made"]
 
     def __len__(self) -> int:
         """Number of maps."""
@@ -73,7 +73,7 @@ class PackedMaps:
 
     def facts(self) -> dict[str, Any]:
         """How they were made, as the file says."""
-        return dict(self._made)
+        return dict(self._provenance)
 
     def load(self, device: torch.device) -> LabelledMaps:
         """All maps, on a device.
@@ -165,13 +165,13 @@ def _facts(path: Path) -> Mapping[str, Any]:
         raise _damaged(path, error) from error
     if facts.get("format") != _FORMAT:
         raise StorageError(
-            f"{path} has format {facts.get('format')}, expected {_FORMAT}; pack anew"
+            f"{path} has format {facts.get('format')}, expected {_FORMAT}; pack it again"
         )
     return facts
 
 
 def _damaged(path: Path, error: Exception) -> StorageError:
-    return StorageError(f"{path} holds no packed maps or is damaged ({error}); pack them anew")
+    return StorageError(f"{path} holds no packed maps or is damaged ({error}); pack them again")
 
 
 def _encoded(image: NDArray[np.uint8], **options: Any) -> bytes:

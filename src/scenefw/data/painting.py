@@ -82,7 +82,7 @@ def load_painting(
     path = Path(path)
     classes = _classes(path) if classes is None else tuple(classes)
     if background is not None and background not in classes:
-        raise InputError(f"background '{background}' is no class; choose one of {list(classes)}")
+        raise InputError(f"background '{background}' is not a class; choose one of {list(classes)}")
     painted, colours = _picture(path, height_map), palette(classes)
     labels = np.full(height_map.grid.shape, UNKNOWN, np.int32)
     untouched = (painted == _canvas(height_map, colours)).all(-1)
@@ -125,7 +125,7 @@ def write_views(
         InputError: the map has no labels, or there is no view.
     """
     if height_map.labels is None:
-        raise InputError("a height map without labels labels no views; load_painting gives them")
+        raise InputError("the height map has no labels; load_painting adds them")
     frames = _labelled(height_map, views, border, tolerance)
     return write_sequence(folder, frames, height_map.classes, ordered=False)
 
@@ -153,9 +153,8 @@ def require_agreement(
             f"see the map in {np.mean(shares):.1%} of their pixels" if shares else "have no pose"
         )
         raise InputError(
-            f"views of {name} {found}; give the "
-            "recording that the map was made of (maps of earlier versions don't keep how its world "
-            "lies: run=label makes them anew)"
+            f"views of {name} {found}; give the recording that the map was made of (maps of "
+            "earlier versions don't store its world: make a new one with run=label)"
         )
 
 

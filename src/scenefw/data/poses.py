@@ -13,7 +13,7 @@ from scenefw.core.geometry import rigid, rotation_from_quaternion
 Array = NDArray[np.float64]
 
 UNORDERED = "# unordered views: poses may jump"
-"""First line of a file of poses whose frames are no video."""
+"""First line of a file of poses whose frames are not a video."""
 
 _FORMATS = "16 (4 x 4), 12 (3 x 4) or 7 (x y z qx qy qz qw) numbers per line"
 
@@ -36,7 +36,7 @@ def read_poses(path: Path) -> list[Array]:
     """`T_world_camera` (4, 4) of each line: 16, 12 or 7 numbers.
 
     Raises:
-        InputError: the file is missing, or a line is no pose.
+        InputError: the file is missing, or a line is not a pose.
     """
     return [pose_of(words, f"line {i + 1} of {path}") for i, words in enumerate(read_numbers(path))]
 
@@ -57,21 +57,21 @@ def pose_of(words: Sequence[str], where: str) -> Array:
     try:
         values = np.array([float(word) for word in words])
     except ValueError:
-        raise InputError(f"{where} is no pose: {' '.join(words)}; expected {_FORMATS}") from None
+        raise InputError(f"{where} is not a pose: {' '.join(words)}; expected {_FORMATS}") from None
     if values.size == 7:
         if not np.linalg.norm(values[3:]) > 1e-6:
             raise InputError(f"{where} has no rotation: its quaternion is {values[3:].tolist()}")
         x, y, z, w = values[3:]
         return rigid(rotation_from_quaternion((w, x, y, z)), values[:3])
     if values.size not in (12, 16):
-        raise InputError(f"{where} holds {values.size} numbers, no pose; expected {_FORMATS}")
+        raise InputError(f"{where} holds {values.size} numbers; expected {_FORMATS}")
     matrix = np.eye(4)
     matrix[:3] = values[:12].reshape(3, 4)
     rotation = matrix[:3, :3]
     if not np.isfinite(matrix).all() or not np.allclose(
         rotation @ rotation.T, np.eye(3), atol=1e-3
     ):
-        raise InputError(f"{where} is no rigid motion; expected a rotation and metres, no scale")
+        raise InputError(f"{where} is not a rigid motion; expected a rotation and metres, no scale")
     return matrix
 
 
@@ -85,5 +85,5 @@ def require_smooth(poses: Sequence[Array], largest_jump: float, where: str) -> N
         raise InputError(
             f"the poses of {where} jump {jumps.size} time(s), first by {steps[first]:.2f} m from "
             f"frame {first} to {first + 1}, at most {largest_jump} m expected; tracking was lost? "
-            "cut the sequence there, or give run.largest_jump=null if the frames are no video"
+            "cut the sequence there, or give run.largest_jump=null if the frames are not a video"
         )

@@ -142,7 +142,7 @@ def check_depth(depth: Array, name: str) -> NDArray[np.float32]:
     valid = clean[clean > 0]
     if valid.size == 0:
         raise EmptyImageError(
-            f"depth of {name} has no measurement (all {depth.size} pixels are 0 or NaN); "
+            f"depth of {name} has no measurements (all {depth.size} pixels are 0 or NaN); "
             "record it again or check the file"
         )
     median = float(np.median(valid))
@@ -228,7 +228,7 @@ def _frame(
         if image is not None and image.shape[:2] != depth.shape:
             raise InputError(
                 f"{what} of {path.name} has shape {image.shape}, its depth {depth.shape}; "
-                "both must be aligned images of one size"
+                "both must be aligned images of the same size"
             )
     return Frame(depth, camera, colour, labels, path.stem)
 

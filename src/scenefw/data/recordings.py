@@ -51,7 +51,7 @@ class Recording:
         return cls(T, tuple(names), tuple(poses))
 
     def extended(self, frame: Frame) -> Recording:
-        """The same with a further frame, whose camera stands in the map's frame."""
+        """The same with one more frame, whose camera pose is in map coordinates."""
         pose = np.asarray(frame.camera.T_world_camera)
         return replace(self, names=(*self.names, frame.name), poses=(*self.poses, pose))
 

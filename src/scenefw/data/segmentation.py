@@ -1,4 +1,4 @@
-"""Batches for labelling networks, made on the device that trains."""
+"""Batches for labelling networks, made on the training device."""
 
 from collections.abc import Sequence
 from typing import Any, Protocol
@@ -15,7 +15,7 @@ from scenefw.data.epochs import EpochBatches
 
 
 class Samples(Protocol):
-    """Numbered samples, drawn anew each epoch."""
+    """Numbered samples, drawn again each epoch."""
 
     kind: str
     geometry: str
@@ -25,10 +25,10 @@ class Samples(Protocol):
         """Number of samples per epoch."""
 
     def facts(self) -> dict[str, Any]:
-        """What they are of, and how they are disturbed, as plain data."""
+        """Facts about the samples and their noise, as plain data."""
 
     def prepare(self, device: torch.device) -> None:
-        """Brings to the device what stays there, so that a training's clock counts training."""
+        """Moves resident data to the device before the training's clock starts."""
 
     def batch(
         self, indices: NDArray[np.int64], epoch: int | None, device: torch.device
@@ -37,7 +37,7 @@ class Samples(Protocol):
 
 
 class SegmentationData(lightning.LightningDataModule):
-    """Hands out numbers of samples, and the batches of them (group `dataset`).
+    """Hands out indices of samples, and batches of them (group `dataset`).
 
     Args:
         train: samples to learn from.
@@ -82,7 +82,7 @@ class SegmentationData(lightning.LightningDataModule):
             torch.cuda.synchronize(device)
 
     def facts(self) -> dict[str, Any]:
-        """What a network learns from."""
+        """Facts about the training data."""
         return {
             "input": self.train.kind,
             "geometry": self.train.geometry,

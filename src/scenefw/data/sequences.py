@@ -290,10 +290,12 @@ def _timed(path: Path) -> tuple[NDArray[np.float64], list[list[str]]]:
         times = np.array([float(line[0]) for line in lines])
     except ValueError as error:
         raise InputError(
-            f"{path} has a line without a time: {error}; expected 'time ...'"
+            f"{path} has a line without a timestamp: {error}; expected 'time ...'"
         ) from error
     if not lines or min(len(line) for line in lines) < 2:
-        raise InputError(f"{path} has no line, or one with a time alone; expected 'time file'")
+        raise InputError(
+            f"{path} is empty or has a line with only a timestamp; expected 'time file'"
+        )
     order = np.argsort(times, kind="stable")
     return times[order], [lines[i][1:] for i in order]
 
@@ -333,7 +335,7 @@ def _require_size(frame: Frame, width: int, height: int) -> None:
     if size != (width, height):
         raise InputError(
             f"frame {frame.name} is {size[0]} x {size[1]} pixels, the first one {width} x "
-            f"{height}; all frames of a sequence have one size"
+            f"{height}; all frames of a sequence must have the same size"
         )
 
 

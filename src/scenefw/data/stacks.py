@@ -64,7 +64,7 @@ class StackScenes:
         travels afterwards, and nothing waits for that.
 
         Raises:
-            InputError: on the way to another device, an object is no convex solid.
+            InputError: on the way to another device, an object is not a convex solid.
         """
         device = torch.device(device or "cpu")
         chosen = torch.as_tensor(indices, dtype=torch.int64).cpu()
@@ -79,7 +79,7 @@ class StackScenes:
         return self._resident[device]
 
     def manifest(self) -> dict[str, object]:
-        """What the file beside the first data set says of its making; empty if there is none."""
+        """How the first data set was made, from the file beside it; empty if there is none."""
         path = self.paths[0].with_suffix(".json")
         return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
 
@@ -95,7 +95,7 @@ def _file(path: Path | str | None) -> Path:
 
 
 def _name(path: Path) -> str:
-    """What a data set is called: its name if it ships, else that of its file."""
+    """Name of a data set: its own if it ships, else its file's."""
     return next((name for name, file in SHIPPED.items() if path.name == file), path.stem)
 
 
@@ -107,7 +107,7 @@ def _split(path: Path, split: str, limit: int | None) -> dict[str, np.ndarray]:
 
 
 def _joined(sets: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    """Several data sets as one; scenes of few objects get empty slots."""
+    """Joins data sets; scenes with fewer objects get empty slots."""
     slots = max(arrays["half_axes"].shape[1] for arrays in sets)
     return {
         name: np.concatenate([_padded(a[name], slots) for a in sets])
@@ -123,7 +123,7 @@ def _padded(array: np.ndarray, slots: int) -> np.ndarray:
 
 
 def _parameters(arrays: dict[str, np.ndarray]) -> SceneParameters:
-    """All scenes; what lies in empty slots doesn't matter."""
+    """All scenes; empty slots may hold anything."""
     quaternions = arrays["quaternions"].astype(np.float64)
     quaternions[(quaternions == 0).all(axis=-1)] = (1.0, 0.0, 0.0, 0.0)
     slots = np.arange(quaternions.shape[1])
@@ -154,7 +154,7 @@ def _read(path: Path) -> dict[str, np.ndarray]:
         ) from error
     except Exception as error:  # numpy raises many kinds for damaged archives
         raise StorageError(
-            f"the data set {path} cannot be read ({type(error).__name__}); generate it anew"
+            f"the data set {path} cannot be read ({type(error).__name__}); generate it again"
         ) from error
     _require_arrays(arrays, path)
     return arrays
@@ -164,15 +164,15 @@ def _require_arrays(arrays: dict[str, np.ndarray], path: Path) -> None:
     missing = {*_SHAPES, "masses", "count", "index", "split"} - arrays.keys()
     if missing:
         raise StorageError(
-            f"{path} lacks {', '.join(sorted(missing))}, so it is no data set of stacks; give an "
-            ".npz made by `run=generate`"
+            f"{path} lacks {', '.join(sorted(missing))}, so it is not a data set of stacks; give "
+            "an .npz made by `run=generate`"
         )
     for name, width in _SHAPES.items():
         array = arrays[name]
         if array.ndim != 3 or array.shape[-1] != width or not np.isfinite(array).all():
             raise StorageError(
                 f"{name} in {path} has shape {array.shape} or holds values that are not finite, "
-                f"expected (scenes, objects, {width}); generate the data set anew"
+                f"expected (scenes, objects, {width}); generate the data set again"
             )
 
 

@@ -1,4 +1,4 @@
-"""Views and maps of table-tops to train on: kept on disk, or rendered on the device that trains.
+"""Views and maps of table-tops to train on: kept on disk, or rendered on the training device.
 
 Both ways give the same kinds of samples. A setting chooses between them, as the right one depends
 on the machine and on the number of samples: `size.rendered`.

@@ -39,7 +39,7 @@ class TabletopScenes:
         scenes: makes the scenes.
         renderer: makes the images.
         split: train, validation or test.
-        limit: at most so many scenes; None = all.
+        limit: at most this many scenes; None = all.
         seed: of scenes and views.
         size: width and height of images (pixels) of a camera with 45 degrees of vertical view.
         heights: lowest and highest camera over the table (m).
@@ -119,7 +119,7 @@ class TabletopScenes:
         return poses
 
     def frames(self, scene: int, count: int, start: int = 0) -> Iterator[Frame]:
-        """Views number start to start + count - 1 of a scene; view i never changes."""
+        """Views start to start + count - 1 of a scene; view i is always the same."""
         views = range(start, start + count)
         store = self._store(scene)
         for block in store.blocks(views) if store else [views]:
@@ -147,7 +147,7 @@ class TabletopScenes:
         return known
 
     def _geometry(self, scene: int) -> TabletopGeometry:
-        """The scene asked for last is kept, and with it what the renderer made of it."""
+        """Keeps the last requested scene and what the renderer made of it."""
         if self._last is None or self._last[0] != scene:
             self._last = (scene, self.scenes.geometry(self.scene(scene)))
         return self._last[1]
@@ -159,7 +159,7 @@ class TabletopScenes:
 
     def _key(self, scene: int) -> str:
         geometry = self._geometry(scene)
-        cameras = [self.camera(scene, view) for view in range(3)]  # stand for the settings
+        cameras = [self.camera(scene, view) for view in range(3)]  # represents the settings
         settings = [self.renderer.fingerprint(), self.seed, self.numbers[scene]]
         settings += [str((c.width, c.height, c.matrix, c.T_world_camera)) for c in cameras]
         return f"scene_{self.numbers[scene]:05d}_{key_of(geometry, settings)}"

@@ -40,7 +40,7 @@ class StoredView:
 
 
 def exact(frame: Frame) -> StoredView:
-    """What is kept of a rendered frame; depth beyond 3.2 m becomes 0, unmeasured."""
+    """The stored form of a rendered frame; depth beyond 3.2 m becomes 0, unmeasured."""
     steps = np.rint(frame.depth / STEP)
     depth = np.where(steps < 2**16, steps, 0).astype(np.uint16)
     colour, labels = frame.colour, frame.labels
@@ -59,7 +59,7 @@ def key_of(geometry: TabletopGeometry, settings: Sequence[object]) -> str:
 
 
 class ViewCache:
-    """The folder of one scene; a damaged file counts as missing and is written anew.
+    """The folder of one scene; a damaged file counts as missing and is rewritten.
 
     Args:
         folder: of this scene alone.
@@ -69,7 +69,7 @@ class ViewCache:
         self.folder = folder
 
     def blocks(self, views: range) -> Iterator[range]:
-        """The views by the file that they share."""
+        """Views grouped by file."""
         start = views.start
         while start < views.stop:
             stop = min((start // _BLOCK + 1) * _BLOCK, views.stop)
@@ -77,7 +77,7 @@ class ViewCache:
             start = stop
 
     def load(self, block: range) -> dict[int, StoredView]:
-        """The views of a file by number; none where there is no usable file."""
+        """The views of a file by number; empty if the file is missing or unusable."""
         arrays = _read(self._file(block))
         if arrays is None:
             return {}

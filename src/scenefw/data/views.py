@@ -1,4 +1,4 @@
-"""Views of scenes: complete volumes, a depth image and what it says of the grid."""
+"""Views of scenes: complete volumes, a depth image and what it tells about the grid."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -88,8 +88,7 @@ class ViewMaker:
         moving = [name for name, one in self.noise.items() if isinstance(one, PoseNoise)]
         if moving:
             raise ConfigError(
-                f"views of stacks are made one by one at poses that are known; leave out the noise "
-                f"{', '.join(moving)}"
+                f"views of stacks have exact poses; leave out the pose noise {', '.join(moving)}"
             )
         self.augmentation = augmentation
         self.image_size = tuple(image_size) if image_size else None

@@ -66,7 +66,7 @@ class GatheredRuns:
         columns: Mapping[str, Mapping[str, Any] | None],
     ) -> None:
         if input is None:
-            raise ConfigError("this gathers the runs of a sweep; give input=FOLDER of the sweep")
+            raise ConfigError("gathering needs the runs of a sweep; give input=FOLDER of the sweep")
         self.input = Path(input)
         self.columns = {name: entry for name, entry in columns.items() if entry is not None}
         for name, changes in self.columns.items():
@@ -92,7 +92,7 @@ class GatheredRuns:
             Run(", ".join(words) or folder.name, _read(folder / "metrics.json"))
             for words, folder in zip(own, found, strict=True)
         )
-        return RunsResult(runs, self._shown(runs, self._measures(found)), shared)
+        return RunsResult(runs, self._columns(runs, self._measures(found)), shared)
 
     def _measures(self, folders: Sequence[Path]) -> dict[str, Measure]:
         """The measures of all runs; the first run counts where they differ."""
@@ -106,8 +106,8 @@ class GatheredRuns:
             )
         return found
 
-    def _shown(self, runs: Sequence[Run], measures: Mapping[str, Measure]) -> dict[str, Measure]:
-        """The columns that a run has figures of, each with a heading of its own."""
+    def _columns(self, runs: Sequence[Run], measures: Mapping[str, Measure]) -> dict[str, Measure]:
+        """The columns that a run has figures for, each with its own heading."""
         shown: dict[str, Measure] = {}
         for name, changes in self.columns.items():
             if not any(name in run.figures for run in runs):

@@ -1,4 +1,4 @@
-"""Means over scenes with the bounds that so few scenes allow."""
+"""Means over few scenes with confidence bounds."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""One run from a composed config: parts are built, the task runs, what made the results is kept."""
+"""One run of a composed config: builds parts, runs the task, records how results were made."""

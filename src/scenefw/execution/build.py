@@ -1,4 +1,4 @@
-"""Builds the parts of a composed config, each node once, however many others refer to it."""
+"""Builds the parts of a composed config, each node once, no matter how many others refer to it."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Builder:
 
         Raises:
             ConfigError: the config has no such node, an argument is unknown or missing, a class
-                can't be imported, or one fails with an error of its own.
+                can't be imported, or one fails with its own error.
             SceneFWError: as a component raises it.
         """
         from omegaconf import OmegaConf
@@ -60,7 +60,7 @@ class Builder:
             return functools.partial(self.build, str(node[LATER]))
         if _TARGET not in node:
             return {name: self._child(node, name, f"{key}.{name!s}") for name in node}
-        own = node._get_full_key("") or key  # where it stands, not where it is referred to
+        own = node._get_full_key("") or key  # where it is defined, not where it is referenced
         if own not in self._built:
             self._built[own] = self._call(node, own)
         return self._built[own]

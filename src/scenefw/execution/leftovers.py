@@ -1,4 +1,4 @@
-"""What an earlier run left in a folder, put back if the next one makes nothing there."""
+"""What an earlier run left in a folder, restored if the next run produces nothing there."""
 
 from contextlib import suppress
 from pathlib import Path
@@ -11,7 +11,7 @@ SETTINGS, RECORD, FIGURES = "config.yaml", "run.json", "metrics.json"
 
 
 class Leftovers:
-    """Looks at a folder before a run.
+    """Notes the contents of a folder before a run.
 
     Args:
         folder: of the run; an empty `run.json`, by which a run takes a folder, doesn't count.
@@ -27,7 +27,7 @@ class Leftovers:
         }
 
     def restore(self) -> None:
-        """Puts the earlier run's files back, or removes the folder, unless there is more new."""
+        """Restores the earlier run's files or removes the folder, unless other new files exist."""
         if self._others() != self.others:
             return
         for name in (SETTINGS, RECORD, FIGURES):
@@ -40,10 +40,10 @@ class Leftovers:
 
     def _put_back(self, name: str) -> None:
         with suppress(StorageError), replacing(self.folder / name) as temporary:
-            temporary.write_bytes(self.records[name])  # a full disk is told of already
+            temporary.write_bytes(self.records[name])  # a full disk has been reported already
 
     def _others(self) -> dict[str, int]:
-        """Times of change of all else that lies there."""
+        """Modification times of all other files there."""
         if not self.folder.is_dir():
             return {}
         found = (f for f in self.folder.iterdir() if f.name not in (SETTINGS, RECORD, FIGURES))

@@ -33,7 +33,7 @@ def make_deterministic() -> None:
 
 
 def profiled(work: Callable[[], Result], folder: Path) -> Result:
-    """The result of the work; where its time went is written, also if it fails.
+    """The result of the work; writes a profile, even if the work fails.
 
     `profile.txt` lists functions by time with and without what they call, `profile.prof` is for
     pstats and viewers. Work of other processes, and of a GPU beside this one, is not in it.

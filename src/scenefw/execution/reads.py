@@ -1,4 +1,4 @@
-"""Which settings a run reads, so that one that changes nothing is an error and not silence."""
+"""Which settings a run reads, so that a setting without effect is an error."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def require_read(
     options: Mapping[str, Collection[str]],
     choices: Mapping[str, Any] | None = None,
 ) -> None:
-    """Finds out before the work whether the run reads all that the user chose.
+    """Checks before the work that the run reads everything that the user chose.
 
     Args:
         config: the whole, as composed.
@@ -62,13 +62,13 @@ def require_read(
             others = [word.partition("@") for word in choices or {}]
             places = [at for group, _, at in others if group == override.key_or_group and at]
             near = [f"{override.key_or_group}@{at}" for at in places if _is_read(at, read)]
-            raise ConfigError(_complaint(override, place, near or _alike(place, read), config))
+            raise ConfigError(_complaint(override, place, near or _similar(place, read), config))
 
 
 def _place(
     override: Override, options: Mapping[str, Collection[str]], config: DictConfig
 ) -> str | None:
-    """The key that an override changes; None where it can't be told or is of every run."""
+    """The key that an override changes; None if unknown, or if every run has it."""
     from omegaconf import OmegaConf
 
     name = override.key_or_group
@@ -96,14 +96,14 @@ def _complaint(override: Override, place: str, near: Sequence[str], config: Dict
     return f"{line}; did you mean {' or '.join(f'{key}={value}' for key in near)}?"
 
 
-def _alike(place: str, read: Collection[str]) -> list[str]:
-    """Settings with the same last word that the run does read."""
+def _similar(place: str, read: Collection[str]) -> list[str]:
+    """Settings that the run reads with the same last word."""
     leaf = place.rpartition(".")[2]
     return sorted(key for key in read if key.rpartition(".")[2] == leaf and "." in place)[:_SHOWN]
 
 
 def _visit(config: DictConfig, key: str, found: set[str]) -> Iterator[str]:
-    """Notes a key and those below it; gives the keys that they refer to."""
+    """Notes a key and those below it; yields the keys that they refer to."""
     from omegaconf import OmegaConf
 
     if key in found:

@@ -1,4 +1,4 @@
-"""One run: builds the chosen task from its config, and keeps beside its results what made them."""
+"""One run: builds the chosen task from its config, and records how its results were made."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
 
     overrides: list[str] = []
     choices: Mapping[str, Any] = {}
-    if HydraConfig.initialized():  # a sweep gives each run a folder and settings of its own
+    if HydraConfig.initialized():  # a sweep gives each run its own folder and settings
         config.paths.output = HydraConfig.get().runtime.output_dir
         overrides = list(HydraConfig.get().overrides.task)
         choices = HydraConfig.get().runtime.choices
@@ -57,7 +57,7 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
         check_types(config, "run")
         output = _own_folder(Path(config.paths.output).absolute())
     except ConfigError:
-        with suppress(OSError):  # Hydra makes it, before there is anything to put there
+        with suppress(OSError):  # made by Hydra, still empty
             Path(config.paths.output).rmdir()
         raise
     config.paths.output = str(output)
@@ -72,7 +72,7 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
 
 
 def _own_folder(output: Path) -> Path:
-    """The folder that was asked for by name, else one that no other run has."""
+    """The folder given by name, else one that no other run has."""
     if any(word.startswith("paths.output=") for word in sys.argv[1:]):
         return require_writable(output)
     return claim(output)
@@ -109,10 +109,10 @@ def _work(config: DictConfig, output: Path, overrides: list[str]) -> dict[str, A
 
 
 def require_seed(seed: Any) -> None:
-    """Finds out before the work whether a seed can be used.
+    """Checks a seed before the work.
 
     Raises:
-        ConfigError: it is no whole number of 0 or more.
+        ConfigError: it is not a whole number of 0 or more.
     """
     if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
         raise ConfigError(f"seed is {seed}; expected a whole number of 0 or more, such as seed=1")
@@ -145,7 +145,7 @@ def pick_device(wanted: str) -> str:
     """The device to use: `auto` takes the GPU where both torch and numba can use it.
 
     Raises:
-        ConfigError: a GPU is asked for and there is none, or the name is unknown.
+        ConfigError: a GPU is requested but there is none, or the name is unknown.
     """
     if wanted == "cpu":
         return "cpu"

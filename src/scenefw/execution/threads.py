@@ -11,7 +11,7 @@ from scenefw.core.waiting import chosen, yielding
 
 @contextmanager
 def threads(count: int | None, *, yields: bool) -> Iterator[None]:
-    """Inside, torch and numba compute with so many threads.
+    """Within the block, torch and numba compute with this many threads.
 
     Args:
         count: how many; None means one for each core that the process may use, or as many as
@@ -32,10 +32,10 @@ def threads(count: int | None, *, yields: bool) -> Iterator[None]:
 
 
 def require_threads(count: Any) -> None:
-    """Finds out before the work whether a number of threads can be used.
+    """Checks a number of threads before the work.
 
     Raises:
-        ConfigError: it is no whole number of 1 or more.
+        ConfigError: it is not a whole number of 1 or more.
     """
     if count is not None and (not isinstance(count, int) or isinstance(count, bool) or count < 1):
         raise ConfigError(

@@ -49,7 +49,7 @@ def write_summary(
 
 
 def plain(value: Any) -> Any:
-    """The same data in what JSON has: numbers, text, lists, dicts; NaN and infinity become None."""
+    """The same data as JSON types: numbers, text, lists, dicts; NaN and infinity become None."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):

@@ -44,7 +44,7 @@ class Hybrid:
         pool: of both distributions.
         reconstruction: how well the map is built about each vertex.
         key_frames: which frames are labelled.
-        every: the map is labelled every so many frames; None = whenever it is requested.
+        every: the map is labelled every N frames; None = whenever it is requested.
         refresh: as that of `ViewBased`.
 
     Raises:
@@ -70,7 +70,7 @@ class Hybrid:
             )
         if len(classes) < 2:
             raise ConfigError(
-                f"the labels have one class alone, {classes[0]}; give classes of the surface and "
+                f"the labels have only one class, {classes[0]}; give classes of the surface and "
                 "of objects"
             )
         if self.every is not None and self.every < 1:

@@ -58,7 +58,7 @@ class ByMotion:
 
 
 class ByOverlap:
-    """Frames of which the last key frame sees too few points.
+    """Frames of which the last key frame shows too few points.
 
     Occlusion is ignored: a point counts as seen if it projects into the image.
 

@@ -22,7 +22,7 @@ class MapBased:
     Args:
         heights: fuses depth and colour of all frames.
         map_source: labels a height map.
-        every: the map is labelled every so many frames; None = whenever it is requested, so once
+        every: the map is labelled every N frames; None = whenever it is requested, so once
             at the end if it is requested once.
         coverage: least share of vertices seen; before, all are unknown. The thesis waits until
             the scene is covered, so that the network sees no half-empty map.
@@ -86,7 +86,7 @@ class RunningMapBased:
         return unlabelled(height_map, classes)
 
     def states(self) -> States:
-        """What to resume from exactly."""
+        """The state to resume from exactly."""
         return {HEIGHTS: self.heights.state(), MAP_LABELS: self.labels.state()}
 
     def _label(self, height_map: HeightMap) -> None:

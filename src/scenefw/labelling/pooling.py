@@ -108,7 +108,7 @@ class Pool:
 
 
 def check_doubt(doubt: float) -> float:
-    """The doubt, or a ConfigError where it is no share between 0 and 1."""
+    """The doubt, or a ConfigError if it is not a share between 0 and 1."""
     if not 0 < doubt < 1:
         raise ConfigError(f"doubt = {doubt}; expected a share between 0 and 1, such as {DOUBT}")
     return doubt

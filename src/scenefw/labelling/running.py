@@ -37,7 +37,7 @@ def state_of(part: str, states: States | None) -> State | None:
 
 
 class MapLabels:
-    """Labels of the map, renewed every so many frames.
+    """Labels of the map, renewed every N frames.
 
     Args:
         every: frames; None = whenever the map is requested.

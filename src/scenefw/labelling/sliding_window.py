@@ -126,7 +126,7 @@ def windows(size: int, side: int, margin: int) -> Iterator[Window]:
 
 @torch.inference_mode()
 def bytes_per_pixel(network: nn.Module) -> float:
-    """Bytes of all features of a pass over an image, per pixel: more than are alive at once."""
+    """Bytes of all features of a pass over an image, per pixel: an upper bound on what is alive."""
     total, side = 0, 8 * network.stride
 
     def count(_module: nn.Module, _inputs: object, output: Tensor) -> None:

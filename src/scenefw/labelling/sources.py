@@ -1,4 +1,4 @@
-"""Where labels come from: networks, the truth, files of masks, any function."""
+"""Sources of labels: networks, ground truth, mask files, any function."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class NetworkMapLabels:
 
 
 class TrueLabels:
-    """The true labels of frames, a share of them wrong if so set: for studies and tests.
+    """The true labels of frames, with a given share of wrong ones: for studies and tests.
 
     Args:
         classes: names by class id.
@@ -132,7 +132,7 @@ class TrueLabels:
             InputError: the frame has no labels.
         """
         if frame.labels is None:
-            raise InputError(f"frame {frame.name} has no true labels; give another source of them")
+            raise InputError(f"frame {frame.name} has no true labels; give another label_source")
         labels, count = frame.labels, len(self.classes)
         if self.error_rate:
             rng = generator(self.seed, zlib.crc32(frame.name.encode()))
@@ -143,7 +143,7 @@ class TrueLabels:
 
 
 class MaskFiles:
-    """Labels from image files of class ids, one per frame and named as it.
+    """Labels from image files of class ids, one per frame with the same name.
 
     Args:
         folder: holds `<name of the frame>.png`, 8 or 16 bits of one channel; 255 = unknown. None =
@@ -153,7 +153,7 @@ class MaskFiles:
         recording: folder of the frames.
 
     Raises:
-        ConfigError: there is no folder, or the confidence is no probability.
+        ConfigError: there is no folder, or the confidence is not a probability.
     """
 
     def __init__(
@@ -180,7 +180,7 @@ class MaskFiles:
         if labels.shape != frame.depth.shape:
             raise InputError(
                 f"{path} is {labels.shape[::-1]} pixels, its frame {frame.depth.shape[::-1]}; "
-                "give a mask of one channel and of the size of the frame"
+                "give a mask with one channel and the size of the frame"
             )
         labels = np.where(labels == 255, -1, labels.astype(np.int32))
         return one_hot(labels, len(self.classes), self.confidence, str(path))
@@ -273,7 +273,7 @@ def agreed_classes(
 
 
 def _ready(model: nn.Module, device: torch.device) -> nn.Module:
-    """The network as it runs fastest."""
+    """The network, prepared to run fast."""
     return model.to(device, memory_format=torch.channels_last).eval()
 
 
@@ -286,5 +286,6 @@ def _read_mask(path: Path) -> Labels:
     except (OSError, UnidentifiedImageError) as error:
         reason = getattr(error, "strerror", None) or "no image"
         raise InputError(
-            f"cannot read the mask {path} ({reason}); there must be one PNG per frame, named as it"
+            f"cannot read the mask {path} ({reason}); there must be one PNG per frame "
+            "with the same name"
         ) from error

@@ -33,7 +33,7 @@ class ViewBased:
         labels: fuses the labels of key frames.
         source: labels a frame.
         key_frames: which frames are labelled.
-        refresh: label fusion gets a new height map every so many key frames; 0 = never, for
+        refresh: label fusion gets a new height map every N key frames; 0 = never, for
             fusion that reads the frame alone (in height-map space); None = 10 for fusion that reads
             the map, else 0.
 
@@ -83,7 +83,7 @@ class ViewBased:
 
 
 class RunningViewBased:
-    """A map whose labels sharpen with every key frame."""
+    """A map whose labels are refined with every key frame."""
 
     def __init__(
         self, strategy: ViewBased, previous: HeightMap | None, states: States | None
@@ -116,7 +116,7 @@ class RunningViewBased:
         return labelled(self.heights.height_map(), probabilities, classes, FROM_VIEWS)
 
     def states(self) -> States:
-        """What to resume from exactly."""
+        """The state to resume from exactly."""
         return {
             HEIGHTS: self.heights.state(),
             LABELS: self.labels.state(),

@@ -21,7 +21,7 @@ class AveragedWeights:
 
     @torch.no_grad()
     def update(self, model: nn.Module) -> None:
-        """Takes in the weights of one more step."""
+        """Adds the weights of one more step."""
         self.updates += 1
         decay = min(self.decay, (1 + self.updates) / (10 + self.updates))
         current = _floats(model)
@@ -30,7 +30,7 @@ class AveragedWeights:
 
     @contextmanager
     def swapped(self, model: nn.Module) -> Iterator[None]:
-        """Puts the average into the network, and the network's own weights back at the end."""
+        """Puts the average into the network, and restores the network's own weights at the end."""
         own = {name: value.detach().clone() for name, value in _floats(model).items()}
         _write(model, self.values)
         try:
@@ -39,11 +39,11 @@ class AveragedWeights:
             _write(model, own)
 
     def state_dict(self) -> dict[str, object]:
-        """What a checkpoint keeps."""
+        """The state for a checkpoint."""
         return {"updates": self.updates, "values": self.values}
 
     def load_state_dict(self, state: dict[str, object]) -> None:
-        """Goes on from what a checkpoint kept."""
+        """Resumes from a checkpoint."""
         self.updates = int(state["updates"])  # type: ignore[call-overload]
         for name, value in state["values"].items():  # type: ignore[attr-defined]
             self.values[name].copy_(value)

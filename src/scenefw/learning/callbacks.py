@@ -1,4 +1,4 @@
-"""What happens beside the steps of a training: snapshots, and the progress bar."""
+"""Callbacks of a training: snapshots and the progress bar."""
 
 import sys
 import time
@@ -23,7 +23,7 @@ from scenefw.learning.resumable import AGREE_EVERY
 
 
 class Snapshots(lightning.Callback):
-    """Saves the whole training every few minutes and where it stops.
+    """Saves the whole training every few minutes and when it stops.
 
     The state is that of a step within an epoch, not that of an epoch's end, so that a training in
     many calls has the epochs of one in a single call. A training that diverged is not saved: it
@@ -51,12 +51,12 @@ class Snapshots(lightning.Callback):
     def on_train_batch_end(
         self, trainer: lightning.Trainer, module: TrainingModule, *_: Any
     ) -> None:
-        """Saves if it is time, or the end."""
+        """Saves if it is time, or at the end."""
         if trainer.should_stop or self._due(trainer, module):
             self._save(trainer, module)
 
     def on_train_end(self, trainer: lightning.Trainer, module: TrainingModule) -> None:
-        """Saves the end of it."""
+        """Saves the final state."""
         if self._saved != module.batches_seen:
             self._save(trainer, module)
 
@@ -84,10 +84,10 @@ class Snapshots(lightning.Callback):
 class ProgressBar(lightning.Callback):
     """A rich bar with rate, memory, losses and time left, whichever limit comes first.
 
-    Where there is no terminal it prints lines instead (group `callback`).
+    Without a terminal it prints lines instead (group `callback`).
 
     Args:
-        lines: seconds between lines where there is no terminal.
+        lines: seconds between lines without a terminal.
         bar: draw the bar: true, false, or null where there is a terminal.
     """
 
@@ -116,7 +116,7 @@ class ProgressBar(lightning.Callback):
     def on_train_batch_end(
         self, trainer: lightning.Trainer, module: TrainingModule, *_: Any
     ) -> None:
-        """Moves the bar."""
+        """Updates the bar."""
         now = time.monotonic()
         wait = 0.5 if self.drawn else self.every
         if now - self._printed < wait or not trainer.is_global_zero:
@@ -146,7 +146,7 @@ class ProgressBar(lightning.Callback):
     def on_exception(
         self, trainer: lightning.Trainer, module: lightning.LightningModule, error: BaseException
     ) -> None:
-        """Stops the bar, so that the terminal is usable."""
+        """Stops the bar and restores the terminal."""
         self._stop()
 
     def _stop(self) -> None:

@@ -30,7 +30,7 @@ SHAPE_INSTANCE, SEGMENTATION = "shape_instance", "segmentation"
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """A network ready to predict, and what must be known to use it.
+    """A network ready to predict, with its grid and other facts.
 
     Args:
         model: in eval mode.
@@ -94,7 +94,7 @@ def save_checkpoint(
     omit: Sequence[str] = (),
     task: str = SHAPE_INSTANCE,
 ) -> None:
-    """Writes a network with all that rebuilds it, atomically.
+    """Writes a network with everything needed to rebuild it, atomically.
 
     Args:
         path: ends in `.safetensors`.
@@ -127,7 +127,7 @@ def save_checkpoint(
         narrow = half and value.dtype == torch.float32 and value.ndim > 1
         tensors[name] = (value.half() if narrow else value).contiguous().clone()
     packed = save(tensors, {_FORMAT: json.dumps(header)})
-    with replacing(path) as temporary:  # written here, as an error of safetensors is no OSError
+    with replacing(path) as temporary:  # written here, as safetensors' errors are not OSErrors
         temporary.write_bytes(packed)
 
 
@@ -174,7 +174,7 @@ def load_checkpoint(
 
 
 def read_header(path: Path | str) -> tuple[dict[str, Any], int]:
-    """What a file says of its network, without rebuilding it, and how many numbers it holds.
+    """The header of a file, without rebuilding its network, and its number of weights.
 
     Raises:
         CheckpointError: as `load_checkpoint`.
@@ -202,13 +202,13 @@ def _opened(path: Path) -> Iterator[tuple[dict[str, Any], Any]]:
             notes = stored.metadata() or {}
             if _FORMAT not in notes:
                 raise CheckpointError(
-                    f"{path} is a safetensors file but no checkpoint of scenefw; give one that "
+                    f"{path} is a safetensors file but not a scenefw checkpoint; give one that "
                     "`run=train` wrote"
                 )
             yield _header(notes[_FORMAT], path), stored
     except (SafetensorError, OSError) as error:
         raise CheckpointError(
-            f"{path} is truncated or no safetensors file ({error}); copy or train it again"
+            f"{path} is truncated or not a safetensors file ({error}); copy or train it again"
         ) from error
 
 
@@ -240,12 +240,12 @@ def _build(recipe: Mapping[str, Any], path: Path) -> nn.Module:
     arguments = {key: value for key, value in recipe.items() if key != "_target_"}
     if module.split(".")[0].split("_")[0] != "scenefw":
         raise CheckpointError(
-            f"{path} names {target!r}, which is no network of scenefw or a plugin"
+            f"{path} names {target!r}, which is not a network of scenefw or a plugin"
         )
     try:
         found = getattr(importlib.import_module(module), name)
         if not issubclass(found, nn.Module):
-            raise CheckpointError(f"{path} names {target!r}, which is no network")
+            raise CheckpointError(f"{path} names {target!r}, which is not a network")
         return found(**arguments)
     except (ImportError, AttributeError, TypeError, ValueError) as error:
         raise CheckpointError(

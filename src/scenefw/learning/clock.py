@@ -4,7 +4,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-_WARM_UP = 2  # steps of a call that don't count for its rate: kernels are compiled in them
+_WARM_UP = 2  # first steps of a call, not counted in its rate: kernels are compiled in them
 
 
 class Clock:
@@ -22,13 +22,13 @@ class Clock:
         self.resume()
 
     def count(self) -> None:
-        """Adds what has passed."""
+        """Adds the time since the last call."""
         now = time.monotonic()
         self.seconds += now - self._began
         self._began = now
 
     def resume(self) -> None:
-        """Leaves out what has passed."""
+        """Leaves out the time since the last call."""
         self._began = time.monotonic()
 
     @contextmanager

@@ -48,7 +48,7 @@ class StepTimes:
         self._read(_AHEAD)
 
     def finish(self) -> None:
-        """Reads all that is left, waiting for the device."""
+        """Reads all remaining times, waiting for the device."""
         self._read(0)
 
     def _read(self, left: int) -> None:
@@ -59,7 +59,7 @@ class StepTimes:
 
 
 class SideStream:
-    """On CUDA, work beside the network: what waits in there does not wait for the network."""
+    """On CUDA, a stream beside the network's: work in it does not wait for the network."""
 
     def __init__(self) -> None:
         self._stream: Any = None
@@ -75,7 +75,7 @@ class SideStream:
             batch = make()
         main.wait_stream(self._stream)
         for tensor in _tensors(batch):
-            tensor.record_stream(main)  # its memory is not given away before the network's use
+            tensor.record_stream(main)  # its memory is not reused before the network has read it
         return batch
 
 

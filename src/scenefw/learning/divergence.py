@@ -1,4 +1,4 @@
-"""A training whose numbers became NaN or infinite stops, and its last good snapshot stays."""
+"""Stops a training whose weights became NaN or infinite, and keeps its last good snapshot."""
 
 from typing import Any
 
@@ -11,10 +11,10 @@ from scenefw.learning.module import TrainingModule
 
 
 class Divergence(lightning.Callback):
-    """Stops a training that diverged, before anything of it is saved.
+    """Stops a training that diverged, before anything is saved.
 
     Args:
-        every: steps between looks, each of which waits for the device.
+        every: steps between checks; each check waits for the device.
     """
 
     def __init__(self, every: int = 20) -> None:
@@ -23,7 +23,7 @@ class Divergence(lightning.Callback):
     def on_train_batch_end(
         self, trainer: lightning.Trainer, module: TrainingModule, *_: Any
     ) -> None:
-        """Looks at the weights now and then.
+        """Checks the weights now and then.
 
         Raises:
             TrainingError: some are not finite.

@@ -27,14 +27,14 @@ def start_from(
         ConfigError: the network has no module of a name in `reinitialise`.
     """
     own = _weights(model)
-    anew = [*model.training_only, *_known(reinitialise, own)]
+    fresh = [*model.training_only, *_checked_modules(reinitialise, own)]
     stored = load_checkpoint(path, task=task).model.state_dict()
     weights = {n: value for n, value in stored.items() if not _within(n, reinitialise)}
-    missing = [n for n in own if n not in weights and not _within(n, anew)]
+    missing = [n for n in own if n not in weights and not _within(n, fresh)]
     other = [n for n in weights if n not in own or own[n].shape != weights[n].shape]
     if missing or other:
         raise CheckpointError(
-            f"{path} holds another network than the one to train ({(missing + other)[0]} and "
+            f"{path} holds a different network from the one to train ({(missing + other)[0]} and "
             f"{len(missing + other) - 1} more differ); give the same model and grid settings"
         )
     _load(model, {**own, **weights})
@@ -48,7 +48,7 @@ def _load(model: nn.Module, weights: Mapping[str, Tensor]) -> None:
     model.load_state_dict(weights)
 
 
-def _known(reinitialise: Sequence[str], own: Mapping[str, Tensor]) -> list[str]:
+def _checked_modules(reinitialise: Sequence[str], own: Mapping[str, Tensor]) -> list[str]:
     for name in reinitialise:
         if not any(_within(n, [name]) for n in own):
             raise ConfigError(

@@ -1,4 +1,4 @@
-"""When a training ends, and when only this call of it does."""
+"""When a training ends, and when only the current call does."""
 
 import re
 import time
@@ -15,7 +15,7 @@ from scenefw.learning.resumable import AGREE_EVERY
 
 @dataclass(frozen=True)
 class Budget:
-    """What a training may use, all its calls together; None means no limit.
+    """The limits of a training over all its calls; None means no limit.
 
     Args:
         steps: optimiser steps.
@@ -30,7 +30,7 @@ class Budget:
     def shares(
         self, steps: int, batches: int, batches_per_epoch: int, seconds: float
     ) -> dict[str, tuple[float, str]]:
-        """By setting: how much of its limit is used, 1 being all, and that in words."""
+        """By setting: the used share of its limit (1 = all), also in words."""
         epochs = batches / batches_per_epoch
         used = {
             "max_steps": (steps, self.steps, f"{steps} of {self.steps} steps"),
@@ -49,7 +49,7 @@ class Budget:
 
 
 def finished(budget: Budget, state: dict[str, Any]) -> str | None:
-    """Says in one line that the training of a stored state is at its end, and how to continue."""
+    """Says in one line that a stored training has finished, and how to continue it."""
     mine = state["scenefw"]
     shares = budget.shares(
         state["global_step"],
@@ -89,7 +89,7 @@ class Limits(lightning.Callback):
         self._step = self._validation = self._validating = 0.0
 
     def share(self, trainer: lightning.Trainer, module: TrainingModule) -> float:
-        """How much of the limit that is nearest is used."""
+        """The used share of the nearest limit."""
         shares = [share for share, _ in self._shares(trainer, module).values()]
         call = (self.clock() - self._began) / self.call if self.call else 0.0
         return min(max([call, *shares]), 1.0)
@@ -101,7 +101,7 @@ class Limits(lightning.Callback):
     def on_train_batch_end(
         self, trainer: lightning.Trainer, module: TrainingModule, *_: Any
     ) -> None:
-        """Stops where a limit is met."""
+        """Stops at a limit."""
         now = self.clock()
         self._step, self._stepped = now - self._stepped, now
         shares = self._shares(trainer, module)
@@ -119,7 +119,7 @@ class Limits(lightning.Callback):
         self._validation = max(self._validation, self._stepped - self._validating)
 
     def _agreed(self, trainer: lightning.Trainer, module: TrainingModule, over: bool) -> bool:
-        """Whether time is over; several processes go by the clock of the first, now and then."""
+        """Whether time is over; several processes use the first one's clock, now and then."""
         several = trainer.world_size > 1
         if several and module.batches_seen % AGREE_EVERY:
             return False
@@ -147,7 +147,7 @@ def seconds_of(time_limit: str | None) -> float | None:
     found = re.fullmatch(r"(\d+):(\d\d):(\d\d):(\d\d)", str(time_limit).strip())
     if found is None:
         raise ConfigError(
-            f"trainer.max_time={time_limit} is no time; give DD:HH:MM:SS, for nine minutes "
+            f"trainer.max_time={time_limit} is not a time; give DD:HH:MM:SS, for nine minutes "
             "00:00:09:00"
         )
     days, hours, minutes, seconds = map(int, found.groups())

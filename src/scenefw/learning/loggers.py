@@ -1,4 +1,4 @@
-"""Where losses and validation scores of a training are kept (group `logger`)."""
+"""Loggers of losses and validation scores (group `logger`)."""
 
 import csv
 import io

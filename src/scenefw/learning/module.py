@@ -1,4 +1,4 @@
-"""What every training has: a step, losses, and the weights it starts from."""
+"""What all trainings share: the step, the losses, and the initial weights."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -21,7 +21,7 @@ from scenefw.learning.schedules import Schedule
 
 
 class TrainingModule(ResumableModule, ABC):
-    """A training that resumes after a kill as if never stopped; a subclass says what is predicted.
+    """A training that resumes after a kill as if never stopped; subclasses say what is predicted.
 
     A step takes the next batch from the data module, predicts, and sums the losses times their
     weights. It depends on the weights, on `batches_seen` and on seeds alone.
@@ -84,14 +84,14 @@ class TrainingModule(ResumableModule, ABC):
 
     @abstractmethod
     def setup_with(self, data: Any) -> Any:
-        """What losses may know before the work.
+        """What losses may check before the work.
 
         Raises:
             ConfigError: network and data don't go together.
         """
 
     def check(self, data: Any) -> None:
-        """Finds out before the work whether network, losses and data go together.
+        """Checks before the work that network, losses and data fit together.
 
         Raises:
             ConfigError: they don't.
@@ -102,7 +102,7 @@ class TrainingModule(ResumableModule, ABC):
             loss.check(setup)
 
     def facts(self) -> dict[str, Any]:
-        """How it trains, as plain data for the checkpoint's metadata."""
+        """Facts about the training, as plain data for the checkpoint's metadata."""
         return {
             "optimizer": str(self.optimizer),
             "learning_rate": self.learning_rate,
@@ -111,7 +111,7 @@ class TrainingModule(ResumableModule, ABC):
         }
 
     def losses_now(self) -> Mapping[str, Loss]:
-        """Those that count in this step."""
+        """The losses that count in this step."""
         return self.losses
 
     def training_step(self, batch: IndexBatch, batch_idx: int) -> Tensor:

@@ -1,4 +1,4 @@
-"""torch's Muon and AdamW as one optimiser: what Lightning steps and stores is a single one."""
+"""torch's Muon and AdamW as one optimiser: Lightning steps and stores only one."""
 
 from collections.abc import Callable
 from typing import Any
@@ -35,15 +35,15 @@ class MuonAndAdamW(torch.optim.Optimizer):
         return loss
 
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
-        """Goes on from what a checkpoint kept.
+        """Resumes from a checkpoint.
 
         Raises:
             CheckpointError: it is of another implementation.
         """
         if any("use_muon" in group for group in state_dict["param_groups"]):
             raise CheckpointError(
-                "this training began with the Muon of an earlier version, whose state is another; "
-                "start anew with run.fresh=true, or go on with the version that began it"
+                "this training began with the Muon of an earlier version, whose state differs; "
+                "start over with run.fresh=true, or continue with the version that began it"
             )
         super().load_state_dict(state_dict)
 
@@ -56,7 +56,7 @@ class MuonAndAdamW(torch.optim.Optimizer):
     def _step(
         self, part: torch.optim.Optimizer, weights: list[nn.Parameter], own: list[nn.Parameter]
     ) -> None:
-        """One part's step; the state of a weight is shared, so that it is stored as any other."""
+        """The step of one part, on the shared state of each weight, which is stored as usual."""
         pairs = list(zip(weights, own, strict=True))
         for weight, mine in pairs:
             part.state[mine] = self.state[weight]

@@ -23,7 +23,7 @@ class Optimizer(Protocol):
 
         Args:
             model: the network.
-            learning_rate: at factor 1; the training sets it anew at each step, times `RATE`.
+            learning_rate: at factor 1; the training sets it at each step, times `RATE`.
             weight_decay: decoupled from the gradient, times the learning rate of its group.
             fused: whether a step may run as one kernel.
         """

@@ -1,4 +1,4 @@
-"""Several processes of one training on one machine, that begin and end together."""
+"""Several processes of one training on one machine, which start and end together."""
 
 import multiprocessing
 import os
@@ -117,7 +117,7 @@ class Others:
     def _tale(self, pipe: Any) -> tuple[float, str]:
         try:
             return pipe.recv()
-        except EOFError:  # closed without a word: it is done, or was killed
+        except EOFError:  # closed without a message: it is done, or was killed
             return float("inf"), ""
 
     def _watch(self) -> None:
@@ -138,7 +138,7 @@ class Others:
 
 
 def _packed(work: Callable[[], Any]) -> bytes:
-    """A copy of the work; handed over as it is, torch would share the memory of its tensors."""
+    """A copy of the work; without it, torch would share the memory of its tensors."""
     try:
         return pickle.dumps(work)
     except (pickle.PicklingError, TypeError, AttributeError) as error:
@@ -158,7 +158,7 @@ def _start(variables: Mapping[str, str], threads: int, packed: bytes) -> tuple[A
 
 
 def _run(variables: Mapping[str, str], threads: int, pipe: Any, packed: bytes) -> None:
-    """What another process does."""
+    """The work of another process."""
     os.environ.update(variables)
     threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
     with open(os.devnull, "w") as nowhere:  # noqa: PTH123 - a device

@@ -1,4 +1,4 @@
-"""Where weights come from: what a file says of its training, and of those before it."""
+"""Provenance of weights: what a file says about its training and earlier ones."""
 
 import hashlib
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from scenefw.learning.checkpoint import SHAPE_INSTANCE, read_header
 
 @dataclass(frozen=True)
 class Provenance:
-    """What a file of weights says of itself.
+    """The facts in a file of weights.
 
     Args:
         path: of the file.
@@ -46,7 +46,7 @@ class Provenance:
 
 
 def read_provenance(path: Path | str) -> Provenance:
-    """What a file of weights says of itself.
+    """The facts in a file of weights.
 
     Raises:
         CheckpointError: it is missing, damaged or from elsewhere.
@@ -66,7 +66,7 @@ def read_provenance(path: Path | str) -> Provenance:
 
 
 def origin(path: Path | str) -> dict[str, Any]:
-    """Metadata for those who start from a file of weights: its own, with its name and SHA-256.
+    """Metadata for a training that starts from a file of weights: its own, name and SHA-256.
 
     Raises:
         CheckpointError: it is missing, damaged or from elsewhere.

@@ -1,4 +1,4 @@
-"""Hands losses and validation scores to the loggers of a training."""
+"""Passes losses and validation scores to the loggers of a training."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -38,7 +38,7 @@ class Recording(lightning.Callback):
     def on_train_batch_end(
         self, trainer: lightning.Trainer, module: TrainingModule, *_: Any
     ) -> None:
-        """Adds up, and hands over the means every few steps."""
+        """Adds up losses, and logs their means every few steps."""
         if not trainer.is_global_zero or not self.loggers:
             return
         self._count += 1
@@ -50,7 +50,7 @@ class Recording(lightning.Callback):
             self._sums, self._count = {}, 0
 
     def on_validation_end(self, trainer: lightning.Trainer, module: TrainingModule) -> None:
-        """Hands over the scores."""
+        """Logs the scores."""
         found = trainer.callback_metrics.items()
         if trainer.is_global_zero:
             self._log(module, {n: float(v) for n, v in found if n.startswith("val/")})

@@ -1,4 +1,4 @@
-"""A training beside its steps: optimiser, schedule, averaged weights, clock and state."""
+"""All of a training but its steps: optimiser, schedule, averaged weights, clock and state."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
@@ -15,11 +15,11 @@ from scenefw.learning.optimizers import RATE, AdamW, Optimizer
 from scenefw.learning.schedules import Progress, Schedule, StepDecay
 
 AGREE_EVERY = 10
-"""Steps between looks at the first process's clock, each of which waits for the device."""
+"""Steps between reads of the first process's clock; each read waits for the device."""
 
 
 class ResumableModule(lightning.LightningModule):
-    """Knows where a training is, so that it resumes after a kill as if never stopped.
+    """Keeps the progress of a training, so that it resumes after a kill as if never stopped.
 
     Args:
         model: the network.
@@ -80,7 +80,7 @@ class ResumableModule(lightning.LightningModule):
         self._trained_on = self.device
         if self.average is not None:
             self.average.to(self.device)
-        if self.compiled:  # the call alone: names of weights and the recipe stay as they are
+        if self.compiled:  # only the call: names of weights and the recipe stay the same
             backend = self.compiled if isinstance(self.compiled, str) else "inductor"
             self.model.compile(backend=backend)
 
@@ -110,7 +110,7 @@ class ResumableModule(lightning.LightningModule):
         return Progress(self.batches_seen, epoch, self._agreed, share)
 
     def count_batch(self) -> None:
-        """Notes that one more batch went through the network."""
+        """Counts one more batch."""
         self.batches_seen += 1
         self.samples_seen += self.trainer.datamodule.batch_size * self.trainer.world_size
         self.clock.count()
@@ -155,17 +155,17 @@ class ResumableModule(lightning.LightningModule):
         self._swap.__enter__()
 
     def on_validation_epoch_end(self) -> None:
-        """Takes back the weights that are trained."""
+        """Puts the trained weights back."""
         self._swap.__exit__(None, None, None)
 
     @contextmanager
     def averaged(self) -> Iterator[None]:
-        """The network holds the averaged weights meanwhile."""
+        """Within the block, the network holds the averaged weights."""
         with self.average.swapped(self.model) if self.average is not None else nullcontext():
             yield
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Keeps where the training is."""
+        """Saves the progress."""
         checkpoint["scenefw"] = {
             "recipe": self.model.recipe,
             "batches_seen": self.batches_seen,
@@ -178,7 +178,7 @@ class ResumableModule(lightning.LightningModule):
         }
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Resumes from there."""
+        """Restores the progress."""
         state = checkpoint["scenefw"]
         self.batches_seen, self.clock.seconds = state["batches_seen"], state["seconds"]
         self.batches_per_epoch = state["batches_per_epoch"]

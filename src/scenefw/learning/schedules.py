@@ -1,4 +1,4 @@
-"""Learning rates as functions of how far a training is, so that a resumed one needs no state."""
+"""Learning rates as functions of progress, so that resuming needs no state."""
 
 import math
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from scenefw.core.errors import ConfigError
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a training is: steps done, epochs done, seconds spent, share done of this epoch."""
+    """Progress of a training: steps, epochs, seconds, and the finished share of this epoch."""
 
     step: int
     epoch: int
@@ -21,7 +21,7 @@ Number = TypeVar("Number", int, float)
 
 
 def limit(amount: Number | None, name: str) -> Number | None:
-    """An amount that ends a training; None or below 0 means no limit.
+    """A limit of a training; None or below 0 means no limit.
 
     Args:
         amount: steps, epochs or minutes.
@@ -66,7 +66,7 @@ class StepDecay:
         return self.decay ** (progress.epoch // self.every)
 
     def done(self, progress: Progress) -> float:
-        """1: there is no budget."""
+        """1, as there is no budget."""
         return 1.0
 
 
@@ -91,7 +91,7 @@ class ExponentialDecay:
         return self.decay ** (progress.step / self.every)
 
     def done(self, progress: Progress) -> float:
-        """1: there is no budget."""
+        """1, as there is no budget."""
         return 1.0
 
 

@@ -85,7 +85,7 @@ class SegmentationLearning(TrainingModule):
 
     def predict_batch(self, batch: SegmentationBatch) -> Tensor:
         """Scores (B, classes, H, W), with the dropout of this step."""
-        # Dropout draws from torch's global generator and from no other: it is lent and given back.
+        # Dropout only draws from torch's global generator: its state is set, then restored.
         devices = [self.device] if self.device.type == "cuda" else []
         with torch.random.fork_rng(devices):
             torch.manual_seed(torch_seed(self.seed, _DROPOUT, self.batches_seen, self.global_rank))
@@ -97,7 +97,7 @@ class SegmentationLearning(TrainingModule):
         self._counts = np.zeros((self.model.classes, self.model.classes + 1), np.int64)
 
     def validation_step(self, batch: IndexBatch, batch_idx: int) -> None:
-        """Counts predicted labels of the same samples every time."""
+        """Counts predicted labels; the samples are the same every time."""
         images = self.trainer.datamodule.validation_batch(batch, self.device)
         predicted = self.model(images.colour, images.distance).argmax(dim=1)
         self._counts += count_classes(

@@ -1,4 +1,4 @@
-"""Training of shape-and-instance networks on views that are drawn anew every epoch."""
+"""Training of shape-and-instance networks on views that are drawn again every epoch."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -104,7 +104,7 @@ class ShapeInstanceLearning(TrainingModule):
         return ShapeInstanceSetup(data.grid, channels, data.batch_size, redrawn)
 
     def check(self, data: Any) -> None:
-        """Finds out before the work whether network, losses, metrics and data go together.
+        """Checks before the work that network, losses, metrics and data fit together.
 
         Raises:
             ConfigError: they don't.
@@ -114,7 +114,7 @@ class ShapeInstanceLearning(TrainingModule):
             metric.check(self.setup_with(data))
 
     def losses_now(self) -> Mapping[str, Loss]:
-        """Without those that compare drawn codes before any are drawn."""
+        """Leaves out losses that compare drawn codes until codes are drawn."""
         return {n: loss for n, loss in self.losses.items() if self._draw or not loss.needs_draws}
 
     def predict_batch(self, batch: ShapeInstanceBatch) -> ShapeInstancePrediction:

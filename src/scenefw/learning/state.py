@@ -1,4 +1,4 @@
-"""States of trainings: tensors and plain data in a file, read without running what is in it."""
+"""Snapshots of trainings: tensors and plain data in a file, read without running code."""
 
 import io
 import warnings
@@ -20,7 +20,7 @@ _TENSORS = (Tensor, nn.Parameter)
 
 
 class StateFiles(CheckpointIO):
-    """Reads and writes states for Lightning's trainer, whose own way may run code in a file."""
+    """Reads and writes states for Lightning's trainer, whose own reader may run a file's code."""
 
     def save_checkpoint(
         self, checkpoint: dict[str, Any], path: Path | str, storage_options: Any = None
@@ -50,7 +50,7 @@ def write_state(path: Path | str, state: Mapping[str, Any]) -> None:
         StorageError: the file can't be written.
     """
     _require_plain(state, "")
-    file = io.BytesIO()  # torch hides why it could not write into a file of its own
+    file = io.BytesIO()  # torch hides why it could not write to a file
     torch.save(state, file)
     with replacing(path) as temporary:
         temporary.write_bytes(file.getbuffer())
@@ -59,7 +59,7 @@ def write_state(path: Path | str, state: Mapping[str, Any]) -> None:
 def read_state(
     path: Path | str | io.BytesIO, device: Any = "cpu", *, mapped: bool = False
 ) -> dict[str, Any]:
-    """The state in a file, of which only tensors and plain data are ever made.
+    """The state in a file; only tensors and plain data are ever created.
 
     Args:
         path: of the file, or its bytes.
@@ -71,13 +71,13 @@ def read_state(
     """
     where = "the state" if isinstance(path, io.BytesIO) else f"the state {path}"
     try:
-        with warnings.catch_warnings(action="ignore"):  # of a file that is refused anyway
+        with warnings.catch_warnings(action="ignore"):  # the file is refused anyway
             state = torch.load(path, map_location=device, weights_only=True, mmap=mapped or None)
     except UnpicklingError as error:
         raise CheckpointError(
-            f"{where} is no state of a training: it holds more than tensors and plain data, which "
-            "could run code and is not loaded; start anew with run.fresh=true, or give another "
-            "paths.training"
+            f"{where} is not a state of a training: it holds more than tensors and plain data, "
+            "which could run code and is not loaded; start over with run.fresh=true, or give "
+            "another paths.training"
         ) from error
     except Exception as error:  # torch raises many kinds for damaged archives
         raise CheckpointError(_damaged(where, type(error).__name__)) from error
@@ -89,7 +89,7 @@ def read_state(
 def state_to_go_on(
     path: Path, recipe: Mapping[str, Any], settings: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """The state of a training that can be gone on with; found out before the work.
+    """The state of a training that can be resumed; checked before the work.
 
     Args:
         path: of the state.
@@ -107,7 +107,7 @@ def state_to_go_on(
     different = [k for k in recipe if recipe[k] != found.get(k)]
     if different:
         raise CheckpointError(
-            f"the training in {path} had another network ({', '.join(different)}); start anew "
+            f"the training in {path} had a different network ({', '.join(different)}); start over "
             "with run.fresh=true, or give another paths.training"
         )
     changed = [
@@ -117,15 +117,15 @@ def state_to_go_on(
     ]
     if changed:
         raise CheckpointError(
-            f"the training in {path} has other settings ({', '.join(changed)}); start anew with "
-            "run.fresh=true, or keep this one in a folder of its own, paths.training=FOLDER"
+            f"the training in {path} has different settings ({', '.join(changed)}); start over "
+            "with run.fresh=true, or keep this one in its own folder, paths.training=FOLDER"
         )
     return state
 
 
 def _damaged(where: str, kind: str) -> str:
     return (
-        f"{where} is damaged ({kind}); start anew with run.fresh=true, or give another "
+        f"{where} is damaged ({kind}); start over with run.fresh=true, or give another "
         "paths.training"
     )
 

@@ -27,7 +27,7 @@ _QUIET = (
 
 
 class TrainerSettings:
-    """How long, on what and how precisely to train.
+    """Duration, device and precision of a training.
 
     Args:
         accelerator: cpu, cuda, cuda:1 or auto.
@@ -104,7 +104,7 @@ class TrainerSettings:
         except ValueError:
             count = 0
         if count < 1:
-            raise ConfigError(f"trainer.devices={devices}: expected how many, or auto")
+            raise ConfigError(f"trainer.devices={devices}: expected a number, or auto")
         return count
 
     @property
@@ -113,7 +113,7 @@ class TrainerSettings:
         return int(self._options["num_nodes"])
 
     def limits(self, saving: Callable[[], float], began: float) -> Limits:
-        """What stops the training, and this call of it, begun at a time of `time.monotonic`."""
+        """What stops the training and the current call, begun at a time of `time.monotonic`."""
         return Limits(self.budget, self.call, saving, began=began)
 
     def build(
@@ -153,7 +153,7 @@ class TrainerSettings:
             )
         except (ValueError, RuntimeError, MisconfigurationException) as error:
             line = " ".join(str(error).split())
-            raise ConfigError(f"the trainer's settings are unusable: {line} (trainer.*)") from error
+            raise ConfigError(f"the trainer's settings are invalid: {line} (trainer.*)") from error
         if trainer.strategy.root_device.type == "cuda":
             torch.set_float32_matmul_precision("high" if self.tf32 else "highest")
             torch.backends.cudnn.allow_tf32 = self.tf32

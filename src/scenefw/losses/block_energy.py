@@ -36,7 +36,7 @@ class BlockEnergy:
         self.weight, self.block, self.target = weight, block, target
 
     def check(self, setup: ShapeInstanceSetup) -> None:
-        """Whether it can be taken of these volumes.
+        """Checks that these volumes fit.
 
         Raises:
             ConfigError: there is no such volume, no view has two codes, or blocks don't fill it.

@@ -41,7 +41,7 @@ class CrossEntropy:
         self._on_device: Tensor | None = None
 
     def check(self, setup: SegmentationSetup) -> None:
-        """Whether it can be taken of these classes.
+        """Checks that these classes fit.
 
         Raises:
             ConfigError: there is another number of class weights.

@@ -7,7 +7,7 @@ from scenefw.core.errors import ConfigError
 
 
 class KLDivergence:
-    """Draws every posterior towards N(0, I) (Kingma and Welling 2014), the alternative to the MMD.
+    """Pulls every posterior towards N(0, I) (Kingma and Welling 2014), the alternative to the MMD.
 
     A network that knows the view well can do without its code, and a penalty from the first step on
     teaches it to. `free` nats cost nothing, so that a code of about that much information stays in
@@ -30,7 +30,7 @@ class KLDivergence:
         self.weight, self.free = weight, free
 
     def check(self, setup: ShapeInstanceSetup) -> None:
-        """Any volumes will do."""
+        """Fits any volumes."""
 
     def __call__(self, prediction: ShapeInstancePrediction, batch: ShapeInstanceBatch) -> Tensor:
         """A scalar: the divergence in nats, the mean over the batch, at least `free`.

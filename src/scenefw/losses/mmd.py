@@ -30,7 +30,7 @@ def mmd_to_normal(codes: Tensor, variance: float) -> Tensor:
 
 
 class MaximumMeanDiscrepancy:
-    """Draws the distribution of codes towards N(0, I) with an RBF kernel (Zhao et al. 2017).
+    """Pulls the distribution of codes towards N(0, I) with an RBF kernel (Zhao et al. 2017).
 
     The thesis weighs it by 1e5 beside losses summed over 64^3 voxels. Beside means over voxels
     that is 1e5 / 64^3 = 0.38, whatever the resolution.
@@ -49,7 +49,7 @@ class MaximumMeanDiscrepancy:
         self.weight, self.bandwidth = weight, bandwidth
 
     def check(self, setup: ShapeInstanceSetup) -> None:
-        """Any volumes will do."""
+        """Fits any volumes."""
 
     def __call__(self, prediction: ShapeInstancePrediction, batch: ShapeInstanceBatch) -> Tensor:
         """A scalar.

@@ -1,4 +1,4 @@
-"""Loss of the conditioning autoencoder: the partial TSDF rebuilt from its code."""
+"""Loss of the conditioning autoencoder: the partial TSDF reconstructed from its code."""
 
 from torch import Tensor
 
@@ -8,7 +8,7 @@ from scenefw.losses.tsdf import weighted_distance_error
 
 
 class PartialTsdfLoss:
-    """Error of the rebuilt partial TSDF, weighted as the complete one (thesis eq. 5.15).
+    """Error of the reconstructed partial TSDF, weighted like the complete one (thesis eq. 5.15).
 
     Args:
         weight: factor of this term in the total.
@@ -27,7 +27,7 @@ class PartialTsdfLoss:
         self.weight, self.floor, self.one_sided = weight, floor, one_sided
 
     def check(self, setup: ShapeInstanceSetup) -> None:
-        """Any volumes will do."""
+        """Fits any volumes."""
 
     def __call__(self, prediction: ShapeInstancePrediction, batch: ShapeInstanceBatch) -> Tensor:
         """A scalar, the mean over voxels.

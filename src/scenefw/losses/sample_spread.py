@@ -1,4 +1,4 @@
-"""Reward for samples that differ as much as they err."""
+"""Reward for samples that differ; with `tsdf` an energy score."""
 
 from torch import Tensor
 

@@ -1,4 +1,4 @@
-"""Which volume a loss compares: found missing before the work."""
+"""Checks before the work that a loss has its volume."""
 
 from scenefw.core.batches import ShapeInstanceSetup
 from scenefw.core.errors import ConfigError

@@ -1,4 +1,4 @@
-"""Signed-distance loss that weighs voxels near the surface more."""
+"""Signed-distance loss with more weight near the surface."""
 
 import torch
 from torch import Tensor

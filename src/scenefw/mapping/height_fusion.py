@@ -93,7 +93,7 @@ class RunningHeightFusion:
         self._pyramid = Pyramid(fusion.grid, fusion.a, fusion.device)
         device, vertices = self._pyramid.device, self._pyramid.vertices
         self._sums = torch.zeros(vertices * kernels.RECORD, device=device)
-        # The second half is what bands see of their neighbours while those change.
+        # The second half holds the neighbours' rows as bands read them while those change.
         self._heights = torch.full((2, vertices), float(UNSEEN), device=device)
         self._rivals, self._far = (torch.zeros(2 * vertices, device=device) for _ in range(2))
 
@@ -134,7 +134,7 @@ class RunningHeightFusion:
         return {name: tensor.cpu().numpy().copy() for name, tensor in known.items()}
 
     def restore(self, state: State) -> None:
-        """Resumes from a state; one of an earlier version has no `rivals`, and none are known.
+        """Resumes from a state; states of earlier versions have no `rivals`, so there are none.
 
         Raises:
             InputError: it is of another grid or holds something else.
@@ -177,7 +177,7 @@ class RunningHeightFusion:
         self._heights[0, finest].copy_(torch.from_numpy(height.reshape(-1)))
 
     def _vote(self, landed: Landed, outlier: np.float32) -> None:
-        """Where the frame is far from the surface: what else has more support takes over."""
+        """Where the frame is far from the surface, an alternative with more support takes over."""
         where = (len(landed.bands), landed.bands, self._pyramid.layout, landed.boxes)
         wins = torch.empty_like(landed.bands)
         surface = (self._sums, self._heights[0], self._far, self._rivals)
@@ -202,7 +202,7 @@ class RunningHeightFusion:
         if frame.colour.shape != (*frame.depth.shape, 3):
             raise InputError(
                 f"colour of {frame.name or 'a frame'} has shape {frame.colour.shape}, its depth "
-                f"{frame.depth.shape}; both must be aligned images of one size"
+                f"{frame.depth.shape}; both must be aligned images of the same size"
             )
         colour = torch.from_numpy(np.ascontiguousarray(frame.colour, dtype=np.uint8))
         return colour.view(-1).to(self._pyramid.device)

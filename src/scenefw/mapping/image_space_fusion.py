@@ -75,7 +75,7 @@ class ImageSpaceFusion:
 
 
 class RunningImageSpaceFusion:
-    """Class probabilities that sharpen frame by frame; made by `ImageSpaceFusion.begin`."""
+    """Class probabilities, refined frame by frame; made by `ImageSpaceFusion.begin`."""
 
     def __init__(
         self,

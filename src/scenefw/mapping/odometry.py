@@ -44,7 +44,7 @@ class RGBDOdometry:
         self.least_fitness, self.iterations = least_fitness, tuple(iterations)
 
     def track(self, frames: Iterable[Frame]) -> Iterator[Frame]:
-        """The frames with poses relative to the first camera; poses that they have are ignored.
+        """The frames with poses relative to the first camera; existing poses are ignored.
 
         Raises:
             InputError: a frame without colour or of another size, or tracking is lost.
@@ -57,7 +57,7 @@ class RGBDOdometry:
             if frame.depth.shape != first.depth.shape:
                 raise InputError(
                     f"frame {frame.name or index} has shape {frame.depth.shape}, the first one "
-                    f"{first.depth.shape}; all frames of a sequence have one size"
+                    f"{first.depth.shape}; all frames of a sequence must have the same size"
                 )
             now = self._image(o3d, frame, index)
             if before is not None:

@@ -80,7 +80,7 @@ class SemanticFusion:
 
 
 class RunningSemanticFusion:
-    """Class probabilities that sharpen frame by frame; made by `SemanticFusion.begin`."""
+    """Class probabilities, refined frame by frame; made by `SemanticFusion.begin`."""
 
     def __init__(
         self,

@@ -8,7 +8,7 @@ from torch import Tensor, nn
 from scenefw.models.blocks import Conv3d, ConvUnit, ResidualBlock, UpUnit, depth_to_space
 
 STANDARD = {"tsdf": 1, "votes": 3}
-"""Channels of the volumes of a network that is told nothing else."""
+"""Channels of the volumes of a network by default."""
 
 _MAPPED = 3  # the joint level that gets a map of the code
 

@@ -40,11 +40,11 @@ class ShapeInstanceVAE(nn.Module):
         zero_share: share of a training batch whose codes are replaced by the zero code.
         prior_share: share of a training batch whose codes are replaced by draws from N(0, I),
             two for each view.
-        outputs: volumes that it gives, by name: their representations, or their numbers of
-            channels; None: tsdf and votes. Each further one has a layer of its own at the end.
+        outputs: volumes that it predicts, by name: their representations, or their numbers of
+            channels; None: tsdf and votes. Each further one has its own layer at the end.
 
     Raises:
-        ConfigError: a width list has not five entries, or the resolution is no power of two.
+        ConfigError: a width list has not five entries, or the resolution is not a power of two.
     """
 
     training_only = ("encoder",)

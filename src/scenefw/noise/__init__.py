@@ -1,1 +1,1 @@
-"""Noise: depth images disturbed as a sensor does."""
+"""Noise: disturbs depth images like a sensor."""

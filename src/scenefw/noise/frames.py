@@ -15,7 +15,7 @@ from scenefw.kernels.cameras import stack_cameras
 def disturb(frame: Frame, noises: Mapping[str, Noise], seed: int, scene: int, index: int) -> Frame:
     """The frame as a noisy sensor with noisy tracking delivers it; itself if there is no noise.
 
-    Each noise draws from a stream of its own, fixed by (seed, scene, index) and the noise's name:
+    Each noise draws from its own stream, fixed by (seed, scene, index) and the noise's name:
     another noise beside it, or another amount, leaves its draws as they are.
 
     Args:
@@ -39,7 +39,7 @@ def disturb(frame: Frame, noises: Mapping[str, Noise], seed: int, scene: int, in
 
 
 def in_turns(noises: Mapping[str, Mapping[str, Noise]], scene: int) -> Mapping[str, Noise]:
-    """The noises of a scene where scenes take settings in turn; none if there is no setting.
+    """The noises of a scene when scenes use settings in rotation; none without settings.
 
     Args:
         noises: settings by any name, each of noises by name.

@@ -13,7 +13,7 @@ from scenefw.kernels.compile import float32
 
 
 class Kinect:
-    """Disturbs depth as a projector and a camera beside it do, in the order in which light does.
+    """Disturbs depth like a projector with a camera beside it, in the order of the light's path.
 
     1. Background that the projector can't light, as something nearer stands before it, is lost: a
        shadow on the left of objects for a projector on the right.

@@ -1,4 +1,4 @@
-"""Noise of camera tracking: every frame is fused from a pose that is a little wrong."""
+"""Noise of camera tracking: a small error in the pose of every frame."""
 
 import numpy as np
 import torch

@@ -1,4 +1,4 @@
-"""Takes away from a prediction what the depth image contradicts."""
+"""Removes from a prediction what the depth image contradicts."""
 
 import numpy as np
 import torch
@@ -9,12 +9,12 @@ from torch.nn import functional
 from scenefw.core.batches import PartialTSDF
 from scenefw.core.types import GridSpec
 
-_SMALLEST = 3e-5  # m^3: less is a splinter, no object
+_SMALLEST = 3e-5  # m^3: anything smaller is a fragment, not an object
 _SMALLEST_FURTHER = 1e-4  # m^3: of a second part of an instance
 
 
 def carve(tsdf: Tensor, partial: PartialTSDF, grid: GridSpec) -> Tensor:
-    """The TSDF (X, Y, Z) without what lies below the floor or in space that was seen to be free.
+    """The TSDF (X, Y, Z) without anything below the floor or in observed free space.
 
     A distance along rays is never smaller than the true one, so of seen space only the sign is
     used, only a voxel and more in front of the surface, and not beside space that isn't free: at

@@ -1,4 +1,4 @@
-"""Says what looks wrong with a real image before a prediction is made from it."""
+"""Checks a real image before a prediction is made from it."""
 
 import numpy as np
 
@@ -37,7 +37,7 @@ class Doctor:
         self.least_measured = least_measured
 
     def examine_frame(self, frame: Frame) -> list[str]:
-        """Warnings about a frame as it was read.
+        """Warnings about a frame as read.
 
         Raises:
             InputError: no depth, the wrong unit, or intrinsics that no camera has.

@@ -94,7 +94,7 @@ class FloorFinder:
         if len(points) < 100:
             raise InputError(
                 f"no floor in {frame.name}: only {len(points)} points are nearer than "
-                f"{self.farthest:g} m; the camera must see the table, or check the unit of depth"
+                f"{self.farthest:g} m; the camera must see the table; or check the unit of depth"
             )
         normal, height = self._best_plane(points, frame.name)
         for _ in range(_REFINEMENTS):

@@ -31,7 +31,7 @@ _SHAPE = ("tsdf", "votes")  # what objects are made of; other volumes are kept a
 
 
 class GridReconstructor(Protocol):
-    """A method that completes scenes on a grid of its own, and knows what made it."""
+    """A method that completes scenes on its own grid, and knows its origin."""
 
     grid: GridSpec
     metadata: dict[str, Any]
@@ -176,7 +176,7 @@ class Pipeline:
         )
 
     def _samples(self, partial: PartialTSDF) -> list[Completion]:
-        """The scene of each code, without contradictions; an object has one label in all."""
+        """The scene of each code, without contradictions; an object has the same label in all."""
         generator = torch.Generator().manual_seed(rng.torch_seed(self.seed))
         samples = self.reconstructor.complete(partial, self.grid, self.samples, generator)
         cleaned = [self._cleaned(sample, partial) for sample in samples]

@@ -1,4 +1,4 @@
-"""Frames of a recording placed in the frame of a new map, or of a saved one.
+"""Places frames of a recording in the coordinates of a new or saved map.
 
 The table is found in one frame alone and kept with the map, since each frame sees another part of
 the table and so another middle of it.
@@ -22,7 +22,7 @@ from scenefw.perception.table_frame import TableFrame
 
 @dataclass(frozen=True)
 class Placed:
-    """Frames that stand in a map's frame.
+    """Frames with poses in map coordinates.
 
     Args:
         recording: of the frames before these.
@@ -48,7 +48,7 @@ class Placement:
         self.odometry = odometry
 
     def begin(self, frames: Iterable[Frame]) -> Placed:
-        """Frames of a new map, whose frame is that of the table in the first of them.
+        """Frames for a new map, in coordinates of the table in the first frame.
 
         Raises:
             InputError: there is no frame, or no table and no pose.

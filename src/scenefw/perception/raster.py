@@ -25,7 +25,7 @@ class FloorRaster:
         return counts.reshape(self.side, self.side)
 
     def look_up(self, values: NDArray, points: NDArray[np.float64]) -> NDArray:
-        """Value of the cell that each point (..., 3) lies over; 0 beyond the raster and for NaN."""
+        """Value of the cell below each point (..., 3); 0 outside the raster and for NaN."""
         inside, cells = self._cells(points)
         return np.where(inside, values[cells[..., 0], cells[..., 1]], 0)
 

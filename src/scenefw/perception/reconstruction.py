@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class TrainedNetwork(Protocol):
-    """What a loaded checkpoint gives (`learning.checkpoint.load_checkpoint`)."""
+    """What a loaded checkpoint provides (`learning.checkpoint.load_checkpoint`)."""
 
     model: ShapeInstanceModel
     grid: GridSpec
@@ -123,7 +123,7 @@ class NetworkReconstructor:
     def complete(
         self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
     ) -> list[Completion]:
-        """Complete scenes of `samples` codes, with all volumes that they are made of."""
+        """Complete scenes of `samples` codes, with all their volumes."""
         return [
             Completion(found["tsdf"][:, 0], self._instances(found, grid), found)
             for found in self.volumes(partial, grid, samples, generator)

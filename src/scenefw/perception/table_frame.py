@@ -1,4 +1,4 @@
-"""Frames brought into the frame of the table: z up, the table z = 0, what is seen about the origin.
+"""Transforms frames to table coordinates: z up, table at z = 0, seen part around the origin.
 
 Height maps lie on the table. A single image has no pose, tracked cameras start at the first one,
 and recorded poses may be of any world, so the floor finder of prediction says where the table is.
@@ -16,14 +16,14 @@ from scenefw.core.types import Float64, Frame
 from scenefw.perception.floor import FloorFinder
 from scenefw.perception.points import world_points
 
-_HIGHEST = 0.3  # m above the table: what is higher doesn't say where its middle is
+_HIGHEST = 0.3  # m above the table: anything higher is ignored when finding its middle
 _UPRIGHT = np.cos(np.radians(5))
 _LEVEL = 0.03  # m
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """How to get from the world of some poses to the table's frame.
+    """The transform from the world of some poses to table coordinates.
 
     Args:
         T_table_world: (4, 4), takes the old world's coordinates to the table's.
@@ -35,7 +35,7 @@ class Alignment:
 
 
 class TableFrame:
-    """Finds the table in a frame and the motion that brings it to z = 0.
+    """Finds the table in a frame and the transform that brings it to z = 0.
 
     Args:
         floor: finds the table.
@@ -47,7 +47,7 @@ class TableFrame:
         self.farthest = farthest
 
     def rectified(self, frame: Frame) -> Frame:
-        """The frame in the table's frame, whatever its camera's pose was.
+        """The frame in table coordinates, whatever its camera's pose was.
 
         Raises:
             InputError: no table is found.
@@ -56,7 +56,7 @@ class TableFrame:
         return replace(frame, camera=frame.camera.moved(pose))
 
     def alignment(self, frame: Frame, *, posed: bool) -> Alignment:
-        """The motion that brings a sequence into the table's frame, from its first frame.
+        """The transform of a sequence to table coordinates, from its first frame.
 
         Args:
             frame: the first, with its pose in the old world.
@@ -81,7 +81,7 @@ class TableFrame:
         return Alignment(self._pose(frame) @ geometry.inverse(old), note)
 
     def _pose(self, frame: Frame) -> Float64:
-        """Camera pose in the table's frame, its origin in the middle of what is seen."""
+        """Camera pose in table coordinates, with the origin in the middle of the seen part."""
         pose = self.floor.find(frame).T_world_camera
         points = world_points(replace(frame, camera=frame.camera.moved(pose)), stride=4)
         near = (frame.depth[::4, ::4] > 0) & (frame.depth[::4, ::4] < self.farthest)

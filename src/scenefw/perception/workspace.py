@@ -1,4 +1,4 @@
-"""What stands on the table: its objects, the cube around them, the depth a network should see."""
+"""The objects on the table, the cube around them, and the depth that a network should see."""
 
 from dataclasses import dataclass, replace
 
@@ -43,7 +43,7 @@ class Workspace:
 
 @dataclass(frozen=True)
 class _Group:
-    """Objects that touch or nearly touch: number in the raster, cell centres (N, 2), points."""
+    """A group of objects that (nearly) touch: number in the raster, cell centres (N, 2), points."""
 
     label: int
     cells: Array
@@ -51,7 +51,7 @@ class _Group:
 
 
 class WorkspaceFinder:
-    """Takes the objects on the table out of a view and centres the cube on them.
+    """Extracts the objects on the table from a view and centres the cube on them.
 
     The table is the convex hull of the largest connected piece of floor. Points above the floor
     but beside the table are background and become "no measurement"; points below the floor are
@@ -117,7 +117,7 @@ def _table(points: Array, tolerance: float) -> Mask:
 
 
 def _groups(points: Array) -> tuple[NDArray[np.int32], list[_Group]]:
-    """Raster of group numbers, and the groups of object points (N, 3) that are no noise."""
+    """Raster of group numbers, and the groups of object points (N, 3) that are not noise."""
     counts = _RASTER.count(points)
     seen = counts > 0
     labels, number = ndimage.label(ndimage.binary_dilation(seen), structure=np.ones((3, 3)))

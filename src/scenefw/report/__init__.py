@@ -1,1 +1,1 @@
-"""What a run shows: tables, figures, galleries and the page that holds them."""
+"""What a run shows: tables, figures, galleries and the page with all of them."""

@@ -1,4 +1,4 @@
-"""What pages and documents are made of: text, drawings, pictures and tables, in sections."""
+"""Building blocks of pages and documents: text, drawings, pictures and tables, in sections."""
 
 from dataclasses import dataclass
 
@@ -28,7 +28,7 @@ class Code:
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure as SVG, with a line below it."""
+    """A figure as SVG, with a caption."""
 
     svg: str
     caption: str = ""
@@ -36,7 +36,7 @@ class Drawing:
 
 @dataclass(frozen=True)
 class Picture:
-    """An image file in the folder of the page, with a line below it and files that belong to it.
+    """An image file in the folder of the page, with a caption and the files that belong to it.
 
     Args:
         path: relative to the page.
@@ -56,7 +56,7 @@ Block = Text | Points | Code | Drawing | Picture | Table
 
 @dataclass(frozen=True)
 class Section:
-    """A heading and what stands below it."""
+    """A heading and the blocks below it."""
 
     title: str
     blocks: tuple[Block, ...]

@@ -10,7 +10,7 @@ Item = TypeVar("Item")
 
 
 def track(items: Sequence[Item], what: str) -> Iterable[Item]:
-    """The items behind a bar with rate and time left."""
+    """The items, with a progress bar that shows rate and time left."""
     from rich.progress import track as bar
 
     return bar(items, what)
@@ -21,7 +21,7 @@ def print_tables(shown: Sequence[Section]) -> None:
     from rich.console import Console
 
     console = Console()
-    if not console.is_terminal:  # nothing is cut where there's no window to fit
+    if not console.is_terminal:  # cuts nothing when the output is not a terminal
         console = Console(width=160)
     for section in shown:
         for block in section.blocks:

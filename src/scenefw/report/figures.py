@@ -1,4 +1,4 @@
-"""Line figures as SVG that takes the page's text colour, so that they read on light and on dark."""
+"""Line figures as SVG that takes the page's text colour, readable on light and dark backgrounds."""
 
 import csv
 import io
@@ -18,7 +18,7 @@ from scenefw.core.errors import StorageError
 
 Curve = Sequence[tuple[float, float]]
 
-INK = "#010203"  # stands for the page's text colour, put in by `to_svg`
+INK = "#010203"  # placeholder of the page's text colour, replaced by `to_svg`
 STYLE = {
     "svg.fonttype": "none",
     "svg.hashsalt": "scenefw",
@@ -40,7 +40,7 @@ def read_curves(path: Path | str) -> dict[str, Curve]:
     """Curves (step, value) by name from the table that training writes: a row per step and name.
 
     Raises:
-        StorageError: the file can't be read or is no such table.
+        StorageError: the file can't be read or is not such a table.
     """
     curves: dict[str, list[tuple[float, float]]] = {}
     try:
@@ -51,8 +51,8 @@ def read_curves(path: Path | str) -> dict[str, Curve]:
         raise StorageError(f"cannot read the losses {path}: {error.strerror}") from error
     except (KeyError, TypeError, ValueError) as error:
         raise StorageError(
-            f"{path} is no table of losses with columns step, name and value ({error}); give the "
-            "losses.csv of a training"
+            f"{path} is not a table of losses with columns step, name and value ({error}); give "
+            "the losses.csv of a training"
         ) from error
     return dict(curves)
 

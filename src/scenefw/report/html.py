@@ -15,7 +15,7 @@ _TEMPLATES = Path(__file__).with_name("templates")
 
 
 def render(name: str, **values: Any) -> str:
-    """A template's text; what isn't marked as safe in it is escaped."""
+    """A template's text; everything not marked as safe is escaped."""
     return _environment().get_template(name).render(values)
 
 

@@ -1,4 +1,4 @@
-"""Several scenes that one image allows, side by side."""
+"""Several scenes that fit one image, side by side."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""Parts of a document that commands write: what stands between two comments."""
+"""Parts of a document that commands write, between two comments."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ from scenefw.core.files import write_text
 
 
 def fill(document: Path, name: str, body: str) -> None:
-    """Replaces what stands between `<!-- name -->` and `<!-- /name -->`, and nothing else.
+    """Replaces only the text between `<!-- name -->` and `<!-- /name -->`.
 
     Raises:
         StorageError: the document is missing, can't be written, or hasn't the two comments once.
@@ -16,7 +16,7 @@ def fill(document: Path, name: str, body: str) -> None:
 
 
 def read(document: Path, name: str) -> str:
-    """The text of a document that has the two comments; found out before the work.
+    """The text of a document with the two comments; checked before the work.
 
     Raises:
         StorageError: as `fill`.

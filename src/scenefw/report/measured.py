@@ -21,7 +21,7 @@ def column(measure: Measure, *, unit: bool = True, ranked: bool = True) -> Colum
 
 
 def label(measure: Measure, figures: Mapping[str, float]) -> str:
-    """Name, unit, floor and better side, as in front of a row.
+    """Name, unit, floor and better direction, as a row heading.
 
     Args:
         measure: of the row.
@@ -37,7 +37,7 @@ def label(measure: Measure, figures: Mapping[str, float]) -> str:
 def compared(
     measure: Measure, name: str, figures: Mapping[str, float]
 ) -> tuple[str, str | None, str | None]:
-    """A figure, the one of the method without learning and the published one, as printed."""
+    """A figure, the baseline's and the published one, as printed."""
     trivial = figures.get(measure.trivial) if measure.trivial else None
     theirs = (trivial, measure.published)
     without, published = (None if value is None else measure.text(value) for value in theirs)

@@ -1,4 +1,4 @@
-"""What shows nothing, where a run needs no examples or no data on its page."""
+"""Empty galleries and showcases, for runs without examples or data on their page."""
 
 from collections.abc import Mapping
 

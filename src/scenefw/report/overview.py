@@ -173,7 +173,7 @@ def _show_colour(axes: "Axes", frame: Frame, rows: slice, columns: slice) -> Non
 
 
 def _show_depth(axes: "Axes", depth: Float32, used: Float32) -> None:
-    """Depth as it was measured, in the range of what was used of it."""
+    """Measured depth, in the range of the part that was used."""
     from matplotlib import colormaps
     from matplotlib.patheffects import withStroke
 

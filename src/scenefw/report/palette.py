@@ -1,4 +1,4 @@
-"""Colours of instances that people with any colour vision tell apart."""
+"""Colours of instances that people with any colour vision can distinguish."""
 
 Colour = tuple[float, float, float]
 

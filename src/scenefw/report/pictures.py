@@ -22,7 +22,7 @@ def depth_picture(depth: Float32) -> Picture:
     seen = depth > 0
     if not seen.any():
         return np.ones((*depth.shape, 3), np.float32)
-    low, high = np.percentile(depth[seen], [1, 90])  # the far floor would take most colours
+    low, high = np.percentile(depth[seen], [1, 90])  # the far floor would use up most colours
     near = 1 - np.clip((depth - low) / max(float(high - low), 1e-6), 0, 1)
     colours = colormaps["viridis"](near)[..., :3]
     return np.where(seen[..., None], colours, 1.0).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Results as tables of their figures, and the way to chapters that say more."""
+"""Results as tables of their figures; the default, where a chapter has no presentation."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -46,7 +46,7 @@ def sections_by_class(
 
 
 def figure_table(result: Result) -> Table:
-    """A row per figure; beside it the one without learning and the published one, if there are."""
+    """A row per figure, with the baseline's and the published one, if any."""
     figures, measures = result.figures, result.measures
     labels = {n: label(measures[n], figures) if n in measures else n for n in figures}
     uses = Counter(labels.values())

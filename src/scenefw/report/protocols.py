@@ -1,4 +1,4 @@
-"""What shows results and data on a page; a protocol per component group."""
+"""Protocols of what a page shows: results, examples, data."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -19,7 +19,7 @@ class Gallery(Protocol):
     """Examples of what methods make of single scenes (group `gallery`)."""
 
     def show(self) -> Sequence[Block]:
-        """What stands below the heading of the examples; empty = there is no such section."""
+        """The blocks below the heading of the examples; empty = no such section."""
 
 
 class Showcase(Protocol):

@@ -1,4 +1,4 @@
-"""Results as Markdown for the project's documents, with how they were made beside them."""
+"""Results as Markdown for the project's documents, with the commands that made them."""
 
 import shutil
 from collections.abc import Mapping, Sequence
@@ -11,7 +11,7 @@ from scenefw.report.blocks import Block, Code, Drawing, Picture, Points, Section
 from scenefw.report.record import command_line, used_weights
 from scenefw.report.tables import Table, to_markdown
 
-_GREY = "#808890"  # reads on white and on black: GitHub shows drawings on either
+_GREY = "#808890"  # readable on white and black, as GitHub shows drawings on both
 
 
 def publish(

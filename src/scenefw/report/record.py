@@ -1,4 +1,4 @@
-"""What a run's folder says of the run."""
+"""The record in a run's folder."""
 
 import json
 import re
@@ -11,7 +11,7 @@ _ABSOLUTE = re.compile(r"(^|[=\[,'\"])/(?:[^\s,=\[\]]*/)?([^/\s,=\[\]]+)")
 
 
 def read_record(folder: Path) -> dict[str, Any]:
-    """What the run's folder says of it: seed, versions, command line (`run.json`), or nothing."""
+    """Seed, versions and command line from a run's folder (`run.json`); empty if there are none."""
     path = folder / "run.json"
     return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
 

@@ -22,7 +22,7 @@ _FLOOR_SAMPLES = 224
 _FILLED = 0.8  # of the picture
 _GREY = (0.62, 0.62, 0.62)
 _PALE = np.array([0.93, 0.93, 0.94], dtype=np.float32)
-_HIDDEN = 0.4  # of its colour is left to a surface that was not seen
+_HIDDEN = 0.4  # share of its colour that an unseen surface keeps
 _FLOOR = (0.90, 0.90, 0.91)
 _GRID_LINES = 0.05  # m
 _OCCLUSION_STEPS = (0.008, 0.02, 0.045, 0.08)  # m along the normal
@@ -86,7 +86,7 @@ def draw(solid: Solid, camera: Camera, *, reach: float = 0.62) -> Picture:
 
 
 def turned(camera: Camera, points: NDArray[np.float64], turn: float) -> Camera:
-    """The camera moved about the z axis, so near that points fill four fifths of its picture.
+    """The camera moved about the z axis, so near that the points fill four fifths of the picture.
 
     Args:
         camera: gives image size and the first point of view; the elevation is kept within 20 to 60

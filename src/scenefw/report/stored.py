@@ -1,4 +1,4 @@
-"""Runs as they were stored: their figures, and what made them."""
+"""Stored runs: their figures, and how they were made."""
 
 import json
 from collections.abc import Mapping, Sequence

@@ -29,7 +29,7 @@ class Column:
 
     @property
     def heading(self) -> str:
-        """The name with an arrow to the better side."""
+        """The name with an arrow for the better direction."""
         return self.name + {"lower": " ↓", "higher": " ↑", None: ""}[self.better]
 
 

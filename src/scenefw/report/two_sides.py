@@ -15,7 +15,7 @@ from scenefw.report.shading import Picture, Solid, draw, turned
 _SIZE = (440, 330)  # of a side: width, height (pixels)
 _GAP = 8  # pixels
 _TURN = 150.0  # degrees
-_BEHIND = 1.5  # voxels that a hidden surface lies behind a seen one
+_BEHIND = 1.5  # voxels from a seen surface to a hidden one behind it
 
 
 def draw_two_sides(estimate: SceneEstimate) -> Picture:
@@ -34,7 +34,7 @@ def draw_two_sides(estimate: SceneEstimate) -> Picture:
 
 
 def of_objects(estimate: SceneEstimate) -> Float32:
-    """The signed distances (X, Y, Z) without dips that are no object, which would cast shadows."""
+    """The signed distances (X, Y, Z) without dips that are not objects, as they cast shadows."""
     grid = estimate.grid
     away = ndimage.distance_transform_edt(estimate.instances == 0) - 1.0
     least = np.minimum(away * grid.voxel_size, grid.truncation)

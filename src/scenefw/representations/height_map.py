@@ -1,4 +1,4 @@
-"""Height maps as surfaces: empty ones, and what a camera sees of one."""
+"""Height maps as surfaces: empty maps, and what a camera sees of a map."""
 
 import numpy as np
 import torch
@@ -15,7 +15,7 @@ _MARGIN = 1e-6  # metres about the lowest and the highest vertex: flat maps have
 
 
 def empty(grid: HeightGrid) -> HeightMap:
-    """A map of which nothing is seen."""
+    """A map with nothing seen yet."""
     unseen = np.full(grid.shape, np.nan, np.float32)
     colour = np.zeros((*grid.shape, 3), np.uint8)
     return HeightMap(grid, unseen, colour, np.zeros(grid.shape, np.float32), unseen.copy())

@@ -79,7 +79,7 @@ def object_occupancy(parameters: SceneParameters, grid: GridSpec) -> Tensor:
 def _table(p: SceneParameters) -> Tensor:
     """All objects as rows (B, N, 19); the bounding radius of an absent one is 0."""
     _require_shapes(p)
-    if p.present.device.type == "cpu":  # elsewhere a look at the values would wait for the device
+    if p.present.device.type == "cpu":  # elsewhere, reading values would wait for the device
         require_solids(p)
     rotations = p.rotations.flatten(2)
     radius = torch.linalg.vector_norm(p.half_axes, dim=-1)
@@ -106,7 +106,7 @@ def _require_shapes(p: SceneParameters) -> None:
 
 
 def require_solids(p: SceneParameters) -> None:
-    """Raises unless every present object is a convex solid somewhere.
+    """Raises unless every present object is a valid convex solid.
 
     Raises:
         InputError: which object is none, and why.

@@ -16,9 +16,9 @@ class VoteField:
         return scenes.volumes.votes
 
     def to_network(self, volume: Tensor, grid: GridSpec) -> Tensor:
-        """As they are."""
+        """Unchanged."""
         return volume
 
     def from_network(self, output: Tensor, grid: GridSpec) -> Tensor:
-        """As they are, not normalised."""
+        """Unchanged, not normalised."""
         return output.float()

@@ -1,4 +1,4 @@
-"""Checks of finished scenes that use no simulator: how deep superquadrics cut into each other."""
+"""Checks of finished scenes that use no simulator: how deeply superquadrics intersect."""
 
 from itertools import combinations
 
@@ -10,7 +10,7 @@ from scenefw.shapes.superquadric import Array, Superquadric
 
 
 def deepest_penetration(scene: Scene, directions: int = 1000) -> float:
-    """Largest depth (m) by which two superquadrics, or one and the floor, cut into each other.
+    """Largest penetration depth (m) of two superquadrics, or of one and the floor.
 
     For convex bodies the depth is the smallest move that parts them: the minimum over directions of
     the overlap of their shadows (support functions), found by a local search from the best of

@@ -10,7 +10,7 @@ from scenefw.core.geometry import random_quaternion
 from scenefw.core.protocols import Engine, ShapeSource
 from scenefw.core.types import Pose, Scene, SceneObject, Shape
 
-_WATCH = 48  # steps between two looks at whether the new object has left the limits
+_WATCH = 48  # steps between checks of whether the new object has left the limits
 
 
 class StackGenerator:
@@ -130,7 +130,7 @@ class StackGenerator:
         return [self.engine.add(item) for item in objects]
 
     def _standing(self, objects: tuple[SceneObject, ...]) -> tuple[SceneObject, ...] | None:
-        """The objects, rounded as stored, where they stay put; None if they don't."""
+        """The objects, rounded as stored, if they stay in place; None if they don't."""
         for _ in range(self.checks):
             objects = tuple(_rounded(item) for item in objects)
             handles = self._rebuild(objects)

@@ -91,7 +91,7 @@ def pack(scenes: Sequence[Scene]) -> StoredScenes:
     """Scenes of superquadrics as arrays.
 
     Raises:
-        StorageError: a scene holds a shape that is no superquadric.
+        StorageError: a scene holds a shape that is not a superquadric.
     """
     most = max((len(scene.objects) for scene in scenes), default=0)
     stored = _fillers(len(scenes), most)
@@ -172,7 +172,7 @@ def load_scenes(path: Path | str) -> StoredScenes:
         raise StorageError(f"{path} holds no scenes: {error.args[0]}") from error
     except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise StorageError(
-            f"{path} is damaged or no .npz file ({error}); make it anew with run=generate"
+            f"{path} is damaged or not an .npz file ({error}); regenerate it with run=generate"
         ) from error
     _check_layout(path, found)
     if path.with_suffix(".json").exists():
@@ -217,7 +217,7 @@ def _check_layout(path: Path, found: Mapping[str, NDArray[Any]]) -> None:
         if array.shape != wanted.shape or array.dtype != wanted.dtype:
             raise StorageError(
                 f"{path}: {name} is {array.dtype} {array.shape}, expected {wanted.dtype} "
-                f"{wanted.shape}; make the file anew with run=generate"
+                f"{wanted.shape}; regenerate the file with run=generate"
             )
     if (found["count"] > objects).any():
         raise StorageError(f"{path}: a scene counts more objects than it has rows ({objects})")
@@ -228,13 +228,13 @@ def _check_manifest(path: Path, found: Mapping[str, NDArray[Any]]) -> None:
     if manifest.get("format") != _FORMAT:
         raise StorageError(
             f"{path} has format {manifest.get('format')}, this version reads {_FORMAT}; "
-            "make it anew with run=generate"
+            "regenerate it with run=generate"
         )
     for name, array in found.items():
         if manifest.get("arrays", {}).get(name, {}).get("sha256") != _digest(array):
             raise StorageError(
                 f"{path}: {name} is not what {path.with_suffix('.json').name} says; "
-                "fetch both again or make them anew with run=generate"
+                "fetch both again or regenerate them with run=generate"
             )
 
 

@@ -72,7 +72,7 @@ class TabletopGenerator:
         self._outlines: dict[tuple[int, int], Array] = {}
 
     def numbers(self, split: str) -> Sequence[int]:
-        """Numbers of the scenes of a split.
+        """Indices of the scenes of a split.
 
         Raises:
             ConfigError: there is no such split.
@@ -160,7 +160,7 @@ def outline_of(vertices: Array) -> Array:
 
 
 def apart(first: Array, second: Array, gap: float) -> bool:
-    """Whether a side of one of two convex outlines (K, 2) keeps the other off by `gap`.
+    """Whether a side of one convex outline (K, 2) is at least `gap` away from the other outline.
 
     Where corner faces corner, outlines somewhat farther apart than `gap` may count as too near.
     """

@@ -60,7 +60,7 @@ def _covering(directions: Array, points: Array, tolerance: float) -> list[int]:
     chosen = list(range(6))
     covered = (directions @ points[:6].T).max(axis=1)
     while True:
-        gaps = np.round(reach - covered, 9)  # processors differ in the last bits: no luck in ties
+        gaps = np.round(reach - covered, 9)  # the last bits differ between processors
         worst = int(np.argmax(gaps))
         if gaps[worst] <= tolerance:
             return chosen

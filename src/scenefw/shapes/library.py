@@ -10,7 +10,7 @@ from scenefw.shapes.superquadric import Array, Superquadric
 
 
 class SuperquadricLibrary:
-    """A fixed repertoire of superquadrics, of which scenes draw uniformly.
+    """A fixed repertoire of superquadrics, from which scenes draw uniformly.
 
     Extents are uniform, exponents log-uniform (uniform ones would give almost only boxes). All
     parameters are exact in float32, the precision in which scenes are stored.

@@ -62,7 +62,7 @@ class ShapeNetModels:
         self._models: dict[tuple[int, int], TexturedMesh] = {}
 
     def instances(self, label: int, split: str) -> Sequence[int]:
-        """Numbers of the instances of a class in a part of the data."""
+        """Indices of the instances of a class in a split."""
         if split not in SPLITS:
             raise ConfigError(f"split '{split}' is unknown; there are {', '.join(SPLITS)}")
         return split_instances(len(self._files[label - 1]))[split]
@@ -95,7 +95,7 @@ def read_model(path: Path, length: float) -> TexturedMesh:
             scene = trimesh.load_scene(file, path.suffix[1:], resolver=_resolver(path))
         found = scene.dump()
         meshes = [m for m in found if isinstance(m, trimesh.Trimesh) and len(m.faces)]
-    except Exception as error:  # trimesh lets through whatever its many readers raise
+    except Exception as error:  # trimesh passes on whatever its readers raise
         raise InputError(f"model {path} can't be read ({error}); remove its folder") from error
     if not meshes:
         raise InputError(f"model {path} holds no triangles; remove its folder")
@@ -119,7 +119,7 @@ def read_model(path: Path, length: float) -> TexturedMesh:
 
 
 def _resolver(path: Path) -> Any:
-    """Finds materials and images beside a model's file or beside its folder, and nowhere else.
+    """Finds materials and images only beside a model's file or its folder.
 
     ShapeNet's materials name images as ../images/texture0.jpg, which trimesh's own refuses.
     """
@@ -155,7 +155,7 @@ def _lay_flat(vertices: NDArray[np.float64], length: float) -> NDArray[np.float6
     """Z up, shortest side upright, longest along x, at rest about the origin."""
     upright = np.asarray(vertices, dtype=np.float64) @ [[1, 0, 0], [0, 0, 1], [0, -1, 0]]
     size = np.ptp(upright, axis=0)
-    if size[2] > 1.001 * size.min():  # turned about the other axis, so that it is no mirror image
+    if size[2] > 1.001 * size.min():  # turned about the other axis, to avoid a mirror image
         if size[0] < size[1]:
             upright = upright @ [[0, 0, 1], [0, 1, 0], [-1, 0, 0]]
         else:

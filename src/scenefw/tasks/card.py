@@ -18,7 +18,7 @@ from scenefw.report.weights.words import Words
 
 
 class Card:
-    """A model card: what the weights are, how they were made, how well they do (`run=card`).
+    """A model card: what the weights are, how they were made, their figures (`run=card`).
 
     Writes `<name>.md` and a page into the run's folder.
 

@@ -1,4 +1,4 @@
-"""Checks a data set of scenes: do they stand, do objects cut into each other, what is in it."""
+"""Checks a data set of scenes: are they at rest, do objects intersect, what do they contain."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ _PAGE = """# The data set of superquadric stacks
 `{name}` ({size:.1f} MB): {kept} scenes of {attempts} attempts, seed {seed}. Objects: {counts}.
 Parts, by scene: {parts}. Made with {versions}; commit {commit}.
 
-    python -m scenefw run=generate          # makes it anew
+    python -m scenefw run=generate          # regenerates it
     python -m scenefw run=check             # measures it and writes this page
 
 ![what is in it]({picture})
@@ -167,7 +167,7 @@ stays valid, and the test that compares says which version it wants.
 
 
 def _differences(recipe: Mapping[str, Any]) -> str:
-    """What the generator does otherwise than the thesis, with its settings; empty if unknown."""
+    """How the generator differs from the thesis, with its settings; empty if unknown."""
     settings = {**recipe, **recipe.get("engine", {})}
     try:
         return _DIFFERENCES.format_map(settings)

@@ -1,4 +1,4 @@
-"""Evaluates methods and shows how they do."""
+"""Evaluates methods and shows the results."""
 
 from pathlib import Path
 
@@ -34,7 +34,7 @@ class Evaluate:
         self.page, self.output = page, Path(output)
 
     def run(self) -> dict[str, float]:
-        """Returns the figures of the evaluation; what they measure is in `measures.json`.
+        """Returns the figures of the evaluation; `measures.json` says what they measure.
 
         Raises:
             StorageError: the folder can't be written.

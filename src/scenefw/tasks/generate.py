@@ -70,7 +70,7 @@ class Generate:
         self.name = name
 
     def run(self) -> dict[str, float]:
-        """Generates what is missing, merges it; returns the numbers of scenes and objects."""
+        """Generates missing shards and merges all; returns the numbers of scenes and objects."""
         facts = {"seed": self.seed, "recipe": recipe(self.source), "versions": simulators()}
         folder = require_writable(Path(self.shards) / _digest(facts))
         require_writable(self.output)
@@ -156,5 +156,5 @@ def _digest(facts: dict[str, Any]) -> str:
 
 
 def simulators() -> dict[str, str]:
-    """Versions of the packages that decide how scenes come out."""
+    """Versions of the packages that influence the scenes."""
     return installed(_SIMULATORS)

@@ -1,4 +1,4 @@
-"""Writes the table of a document that says how well the shipped weights do."""
+"""Writes a document's table of figures of the shipped weights."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -49,12 +49,12 @@ class Headline:
 
 
 def require_shipped(runs: Sequence[StoredRun]) -> None:
-    """Raises an InputError if a run says that it used other weights than those that ship."""
+    """Raises an InputError if a run used weights other than the shipped ones."""
     known = {digest(path) for paths in assets.weights().values() for path in paths}
     for run in runs:
         for name, found in run.record.get("weights", {}).items():
             if found not in known:
                 raise InputError(
-                    f"{run.path} has figures of {name}, which doesn't ship as it was; evaluate the "
-                    "weights that ship"
+                    f"{run.path} has figures of {name}, which are not the shipped weights; "
+                    "evaluate the shipped weights"
                 )

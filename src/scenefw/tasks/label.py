@@ -35,7 +35,7 @@ MAP, PICTURE = "map.npz", "map.png"
 
 
 class Label:
-    """Fuses and labels what a camera recorded.
+    """Fuses and labels a recording of a camera.
 
     A sequence (folder with `depth/`, or TUM's format) becomes one map: `map.npz`, `map.png`, and
     while it grows `growth/000020.png` ... and `growth.gif`. It is saved as it grows, and when it is
@@ -139,13 +139,13 @@ class Label:
                     growth.show(running.height_map(), self.start + number)
                 if number % self.save_every == 0:
                     self._save(running, recording)
-        finally:  # an interrupted map is a map too
+        finally:  # an interrupted run still saves its map
             if number:
                 seconds = time.perf_counter() - began
                 height_map = self._save(running, recording)
         if measured.empty:
             empty = ", ".join(map(str, measured.empty))
-            print(f"{self.input}: left out frames without a measurement: {empty}", file=sys.stderr)
+            print(f"{self.input}: skipped frames without a measurement: {empty}", file=sys.stderr)
         if not number:
             raise InputError(f"no frame of {self.input} has a measurement; record it again")
         if self.picture_every:
@@ -192,7 +192,7 @@ class Label:
         if len(failures) == len(images):
             raise next(iter(failures.values()))
         for image, reason in failures.items():
-            print(f"left out {image}: {reason}", file=sys.stderr)
+            print(f"skipped {image}: {reason}", file=sys.stderr)
         return {
             "images": float(len(images)),
             "failed": float(len(failures)),
@@ -212,7 +212,7 @@ class Label:
 
 
 def _facts(height_map: HeightMap) -> dict[str, float]:
-    """Share of vertices seen, and of these the share of each class."""
+    """Share of vertices seen, and among these the share of each class."""
     facts = {"coverage": float(height_map.seen.mean())}
     if height_map.labels is not None and height_map.seen.any():
         seen = height_map.labels[height_map.seen]

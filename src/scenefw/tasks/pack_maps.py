@@ -1,4 +1,4 @@
-"""Fuses the height maps of many scenes and packs them into one file to carry."""
+"""Fuses the height maps of many scenes and packs them into one file."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class PackMaps:
     def run(self) -> dict[str, float]:
         """Fuses and packs; returns the number of maps of each split and the size (MB)."""
         train = self.splits["train"]
-        held = save_maps(self.path, self._made(), train.classes, self.megabytes, train.facts())
+        held = save_maps(self.path, self._packed(), train.classes, self.megabytes, train.facts())
         wanted = {split: len(maps) for split, maps in self.splits.items()}
         size = self.path.stat().st_size / 1e6
         for split, count in wanted.items():
@@ -65,7 +65,7 @@ class PackMaps:
         print(f"{self.path}: {size:.1f} MB", flush=True)
         return {**{f"maps/{split}": float(held.get(split, 0)) for split in wanted}, "mb": size}
 
-    def _made(self) -> Iterator[tuple[str, bytes]]:
+    def _packed(self) -> Iterator[tuple[str, bytes]]:
         from joblib import Parallel, delayed
 
         jobs = [(split, maps, s) for split, maps in self.splits.items() for s in range(len(maps))]

@@ -1,4 +1,4 @@
-"""Labels by hand: a map's picture to paint on, and training data made from the painted one."""
+"""Manual labels: exports a map's picture to paint on, and makes training data from the result."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from scenefw.report.pictures import save_picture
 if TYPE_CHECKING:
     from scenefw.core.height_maps import HeightMap
 
-_CHECKED = 8  # views that must agree with the map, as their poses may be of another world
+_CHECKED = 8  # views checked against the map, as their poses may be in another world frame
 
 
 class PaintExport:
@@ -70,7 +70,7 @@ class PaintExport:
 
 
 class PaintImport:
-    """Reads a painted picture as the true labels of its map and labels views by it.
+    """Reads a painted picture as the true labels of its map and labels views with them.
 
     Args:
         input: the painted picture; `palette.json` of the export lies beside it.
@@ -78,7 +78,7 @@ class PaintImport:
         output: the run's folder; gets `labelled.npz`, `labelled.png` and `views/`.
         views: folder of the recording that the map was made of, or of another one with poses of the
             same world, whose views are labelled; None = none are.
-        every: label every so many views.
+        every: label every N-th view.
         border: pixels on either side of a border between labels that count as unknown.
         background: class of what was left unpainted; None = unknown.
 

@@ -1,4 +1,4 @@
-"""Pictures of predictions on real images for a document; the images stay where they are."""
+"""Pictures of predictions on real images for a document; the images themselves are not copied."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class Shown:
 
 
 class Pictures:
-    """Draws what is predicted on real images from two sides, and shows it in a document.
+    """Draws predictions on real images from two sides, and puts the pictures into a document.
 
     The document gets a table of pictures between `<!-- pictures -->` and `<!-- /pictures -->`. The
     run's folder gets what `run=predict` writes, the image among it, which is not published.
@@ -56,7 +56,7 @@ class Pictures:
         try:
             self.images = {name: Shown(**entry) for name, entry in images.items() if entry}
         except TypeError as error:
-            raise ConfigError(f"an entry of run.images is unusable: {error}") from error
+            raise ConfigError(f"an entry of run.images is invalid: {error}") from error
         if not self.images:
             raise ConfigError("run.images names no image to show")
 
@@ -88,7 +88,7 @@ class Pictures:
         path = target / f"{name}.png"
         save_picture(draw_two_sides(estimate), path)
         if path.stat().st_size > _LARGEST:
-            print(f"{path} has {path.stat().st_size / 1e3:.0f} kB, more than a document should")
+            print(f"{path} has {path.stat().st_size / 1e3:.0f} kB, too large for a document")
         return len(estimate.objects)
 
     def _cell(self, name: str, shown: Shown, count: int) -> tuple[str, str]:
@@ -97,7 +97,7 @@ class Pictures:
 
 
 def in_columns(cells: Sequence[tuple[str, str]], columns: int) -> str:
-    """Markdown of pictures beside each other, each with its words below."""
+    """Markdown of pictures side by side, each with its caption below."""
     rows = []
     for start in range(0, len(cells), columns):
         part = [*cells[start : start + columns], *[("", "")] * columns][:columns]

@@ -1,4 +1,4 @@
-"""From data to a report: the data, a network trained on it, its figures beside those of others."""
+"""From data to a report: the data, a network trained on it, its figures beside published ones."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path

@@ -29,7 +29,7 @@ from scenefw.report.pictures import save_picture
 
 
 class Predict:
-    """Completes the objects of depth images; each image gets a folder of its own.
+    """Completes the objects of depth images; each image gets its own folder.
 
     A folder holds `scene.glb`, `object_01.ply` ..., `scene.json` and `overview.png`, and what other
     codes make of the image in `hypothesis_2` ... and `hypotheses.png`; it appears when all of them
@@ -95,7 +95,7 @@ class Predict:
         if len(failures) == len(images):
             raise _all_failed(failures)
         for image, reason in failures.items():
-            print(f"left out {image}: {reason}", file=sys.stderr)
+            print(f"skipped {image}: {reason}", file=sys.stderr)
         done = len(images) - len(failures)
         return {
             "images": float(len(images)),
@@ -152,7 +152,7 @@ def _folders(images: Sequence[Path], root: Path) -> list[Path]:
     """A folder for each image, relative to the output: its path below the input, without suffix."""
     base = root if root.is_dir() else root.parent
     names = [image.relative_to(base).with_suffix("") for image in images]
-    # A folder is replaced as a whole: none may lie in that of another image
+    # A folder is replaced as a whole, so none may be inside another image's
     shared = Counter([*names, *{parent for name in names for parent in name.parents}])
     return [
         name.with_name(image.name.replace(".", "_")) if shared[name] > 1 else name

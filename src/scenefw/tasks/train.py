@@ -125,7 +125,7 @@ class Train:
         return trainer
 
     def _again(self, state: dict[str, Any]) -> Mapping[str, Any]:
-        """The weights of a finished training, and what is known of it."""
+        """The weights of a finished training, and its figures."""
         self.learning.load_state_dict(state["state_dict"])
         self.learning.on_load_checkpoint(state)
         if not (self.folder / self.weights).exists():
@@ -137,7 +137,7 @@ class Train:
         snapshots = Snapshots(self._state, self.snapshot_minutes, self.snapshot_steps, self._export)
         limits = self.trainer.limits(lambda: snapshots.seconds, self._began)
         recording = Recording(self.loggers, self.folder, self.log_every)
-        # Snapshots last: what diverged is not saved
+        # Snapshots come last, so that diverged weights are not saved
         return [limits, *self.callbacks.values(), recording, snapshots]
 
     def _export(self, facts: Mapping[str, Any] | None = None) -> None:
@@ -156,11 +156,11 @@ class Train:
             )
 
     def _settings(self) -> dict[str, Any]:
-        """What a training learns from and how: with others it is another training."""
+        """What a training learns from and how: changes make it a different training."""
         return {**self.data.facts(), **self.learning.facts()}
 
     def _facts(self) -> dict[str, Any]:
-        """What a file of weights says of its training, as plain data."""
+        """Provenance of the weights, as plain data for their file."""
         learning, record = self.learning, read_record(self.output)
         words = {"command": command_line(record)} if record.get("command") is not None else {}
         commit = record.get("versions", {}).get("commit")

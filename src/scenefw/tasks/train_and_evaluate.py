@@ -1,4 +1,4 @@
-"""A network trained and evaluated in one run, as comparisons of many settings need it."""
+"""Trains and evaluates a network in one run, for comparisons of many settings."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -44,7 +44,7 @@ def test_grids_of_lists_and_of_tuples_are_equal():
     "wrong", [{"resolution": 0}, {"extent": -1.0}, {"truncation_voxels": float("nan")}]
 )
 def test_impossible_grids_are_refused(wrong):
-    with pytest.raises(ConfigError, match="no voxel grid"):
+    with pytest.raises(ConfigError, match="not a voxel grid"):
         GridSpec(**wrong)
 
 

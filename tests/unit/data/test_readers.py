@@ -244,7 +244,7 @@ def test_all_real_images_are_read(real_data):
 def test_text_is_no_file_of_arrays(tmp_path, name):
     """numpy takes it for a pickle, and says how to load it all the same."""
     (tmp_path / name).write_text("just words")
-    with pytest.raises(InputError, match=rf"{name}: it is no file of NumPy arrays") as caught:
+    with pytest.raises(InputError, match=rf"{name}: it is not a file of NumPy arrays") as caught:
         read_frame(tmp_path / name)
     assert "pickle" not in str(caught.value)
 

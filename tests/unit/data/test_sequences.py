@@ -173,9 +173,9 @@ def poses_text(tmp_path, text):
     ("text", "message"),
     [
         ("0 0 0 0 0 0 1\n", "1 poses, but .* 2 images"),
-        ("1 2 3\n4 5 6\n", "3 numbers, no pose"),
+        ("1 2 3\n4 5 6\n", "3 numbers; expected"),
         ("0 0 0 0 0 0 0\n0 0 0 0 0 0 1\n", "no rotation"),
-        ("a b c d e f g\n", "is no pose: a b"),
+        ("a b c d e f g\n", "is not a pose: a b"),
         ("2 0 0 0 0 2 0 0 0 0 2 0\n" * 2, "no rigid motion"),
     ],
 )
@@ -203,7 +203,7 @@ def test_missing_files_are_named(tmp_path):
         write_sequence(tmp_path, [])
     (tmp_path / "rgb.txt").write_text("x y\n")
     (tmp_path / "depth.txt").write_text("1.0\n")
-    with pytest.raises(InputError, match="time alone"):
+    with pytest.raises(InputError, match="only a timestamp"):
         open_sequence(tmp_path)
 
 
@@ -264,11 +264,11 @@ def test_poses_may_lie_in_files_of_their_own(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda lines: lines[:2] + lines[3:], r"names no pose of .*2\.png \(1 of 4 images"),
+        (lambda lines: lines[:2] + lines[3:], r"has no pose for .*2\.png \(1 of 4 images"),
         (lambda lines: [f"frame{line}" for line in lines], r"\(4 of 4 images .*leave names out"),
         (lambda lines: [*lines, lines[1]], "two poses of image 1; leave one"),
         (lambda lines: [lines[0], *(line[2:] for line in lines[1:])], "line 2 .* in each line or"),
-        (lambda lines: [f"{line} 1" for line in lines], "18 numbers, no pose"),
+        (lambda lines: [f"{line} 1" for line in lines], "18 numbers; expected"),
     ],
 )
 def test_poses_of_other_images_are_named(tmp_path, change, message):

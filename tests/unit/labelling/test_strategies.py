@@ -195,7 +195,7 @@ def test_sources_of_different_classes_are_refused():
         Hybrid(Heights(), Labels(), Views(), maps)
     views = Views()
     views.classes = maps.classes = ("surface",)
-    with pytest.raises(ConfigError, match="one class alone, surface"):
+    with pytest.raises(ConfigError, match="only one class, surface"):
         Hybrid(Heights(), Labels(), views, maps)
 
 

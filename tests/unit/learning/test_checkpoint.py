@@ -92,11 +92,11 @@ def test_truncated_file_is_one_line(path, keep):
 def test_foreign_files_are_refused(tmp_path):
     foreign = tmp_path / "foreign.safetensors"
     save_file({"weight": torch.zeros(2)}, str(foreign))
-    with pytest.raises(CheckpointError, match="no checkpoint of scenefw"):
+    with pytest.raises(CheckpointError, match="not a scenefw checkpoint"):
         load_checkpoint(foreign)
     text = tmp_path / "text.safetensors"
     text.write_text("these are no weights at all, whatever the name says")
-    with pytest.raises(CheckpointError, match="no safetensors file"):
+    with pytest.raises(CheckpointError, match="not a safetensors file"):
         load_checkpoint(text)
 
 

@@ -32,7 +32,7 @@ def test_shipped_weights_say_how_long_they_were_trained(name):
 
 def test_a_file_from_elsewhere(tmp_path):
     (tmp_path / "w.safetensors").write_bytes(b"nothing of the kind")
-    with pytest.raises(CheckpointError, match="no safetensors file"):
+    with pytest.raises(CheckpointError, match="not a safetensors file"):
         read_provenance(tmp_path / "w.safetensors")
     with pytest.raises(CheckpointError, match="no checkpoint at"):
         read_provenance(tmp_path / "other.safetensors")

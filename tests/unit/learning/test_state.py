@@ -74,9 +74,9 @@ def test_code_in_a_state_ends_the_command_with_one_line(tmp_path, scenefw, form)
 def test_code_in_parts_of_a_state_does_not_run(tmp_path):
     planted(tmp_path / "parts" / "state.part000", tmp_path / "mark", "zip")
     planted(tmp_path / "last.ckpt", tmp_path / "mark", "zip")
-    with pytest.raises(CheckpointError, match="no state of a training"):
+    with pytest.raises(CheckpointError, match="not a state of a training"):
         state_parts.join(tmp_path / "parts", tmp_path / "new.ckpt")
-    with pytest.raises(CheckpointError, match="no state of a training"):
+    with pytest.raises(CheckpointError, match="not a state of a training"):
         state_parts.split(tmp_path / "last.ckpt", tmp_path / "new")
     assert not (tmp_path / "mark").exists()
     assert not (tmp_path / "new.ckpt").exists()
@@ -118,7 +118,7 @@ def test_a_file_of_something_else_is_damaged(tmp_path):
 
 def test_parts_of_another_file_are_one_line(tmp_path):
     torch.save({"x": 1}, tmp_path / "state.part000")
-    with pytest.raises(CheckpointError, match="no state of a training"):
+    with pytest.raises(CheckpointError, match="not a state of a training"):
         state_parts.join(tmp_path, tmp_path / "last.ckpt")
 
 

@@ -62,7 +62,7 @@ def test_mistakes_are_named():
     with pytest.raises(InputError, match="no colour"):
         list(RGBDOdometry().track([replace(frames[0], colour=None)]))
     small = textured(tables.camera(width=80, rows=60))
-    with pytest.raises(InputError, match="one size"):
+    with pytest.raises(InputError, match="same size"):
         list(RGBDOdometry().track([*frames, small]))
 
 

@@ -34,7 +34,7 @@ def test_unusable_files_are_named(tmp_path):
         read_curves(tmp_path / "none.csv")
     odd = tmp_path / "odd.csv"
     odd.write_text("a,b\n1,2\n")
-    with pytest.raises(StorageError, match="no table of losses"):
+    with pytest.raises(StorageError, match="not a table of losses"):
         read_curves(odd)
     empty = tmp_path / "empty.csv"
     empty.write_text("")

@@ -54,7 +54,7 @@ def test_figures_of_weights_that_do_not_ship(document, tmp_path):
     shipped = {"simstack.safetensors": digest(shipped_checkpoint())}
     Headline([write_run(tmp_path / "a", STACKS, shipped)], document).run()
     other = write_run(tmp_path / "b", IMAGES, {"mine.safetensors": "0" * 64})
-    with pytest.raises(InputError, match=r"mine\.safetensors, which doesn't ship"):
+    with pytest.raises(InputError, match=r"mine\.safetensors, which are not the shipped weights"):
         Headline([tmp_path / "a", other], document).run()
 
 

@@ -59,7 +59,7 @@ def test_what_is_missing_is_found_out_before_the_work(predict, tmp_path):
     document.write_text("no place")
     with pytest.raises(StorageError, match="<!-- pictures -->"):
         Pictures(predict, entries("a"), document).run()
-    with pytest.raises(ConfigError, match=r"run.images is unusable"):
+    with pytest.raises(ConfigError, match=r"run.images is invalid"):
         Pictures(predict, {"x": {"picture": "a"}}, document)
     with pytest.raises(ConfigError, match="no image"):
         Pictures(predict, {"x": None}, document)

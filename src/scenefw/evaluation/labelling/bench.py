@@ -42,7 +42,7 @@ class Snapshot:
 
 
 class Bench:
-    """Feeds the frames of a scene to all strategies; work that they share is done once.
+    """Feeds the frames of a scene to all strategies; shared work is done once.
 
     Args:
         scenes: views and truth.
@@ -66,7 +66,7 @@ class Bench:
         for name, strategy in strategies.items():
             if tuple(strategy.classes) != tuple(scenes.classes):
                 raise ConfigError(
-                    f"{name} labels {', '.join(strategy.classes)}, the scenes hold "
+                    f"{name} labels {', '.join(strategy.classes)}, the scenes contain "
                     f"{', '.join(scenes.classes)}; give checkpoints of these classes"
                 )
         self.scenes = scenes
@@ -90,7 +90,7 @@ class Bench:
 
         Args:
             scene: number of the scene.
-            counts: rising numbers of frames.
+            counts: numbers of frames, ascending.
             noise: in place of the bench's own.
         """
         work = SharedWork()

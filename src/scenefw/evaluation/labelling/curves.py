@@ -1,4 +1,4 @@
-"""Quality of labels against frames and processing time (thesis figures 4.21, 4.23 and 4.24)."""
+"""Label quality against frames and processing time (thesis figures 4.21, 4.23 and 4.24)."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _PICTURE = 256  # vertices per side of the maps of an example
 
 
 class LabellingCurves:
-    """Scores every strategy after ever more frames of the same sequences.
+    """Scores every strategy after growing numbers of frames of the same sequences.
 
     Args:
         bench: runs the strategies.
@@ -62,7 +62,7 @@ class LabellingCurves:
         self.bench.warm_up()
         for scene in track(range(len(self.bench.scenes)), "scenes"):
             truth = self.bench.scenes.truth(scene)
-            example = example or _ExampleMaker(truth, self._shown())
+            example = example or _ExampleMaker(truth, self._shown_counts())
             for snapshots in self.bench.run(scene, self.counts):
                 for name, snapshot in snapshots.items():
                     rows.append(score(name, scene, snapshot, truth))
@@ -79,13 +79,13 @@ class LabellingCurves:
             example.made() if example else None,
         )
 
-    def _shown(self) -> tuple[int, ...]:
+    def _shown_counts(self) -> tuple[int, ...]:
         places = np.linspace(0, len(self.counts) - 1, min(self.shown, len(self.counts)))
         return tuple(self.counts[round(place)] for place in places)
 
 
 def frame_counts(frames: int, steps: int, first: int | None = None) -> tuple[int, ...]:
-    """Evenly spaced numbers of frames up to `frames`, after an earlier first one if given."""
+    """Evenly spaced numbers of frames up to `frames`, preceded by `first` if given."""
     even = {max(1, round(frames * (i + 1) / steps)) for i in range(steps)}
     early = {first} if first is not None and first < min(even) else set()
     return tuple(sorted(even | early))

@@ -1,4 +1,4 @@
-"""How well the two networks label single views and fused maps (thesis table 4.1)."""
+"""Accuracy of the two labelling networks on single views and fused maps (thesis table 4.1)."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ class LabellingNetworks:
         for what, part in (("views", source), ("maps", map_source)):
             if tuple(part.classes) != tuple(scenes.classes):
                 raise ConfigError(
-                    f"the network of {what} labels {', '.join(part.classes)}, the scenes hold "
+                    f"the network of {what} labels {', '.join(part.classes)}, the scenes contain "
                     f"{', '.join(scenes.classes)}; give a checkpoint for these classes"
                 )
         self.scenes = scenes

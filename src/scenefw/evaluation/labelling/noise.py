@@ -34,12 +34,12 @@ class NoiseResult:
 
     @property
     def pose(self) -> tuple[float, ...]:
-        """Amounts of pose noise (m), rising."""
+        """Amounts of pose noise (m), ascending."""
         return tuple(sorted({row.pose for row in self.scores.rows}))
 
     @property
     def depth(self) -> tuple[float, ...]:
-        """Amounts of depth noise (m), rising."""
+        """Amounts of depth noise (m), ascending."""
         return tuple(sorted({row.depth for row in self.scores.rows}))
 
     @property
@@ -95,7 +95,7 @@ class LabellingNoise:
         chosen: names of the noises on the command line.
 
     Raises:
-        ConfigError: an amount is no length, or a chosen noise is not varied here.
+        ConfigError: an amount is not a length, or a chosen noise is not varied here.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class LabellingNoise:
         others = sorted(set(chosen) - {"pose", "gaussian"})
         if others:
             raise ConfigError(
-                f"a noise map varies pose and Gaussian noise, not {', '.join(others)}; give "
+                f"a noise map varies only pose and Gaussian noise, not {', '.join(others)}; give "
                 "noise=[pose,gaussian] (experiment=view_vs_map compares under any noise)"
             )
         self.bench = bench
@@ -149,7 +149,7 @@ class GatheredNoise:
 
     def __init__(self, input: str | Path | None) -> None:  # noqa: A002 - as on the command line
         if input is None:
-            raise ConfigError("this gathers the runs of a sweep; give input=FOLDER of the sweep")
+            raise ConfigError("gathering needs the runs of a sweep; give input=FOLDER of the sweep")
         self.input = Path(input)
 
     def run(self, track: object = None) -> NoiseResult:

@@ -27,13 +27,13 @@ if TYPE_CHECKING:
     from scenefw.evaluation.labelling.bench import Bench
     from scenefw.labelling.reconstruction import Reconstruction
 
-_MAYBE = 0.1  # a vertex may be taken for a class that is more probable than this
+_MAYBE = 0.1  # a vertex may be drawn for a class that is more probable than this
 Tracker = Callable[[Sequence[int], str], Iterable[int]]
 
 
 @dataclass(frozen=True)
 class WeightsResult:
-    """Weights and the accuracy of the pool with them, each class counting the same.
+    """Weights of the pool and its accuracy with them, averaged over classes.
 
     Args:
         pool: with the weights found.
@@ -70,7 +70,7 @@ class WeightsResult:
 
 
 class HybridWeights:
-    """Estimates the weights by comparing views and maps with true labels, after ever more frames.
+    """Estimates the weights from views, maps and true labels, after growing numbers of frames.
 
     For each class, vertices are drawn from those that belong to it or that views or map may take
     for it, the ones its IoU is computed over: the two differ most along the outlines of objects,
@@ -108,7 +108,7 @@ class HybridWeights:
         missing = {VIEW_BASED, MAP_BASED} - set(bench.strategies)
         if missing:
             raise ConfigError(
-                f"the hybrid's weights need {' and '.join(sorted(missing))} too; give "
+                f"estimating the hybrid's weights needs {' and '.join(sorted(missing))} too; give "
                 "labelling=[view_based,map_based]"
             )
         self.bench = bench
@@ -120,12 +120,12 @@ class HybridWeights:
         self.doubt = check_doubt(doubt)
         if noise and bench.noise:
             raise ConfigError(
-                "scenes have one noise or take several in turn; with noise=... give "
+                "scenes have one noise or use several in rotation; with noise=... give "
                 "noise_per_scene=none"
             )
         if noise and len(bench.scenes) < len(noise):
             raise ConfigError(
-                f"{len(bench.scenes)} scenes can't take {len(noise)} noises in turn; give "
+                f"{len(bench.scenes)} scenes can't use {len(noise)} noises in rotation; give "
                 f"size.validation_tables={len(noise)} or more, or noise_per_scene=none"
             )
 

@@ -1,4 +1,4 @@
-"""Tables 4.1 and 4.2 of the thesis and what figures 4.23 and 4.24 end at, to print beside ours.
+"""Tables 4.1 and 4.2 of the thesis and the ends of figures 4.23 and 4.24, to print beside ours.
 
 Source: "Scene Understanding for 3D Multi-Object Scenes: Labelling, Reasoning and Decomposing", PhD
 thesis, Imperial College London, Department of Computing, chapter 4 (27 test scenes of ShapeNet

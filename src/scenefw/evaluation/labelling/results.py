@@ -64,7 +64,7 @@ _READ = {"strategy": str, "scene": int, "frames": int}
 
 @dataclass(frozen=True)
 class Example:
-    """Maps of one scene to look at, thinned out.
+    """Thinned-out maps of one scene, for pictures.
 
     Args:
         frames: numbers of frames, one per column.
@@ -95,17 +95,17 @@ class Scores:
 
     @property
     def strategies(self) -> tuple[str, ...]:
-        """Names in the order they came."""
+        """Names in order of appearance."""
         return tuple(dict.fromkeys(row.strategy for row in self.rows))
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Numbers of frames, rising."""
+        """Numbers of frames, ascending."""
         return tuple(sorted({row.frames for row in self.rows}))
 
     @property
     def scenes(self) -> tuple[int, ...]:
-        """Numbers of scenes, rising."""
+        """Indices of scenes, ascending."""
         return tuple(sorted({row.scene for row in self.rows}))
 
     def values(self, strategy: str, measure: str) -> NDArray[np.float64]:
@@ -177,8 +177,8 @@ def score(
     height_map = snapshot.height_map
     if height_map.grid != truth.grid:
         raise InputError(
-            f"the map lies on {height_map.grid}, the truth on {truth.grid}; fuse on the grid of "
-            "the scenes (size.map_vertices)"
+            f"the map is on the grid {height_map.grid}, the truth on {truth.grid}; fuse on the "
+            "grid of the scenes (size.map_vertices)"
         )
     both = height_map.seen & truth.seen
     errors = np.abs(height_map.heights[both].astype(np.float64) - truth.heights[both])
@@ -235,7 +235,7 @@ def read_scores(path: Path) -> Scores:
             ]
     except (OSError, KeyError, TypeError, ValueError) as error:
         raise InputError(
-            f"{path} is no table of labelling scores ({error}); give the folder of a run of "
+            f"{path} is not a table of labelling scores ({error}); give the folder of a run of "
             "experiment=noise_map"
         ) from error
     return Scores(tuple(rows))

@@ -49,7 +49,7 @@ class SharedParts:
         self._running: dict[Hashable, _Shared[Any]] = {}
 
     def shared(self, strategy: Labelling) -> Labelling:
-        """The strategy with its parts replaced by shared ones; itself if it is no dataclass.
+        """The strategy with its parts replaced by shared ones; itself if it is not a dataclass.
 
         Two strategies share what they hold the very same object of.
         """
@@ -61,14 +61,14 @@ class SharedParts:
     def running(
         self, part: object, settings: Hashable, stage: str, begin: Callable[[], Running]
     ) -> _Shared[Running]:
-        """The running part of all strategies that begin it with the same settings."""
+        """The running part shared by all strategies that begin it with the same settings."""
         key = (id(part), settings)
         if key not in self._running:
             self._running[key] = _Shared(begin(), self.work, stage)
         return self._running[key]
 
     def _wrapped(self, part: object) -> object | None:
-        """What stands for a part in one strategy; None for what isn't shared."""
+        """The replacement of a part in one strategy; None if the part isn't shared."""
         if isinstance(part, HeightMapping):
             return _Heights(part, self)
         if isinstance(part, SemanticMapping):
@@ -81,7 +81,7 @@ class SharedParts:
 
 
 class _Shared(Generic[Running]):
-    """A running part, and what it was fed: per call the turn and the identity of its inputs."""
+    """A running part and the record of its calls: turn and identity of the inputs."""
 
     def __init__(self, running: Running, work: SharedWork, stage: str) -> None:
         self.running, self.work, self.stage = running, work, stage
@@ -89,7 +89,7 @@ class _Shared(Generic[Running]):
 
 
 class _View(Generic[Running]):
-    """What one strategy sees of a running part that it shares.
+    """One strategy's view of a shared running part.
 
     Raises:
         ConfigError: strategies feed the part with something else, so that they can't share it.
@@ -219,7 +219,7 @@ class _MapSource:
 
     def label_map(self, height_map: HeightMap) -> Float32:
         m = height_map
-        inputs = (m.heights, m.colour, m.confidence, m.variance)  # the same whatever the labels
+        inputs = (m.heights, m.colour, m.confidence, m.variance)  # the same for all labels
         work = self.work
         return work.do(MAP_NETWORK, id(self.map_part), lambda: self.map_part.label_map(m), inputs)
 

@@ -21,26 +21,26 @@ class SharedWork:
 
     Methods run side by side, frame by frame: the first that needs a piece of work has it done, the
     others get the same result, and all of them are charged its time. Whoever runs them begins a
-    new turn with each frame, in which all work is done anew.
+    new turn with each frame, in which all work is done again.
     """
 
     def __init__(self) -> None:
         self.turn = 0
-        self._kept: dict[Hashable, tuple[tuple[object, ...], Any, float]] = {}
+        self._results: dict[Hashable, tuple[tuple[object, ...], Any, float]] = {}
         self._spent: dict[str, dict[str, float]] = defaultdict(lambda: defaultdict(float))
         self._calls: dict[str, dict[str, int]] = defaultdict(lambda: defaultdict(int))
         self._method = ""
-        self._done = 0.0  # seconds of work that was really done
+        self._done = 0.0  # seconds of work actually done
 
     def begin_turn(self, turn: int) -> None:
-        """Forgets the results of the turn before."""
+        """Forgets the results of the previous turn."""
         if turn != self.turn:
-            self._kept.clear()
+            self._results.clear()
         self.turn = turn
 
     @contextmanager
     def of(self, method: str) -> Iterator[None]:
-        """Charges the work of this block to a method, what it does alone as `OTHER`."""
+        """Charges the work of this block to a method; work that is not shared counts as `OTHER`."""
         before, self._method = self._method, method
         start, done = time.perf_counter(), self._done
         try:
@@ -53,7 +53,7 @@ class SharedWork:
     def do(
         self, stage: str, what: Hashable, work: Callable[[], Value], inputs: tuple[object, ...] = ()
     ) -> Value:
-        """The result of a piece of work, done now or, in the same turn, remembered.
+        """The result of a piece of work, done now or remembered from the same turn.
 
         Args:
             stage: that its seconds count for.
@@ -62,15 +62,19 @@ class SharedWork:
             inputs: objects that the result depends on; with other ones it is done again.
         """
         key = (stage, what, *map(id, inputs))
-        if key not in self._kept:
+        if key not in self._results:
             _wait_for_gpu()
             start = time.perf_counter()
             value = work()
             _wait_for_gpu()
             seconds = time.perf_counter() - start
             self._done += seconds
-            self._kept[key] = (inputs, value, seconds)  # inputs live on, so that ids stay theirs
-        _, result, seconds = self._kept[key]
+            self._results[key] = (
+                inputs,
+                value,
+                seconds,
+            )  # keeps inputs alive: unique ids
+        _, result, seconds = self._results[key]
         self._spent[self._method][stage] += seconds
         self._calls[self._method][stage] += 1
         return result  # type: ignore[no-any-return]

@@ -1,4 +1,4 @@
-"""The reference without learning: what stands above the floor, cut where depth jumps."""
+"""The baseline without learning: everything above the floor, cut at depth jumps."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from scenefw.perception.points import world_points
 
 
 class DepthComponents:
-    """Segments a depth image by removing the floor and joining neighbours of like depth.
+    """Segments a depth image by removing the floor and joining neighbours of similar depth.
 
     Args:
         margin: pixels up to this height above the floor belong to it (m).
@@ -34,7 +34,7 @@ class DepthComponents:
 
 
 def _join(depth: Float32, above: NDArray[np.bool_], jump: float) -> NDArray[np.int64]:
-    """Components (H, W), from 1 on, of pixels `above`; neighbours of like depth join."""
+    """Components (H, W), from 1 on, of pixels `above`; neighbours of similar depth join."""
     index = np.arange(depth.size).reshape(depth.shape)
     rows, columns = [], []
     for a, b in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):

@@ -15,7 +15,7 @@ from scenefw.data.views import ViewMaker, Viewpoints
 from scenefw.evaluation.stacks.visibility import camera_of
 from scenefw.matching.instances import renumbered_like
 
-_STREAM = 5  # of views; evaluation has its own
+_STREAM = 5  # random stream of views; evaluation has its own
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Example:
 
 
 class Examples:
-    """Views that do not depend on how many of them are made.
+    """Views that do not depend on their number.
 
     Args:
         scenes: of the split to show.

@@ -48,7 +48,7 @@ class ImageResult:
 
 @dataclass(frozen=True)
 class Failure:
-    """A labelled image that no scene could be made of.
+    """A labelled image that could not be reconstructed.
 
     Args:
         name: of the image.
@@ -68,7 +68,7 @@ class Failure:
 
 @dataclass(frozen=True)
 class RealMaskResult:
-    """Results of all labelled images, and those that no scene could be made of.
+    """Results of all labelled images, and those that could not be reconstructed.
 
     The latter count as well, for both methods, as the reference stands on the same floor.
     """
@@ -188,7 +188,7 @@ class RealMasks:
 
 
 def _failure(path: Path, error: InputError) -> list[Failure]:
-    """What an image that can't be scored counts as: nothing, if it has no labels."""
+    """The failed image, with its number of objects; empty if it has no labels."""
     try:
         true = read_labels(path)
     except InputError:  # the same damage, or more: it may well have labels

@@ -201,7 +201,7 @@ def _grids(methods: Mapping[str, Reconstructor], default: GridSpec | None) -> di
     own = {name: method.grid for name, method in methods.items()}
     common = next((grid for grid in own.values() if grid is not None), default)
     if common is None:
-        raise ConfigError("no method has a grid of its own; give evaluation.grid=${grid}")
+        raise ConfigError("no method has its own grid; give evaluation.grid=${grid}")
     return {name: grid or common for name, grid in own.items()}
 
 

@@ -1,4 +1,4 @@
-"""What can be had without learning, on the same views: the trivial references of every table."""
+"""Baselines without learning on the same views, for every table."""
 
 import torch
 from torch import Tensor

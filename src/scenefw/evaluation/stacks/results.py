@@ -1,4 +1,4 @@
-"""What an evaluation of reconstructions found, view by view, and its summaries."""
+"""Results of an evaluation of reconstructions, view by view, and their summaries."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -73,7 +73,7 @@ class ReconstructionResult:
         return np.array([view.visibility for view in self.views])
 
     def names(self, method: str) -> tuple[str, ...]:
-        """Names of a method's scores, in the order they were made, floors after what they floor."""
+        """Names of a method's scores in the order of computation, each followed by its floor."""
         names = []
         for name in self.views[0].methods[method]:
             names.append(name)
@@ -114,7 +114,7 @@ class ReconstructionResult:
 
     @property
     def figures(self) -> dict[str, float]:
-        """Means over views by name; other methods than the main one as `<method>/<name>`."""
+        """Means over views by name; methods other than the main one as `<method>/<name>`."""
         found = {}
         for method in self.methods:
             prefix = "" if method == self.methods[0] else f"{method}/"

@@ -52,7 +52,7 @@ class TruePoints:
 
 
 class SurfaceScoring:
-    """Chamfer distances from few points as the thesis has them, and measures from many.
+    """Chamfer distances from few points, as in the thesis, and measures from many.
 
     Args:
         points: on each surface for the Chamfer distances of table 5.1.

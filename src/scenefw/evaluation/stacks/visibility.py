@@ -38,7 +38,7 @@ class VisibleSurface:
         )
         cameras = stack_cameras([small], tsdf.device)
         depth = self.renderer.render(tsdf[None, None].float().contiguous(), grid, cameras)[0]
-        return faces_of(mesh, _seen(mesh, depth.cpu().numpy(), small, 0.5 * grid.voxel_size))
+        return faces_of(mesh, _visible(mesh, depth.cpu().numpy(), small, 0.5 * grid.voxel_size))
 
 
 def visible_share(mesh: TriangleMesh, visible: TriangleMesh) -> float:
@@ -53,7 +53,7 @@ def camera_of(cameras: CameraBatch, index: int) -> Camera:
     return Camera(cameras.width, cameras.height, fx, fy, cx, cy, pose)
 
 
-def _seen(
+def _visible(
     mesh: TriangleMesh, depth: NDArray[np.float32], camera: Camera, tolerance: float
 ) -> NDArray[np.bool_]:
     rotation, position = camera.T_world_camera[:3, :3], camera.T_world_camera[:3, 3]
@@ -70,5 +70,5 @@ def _seen(
     nearest = depth[np.clip(v, 0, camera.height - 1), np.clip(u, 0, camera.width - 1)]
     slope = np.sqrt(np.maximum(1 - cosine**2, 0)) / np.maximum(cosine, _LEAST_COSINE)
     reach = tolerance + slope * z / camera.fx
-    # 0 is a ray that hits nothing, beside a silhouette: the face's own pixel says no more.
+    # 0 is a ray that hits nothing, next to a silhouette: the face's own pixel tells no more.
     return inside & (cosine > 0) & ((nearest == 0) | (z <= nearest + reach))

@@ -1,4 +1,4 @@
-"""Pictures of a map that grows: PNGs while it does, one moving picture (GIF) in the end."""
+"""Pictures of a growing map: PNGs as it grows, and an animation (GIF) at the end."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Growth:
         self.pictures: list[Path] = []
 
     def show(self, height_map: HeightMap, frames: int) -> Path:
-        """Writes the picture of a map after so many frames."""
+        """Writes the picture of a map after this many frames."""
         tiles = {f"{frames} frames": colour_picture(height_map)}
         if height_map.labels is not None:
             tiles["labels"] = label_picture(height_map.labels, len(height_map.classes))
@@ -51,7 +51,7 @@ class Growth:
         return path
 
     def film(self) -> Path | None:
-        """Writes the moving picture; None if there are fewer than two pictures."""
+        """Writes the animation; None if there are fewer than two pictures."""
         if len(self.pictures) < 2:
             return None
         path = self.folder / "growth.gif"

@@ -1,4 +1,4 @@
-"""How results of this chapter look on the page."""
+"""Presentation of this chapter's results."""
 
 from pathlib import Path
 
@@ -31,5 +31,5 @@ class LabellingResults:
     """Curves, noise maps, networks, times and weights of the pool."""
 
     def sections(self, result: Result, folder: Path) -> tuple[Section, ...]:
-        """Those of the chapter; results of others get a table of their figures."""
+        """Sections of the chapter's results; other results get a table of their figures."""
         return sections_by_class(result, folder, _SHOWN_BY)

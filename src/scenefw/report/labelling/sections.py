@@ -209,7 +209,7 @@ def _by_frames(scores: Scores) -> Table:
 
 
 def _advantage(scores: Scores) -> tuple[Table, ...]:
-    """What the hybrid is better by, scene by scene."""
+    """How much better the hybrid is, scene by scene."""
     others = [name for name in scores.strategies if name != HYBRID]
     if HYBRID not in scores.strategies or not others:
         return ()
@@ -260,12 +260,12 @@ def _stages(result: CurvesResult) -> Table:
         (name, tuple(times.get(stage) for stage in stages))
         for name, times in result.seconds.items()
     )
-    note = "Per scene, all frames; the map is labelled once, when it is asked for."
+    note = "Per scene, all frames; the map is labelled once, when it is read."
     return Table("Time of each stage", columns, rows, note=note)
 
 
 def _single_noises(result: NoiseResult) -> list[Block]:
-    """Curves under one noise with the least of the other (figure 4.25)."""
+    """Curves over one noise at the lowest amount of the other (figure 4.25)."""
     least_pose, least_depth = result.pose[0], result.depth[0]
     pose = {
         n: ([1e3 * p for p in result.pose], [result.cell(n, p, least_depth) for p in result.pose])

@@ -74,7 +74,7 @@ class Stacks:
         return draw(solid, turned(_VIEW, points, 0.0)), f"scene {int(self.scenes.indices[row])}"
 
     def _check(self) -> tuple[str, dict[str, float]]:
-        """Simulates the first scenes again; they must come out as they are stored."""
+        """Simulates the first scenes again; they must match the stored ones."""
         seed = int(str(self.scenes.manifest().get("seed", 0)))
         indices = self.scenes.indices[: self.simulated].tolist()
         try:

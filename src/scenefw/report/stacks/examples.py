@@ -51,7 +51,7 @@ def _above_floor(example: Example) -> Float32:
 
 
 def _window(picture: Picture, camera: Camera, points: NDArray[np.float64]) -> Picture:
-    """The part of an image where points are, with some room about it, at the size of a tile."""
+    """The part of an image around the points, with a margin, at the size of a tile."""
     local = transform_points(inverse(camera.T_world_camera), points)
     u = local[:, 0] / local[:, 2] * camera.fx + camera.cx
     v = local[:, 1] / local[:, 2] * camera.fy + camera.cy

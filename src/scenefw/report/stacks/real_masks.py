@@ -58,7 +58,7 @@ def _measures(result: RealMaskResult) -> Table:
 
 
 def _failed(result: RealMaskResult) -> str:
-    """How many images failed, and what they count as."""
+    """How many images failed, and how they count."""
     if not result.failures:
         return ""
     unread = sum(failed.objects is None for failed in result.failures)

@@ -90,7 +90,7 @@ def sizes(result: ReconstructionResult) -> str:
 
 
 def method_name(method: str) -> str:
-    """How a method is called in tables."""
+    """Name of a method in tables."""
     return _NAMES.get(method, method.replace("_", " "))
 
 

@@ -1,1 +1,1 @@
-"""What documents say of weights: cards and the README's table."""
+"""Documents about weights: cards and the README's table."""

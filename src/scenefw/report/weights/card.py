@@ -1,4 +1,4 @@
-"""The card of a file of weights: what it is, how it was made, how well it does."""
+"""The model card of a file of weights: what it is, how it was made, its figures."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -169,7 +169,7 @@ _ROWS = {
     "noise": _noise,
     "losses and weights": lambda t: _listed(t["losses"]) if "losses" in t else _UNKNOWN,
     "batch": _plain("batch_size"),
-    # Trainings that don't record it are from when there was AdamW alone.
+    # Trainings without a record are from when AdamW was the only optimiser.
     "optimiser": lambda t: str(t.get("optimizer", "AdamW")),
     "learning rate": _plain("learning_rate"),
     "started from": _start,

@@ -1,4 +1,4 @@
-"""Tables of the figures that sum up a network, beside those without learning and published ones."""
+"""Summary tables of a network's figures, beside baselines and published ones."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

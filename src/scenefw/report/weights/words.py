@@ -1,4 +1,4 @@
-"""What a card says of a kind of network that no file of weights can say."""
+"""The text of a card for one kind of network."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -30,5 +30,5 @@ class Words:
 
     @property
     def summaries(self) -> tuple[Summary, ...]:
-        """Those that are left in."""
+        """The remaining ones."""
         return tuple(summary for summary in self.figures.values() if summary is not None)

@@ -14,7 +14,7 @@ from scenefw.shapes.superquadric import Superquadric
 
 
 class PyBulletEngine:
-    """A PyBullet world of convex objects on the floor z = 0, in a client of its own.
+    """A PyBullet world of convex objects on the floor z = 0, in its own client.
 
     Objects collide as convex hulls whose corners are drawn in by the collision margin, which Bullet
     adds all around: without that, objects rest two margins apart. What is simulated depends on the
@@ -30,8 +30,8 @@ class PyBulletEngine:
         margin: collision margin (m).
         linear_speed: an object rests below this speed (m/s) ...
         angular_speed: ... and below this one (rad/s) ...
-        quiet_steps: ... for so many steps in a row.
-        check_every: speeds are looked at every so many steps.
+        quiet_steps: ... for this many steps in a row.
+        check_every: steps between two checks of speeds.
     """
 
     def __init__(
@@ -204,6 +204,6 @@ class PyBulletEngine:
 
 @lru_cache(maxsize=8192)
 def _listed(corners: bytes) -> list[list[float]]:
-    """The same list for the same corners: PyBullet never lets go of a list that it was given."""
+    """The same list for the same corners, as PyBullet never releases a list."""
     points: list[list[float]] = np.frombuffer(corners).reshape(-1, 3).tolist()
     return points

@@ -1,1 +1,1 @@
-"""Procedural models of things on tables, one file per family."""
+"""Procedural models of objects on tables, one file per family."""

@@ -60,8 +60,8 @@ class ProceduralModels:
         self._models: dict[tuple[int, int], TexturedMesh] = {}
 
     def instances(self, label: int, split: str) -> Sequence[int]:
-        """Numbers of the instances of a class in a part of the data."""
-        return self.parts[_known(split)]
+        """Indices of the instances of a class in a split."""
+        return self.parts[_known_split(split)]
 
     def model(self, label: int, instance: int) -> TexturedMesh:
         """One model; always the same for the same numbers."""
@@ -89,7 +89,7 @@ def split_instances(count: int) -> Mapping[str, Sequence[int]]:
     return {name: range(starts[i], ends[i]) for i, name in enumerate(SPLITS)}
 
 
-def _known(split: str) -> str:
+def _known_split(split: str) -> str:
     if split not in SPLITS:
         raise ConfigError(f"split '{split}' is unknown; there are {', '.join(SPLITS)}")
     return split

@@ -90,7 +90,7 @@ def test_weights_are_estimated_on_scenes_under_noise_per_scene():
     assert seen == [(0, {}), (1, rough)]
     HybridWeights(bench, NEAR, **options).run()
     assert seen[2:] == [(0, None), (1, None)]
-    with pytest.raises(ConfigError, match="2 scenes can't take 3 noises"):
+    with pytest.raises(ConfigError, match="2 scenes can't use 3 noises"):
         HybridWeights(bench, NEAR, **options, noise={"a": {}, "b": rough, "c": {}})
     with pytest.raises(ConfigError, match="noise_per_scene=none"):
         HybridWeights(Bench(Scenes(), strategies(), rough), NEAR, **options, noise={"a": {}})
