@@ -179,17 +179,12 @@ def test_a_callback_and_a_logger_are_three_files_each(plugin, scenefw, tmp_path)
     assert not (tmp_path / "out" / "losses.csv").exists()
 
 
-FITS_LATER = pytest.mark.xfail(reason="annotated types of methods are not compared yet")
-
-
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
         (["experiment=simstack", "model=fusenet"], "model is a FuseNet"),
-        pytest.param(
-            ["experiment=simstack", "loss=[cross_entropy]"], "cross_entropy", marks=FITS_LATER
-        ),
-        pytest.param(["experiment=label_views", "loss=[tsdf]"], "tsdf", marks=FITS_LATER),
+        (["experiment=simstack", "loss=[cross_entropy]"], "cross_entropy"),
+        (["experiment=label_views", "loss=[tsdf]"], "tsdf"),
         (["experiment=simstack", "loss=[tsdf,bce]"], "the loss bce compares occupancy"),
         (["experiment=simstack", "representation=[tsdf]"], "the loss votes compares votes"),
         (["experiment=simstack", "model.outputs={tsdf:1}"], "the network gives tsdf"),
