@@ -91,7 +91,7 @@ def test_mistakes_are_named(tmp_path):
     picture.write_bytes(b"no picture")
     with pytest.raises(InputError, match="cannot read painting"):
         load_painting(picture, table(), CLASSES)
-    with pytest.raises(InputError, match="without labels"):
+    with pytest.raises(InputError, match="has no labels"):
         write_views(tmp_path, table(), [])
     with pytest.raises(ConfigError, match="99 classes"):
         palette(["x"] * 99)
