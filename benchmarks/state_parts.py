@@ -65,8 +65,8 @@ def join(folder: Path, state: Path) -> str:
         name = whole.pop("form")
     except (CheckpointError, KeyError) as error:
         raise CheckpointError(
-            f"the parts in {folder} are damaged, incomplete or no state of a training; copy all of "
-            "them again"
+            f"the parts in {folder} are damaged, incomplete or not a state of a training; copy all "
+            "of them again"
         ) from error
     write_state(state, whole if name == "exact" else _widened(whole))
     return name

@@ -80,7 +80,7 @@ def test_unknown_colours_are_listed_with_their_counts(tmp_path):
 
 def test_mistakes_are_named(tmp_path):
     picture = export_painting(tmp_path, table(), CLASSES)
-    with pytest.raises(InputError, match="background 'table' is no class"):
+    with pytest.raises(InputError, match="background 'table' is not a class"):
         load_painting(picture, table(), background="table")
     (tmp_path / "palette.json").unlink()
     with pytest.raises(InputError, match=r"palette\.json"):
@@ -91,7 +91,7 @@ def test_mistakes_are_named(tmp_path):
     picture.write_bytes(b"no picture")
     with pytest.raises(InputError, match="cannot read painting"):
         load_painting(picture, table(), CLASSES)
-    with pytest.raises(InputError, match="without labels"):
+    with pytest.raises(InputError, match="has no labels"):
         write_views(tmp_path, table(), [])
     with pytest.raises(ConfigError, match="99 classes"):
         palette(["x"] * 99)

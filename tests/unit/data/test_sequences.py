@@ -154,7 +154,7 @@ def test_a_frame_of_another_size_is_named(tmp_path):
     with pytest.raises(InputError, match="aligned"):
         RGBDFolder(tmp_path)[1]
     small = Frame(np.full((6, 8), 0.3, np.float32), Camera().resized(8, 6))
-    with pytest.raises(InputError, match="one size"):
+    with pytest.raises(InputError, match="same size"):
         write_sequence(tmp_path, [*frames(1), small])
 
 
@@ -176,7 +176,7 @@ def poses_text(tmp_path, text):
         ("1 2 3\n4 5 6\n", "3 numbers; expected"),
         ("0 0 0 0 0 0 0\n0 0 0 0 0 0 1\n", "no rotation"),
         ("a b c d e f g\n", "is not a pose: a b"),
-        ("2 0 0 0 0 2 0 0 0 0 2 0\n" * 2, "no rigid motion"),
+        ("2 0 0 0 0 2 0 0 0 0 2 0\n" * 2, "not a rigid motion"),
     ],
 )
 def test_damaged_poses_are_named(tmp_path, text, message):

@@ -137,5 +137,5 @@ def test_training_imports_no_simulator_and_no_mesh_library():
 
 
 def test_noise_of_poses_is_refused():
-    with pytest.raises(ConfigError, match="leave out the noise tracking"):
+    with pytest.raises(ConfigError, match="leave out the pose noise tracking"):
         maker(16, noise={"shaking": Shaking(), "tracking": Jitter()})

@@ -37,7 +37,7 @@ def test_what_only_training_needs_starts_anew(tmp_path):
 def test_weights_of_another_network_are_refused(tmp_path):
     other = network(16)
     save_checkpoint(tmp_path / "a.safetensors", other, other.recipe, GridSpec(16))
-    with pytest.raises(CheckpointError, match="another network"):
+    with pytest.raises(CheckpointError, match="a different network"):
         start_from(network(8), tmp_path / "a.safetensors")
 
 

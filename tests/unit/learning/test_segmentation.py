@@ -110,7 +110,7 @@ def test_a_deeper_network_starts_from_a_shallower_one(tmp_path):
     assert before.keys() < after.keys()
     assert all(torch.equal(after[name], value) for name, value in before.items())
     assert {".".join(n.split(".")[:3]) for n in after.keys() - before.keys()} == set(added)
-    with pytest.raises(CheckpointError, match="another network"):
+    with pytest.raises(CheckpointError, match="a different network"):
         tiny_labels.learning(**deep)
 
 

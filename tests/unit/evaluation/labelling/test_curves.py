@@ -71,7 +71,7 @@ def test_scores_go_through_files(tmp_path, result):
     assert read_scores(write_scores(tmp_path / "scores.csv", result.scores)) == result.scores
     (tmp_path / "other.csv").write_text("a,b\n1,2\n")
     for name in ("other.csv", "none.csv"):
-        with pytest.raises(InputError, match="no table"):
+        with pytest.raises(InputError, match="not a table"):
             read_scores(tmp_path / name)
 
 
