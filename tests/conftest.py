@@ -32,6 +32,20 @@ def warm():
     process.stop()
 
 
+@pytest.fixture(scope="session")
+def run_elsewhere(warm):
+    """Runs a script of the tests, `python -m MODULE ...`, in a process of its own.
+
+    Libraries that other tests load change how this process rounds (denormal numbers, thread pools),
+    and two trainings compared bit by bit would differ in more than what is tested.
+    """
+
+    def run(module, *words):
+        return warm(module, words, ROOT, dict(os.environ))
+
+    return run
+
+
 @pytest.fixture
 def full_disk():
     """Gives blocks in which no file grows beyond so many bytes, as on a disk that is full."""
@@ -53,8 +67,8 @@ def full_disk():
 def scenefw(tmp_path, warm):
     """Runs `python -m scenefw ...` in an empty folder, as a user would."""
 
-    def run(*words, cwd=None, env=None, timeout=300):
+    def run(*words, cwd=None, env=None, timeout=300, unread=()):
         whole = {**os.environ, "COLUMNS": "200", **(env or {})}
-        return warm("scenefw", words, cwd or tmp_path, whole, timeout)
+        return warm("scenefw", words, cwd or tmp_path, whole, timeout, unread)
 
     return run
