@@ -15,6 +15,20 @@ settings.register_profile("scenefw", deadline=None, max_examples=50, derandomize
 settings.load_profile("scenefw")
 
 
+# Tests of these packages render, fuse, simulate, train, or compile kernels
+SLOW = ("evaluation", "kernels", "labelling", "learning", "mapping", "perception", "renderers",
+        "scenes", "tasks")  # fmt: skip
+
+
+def pytest_collection_modifyitems(items):
+    """Marks what `make quick` leaves out: also whatever runs a command or reads real images."""
+    folders = [ROOT / "tests" / "unit" / name for name in SLOW]
+    for item in items:
+        inside = any(folder in item.path.parents for folder in folders)
+        if inside or {"warm", "real_data"} & set(item.fixturenames):
+            item.add_marker("slow")
+
+
 @pytest.fixture(scope="session")
 def real_data():
     """Folder of real depth images: SCENEFW_DATA, else ../shared/data beside the project."""
