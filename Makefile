@@ -1,5 +1,6 @@
 # make run    installs everything at pinned versions into .venv, then runs experiment=simstack
 # make test   the same for the checks and tests
+# make quick  the same without tests that are marked as slow
 #
 # PYTHON=...       the Python to use (3.11 or newer)
 # ARGS="..."       more overrides for `make run`, e.g. ARGS="run=predict input=view.npz"
@@ -23,13 +24,16 @@ LOADABLE := import ctypes; [ctypes.CDLL(name) for name in \
 THREADS := OMP_NUM_THREADS=1 OMP_WAIT_POLICY=PASSIVE OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=2
 
 .DELETE_ON_ERROR:
-.PHONY: run test lint types install python system clean help
+.PHONY: run test quick lint types install python system clean help
 
 run: install
 	$(BIN)/python -m scenefw experiment=simstack $(ARGS)
 
 test: lint types
 	$(THREADS) $(BIN)/python -m pytest -n 2 $(PYTEST)
+
+quick: lint types
+	$(THREADS) $(BIN)/python -m pytest -n 2 -m "not slow" $(PYTEST)
 
 lint: install
 	$(BIN)/ruff check .
@@ -65,4 +69,4 @@ clean:
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 
 help:
-	@sed -n 's/^# \?//p' Makefile | head -7
+	@sed -n 's/^# \?//p' Makefile | head -8

@@ -15,6 +15,20 @@ settings.register_profile("scenefw", deadline=None, max_examples=50, derandomize
 settings.load_profile("scenefw")
 
 
+# Tests of these packages render, fuse, simulate, train, or compile kernels
+SLOW = ("evaluation", "kernels", "labelling", "learning", "mapping", "perception", "renderers",
+        "scenes", "tasks")  # fmt: skip
+
+
+def pytest_collection_modifyitems(items):
+    """Marks what `make quick` leaves out: also whatever runs a command or reads real images."""
+    folders = [ROOT / "tests" / "unit" / name for name in SLOW]
+    for item in items:
+        inside = any(folder in item.path.parents for folder in folders)
+        if inside or {"warm", "real_data"} & set(item.fixturenames):
+            item.add_marker("slow")
+
+
 @pytest.fixture(scope="session")
 def real_data():
     """Folder of real depth images: SCENEFW_DATA, else ../shared/data beside the project."""
@@ -30,6 +44,20 @@ def warm():
     process = Warm()
     yield process.run
     process.stop()
+
+
+@pytest.fixture(scope="session")
+def run_elsewhere(warm):
+    """Runs a script of the tests, `python -m MODULE ...`, in a process of its own.
+
+    Libraries that other tests load change how this process rounds (denormal numbers, thread pools),
+    and two trainings compared bit by bit would differ in more than what is tested.
+    """
+
+    def run(module, *words):
+        return warm(module, words, ROOT, dict(os.environ))
+
+    return run
 
 
 @pytest.fixture
@@ -53,8 +81,8 @@ def full_disk():
 def scenefw(tmp_path, warm):
     """Runs `python -m scenefw ...` in an empty folder, as a user would."""
 
-    def run(*words, cwd=None, env=None, timeout=300):
+    def run(*words, cwd=None, env=None, timeout=300, unread=()):
         whole = {**os.environ, "COLUMNS": "200", **(env or {})}
-        return warm("scenefw", words, cwd or tmp_path, whole, timeout)
+        return warm("scenefw", words, cwd or tmp_path, whole, timeout, unread)
 
     return run

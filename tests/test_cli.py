@@ -127,18 +127,14 @@ def test_a_group_that_is_none_is_one_line(scenefw, word):
 
 
 @pytest.mark.parametrize("unread", ["stdout", "stdout and stderr"])
-@pytest.mark.parametrize(
-    "words",
-    [["--help"], ["--list"], ["--version"], ["run=nil"], ["run=nil", "run.trouble=talking"]],
-)
-def test_nothing_is_said_where_nobody_reads(nil, tmp_path, words, unread):
+@pytest.mark.parametrize("word", ["--help", "--list", "--version"])
+def test_nothing_is_said_where_nobody_reads(nil, tmp_path, word, unread):
     """As in `python -m scenefw --list | head`; what comes of cat and others there, too."""
-    words = [*words, "paths.output=out", "device=cpu"] if "run=nil" in words else words
     reader, writer = os.pipe()
     os.close(reader)
     try:
         done = subprocess.run(
-            [sys.executable, "-m", "scenefw", *words],
+            [sys.executable, "-m", "scenefw", word],
             cwd=tmp_path,
             env=BUFFERED,
             stdout=writer,
@@ -150,18 +146,21 @@ def test_nothing_is_said_where_nobody_reads(nil, tmp_path, words, unread):
         os.close(writer)
     assert done.returncode == 141, done.stderr
     assert not done.stderr
+
+
+@pytest.mark.parametrize("unread", [["stdout"], ["stdout", "stderr"]])
+@pytest.mark.parametrize("trouble", ["''", "talking"])
+def test_a_run_says_nothing_where_nobody_reads(nil, tmp_path, trouble, unread):
+    words = ("run=nil", f"run.trouble={trouble}", "paths.output=out", "device=cpu")
+    done = nil(*words, unread=unread)
+    assert done.returncode == 141, done.stderr
+    assert not done.stderr
     if (tmp_path / "out").exists():
         assert "file" not in " ".join(path.name for path in (tmp_path / "out").iterdir())
 
 
-def test_errors_are_told_where_nobody_reads_the_output(nil, tmp_path):
-    reader, writer = os.pipe()
-    os.close(reader)
-    words = [sys.executable, "-m", "scenefw", "run=nil", "run.trouble=building", "device=cpu"]
-    done = subprocess.run(
-        words, cwd=tmp_path, stdout=writer, stderr=subprocess.PIPE, text=True, check=False
-    )
-    os.close(writer)
+def test_errors_are_told_where_nobody_reads_the_output(nil):
+    done = nil("run=nil", "run.trouble=building", "device=cpu", unread=["stdout"])
     assert_one_line(done, "give 4")
 
 

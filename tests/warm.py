@@ -29,20 +29,29 @@ class Warm:
     def __init__(self):
         self._process = None
 
-    def run(self, module, words, cwd, env, timeout=300):
-        """As `subprocess.run([python, "-m", module, *words], capture_output=True, text=True)`."""
+    def run(self, module, words, cwd, env, timeout=300, unread=()):
+        """As `subprocess.run([python, "-m", module, *words], capture_output=True, text=True)`.
+
+        What is `unread` (stdout, stderr) goes into a pipe whose reader is gone.
+        """
         if self._process is None or self._process.poll() is not None:
             command = [sys.executable, "-m", "tests.warm"]
             self._process = subprocess.Popen(
-                command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+                command,
+                cwd=ROOT,
+                env={**os.environ, "PYTHONUNBUFFERED": ""},
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                text=True,
             )
         with tempfile.TemporaryDirectory() as folder:
-            files = [str(Path(folder) / name) for name in ("out", "err")]
-            order = [module, list(map(str, words)), str(cwd), env, files, timeout]
+            files = [str(Path(folder) / name) for name in ("stdout", "stderr")]
+            read = [None if Path(file).name in unread else file for file in files]
+            order = [module, list(map(str, words)), str(cwd), env, read, timeout]
             self._process.stdin.write(json.dumps(order) + "\n")
             self._process.stdin.flush()
             status = int(self._process.stdout.readline())
-            out, err = (Path(file).read_text(encoding="utf-8") for file in files)
+            out, err = (Path(f).read_text(encoding="utf-8") if f else "" for f in read)
         if status == -signal.SIGALRM:
             raise subprocess.TimeoutExpired([module, *words], timeout, out, err)
         return subprocess.CompletedProcess([module, *words], status, out, err)
@@ -85,7 +94,7 @@ def _become(module, words, cwd, env, files, timeout):
     """What `python -m module` does in a new process; never returns."""
     os.setsid()
     for number, file in enumerate(files, start=1):
-        os.dup2(os.open(file, os.O_WRONLY | os.O_CREAT), number)
+        os.dup2(os.open(file, os.O_WRONLY | os.O_CREAT) if file else _unread(), number)
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
     os.chdir(cwd)
@@ -105,10 +114,23 @@ def _become(module, words, cwd, env, files, timeout):
     except BaseException:  # noqa: BLE001 - as Python does at the end of a process
         traceback.print_exc()
     finally:
-        with contextlib.suppress(Exception):
-            sys.stdout.flush()
-            sys.stderr.flush()
-        os._exit(status)
+        os._exit(status if _flushed() else 120)  # as Python says at its end
+
+
+def _unread():
+    """The end of a pipe that nobody reads."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    return writer
+
+
+def _flushed():
+    try:
+        sys.stdout.flush()
+        sys.stderr.flush()
+    except (OSError, ValueError):
+        return False
+    return True
 
 
 if __name__ == "__main__":

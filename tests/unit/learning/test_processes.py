@@ -1,9 +1,6 @@
 """Two processes of a tiny training, joined by gloo."""
 
 import csv
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 import torch
@@ -12,24 +9,15 @@ from tests.unit.learning import plain
 from scenefw.core.errors import ConfigError
 from scenefw.learning.trainer import TrainerSettings
 
-
-def run(*words):
-    return subprocess.run(
-        [sys.executable, "-m", "tests.unit.learning.plain", *map(str, words)],
-        cwd=Path(__file__).parents[3],
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
+PLAIN = "tests.unit.learning.plain"
 
 
 @pytest.fixture(scope="module")
-def folders(tmp_path_factory):
+def folders(tmp_path_factory, run_elsewhere):
     """Eight steps of two processes, in a single call and in two."""
     folder = tmp_path_factory.mktemp("folder")
     whole, parts = folder / "whole", folder / "parts"
-    done = run(whole, 8, parts, 3, parts, 8)
+    done = run_elsewhere(PLAIN, whole, 8, parts, 3, parts, 8)
     assert done.returncode == 0, done.stderr
     said = [str(where / "out" / "plain.safetensors") for where in (whole, parts, parts)]
     assert done.stdout.split() == said  # by the first process alone
@@ -75,8 +63,8 @@ def test_a_resumed_training_equals_an_uninterrupted_one(folders):
     assert len(tables[0]) == 8
 
 
-def test_a_process_that_fails_ends_all(tmp_path):
-    done = run(tmp_path / "failing", 8)
+def test_a_process_that_fails_ends_all(tmp_path, run_elsewhere):
+    done = run_elsewhere(PLAIN, tmp_path / "failing", 8)
     assert done.returncode == 1
     expected = "TrainingError: process 1 of 2 failed: ValueError: no more numbers"
     assert done.stderr.strip().splitlines()[-1].endswith(expected)

@@ -1,8 +1,5 @@
 import csv
 import signal
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 import torch
@@ -13,13 +10,7 @@ from scenefw.core.errors import CheckpointError, ConfigError
 from scenefw.learning.checkpoint import load_checkpoint
 from scenefw.losses.cross_entropy import CrossEntropy
 
-ROOT = Path(__file__).parents[3]
-
-
-def run_elsewhere(*words):
-    """Killed trainings and whole ones are compared in processes of their own (see `tiny`)."""
-    command = [sys.executable, "-m", "tests.unit.learning.tiny_labels", *map(str, words)]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, check=False)
+TINY = "tests.unit.learning.tiny_labels"
 
 
 def state(folder):
@@ -31,15 +22,15 @@ def rows(folder):
         return [(r["step"], r["epoch"], r["name"], r["value"]) for r in csv.DictReader(file)]
 
 
-def test_a_killed_training_goes_on_as_if_never_stopped(tmp_path):
+def test_a_killed_training_goes_on_as_if_never_stopped(tmp_path, run_elsewhere):
     whole, killed = tmp_path / "whole", tmp_path / "killed"
-    done = run_elsewhere(whole, 9)
-    assert done.returncode == 0, done.stderr.decode()
-    done = run_elsewhere(killed, 9, "kill")
-    assert done.returncode == -signal.SIGKILL, done.stderr.decode()
+    done = run_elsewhere(TINY, whole, 9)
+    assert done.returncode == 0, done.stderr
+    done = run_elsewhere(TINY, killed, 9, "kill")
+    assert done.returncode == -signal.SIGKILL, done.stderr
     assert state(killed)["scenefw"]["batches_seen"] == 4
-    done = run_elsewhere(killed, 9)
-    assert done.returncode == 0, done.stderr.decode()
+    done = run_elsewhere(TINY, killed, 9)
+    assert done.returncode == 0, done.stderr
     first, second = state(whole), state(killed)
     assert first["global_step"] == second["global_step"] == 9
     for name, value in first["state_dict"].items():
@@ -50,12 +41,12 @@ def test_a_killed_training_goes_on_as_if_never_stopped(tmp_path):
     assert rows(whole) == rows(killed)
 
 
-def test_a_training_on_rendered_views_in_two_calls_equals_one(tmp_path):
+def test_a_training_on_rendered_views_in_two_calls_equals_one(tmp_path, run_elsewhere):
     """Five steps of four per epoch, cut within the first epoch."""
     for folder, calls in (("whole", [5]), ("parts", [3, 5])):
         for steps in calls:
-            done = run_elsewhere(tmp_path / folder, steps, "rendered")
-            assert done.returncode == 0, done.stderr.decode()
+            done = run_elsewhere(TINY, tmp_path / folder, steps, "rendered")
+            assert done.returncode == 0, done.stderr
     first, second = state(tmp_path / "whole"), state(tmp_path / "parts")
     assert first["global_step"] == second["global_step"] == 5
     for name, value in first["state_dict"].items():

@@ -2,7 +2,6 @@
 
 import os
 import signal
-import subprocess
 import sys
 from pathlib import Path
 
@@ -115,20 +114,6 @@ class Killer(lightning.Callback):
     def on_train_batch_start(self, trainer, module, *_):
         if module.batches_seen == self.after:
             os.kill(os.getpid(), signal.SIGKILL)
-
-
-def run_elsewhere(*words):
-    """Runs this file as a script in a process of its own.
-
-    Libraries that other tests load change how this process rounds (denormal numbers, thread pools),
-    and then two trainings are compared bit by bit that differ in more than the kill.
-    """
-    return subprocess.run(
-        [sys.executable, "-m", "tests.unit.learning.tiny", *map(str, words)],
-        cwd=Path(__file__).parents[3],
-        capture_output=True,
-        check=False,
-    )
 
 
 if __name__ == "__main__":

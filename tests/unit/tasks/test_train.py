@@ -17,6 +17,8 @@ from scenefw.losses.block_energy import BlockEnergy
 from scenefw.losses.sample_spread import SampleSpread
 from scenefw.losses.tsdf import TsdfLoss
 
+TINY = "tests.unit.learning.tiny"
+
 
 @pytest.fixture
 def stacks(tmp_path):
@@ -43,15 +45,15 @@ def losses(folder):
         return [(r["step"], r["epoch"], r["name"], r["value"]) for r in csv.DictReader(file)]
 
 
-def test_a_killed_training_goes_on_as_if_never_stopped(stacks, tmp_path):
+def test_a_killed_training_goes_on_as_if_never_stopped(stacks, tmp_path, run_elsewhere):
     whole, killed = tmp_path / "whole", tmp_path / "killed"
-    done = tiny.run_elsewhere(stacks, whole)
-    assert done.returncode == 0, done.stderr.decode()
-    done = tiny.run_elsewhere(stacks, killed, "kill")
-    assert done.returncode == -signal.SIGKILL, done.stderr.decode()
+    done = run_elsewhere(TINY, stacks, whole)
+    assert done.returncode == 0, done.stderr
+    done = run_elsewhere(TINY, stacks, killed, "kill")
+    assert done.returncode == -signal.SIGKILL, done.stderr
     assert state(killed)["scenefw"]["batches_seen"] == 4  # the last snapshot before the kill at 5
-    done = tiny.run_elsewhere(stacks, killed)
-    assert done.returncode == 0, done.stderr.decode()
+    done = run_elsewhere(TINY, stacks, killed)
+    assert done.returncode == 0, done.stderr
     first, second = state(whole), state(killed)
     assert first["global_step"] == second["global_step"] == 9
     assert same(first["state_dict"], second["state_dict"])
