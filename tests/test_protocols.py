@@ -32,6 +32,7 @@ def options():
 
 def targets(node):
     """Classes of an option: its own, or, where it is a dict of several, that of each."""
+    node = node.get("run", node)  # a verb that also sets what lies outside of `run`
     if "_target_" in node:
         return [node["_target_"]]
     return [

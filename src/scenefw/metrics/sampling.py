@@ -3,7 +3,6 @@
 from typing import NamedTuple
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from scenefw.core.errors import InputError
@@ -21,6 +20,8 @@ class SurfacePoints(NamedTuple):
 
 def face_areas(mesh: TriangleMesh) -> Float64:
     """Area of each face (F,) in m^2."""
+    import trimesh
+
     return trimesh.triangles.area(mesh.vertices[mesh.faces])
 
 
@@ -30,6 +31,8 @@ def sample_surface(mesh: TriangleMesh, count: int, rng: np.random.Generator) -> 
     Raises:
         InputError: the mesh has no area.
     """
+    import trimesh
+
     made = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     if not made.area > 0:
         raise InputError("a mesh without area cannot be sampled; give one with triangles")

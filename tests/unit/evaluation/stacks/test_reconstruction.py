@@ -41,6 +41,8 @@ class Oracle:
 
 
 class Nothing:
+    grid = None
+
     def reconstruct(self, partial, grid, samples, generator):
         shape = (1, *grid.shape)
         return [(torch.full(shape, grid.truncation), torch.zeros(shape, dtype=torch.int32))]
@@ -48,6 +50,8 @@ class Nothing:
 
 class Coin:
     """Free space or noise, as the generator says: what each sample is depends on it alone."""
+
+    grid = None
 
     def reconstruct(self, partial, grid, samples, generator):
         fields = torch.randn(samples, 1, *grid.shape, generator=generator)
