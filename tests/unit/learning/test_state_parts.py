@@ -90,4 +90,4 @@ def test_a_network_too_large_to_bring_back_is_refused_before_it_trains():
     with pytest.raises(CheckpointError, match=r"33\.1 million weights.* 66 MB"):
         state_parts.require_room(wide, 59)
     assert state_parts.require_room(wide, 67) > 66
-    assert state_parts.require_room([*wide, "model=shape_instance_vae"], 59) < 15
+    assert state_parts.require_room([*wide, "size.network=narrow"], 59) < 15
