@@ -77,7 +77,8 @@ def references(path):
     if first == "run":
         return found_in(nodes("run", rest))
     options = registry.catalogue().get(first)
-    found = [nodes(first, name) for name in options] if options else [whole()[first]]
+    core = [name for name in options or {} if (first, name) not in OF_PLUGINS]
+    found = [nodes(first, name) for name in core] if options else [whole()[first]]
     return set().union(*(found_in(part(node, rest)) for node in found))
 
 
