@@ -26,6 +26,12 @@ class Plain:
     def __init__(self, first, second: float = 2.5, *, third=("a", 1)): ...
 
 
+class Derived(Plain):
+    """Takes what its base takes."""
+
+    first: int
+
+
 def function(one, two=None):
     """One line."""
 '''
@@ -44,21 +50,24 @@ def test_arguments_are_read_from_source(package):
     assert found["second"] == docstrings.Argument("2.5", "another (m): with a colon.")
     assert found["third"] == docstrings.Argument("('a', 1)", "")
     assert list(found) == ["first", "second", "third"]
+    assert docstrings.arguments("some.module.Derived", [package]) == found
     assert docstrings.arguments("some.module.function", [package])["two"].default == "None"
     assert docstrings.arguments("some.other.Plain", [package]) == {}
 
 
 @pytest.mark.parametrize("group", ["model", "renderer", "learning", "trainer", "dataset"])
 def test_arguments_are_those_of_the_classes(group):
-    roots = [config.conf_dir().parent / "src"]
+    plugins.activate()
     for path in registry.options(group).values():
         target = listing.composed(path)["_target_"]
-        assert set(docstrings.arguments(target, roots)) == set(
+        assert set(docstrings.arguments(target, listing.roots())) == set(
             inspect.signature(get_object(target)).parameters
         )
 
 
-@pytest.mark.parametrize("group", ["scene", "dataset", "learning", "labelling", "noise"])
+@pytest.mark.parametrize(
+    "group", ["dataset", "evaluation", "labelling", "learning", "noise", "scene"]
+)
 def test_options_are_composed_as_hydra_does(group):
     plugins.activate()
     for name, path in registry.options(group).items():

@@ -26,17 +26,40 @@ def arguments(target: str, roots: Iterable[Path]) -> dict[str, Argument]:
         target: such as `scenefw.losses.tsdf.TsdfLoss`.
         roots: folders that packages lie in.
     """
+    roots = list(roots)
     module, _, name = target.rpartition(".")
     files = (root.joinpath(*module.split(".")).with_suffix(".py") for root in roots)
     file = next((file for file in files if file.is_file()), None)
     if file is None:
         return {}
-    for node in ast.parse(file.read_text(encoding="utf-8")).body:
+    body = ast.parse(file.read_text(encoding="utf-8")).body
+    for node in body:
         if isinstance(node, ast.ClassDef | ast.FunctionDef) and node.name == name:
             about = described(ast.get_docstring(node) or "")
             defaults = dict(_defaults(node))
+            if not defaults and isinstance(node, ast.ClassDef):
+                return _inherited(node, body, module, roots)
             names = {**dict.fromkeys(defaults), **dict.fromkeys(about)}
             return {n: Argument(defaults.get(n), about.get(n, "")) for n in names}
+    return {}
+
+
+def _inherited(
+    node: ast.ClassDef, body: list[ast.stmt], module: str, roots: list[Path]
+) -> dict[str, Argument]:
+    """Arguments of the first base that has some."""
+    imported = {
+        alias.asname or alias.name: f"{line.module}.{alias.name}"
+        for line in body
+        if isinstance(line, ast.ImportFrom)
+        for alias in line.names
+    }
+    for base in node.bases:
+        name = base.value if isinstance(base, ast.Subscript) else base
+        if isinstance(name, ast.Name):
+            found = arguments(imported.get(name.id, f"{module}.{name.id}"), roots)
+            if found:
+                return found
     return {}
 
 
@@ -69,7 +92,9 @@ def _defaults(node: ast.ClassDef | ast.FunctionDef) -> Iterator[tuple[str, str |
     if makers:
         yield from _signature(makers[0].args)
         return
-    for line in node.body:  # a dataclass
+    if not any("dataclass" in ast.unparse(line) for line in node.decorator_list):
+        return
+    for line in node.body:
         if isinstance(line, ast.AnnAssign) and isinstance(line.target, ast.Name):
             yield line.target.id, ast.unparse(line.value) if line.value else None
 

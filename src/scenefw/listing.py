@@ -53,10 +53,10 @@ def print_group(name: str) -> None:
     console.print(f"[bold]{name}[/]: {escape(info.about)}")
     if info.verbs:
         console.print(f"read by run={', '.join(info.verbs)}")
-    roots = list(_roots())
+    packages = list(roots())
     for option, path in sorted(options.items()):
         console.print(f"\n[bold]{name}={option}[/]: {escape(registry.description(path))}")
-        rows = list(_rows(composed(path), roots))
+        rows = list(_rows(composed(path), packages))
         if rows:
             table = Table("argument", "value", "what it is", box=None, padding=(0, 2, 0, 0))
             for row in rows:
@@ -74,9 +74,13 @@ def composed(path: Path) -> dict[str, Any]:
             _merge(whole, own)
             continue
         typed, option = next(iter(entry.items())) if isinstance(entry, dict) else ("", entry)
-        key, _, place = (typed or option).partition("@")
+        key, at, place = (typed or option).partition("@")
         file = _file(path.parent, key, option if typed else "")
-        part = composed(file) if file is not None else {}
+        if file is None:
+            continue
+        part = composed(file)
+        if typed and not at:  # a choice within the group is a part by the folder's name
+            place = key
         for name in reversed(place.split(".") if place else []):
             part = {name: part}
         _merge(whole, part)
@@ -86,8 +90,8 @@ def composed(path: Path) -> dict[str, Any]:
 def _file(here: Path, group: str, option: Any) -> Path | None:
     """The file of an entry of a defaults list; None for overrides and open choices."""
     inside = group.lstrip("/") + (f"/{option}" if option else "")
-    folders = [here] if not group.startswith("/") else registry.folders()
-    files = (folder / f"{inside}.yaml" for folder in folders)
+    relative = "" if group.startswith("/") else here.name
+    files = (folder / relative / f"{inside}.yaml" for folder in registry.folders())
     return next((file for file in files if file.is_file()), None)
 
 
@@ -131,7 +135,7 @@ def _as_typed(value: Any) -> str:
     return "null" if value is None else str(value)
 
 
-def _roots() -> Iterator[Path]:
+def roots() -> Iterator[Path]:
     """Folders that contain packages: the core's and those of plugins."""
     yield Path(__file__).parents[1]
     for plugin in plugins.find():
