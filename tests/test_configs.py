@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 from hydra.utils import get_object
-from omegaconf import DictConfig, ListConfig, OmegaConf
+from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import InterpolationKeyError
+from tests.composed import as_typed, base, chosen
 
 from scenefw import config, plugins, registry
 from scenefw.argument_types import check_types
@@ -48,17 +49,20 @@ def test_an_option_says_what_it_is(group, name):
 
 @pytest.mark.parametrize(("group", "name"), OPTIONS)
 def test_an_option_composes_and_resolves(group, name):
-    several = isinstance(default_option(group), list)
-    chosen = f"{group}=[{name}]" if several else f"{group}={name}"
-    whole = config.compose([chosen, *CONTEXT.get(group, [])])
-    resolved = OmegaConf.to_container(whole, resolve=True)
-    for node in targets(resolved):
-        assert_fits(node)
-    if group not in FITS_ELSEWHERE and not fits(whole):
-        assert any(fits(config.compose([*words, chosen])) for words in CHAPTERS), chosen
+    with chosen(group, name, *CONTEXT.get(group, [])) as whole:
+        for node in targets(OmegaConf.to_container(whole, resolve=True)):
+            assert_fits(node)
+        if group in FITS_ELSEWHERE or fits(whole):
+            return
+    assert any(fits_in(group, name, words) for words in CHAPTERS)
 
 
-CHAPTERS = [["experiment=label_views"], ["experiment=label_maps"], ["experiment=labelling"]]
+CHAPTERS = ["experiment=label_views", "experiment=label_maps", "experiment=labelling"]
+
+
+def fits_in(group, name, words):
+    with chosen(group, name, words) as whole:
+        return fits(whole)
 
 
 def fits(whole):
@@ -70,14 +74,12 @@ def fits(whole):
     return True
 
 
-def default_option(group):
-    """What `config.yaml` chooses of a group; a list for groups used several at a time."""
-    for entry in _defaults():
-        if isinstance(entry, DictConfig):
-            for key, value in entry.items():
-                if key.removeprefix("optional ") == group:
-                    return list(value) if isinstance(value, ListConfig) else value
-    pytest.fail(f"conf/config.yaml chooses nothing of group {group}; add `{group}: null`")
+@pytest.mark.parametrize("option", ["noise=kinect", "loss=bce", "scene=scattered"])
+def test_one_option_in_place_of_another_is_what_hydra_composes(option):
+    group, _, name = option.partition("=")
+    with chosen(group, name) as whole:
+        assert as_written(whole) == as_written(config.compose([as_typed(group, name)]))
+    assert as_written(base()) == as_written(config.compose())
 
 
 def assert_fits(node):

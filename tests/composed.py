@@ -1,0 +1,80 @@
+"""All options of all groups from one composition by Hydra, since each takes most of a second."""
+
+import contextlib
+import functools
+
+from omegaconf import DictConfig, ListConfig, OmegaConf, open_dict
+
+from scenefw import config, plugins, registry
+
+
+@functools.cache
+def every():
+    """`{group: {name: settings}}` of options that set nothing outside their group, unresolved."""
+    plugins.activate()
+    words = [
+        f"+{group}@every.{group}.{name}={name}"
+        for group, options in registry.catalogue().items()
+        for name, path in options.items()
+        if not is_global(path)
+    ]
+    return config.compose(words).every
+
+
+def is_global(path):
+    """Whether an option sets keys all over the settings, as experiments do."""
+    return "@package _global_" in path.read_text(encoding="utf-8")
+
+
+def changes_others(path):
+    """Whether an option sets or chooses something outside its group."""
+    return is_global(path) or "override /" in path.read_text(encoding="utf-8")
+
+
+@functools.cache
+def base(*words):
+    """The settings with these overrides; nobody may change them."""
+    plugins.activate()
+    return config.compose(words)
+
+
+@contextlib.contextmanager
+def chosen(group, name, *words):
+    """The settings with these overrides and one option more; equal to what Hydra composes."""
+    path = registry.options(group)[name]
+    if changes_others(path):
+        yield config.compose([*words, as_typed(group, name)])
+        return
+    whole = base(*words)
+    before = whole.get(group)
+    known = group in whole
+    with open_dict(whole):
+        whole[group] = every()[group].get(name)
+        try:
+            yield whole
+        finally:
+            if known:
+                whole[group] = before
+            else:
+                del whole[group]
+
+
+def as_typed(group, name):
+    """The override that chooses an option."""
+    several = isinstance(default_option(group), list)
+    return f"{group}=[{name}]" if several else f"{group}={name}"
+
+
+def default_option(group):
+    """What `config.yaml` chooses of a group; a list for groups used several at a time."""
+    for entry in OmegaConf.load(config.conf_dir() / "config.yaml").defaults:
+        if isinstance(entry, DictConfig):
+            for key, value in entry.items():
+                if key.removeprefix("optional ") == group:
+                    return list(value) if isinstance(value, ListConfig) else value
+    raise AssertionError(f"conf/config.yaml chooses nothing of {group}; add `{group}: null`")
+
+
+def container(node):
+    """As plain dictionaries and lists, references unresolved."""
+    return OmegaConf.to_container(node, resolve=False)
