@@ -4,7 +4,9 @@ import inspect
 import re
 from pathlib import Path
 
+import hydra
 import pytest
+from hydra._internal.hydra import Hydra
 from hydra.utils import get_object
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import InterpolationKeyError
@@ -261,3 +263,25 @@ def nodes_with(node, key):
             yield node
         for value in node.values():
             yield from nodes_with(value, key)
+
+
+@pytest.mark.parametrize(
+    ("words", "text", "asked"),
+    [
+        (["seed=1"], "a: 1\n", False),
+        (["hydra.mode=MULTIRUN"], "a: 1\n", True),
+        (["experiment=sweep"], "hydra:\n  mode: MULTIRUN\n", True),
+    ],
+)
+def test_hydra_looks_for_its_mode_where_one_is_set(tmp_path, monkeypatch, words, text, asked):
+    (tmp_path / "experiment").mkdir()
+    (tmp_path / "experiment" / "sweep.yaml").write_text(text)
+    monkeypatch.setattr(Hydra, "get_mode", lambda *_: "asked")
+    config.compose_once(words, [tmp_path])
+    assert (Hydra.get_mode(None) == "asked") == asked
+
+
+def test_no_setting_of_the_core_asks_for_a_sweep():
+    """What `compose_once` relies on: the chosen mode comes from the command line alone."""
+    with hydra.initialize_config_dir(str(config.conf_dir()), version_base="1.3"):
+        assert hydra.compose("config", return_hydra_config=True).hydra.mode is None

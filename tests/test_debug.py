@@ -48,7 +48,13 @@ def test_two_deterministic_trainings_give_the_same_weights(scenefw, tmp_path):
 
 
 def test_one_batch_is_learnt_by_heart(scenefw, tmp_path):
-    words = ("size.steps=40", "size.warmup=5", "run.log_every=1", "paths.output=out")
+    words = (
+        "size.steps=40",
+        "size.warmup=5",
+        "size.validate_every=0",
+        "run.log_every=1",
+        "paths.output=out",
+    )
     done = scenefw(*TRAIN, "debug=[smoke,overfit_one_batch]", *words)
     assert done.returncode == 0, done.stderr[-3000:]
     with (tmp_path / "out" / "losses.csv").open(newline="") as file:

@@ -107,6 +107,7 @@ def _run() -> None:
     import hydra
 
     plugins.activate()
+    config.compose_once(sys.argv[1:], registry.folders())
     start = hydra.main(
         version_base="1.3", config_path=str(config.conf_dir()), config_name=config.ROOT_CONFIG
     )

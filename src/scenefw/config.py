@@ -83,6 +83,25 @@ def compose(overrides: Sequence[str] = ()) -> DictConfig:
         GlobalHydra.instance().hydra = running
 
 
+def compose_once(words: Sequence[str], folders: Sequence[Path]) -> None:
+    """Spares Hydra a composition of everything for `hydra.mode` alone where nobody sets that.
+
+    Hydra 1.3 composes all settings to learn whether a config asks for a sweep, then once more to
+    run: a third of the time until a command begins to work.
+
+    Args:
+        words: the command line.
+        folders: of configs, the core's and plugins'.
+    """
+    from hydra._internal.hydra import Hydra
+
+    files = (path for folder in folders for path in folder.rglob("*.yaml"))
+    texts = (path.read_text(encoding="utf-8", errors="replace") for path in files)
+    asked = any("hydra.mode" in word for word in words) or any("MULTIRUN" in text for text in texts)
+    if not asked:
+        Hydra.get_mode = lambda *_, **__: None  # type: ignore[method-assign]
+
+
 def near_misses(name: str, known: Sequence[str]) -> str:
     """Asks what the user may have meant, or lists what there is if nothing is similar."""
     close = difflib.get_close_matches(name, known, n=3, cutoff=0.6)
