@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from tests.conftest import SLOW
+from tests.conftest import SLOW, SLOW_FILES
 
 ROOT = Path(__file__).parents[1]
 
@@ -21,6 +21,11 @@ def test_quick_tests_are_chosen_by_the_marker():
 @pytest.mark.parametrize("name", SLOW)
 def test_folders_of_slow_tests_exist(name):
     assert list((ROOT / "tests" / "unit" / name).rglob("test_*.py"))
+
+
+@pytest.mark.parametrize("name", SLOW_FILES)
+def test_files_of_slow_tests_exist(name):
+    assert (ROOT / "tests" / f"{name}.py").is_file()
 
 
 def test_what_runs_a_command_is_slow(scenefw, request):
