@@ -1,4 +1,4 @@
-"""The geometry channel of a labelling network: depth, or height above the table."""
+"""The geometry channel of a labelling network: depth, or one of two heights above the table."""
 
 import numpy as np
 import torch
@@ -8,9 +8,10 @@ from torch import Tensor
 from scenefw.core.batches import CameraBatch
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import Frame
+from scenefw.data.table_planes import heights_above_planes
 from scenefw.kernels.cameras import stack_cameras
 
-DEPTH, HEIGHT = "depth", "height"
+DEPTH, HEIGHT, PLANE = "depth", "height", "plane_height"
 
 
 def distance_images(depth: Tensor, cameras: CameraBatch, geometry: str = DEPTH) -> Tensor:
@@ -19,8 +20,9 @@ def distance_images(depth: Tensor, cameras: CameraBatch, geometry: str = DEPTH) 
     Args:
         depth: (B, H, W) z-depth, 0 or NaN = nothing.
         cameras: of the images; heights need their poses in the table's frame.
-        geometry: depth along the optical axis (as in the thesis), or height above the table, which
-            the pose makes of it (one of the channels of HHA, Gupta et al. 2014).
+        geometry: `depth` along the optical axis (as in the thesis); `height` above the table by
+            the pose (one of the channels of HHA, Gupta et al. 2014), as wrong as that; or
+            `plane_height` above the plane found in the image, whatever the pose.
 
     Raises:
         ConfigError: another geometry.
@@ -29,8 +31,10 @@ def distance_images(depth: Tensor, cameras: CameraBatch, geometry: str = DEPTH) 
         found = depth
     elif geometry == HEIGHT:
         found = _heights(depth, cameras)
+    elif geometry == PLANE:
+        found = heights_above_planes(depth, cameras)
     else:
-        raise ConfigError(f"geometry = {geometry!r}; expected {DEPTH} or {HEIGHT}")
+        raise ConfigError(f"geometry = {geometry!r}; expected {DEPTH}, {HEIGHT} or {PLANE}")
     return torch.where(depth > 0, found, torch.nan)
 
 

@@ -18,7 +18,7 @@ from scenefw.core.labelling_protocols import FrameSource
 from scenefw.core.protocols import Noise, PoseNoise
 from scenefw.core.rng import Streams
 from scenefw.core.types import Float64, Frame
-from scenefw.data.distances import DEPTH, distance_images
+from scenefw.data.distances import DEPTH, HEIGHT, distance_images
 from scenefw.data.light import ColourJitter
 from scenefw.data.resident import ResidentScenes
 from scenefw.data.segmentation import image_tensors
@@ -79,7 +79,7 @@ class ViewSamples:
             of poses disturbs the heights that are made of it, and is left out if there are none.
         jitter: changes the light; None leaves it.
         seed: of noise and light.
-        geometry: the network sees depth (as in the thesis), or height above the table.
+        geometry: what the network sees, see `distance_images`.
     """
 
     kind = "views"
@@ -93,7 +93,7 @@ class ViewSamples:
         geometry: str = DEPTH,
     ) -> None:
         self.images, self.jitter, self.seed, self.geometry = images, jitter, seed, geometry
-        moving = geometry != DEPTH  # depth is what it is, wherever the camera is believed to be
+        moving = geometry == HEIGHT  # nothing else depends on where the camera is believed to be
         self.noise = {
             name: one
             for name, one in sorted((noise or {}).items())

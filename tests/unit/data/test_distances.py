@@ -44,5 +44,5 @@ def test_depth_is_depth_and_what_is_missing_is_nan():
 
 
 def test_another_geometry_is_one_line():
-    with pytest.raises(ConfigError, match="expected depth or height"):
+    with pytest.raises(ConfigError, match="expected depth, height or plane_height"):
         distance_image(frame_of_plane((0.1, 0.1, 0.3), 0.0), "normals")
