@@ -67,13 +67,6 @@ def test_concatenate_orders_by_index_and_widens():
     np.testing.assert_array_equal(merged.half_axes[3:], storage.pack(many).half_axes)
 
 
-def test_split_depends_on_seed_and_index_alone():
-    parts = np.array([storage.split_of(0, i) for i in range(1500)])
-    np.testing.assert_allclose(np.bincount(parts) / 1500, [0.70, 0.15, 0.15], atol=0.04)
-    assert storage.split_of(0, 17) == parts[17]
-    assert (parts != [storage.split_of(1, i) for i in range(1500)]).any()
-
-
 def test_manifest(tmp_path):
     path = storage.save_scenes(tmp_path / "a.npz", storage.pack(scenes(6)), {"seed": 0})
     manifest = storage.load_manifest(path)
