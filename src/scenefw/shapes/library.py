@@ -61,7 +61,7 @@ class SuperquadricLibrary:
     @cached_property
     def _parameters(self) -> tuple[Array, Array]:
         rng = streams.generator(self.seed)
-        half_axes = rng.uniform(*self.extents, size=(self.size, 3)) / 2
+        half_axes = rng.uniform(self.extents[0], self.extents[1], size=(self.size, 3)) / 2
         return single(half_axes), draw_exponents(rng, self.size, self.exponents, self.paired)
 
 

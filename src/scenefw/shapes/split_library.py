@@ -112,7 +112,7 @@ def _check_families(families: Mapping[str, Family]) -> None:
         extents = np.array(family["extents"])
         if family["share"] < 0:
             raise ConfigError(f"shape.families.{name}.share = {family['share']}: expected >= 0")
-        if extents.shape != (3, 2) or not (0 < extents[:, 0]).all():
+        if extents.shape != (3, 2) or not (extents[:, 0] > 0).all():
             raise ConfigError(
                 f"shape.families.{name}.extents: expected smallest and largest of three axes (m)"
             )
