@@ -25,8 +25,8 @@ Item = TypeVar("Item")
 class ShapeSource(Protocol):
     """Shapes to make scenes from (group `shape`)."""
 
-    def sample(self, rng: np.random.Generator) -> Shape:
-        """One random shape."""
+    def sample(self, rng: np.random.Generator, split: str) -> Shape:
+        """One random shape for a scene of a part of the data: train, val, test or final."""
 
 
 class Engine(Protocol):

@@ -204,11 +204,13 @@ class Scene:
         objects: the objects; instance label i + 1 belongs to objects[i].
         index: number of the attempt that made it, with the seed the scene's identity.
         seed: seed of the data set.
+        split: part of the data set that it belongs to; None leaves that to who stores it.
     """
 
     objects: tuple[SceneObject, ...]
     index: int = 0
     seed: int = 0
+    split: str | None = None
 
 
 @dataclass(frozen=True)

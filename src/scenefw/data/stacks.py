@@ -1,6 +1,7 @@
 """Scenes of superquadrics as parameters: the shipped data sets, or those of `run=generate`."""
 
 import dataclasses
+import hashlib
 import json
 from collections.abc import Callable, Sequence
 from importlib import resources
@@ -13,11 +14,21 @@ from torch import Tensor
 from scenefw.core import geometry
 from scenefw.core.batches import SceneParameters
 from scenefw.core.errors import ConfigError, StorageError
+from scenefw.core.final_split import FINAL, look
 from scenefw.kernels.transfer import to_device
 from scenefw.representations.volumes import require_solids
+from scenefw.scenes.splits import SPLITS
 
-SPLITS = ("train", "val", "test")
-SHIPPED = {"stacks": "superquadric_stacks.npz", "scattered": "superquadric_scattered.npz"}
+SHIPPED = {
+    "stacks_v2": "superquadric_stacks_v2.npz",
+    "scattered_v2": "superquadric_scattered_v2.npz",
+    "large_stacks_v2": "superquadric_large_stacks_v2.npz",
+    "stacks_of_six_v2": "superquadric_stacks_of_six_v2.npz",
+    "stacks_v1": "superquadric_stacks.npz",
+    "scattered_v1": "superquadric_scattered.npz",
+}
+FINAL_PARTS = tuple(name for name in SHIPPED if name.endswith("_v2"))
+_LATEST = "_v2"  # what a name without a version means
 _SHAPES = {"half_axes": 3, "exponents": 3, "positions": 3, "quaternions": 4}
 
 
@@ -25,14 +36,16 @@ class StackScenes:
     """Scenes of one split of one or several data sets of superquadrics.
 
     Args:
-        path: the `.npz` of a data set, or the name of a shipped one (stacks, scattered); several
-            are put one after the other; None means the shipped stacks.
-        split: train, val, test or all.
+        path: the `.npz` of a data set, or the name of a shipped one (stacks_v2, scattered_v2,
+            large_stacks_v2, stacks_of_six_v2, stacks_v1, scattered_v1; without a version: v2);
+            several are put one after the other; None means stacks_v2.
+        split: train, val, test, all of these, or final, which only releases may read
+            (`core.final_split`) and which is a file of its own.
         limit: at most this many scenes of each data set, the first of the split; None means all.
 
     Raises:
         StorageError: the file is missing, damaged or no data set of stacks.
-        ConfigError: no such split, or it holds no scene.
+        ConfigError: no such split, it holds no scene, or it is final and that is not open.
     """
 
     def __init__(
@@ -42,7 +55,7 @@ class StackScenes:
         limit: int | None = None,
     ) -> None:
         several = path if isinstance(path, Sequence) and not isinstance(path, str) else [path]
-        self.paths = [_file(entry) for entry in several]
+        self.paths = [data_file(entry, split) for entry in several]
         parts = [_split(file, split, limit) for file in self.paths]
         self.sizes = {_name(p): len(a["index"]) for p, a in zip(self.paths, parts, strict=True)}
         arrays = _joined(parts)
@@ -84,14 +97,27 @@ class StackScenes:
         return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
 
 
-def shipped_scenes(name: str = "stacks") -> Path:
-    """A data set that comes with the package: stacks or scattered."""
-    return Path(str(resources.files("scenefw") / "assets" / SHIPPED[name]))
+def shipped_scenes(name: str = "stacks", split: str = "train") -> Path:
+    """The file of a data set that comes with the package; its final part is another file.
+
+    Raises:
+        ConfigError: the package has no such data set.
+    """
+    known = name if name in SHIPPED else f"{name}{_LATEST}"
+    if known not in SHIPPED:
+        raise ConfigError(f"no data set {name} ships; there are {', '.join(SHIPPED)}")
+    if split == FINAL and known not in FINAL_PARTS:
+        raise ConfigError(f"{known} has no final part; there are {', '.join(FINAL_PARTS)}")
+    file = SHIPPED[known]
+    file = file.replace(".npz", "_final.npz") if split == FINAL else file
+    return Path(str(resources.files("scenefw") / "assets" / file))
 
 
-def _file(path: Path | str | None) -> Path:
+def data_file(path: Path | str | None, split: str = "train") -> Path:
+    """The file of a data set: a path, or the name of one that ships (None: stacks)."""
     name = "stacks" if path is None else str(path)
-    return shipped_scenes(name) if name in SHIPPED else Path(name)
+    ships = name in SHIPPED or f"{name}{_LATEST}" in SHIPPED
+    return shipped_scenes(name, split) if ships else Path(name)
 
 
 def _name(path: Path) -> str:
@@ -101,6 +127,8 @@ def _name(path: Path) -> str:
 
 def _split(path: Path, split: str, limit: int | None) -> dict[str, np.ndarray]:
     """The arrays of a data set, one row per scene of a split."""
+    if split == FINAL:
+        look(path.stem, hashlib.sha256(_bytes(path)).hexdigest())
     arrays = _read(path)
     rows = _rows(arrays["split"], split, limit, path)
     return {name: array[rows] for name, array in arrays.items()}
@@ -143,6 +171,13 @@ def _each(parameters: SceneParameters, change: Callable[[Tensor], Tensor]) -> Sc
     return SceneParameters(*(change(getattr(parameters, name)) for name in names))
 
 
+def _bytes(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError:  # reading the arrays says what is wrong
+        return b""
+
+
 def _read(path: Path) -> dict[str, np.ndarray]:
     try:
         with np.load(path, allow_pickle=False) as stored:
@@ -150,7 +185,7 @@ def _read(path: Path) -> dict[str, np.ndarray]:
     except FileNotFoundError as error:
         raise StorageError(
             f"no data set at {path}; make one with `python -m scenefw run=generate`, or leave "
-            "dataset.path=null to use the shipped one"
+            f"dataset.path=null to use the shipped one (also by name: {', '.join(SHIPPED)})"
         ) from error
     except Exception as error:  # numpy raises many kinds for damaged archives
         raise StorageError(
@@ -182,7 +217,8 @@ def _rows(splits: np.ndarray, split: str, limit: int | None, path: Path) -> np.n
     if limit is not None and limit < 1:
         raise ConfigError(f"the limit of scenes is {limit}, expected at least 1 or null for all")
     everything = np.arange(len(splits))
-    rows = everything if split == "all" else everything[splits == SPLITS.index(split)]
+    final = splits == SPLITS.index(FINAL)
+    rows = everything[~final if split == "all" else splits == SPLITS.index(split)]
     if len(rows) == 0:
         raise ConfigError(f"{path} holds no scene of the split {split}; generate more scenes")
     return rows[:limit]

@@ -16,6 +16,7 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.files import require_writable, write_text
 from scenefw.core.rng import torch_seed
 from scenefw.core.versions import versions
+from scenefw.execution import final_split
 from scenefw.execution.build import Builder
 from scenefw.execution.leftovers import FIGURES, RECORD, SETTINGS, Leftovers
 from scenefw.execution.modifiers import make_deterministic, profiled
@@ -95,12 +96,13 @@ def _work(config: DictConfig, output: Path, overrides: list[str]) -> dict[str, A
     if config.get("deterministic"):
         make_deterministic()
     _seed_initial_weights(config.seed)
-    task = Builder(config).build("run")
-    (output / FIGURES).unlink(missing_ok=True)
-    write_text(output / SETTINGS, resolved)
-    write_text(output / RECORD, json.dumps(record, indent=2) + "\n")
-    with threads(config.threads, yields=config.yielding):
-        figures = dict(profiled(task.run, output) if config.get("profile") else task.run())
+    with final_split.access(config):
+        task = Builder(config).build("run")
+        (output / FIGURES).unlink(missing_ok=True)
+        write_text(output / SETTINGS, resolved)
+        write_text(output / RECORD, json.dumps(record, indent=2) + "\n")
+        with threads(config.threads, yields=config.yielding):
+            figures = dict(profiled(task.run, output) if config.get("profile") else task.run())
     if used_weights(plain) != record["weights"]:  # the run itself trained some of them
         record["weights"] = used_weights(plain)
         write_text(output / RECORD, json.dumps(record, indent=2) + "\n")

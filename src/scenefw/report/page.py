@@ -1,10 +1,13 @@
 """The report of a run: one HTML page with its pictures beside it."""
 
 from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from scenefw.core import final_split
 from scenefw.core.files import write_text
+from scenefw.core.final_split import Ledger
 from scenefw.report.blocks import Section
 from scenefw.report.html import render
 from scenefw.report.publication import publish
@@ -20,11 +23,19 @@ class Page:
         title: heading of the page.
         publish: also write the sections as Markdown to this file, e.g. docs/results/osd.md;
             pictures of data that must not be published are left out. None = don't.
+        ledger: of evaluations on the final split. One that is published is added to it, and every
+            published file says how many there were by then. None = don't.
     """
 
-    def __init__(self, title: str = "scenefw", publish: str | Path | None = None) -> None:
+    def __init__(
+        self,
+        title: str = "scenefw",
+        publish: str | Path | None = None,
+        ledger: str | Path | None = None,
+    ) -> None:
         self.title = title
         self.publish = Path(publish) if publish else None
+        self.ledger = Ledger(ledger) if ledger else None
 
     def write(self, folder: Path, sections: Sequence[Section], figures: Mapping[str, Any]) -> Path:
         """Writes the page and returns its path.
@@ -35,7 +46,7 @@ class Page:
             figures: flat figures, as in `metrics.json`.
 
         Raises:
-            StorageError: the folder can't be written.
+            StorageError: the folder can't be written, or the ledger is damaged.
         """
         record = read_record(folder)
         settings = folder / "config.yaml"
@@ -53,8 +64,21 @@ class Page:
         target = folder / "report.html"
         write_text(target, text)
         if self.publish:
-            publish(self.publish, self.title, sections, folder, record)
+            if self.ledger and final_split.looks():
+                self.ledger.add(self._entry(record))
+            publish(self.publish, self.title, sections, folder, record, self.ledger)
         return target
+
+    def _entry(self, record: Mapping[str, Any]) -> dict[str, Any]:
+        """This evaluation on the final split."""
+        return {
+            "date": datetime.now(UTC).isoformat(timespec="seconds"),
+            "commit": record.get("versions", {}).get("commit"),
+            "command": command_line(record),
+            "page": str(self.publish),
+            "weights": record.get("weights", {}),
+            "data": dict(final_split.looks()),
+        }
 
 
 def _facts(record: Mapping[str, Any]) -> list[str]:

@@ -9,12 +9,15 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import random_quaternion
 from scenefw.core.protocols import Engine, ShapeSource
 from scenefw.core.types import Pose, Scene, SceneObject, Shape
+from scenefw.scenes.splits import SPLITS, split_of
 
 _WATCH = 48  # steps between checks of whether the new object has left the limits
 
 
 class StackGenerator:
     """Drops shapes at random poses and keeps those that come to rest inside the limits.
+
+    Its part of the data set decides which shapes a scene may have.
 
     Differs from algorithm 1 in that the number of objects to place is drawn uniformly (the thesis
     goes for the maximum and takes what comes); rotations are uniform (three uniform angles are
@@ -37,9 +40,11 @@ class StackGenerator:
         checks: how often it may go on moving and be checked again.
         max_shift: how far an object that stands may move in a check (m) ...
         max_turn: ... and how far turn (rad).
+        split: part of the data set that all scenes belong to, as final; None draws train, val or
+            test for each scene (`splits.split_of`).
 
     Raises:
-        ConfigError: the counts or limits are empty.
+        ConfigError: the counts or limits are empty, or there is no such part.
     """
 
     def __init__(
@@ -57,7 +62,12 @@ class StackGenerator:
         checks: int = 12,
         max_shift: float = 3e-4,
         max_turn: float = 0.01,
+        split: str | None = None,
     ) -> None:
+        if split is not None and split not in SPLITS:
+            raise ConfigError(
+                f"scene.split = {split}: expected one of {', '.join(SPLITS)}, or null to draw it"
+            )
         if not 1 <= minimum <= maximum:
             raise ConfigError(
                 f"scene.minimum = {minimum}, scene.maximum = {maximum}: "
@@ -78,15 +88,17 @@ class StackGenerator:
         self.checks = checks
         self.max_shift = max_shift
         self.max_turn = max_turn
+        self.split = split
 
     def generate(self, index: int, seed: int) -> Scene | None:
         """Attempt number `index` of the data set `seed`; None if it failed."""
         rng = streams.generator(seed, index)
+        split = self.split or split_of(seed, index)
         objects: tuple[SceneObject, ...] = ()
         handles = self._rebuild(objects)
         for _ in range(rng.integers(self.minimum, self.maximum, endpoint=True)):
             for _ in range(self.trials):
-                item = self._draw(rng)
+                item = self._draw(rng, split)
                 handle = self.engine.add(item)
                 if self.engine.overlaps(handle):
                     self.engine.remove(handle)
@@ -99,10 +111,10 @@ class StackGenerator:
         if len(objects) < self.minimum:
             return None
         standing = self._standing(objects)
-        return None if standing is None else Scene(standing, index, seed)
+        return None if standing is None else Scene(standing, index, seed, split)
 
-    def _draw(self, rng: np.random.Generator) -> SceneObject:
-        shape: Shape = self.shapes.sample(rng)
+    def _draw(self, rng: np.random.Generator, split: str) -> SceneObject:
+        shape: Shape = self.shapes.sample(rng, split)
         pose = Pose(rng.uniform(self.lower, self.upper), random_quaternion(rng))
         return _rounded(SceneObject(shape, pose, self.density * shape.volume()))
 

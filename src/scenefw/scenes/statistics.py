@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from scenefw.core.files import replacing
 from scenefw.core.geometry import rotation_from_quaternion
-from scenefw.scenes.storage import SPLITS, StoredScenes
+from scenefw.scenes.splits import SPLITS
+from scenefw.scenes.storage import StoredScenes
 from scenefw.shapes.superquadric import support_points
 
 Array = NDArray[np.float64]

@@ -14,18 +14,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scenefw.core import rng as streams
 from scenefw.core.errors import StorageError
 from scenefw.core.files import replacing, write_text
 from scenefw.core.types import Float32, Int32, Pose, Scene, SceneObject
+from scenefw.scenes.splits import SPLITS, split_of
 from scenefw.shapes.superquadric import Superquadric
 
 UInt8 = NDArray[np.uint8]
 
-SPLITS = ("train", "val", "test")
-_SHARES = (0.70, 0.15, 0.15)
-_FORMAT = 1
-_SPLIT_STREAM = 1  # apart from the stream that makes the scene
+_FORMAT = 2
+_READ = (1, 2)  # the first lacks the manifest's `shapes`, and the part `final`
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +57,13 @@ class StoredScenes:
         """The arrays by name."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
+    def shapes(self, split: str) -> set[bytes]:
+        """The shapes of a part: half-axes and exponents as bytes, to be compared exactly."""
+        rows = self.split == SPLITS.index(split)
+        here = np.arange(self.masses.shape[1]) < self.count[rows, None]
+        both = np.concatenate([self.half_axes[rows][here], self.exponents[rows][here]], axis=-1)
+        return {row.tobytes() for row in both}
+
     def scene(self, row: int, seed: int = 0) -> Scene:
         """One scene as objects."""
         objects = tuple(
@@ -78,15 +83,6 @@ class StoredScenes:
         return Scene(objects, int(self.index[row]), seed)
 
 
-def split_of(seed: int, index: int) -> int:
-    """Position in `SPLITS` (70 / 15 / 15 %) of a scene; depends on (seed, index) alone.
-
-    So a scene stays in its part however many others are generated.
-    """
-    draw = streams.generator(seed, index, _SPLIT_STREAM).random()
-    return int(np.searchsorted(np.cumsum(_SHARES)[:-1], draw, side="right"))
-
-
 def pack(scenes: Sequence[Scene]) -> StoredScenes:
     """Scenes of superquadrics as arrays.
 
@@ -98,7 +94,7 @@ def pack(scenes: Sequence[Scene]) -> StoredScenes:
     for row, scene in enumerate(scenes):
         stored.count[row] = len(scene.objects)
         stored.index[row] = scene.index
-        stored.split[row] = split_of(scene.seed, scene.index)
+        stored.split[row] = SPLITS.index(scene.split or split_of(scene.seed, scene.index))
         for i, item in enumerate(scene.objects):
             if not isinstance(item.shape, Superquadric):
                 raise StorageError(
@@ -146,6 +142,7 @@ def save_scenes(path: Path | str, stored: StoredScenes, facts: Mapping[str, Any]
         "scenes": len(stored),
         "objects": _tally(stored.count),
         "split": {name: int((stored.split == i).sum()) for i, name in enumerate(SPLITS)},
+        "shapes": _shape_counts(stored),
         **facts,
         "arrays": {
             name: {"dtype": str(a.dtype), "shape": list(a.shape), "sha256": _digest(a)}
@@ -225,10 +222,10 @@ def _check_layout(path: Path, found: Mapping[str, NDArray[Any]]) -> None:
 
 def _check_manifest(path: Path, found: Mapping[str, NDArray[Any]]) -> None:
     manifest = load_manifest(path)
-    if manifest.get("format") != _FORMAT:
+    if manifest.get("format") not in _READ:
         raise StorageError(
-            f"{path} has format {manifest.get('format')}, this version reads {_FORMAT}; "
-            "regenerate it with run=generate"
+            f"{path} has format {manifest.get('format')}, this version reads "
+            f"{' and '.join(map(str, _READ))}; regenerate it with run=generate"
         )
     for name, array in found.items():
         if manifest.get("arrays", {}).get(name, {}).get("sha256") != _digest(array):
@@ -236,6 +233,13 @@ def _check_manifest(path: Path, found: Mapping[str, NDArray[Any]]) -> None:
                 f"{path}: {name} is not what {path.with_suffix('.json').name} says; "
                 "fetch both again or regenerate them with run=generate"
             )
+
+
+def _shape_counts(stored: StoredScenes) -> dict[str, int]:
+    """Distinct shapes of each part, and how many are in more than one (`shared`)."""
+    parts = [stored.shapes(name) for name in SPLITS]
+    counts = {name: len(part) for name, part in zip(SPLITS, parts, strict=True)}
+    return counts | {"shared": sum(counts.values()) - len(set().union(*parts))}
 
 
 def _tally(count: UInt8) -> dict[str, int]:

@@ -1,4 +1,4 @@
-"""The repertoire of superquadrics that stacks are made of (thesis 5.2.1)."""
+"""The repertoire of superquadrics of the thesis (5.2.1), one for all parts of a data set."""
 
 from functools import cached_property
 
@@ -53,21 +53,30 @@ class SuperquadricLibrary:
         half_axes, exponents = self._parameters
         return Superquadric(half_axes[index], exponents[index])
 
-    def sample(self, rng: np.random.Generator) -> Superquadric:
-        """One shape of the library."""
+    def sample(self, rng: np.random.Generator, split: str | None = None) -> Superquadric:
+        """One shape of the library, whatever part of a data set it is for."""
+        del split
         return self[int(rng.integers(self.size))]
 
     @cached_property
     def _parameters(self) -> tuple[Array, Array]:
         rng = streams.generator(self.seed)
-        (shortest, longest), (least, most) = self.extents, np.log(self.exponents)
-        half_axes = rng.uniform(shortest, longest, size=(self.size, 3)) / 2
-        exponents = np.exp(rng.uniform(least, most, size=(self.size, 3)))
-        pairs = np.flatnonzero(rng.random(self.size) < self.paired)
-        first = rng.integers(3, size=len(pairs))
-        exponents[pairs, first] = exponents[pairs, (first + 1) % 3]
-        return _single(half_axes), _single(exponents)
+        half_axes = rng.uniform(self.extents[0], self.extents[1], size=(self.size, 3)) / 2
+        return single(half_axes), draw_exponents(rng, self.size, self.exponents, self.paired)
 
 
-def _single(array: Array) -> Array:
+def draw_exponents(
+    rng: np.random.Generator, size: int, limits: tuple[float, ...], paired: float
+) -> Array:
+    """Log-uniform exponents (size, 3); of a share `paired` of the rows, two are equal."""
+    least, most = np.log(limits)
+    exponents = np.exp(rng.uniform(least, most, size=(size, 3)))
+    pairs = np.flatnonzero(rng.random(size) < paired)
+    first = rng.integers(3, size=len(pairs))
+    exponents[pairs, first] = exponents[pairs, (first + 1) % 3]
+    return single(exponents)
+
+
+def single(array: Array) -> Array:
+    """The numbers rounded to float32, the precision in which scenes are stored."""
     return array.astype(np.float32).astype(np.float64)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.files import write_text
 from scenefw.core.protocols import Engine
 from scenefw.core.types import Scene
+from scenefw.data.stacks import data_file
 from scenefw.scenes import statistics
 from scenefw.scenes.checks import deepest_penetration
 from scenefw.scenes.storage import StoredScenes, load_manifest, load_scenes
@@ -26,7 +26,7 @@ class Check:
 
     Args:
         engine: simulates.
-        scenes: the `.npz` of a data set; None means the shipped one.
+        scenes: the `.npz` of a data set, or the name of a shipped one; None means stacks_v2.
         number: scenes to check.
         steps: simulated steps that they must stand.
         page: the Markdown page to write, its figure beside it.
@@ -46,9 +46,8 @@ class Check:
     ) -> None:
         if number < 1 or steps < 1:
             raise ConfigError(f"run.number = {number}, run.steps = {steps}: expected at least 1")
-        shipped = resources.files("scenefw") / "assets" / "superquadric_stacks.npz"
         self.engine = engine
-        self.scenes = Path(scenes) if scenes else Path(str(shipped))
+        self.scenes = data_file(scenes)
         self.number = number
         self.steps = steps
         self.page = Path(page)
@@ -109,6 +108,7 @@ class Check:
             seed=manifest.get("seed", "?"),
             counts=counts,
             parts=parts,
+            shapes=_shapes(manifest.get("shapes", {})),
             size=size,
             versions=versions,
             commit=manifest.get("commit") or "not recorded",
@@ -122,7 +122,7 @@ class Check:
 _PAGE = """# The data set of superquadric stacks
 
 `{name}` ({size:.1f} MB): {kept} scenes of {attempts} attempts, seed {seed}. Objects: {counts}.
-Parts, by scene: {parts}. Made with {versions}; commit {commit}.
+Parts, by scene: {parts}.{shapes} Made with {versions}; commit {commit}.
 
     python -m scenefw run=generate          # regenerates it
     python -m scenefw run=check             # measures it and writes this page
@@ -164,6 +164,14 @@ and hulls to 10 nanometres, before they reach Bullet, so that the last bits, in 
 differ, don't matter. Another build of Bullet may let some scenes fall otherwise; the stored file
 stays valid, and the test that compares says which version it wants.
 """
+
+
+def _shapes(counts: Mapping[str, int]) -> str:
+    """How many shapes each part has; empty if the manifest doesn't say."""
+    if not counts:
+        return ""
+    parts = ", ".join(f"{n} {name}" for name, n in counts.items() if n and name != "shared")
+    return f" Different shapes: {parts}; {counts['shared']} in more than one part."
 
 
 def _differences(recipe: Mapping[str, Any]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +51,7 @@ class Generate:
         shard_size: int = 50,
         shards: str = "outputs/scenes",
         output: str = "outputs",
-        name: str = "superquadric_stacks",
+        name: str = "superquadric_stacks_v2",
     ) -> None:
         for key, value in (("attempts", attempts), ("shard_size", shard_size)):
             if value < 1:
@@ -132,6 +132,8 @@ def recipe(component: Any) -> Any:
         return component.tolist()
     if isinstance(component, (list, tuple)):
         return [recipe(value) for value in component]
+    if isinstance(component, Mapping):
+        return {name: recipe(value) for name, value in component.items()}
     if component is None or isinstance(component, (bool, int, float, str)):
         return component
     kind = type(component)

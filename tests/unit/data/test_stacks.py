@@ -4,7 +4,7 @@ from scipy.spatial.transform import Rotation
 from tests.unit.data.stacks_file import write_stacks
 
 from scenefw.core.errors import ConfigError, InputError, StorageError
-from scenefw.data.stacks import StackScenes, shipped_scenes
+from scenefw.data.stacks import SHIPPED, StackScenes, shipped_scenes
 
 
 @pytest.fixture
@@ -136,7 +136,27 @@ def test_several_data_sets_are_put_one_after_the_other(tmp_path):
 def test_shipped_scattered_scenes_hold_up_to_eight_objects():
     scenes = StackScenes(["stacks", "scattered"], "test", 3)
     assert len(scenes) == 6
-    found = StackScenes("scattered", "test").parameters(list(range(200)))
+    found = StackScenes("scattered_v1", "test").parameters(list(range(200)))
     counts = found.present.sum(dim=1)
     assert int(counts.min()) == 1
     assert int(counts.max()) == 8
+
+
+def test_names_of_shipped_data_without_a_version_mean_the_latest():
+    for name, file in SHIPPED.items():
+        assert shipped_scenes(name).name == file
+        assert shipped_scenes(name).is_file()
+        if name.endswith("_v2"):
+            assert shipped_scenes(name.removesuffix("_v2")) == shipped_scenes(name)
+    assert StackScenes().sizes.keys() == {"stacks_v2"}
+    assert StackScenes(["stacks", "scattered_v1"]).sizes.keys() == {"stacks_v2", "scattered_v1"}
+
+
+def test_the_final_part_is_a_file_of_its_own_and_v1_has_none():
+    assert shipped_scenes("stacks", "final").name == "superquadric_stacks_v2_final.npz"
+    with pytest.raises(ConfigError, match="stacks_v1 has no final part"):
+        StackScenes("stacks_v1", "final")
+    with pytest.raises(ConfigError, match="no data set heaps ships"):
+        shipped_scenes("heaps")
+    with pytest.raises(StorageError, match="also by name: stacks_v2"):
+        StackScenes("heaps")

@@ -47,7 +47,7 @@ def untrained(name):
 @pytest.fixture(scope="session")
 def stacks():
     """One view of each of three validation scenes."""
-    scenes = StackScenes(split="val", limit=3)
+    scenes = StackScenes("stacks_v1", "val", 3)
     viewpoints = RandomViewpoints(160, 120)
     maker = ViewMaker(shipped("simstack").grid, viewpoints, SphereTracer(), InverseRayTracing())
     return [

@@ -2,8 +2,13 @@
 
 import json
 import re
+from datetime import datetime
 from html.parser import HTMLParser
 
+import pytest
+
+from scenefw.core.errors import StorageError
+from scenefw.core.final_split import Ledger, look, opened
 from scenefw.report.blocks import Drawing, Picture, Section, Text
 from scenefw.report.page import Page
 from scenefw.report.tables import Column, Table
@@ -87,3 +92,49 @@ def test_publishing_writes_the_document_too(tmp_path):
     Page("A run", publish=target).write(_folder(tmp_path), [Section("R", (TABLE,))], {})
     assert target.read_text().startswith("# A run")
     assert "| ours <1> | 1.000 |" in target.read_text()
+
+
+def published(tmp_path, **settings):
+    target, ledger = tmp_path / "docs" / "a" / "r.md", tmp_path / "docs" / "final.jsonl"
+    folder = tmp_path / "run"
+    folder.mkdir(exist_ok=True)
+    page = Page("A run", **{"publish": target, "ledger": ledger, **settings})
+    page.write(_folder(folder), [Section("R", (TABLE,))], {})
+    return (target.read_text() if target.exists() else ""), Ledger(ledger).entries()
+
+
+def test_a_published_page_says_how_often_the_final_split_was_evaluated(tmp_path):
+    text, entries = published(tmp_path)
+    assert "had not been evaluated by then" in text
+    assert entries == []
+    with opened():
+        look("stacks", "abc")
+        text, entries = published(tmp_path)
+    assert "evaluated once by then ([all](../final.jsonl))" in text
+    (entry,) = entries
+    assert entry["data"] == {"stacks": "abc"}
+    assert entry["commit"] == "abcdef0123456"
+    assert entry["command"] == "python -m scenefw a=1"
+    assert datetime.fromisoformat(entry["date"]).tzinfo is not None
+    with opened():
+        look("stacks", "abc")
+        published(tmp_path)
+    text, entries = published(tmp_path)
+    assert "evaluated 2 times" in text
+    assert len(entries) == 2
+
+
+def test_pages_that_are_not_published_count_nothing(tmp_path):
+    with opened():
+        look("stacks", "abc")
+        assert published(tmp_path, publish=None) == ("", [])
+
+
+def test_nothing_is_published_that_could_not_be_counted(tmp_path):
+    (tmp_path / "docs").mkdir()
+    (tmp_path / "docs" / "final.jsonl").write_text("cut off")
+    with opened():
+        look("stacks", "abc")
+        with pytest.raises(StorageError, match="restore it"):
+            published(tmp_path)
+    assert not (tmp_path / "docs" / "a").exists()

@@ -7,8 +7,10 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.types import Pose, SceneObject
 from scenefw.scenes.checks import deepest_penetration
 from scenefw.scenes.engines.pybullet_engine import PyBulletEngine
+from scenefw.scenes.splits import split_of
 from scenefw.scenes.stacks import StackGenerator
 from scenefw.shapes.library import SuperquadricLibrary
+from scenefw.shapes.superquadric import Superquadric
 
 pytest.importorskip("pybullet", reason="needs pybullet (pip install 'scenefw[simulation]')")
 
@@ -141,3 +143,27 @@ def test_scene_objects_carry_uniform_density(scenes):
         item: SceneObject
         for item in scene.objects:
             assert item.mass == pytest.approx(500 * item.shape.volume(), rel=1e-6)
+
+
+class Parts:
+    """A part has one shape, whose size says which part it is."""
+
+    SIZES = {"train": 0.05, "val": 0.06, "test": 0.07, "final": 0.08}  # noqa: RUF012
+
+    def sample(self, rng, split):
+        return Superquadric(np.full(3, self.SIZES[split]), np.full(3, 8.0))
+
+
+@pytest.mark.parametrize("split", [None, "final"])
+def test_scenes_have_shapes_of_their_part_alone(split):
+    source = StackGenerator(Parts(), PyBulletEngine(), 1, 1, split=split)
+    made = [scene for scene in (source.generate(i, 0) for i in range(12)) if scene is not None]
+    assert {scene.split for scene in made} == ({"final"} if split else {"train", "val", "test"})
+    for scene in made:
+        assert scene.split == (split or split_of(0, scene.index))
+        assert all(o.shape.half_axes[0] == Parts.SIZES[scene.split] for o in scene.objects)
+
+
+def test_an_unknown_part_is_refused():
+    with pytest.raises(ConfigError, match=r"scene\.split = last"):
+        generator(split="last")

@@ -1,6 +1,7 @@
 """Scene files: round trip, order, split, and what is wrong with damaged ones."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -67,19 +68,41 @@ def test_concatenate_orders_by_index_and_widens():
     np.testing.assert_array_equal(merged.half_axes[3:], storage.pack(many).half_axes)
 
 
-def test_split_depends_on_seed_and_index_alone():
-    parts = np.array([storage.split_of(0, i) for i in range(1500)])
-    np.testing.assert_allclose(np.bincount(parts) / 1500, [0.70, 0.15, 0.15], atol=0.04)
-    assert storage.split_of(0, 17) == parts[17]
-    assert (parts != [storage.split_of(1, i) for i in range(1500)]).any()
-
-
 def test_manifest(tmp_path):
     path = storage.save_scenes(tmp_path / "a.npz", storage.pack(scenes(6)), {"seed": 0})
     manifest = storage.load_manifest(path)
     assert manifest["scenes"] == 6
     assert manifest["seed"] == 0
     assert sum(manifest["objects"].values()) == sum(manifest["split"].values()) == 6
+
+
+def test_the_manifest_counts_shapes_by_part(tmp_path):
+    first, *others = scenes(6)
+    made = [replace(first, split="train"), *(replace(scene, split="final") for scene in others)]
+    stored = storage.pack(made)
+    assert stored.split.tolist() == [0, 3, 3, 3, 3, 3]
+
+    def shapes(some):
+        every = (item.shape for scene in some for item in scene.objects)
+        return {(*shape.half_axes, *shape.exponents) for shape in every}
+
+    path = storage.save_scenes(tmp_path / "a.npz", stored, {})
+    assert storage.load_manifest(path)["shapes"] == {
+        "train": len(shapes([first])),
+        "val": 0,
+        "test": 0,
+        "final": len(shapes(others)),
+        "shared": len(shapes([first]) & shapes(others)),
+    }
+    assert shapes([first]) & shapes(others)
+
+
+def test_files_of_format_1_are_read_as_before(tmp_path):
+    path = storage.save_scenes(tmp_path / "a.npz", storage.pack(scenes(3)), {})
+    manifest = json.loads(path.with_suffix(".json").read_text())
+    del manifest["shapes"]
+    path.with_suffix(".json").write_text(json.dumps(manifest | {"format": 1}))
+    assert len(storage.load_scenes(path)) == 3
 
 
 def test_empty_set(tmp_path):

@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import time
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ import pytest
 from scenefw.core.errors import ConfigError, StorageError
 from scenefw.core.rng import generator
 from scenefw.core.types import Pose, Scene, SceneObject
+from scenefw.data.stacks import shipped_scenes
 from scenefw.scenes import statistics
 from scenefw.scenes.storage import load_manifest, load_scenes
 from scenefw.shapes.library import SuperquadricLibrary
@@ -53,7 +53,7 @@ def _no_figure(request, monkeypatch):
 def generated(folder, source, **settings):
     settings = {"attempts": 25, "workers": 1, "shard_size": 4} | settings
     task = Generate(source, shards=str(folder / "shards"), output=str(folder / "out"), **settings)
-    return task.run(), folder / "out" / "superquadric_stacks.npz"
+    return task.run(), folder / "out" / "superquadric_stacks_v2.npz"
 
 
 def same(one, two):
@@ -119,7 +119,7 @@ def test_a_kill_changes_nothing(tmp_path, workers):
         time.sleep(0.01)
     os.killpg(process.pid, signal.SIGKILL)
     process.wait()
-    assert not (tmp_path / "killed" / "out" / "superquadric_stacks.npz").exists()
+    assert not (tmp_path / "killed" / "out" / "superquadric_stacks_v2.npz").exists()
     assert 2 <= len(list(shards.glob("*/*.json"))) < 7
     _, killed = generated(tmp_path / "killed", Scattering(pause=0.05))
     _, whole = generated(tmp_path / "whole", Scattering())
@@ -152,15 +152,30 @@ def test_unwritable_output(tmp_path):
 
 def test_recipe_is_plain_data():
     assert json.loads(json.dumps(recipe(Scattering())))["shapes"]["exponents"] == [2.0, 100.0]
+    assert json.loads(json.dumps(recipe({"a": {"b": np.ones(2)}}))) == {"a": {"b": [1.0, 1.0]}}
 
 
-def test_shipped_data_set_is_what_the_generator_makes(tmp_path):
+SHIPPED_BY = {
+    "stacks_v1": ("superquadrics_v1", "stacks"),
+    "scattered_v1": ("superquadrics_v1", "scattered"),
+    "stacks_v2": ("superquadrics", "stacks"),
+    "scattered_v2": ("superquadrics", "scattered"),
+    "large_stacks_v2": ("superquadrics", "large_stacks"),
+    "stacks_of_six_v2": ("superquadrics", "stacks_of_six"),
+}
+
+
+@pytest.mark.parametrize("split", [None, "final"])
+@pytest.mark.parametrize("name", SHIPPED_BY)
+def test_shipped_data_sets_are_what_the_generator_makes(tmp_path, name, split):
     """Equal to 1e-6 with the Bullet of the manifest; in another one things may fall otherwise."""
     pytest.importorskip("pybullet", reason="needs pybullet (pip install 'scenefw[simulation]')")
     from scenefw import registry
     from scenefw.tasks.generate import simulators
 
-    shipped = Path(str(resources.files("scenefw") / "assets" / "superquadric_stacks.npz"))
+    if split and name.endswith("_v1"):
+        pytest.skip("has no final part")
+    shipped = shipped_scenes(name, split or "train")
     manifest = load_manifest(shipped)
     here = simulators()
     if here["pybullet"] != manifest["versions"]["pybullet"]:
@@ -169,14 +184,15 @@ def test_shipped_data_set_is_what_the_generator_makes(tmp_path):
         )
     stored = load_scenes(shipped)
     engine = registry.build("engine", "pybullet")
-    shapes = registry.build("shape", "superquadrics")
-    source = registry.build("scene", "stacks", shapes=shapes, engine=engine)
-    assert recipe(source) == manifest["recipe"]
-    for row in (0, len(stored) // 2, len(stored) - 1):
+    shape, scene = SHIPPED_BY[name]
+    shapes = registry.build("shape", shape)
+    source = registry.build("scene", scene, shapes=shapes, engine=engine, split=split)
+    assert recipe(source) == {"split": None} | manifest["recipe"]
+    for row in (0, len(stored) - 1):
         index, count = int(stored.index[row]), int(stored.count[row])
         make_shard(source, manifest["seed"], index, index + 1, tmp_path / "again.npz")
         again = load_scenes(tmp_path / "again.npz")
         assert again.count.tolist() == [count]
-        for name, array in stored.arrays().items():
+        for field, array in stored.arrays().items():
             wanted = array[row, :count] if array.ndim > 1 else array[row]
-            np.testing.assert_allclose(again.arrays()[name][0], wanted, atol=1e-6, err_msg=name)
+            np.testing.assert_allclose(again.arrays()[field][0], wanted, atol=1e-6, err_msg=field)

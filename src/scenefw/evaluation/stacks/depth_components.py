@@ -1,5 +1,7 @@
 """The baseline without learning: everything above the floor, cut at depth jumps."""
 
+from typing import Self
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
@@ -22,6 +24,10 @@ class DepthComponents:
         self.margin = margin
         self.jump = jump
         self.smallest = smallest
+
+    def with_margin(self, margin: float) -> Self:
+        """The same at another margin (m)."""
+        return type(self)(margin, self.jump, self.smallest)
 
     def segment(self, frame: Frame) -> Int32:
         """Labels (H, W), 0 = no object, of a frame whose camera has its pose (floor z = 0)."""

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from scenefw.core.measures import Measure
-from scenefw.evaluation.stacks import published
+from scenefw.evaluation.stacks import published, published_masks
 
 WITHOUT_LEARNING = "partial_tsdf"
 """The method of evaluations that needs no learning."""
@@ -86,15 +86,50 @@ _IMAGE_SCORES = {
     "boundary_precision": Measure("P", "boundary precision", "%", 1, None, 100.0),
     "boundary_recall": Measure("R", "boundary recall", "%", 1, None, 100.0),
     "objects_f75": Measure("objects F ≥ 75", "objects with F ≥ 0.75", "%", 1, "higher", 100.0),
+    "seam_f": Measure("between objects F", "", "%", 1, "higher", 100.0),
+    "seam_precision": Measure("P", "precision of borders between objects", "%", 1, None, 100.0),
+    "seam_recall": Measure("R", "recall of borders between objects", "%", 1, None, 100.0),
     "count_error": _COUNT_ERROR,
 }
 REFERENCE = "reference"
 
 
+def at_margin(margin: float) -> str:
+    """What names of figures begin with where points up to a height (m) count as floor."""
+    return f"{1000 * margin:g} mm"
+
+
+def of_images(margins: Sequence[float] = ()) -> dict[str, Measure]:
+    """Measures of instances on labelled real images.
+
+    Args:
+        margins: heights (m) up to which points count as floor, beside the one that was chosen.
+    """
+    found = dict(REAL_IMAGES)
+    for margin in margins:
+        where = at_margin(margin)
+        for prefix in ("", f"{REFERENCE}/"):
+            for name in OF_MARGINS:
+                measure = REAL_IMAGES[prefix + name]
+                found[f"{prefix}{where}/{name}"] = replace(
+                    measure,
+                    name=f"{measure.name or measure.heading}, floor up to {where}",
+                    published=None,
+                    trivial=None if prefix else f"{REFERENCE}/{where}/{name}",
+                )
+    return found
+
+
+OF_MARGINS = ("overlap_f", "boundary_f", "seam_f")
+"""Figures that are also given at other margins."""
+
+
 def _of_images() -> Mapping[str, Measure]:
     ours = {
         name: replace(
-            measure, trivial=f"{REFERENCE}/{name}", published=published.REAL_IMAGES.get(name)
+            measure,
+            trivial=f"{REFERENCE}/{name}",
+            published=getattr(published_masks.UOIS_NET, name, None),
         )
         for name, measure in _IMAGE_SCORES.items()
     }

@@ -1,4 +1,4 @@
-"""Table 5.1 of the thesis and scores on real images, to print beside our figures.
+"""Table 5.1 of the thesis, to print beside our figures.
 
 Source of the table: "Scene Understanding for 3D Multi-Object Scenes: Labelling, Reasoning and
 Decomposing", PhD thesis, Imperial College London, Department of Computing, table 5.1 (1419 test
@@ -63,6 +63,3 @@ YCB: dict[str, dict[str, Figure]] = {
     },
 }
 """As `SUPERQUADRICS`, on stacks of YCB objects."""
-
-REAL_IMAGES = {"overlap_f": 0.833, "boundary_f": 0.712}
-"""UOIS-Net-3D (Xie et al. 2021), depth only, on the whole Object Segmentation Database."""

@@ -1,7 +1,7 @@
 """Predicted instances against hand-labelled real depth images (overlap, boundary, object count)."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Literal, Protocol
 
@@ -15,9 +15,13 @@ from scenefw.core.protocols import Track
 from scenefw.core.types import Float64, Frame, Int32, SceneEstimate
 from scenefw.data.readers import find_images, read_frame, read_labels
 from scenefw.evaluation.stacks.depth_components import DepthComponents
-from scenefw.evaluation.stacks.measures import REAL_IMAGES, REFERENCE
+from scenefw.evaluation.stacks.measures import OF_MARGINS, REFERENCE, at_margin, of_images
 from scenefw.metrics.masks import MaskScores, mask_scores
+from scenefw.metrics.seams import Seams, seam_scores
 from scenefw.perception.points import world_points
+
+Which = Literal["scores", "reference"]
+NO_SEAMS = Seams()
 
 
 class Estimator(Protocol):
@@ -25,6 +29,14 @@ class Estimator(Protocol):
 
     def estimate(self, frame: Frame) -> SceneEstimate:
         """The scene; raises an InputError where the image can't be used."""
+
+
+@dataclass(frozen=True)
+class Scored:
+    """Masks of one image at one margin: their scores, and the borders between objects."""
+
+    masks: MaskScores
+    seams: Seams
 
 
 @dataclass(frozen=True)
@@ -37,6 +49,9 @@ class ImageResult:
         reference: scores of the segmentation without learning.
         labels: (H, W) int16 of `true` (-1 = unknown), `method` and `reference`.
         colour: (H, W, 3) uint8 or None.
+        seams: of the method, borders between objects.
+        reference_seams: of the segmentation without learning.
+        margins: both methods, `scores` and `reference`, at other heights (m) that count as floor.
     """
 
     name: str
@@ -44,6 +59,9 @@ class ImageResult:
     reference: MaskScores
     labels: Mapping[str, NDArray[np.int16]]
     colour: NDArray[np.uint8] | None = None
+    seams: Seams = NO_SEAMS
+    reference_seams: Seams = NO_SEAMS
+    margins: Mapping[float, Mapping[str, Scored]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -54,11 +72,13 @@ class Failure:
         name: of the image.
         reason: one line.
         objects: how many are labelled; None where the file can't be read at all.
+        seams: pixels of the borders between them, none of them found.
     """
 
     name: str
     reason: str
     objects: int | None
+    seams: Seams = NO_SEAMS
 
     @property
     def scores(self) -> MaskScores:
@@ -81,23 +101,48 @@ class RealMaskResult:
         """Labelled images, failed ones included."""
         return len(self.images) + len(self.failures)
 
-    def scores(self, which: Literal["scores", "reference"] = "scores") -> list[MaskScores]:
+    def scores(self, which: Which = "scores") -> list[MaskScores]:
         """Of every image, failed ones last."""
         return [getattr(i, which) for i in self.images] + [f.scores for f in self.failures]
 
+    def seams(self, which: Which = "scores") -> Seams:
+        """Borders between objects, added up over all images, failed ones included."""
+        name = "seams" if which == "scores" else "reference_seams"
+        found = [getattr(image, name) for image in self.images]
+        return sum([*found, *(f.seams for f in self.failures)], NO_SEAMS)
+
+    @property
+    def margins(self) -> tuple[float, ...]:
+        """Heights (m) up to which points count as floor, at which all images were scored."""
+        return tuple(self.images[0].margins) if self.images else ()
+
     @property
     def figures(self) -> dict[str, float]:
-        """Means over images by name; the reference's have the prefix `reference/`."""
-        ours, theirs = self._means("scores"), self._means("reference")
+        """Figures by name; the reference's have the prefix `reference/`.
+
+        Means over images, but for borders between objects, whose pixels are added up over images,
+        as many images have none. Figures at other margins begin with theirs, as `8 mm/overlap_f`.
+        """
+        ours, theirs = self._all("scores"), self._all("reference")
         counts = {"images": float(self.number), "failures": float(len(self.failures))}
         return ours | {f"{REFERENCE}/{name}": value for name, value in theirs.items()} | counts
 
     @property
     def measures(self) -> Mapping[str, Measure]:
         """Units, digits and published values of the figures."""
-        return REAL_IMAGES
+        return of_images(self.margins)
 
-    def _means(self, which: Literal["scores", "reference"]) -> dict[str, float]:
+    def _all(self, which: Which) -> dict[str, float]:
+        found = self._means(which) | _seam_figures(self.seams(which))
+        for margin in self.margins:
+            at = [image.margins[margin][which] for image in self.images]
+            masks = [s.masks for s in at] + [f.scores for f in self.failures]
+            seams = sum([*(s.seams for s in at), *(f.seams for f in self.failures)], NO_SEAMS)
+            every = {name: _mean(masks, name) for name in SCORES} | _seam_figures(seams)
+            found |= {f"{at_margin(margin)}/{name}": every[name] for name in OF_MARGINS}
+        return found
+
+    def _means(self, which: Which) -> dict[str, float]:
         means = {name: _mean(self.scores(which), name) for name in SCORES}
         known = [getattr(i, which) for i in self.images]
         known += [f.scores for f in self.failures if f.objects is not None]
@@ -107,6 +152,7 @@ class RealMaskResult:
 COUNT_ERROR = "count_error"
 SCORES = [f.name for f in fields(MaskScores) if f.name not in {"predicted", "true"}]
 SCORES.append(COUNT_ERROR)
+SEAMS = ("seam_f", "seam_precision", "seam_recall")
 
 
 class RealMasks:
@@ -122,7 +168,8 @@ class RealMasks:
         reference: segments the same images without learning.
         margin: points up to this height above the floor belong to no object (m).
         reach: how far outside a predicted object a seen point may lie and still be its (voxels).
-        tolerance: see `metrics.masks.mask_scores`.
+        tolerance: see `metrics.masks.mask_scores` and `metrics.seams.seam_scores`.
+        margins: heights (m) in place of `margin`, of both methods, for a table beside.
 
     Raises:
         ConfigError: no input is given.
@@ -136,6 +183,7 @@ class RealMasks:
         margin: float = 0.005,
         reach: float = 2.0,
         tolerance: float = 0.003,
+        margins: Sequence[float] = (),
     ) -> None:
         if input is None:
             raise ConfigError(
@@ -147,6 +195,7 @@ class RealMasks:
         self.margin = margin
         self.reach = reach
         self.tolerance = tolerance
+        self.margins = tuple(margins)
 
     def run(self, track: Track = lambda paths, _: paths) -> RealMaskResult:
         """Scores every labelled image; `track` wraps the loop in a progress bar.
@@ -163,7 +212,7 @@ class RealMasks:
                 if frame.labels is not None:
                     images.append(self._score(frame, frame.labels))
             except InputError as error:
-                failures += _failure(path, error)
+                failures += self._failure(path, error)
         if not images and failures:
             raise InputError(f"no labelled image could be used; the first: {failures[0].reason}")
         if not images:
@@ -175,27 +224,46 @@ class RealMasks:
 
     def _score(self, frame: Frame, true: Int32) -> ImageResult:
         estimate = self.method.estimate(frame)
-        ours = seen_instances(estimate, self.margin, self.reach)
+        seen = seen_instances(estimate, min(self.margin, *self.margins, np.inf), self.reach)
+        heights = world_points(estimate.frame)[..., 2]
         plain = self.reference.segment(estimate.frame)
-        labels = {"true": true, "method": ours, "reference": plain}
+        labels = {"true": true, "method": _above(seen, heights, self.margin), "reference": plain}
+        ours, theirs = (self._scored(labels[name], true) for name in ("method", "reference"))
         return ImageResult(
             frame.name,
-            mask_scores(ours, true, self.tolerance),
-            mask_scores(plain, true, self.tolerance),
+            ours.masks,
+            theirs.masks,
             {name: image.astype(np.int16) for name, image in labels.items()},
             frame.colour,
+            ours.seams,
+            theirs.seams,
+            {
+                margin: {
+                    "scores": self._scored(_above(seen, heights, margin), true),
+                    "reference": self._scored(
+                        self.reference.with_margin(margin).segment(estimate.frame), true
+                    ),
+                }
+                for margin in self.margins
+            },
         )
 
+    def _scored(self, predicted: Int32, true: Int32) -> Scored:
+        return Scored(
+            mask_scores(predicted, true, self.tolerance),
+            seam_scores(predicted, true, self.tolerance),
+        )
 
-def _failure(path: Path, error: InputError) -> list[Failure]:
-    """The failed image, with its number of objects; empty if it has no labels."""
-    try:
-        true = read_labels(path)
-    except InputError:  # the same damage, or more: it may well have labels
-        return [Failure(path.stem, str(error), None)]
-    if true is None:
-        return []
-    return [Failure(path.stem, str(error), len(np.unique(true[true > 0])))]
+    def _failure(self, path: Path, error: InputError) -> list[Failure]:
+        """The failed image, with its objects and borders; empty if it has no labels."""
+        try:
+            true = read_labels(path)
+        except InputError:  # the same damage, or more: it may well have labels
+            return [Failure(path.stem, str(error), None)]
+        if true is None:
+            return []
+        missed = seam_scores(np.zeros_like(true), true, self.tolerance)
+        return [Failure(path.stem, str(error), len(np.unique(true[true > 0])), missed)]
 
 
 def seen_instances(estimate: SceneEstimate, margin: float = 0.005, reach: float = 2.0) -> Int32:
@@ -223,6 +291,14 @@ def _nearest_instance(instances: Int32, voxels: Float64, reach: float) -> Int32:
         closer = distance < nearest
         nearest[closer], label[closer] = distance[closer], i
     return label
+
+
+def _above(labels: Int32, heights: Float64, margin: float) -> Int32:
+    return np.where(heights > margin, labels, 0)  # NaN where no depth: not above
+
+
+def _seam_figures(seams: Seams) -> dict[str, float]:
+    return {name: getattr(seams, name) for name in SEAMS}
 
 
 def _mean(scores: Sequence[MaskScores], name: str) -> float:

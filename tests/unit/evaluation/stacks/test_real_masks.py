@@ -98,6 +98,45 @@ def test_run_gives_means_of_method_and_reference(tmp_path):
     assert {"boundary_f", "objects_f75", "reference/boundary_f"} <= set(figures)
 
 
+def test_other_margins_are_what_runs_at_those_give(tmp_path):
+    _save(tmp_path / "a.npz", _frame(), instances=_frame().labels)
+
+    def figures(margin, **settings):
+        plain = DepthComponents(margin, smallest=50)
+        return RealMasks(tmp_path, _Method(), plain, margin, **settings).run().figures
+
+    beside = figures(0.005, margins=[0.03, 0.002])
+    for margin, where in ((0.03, "30 mm"), (0.002, "2 mm")):
+        alone = figures(margin)
+        for prefix in ("", "reference/"):
+            for name in ("overlap_f", "boundary_f", "seam_f"):
+                assert beside[f"{prefix}{where}/{name}"] == alone[prefix + name]
+    assert beside["30 mm/boundary_f"] < beside["2 mm/boundary_f"]
+    assert {k: v for k, v in beside.items() if " mm/" not in k} == figures(0.005)
+
+
+def test_every_figure_at_a_margin_has_its_measure(tmp_path):
+    _save(tmp_path / "a.npz", _frame(), instances=_frame().labels)
+    result = RealMasks(tmp_path, _Method(), DepthComponents(), margins=[0.008]).run()
+    assert result.figures.keys() <= result.measures.keys()
+    measure = result.measures["8 mm/overlap_f"]
+    assert measure.trivial == "reference/8 mm/overlap_f"
+    assert measure.published is None  # theirs has no margin
+
+
+def test_seams_are_added_up_over_images_and_failures(tmp_path):
+    frame = _frame()
+    hole = frame.depth.copy()
+    hole[0, 0] = 0
+    _save(tmp_path / "a.npz", frame, instances=frame.labels)
+    one = RealMasks(tmp_path, _Method(), DepthComponents(smallest=50)).run()
+    assert one.figures["seam_f"] > 0.9
+    _save(tmp_path / "b.npz", replace(frame, depth=hole), instances=frame.labels)
+    both = RealMasks(tmp_path, _Method(), DepthComponents(smallest=50)).run()
+    assert both.figures["seam_recall"] == pytest.approx(one.figures["seam_recall"] / 2)
+    assert both.figures["seam_precision"] == one.figures["seam_precision"]
+
+
 SHARES = [
     f"{name}{what}" for name in ("overlap_", "boundary_") for what in ("f", "precision", "recall")
 ] + ["objects_f75"]

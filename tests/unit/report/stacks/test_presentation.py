@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenefw.evaluation.stacks.real_masks import Failure, ImageResult, RealMaskResult
+from scenefw.evaluation.stacks.real_masks import Failure, ImageResult, RealMaskResult, Scored
 from scenefw.evaluation.stacks.results import ReconstructionResult, ViewScores
 from scenefw.metrics.masks import MaskScores
+from scenefw.metrics.seams import Seams
 from scenefw.report.blocks import Drawing
 from scenefw.report.stacks.presentation import StackResults
 
@@ -26,12 +27,15 @@ def test_masks_beside_reference_and_published(tmp_path):
     failures = (Failure("c", "no floor", 5), Failure("d", "damaged", None))
     section, gallery = sections(RealMaskResult(images, failures), tmp_path)
     table, spread, failure, damaged = section.blocks
-    ours, reference, published = (cells for _, cells in table.rows)
+    ours, reference, published = (cells for _, cells in table.rows[:3])
     assert ours[0] == pytest.approx(33.75)  # per cent, mean of 0.85, 0.5 and twice 0
     assert ours[-1] == pytest.approx(7 / 3)  # objects per image: 0, 2 and 5
     assert reference[0] == pytest.approx(25)
     assert published[0] == pytest.approx(83.3)
     assert published[-1] is None
+    names = [name for name, _ in table.rows]
+    assert names[2] == "UOIS-Net-3D: depth, masks refined with colour (published)"
+    assert table.quoted == set(names[2:])
     assert "4 images, of which 2 failed and count as 0" in table.note
     assert "but for 1, whose labels" in table.note
     assert spread.rows[0][1][0] == pytest.approx(85)
@@ -51,6 +55,22 @@ def test_masks_without_failures_speak_of_none(tmp_path):
     assert dict(table.rows)["scenefw"][0] == pytest.approx(67.5)
     assert table.note.startswith("Percent, means over 2 images; count error")
     assert spread.rows[-1][1][0] == pytest.approx(50)
+
+
+def test_masks_at_other_heights_of_the_floor(tmp_path):
+    margins = {
+        0.002: {"scores": Scored(GOOD, Seams(1, 2, 1, 2)), "reference": Scored(POOR, Seams())},
+        0.008: {"scores": Scored(POOR, Seams(1, 1, 1, 1)), "reference": Scored(GOOD, Seams())},
+    }
+    images = [replace(_image(name, GOOD), margins=margins) for name in "ab"]
+    section, _ = sections(RealMaskResult(tuple(images)), tmp_path)
+    table = section.blocks[1]
+    headings = [column.name for column in table.columns]
+    assert headings[:3] == ["overlap F", "reference overlap F", "boundary F"]
+    rows = dict(table.rows)
+    assert list(rows) == ["up to 2 mm", "up to 8 mm"]
+    assert rows["up to 2 mm"] == pytest.approx((85, 50, 65, 65, 50, 100))
+    assert rows["up to 8 mm"] == pytest.approx((50, 85, 65, 65, 100, 100))
 
 
 def _view(number, visibility, **changes):

@@ -1,0 +1,125 @@
+"""How well the lines between objects are found: borders where two instances meet."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from scenefw.core.errors import InputError
+
+Labels = NDArray[np.integer]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Seams:
+    """Pixels on the seams of one image, or of several if added up.
+
+    Args:
+        hits: predicted ones near a true one.
+        predicted: predicted ones, where the truth is known.
+        found: true ones near a predicted one.
+        true: true ones.
+    """
+
+    hits: int = 0
+    predicted: int = 0
+    found: int = 0
+    true: int = 0
+
+    def __add__(self, other: Seams) -> Seams:
+        """The pixels of both."""
+        return Seams(
+            self.hits + other.hits,
+            self.predicted + other.predicted,
+            self.found + other.found,
+            self.true + other.true,
+        )
+
+    @property
+    def seam_precision(self) -> float:
+        """Share of the predicted seams that are true; 1 if nothing is predicted."""
+        return self.hits / self.predicted if self.predicted else 1.0
+
+    @property
+    def seam_recall(self) -> float:
+        """Share of the true seams that are found; 1 if there is none."""
+        return self.found / self.true if self.true else 1.0
+
+    @property
+    def seam_f(self) -> float:
+        """Harmonic mean of precision and recall."""
+        total = self.seam_precision + self.seam_recall
+        return 2 * self.seam_precision * self.seam_recall / total if total else 0.0
+
+
+def seam_scores(predicted: Labels, true: Labels, tolerance: float = 0.003) -> Seams:
+    """Compares the seams of predicted instances with the true ones.
+
+    Which object is which does not matter, only where one ends and another begins. Borders with the
+    floor are no seams, so what counts as floor hardly matters either.
+
+    Args:
+        predicted: (H, W) labels, <= 0 where no object.
+        true: (H, W) labels, 0 = no object, -1 = unknown: predicted seams there count for nothing.
+        tolerance: two objects meet, and seams match, within ceil(tolerance * image diagonal)
+            pixels.
+
+    Raises:
+        InputError: the two images differ in size.
+    """
+    if predicted.shape != true.shape or true.ndim != 2:
+        raise InputError(
+            f"predicted labels {predicted.shape} and true labels {true.shape} must be images of "
+            "one size; predict on the image that was labelled"
+        )
+    reach = radius(true, tolerance)
+    ours, theirs = seams(predicted, reach), seams(true, reach)
+    known = ours & (true >= 0)
+    return Seams(
+        hits=int((known & _near(theirs, reach)).sum()),
+        predicted=int(known.sum()),
+        found=int((theirs & _near(ours, reach)).sum()),
+        true=int(theirs.sum()),
+    )
+
+
+def radius(labels: Labels, tolerance: float) -> int:
+    """Pixels of a tolerance, given as a share of the image diagonal."""
+    return math.ceil(tolerance * math.hypot(*labels.shape))
+
+
+def seams(labels: Labels, reach: int) -> Mask:
+    """Pixels (H, W) where an object meets another.
+
+    These are the pixels of an object that touch something else with a side and have a pixel of
+    another object within `reach`. So a seam has a line of pixels on each of its sides.
+    """
+    found = np.zeros(labels.shape, bool)
+    inner = _touching(labels)
+    for i in np.unique(labels[labels > 0]):
+        own = labels == i
+        found |= own & inner & _near((labels > 0) & ~own, reach)
+    return found
+
+
+def _touching(labels: Labels) -> Mask:
+    """Pixels with a neighbour above, below, left or right of another label."""
+    found = np.zeros(labels.shape, bool)
+    for a, b in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
+        differ = labels[a] != labels[b]
+        found[a] |= differ
+        found[b] |= differ
+    return found
+
+
+def _near(mask: Mask, reach: int) -> Mask:
+    """Pixels at most `reach` from the mask."""
+    if not mask.any():
+        return mask
+    near: Mask = distance_transform_edt(~mask) <= reach
+    return near
