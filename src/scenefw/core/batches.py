@@ -72,10 +72,18 @@ class PartialTSDF:
     Args:
         distance: (B, 1, X, Y, Z) metres, +truncation where unseen.
         observed: (B, 1, X, Y, Z) bool: in front of a seen surface, or up to a voxel behind it.
+        depth: (B, H, W) z-depth (m) that it was made of, for methods that look at pixels, or None.
+        cameras: of these images, or None.
     """
 
     distance: Tensor
     observed: Tensor
+    depth: Tensor | None = None
+    cameras: CameraBatch | None = None
+
+    def of(self, index: int) -> PartialTSDF:
+        """One view as a batch of one, without its image."""
+        return PartialTSDF(self.distance[index : index + 1], self.observed[index : index + 1])
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,10 @@ MEASURES_FILE = "measures.json"
 """Beside `metrics.json` in the folder of a run."""
 
 
+LOW, HIGH = "_low", "_high"
+"""Ends of the names of a figure's bounds, of 95 per cent, where it has some."""
+
+
 @dataclass(frozen=True)
 class Measure:
     """How a figure is printed, and what it is compared with.

@@ -34,6 +34,13 @@ def stack_cameras(
     )
 
 
+def camera_of(cameras: CameraBatch, index: int) -> Camera:
+    """One camera of a batch."""
+    fx, fy, cx, cy = cameras.intrinsics[index].tolist()
+    pose = cameras.T_world_camera[index].double().cpu().numpy()
+    return Camera(cameras.width, cameras.height, fx, fy, cx, cy, pose)
+
+
 def require_depth(depth: torch.Tensor, cameras: CameraBatch) -> torch.Tensor:
     """Returns depth (B, H, W) as contiguous float32 with 0 where not finite.
 

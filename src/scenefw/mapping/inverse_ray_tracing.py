@@ -71,7 +71,7 @@ class InverseRayTracing:
         voxels = distance.numel()
         partial.project(voxels, *view, distance.view(-1), observed.view(-1), size, box)
         partial.normalise(voxels, slots, sums, distance.view(-1), size, box)
-        return PartialTSDF(distance, observed)
+        return PartialTSDF(distance, observed, depth, cameras)
 
 
 def _limits(closest: Tensor, grid: GridSpec) -> Tensor:

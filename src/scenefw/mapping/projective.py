@@ -35,4 +35,4 @@ class Projective:
             (grid.resolution, cameras.width, cameras.height),
             float32(grid.voxel_size, *grid.lower, grid.truncation),
         )  # fmt: skip
-        return PartialTSDF(distance, observed)
+        return PartialTSDF(distance, observed, depth, cameras)

@@ -40,7 +40,11 @@ def instance_scores(
         true: labels of the same shape.
         matching: default is the optimal assignment.
     """
-    iou = iou_matrix(predicted, true)
+    return scores_of(iou_matrix(predicted, true), matching)
+
+
+def scores_of(iou: Float64, matching: Matching | None = None) -> InstanceScores:
+    """Scores of an IoU matrix (P, T) of predicted and true objects."""
     pairs = (matching or Assignment()).assign(-iou)
     matched = iou[pairs[:, 0], pairs[:, 1]]
     return InstanceScores(

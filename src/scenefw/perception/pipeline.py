@@ -76,7 +76,7 @@ class Pipeline:
         seed: of the codes.
 
     Raises:
-        ConfigError: no sample.
+        ConfigError: no sample, or the reconstructor has no grid.
     """
 
     def __init__(
@@ -93,6 +93,8 @@ class Pipeline:
     ) -> None:
         if samples < 1:
             raise ConfigError(f"samples is {samples}; expected at least 1, the zero code's")
+        if reconstructor.grid is None:
+            raise ConfigError("the reconstructor has no grid; add 'reconstructor.grid=${grid}'")
         self.reconstructor = reconstructor
         self.mapping = mapping
         self.floor = floor or FloorFinder()

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from scenefw.core.types import GridSpec
 
 
+_CODES_AT_ONCE = 5  # of which the network encodes the view once
+
+
 class TrainedNetwork(Protocol):
     """What a loaded checkpoint provides (`learning.checkpoint.load_checkpoint`)."""
 
@@ -52,6 +55,7 @@ class NetworkReconstructor:
         representations: of the volumes that come out, by name; tsdf and votes are among them,
             and each is an output of the network. None: these two alone.
         typical_first: without it all samples are drawn.
+        coupled: codes are drawn together; without it independently, as in the thesis.
 
     Raises:
         ConfigError: smoothing or temperature is negative, or the network lacks an output.
@@ -67,6 +71,7 @@ class NetworkReconstructor:
         representations: Mapping[str, Representation] | None = None,
         *,
         typical_first: bool = True,
+        coupled: bool = True,
     ) -> None:
         if smoothing < 0 or temperature < 0:
             raise ConfigError(
@@ -80,7 +85,7 @@ class NetworkReconstructor:
         self.metadata = dict(checkpoint.metadata)
         self.extractor = extractor
         self.smoothing, self.temperature = smoothing, temperature
-        self.typical_first = typical_first
+        self.typical_first, self.coupled = typical_first, coupled
         self.device = torch.device(device)
         self.model = _ready(checkpoint.model, self.device)
 
@@ -103,12 +108,13 @@ class NetworkReconstructor:
         inputs = condition(partial, grid)
         inputs = inputs.to(self.device, memory_format=_memory_format(self.device))
         results = []
-        for code in self._codes(samples, len(inputs), generator):
-            found = dict(self.model.predict(inputs, code.to(self.device)).volumes)
+        for codes in self._codes(samples, len(inputs), generator).split(_CODES_AT_ONCE):
+            found = dict(self.model.predict(inputs, codes.flatten(0, 1).to(self.device)).volumes)
             found["tsdf"] = smoothed(found["tsdf"].float().clamp(-1, 1), self.smoothing)
-            results.append(
-                {n: one.from_network(found[n], grid) for n, one in self.representations.items()}
-            )
+            made = {n: one.from_network(found[n], grid) for n, one in self.representations.items()}
+            for row in range(len(codes)):
+                part = slice(row * len(inputs), (row + 1) * len(inputs))
+                results.append({name: volume[part] for name, volume in made.items()})
         return results
 
     def _codes(self, samples: int, views: int, generator: torch.Generator) -> Tensor:
@@ -117,7 +123,8 @@ class NetworkReconstructor:
         if not self.temperature or not self.model.latent_size:
             return torch.zeros(1, *shape)
         typical = torch.zeros(int(self.typical_first), *shape)
-        drawn = coupled_codes(samples - len(typical), shape, generator)
+        draw = coupled_codes if self.coupled else independent_codes
+        drawn = draw(samples - len(typical), shape, generator)
         return torch.cat([typical, self.temperature * drawn])
 
     def complete(
@@ -157,6 +164,11 @@ def _ready(model: nn.Module, device: torch.device) -> ShapeInstanceModel:
     return model.to(device).eval()
 
 
+def independent_codes(samples: int, shape: tuple[int, ...], generator: torch.Generator) -> Tensor:
+    """Codes (S, *shape) from N(0, I)."""
+    return torch.randn((samples, *shape), generator=generator)
+
+
 def coupled_codes(samples: int, shape: tuple[int, ...], generator: torch.Generator) -> Tensor:
     """Codes (S, *shape), each from N(0, I), that differ as much as such codes can.
 
@@ -164,7 +176,7 @@ def coupled_codes(samples: int, shape: tuple[int, ...], generator: torch.Generat
     least that all pairs can have (extreme antithesis, Craiu and Meng 2005). Means over them vary
     less than those over independent codes, and few of them show more of what a view allows.
     """
-    codes = torch.randn((samples, *shape), generator=generator)
+    codes = independent_codes(samples, shape, generator)
     if samples < 2:
         return codes
     return (codes - codes.mean(dim=0)) * math.sqrt(samples / (samples - 1))

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from scenefw.core.measures import Measure
+from scenefw.core.measures import HIGH, LOW, Measure
 from scenefw.report.tables import Column
 
 _ARROWS = {"lower": " ↓", "higher": " ↑", None: ""}
@@ -37,8 +37,14 @@ def label(measure: Measure, figures: Mapping[str, float]) -> str:
 def compared(
     measure: Measure, name: str, figures: Mapping[str, float]
 ) -> tuple[str, str | None, str | None]:
-    """A figure, the baseline's and the published one, as printed."""
+    """A figure with its bounds, the baseline's and the published one, as printed."""
     trivial = figures.get(measure.trivial) if measure.trivial else None
     theirs = (trivial, measure.published)
     without, published = (None if value is None else measure.text(value) for value in theirs)
-    return measure.text(figures[name]), without, published
+    return measure.text(figures[name]) + _bounds(measure, name, figures), without, published
+
+
+def _bounds(measure: Measure, name: str, figures: Mapping[str, float]) -> str:
+    ends = [figures.get(name + end) for end in (LOW, HIGH)]
+    texts = [measure.text(value) for value in ends if value is not None]
+    return f" ({' to '.join(texts)})" if len(texts) == 2 else ""

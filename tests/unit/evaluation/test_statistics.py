@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from scenefw.evaluation.statistics import mean_interval, paired_interval
+from scenefw.evaluation.statistics import bootstrap_interval, mean_interval, paired_interval
 
 
 def test_bounds_are_those_of_scipy():
@@ -33,3 +33,34 @@ def test_pairs_are_compared_scene_by_scene():
     found = paired_interval(hard + 0.01, hard)
     assert found.mean == pytest.approx(0.01)
     assert 0 < found.low <= found.high < 0.011
+
+
+def first(means):
+    return means[..., 0]
+
+
+def test_bootstrap_bounds_are_those_of_the_theory_for_many_scenes():
+    rng = np.random.default_rng(0)
+    values = rng.normal(3.0, 2.0, size=(400, 1))
+    found = bootstrap_interval(values, range(400), first)
+    reach = 1.96 * values.std() / 20
+    assert found.mean == pytest.approx(values.mean())
+    assert found.low == pytest.approx(values.mean() - reach, abs=0.1 * reach)
+    assert found.high == pytest.approx(values.mean() + reach, abs=0.1 * reach)
+
+
+def test_scenes_are_drawn_and_not_their_views():
+    scenes = np.repeat(np.arange(30), 4)
+    values = np.random.default_rng(1).normal(size=30)[scenes, None]
+    once = bootstrap_interval(values[::4], range(30), first)
+    often = bootstrap_interval(values, scenes, first)
+    assert (often.low, often.high, often.count) == pytest.approx((once.low, once.high, 30))
+
+
+def test_a_ratio_is_that_of_means():
+    values = np.array([[1.0, 2.0], [3.0, 4.0], [np.nan, 1.0]])
+    found = bootstrap_interval(values, [0, 1, 2], lambda m: m[..., 0] / m[..., 1])
+    assert found.mean == pytest.approx(4 / 6)
+    assert found.count == 2
+    assert np.isnan(bootstrap_interval(values[2:], [2], first).mean)
+    assert np.isnan(bootstrap_interval(values[:1], [0], first).low)

@@ -22,6 +22,8 @@ class Echo(torch.nn.Module):
 
     def predict(self, condition, latent=None):
         shift = latent[:, :1, None, None, None] if self.latent_size else 0
+        if latent is not None:
+            condition = condition.repeat(len(latent) // len(condition), 1, 1, 1, 1)
         votes = condition[:, :1].expand(-1, 3, -1, -1, -1)
         return ShapeInstancePrediction({"tsdf": condition[:, :1] + shift, "votes": votes})
 

@@ -20,8 +20,17 @@ STACKS = {
     "occupancy_bce": 0.326,
     "instance_iou": 0.733,
     "occupancy_iou": 0.796,
-    "partial_tsdf/chamfer_full_excess": 0.0282,
-    "partial_tsdf/instance_iou": 0.2,
+    "zero_code/chamfer_full_excess": 0.0067,
+    "zero_code/instance_iou": 0.733,
+    "zero_code/occupancy_iou": 0.796,
+    "hull_filling/chamfer_full_excess": 0.0148,
+    "hull_filling/instance_iou": 0.61,
+    "base_rate/occupancy_bce": 0.075,
+    "training_mean/occupancy_bce": 0.038,
+    "draws/scenefw/log_skill": 0.612,
+    "draws/scenefw/log_skill_low": 0.58,
+    "draws/scenefw/log_skill_high": 0.64,
+    "draws/hull_filling/log_skill": 0.401,
 }
 IMAGES = {
     "images": 45.0,
@@ -48,7 +57,10 @@ LABELLING = {
 
 CLASSES = ("surface", "remote_control", "keyboard", "model_plane")
 MEASURES = {
-    **of_scores(("scenefw", "zero_code", "partial_tsdf")),
+    **of_scores(
+        ("scenefw", "zero_code", "hull_filling", "base_rate", "training_mean"),
+        ("scenefw", "hull_filling"),
+    ),
     **REAL_IMAGES,
     **joined(
         [

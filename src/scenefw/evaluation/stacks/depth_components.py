@@ -2,12 +2,8 @@
 
 from typing import Self
 
-import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
-
-from scenefw.core.types import Float32, Frame, Int32
+from scenefw.core.types import Frame, Int32
+from scenefw.perception.depth_parts import depth_parts, large_parts
 from scenefw.perception.points import world_points
 
 
@@ -32,23 +28,4 @@ class DepthComponents:
     def segment(self, frame: Frame) -> Int32:
         """Labels (H, W), 0 = no object, of a frame whose camera has its pose (floor z = 0)."""
         above = world_points(frame)[..., 2] > self.margin  # NaN where no depth: not above
-        components = _join(frame.depth, above, self.jump)
-        sizes = np.bincount(components.ravel())
-        kept = sizes >= self.smallest
-        kept[0] = False  # label 0 is the background
-        return (np.cumsum(kept) * kept)[components].astype(np.int32)
-
-
-def _join(depth: Float32, above: NDArray[np.bool_], jump: float) -> NDArray[np.int64]:
-    """Components (H, W), from 1 on, of pixels `above`; neighbours of similar depth join."""
-    index = np.arange(depth.size).reshape(depth.shape)
-    rows, columns = [], []
-    for a, b in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
-        joined = above[a] & above[b] & (np.abs(depth[a] - depth[b]) < jump)
-        rows.append(index[a][joined])
-        columns.append(index[b][joined])
-    row, column = np.concatenate(rows), np.concatenate(columns)
-    links = coo_matrix((np.ones(len(row), bool), (row, column)), (depth.size, depth.size))
-    labels = connected_components(links, directed=False)[1].reshape(depth.shape)
-    used = np.unique(labels[above])
-    return np.where(above, np.searchsorted(used, labels) + 1, 0)
+        return large_parts(depth_parts(frame.depth, above, self.jump), self.smallest)

@@ -12,7 +12,7 @@ from scenefw.core.protocols import MappingMethod, Noise, Reconstructor, Renderer
 from scenefw.core.types import Camera, Float32, GridSpec, Int32
 from scenefw.data.stacks import StackScenes
 from scenefw.data.views import ViewMaker, Viewpoints
-from scenefw.evaluation.stacks.visibility import camera_of
+from scenefw.kernels.cameras import camera_of
 from scenefw.matching.instances import renumbered_like
 
 _STREAM = 5  # random stream of views; evaluation has its own

@@ -6,8 +6,12 @@ from dataclasses import replace
 from scenefw.core.measures import Measure
 from scenefw.evaluation.stacks import published, published_masks
 
-WITHOUT_LEARNING = "partial_tsdf"
-"""The method of evaluations that needs no learning."""
+WITHOUT_LEARNING = "hull_filling"
+"""The strongest method of evaluations that needs no learning."""
+BASE_RATE, TRAINING_MEAN = "base_rate", "training_mean"
+"""Forecasts of occupancy without an image: the same in every voxel, and one for each."""
+_UNLEARNED = (WITHOUT_LEARNING, "partial_tsdf", BASE_RATE, TRAINING_MEAN)
+_TRIVIAL = {"occupancy_bce": BASE_RATE}  # of figures that are no measure of skill
 
 _THESIS = {name: figure.mean for name, figure in published.SUPERQUADRICS["SIMstack"].items()}
 _COUNT_ERROR = Measure("count error", "objects too many or too few", digits=2, better="lower")
@@ -55,15 +59,15 @@ _NUMBERS = {
 _OF_METHOD = {"zero_code": " of the zero code alone"}
 
 
-def of_scores(methods: Sequence[str]) -> dict[str, Measure]:
+def of_scores(methods: Sequence[str], drawn: Sequence[str] = ()) -> dict[str, Measure]:
     """Measures of the scores of methods, the main one first, and of their numbers.
 
     Args:
         methods: names; figures of all but the first one begin with theirs.
+        drawn: methods whose samples are judged as samples.
     """
-    compared = WITHOUT_LEARNING in methods[1:]
     found = {
-        name: replace(measure, trivial=f"{WITHOUT_LEARNING}/{name}" if compared else None)
+        name: replace(measure, trivial=_trivial(name, methods[1:]))
         for name, measure in _SCORES.items()
     }
     for method in methods[1:]:
@@ -74,8 +78,80 @@ def of_scores(methods: Sequence[str]) -> dict[str, Measure]:
                 heading=measure.heading + words,
                 name=(measure.name or measure.heading) + words,
                 published=None,
+                trivial=None if method in _UNLEARNED else _trivial(name, methods[1:]),
             )
-    return found | _NUMBERS
+    return found | _NUMBERS | _of_draws(drawn)
+
+
+def _trivial(name: str, others: Sequence[str]) -> str | None:
+    method = _TRIVIAL.get(name, WITHOUT_LEARNING)
+    return f"{method}/{name}" if method in others else None
+
+
+DRAWS = {
+    "log_skill": Measure("log skill", "log skill of occupancy", "%", 1, "higher", 100.0),
+    "brier_skill": Measure("Brier skill", "Brier skill of occupancy", "%", 1, "higher", 100.0),
+    "log_skill_unseen": Measure(
+        "log skill, unseen", "log skill of unseen space", "%", 1, "higher", 100.0
+    ),
+    "brier_skill_unseen": Measure(
+        "Brier skill, unseen", "Brier skill of unseen space", "%", 1, "higher", 100.0
+    ),
+    "unseen_error": Measure(
+        "calibration error, unseen", "calibration error of unseen space", "%", 2, "lower", 100.0
+    ),
+    "coverage": Measure("hidden in spread", "hidden voxels within the samples' spread"),
+    "distance": Measure("mean of draws", "distance of objects, mean of draws", better="lower"),
+    "distance_best_1": Measure("first", "distance of objects, first draw", better="lower"),
+    "distance_best_3": Measure("best of 3", "distance of objects, best of 3", better="lower"),
+    "distance_best_10": Measure("best of 10", "distance of objects, best of 10", better="lower"),
+    "energy": Measure("energy score", "energy score of objects", better="lower"),
+    "spread": Measure("among draws", "distance of objects among draws"),
+    "instance_iou": Measure("instance IoU, mean", "instance IoU, mean of draws", better="higher"),
+    "instance_iou_best_3": Measure("instance IoU, best of 3", better="higher"),
+    "instance_iou_best_10": Measure("instance IoU, best of 10", better="higher"),
+    "pairs_skill": Measure(
+        "skill over distance", "one object or two: log skill", "%", 1, "higher", 100.0
+    ),
+    "pairs_skill_rate": Measure(
+        "skill over rate", "one object or two: log skill over the rate", "%", 1, "higher", 100.0
+    ),
+    "pairs_log": Measure("log score", "one object or two: log score", "nats", 3, "lower"),
+    "pairs_log_by_distance": Measure(
+        "log score by distance", "one object or two: log score of the rate by distance", "nats"
+    ),
+    "pairs_log_rate": Measure(
+        "log score of the rate", "one object or two: log score of the rate", "nats"
+    ),
+    "pairs_error": Measure(
+        "calibration error", "one object or two: calibration error", "%", 1, "lower", 100.0
+    ),
+}
+"""Of samples judged as samples."""
+_DRAWN = {
+    "coupled": "shipped default (zero code, then coupled codes)",
+    "scenefw": "independent codes",
+    "zero_code": "zero code",
+    "hull_filling": "hull filling",
+}
+
+
+def _of_draws(methods: Sequence[str]) -> dict[str, Measure]:
+    """Figures `draws/<method>/<name>`."""
+    found = {
+        "draws/scenes": Measure("scenes of draws", digits=0),
+        "draws/count": Measure("draws", "draws of each view", digits=0),
+    }
+    for method in methods:
+        words = _DRAWN.get(method, method.replace("_", " "))
+        for name, measure in DRAWS.items():
+            other = method != WITHOUT_LEARNING and WITHOUT_LEARNING in methods
+            found[f"draws/{method}/{name}"] = replace(
+                measure,
+                name=f"{measure.name or measure.heading}, {words}",
+                trivial=f"draws/{WITHOUT_LEARNING}/{name}" if other else None,
+            )
+    return found
 
 
 _IMAGE_SCORES = {

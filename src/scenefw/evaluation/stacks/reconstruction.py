@@ -7,7 +7,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from scenefw.core import rng
 from scenefw.core.errors import ConfigError
 from scenefw.core.protocols import (
     InstanceExtractor,
@@ -18,13 +17,17 @@ from scenefw.core.protocols import (
     Renderer,
     Track,
 )
-from scenefw.core.types import Camera, GridSpec
+from scenefw.core.types import Camera, Float64, GridSpec
 from scenefw.data.stacks import StackScenes
 from scenefw.data.views import ViewBatch, ViewMaker, Viewpoints
+from scenefw.evaluation.stacks.draw_results import DrawsResult, DrawView
+from scenefw.evaluation.stacks.draws import DrawScoring, Truth
+from scenefw.evaluation.stacks.measures import BASE_RATE, TRAINING_MEAN
 from scenefw.evaluation.stacks.references import instances_of
 from scenefw.evaluation.stacks.results import ReconstructionResult, ViewScores
-from scenefw.evaluation.stacks.surface_scores import Surfaces, SurfaceScoring
-from scenefw.evaluation.stacks.visibility import VisibleSurface, camera_of
+from scenefw.evaluation.stacks.seen_scenes import Sample, SceneViews, SeenScene, Streams
+from scenefw.evaluation.stacks.surface_scores import Surfaces, SurfaceScoring, TruePoints
+from scenefw.evaluation.stacks.visibility import VisibleSurface
 from scenefw.metrics.instances import instance_scores
 from scenefw.metrics.occupancy import (
     binary_cross_entropy,
@@ -34,9 +37,7 @@ from scenefw.metrics.occupancy import (
     probable_occupancy,
 )
 
-Sample = tuple[Tensor, Tensor]
-
-_VIEW_STREAM, _POINT_STREAM, _CODE_STREAM = 1, 2, 3
+_TEST, _CALIBRATION = Streams(1, 2, 3), Streams(11, 12, 13)
 
 
 class ReconstructionEvaluation:
@@ -63,6 +64,7 @@ class ReconstructionEvaluation:
         matching: of predicted to true objects.
         seed: of cameras, noise, codes and points.
         device: where volumes and views are computed.
+        draws: judges samples as samples, and knows the forecasts without an image; or None.
 
     Raises:
         ConfigError: no method, or no grid.
@@ -84,6 +86,7 @@ class ReconstructionEvaluation:
         matching: Matching | None = None,
         seed: int = 0,
         device: str = "cpu",
+        draws: DrawScoring | None = None,
     ) -> None:
         self.methods = {name: method for name, method in methods.items() if method is not None}
         if not self.methods or views < 1 or samples < 1:
@@ -93,8 +96,10 @@ class ReconstructionEvaluation:
             )
         self.scenes = scenes
         self.extractors = dict(extractors or {})
-        self.grids = _grids(self.methods, grid)
-        self.makers = {
+        self.draws = draws
+        further = draws.methods if draws else {}
+        self.grids = _grids({**self.methods, **further}, grid)
+        makers = {
             g: ViewMaker(g, viewpoints, renderer, mapping, noise)
             for g in dict.fromkeys(self.grids.values())
         }
@@ -104,46 +109,93 @@ class ReconstructionEvaluation:
         self.visible = VisibleSurface(renderer)
         self.matching = matching
         self.seed = seed
-        self.device = device
+        self.seeing = SceneViews(makers, self.visible, seed, device)
 
     @torch.no_grad()
     def run(self, track: Track = lambda pairs, _: pairs) -> ReconstructionResult:
         """Scores all views; `track(items, what)` shows a bar of the loop."""
+        calibration = self._calibration(track)
         pairs = list(product(range(len(self.scenes)), range(self.views)))
-        scores = tuple(self.score(scene, view) for scene, view in track(pairs, "test views"))
+        views, drawn = [], []
+        for scene, view in track(pairs, "test views"):
+            found, outcome = self._both(scene, view)
+            views.append(found)
+            drawn += [outcome] if outcome else []
         names = (*self.methods, *self.extractors)
-        return ReconstructionResult(scores, names, self.samples, self.seed)
+        if self.draws is None:
+            return ReconstructionResult(tuple(views), names, self.samples, self.seed)
+        judged = (*self.methods, *self.draws.methods)
+        draws = DrawsResult(tuple(drawn), calibration, judged, self.draws.count)
+        names = (*names, BASE_RATE, TRAINING_MEAN)
+        return ReconstructionResult(tuple(views), names, self.samples, self.seed, draws)
 
     def score(self, scene: int, view: int) -> ViewScores:
         """All methods on one view of one scene of the split."""
-        parameters = self.scenes.parameters([scene], self.device)
-        batches = {
-            grid: maker.make_one(parameters, rng.generator(self.seed, _VIEW_STREAM, scene, view))
-            for grid, maker in self.makers.items()
-        }
-        finest = max(self.makers, key=lambda grid: grid.resolution)
-        camera = camera_of(batches[finest].cameras, 0)
-        points = rng.generator(self.seed, _POINT_STREAM, scene, view)
-        truth = self.surfaces.truth(
-            self._surfaces(batches[finest].volumes.tsdf[0, 0], finest, camera), points
-        )
+        return self._both(scene, view)[0]
+
+    def _both(self, scene: int, view: int) -> tuple[ViewScores, DrawView | None]:
+        """Scores of a view and, of the first scenes, what all samples are worth together."""
+        seen = self.seeing.see(self.scenes, scene, view, _TEST)
+        truth = self.surfaces.truth(seen.surfaces, seen.points)
+        draws = self.draws if self.draws and scene < self.draws.scenes else None
+        samples = self._samples(seen, max(self.samples, draws.count if draws else 0))
+        outcome = self._judged(draws, seen, samples, truth.visible) if draws else None
+        first = {name: pairs[: self.samples] for name, pairs in samples.items()}
+        return self._scores(seen, first, truth), outcome
+
+    def _scores(
+        self, seen: SeenScene, samples: Mapping[str, list[Sample]], truth: TruePoints
+    ) -> ViewScores:
         scores = {}
-        for name, method in self.methods.items():
-            grid, codes = self.grids[name], torch.Generator()
-            codes.manual_seed(rng.torch_seed(self.seed, _CODE_STREAM, scene, view))
-            samples = method.reconstruct(batches[grid].partial, grid, self.samples, codes)
-            pairs = [(tsdf[0], instances[0]) for tsdf, instances in samples]
-            scores[name] = self._volume_scores(pairs, batches[grid], grid)
+        for name, pairs in samples.items():
+            grid, main = self.grids[name], name == next(iter(samples))
+            batch = seen.batches[grid]
+            scores[name] = self._volume_scores(pairs, batch, grid)
             shapes = [
-                self.surfaces.compare(self._surfaces(tsdf, grid, camera), truth, points)
-                for tsdf in _distinct([tsdf for tsdf, _ in pairs])
+                self.surfaces.compare(self._surfaces(tsdf, grid, seen.camera), truth, seen.points)
+                for tsdf, _ in pairs
             ]
             scores[name] |= _means(shapes)
-            if name == next(iter(self.methods)):
-                scores |= self._relabelled(pairs, batches[grid], grid)
-        return ViewScores(
-            int(self.scenes.indices[scene]), view, truth.visibility, truth.floors, scores
-        )
+            if main:
+                scores |= self._relabelled(pairs, batch, grid) | self._without_image(batch, grid)
+        return ViewScores(seen.index, seen.view, truth.visibility, truth.floors, scores)
+
+    def _calibration(self, track: Track) -> tuple[DrawView, ...]:
+        """Outcomes of samples of validation scenes."""
+        if self.draws is None:
+            return ()
+        found = []
+        for row in track(range(len(self.draws.calibration)), "calibration views"):
+            seen = self.seeing.see(self.draws.calibration, row, 0, _CALIBRATION)
+            samples = self._samples(seen, self.draws.count)
+            found.append(self._judged(self.draws, seen, samples, seen.visible_points()))
+        return tuple(found)
+
+    def _samples(self, seen: SeenScene, count: int) -> dict[str, list[Sample]]:
+        return {
+            name: seen.samples(method, self.grids[name], count)
+            for name, method in self.methods.items()
+        }
+
+    def _judged(
+        self,
+        draws: DrawScoring,
+        seen: SeenScene,
+        samples: Mapping[str, list[Sample]],
+        points: Float64,
+    ) -> DrawView:
+        further = {
+            name: seen.samples(method, self.grids[name], draws.count)
+            for name, method in draws.methods.items()
+        }
+        truths: dict[GridSpec, Truth] = {}
+        outcomes = {}
+        for name, pairs in {**samples, **further}.items():
+            grid = self.grids[name]
+            if grid not in truths:
+                truths[grid] = seen.truth(grid, points)
+            outcomes[name] = draws.judge(pairs[: draws.count], truths[grid])
+        return DrawView(seen.index, outcomes)
 
     def _surfaces(self, tsdf: Tensor, grid: GridSpec, camera: Camera) -> Surfaces | None:
         return Surfaces.of(tsdf, grid, camera, self.visible)
@@ -166,10 +218,7 @@ class ReconstructionEvaluation:
 
     def _instance_scores(self, samples: Sequence[Tensor], batch: ViewBatch) -> dict[str, float]:
         true = batch.volumes.instances[0].cpu().numpy()
-        rows = [
-            instance_scores(labels.cpu().numpy(), true, self.matching)
-            for labels in _distinct(samples)
-        ]
+        rows = [instance_scores(labels.cpu().numpy(), true, self.matching) for labels in samples]
         return _means(
             [
                 {
@@ -183,11 +232,26 @@ class ReconstructionEvaluation:
             ]
         )
 
+    def _without_image(self, batch: ViewBatch, grid: GridSpec) -> dict[str, dict[str, float]]:
+        """Cross entropies of forecasts that don't look at the view."""
+        if self.draws is None:
+            return {}
+        occupied = batch.volumes.tsdf[0, 0].cpu().numpy() < 0
+        mean = self.draws.mean
+        forecasts = {
+            BASE_RATE: np.full(grid.shape, mean.rate(grid)),
+            TRAINING_MEAN: mean.probability(grid),
+        }
+        return {
+            name: {"occupancy_bce": binary_cross_entropy(one, occupied)}
+            for name, one in forecasts.items()
+        }
+
     def _relabelled(
         self, pairs: Sequence[Sample], batch: ViewBatch, grid: GridSpec
     ) -> dict[str, dict[str, float]]:
         """Instances that other extractors find in the same shapes, without votes."""
-        shapes = _distinct([tsdf for tsdf, _ in pairs])
+        shapes = [tsdf for tsdf, _ in pairs]
         return {
             name: self._instance_scores(
                 [instances_of(tsdf[None], extractor, grid)[0] for tsdf in shapes], batch
@@ -203,13 +267,6 @@ def _grids(methods: Mapping[str, Reconstructor], default: GridSpec | None) -> di
     if common is None:
         raise ConfigError("no method has its own grid; give evaluation.grid=${grid}")
     return {name: grid or common for name, grid in own.items()}
-
-
-def _distinct(samples: Sequence[Tensor]) -> list[Tensor]:
-    """One of all if a method without randomness repeats the same result, else all."""
-    first = samples[0]
-    same = all(s.data_ptr() == first.data_ptr() and s.shape == first.shape for s in samples)
-    return [first] if same else list(samples)
 
 
 def _means(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:

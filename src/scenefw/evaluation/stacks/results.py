@@ -7,8 +7,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from scenefw.core.measures import Measure
+from scenefw.core.measures import HIGH, LOW, Measure
+from scenefw.evaluation.stacks.draw_results import DrawsResult
 from scenefw.evaluation.stacks.measures import of_scores
+from scenefw.evaluation.statistics import Interval, bootstrap_interval
 
 VISIBILITY_EDGES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 1.0)
 
@@ -55,12 +57,14 @@ class ReconstructionResult:
         methods: names, the main one first.
         samples: latent samples per view.
         seed: of views, codes and points.
+        draws: samples judged as samples, on the first scenes; or None.
     """
 
     views: tuple[ViewScores, ...]
     methods: tuple[str, ...]
     samples: int
     seed: int
+    draws: DrawsResult | None = None
 
     @property
     def scenes(self) -> int:
@@ -103,6 +107,12 @@ class ReconstructionResult:
             return Summary(float("nan"), float("nan"), 0)
         return Summary(float(values.mean()), float(values.std()), len(values))
 
+    def interval(self, method: str, name: str) -> Interval:
+        """Mean with bootstrap bounds over scenes."""
+        scenes = [view.scene for view in self.views]
+        values = self.values(method, name)[:, None]
+        return bootstrap_interval(values, scenes, lambda means: means[..., 0])
+
     def by_visibility(
         self, method: str, name: str, edges: Sequence[float] = VISIBILITY_EDGES
     ) -> tuple[tuple[float, float, Summary], ...]:
@@ -115,20 +125,37 @@ class ReconstructionResult:
     @property
     def figures(self) -> dict[str, float]:
         """Means over views by name; methods other than the main one as `<method>/<name>`."""
-        found = {}
+        found: dict[str, float] = {}
         for method in self.methods:
             prefix = "" if method == self.methods[0] else f"{method}/"
             for name in self.names(method):
                 if prefix and name.endswith("_floor"):
                     continue  # that of the truth, the same for all
-                summary = self.summary(method, name)
-                if summary.count:
-                    found[prefix + name] = summary.mean
+                if self.summary(method, name).count:
+                    found |= _bounded(prefix + name, self.interval(method, name))
         counts = {"scenes": self.scenes, "views": len(self.views), "samples": self.samples}
-        shares = {"visibility": float(self.visibility.mean())}
-        return found | shares | {name: float(count) for name, count in counts.items()}
+        found |= {"visibility": float(self.visibility.mean())} | self._of_draws()
+        return found | {name: float(count) for name, count in counts.items()}
+
+    def _of_draws(self) -> dict[str, float]:
+        """Figures of samples as samples, `draws/<method>/<name>`."""
+        if self.draws is None or not self.draws.views:
+            return {}
+        found = {"draws/scenes": float(self.draws.scenes), "draws/count": float(self.draws.count)}
+        for method, intervals in self.draws.intervals.items():
+            for name, interval in intervals.items():
+                if np.isfinite(interval.mean):
+                    found |= _bounded(f"draws/{method}/{name}", interval)
+        return found
 
     @property
     def measures(self) -> Mapping[str, Measure]:
         """Units, digits and published values of the figures."""
-        return of_scores(self.methods)
+        return of_scores(self.methods, self.draws.methods if self.draws else ())
+
+
+def _bounded(name: str, interval: Interval) -> dict[str, float]:
+    """A figure, and its bounds as `<name>_low` and `<name>_high` where it has some."""
+    bounds = {f"{name}{LOW}": interval.low, f"{name}{HIGH}": interval.high}
+    known = {key: value for key, value in bounds.items() if np.isfinite(value)}
+    return {name: interval.mean} | known

@@ -4,7 +4,6 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from scenefw.core.batches import CameraBatch
 from scenefw.core.protocols import Renderer
 from scenefw.core.types import Camera, GridSpec, TriangleMesh
 from scenefw.kernels.cameras import stack_cameras
@@ -44,13 +43,6 @@ class VisibleSurface:
 def visible_share(mesh: TriangleMesh, visible: TriangleMesh) -> float:
     """Area of the visible part over the whole area."""
     return float(face_areas(visible).sum() / face_areas(mesh).sum())
-
-
-def camera_of(cameras: CameraBatch, index: int) -> Camera:
-    """One camera of a batch."""
-    fx, fy, cx, cy = cameras.intrinsics[index].tolist()
-    pose = cameras.T_world_camera[index].double().cpu().numpy()
-    return Camera(cameras.width, cameras.height, fx, fy, cx, cy, pose)
 
 
 def _visible(

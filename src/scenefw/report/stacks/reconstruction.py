@@ -4,16 +4,21 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 from scenefw.evaluation.stacks import published
+from scenefw.evaluation.stacks.measures import BASE_RATE, DRAWS, TRAINING_MEAN
 from scenefw.evaluation.stacks.results import VISIBILITY_EDGES, ReconstructionResult
 from scenefw.report import measured
 from scenefw.report.blocks import Drawing, Section, Text
 from scenefw.report.figures import bin_figure
+from scenefw.report.stacks.draws import draw_sections, ranged, skills
 from scenefw.report.tables import Cell, Column, Table
 
 _NAMES = {
     "scenefw": "scenefw",
     "trained_here": "scenefw, trained in this run",
+    "hull_filling": "hull filling (no learning)",
     "partial_tsdf": "partial TSDF meshed (no learning)",
+    "base_rate": "base rate in every voxel (no image)",
+    "training_mean": "training mean of each voxel (no image)",
     "connected_components": "components of scenefw's shape (no votes)",
 }
 _AS_THESIS = ("chamfer_visible", "chamfer_full", "occupancy_bce")
@@ -35,26 +40,73 @@ _INSTANCES = (
 )
 _BY_VISIBILITY = {  # with the titles of its panels
     "chamfer_full_excess": "Chamfer full, excess (mm)",
-    "occupancy_bce": "BCE of expected occupancy",
+    "occupancy_iou": "Occupancy IoU",
     "instance_iou": "Instance IoU",
 }
 
 
 def reconstruction_sections(result: ReconstructionResult) -> tuple[Section, ...]:
     """Table 5.1, the surfaces judged by their excess, instances, and all of it by visibility."""
+    beside = (as_thesis(result), Text(_BCE_WORDS), Text(_FLOOR_WORDS), _surfaces(result))
+    drawn = draw_sections(result.draws) if result.draws else ()
     return (
-        Section("Beside the thesis", (as_thesis(result), Text(_FLOOR_WORDS), _surfaces(result))),
+        Section("What it is worth", (headline(result),)),
+        Section("Beside the thesis", beside),
         Section("Instances", (_instances(result),)),
+        *drawn,
         Section("By visibility", _by_visibility(result)),
     )
 
 
+_BCE_WORDS = (
+    "The cross entropy of expected occupancy, as the thesis measures it, is no measure of skill: "
+    "forecasts that don't look at the image, the two rows of it, beat methods that do. Hard "
+    "occupancies of a few samples are forecasts of 0 or 1. Each wrong one costs 100 nats, where "
+    "logs are cut off: the figure counts voxels on which all samples are wrong alike."
+)
 _FLOOR_WORDS = (
     "A Chamfer distance between two random samplings of one and the same surface is not zero. "
     "This floor, measured on the true surfaces, is the least that any method can get with 1000 "
     "points, and most of the figures above; what counts is the excess over it. Dense figures are "
     "from 30 000 points."
 )
+
+
+_HEADLINE = ("chamfer_full_excess", "instance_iou", "panoptic_quality")
+_SKILLS = ("log_skill", "brier_skill")
+
+
+def headline(result: ReconstructionResult) -> Table:
+    """What counts, with bounds: surfaces, instances, and probabilities of occupied space."""
+    measures = {name: result.measures[name] for name in _HEADLINE}
+    skills_of = skills(result.draws)
+    shown = {**measures, **({name: DRAWS[name] for name in _SKILLS} if skills_of else {})}
+    columns = [c for one in shown.values() for c in (measured.column(one), Column("95 %"))]
+    rows = []
+    for method in result.methods:
+        cells: list[Cell] = []
+        for name, measure in shown.items():
+            known = name in _SKILLS or name in result.names(method)
+            found = skills_of.get(method, {}).get(name) if name in _SKILLS else None
+            interval = result.interval(method, name) if known and name in measures else found
+            cells += (
+                [measure.shown(interval.mean), ranged(interval, measure)]
+                if interval
+                else [None, None]
+            )
+        if any(cell is not None for cell in cells):
+            rows.append((method_name(method), tuple(cells)))
+    return Table("What it is worth", tuple(columns), tuple(rows), note=_headline_note(result))
+
+
+def _headline_note(result: ReconstructionResult) -> str:
+    words = f"{sizes(result)} Ranges: 95 % bootstrap bounds over scenes."
+    if result.draws and result.draws.views:
+        words += (
+            f" Skills, of {result.draws.count} draws of each of {len(result.draws.views)} views: "
+            "0 % is the training mean of each voxel, 100 % the truth."
+        )
+    return words
 
 
 def as_thesis(result: ReconstructionResult) -> Table:
@@ -67,7 +119,7 @@ def as_thesis(result: ReconstructionResult) -> Table:
     rows = [
         (method_name(method), _means_and_sigmas(result, method))
         for method in result.methods
-        if "chamfer_full" in result.names(method)
+        if "occupancy_bce" in result.names(method)
     ]
     rows.append(("floor: truth sampled twice", _floors(result)))
     theirs = [
@@ -75,6 +127,7 @@ def as_thesis(result: ReconstructionResult) -> Table:
         for name, figures in published.SUPERQUADRICS.items()
     ]
     quoted = frozenset({"floor: truth sampled twice", *(name for name, _ in theirs)})
+    quoted |= {method_name(name) for name in (BASE_RATE, TRAINING_MEAN)}
     thesis = f"Thesis: {published.SCENES} scenes, {published.VIEWS} views of each."
     note = f"{sizes(result)} σ is over views. {thesis}"
     return Table("As in table 5.1", tuple(columns), tuple(rows + theirs), quoted, note)
@@ -97,8 +150,9 @@ def method_name(method: str) -> str:
 def _means_and_sigmas(result: ReconstructionResult, method: str) -> tuple[Cell, ...]:
     cells: list[Cell] = []
     for name in _AS_THESIS:
-        summary = result.summary(method, name)
-        cells += [summary.mean, summary.sigma]
+        known = name in result.names(method)
+        summary = result.summary(method, name) if known else None
+        cells += [summary.mean, summary.sigma] if summary else [None, None]
     return tuple(cells)
 
 

@@ -93,10 +93,15 @@ def _view(number, visibility, **changes):
 def test_reconstruction_beside_the_thesis(tmp_path):
     views = (_view(0, 0.25), _view(1, 0.45, chamfer_full=0.05), _view(2, 0.45))
     methods = ("scenefw", "partial_tsdf", "connected_components")
-    beside, instances, by_visibility = sections(
+    worth, beside, instances, by_visibility = sections(
         ReconstructionResult(views, methods, samples=3, seed=7), tmp_path
     )
-    table, _, surfaces = beside.blocks
+    assert dict(worth.blocks[0].rows)["scenefw"][:2] == (
+        pytest.approx(np.mean([(0.001 + 0.021) / 2 * 1000 + 5, 6.0])),  # scenes count alike
+        "6.0 to 16.0",
+    )
+    table, words, _, surfaces = beside.blocks
+    assert "no measure of skill" in words.text
     rows = dict(table.rows)
     assert rows["scenefw"][2] == pytest.approx(np.mean([0.03, 0.05, 0.03]))
     assert rows["scenefw"][3] == pytest.approx(np.std([0.03, 0.05, 0.03]))

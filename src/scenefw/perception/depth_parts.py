@@ -1,0 +1,79 @@
+"""Parts of a depth image: neighbouring pixels of similar depth belong together."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from scenefw.core.types import Float32, Float64, Frame
+from scenefw.perception.points import camera_points
+
+_NEIGHBOURS = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]))
+
+
+def depth_parts(depth: Float32, among: NDArray[np.bool_], jump: float) -> NDArray[np.int64]:
+    """Components (H, W), from 1 on, of the pixels `among` that count; 0 elsewhere.
+
+    Args:
+        depth: (H, W) metres.
+        among: (H, W) pixels that belong to a part.
+        jump: neighbouring pixels further apart in depth belong to different parts (m).
+    """
+    index = np.arange(depth.size).reshape(depth.shape)
+    rows, columns = [], []
+    for a, b in _NEIGHBOURS:
+        joined = among[a] & among[b] & (np.abs(depth[a] - depth[b]) < jump)
+        rows.append(index[a][joined])
+        columns.append(index[b][joined])
+    row, column = np.concatenate(rows), np.concatenate(columns)
+    links = coo_matrix((np.ones(len(row), bool), (row, column)), (depth.size, depth.size))
+    labels = connected_components(links, directed=False)[1].reshape(depth.shape)
+    used = np.unique(labels[among])
+    return np.where(among, np.searchsorted(used, labels) + 1, 0)
+
+
+def large_parts(components: NDArray[np.int64], smallest: int) -> NDArray[np.int32]:
+    """Components (H, W) of at least `smallest` pixels, renumbered from 1 on; others become 0."""
+    sizes = np.bincount(components.ravel())
+    kept = sizes >= smallest
+    kept[0] = False  # label 0 is the background
+    return (np.cumsum(kept) * kept)[components].astype(np.int32)
+
+
+def concave_creases(frame: Frame, cosine: float, reach: int) -> NDArray[np.bool_]:
+    """Pixels (H, W) at which the seen surface bends towards the camera, along rows or columns.
+
+    Three points of a row or a column, `reach` pixels apart, say how much: the middle one lies
+    behind the chord of the others, and the directions to and from it differ.
+
+    Args:
+        frame: its depth counts, in camera coordinates.
+        cosine: of the least angle between these directions.
+        reach: pixels.
+    """
+    points = camera_points(frame)
+    found = np.zeros(frame.depth.shape, dtype=bool)
+    for axis in (0, 1):
+        if found.shape[axis] <= 2 * reach:
+            continue
+        before, here, after = _thirds(points, axis, reach)
+        come, go = here - before, after - here
+        with np.errstate(invalid="ignore"):
+            bent = _dot(come, go) < cosine * np.sqrt(_dot(come, come) * _dot(go, go))
+            behind = _dot(come - go, here) > 0  # here: also the direction of its ray
+        middle = [slice(None), slice(None)]
+        middle[axis] = slice(reach, -reach)
+        found[tuple(middle)] |= bent & behind
+    return found
+
+
+def _thirds(points: Float64, axis: int, reach: int) -> tuple[Float64, Float64, Float64]:
+    """The points that have neighbours at `reach` on both sides of an axis, between these."""
+    size = points.shape[axis]
+    starts = ((0, size - 2 * reach), (reach, size - reach), (2 * reach, size))
+    spans = [points[start:stop] if axis == 0 else points[:, start:stop] for start, stop in starts]
+    return spans[0], spans[1], spans[2]
+
+
+def _dot(a: Float64, b: Float64) -> Float64:
+    return np.einsum("...i,...i->...", a, b)

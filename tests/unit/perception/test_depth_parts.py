@@ -1,0 +1,67 @@
+"""Parts of depth images against plain breadth-first search, and creases of analytic surfaces."""
+
+from collections import deque
+
+import numpy as np
+import pytest
+
+from scenefw.core.types import Camera, Frame
+from scenefw.perception.depth_parts import concave_creases, depth_parts, large_parts
+
+
+def searched(depth, among, jump):
+    labels = np.zeros(depth.shape, int)
+    for start in zip(*np.nonzero(among), strict=True):
+        if labels[start]:
+            continue
+        labels[start] = labels.max() + 1
+        queue = deque([start])
+        while queue:
+            y, x = queue.popleft()
+            for near in ((y + 1, x), (y - 1, x), (y, x + 1), (y, x - 1)):
+                inside = 0 <= near[0] < depth.shape[0] and 0 <= near[1] < depth.shape[1]
+                if not inside or not among[near] or labels[near]:
+                    continue
+                if abs(depth[near] - depth[y, x]) < jump:
+                    labels[near] = labels[start]
+                    queue.append(near)
+    return labels
+
+
+@pytest.mark.parametrize("shape", [(12, 17), (31, 23)])
+def test_parts_are_those_of_a_search(shape):
+    rng = np.random.default_rng(0)
+    depth = rng.choice([1.0, 1.004, 1.02], shape).astype(np.float32)
+    among = rng.random(shape) < 0.8
+    found, expected = depth_parts(depth, among, 0.01), searched(depth, among, 0.01)
+    pairs = np.unique(np.stack([found[among], expected[among]]), axis=1)
+    assert pairs.shape[1] == expected.max() == found.max()  # the same parts, however numbered
+    assert (found[~among] == 0).all()
+    sizes = np.bincount(expected.ravel())[1:]
+    assert large_parts(found, 5).max() == (sizes >= 5).sum()
+
+
+def folded(angle, width=80, height=60):
+    """Two planes that meet in a vertical line at the middle; angle > 0 bends towards the camera."""
+    camera = Camera(width, height, 100.0, 100.0, (width - 1) / 2, (height - 1) / 2)
+    x = (np.arange(width) - camera.cx) / camera.fx
+    slope = np.tan(np.radians(angle) / 2)
+    # a point on the ray x z lies on the fold where z = 1 - slope |x z|
+    depth = np.tile(1 / (1 + slope * np.abs(x)), (height, 1))
+    return Frame(depth.astype(np.float32), camera)
+
+
+@pytest.mark.parametrize("size", [(80, 60), (160, 120)])
+def test_only_folds_towards_the_camera_are_creases(size):
+    valley = concave_creases(folded(40, *size), np.cos(np.radians(25)), 3)
+    columns = np.flatnonzero(valley.any(axis=0))
+    assert len(columns) > 0
+    assert abs(columns - (size[0] - 1) / 2).max() < 3.5
+    assert not concave_creases(folded(-40, *size), np.cos(np.radians(25)), 3).any()
+    assert not concave_creases(folded(20, *size), np.cos(np.radians(25)), 3).any()
+
+
+def test_pixels_without_depth_are_no_creases():
+    frame = folded(-40)
+    frame.depth[20:40, 30:50] = 0
+    assert not concave_creases(frame, np.cos(np.radians(25)), 3).any()
