@@ -124,7 +124,7 @@ _PAGE = """# The data set of superquadric stacks
 `{name}` ({size:.1f} MB): {kept} scenes of {attempts} attempts, seed {seed}. Objects: {counts}.
 Parts, by scene: {parts}.{shapes} Made with {versions}; commit {commit}.
 
-    python -m scenefw run=generate          # regenerates it
+    python -m scenefw run=generate size.attempts={attempts}  # regenerates it
     python -m scenefw run=check             # measures it and writes this page
 
 ![what is in it]({picture})
