@@ -29,7 +29,7 @@ class Body:
     """A model at rest as columns of material.
 
     Args:
-        low: (P, 3) its underside, points in order of `bins`.
+        low: (P, 3) its underside and the corners of its convex hull, in order of `bins`.
         high: (P, 3) its top over the same places.
         centre: (3,) centre of mass.
         bins: (B,) first point of each group of neighbouring points.
@@ -55,8 +55,8 @@ def body_of(vertices: Array, faces: NDArray[np.int64]) -> Body:
     bottom, _ = _cast(tree, x, y, least[2] - 0.01, 1.0)
     low = np.column_stack([x, y, bottom])[hit]
     high = np.column_stack([x, y, np.maximum(top, bottom)])[hit]
-    if not len(low):  # thinner than any ray's width
-        low, high = vertices.copy(), vertices.copy()
+    corners = vertices[ConvexHull(vertices).vertices]  # what rays between them miss
+    low, high = np.concatenate([low, corners]), np.concatenate([high, corners])
     cell = ((low[:, :2] - least[:2]) / np.maximum(size[:2], 1e-9) * _BINS).astype(int)
     key = np.minimum(cell[:, 0], _BINS - 1) * _BINS + np.minimum(cell[:, 1], _BINS - 1)
     order = np.argsort(key, kind="stable")
