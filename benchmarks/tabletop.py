@@ -12,7 +12,9 @@ from scenefw.core.types import Camera
 from scenefw.data.tabletop import TabletopScenes
 from scenefw.kernels.meshes import Tree
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
+from scenefw.scenes.desk import DeskGenerator
 from scenefw.scenes.tabletop import TabletopGenerator
+from scenefw.shapes.desk.library import DeskModels
 from scenefw.shapes.tabletop.library import ProceduralModels
 
 VIEWS = 10
@@ -36,6 +38,15 @@ def rays_of(camera: Camera) -> np.ndarray:
 def render() -> Callable[[], object]:
     """Depth, labels and colour with shadows."""
     geometry, cameras = scene()
+    renderer = MeshRaycaster()
+    return lambda: list(renderer.frames(geometry, cameras))
+
+
+def render_cluttered() -> Callable[[], object]:
+    """The same of a cluttered table."""
+    source = TabletopScenes(DeskGenerator(DeskModels()), MeshRaycaster())
+    geometry = source.scenes.geometry(source.scene(0))
+    cameras = [source.camera(0, i) for i in range(VIEWS)]
     renderer = MeshRaycaster()
     return lambda: list(renderer.frames(geometry, cameras))
 
@@ -84,6 +95,11 @@ JOBS = [
         f"{VIEWS} table-top views 320 x 240, depth alone",
         cast,
         {"open3d ray casting": cast_open3d},
+    ),
+    Job(
+        f"{VIEWS} views 320 x 240 of a cluttered table, colour and labels",
+        render_cluttered,
+        {"of an easy table": render},
     ),
     Job("tree of a table-top scene", build),
     Job("table-top ground truth 1025 x 1025", map_truth),

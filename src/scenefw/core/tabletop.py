@@ -14,15 +14,22 @@ from numpy.typing import NDArray
 
 from scenefw.core.types import Float32, Float64, Int32
 
-PLAIN, STRIPES, CHECKER, NOISE, WOOD, SPECKLE = range(6)
+PLAIN, STRIPES, CHECKER, NOISE, WOOD, SPECKLE, GINGHAM, DOTS, FLORAL, PRINT = range(10)
 """Kinds of texture."""
 
 TEXTURE = 8
 """Numbers that describe a texture."""
 
+PLACEMENT = 13
+"""Numbers that say how an item lies."""
+
 COMPARISON = ("surface", "remote_control", "keyboard", "model_plane")
 SMALL_OBJECTS = ("surface", "coin", "cable", "pen", "brick", "paperclip", "book")
-"""Classes by id; 0 is the table."""
+DESK = (
+    "surface", "remote_control", "keyboard", "model_plane", "coin", "cable", "pen", "brick",
+    "paperclip", "book", "other",
+)  # fmt: skip
+"""Classes by id; 0 is the table, `other` everything without a class of its own."""
 
 SPLITS = ("train", "validation", "test")
 
@@ -38,6 +45,8 @@ class TexturedMesh:
         colours: (F, 3) float32.
         texture_of: (F,) int32 row of `textures`.
         textures: (M, TEXTURE) float32.
+        spine: (S, 3) float64 line along something limp, such as a cable; None = stiff.
+        knots: (V,) int64 point of the spine that each vertex follows; None = stiff.
     """
 
     vertices: Float64
@@ -46,11 +55,25 @@ class TexturedMesh:
     colours: Float32
     texture_of: Int32
     textures: Float32
+    spine: Float64 | None = None
+    knots: NDArray[np.int64] | None = None
 
 
 @dataclass(frozen=True)
 class TabletopItem:
-    """One model on the table: class id, instance, where (m), turned by yaw (rad), scaled."""
+    """One model on the table.
+
+    Args:
+        label: class id.
+        instance: of that class.
+        x: where (m).
+        y: where (m).
+        yaw: turn about z (rad), after `rotation`.
+        scale: of the model.
+        z: height of the model's origin (m).
+        rotation: quaternion (w, x, y, z) from the model at rest to the model as it lies.
+        lifts: (S,) heights (m) of the points of a limp model's spine over where they would be.
+    """
 
     label: int
     instance: int
@@ -58,6 +81,9 @@ class TabletopItem:
     y: float
     yaw: float
     scale: float = 1.0
+    z: float = 0.0
+    rotation: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+    lifts: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -73,7 +99,7 @@ class TabletopScene:
     """Models on a table; equal scenes look equal.
 
     Args:
-        items: instances of models that lie apart from each other.
+        items: instances of models and how they lie.
         surface: colour of the table (3) and its texture (TEXTURE).
         lights: lamps over the table.
         ambient: light from everywhere (3).
@@ -102,7 +128,7 @@ class TabletopGeometry:
         texture_of: (F,) int32 row of `textures`, from 1 on.
         item_of: (F,) int32 position of the item a triangle belongs to.
         labels: (N,) int32 class of each item.
-        placements: (N, 5) float32 x, y, cosine and sine of the yaw, scale; for textures.
+        placements: (N, PLACEMENT) float32 x, y, z, rotation by rows, scale; for textures.
         textures: (M, TEXTURE) float32, row 0 is the table's.
         surface: (3,) float32 colour of the table.
         lights: (L, 6) float32 positions and intensities.

@@ -55,13 +55,26 @@ def _smooth_normal(normals, k, u, v):
 
 
 @element
+def _along(placements, item, column, x, y, z):
+    """A coordinate in an item's own frame: a column of its rotation times a vector."""
+    return (
+        placements[item, column] * x
+        + placements[item, column + 3] * y
+        + placements[item, column + 6] * z
+    )
+
+
+@element
 def _share(placements, item, textures, row, x, y, z, size):
     """The texture's share at a world point; patterns move with the object."""
     if item != _TABLE_ITEM:
-        x, y = x - placements[item, 0], y - placements[item, 1]
-        c, s = placements[item, 2], placements[item, 3]
-        scale = ONE / placements[item, 4]
-        x, y, z, size = (c * x + s * y) * scale, (c * y - s * x) * scale, z * scale, size * scale
+        ox, oy = x - placements[item, 0], y - placements[item, 1]
+        oz = z - placements[item, 2]
+        scale = ONE / placements[item, 12]
+        x = _along(placements, item, 3, ox, oy, oz) * scale
+        y = _along(placements, item, 4, ox, oy, oz) * scale
+        z = _along(placements, item, 5, ox, oy, oz) * scale
+        size = size * scale
     return pattern(textures, row, x, y, z, size)
 
 

@@ -12,7 +12,17 @@ import math
 
 import numpy as np
 
-from scenefw.core.tabletop import CHECKER, NOISE, SPECKLE, STRIPES, WOOD
+from scenefw.core.tabletop import (
+    CHECKER,
+    DOTS,
+    FLORAL,
+    GINGHAM,
+    NOISE,
+    PRINT,
+    SPECKLE,
+    STRIPES,
+    WOOD,
+)
 from scenefw.kernels.compile import element
 
 ZERO = np.float32(0)
@@ -29,6 +39,20 @@ _FIBRE = np.float32(5)
 _SOME, _LESS = np.float32(0.7), np.float32(0.35)
 _RADIUS = np.float32(0.34)
 _WAVES = np.float32(1.6)
+_SPOT = np.float32(0.3)
+_PETAL = np.float32(0.24)  # least and most radius of a flower: _PETAL -+ _LOBE
+_LOBE = np.float32(0.14)
+_EYE = np.float32(0.08)
+_FIVE = np.float32(5)
+_TENDRIL = np.float32(0.045)
+_COLUMN = np.float32(1 / 18)  # columns and paragraphs of a page, in lines
+_PARAGRAPH = np.float32(1 / 8)
+_BORDER = np.float32(0.06)
+_PICTURES = np.float32(0.2)  # share of paragraphs that are pictures
+_BLANKS = np.float32(0.3)
+_WORDS = np.float32(0.45)
+_LETTERS = np.float32(2.3)
+_LOW, _HIGH = np.float32(0.22), np.float32(0.68)  # of letters in their line
 
 
 @element
@@ -93,6 +117,52 @@ def _dots(x, y, z, width):
 
 
 @element
+def _spots(x, y, width):
+    """Dots in rows, every other row shifted by half."""
+    j = int(math.floor(y))  # noqa: RUF046
+    a = x + (HALF if j & 1 else ZERO)
+    a, b = a - np.float32(math.floor(a)) - HALF, y - np.float32(j) - HALF
+    return max(ZERO, min(ONE, (_SPOT - math.sqrt(a * a + b * b)) / max(width, _LEAST) + HALF))
+
+
+@element
+def _flowers(x, y, width):
+    """One flower of five petals per cell, turned and shifted, and tendrils between them."""
+    i, j = int(math.floor(x)), int(math.floor(y))  # noqa: RUF046
+    a = x - np.float32(i) - HALF - (hashed(i, j, 1) - HALF) * _QUARTER
+    b = y - np.float32(j) - HALF - (hashed(i, j, 2) - HALF) * _QUARTER
+    away = math.sqrt(a * a + b * b)
+    lobes = math.cos(_FIVE * math.atan2(b, a) + _TURN * hashed(i, j, 3))
+    petals = min(_PETAL + _LOBE * np.float32(lobes) - away, away - _EYE)
+    tendril = _TENDRIL - abs(smooth_noise(x * _TWO, y * _TWO, HALF) - HALF)
+    inside = max(petals, tendril)
+    return _faded(max(ZERO, min(ONE, inside / max(width, _LEAST) + HALF)), width)
+
+
+@element
+def _page(x, y, width):
+    """Lines of words in paragraphs, pictures between them; one unit is a line."""
+    i, j = int(math.floor(x * _COLUMN)), int(math.floor(y * _PARAGRAPH))  # noqa: RUF046
+    u, v = x * _COLUMN - np.float32(i), y * _PARAGRAPH - np.float32(j)
+    if min(min(u, ONE - u), min(v, ONE - v)) < _BORDER:
+        return ZERO
+    kind = hashed(i, j, 7)
+    if kind < _PICTURES:
+        return _BORDER + smooth_noise(x * HALF, y * HALF, np.float32(j))
+    if kind < _BLANKS:
+        return ZERO
+    row = int(math.floor(y))  # noqa: RUF046
+    h = y - np.float32(row)
+    end = hashed(i, row, 5) if v > ONE - _PARAGRAPH else ONE
+    word = x * _WORDS + _THREE * hashed(row, i, 11)
+    w = int(math.floor(word))  # noqa: RUF046
+    gap = word - np.float32(w) < _PICTURES or u > end
+    letter = hashed(int(math.floor(x * _LETTERS)), row, 3)  # noqa: RUF046
+    ink = ZERO if gap or h < _LOW or h > _HIGH or letter < _QUARTER else ONE
+    return _QUARTER + (ink - _QUARTER) * max(ZERO, min(ONE, _WAVES - _THREE * width))
+
+
+@element
 def pattern(textures, row, x, y, z, size):
     """Share of the second colour at a point of the object (m)."""
     kind = int(textures[row, 0])
@@ -112,4 +182,12 @@ def pattern(textures, row, x, y, z, size):
         share = _grain(a, b, h, width)
     elif kind == SPECKLE:
         share = _dots(a, b, h, width)
+    elif kind == GINGHAM:
+        share = HALF + _QUARTER * (_wave(a, width) + _wave(b, width))
+    elif kind == DOTS:
+        share = _spots(a, b, width)
+    elif kind == FLORAL:
+        share = _flowers(a, b, width)
+    elif kind == PRINT:
+        share = _page(a, b, width)
     return share * textures[row, 2]

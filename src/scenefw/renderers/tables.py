@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from scenefw.core.height_maps import HeightGrid
-from scenefw.core.tabletop import TEXTURE, TabletopGeometry
+from scenefw.core.tabletop import PLACEMENT, TEXTURE, TabletopGeometry
 from scenefw.core.types import Float64
 from scenefw.kernels import pictures
 from scenefw.kernels.compile import float32
@@ -67,7 +67,7 @@ def prepared(geometry: TabletopGeometry) -> PreparedTable:
         "normals": geometry.normals[order].reshape(-1, 9),
         "colours": geometry.colours[order],
         "looks": looks.astype(np.int32).reshape(-1, 3),
-        "placements": geometry.placements.reshape(-1, 5),
+        "placements": geometry.placements.reshape(-1, PLACEMENT),
         "textures": geometry.textures.reshape(-1, TEXTURE),
         "lights": lights,
         "surfaces": np.concatenate([geometry.surface, geometry.ambient])[None],

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +10,16 @@ from scipy.spatial import ConvexHull
 
 from scenefw.core import rng as streams
 from scenefw.core.errors import ConfigError
+from scenefw.core.geometry import rotation_from_quaternion
 from scenefw.core.labelling_protocols import TabletopModels
-from scenefw.core.tabletop import SPLITS, Light, TabletopGeometry, TabletopItem, TabletopScene
+from scenefw.core.tabletop import (
+    PLACEMENT,
+    Light,
+    TabletopGeometry,
+    TabletopItem,
+    TabletopScene,
+)
+from scenefw.scenes.numbers import SceneNumbers
 from scenefw.shapes.tabletop import colours
 
 Array = NDArray[np.float64]
@@ -52,8 +59,7 @@ class TabletopGenerator:
         gap: float = 0.006,
         trials: int = 60,
     ) -> None:
-        if len(scenes) != len(SPLITS) or min(scenes) < 0:
-            raise ConfigError(f"scenes = {list(scenes)}: expected three numbers, one per split")
+        self._numbers = SceneNumbers(scenes)
         if not 0 <= minimum <= maximum or not 0 < scales[0] <= scales[1] or trials < 1:
             raise ConfigError(
                 f"minimum = {minimum}, maximum = {maximum}, scales = {list(scales)}, trials = "
@@ -65,7 +71,6 @@ class TabletopGenerator:
             )
         self.models = models
         self.classes = tuple(models.classes)
-        self.ends = tuple(accumulate(scenes))
         self.minimum, self.maximum = minimum, maximum
         self.scales, self.trials = (float(scales[0]), float(scales[1])), trials
         self.half, self.gap = extent / 2 - border, gap
@@ -77,10 +82,7 @@ class TabletopGenerator:
         Raises:
             ConfigError: there is no such split.
         """
-        if split not in SPLITS:
-            raise ConfigError(f"split '{split}' is unknown; there are {', '.join(SPLITS)}")
-        part = SPLITS.index(split)
-        return range((0, *self.ends)[part], self.ends[part])
+        return self._numbers.of(split)
 
     def split_of(self, index: int) -> str:
         """The split of a scene.
@@ -88,10 +90,7 @@ class TabletopGenerator:
         Raises:
             ConfigError: there is no such scene.
         """
-        for split, end in zip(SPLITS, self.ends, strict=True):
-            if 0 <= index < end:
-                return split
-        raise ConfigError(f"scene {index} is outside 0..{self.ends[-1] - 1}; change `scenes`")
+        return self._numbers.split_of(index)
 
     def generate(self, index: int, seed: int) -> TabletopScene:
         """Scene number `index` of the data set `seed`."""
@@ -172,12 +171,13 @@ def assemble(scene: TabletopScene, models: TabletopModels) -> TabletopGeometry:
     meshes = [models.model(item.label, item.instance) for item in scene.items]
     corners, normals, placements = [], [], []
     for item, mesh in zip(scene.items, meshes, strict=True):
-        turn = np.eye(3)
-        turn[:2, :2] = _rotation(item.yaw)
-        place = np.array([item.x, item.y, 0.0])
+        turn = rotation_of(item)
+        place = np.array([item.x, item.y, item.z])
         corners.append(((item.scale * mesh.vertices) @ turn.T + place)[mesh.faces])
+        if item.lifts and mesh.knots is not None:
+            corners[-1][..., 2] += np.asarray(item.lifts)[mesh.knots[mesh.faces]]
         normals.append(mesh.normals @ turn.T)
-        placements.append([*place[:2], np.cos(item.yaw), np.sin(item.yaw), item.scale])
+        placements.append([*place, *turn.ravel(), item.scale])
     counts = [len(mesh.faces) for mesh in meshes]
     first_row = 1 + np.cumsum([0, *(len(mesh.textures) for mesh in meshes)])
     return TabletopGeometry(
@@ -189,7 +189,7 @@ def assemble(scene: TabletopScene, models: TabletopModels) -> TabletopGeometry:
         ),
         np.repeat(np.arange(len(meshes), dtype=np.int32), counts),
         np.array([item.label for item in scene.items], dtype=np.int32),
-        np.array(placements, dtype=np.float32).reshape(-1, 5),
+        np.array(placements, dtype=np.float32).reshape(-1, PLACEMENT),
         np.concatenate([[scene.surface[3:]], *(m.textures for m in meshes)]).astype(np.float32),
         np.array(scene.surface[:3], dtype=np.float32),
         np.array([[*lamp.position, *lamp.intensity] for lamp in scene.lights], dtype=np.float32),
@@ -197,6 +197,15 @@ def assemble(scene: TabletopScene, models: TabletopModels) -> TabletopGeometry:
         scene.classes,
         f"tabletop/{scene.index}",
     )
+
+
+def rotation_of(item: TabletopItem) -> Array:
+    """Rotation (3, 3) from a model at rest to the item as it lies."""
+    turn = np.eye(3)
+    turn[:2, :2] = _rotation(item.yaw)
+    if item.rotation[0] == 1.0:
+        return turn
+    return np.asarray(turn @ rotation_from_quaternion(item.rotation))
 
 
 def _side_separates(first: Array, second: Array, gap: float) -> bool:

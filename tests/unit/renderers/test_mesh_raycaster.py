@@ -1,6 +1,7 @@
 """Ray-cast views and maps of table-tops against open3d, geometry in the plane and reasoning."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,8 +10,10 @@ import torch
 from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import look_at
 from scenefw.core.height_maps import HeightGrid
-from scenefw.core.tabletop import PLAIN, Light, TabletopItem
+from scenefw.core.tabletop import PLAIN, STRIPES, Light, TabletopItem
 from scenefw.core.types import Camera
+from scenefw.data.tabletop import TabletopScenes
+from scenefw.renderers.baking import colour_of_points
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
 from scenefw.scenes.tabletop import TabletopGenerator, assemble
 from scenefw.shapes.tabletop import parts
@@ -22,6 +25,10 @@ GEOMETRY = GENERATOR.geometry(SCENE)
 EYE, SIZE = (0.1, -0.15, 0.38), (160, 120)
 CAMERA = Camera(T_world_camera=look_at(EYE, (0.05, 0.05, 0.0))).resized(*SIZE)
 GRID = HeightGrid(vertices=129)
+EASY = {
+    "labels": [3200, 290, 1084, 226], "map": [50050, 1908, 7725, 6366],
+    "depth": 0.43659922, "heights": 0.005471115, "colour": [111.0067, 100.2462, 105.7638],
+}  # fmt: skip
 
 
 class OneBox:
@@ -198,3 +205,31 @@ def test_cuda_equals_cpu():
     assert (np.abs(ours.depth - theirs.depth) > 1e-4).mean() < 0.001
     assert (ours.labels != theirs.labels).mean() < 0.001
     assert (np.abs(ours.colour.astype(int) - theirs.colour).max(axis=-1) > 3).mean() < 0.01
+
+
+def test_easy_tables_look_as_ever():
+    """What weights of easy tables were trained on: figures of its first view, from 1.0.0 on."""
+    source = TabletopScenes(GENERATOR, MeshRaycaster(), "validation", size=(80, 60), vertices=257)
+    frame, truth = next(source.frames(0, 1)), source.truth(0)
+    assert np.bincount(frame.labels.ravel(), minlength=4).tolist() == EASY["labels"]
+    assert np.bincount(truth.labels.ravel(), minlength=4).tolist() == EASY["map"]
+    assert frame.depth.mean() == pytest.approx(EASY["depth"], abs=1e-6)
+    assert truth.heights.mean() == pytest.approx(EASY["heights"], abs=1e-7)
+    assert frame.colour.mean(axis=(0, 1)) == pytest.approx(EASY["colour"], abs=2e-3)
+
+
+def test_textures_turn_with_what_lies_askew():
+    """A striped box stood on its side shows the pattern where its own points are."""
+    look = parts.Look((0, 0, 0), STRIPES, 0.02, 1.0, 0.4, (1, 1, 1))
+    model = parts.merge([parts.box((0.1, 0.08, 0.05), (0, 0, 0.025), look)])
+    flat = TabletopItem(1, 0, 0.0, 0.0, 0.0)
+    askew = TabletopItem(1, 0, 0.1, -0.05, 0.7, 1.0, 0.02, (0.8, 0.4, -0.3, 0.33))
+    colours = []
+    for item in (flat, askew):
+        scene = dataclasses.replace(SCENE, items=(item,), classes=OneBox.classes)
+        geometry = assemble(scene, SimpleNamespace(model=lambda *_: model))
+        face = np.arange(len(geometry.corners), dtype=np.int32)
+        middles = geometry.corners.mean(axis=1) * 0.4 + geometry.corners[:, 0] * 0.6
+        colours.append(colour_of_points(geometry, middles.astype(np.float32), face))
+    assert np.ptp(colours[0]) > 0.5
+    np.testing.assert_allclose(colours[0], colours[1], atol=2e-2)

@@ -38,7 +38,7 @@ def keyboard(rng: np.random.Generator) -> list[Part]:
     bevel = min(rng.uniform(0.001, 0.004), 0.4 * height)
     found = [parts.plate(parts.rounded(*size, radius), 0.0, height, look, bevel)]
     left, low = -size[0] / 2 + margin, -size[1] / 2 + margin + shelf
-    tops = _Keys(rng, pitch, height, body)
+    tops = Keys(rng, pitch, height, body)
     found += tops.main(left, low, rows)
     if blocks >= 1:
         found += tops.arrows(left + 15.2 * pitch, low, rows)
@@ -50,7 +50,7 @@ def keyboard(rng: np.random.Generator) -> list[Part]:
     return [_tilted(part, slope, -size[1] / 2) for part in found]
 
 
-class _Keys:
+class Keys:
     """Key caps of one style."""
 
     def __init__(

@@ -1,0 +1,47 @@
+"""Numbers of scenes by split."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import accumulate
+
+from scenefw.core.errors import ConfigError
+from scenefw.core.tabletop import SPLITS
+
+
+class SceneNumbers:
+    """Scenes 0, 1, ... for training, validation and test, numbered in this order.
+
+    Args:
+        scenes: how many of each.
+
+    Raises:
+        ConfigError: not three numbers from 0 on.
+    """
+
+    def __init__(self, scenes: Sequence[int]) -> None:
+        if len(scenes) != len(SPLITS) or min(scenes) < 0:
+            raise ConfigError(f"scenes = {list(scenes)}: expected three numbers, one per split")
+        self._ends = tuple(accumulate(scenes))
+
+    def of(self, split: str) -> Sequence[int]:
+        """Indices of the scenes of a split.
+
+        Raises:
+            ConfigError: there is no such split.
+        """
+        if split not in SPLITS:
+            raise ConfigError(f"split '{split}' is unknown; there are {', '.join(SPLITS)}")
+        part = SPLITS.index(split)
+        return range((0, *self._ends)[part], self._ends[part])
+
+    def split_of(self, index: int) -> str:
+        """The split of a scene.
+
+        Raises:
+            ConfigError: there is no such scene.
+        """
+        for split, end in zip(SPLITS, self._ends, strict=True):
+            if 0 <= index < end:
+                return split
+        raise ConfigError(f"scene {index} is outside 0..{self._ends[-1] - 1}; change `scenes`")

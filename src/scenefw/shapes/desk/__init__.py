@@ -1,0 +1,1 @@
+"""Procedural models of cluttered desks: nine classes whose sizes and colours overlap, and more."""
