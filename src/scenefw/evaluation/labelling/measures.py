@@ -57,18 +57,18 @@ def of_networks(kinds: Sequence[str], classes: Sequence[str]) -> dict[str, Measu
     """Measures of IoUs, `<kind>/<class>`, and their means, with table 4.1 of the thesis."""
     found = {}
     for kind in kinds:
-        theirs = dict(zip(published.CLASSES, published.CLASS_IOU[kind], strict=True))
+        theirs = dict(zip(published.CLASSES, published.CLASS_IOU.get(kind, ()), strict=False))
         found[f"{kind}/miou"] = Measure(
             "class mean",
             "mean IoU over classes",
             better="higher",
-            published=sum(theirs.values()) / len(theirs),
+            published=sum(theirs.values()) / len(theirs) if theirs else None,
         )
         found[f"{kind}/weighted_iou"] = Measure(
             "frequency-weighted",
             "frequency-weighted IoU",
             better="higher",
-            published=published.PRINTED_MEAN[kind],
+            published=published.PRINTED_MEAN.get(kind),
         )
         for label in classes:
             found[f"{kind}/{label}"] = Measure(

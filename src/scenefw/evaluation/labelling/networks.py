@@ -1,4 +1,7 @@
-"""Accuracy of the two labelling networks on single views and fused maps (thesis table 4.1)."""
+"""Accuracy of the two labelling networks on single views and fused maps (thesis table 4.1).
+
+Rules without learning label the same maps.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +38,8 @@ class NetworksResult:
     """Counts of both networks over the whole test set.
 
     Args:
-        counts: (C, C + 1) of true against predicted classes, by network (`views`, `maps`).
+        counts: (C, C + 1) of true against predicted classes, by network (`views`, `maps`), then by
+            reference.
         classes: names by class id.
         number: of views and of maps.
         frames: fused into each map.
@@ -78,6 +82,10 @@ class LabellingNetworks:
         frames: fused into each map.
         noise: disturbs views and the frames of maps.
         seed: of the noise.
+        references: further labels of the same maps by name, of rules that learn nothing.
+
+    Raises:
+        ConfigError: a part knows other classes than the scenes.
     """
 
     def __init__(
@@ -90,12 +98,15 @@ class LabellingNetworks:
         frames: int,
         noise: Mapping[str, Noise] | None = None,
         seed: int = 0,
+        references: Mapping[str, MapLabelSource] | None = None,
     ) -> None:
-        for what, part in (("views", source), ("maps", map_source)):
-            if tuple(part.classes) != tuple(scenes.classes):
+        self.references = dict(references or {})
+        known = {name: part.classes for name, part in self.references.items()}
+        for what, classes in ((VIEWS, source.classes), (MAPS, map_source.classes), *known.items()):
+            if tuple(classes) != tuple(scenes.classes):
                 raise ConfigError(
-                    f"the network of {what} labels {', '.join(part.classes)}, the scenes contain "
-                    f"{', '.join(scenes.classes)}; give a checkpoint for these classes"
+                    f"{what} are labelled {', '.join(classes)}, the scenes contain "
+                    f"{', '.join(scenes.classes)}; give a checkpoint or a rule for these classes"
                 )
         self.scenes = scenes
         self.source = source
@@ -110,11 +121,11 @@ class LabellingNetworks:
         """Counts over all scenes; `track` wraps the loop in a progress bar."""
         scenes = range(len(self.scenes))
         empty = np.zeros((len(self.scenes.classes), len(self.scenes.classes) + 1), np.int64)
-        counts = {VIEWS: empty, MAPS: empty.copy()}
+        counts = dict.fromkeys((VIEWS, MAPS, *self.references), empty)
         for scene in track(scenes, "scenes"):
-            counts[VIEWS] = counts[VIEWS] + self._views(scene)
-            counts[MAPS] = counts[MAPS] + self._map(scene)
-        number = {VIEWS: len(scenes) * self.views, MAPS: len(scenes)}
+            for name, found in ({VIEWS: self._views(scene)} | self._maps(scene)).items():
+                counts[name] = counts[name] + found
+        number = dict.fromkeys(counts, len(scenes)) | {VIEWS: len(scenes) * self.views}
         return NetworksResult(counts, tuple(self.scenes.classes), number, self.frames)
 
     def _views(self, scene: int) -> Counts:
@@ -127,13 +138,16 @@ class LabellingNetworks:
             total += count_classes(predicted, frame.labels, len(self.scenes.classes))
         return total
 
-    def _map(self, scene: int) -> Counts:
-        truth = self.scenes.truth(scene)
-        fused = self._fused(scene)
-        if truth.labels is None:
+    def _maps(self, scene: int) -> dict[str, Counts]:
+        truth, count = self.scenes.truth(scene).labels, len(self.scenes.classes)
+        if truth is None:
             raise InputError(f"scene {scene} has no true labels to score against")
-        predicted = self.map_source.label_map(fused).argmax(axis=0)
-        return count_classes(predicted, truth.labels, len(self.scenes.classes), fused.seen)
+        fused = self._fused(scene)
+        found = {}
+        for name, source in {MAPS: self.map_source, **self.references}.items():
+            predicted = source.label_map(fused).argmax(axis=0)
+            found[name] = count_classes(predicted, truth, count, fused.seen)
+        return found
 
     def _fused(self, scene: int) -> HeightMap:
         running = self.heights.begin()

@@ -83,9 +83,10 @@ def network_sections(result: NetworksResult) -> tuple[Section, ...]:
         column(result.measures[f"{VIEWS}/{key}"], ranked=key != "weighted_iou") for key in keys
     )
     rows: list[tuple[str, tuple[Cell, ...]]] = []
-    for name in (VIEWS, MAPS):
+    for name in result.counts:
         cells = tuple(figures.get(f"{name}/{key}") for key in keys)
-        rows.append((f"{name} ({result.number[name]})", cells))
+        learnt = "" if name in (VIEWS, MAPS) else ", maps, no learning"
+        rows.append((f"{name}{learnt} ({result.number[name]})", cells))
     quoted = []
     for name in (VIEWS, MAPS):
         by_class = dict(zip(published.CLASSES, published.CLASS_IOU[name], strict=True))
