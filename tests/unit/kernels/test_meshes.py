@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from tests.unit.kernels.simulator import simulate
 
 from scenefw.core import tabletop
-from scenefw.core.geometry import look_at
+from scenefw.core.geometry import look_at, rotation_from_quaternion
 from scenefw.core.tabletop import TabletopGeometry
 from scenefw.core.types import Camera
 from scenefw.kernels.meshes import NOTHING, TABLE, Tree
@@ -103,8 +103,10 @@ def small_geometry():
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     rng = np.random.default_rng(0)
     textures = np.array(
-        [[kind, 0.02, 0.8, 0.3, 0.1, 0.8, 0.3, 0.4] for kind in range(tabletop.SPECKLE + 1)]
+        [[kind, 0.02, 0.8, 0.3, 0.1, 0.8, 0.3, 0.4] for kind in range(tabletop.PRINT + 1)]
     )
+    turn = rotation_from_quaternion([0.9, 0.1, -0.2, 0.35])
+    placements = np.array([[0.1, 0, 0.02, *turn.ravel(), 1.1], [0, 0.1, 0, *np.eye(3).ravel(), 1]])
     return TabletopGeometry(
         corners.astype(np.float32),
         np.repeat(normals[:, None], 3, axis=1).astype(np.float32),
@@ -112,8 +114,8 @@ def small_geometry():
         np.arange(12, dtype=np.int32) % len(textures),
         np.repeat([0, 1], 6).astype(np.int32),
         np.array([2, 1], dtype=np.int32),
-        np.array([[0.1, 0, 0.8, 0.6, 1.1], [0, 0.1, 1, 0, 1]], dtype=np.float32),
-        textures.astype(np.float32)[[4, 1, 2, 3, 0, 5]],
+        placements.astype(np.float32),
+        textures.astype(np.float32)[[4, 1, 2, 3, 0, *range(5, len(textures))]],
         np.array([0.5, 0.4, 0.3], dtype=np.float32),
         np.array([[0.5, 0.4, 1, 0.6, 0.6, 0.5], [-1, 0, 1, 0.2, 0.2, 0.3]], dtype=np.float32),
         np.array([0.3, 0.3, 0.3], dtype=np.float32),
