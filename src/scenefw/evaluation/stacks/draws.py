@@ -94,7 +94,7 @@ class DrawScoring:
         calibration: StackScenes,
         methods: Mapping[str, Reconstructor | None] | None = None,
         count: int = 10,
-        scenes: int = 40,
+        scenes: int = 30,
     ) -> None:
         if count < 1 or scenes < 1:
             raise ConfigError(f"{count} draws of {scenes} scenes; expected at least 1 of each")
