@@ -1,12 +1,12 @@
 """Published scores of instance masks on the Object Segmentation Database (OSD).
 
-All are from table II of Xie et al., "Unseen Object Instance Segmentation for Robotic Environments",
-IEEE Transactions on Robotics 2021 (arXiv 2007.08073), whose abstract says of UOIS-Net that its
-first stage "operates only on depth" and that its masks are then "refined using RGB". All three
-networks learnt from the same synthetic tables. Protocol of that table: all 111 images, RGB-D, the
-authors' evaluation (github.com/chrisdxie/uois, src/evaluation.py), which `metrics.masks` follows:
-borders match within ceil(0.003 x image diagonal) = 3 pixels. A network decides there by itself what
-is table; no margin above a floor is set.
+All are of table II of Xie et al., "Unseen Object Instance Segmentation for Robotic Environments",
+IEEE Transactions on Robotics 2021 (arXiv 2007.08073), as others quote it; the table itself was not
+at hand. The paper's abstract says of UOIS-Net that its first stage "operates only on depth" and
+that its masks are then "refined using RGB". Protocol: all 111 images, RGB-D, the authors'
+evaluation (github.com/chrisdxie/uois, src/evaluation.py), which `metrics.masks` follows: borders
+match within ceil(0.003 x image diagonal) = 3 pixels. That code sets no margin above a floor: a
+network decides by itself what is table.
 
 Later methods (UCN, UOAIS-Net, MSMFormer, UOIS-SAM) report on the same images, but no text with
 their figures was at hand to check, so they are left out.
