@@ -79,7 +79,7 @@ def test_figures_of_two_views_counted_by_hand():
 
 
 def test_the_base_rate_is_that_of_the_training_scenes():
-    scenes = StackScenes("stacks", "train")  # of 3 or 4 objects
+    scenes = StackScenes("stacks_v1", "train")  # of 3 or 4 objects
     partial = PartialTSDF(torch.zeros(2, 1, 4, 4, 4), torch.ones(2, 1, 4, 4, 4, dtype=torch.bool))
     found = BaseRate(scenes).probabilities(partial, GridSpec(4))
     share = float(

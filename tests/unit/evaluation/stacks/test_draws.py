@@ -136,9 +136,8 @@ def test_no_straw_man(result):
     assert figures["occupancy_iou"] > weaker["occupancy_iou"] + 0.1
     assert figures["instance_iou"] > weaker["instance_iou"] + 0.1
     assert figures["chamfer_full_excess"] < figures["partial_tsdf/chamfer_full_excess"]
-    skill = "draws/{}/log_skill".format
-    assert figures[skill("hull_filling")] > figures[skill("partial_tsdf")]
-    assert figures[skill("hull_filling")] > 0
+    assert figures["draws/hull_filling/energy"] < figures["draws/partial_tsdf/energy"]
+    assert figures["draws/hull_filling/log_skill"] > 0
 
 
 def test_forecasts_without_an_image_stand_beside(result):
