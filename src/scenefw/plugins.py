@@ -7,6 +7,7 @@ group of its own is, `conf/<group>/_group.yaml` says.
 
 from __future__ import annotations
 
+import functools
 import logging
 import os
 import sys
@@ -125,8 +126,14 @@ def _read(folder: Path) -> Plugin:
     return Plugin(name, package, folder / "conf", source, source / package / "assets")
 
 
+@functools.cache
+def _entry_points(_path: tuple[str, ...]) -> tuple[metadata.EntryPoint, ...]:
+    """What packages on `sys.path` declare; the argument is that, so that a change is noticed."""
+    return tuple(metadata.entry_points(group=ENTRY_POINTS))
+
+
 def _installed() -> Iterator[Plugin]:
-    for entry in metadata.entry_points(group=ENTRY_POINTS):
+    for entry in _entry_points(tuple(sys.path)):
         try:
             root = package_dir(entry.value)
             yield Plugin(entry.name, entry.value, conf_dir(entry.value), assets=root / "assets")

@@ -5,6 +5,7 @@ Listing reads file names and first comments only; nothing is imported until some
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -95,10 +96,16 @@ def settings(path: Path) -> dict[str, Any]:
 
 def _ordered(found: Iterable[str]) -> list[str]:
     """Groups as `config.yaml` chooses them, then those that it doesn't know."""
-    root = settings(config.conf_dir() / f"{config.ROOT_CONFIG}.yaml")["defaults"]
-    chosen = [str(next(iter(entry))) for entry in root if isinstance(entry, dict)]
-    places = {name: place for place, name in enumerate(chosen)}
+    places = _places(config.conf_dir() / f"{config.ROOT_CONFIG}.yaml")
     return sorted(found, key=lambda name: (places.get(name, len(places)), name))
+
+
+@functools.cache
+def _places(root: Path) -> dict[str, int]:
+    """Where the root config chooses each group; that file doesn't change while a program runs."""
+    entries = settings(root)["defaults"]
+    chosen = [str(next(iter(entry))) for entry in entries if isinstance(entry, dict)]
+    return {name: place for place, name in enumerate(chosen)}
 
 
 def names(group: str) -> list[str]:
