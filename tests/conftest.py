@@ -20,8 +20,8 @@ SLOW = ("evaluation", "kernels", "labelling", "learning", "mapping", "perception
         "scenes", "tasks")  # fmt: skip
 # These compose all settings, start processes, or train
 SLOW_FILES = ("test_configs", "test_debug", "test_experiments", "test_guide", "test_imports",
-              "test_labelling_plugins", "test_listing", "test_plugins", "test_protocols", "test_small_install",
-              "test_training_plugins")  # fmt: skip
+              "test_labelling_plugins", "test_listing", "test_plugins", "test_protocols",
+              "test_small_install", "test_training_plugins")  # fmt: skip
 
 
 def pytest_collection_modifyitems(items):
