@@ -59,11 +59,7 @@ def mask_scores(predicted: Labels, true: Labels, tolerance: float = 0.003) -> Ma
     Raises:
         InputError: the two images differ in size.
     """
-    if predicted.shape != true.shape or true.ndim != 2:
-        raise InputError(
-            f"predicted labels {predicted.shape} and true labels {true.shape} must be images of "
-            "one size; predict on the image that was labelled"
-        )
+    require_one_size(predicted, true)
     ours = _masks(np.where(true < 0, 0, predicted))
     theirs = _masks(true)
     if not len(ours) or not len(theirs):
@@ -72,8 +68,7 @@ def mask_scores(predicted: Labels, true: Labels, tolerance: float = 0.003) -> Ma
     f = 2 * overlap / (ours.sum((1, 2))[:, None] + theirs.sum((1, 2))[None, :])
     i, j = Assignment().assign(-f).T
     pairs = i[f[i, j] > 0], j[f[i, j] > 0]  # masks apart are left over, no pair
-    radius = math.ceil(tolerance * math.hypot(*true.shape))
-    hits, found = _boundary_matches(ours, theirs, pairs, radius)
+    hits, found = _boundary_matches(ours, theirs, pairs, radius(true, tolerance))
     return MaskScores(
         *_precision_recall_f(overlap[pairs].sum(), ours.sum(), overlap[pairs].sum(), theirs.sum()),
         *_precision_recall_f(hits, borders(ours).sum(), found, borders(theirs).sum()),
@@ -81,6 +76,20 @@ def mask_scores(predicted: Labels, true: Labels, tolerance: float = 0.003) -> Ma
         predicted=len(ours),
         true=len(theirs),
     )
+
+
+def radius(labels: Labels, tolerance: float) -> int:
+    """Pixels of a tolerance, given as a share of the image diagonal."""
+    return math.ceil(tolerance * math.hypot(*labels.shape))
+
+
+def require_one_size(predicted: Labels, true: Labels) -> None:
+    """Raises an InputError unless both are images (H, W) of one size."""
+    if predicted.shape != true.shape or true.ndim != 2:
+        raise InputError(
+            f"predicted labels {predicted.shape} and true labels {true.shape} must be images of "
+            "one size; predict on the image that was labelled"
+        )
 
 
 def borders(masks: Masks) -> Masks:
@@ -106,11 +115,11 @@ def _products(a: Masks, b: Masks) -> NDArray[np.float64]:
 
 
 def _boundary_matches(
-    ours: Masks, theirs: Masks, pairs: tuple[NDArray[np.int64], NDArray[np.int64]], radius: int
+    ours: Masks, theirs: Masks, pairs: tuple[NDArray[np.int64], NDArray[np.int64]], reach: int
 ) -> tuple[float, float]:
     """Border pixels near the border of the matched mask: predicted ones, true ones."""
-    y, x = np.mgrid[-radius : radius + 1, -radius : radius + 1]
-    disk = x * x + y * y <= radius * radius
+    y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    disk = x * x + y * y <= reach * reach
     hits = found = 0.0
     for i, j in zip(*pairs, strict=True):
         mine, other = borders(ours[i]), borders(theirs[j])

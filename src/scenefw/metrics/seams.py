@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from scenefw.core.errors import InputError
+from scenefw.metrics.masks import radius, require_one_size
 
 Labels = NDArray[np.integer]
 Mask = NDArray[np.bool_]
@@ -72,11 +71,7 @@ def seam_scores(predicted: Labels, true: Labels, tolerance: float = 0.003) -> Se
     Raises:
         InputError: the two images differ in size.
     """
-    if predicted.shape != true.shape or true.ndim != 2:
-        raise InputError(
-            f"predicted labels {predicted.shape} and true labels {true.shape} must be images of "
-            "one size; predict on the image that was labelled"
-        )
+    require_one_size(predicted, true)
     reach = radius(true, tolerance)
     ours, theirs = seams(predicted, reach), seams(true, reach)
     known = ours & (true >= 0)
@@ -86,11 +81,6 @@ def seam_scores(predicted: Labels, true: Labels, tolerance: float = 0.003) -> Se
         found=int((theirs & _near(ours, reach)).sum()),
         true=int(theirs.sum()),
     )
-
-
-def radius(labels: Labels, tolerance: float) -> int:
-    """Pixels of a tolerance, given as a share of the image diagonal."""
-    return math.ceil(tolerance * math.hypot(*labels.shape))
 
 
 def seams(labels: Labels, reach: int) -> Mask:

@@ -14,7 +14,7 @@ from scenefw.core.labelling_protocols import TabletopModels
 from scenefw.core.tabletop import TabletopGeometry, TabletopItem, TabletopScene
 from scenefw.scenes import desk_light
 from scenefw.scenes.drape import draped
-from scenefw.scenes.numbers import SceneNumbers
+from scenefw.scenes.numbers import NumberedScenes, require_draws
 from scenefw.scenes.resting import Body, Relief, Rest, body_of, rest
 from scenefw.scenes.tabletop import assemble
 
@@ -28,7 +28,7 @@ _HOLLOW, _TIGHT = 0.025, 0.004  # m: space under most of a thing that leans, or 
 _TOUCH = 0.0012  # m: neighbours whose heights differ less don't stop a thing that is pushed
 
 
-class DeskGenerator:
+class DeskGenerator(NumberedScenes):
     """Puts models down one after the other, large ones first; each comes to rest on the others.
 
     A model lies free, is pushed up to another one, or is put on it and tilts until it rests. What
@@ -67,12 +67,8 @@ class DeskGenerator:
         highest: float = 0.11,
         trials: int = 25,
     ) -> None:
-        self._numbers = SceneNumbers(scenes)
-        if not 0 <= minimum <= maximum or not 0 < scales[0] <= scales[1] or trials < 1:
-            raise ConfigError(
-                f"minimum = {minimum}, maximum = {maximum}, scales = {list(scales)}, trials = "
-                f"{trials}: expected 0 <= minimum <= maximum, scales in order and trials >= 1"
-            )
+        super().__init__(scenes)
+        self.scales = require_draws(minimum, maximum, scales, trials)
         if border < 0 or not extent > 2 * border:
             raise ConfigError(f"border = {border} m leaves no room on {extent} m; lower it")
         if len(placed) != 3 or min(placed) < 0 or not sum(placed) > 0:
@@ -86,25 +82,9 @@ class DeskGenerator:
         self.minimum, self.maximum, self.trials = minimum, maximum, trials
         self.placed = np.asarray(placed, dtype=np.float64) / sum(placed)
         self.weights = self._weights(dict(weights or {}))
-        self.scales, self.extent = (float(scales[0]), float(scales[1])), extent - 2 * border
+        self.extent = extent - 2 * border
         self.steepest, self.highest = float(np.deg2rad(steepest)), highest
         self._bodies: dict[tuple[int, int, int], Body] = {}
-
-    def numbers(self, split: str) -> Sequence[int]:
-        """Indices of the scenes of a split.
-
-        Raises:
-            ConfigError: there is no such split.
-        """
-        return self._numbers.of(split)
-
-    def split_of(self, index: int) -> str:
-        """The split of a scene.
-
-        Raises:
-            ConfigError: there is no such scene.
-        """
-        return self._numbers.split_of(index)
 
     def generate(self, index: int, seed: int) -> TabletopScene:
         """Scene number `index` of the data set `seed`."""

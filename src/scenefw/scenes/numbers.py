@@ -1,4 +1,4 @@
-"""Numbers of scenes by split."""
+"""What generators of tables share: numbers of scenes by split, and checks of what they draw."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.tabletop import SPLITS
 
 
-class SceneNumbers:
+class NumberedScenes:
     """Scenes 0, 1, ... for training, validation and test, numbered in this order.
 
     Args:
@@ -24,7 +24,7 @@ class SceneNumbers:
             raise ConfigError(f"scenes = {list(scenes)}: expected three numbers, one per split")
         self._ends = tuple(accumulate(scenes))
 
-    def of(self, split: str) -> Sequence[int]:
+    def numbers(self, split: str) -> Sequence[int]:
         """Indices of the scenes of a split.
 
         Raises:
@@ -45,3 +45,19 @@ class SceneNumbers:
             if 0 <= index < end:
                 return split
         raise ConfigError(f"scene {index} is outside 0..{self._ends[-1] - 1}; change `scenes`")
+
+
+def require_draws(
+    minimum: int, maximum: int, scales: Sequence[float], trials: int
+) -> tuple[float, float]:
+    """The least and greatest size of models.
+
+    Raises:
+        ConfigError: numbers that draw nothing.
+    """
+    if not 0 <= minimum <= maximum or not 0 < scales[0] <= scales[1] or trials < 1:
+        raise ConfigError(
+            f"minimum = {minimum}, maximum = {maximum}, scales = {list(scales)}, trials = "
+            f"{trials}: expected 0 <= minimum <= maximum, scales in order and trials >= 1"
+        )
+    return float(scales[0]), float(scales[1])

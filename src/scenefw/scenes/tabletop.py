@@ -19,13 +19,13 @@ from scenefw.core.tabletop import (
     TabletopItem,
     TabletopScene,
 )
-from scenefw.scenes.numbers import SceneNumbers
+from scenefw.scenes.numbers import NumberedScenes, require_draws
 from scenefw.shapes.tabletop import colours
 
 Array = NDArray[np.float64]
 
 
-class TabletopGenerator:
+class TabletopGenerator(NumberedScenes):
     """Places random models uniformly, turned at random, with gaps between their convex outlines.
 
     Larger models are placed first, so that the table fills; one that finds no room is left out.
@@ -59,12 +59,8 @@ class TabletopGenerator:
         gap: float = 0.006,
         trials: int = 60,
     ) -> None:
-        self._numbers = SceneNumbers(scenes)
-        if not 0 <= minimum <= maximum or not 0 < scales[0] <= scales[1] or trials < 1:
-            raise ConfigError(
-                f"minimum = {minimum}, maximum = {maximum}, scales = {list(scales)}, trials = "
-                f"{trials}: expected 0 <= minimum <= maximum, scales in order and trials >= 1"
-            )
+        super().__init__(scenes)
+        self.scales = require_draws(minimum, maximum, scales, trials)
         if border < 0 or gap < 0 or not extent > 2 * border:
             raise ConfigError(
                 f"border = {border}, gap = {gap} m leave no room on {extent} m; lower them"
@@ -72,25 +68,9 @@ class TabletopGenerator:
         self.models = models
         self.classes = tuple(models.classes)
         self.minimum, self.maximum = minimum, maximum
-        self.scales, self.trials = (float(scales[0]), float(scales[1])), trials
+        self.trials = trials
         self.half, self.gap = extent / 2 - border, gap
         self._outlines: dict[tuple[int, int], Array] = {}
-
-    def numbers(self, split: str) -> Sequence[int]:
-        """Indices of the scenes of a split.
-
-        Raises:
-            ConfigError: there is no such split.
-        """
-        return self._numbers.of(split)
-
-    def split_of(self, index: int) -> str:
-        """The split of a scene.
-
-        Raises:
-            ConfigError: there is no such scene.
-        """
-        return self._numbers.split_of(index)
 
     def generate(self, index: int, seed: int) -> TabletopScene:
         """Scene number `index` of the data set `seed`."""

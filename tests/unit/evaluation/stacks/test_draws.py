@@ -123,8 +123,8 @@ def result():
         "partial_tsdf": PartialSurface(ConnectedComponents()),
         "nothing": Nothing(),
     }
-    scenes = StackScenes(split="val", limit=5)
-    draws = scoring(64, count=2, scenes=2, methods={"further": Nothing()})
+    scenes = StackScenes(split="val", limit=6)
+    draws = scoring(64, count=2, scenes=5, methods={"further": Nothing()})
     grid = GridSpec(resolution=32)
     return evaluation(methods, scenes, views=1, samples=1, grid=grid, draws=draws).run()
 
@@ -137,6 +137,8 @@ def test_no_straw_man(result):
     assert figures["instance_iou"] > weaker["instance_iou"] + 0.1
     assert figures["chamfer_full_excess"] < figures["partial_tsdf/chamfer_full_excess"]
     assert figures["draws/hull_filling/energy"] < figures["draws/partial_tsdf/energy"]
+    for name in ("log_skill", "brier_skill"):
+        assert figures[f"draws/hull_filling/{name}"] > figures[f"draws/partial_tsdf/{name}"] + 0.1
     assert figures["draws/hull_filling/log_skill"] > 0
 
 
@@ -148,7 +150,8 @@ def test_forecasts_without_an_image_stand_beside(result):
 
 
 def test_draws_are_of_the_first_scenes_alone(result):
-    assert [view.scene for view in result.draws.views] == [v.scene for v in result.views[:2]]
+    assert [view.scene for view in result.draws.views] == [v.scene for v in result.views[:5]]
+    assert len(result.views) == 6
     assert len(result.draws.calibration) == 2
     assert set(result.draws.views[0].methods) == {*result.draws.methods}
     assert "further" in result.draws.methods
