@@ -9,6 +9,8 @@ from torch.nn import functional
 
 from scenefw.core.errors import ConfigError
 
+MODALITIES = ("colour", "distance")
+
 
 class ConvModule(nn.Sequential):
     """Convolution 3 x 3, batch normalisation, ReLU; stride 2 halves the size."""
@@ -49,24 +51,31 @@ class FuseNetBody(nn.Module):
         widths: channels of each level, the finest first; each next level has half the size.
         modules: convolutional modules per level of each encoder.
         dropout: share of features dropped where a level ends, and before the classes.
+        block: pixels per side that become channels of the first layers, and again of the result.
     """
 
     def __init__(
-        self, classes: int, widths: Sequence[int], modules: Sequence[int], dropout: float
+        self,
+        classes: int,
+        widths: Sequence[int],
+        modules: Sequence[int],
+        dropout: float,
+        block: int = 1,
     ) -> None:
         super().__init__()
-        self.colour = _encoder(3, widths, modules)
-        self.depth = _encoder(2, widths, modules)
+        self.fold, self.unfold = nn.PixelUnshuffle(block), nn.PixelShuffle(block)
+        self.colour = _encoder(3 * block**2, widths, modules)
+        self.depth = _encoder(2 * block**2, widths, modules)
         self.ends = frozenset(sum(modules[: n + 1]) - 1 for n in range(len(modules)))
         self.drop = nn.Dropout(dropout)
         # The finest first, so that a network of one level more has the same names, and one more
         levels = zip(widths[1:], widths[:-1], strict=True)
         self.decoder = nn.ModuleList(UpModule(low, high, high) for low, high in levels)
-        self.classify = nn.Conv2d(widths[0], classes, 1)
+        self.classify = nn.Conv2d(widths[0], classes * block**2, 1)
 
     def forward(self, colour: Tensor, depth: Tensor) -> Tensor:
         """Scores (B, classes, H, W) of colour (B, 3, H, W) and depth with its mask (B, 2, H, W)."""
-        skips = []
+        colour, depth, skips = self.fold(colour), self.fold(depth), []
         for number, (colours, depths) in enumerate(zip(self.colour, self.depth, strict=True)):
             depth = depths(depth)
             colour = colours(colour) + depth  # fig. 4.19: fused at every layer
@@ -75,7 +84,7 @@ class FuseNetBody(nn.Module):
         features = self.drop(skips.pop())
         for module in reversed(self.decoder):
             features = module(features, skips.pop())
-        return self.classify(self.drop(features))
+        return self.unfold(self.classify(self.drop(features)))
 
 
 class FuseNet(nn.Module):
@@ -96,6 +105,10 @@ class FuseNet(nn.Module):
         dropout: share of features dropped in training, at the coarsest level and before the end.
         offset: distance (m) that becomes 0.
         scale: distance (m) from there that becomes 1.
+        block: pixels per side that are moved to channels before the first layer and back after the
+            last: with 2, all layers have a quarter of the pixels (Shi et al. 2016).
+        modalities: what it looks at, of `colour` and `distance`; the other is zero, to learn what
+            one alone is worth.
     """
 
     training_only = ()
@@ -108,6 +121,8 @@ class FuseNet(nn.Module):
         dropout: float = 0.1,
         offset: float = 0.0,
         scale: float = 0.1,
+        block: int = 1,
+        modalities: Sequence[str] = MODALITIES,
     ) -> None:
         super().__init__()
         if classes < 2 or len(widths) != len(modules) or min(*widths, *modules) < 1:
@@ -120,9 +135,15 @@ class FuseNet(nn.Module):
                 f"FuseNet has scale = {scale}, dropout = {dropout}; expected metres above 0 and a "
                 "share below 1"
             )
+        if block < 1 or not modalities or not set(modalities) <= set(MODALITIES):
+            raise ConfigError(
+                f"FuseNet has block = {block}, modalities = {list(modalities)}; expected at least "
+                f"1 pixel, and one or both of {', '.join(MODALITIES)}"
+            )
         self.classes, self.offset, self.scale = classes, offset, scale
-        self.stride = 2 ** (len(widths) - 1)
-        self.body = FuseNetBody(classes, widths, modules, dropout)
+        self.modalities = tuple(name for name in MODALITIES if name in modalities)
+        self.stride = block * 2 ** (len(widths) - 1)
+        self.body = FuseNetBody(classes, widths, modules, dropout, block)
         self.recipe: dict[str, Any] = {
             "_target_": f"{type(self).__module__}.{type(self).__qualname__}",
             "classes": classes,
@@ -131,6 +152,8 @@ class FuseNet(nn.Module):
             "dropout": dropout,
             "offset": offset,
             "scale": scale,
+            "block": block,
+            "modalities": list(self.modalities),
         }
 
     def forward(self, colour: Tensor, distance: Tensor) -> Tensor:
@@ -146,6 +169,10 @@ class FuseNet(nn.Module):
         known = torch.isfinite(distance)
         units = torch.where(known, (distance - self.offset) / self.scale, 0.0)
         depth = functional.pad(torch.cat([units, known.to(units.dtype)], dim=1), rest)
+        if "colour" not in self.modalities:
+            colour = torch.zeros_like(colour)
+        if "distance" not in self.modalities:
+            depth = torch.zeros_like(depth)
         return self.body(colour, depth)[..., :height, :width]
 
 

@@ -138,6 +138,14 @@ def _upsampling(layer: Any, before: ReceptiveField, axis: int) -> ReceptiveField
     return before.spread(factor, factor)
 
 
+def _folded(layer: Any, before: ReceptiveField, axis: int) -> ReceptiveField:
+    return before.window(layer.downscale_factor, layer.downscale_factor, 0, 1)
+
+
+def _unfolded(layer: Any, before: ReceptiveField, axis: int) -> ReceptiveField:
+    return before.spread(layer.upscale_factor, layer.upscale_factor)
+
+
 def _pointwise(layer: Any, before: ReceptiveField, axis: int) -> ReceptiveField:
     return before
 
@@ -147,6 +155,8 @@ _RULES: dict[Any, Rule] = {
     (nn.Conv2d, nn.MaxPool2d, nn.AvgPool2d): _convolution,
     nn.ConvTranspose2d: _transposed,
     nn.Upsample: _upsampling,
+    nn.PixelUnshuffle: _folded,
+    nn.PixelShuffle: _unfolded,
     (nn.modules.batchnorm._BatchNorm, nn.ReLU, nn.PReLU, nn.Identity): _pointwise,
     nn.modules.dropout._DropoutNd: _pointwise,
 }

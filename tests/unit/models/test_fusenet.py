@@ -8,10 +8,11 @@ from scenefw.models.fusenet import FuseNet
 from scenefw.models.receptive_field import receptive_field
 
 
-@pytest.fixture
-def network():
+@pytest.fixture(params=[1, 2])
+def network(request):
     torch.manual_seed(0)
-    network = FuseNet(3, (4, 6, 6, 8)).train()
+    widths, modules = ((4, 6, 6, 8), (1, 2, 2, 3)) if request.param == 1 else ((4, 6, 8), (1, 2, 2))
+    network = FuseNet(3, widths, modules, block=request.param).train()
     with torch.no_grad():
         for _ in range(3):  # statistics that are not 0 and 1
             network(*images(48, 64, batch=2))
@@ -24,6 +25,10 @@ def images(height, width, batch=1, seed=0):
     distance = 0.3 * torch.rand(batch, 1, height, width, generator=generator)
     distance[..., : height // 3, : width // 4] = torch.nan
     return colour, distance
+
+
+def arguments(network):
+    return {key: value for key, value in network.recipe.items() if key != "_target_"}
 
 
 @torch.no_grad()
@@ -54,12 +59,26 @@ def test_missing_distances_are_not_zero_distances(network):
 
 @torch.no_grad()
 def test_offset_and_scale_are_units(network):
-    other = FuseNet(3, (4, 6, 6, 8), offset=0.2, scale=0.01)
+    other = FuseNet(**{**arguments(network), "offset": 0.2, "scale": 0.01})
     other.load_state_dict(network.state_dict())
     colour, distance = images(32, 32)
     torch.testing.assert_close(
         other.eval()(colour, 0.2 + distance * 0.1), network(colour, distance), rtol=1e-4, atol=1e-4
     )
+
+
+@torch.no_grad()
+@pytest.mark.parametrize(("seen", "unseen"), [("colour", 1), ("distance", 0)])
+def test_one_modality_alone_is_blind_to_the_other(network, seen, unseen):
+    alone = FuseNet(**{**arguments(network), "modalities": [seen]})
+    alone.load_state_dict(network.state_dict())
+    given, other = images(32, 32), images(32, 32, seed=1)
+    swapped = list(given)
+    swapped[unseen] = other[unseen]
+    torch.testing.assert_close(alone.eval()(*swapped), alone(*given), rtol=0, atol=0)
+    swapped = list(other)
+    swapped[unseen] = given[unseen]
+    assert not torch.allclose(alone(*swapped), alone(*given))
 
 
 def test_both_encoders_learn(network):
@@ -74,6 +93,7 @@ def test_the_thesis_has_eight_modules_and_the_laptop_one_million_weights():
     for words, modules, megabytes in (
         (["model=fusenet"], 8, 1),
         (["model=fusenet_deep"], 10, 3),
+        (["model=fusenet_blocks"], 9, 4),
         (["model=fusenet", "size.network=wide"], 10, 12),
     ):
         settings = OmegaConf.to_container(config.compose(words).model, resolve=True)
@@ -84,7 +104,16 @@ def test_the_thesis_has_eight_modules_and_the_laptop_one_million_weights():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"classes": 1}, {"modules": (1, 2)}, {"scale": 0.0}, {"dropout": 1.0}]
+    "wrong",
+    [
+        {"classes": 1},
+        {"modules": (1, 2)},
+        {"scale": 0.0},
+        {"dropout": 1.0},
+        {"block": 0},
+        {"modalities": []},
+        {"modalities": ["color"]},
+    ],
 )
 def test_wrong_settings_are_refused(wrong):
     with pytest.raises(ConfigError, match="FuseNet"):

@@ -27,10 +27,10 @@ def prepared(network):
     return network.double().eval()
 
 
-@pytest.mark.parametrize("modules", [(1, 2, 2, 3), (2, 1, 1)])
+@pytest.mark.parametrize(("modules", "block"), [((1, 2, 2, 3), 1), ((2, 1, 1), 1), ((1, 1, 1), 2)])
 @pytest.mark.parametrize("axis", [0, 1])
-def test_it_is_the_footprint_of_the_gradient(modules, axis):
-    network = prepared(FuseNetBody(2, (2,) * len(modules), modules, 0.0))
+def test_it_is_the_footprint_of_the_gradient(modules, block, axis):
+    network = prepared(FuseNetBody(2, (2,) * len(modules), modules, 0.0, block))
     field = receptive_field(network, axis)
     found = np.array(
         [
