@@ -11,6 +11,7 @@ folder of ShapeNetCore). `cache=None` renders every time; what comes out is the 
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -18,6 +19,7 @@ import numpy as np
 
 from scenefw.core import rng as streams
 from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.final_split import FINAL, look
 from scenefw.core.geometry import look_at
 from scenefw.core.height_maps import HeightGrid, HeightMap
 from scenefw.core.labelling_protocols import TabletopRenderer, TabletopSource
@@ -26,6 +28,7 @@ from scenefw.core.types import Camera, Float64, Frame
 from scenefw.data.view_cache import ViewCache, exact, key_of
 
 _VIEW_STREAM = 1  # apart from the stream that makes the scene
+_FINAL_SEED = 20261  # so that no run before has seen scenes or views of the final split
 
 
 class TabletopScenes:
@@ -38,7 +41,8 @@ class TabletopScenes:
     Args:
         scenes: makes the scenes.
         renderer: makes the images.
-        split: train, validation or test.
+        split: train, validation (or val), test, or final, which only releases may read
+            (`core.final_split`) and which has a seed of its own.
         limit: at most this many scenes; None = all.
         seed: of scenes and views.
         size: width and height of images (pixels) of a camera with 45 degrees of vertical view.
@@ -53,7 +57,7 @@ class TabletopScenes:
         lens: the camera at no particular pose.
 
     Raises:
-        ConfigError: numbers that make no view, or no such split.
+        ConfigError: numbers that make no view, no such split, or a final one that is not open.
     """
 
     DRAWS = 6
@@ -76,8 +80,8 @@ class TabletopScenes:
         _require(size, heights, angles, limit)
         self.scenes, self.renderer = scenes, renderer
         self.classes = tuple(scenes.classes)
-        self.numbers = scenes.numbers(split)[:limit]
-        self.seed, self.reach = seed, reach
+        self.numbers = scenes.numbers({"val": "validation"}.get(split, split))[:limit]
+        self.seed, self.reach = _FINAL_SEED if split == FINAL else seed, reach
         self.heights = (float(heights[0]), float(heights[1]))
         self.angles = (float(angles[0]), float(angles[1]))
         self.grid = HeightGrid(vertices)
@@ -85,6 +89,8 @@ class TabletopScenes:
         self.lens = Camera().resized(int(size[0]), int(size[1]))
         self._last: tuple[int, TabletopGeometry] | None = None
         self._stores: dict[int, ViewCache] = {}
+        if split == FINAL:
+            look("tabletop_final", self._digest())
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -156,6 +162,10 @@ class TabletopScenes:
         if self.cache is not None and scene not in self._stores:
             self._stores[scene] = ViewCache(self.cache / self._key(scene))
         return self._stores.get(scene)
+
+    def _digest(self) -> str:
+        """Changes with the generator: the first scene stands for the others."""
+        return hashlib.sha256(f"{list(self.numbers)} {self._key(0)}".encode()).hexdigest()
 
     def _key(self, scene: int) -> str:
         geometry = self._geometry(scene)

@@ -6,23 +6,27 @@ from collections.abc import Sequence
 from itertools import accumulate
 
 from scenefw.core.errors import ConfigError
+from scenefw.core.final_split import FINAL
 from scenefw.core.tabletop import SPLITS
 
 
 class NumberedScenes:
-    """Scenes 0, 1, ... for training, validation and test, numbered in this order.
+    """Scenes 0, 1, ... for training, validation, test and the final split, in this order.
 
     Args:
-        scenes: how many of each.
+        scenes: how many of each; three numbers if there is no final split.
 
     Raises:
-        ConfigError: not three numbers from 0 on.
+        ConfigError: not three or four numbers from 0 on.
     """
 
     def __init__(self, scenes: Sequence[int]) -> None:
-        if len(scenes) != len(SPLITS) or min(scenes) < 0:
-            raise ConfigError(f"scenes = {list(scenes)}: expected three numbers, one per split")
-        self._ends = tuple(accumulate(scenes))
+        if len(scenes) not in (len(SPLITS), len(SPLITS) + 1) or min(scenes) < 0:
+            raise ConfigError(
+                f"scenes = {list(scenes)}: expected a number for each of {', '.join(SPLITS)}, and "
+                "one more where there is a final split"
+            )
+        self._ends = dict(zip((*SPLITS, FINAL), accumulate(scenes), strict=False))
 
     def numbers(self, split: str) -> Sequence[int]:
         """Indices of the scenes of a split.
@@ -30,10 +34,11 @@ class NumberedScenes:
         Raises:
             ConfigError: there is no such split.
         """
-        if split not in SPLITS:
-            raise ConfigError(f"split '{split}' is unknown; there are {', '.join(SPLITS)}")
-        part = SPLITS.index(split)
-        return range((0, *self._ends)[part], self._ends[part])
+        names = list(self._ends)
+        if split not in names:
+            raise ConfigError(f"these tables have no split '{split}'; there are {', '.join(names)}")
+        start = self._ends[names[names.index(split) - 1]] if split != names[0] else 0
+        return range(start, self._ends[split])
 
     def split_of(self, index: int) -> str:
         """The split of a scene.
@@ -41,10 +46,11 @@ class NumberedScenes:
         Raises:
             ConfigError: there is no such scene.
         """
-        for split, end in zip(SPLITS, self._ends, strict=True):
+        for split, end in self._ends.items():
             if 0 <= index < end:
                 return split
-        raise ConfigError(f"scene {index} is outside 0..{self._ends[-1] - 1}; change `scenes`")
+        last = max(self._ends.values()) - 1
+        raise ConfigError(f"scene {index} is outside 0..{last}; change `scenes`")
 
 
 def require_draws(

@@ -6,10 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.final_split import opened
 from scenefw.data.tabletop import TabletopScenes
 from scenefw.data.view_cache import ViewCache
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
+from scenefw.scenes.desk import DeskGenerator
 from scenefw.scenes.tabletop import TabletopGenerator
+from scenefw.shapes.desk.library import DeskModels
 from scenefw.shapes.tabletop.library import ProceduralModels
 
 GENERATOR = TabletopGenerator(ProceduralModels())
@@ -57,6 +60,26 @@ def test_the_splits_of_the_thesis(split, count):
 def test_splits_share_no_scene():
     numbers = [n for split in ("train", "validation", "test") for n in source(split=split).numbers]
     assert sorted(numbers) == list(range(647))
+
+
+def test_the_final_split_is_shut_and_has_a_seed_of_its_own():
+    tables = DeskGenerator(DeskModels(), scenes=(5, 2, 2, 3), minimum=1, maximum=3)
+    final = {"split": "final", "size": (40, 30), "vertices": 65}
+    with pytest.raises(ConfigError, match="split=final"):
+        TabletopScenes(tables, Counting(), **final)
+    with opened() as looks:
+        found = [TabletopScenes(tables, Counting(), seed=seed, **final) for seed in (0, 1)]
+    assert list(found[0].numbers) == [9, 10, 11]
+    assert looks.keys() == {"tabletop_final"}
+    assert found[0].camera(0, 0).T_world_camera.tolist() == (
+        found[1].camera(0, 0).T_world_camera.tolist()
+    )
+    shown = TabletopScenes(tables, Counting(), split="test", size=(40, 30))
+    assert found[0].seed not in (shown.seed, 0, 1)
+
+
+def test_val_is_validation():
+    assert source(split="val").numbers == source(split="validation").numbers
 
 
 @settings(max_examples=40)
@@ -168,7 +191,7 @@ def test_scenes_and_settings_that_do_not_exist():
     with pytest.raises(InputError, match="scene 27 of 27; give 0 to 26"):
         source().scene(27)
     for changes, said in (
-        ({"split": "all"}, "split 'all' is unknown"),
+        ({"split": "all"}, "no split 'all'"),
         ({"limit": 0}, "limit = 0"),
         ({"heights": (0.4, 0.2)}, "lowest first"),
         ({"size": (0, 10)}, "width and height"),

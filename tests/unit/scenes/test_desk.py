@@ -6,19 +6,19 @@ from scipy import ndimage
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.height_maps import HeightGrid
-from scenefw.core.tabletop import DESK
+from scenefw.core.tabletop import DESK, SPLITS
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
 from scenefw.scenes.desk import DeskGenerator
 from scenefw.scenes.tabletop import rotation_of
 from scenefw.shapes.desk.library import DeskModels
 
 MODELS = DeskModels()
-GENERATOR = DeskGenerator(MODELS)
+GENERATOR = DeskGenerator(MODELS, scenes=(500, 120, 27, 5))
 
 
 @pytest.fixture(scope="module")
 def scenes():
-    return [GENERATOR.generate(index, 0) for index in (0, 505, 640)]
+    return [GENERATOR.generate(index, 0) for index in (0, 505, 640, 650)]
 
 
 def test_tables_are_full_and_inside(scenes):
@@ -80,11 +80,25 @@ def test_a_scene_depends_on_seed_and_index_alone(scenes):
     assert fresh.generate(505, 1) != scenes[1]
 
 
-@pytest.mark.parametrize(("split", "place"), [("train", 0), ("validation", 1), ("test", 2)])
+@pytest.mark.parametrize(
+    ("split", "place"), [("train", 0), ("validation", 1), ("test", 2), ("final", 3)]
+)
 def test_models_of_a_split_lie_in_its_scenes_alone(scenes, split, place):
     assert scenes[place].index in GENERATOR.numbers(split)
     for item in scenes[place].items:
         assert item.instance in MODELS.instances(item.label, split)
+
+
+def test_the_final_split_has_models_of_its_own():
+    for label in range(1, len(DESK)):
+        final = set(MODELS.instances(label, "final"))
+        assert final
+        assert not final & {i for s in SPLITS for i in MODELS.instances(label, s)}
+
+
+def test_tables_without_a_final_split_say_so():
+    with pytest.raises(ConfigError, match="no split 'final'; there are train, validation, test"):
+        DeskGenerator(MODELS).numbers("final")
 
 
 def test_classes_are_drawn_by_weight():
@@ -96,7 +110,7 @@ def test_classes_are_drawn_by_weight():
 @pytest.mark.parametrize(
     ("changed", "said"),
     [
-        ({"scenes": (1, 2)}, "three numbers"),
+        ({"scenes": (1, 2)}, "a number for each of train, validation, test"),
         ({"minimum": 5, "maximum": 4}, "minimum <= maximum"),
         ({"border": 0.6}, "leaves no room"),
         ({"placed": (0, 0, 0)}, "three shares"),

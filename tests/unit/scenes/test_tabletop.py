@@ -104,7 +104,7 @@ def test_an_empty_table():
 @pytest.mark.parametrize(
     ("changed", "said"),
     [
-        ({"scenes": (1, 2)}, "three numbers"),
+        ({"scenes": (1, 2)}, "a number for each of"),
         ({"minimum": 5, "maximum": 4}, "minimum <= maximum"),
         ({"border": 0.6}, "leave no room"),
     ],
@@ -117,5 +117,5 @@ def test_impossible_settings(changed, said):
 def test_scenes_beyond_the_data_set():
     with pytest.raises(ConfigError, match=r"scene 647 is outside 0\.\.646"):
         GENERATORS[0].generate(647, 0)
-    with pytest.raises(ConfigError, match="split 'val' is unknown"):
+    with pytest.raises(ConfigError, match="no split 'val'"):
         GENERATORS[0].numbers("val")

@@ -9,7 +9,8 @@ import numpy as np
 
 from scenefw.core import rng as streams
 from scenefw.core.errors import ConfigError
-from scenefw.core.tabletop import DESK, SPLITS, TexturedMesh
+from scenefw.core.final_split import FINAL
+from scenefw.core.tabletop import DESK, TexturedMesh
 from scenefw.shapes.desk import known, limp, other_flat, other_long, other_round
 from scenefw.shapes.tabletop import parts
 from scenefw.shapes.tabletop.library import split_instances
@@ -47,8 +48,9 @@ class DeskModels:
     kind where it has instances enough.
 
     Args:
-        count: instances per class, the first 75 % for training, 10 % validation, 15 % test.
-        others: instances of `other`.
+        count: instances per class, the first 75 % for training, 10 % validation, 15 % test; the
+            final split has as many as the test, which follow them.
+        others: instances of `other`, split alike.
         seed: another seed, other models.
 
     Raises:
@@ -58,15 +60,16 @@ class DeskModels:
     def __init__(self, count: int = 66, others: int = 280, seed: int = 0) -> None:
         self.classes = DESK
         self.seed = seed
-        few, many = split_instances(count), split_instances(others)
+        few, many = _with_final(count), _with_final(others)
         self.parts = [many if name == "other" else few for name in DESK]
         self._models: dict[tuple[int, int], TexturedMesh] = {}
 
     def instances(self, label: int, split: str) -> Sequence[int]:
         """Indices of the instances of a class in a split."""
-        if split not in SPLITS:
-            raise ConfigError(f"split '{split}' is unknown; there are {', '.join(SPLITS)}")
-        return self.parts[label][split]
+        parts = self.parts[label]
+        if split not in parts:
+            raise ConfigError(f"split '{split}' is unknown; there are {', '.join(parts)}")
+        return parts[split]
 
     def model(self, label: int, instance: int) -> TexturedMesh:
         """One model; always the same for the same numbers."""
@@ -80,3 +83,8 @@ class DeskModels:
             return limp.cable(rng)
         maker = OTHERS[instance % len(OTHERS)] if name == "other" else KNOWN[name]
         return parts.merge(maker(rng))
+
+
+def _with_final(count: int) -> Mapping[str, Sequence[int]]:
+    parts = split_instances(count)
+    return {**parts, FINAL: range(count, count + len(parts["test"]))}
