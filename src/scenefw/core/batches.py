@@ -196,11 +196,14 @@ class Completion:
         tsdf: (B, X, Y, Z) metres.
         instances: (B, X, Y, Z) int32.
         volumes: (B, C, X, Y, Z) by name, as their representations say them.
+        masks: (B, H, W) int32, which instance a pixel of the view shows, 0 = none; None where the
+            method doesn't look at pixels.
     """
 
     tsdf: Tensor
     instances: Tensor
     volumes: Mapping[str, Tensor] = field(default_factory=dict)
+    masks: Tensor | None = None
 
 
 @dataclass(frozen=True)

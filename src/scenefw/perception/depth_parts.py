@@ -2,12 +2,14 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
+from scipy.ndimage import binary_dilation
+from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse.csgraph import connected_components, dijkstra
 
-from scenefw.core.types import Float32, Float64, Frame
+from scenefw.core.types import Float32, Float64, Frame, Int32
 from scenefw.perception.points import camera_points
 
+_NOISE = 0.002  # m between neighbouring pixels of one surface
 _NEIGHBOURS = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]))
 
 
@@ -77,3 +79,43 @@ def _thirds(points: Float64, axis: int, reach: int) -> tuple[Float64, Float64, F
 
 def _dot(a: Float64, b: Float64) -> Float64:
     return np.einsum("...i,...i->...", a, b)
+
+
+def grown(labels: Int32, among: NDArray[np.bool_], depth: Float32) -> Int32:
+    """Labels (H, W) that also cover the pixels `among` that can be reached through others.
+
+    Each takes the label that is nearest along the image, where a step costs a pixel and each
+    millimetre of depth beyond `_NOISE` another (Dijkstra's shortest paths from all labels at once).
+
+    Args:
+        labels: (H, W), 0 = none.
+        among: (H, W) pixels that may get one.
+        depth: (H, W) metres.
+    """
+    todo = among & (labels == 0)
+    seeds = (labels > 0) & binary_dilation(todo)
+    if not todo.any() or not seeds.any():
+        return labels
+    number = np.cumsum((todo | seeds).ravel()).reshape(labels.shape) - 1
+    steps = _steps(depth, todo | seeds, number)
+    _, _, source = dijkstra(
+        steps, directed=False, indices=number[seeds], return_predecessors=True, min_only=True
+    )
+    own = labels[todo | seeds]
+    filled = labels.copy()
+    filled[todo | seeds] = np.where(source >= 0, own[np.maximum(source, 0)], own)
+    return filled
+
+
+def _steps(depth: Float32, among: NDArray[np.bool_], number: NDArray[np.intp]) -> csr_matrix:
+    """Costs between neighbours, by their numbers."""
+    rows, columns, costs = [], [], []
+    for a, b in _NEIGHBOURS:
+        both = among[a] & among[b]
+        rise = np.abs(depth[a][both] - depth[b][both])
+        rows.append(number[a][both])
+        columns.append(number[b][both])
+        costs.append(1 + 1000 * np.maximum(rise - _NOISE, 0))
+    size = int(among.sum())
+    places = (np.concatenate(rows), np.concatenate(columns))
+    return csr_matrix((np.concatenate(costs), places), (size, size))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
+import numpy as np
 import torch
 
 from scenefw.core import rng
@@ -17,6 +18,8 @@ from scenefw.perception.carving import carve, whole_objects
 from scenefw.perception.doctor import Doctor
 from scenefw.perception.floor import Floor, FloorFinder
 from scenefw.perception.objects import estimate_objects
+from scenefw.perception.points import world_points
+from scenefw.perception.seen_instances import seen_instances
 from scenefw.perception.workspace import Workspace, WorkspaceFinder
 from scenefw.postprocessing.confidence import confidences
 from scenefw.postprocessing.surfaces import instance_meshes
@@ -24,9 +27,12 @@ from scenefw.postprocessing.surfaces import instance_meshes
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    from torch import Tensor
+
     from scenefw.core.protocols import MappingMethod
     from scenefw.core.types import Frame, Int32
 
+_FLOOR = 0.005  # m: what is lower shows no object
 _SHAPE = ("tsdf", "votes")  # what objects are made of; other volumes are kept as they are
 
 
@@ -175,7 +181,18 @@ class Pipeline:
             view.workspace.frame,
             details,
             {n: v[0].cpu().numpy() for n, v in sample.volumes.items() if n not in _SHAPE},
+            self._masks(view, sample),
         )
+
+    def _masks(self, view: View, sample: Completion) -> Int32:
+        """Which object each pixel shows: as the method says, else by the volume at its point."""
+        points = world_points(view.workspace.frame)
+        instances = sample.instances[0].cpu().numpy()
+        shown = seen_instances(instances, points, self.grid, points[..., 2] > _FLOOR)
+        if sample.masks is None:
+            return shown
+        masks = sample.masks[0].cpu().numpy()
+        return np.where(masks > 0, masks, shown)
 
     def _samples(self, partial: PartialTSDF) -> list[Completion]:
         """The scene of each code, without contradictions; an object has the same label in all."""
@@ -188,10 +205,23 @@ class Pipeline:
     def _cleaned(self, sample: Completion, partial: PartialTSDF) -> Completion:
         shape = carve(sample.tsdf[0], partial, self.grid) if self.carve else sample.tsdf[0]
         tsdf, instances = whole_objects(shape, sample.instances[0], self.grid)
-        return Completion(tsdf[None], instances[None], sample.volumes)
+        masks = None if sample.masks is None else _followed(sample, instances)
+        return Completion(tsdf[None], instances[None], sample.volumes, masks)
 
 
 def _renumbered(sample: Completion, like: Int32) -> Completion:
     labels = sample.instances[0]
     fitted = torch.from_numpy(renumbered_like(labels.cpu().numpy(), like)).to(labels.device)
-    return replace(sample, instances=fitted[None])
+    masks = None if sample.masks is None else _followed(sample, fitted)
+    return replace(sample, instances=fitted[None], masks=masks)
+
+
+def _followed(before: Completion, instances: Tensor) -> Tensor:
+    """Masks (1, H, W) with the labels that most voxels of their instances have now."""
+    assert before.masks is not None
+    old = before.instances[0]
+    now = torch.zeros(int(max(before.masks.max(), old.max())) + 1, dtype=torch.int32)
+    for label in torch.unique(old[old > 0]).tolist():
+        votes = torch.bincount(instances[(old == label) & (instances > 0)])
+        now[label] = int(votes.argmax()) if len(votes) else 0
+    return now.to(before.masks.device)[before.masks.long()]

@@ -19,6 +19,7 @@ from scenefw.core.files import require_writable
 from scenefw.core.types import SceneEstimate
 from scenefw.core.versions import versions
 from scenefw.data.readers import find_images, read_frame
+from scenefw.export.masks import write_masks
 from scenefw.export.meshes import write_glb, write_ply
 from scenefw.export.summary import write_summary
 from scenefw.perception.pipeline import Pipeline
@@ -144,6 +145,8 @@ def _write_scene(folder: Path, estimate: SceneEstimate) -> list[Colour]:
     if estimate.volumes:
         arrays: dict[str, Any] = dict(estimate.volumes)
         np.savez_compressed(folder / "volumes.npz", **arrays)
+    if estimate.masks is not None:
+        write_masks(folder / "masks.png", estimate.masks)
     write_summary(folder / "scene.json", estimate, files, versions())
     return colours
 

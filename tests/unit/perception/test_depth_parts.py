@@ -1,12 +1,13 @@
 """Parts of depth images against plain breadth-first search, and creases of analytic surfaces."""
 
+import heapq
 from collections import deque
 
 import numpy as np
 import pytest
 
 from scenefw.core.types import Camera, Frame
-from scenefw.perception.depth_parts import concave_creases, depth_parts, large_parts
+from scenefw.perception.depth_parts import concave_creases, depth_parts, grown, large_parts
 
 
 def searched(depth, among, jump):
@@ -65,3 +66,45 @@ def test_pixels_without_depth_are_no_creases():
     frame = folded(-40)
     frame.depth[20:40, 30:50] = 0
     assert not concave_creases(frame, np.cos(np.radians(25)), 3).any()
+
+
+def walked(labels, among, depth):
+    """Least costs from any pixel of each label (K, H, W), by plain Dijkstra."""
+    found = []
+    for label in range(1, labels.max() + 1):
+        costs = np.where(labels == label, 0.0, np.inf)
+        queue = [(0.0, *place) for place in zip(*np.nonzero(labels == label), strict=True)]
+        heapq.heapify(queue)
+        while queue:
+            cost, y, x = heapq.heappop(queue)
+            for near in ((y + 1, x), (y - 1, x), (y, x + 1), (y, x - 1)):
+                inside = 0 <= near[0] < depth.shape[0] and 0 <= near[1] < depth.shape[1]
+                if not inside or not among[near] or labels[near]:
+                    continue
+                rise = abs(float(depth[near]) - float(depth[y, x]))
+                longer = cost + 1 + 1000 * max(rise - 0.002, 0)
+                if longer < costs[near]:
+                    costs[near] = longer
+                    heapq.heappush(queue, (longer, *near))
+        found.append(costs)
+    return np.stack(found)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_labels_grow_along_the_surface(seed):
+    rng = np.random.default_rng(seed)
+    depth = rng.choice([1.0, 1.003, 1.02], (14, 19)).astype(np.float32)
+    among = rng.random(depth.shape) < 0.85
+    labels = np.where(among & (rng.random(depth.shape) < 0.04), rng.integers(1, 4, depth.shape), 0)
+    found, costs = grown(labels.astype(np.int32), among, depth), walked(labels, among, depth)
+    assert (found[labels > 0] == labels[labels > 0]).all()
+    reached = np.isfinite(costs).any(axis=0)
+    assert ((found > 0) == reached).all()
+    own = np.take_along_axis(costs, np.maximum(found - 1, 0)[None].astype(int), axis=0)[0]
+    np.testing.assert_allclose(own[reached], costs.min(axis=0)[reached], rtol=1e-3)
+
+
+def test_nothing_grows_from_nothing():
+    depth = np.ones((5, 6), np.float32)
+    nothing = np.zeros((5, 6), np.int32)
+    assert not grown(nothing, depth > 0, depth).any()

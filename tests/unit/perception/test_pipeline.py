@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -54,6 +55,9 @@ def test_objects_of_a_known_scene(resolution):
     np.testing.assert_allclose(above.pose.position[2], 0.16, atol=1 / resolution)
     assert estimate.tsdf.shape == estimate.instances.shape == grid.shape
     assert estimate.volumes["mine"].shape == (1, *grid.shape)
+    true = frame_of(CAMERA).labels
+    assert np.mean(estimate.masks[true > 0] == true[true > 0]) > 0.9
+    assert np.mean(estimate.masks[true == 0] > 0) < 0.02
     json.dumps(plain(estimate.details), allow_nan=False)
 
 
@@ -149,3 +153,26 @@ def test_unusable_images_stop_before_the_network():
 def test_no_sample_at_all_is_one_line():
     with pytest.raises(ConfigError, match="samples is 0"):
         Pipeline(KnownBoxes(GridSpec(resolution=16)), Projective(), samples=0)
+
+
+class OtherNumbers(KnownBoxes):
+    """Numbers objects anew in every sample, and says which pixels show them."""
+
+    def complete(self, partial, grid, samples, generator):
+        (first, *others) = super().complete(partial, grid, samples, generator)
+        drawn = torch.zeros(1, 240, 320, dtype=torch.int32)
+        drawn[:, :100], drawn[:, 200:] = 1, 2
+        swapped = torch.tensor([0, 2, 1], dtype=torch.int32)
+        found = [replace(first, masks=drawn)]
+        for other in others:
+            labels, masks = swapped[other.instances.long()], swapped[drawn.long()]
+            found.append(replace(other, instances=labels, masks=masks))
+        return found
+
+
+def test_masks_keep_the_numbers_of_their_objects():
+    pipeline = Pipeline(OtherNumbers(GridSpec(resolution=32)), Projective(), samples=3)
+    for estimate in pipeline.hypotheses(pipeline.prepare(frame_of(CAMERA, noise=0.001))):
+        below, above = (np.unique(estimate.masks[rows]) for rows in (np.s_[:100], np.s_[200:]))
+        assert below.tolist() == [1]
+        assert above.tolist() == [2]

@@ -41,7 +41,14 @@ def test_one_image_gives_all_files(tmp_path, pipeline):
     colour = np.full((120, 160, 3), 120, dtype=np.uint8)
     Image.fromarray(colour).save(tmp_path / "in" / "view.rgb.png")
     figures = Predict(image, pipeline, tmp_path / "out").run()
-    scene = ["object_01.ply", "object_02.ply", "scene.glb", "scene.json", "volumes.npz"]
+    scene = [
+        "masks.png",
+        "object_01.ply",
+        "object_02.ply",
+        "scene.glb",
+        "scene.json",
+        "volumes.npz",
+    ]
     pictures = ["hypotheses.png", "overview.png"]
     files = sorted([*scene, *pictures, *[f"hypothesis_2/{name}" for name in scene]])
     assert names(tmp_path / "out") == [f"view/{name}" for name in files]
@@ -60,7 +67,14 @@ def test_one_image_gives_all_files(tmp_path, pipeline):
 def test_without_hypotheses_there_is_one_scene(tmp_path, pipeline):
     image = save(tmp_path / "view.npz")
     Predict(image, pipeline, tmp_path / "out", hypotheses=False).run()
-    scene = ["object_01.ply", "object_02.ply", "overview.png", "scene.glb", "scene.json"]
+    scene = [
+        "masks.png",
+        "object_01.ply",
+        "object_02.ply",
+        "overview.png",
+        "scene.glb",
+        "scene.json",
+    ]
     files = [*scene, "volumes.npz"]  # the network gives one volume more
     assert names(tmp_path / "out") == [f"view/{name}" for name in files]
 

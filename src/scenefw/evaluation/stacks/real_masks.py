@@ -7,18 +7,18 @@ from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.measures import Measure
 from scenefw.core.protocols import Track
 from scenefw.core.types import Float64, Frame, Int32, SceneEstimate
 from scenefw.data.readers import find_images, read_frame, read_labels
-from scenefw.evaluation.stacks.depth_components import DepthComponents
 from scenefw.evaluation.stacks.measures import OF_MARGINS, REFERENCE, at_margin, of_images
 from scenefw.metrics.masks import MaskScores, mask_scores
 from scenefw.metrics.seams import Seams, seam_scores
 from scenefw.perception.points import world_points
+from scenefw.perception.seen_instances import seen_instances
+from scenefw.perception.seen_parts import SeenParts
 
 Which = Literal["scores", "reference"]
 NO_SEAMS = Seams()
@@ -158,8 +158,9 @@ SEAMS = ("seam_f", "seam_precision", "seam_recall")
 class RealMasks:
     """Scores a method on labelled depth images, beside a segmentation without learning.
 
-    A pixel takes the instance of the predicted volume at its own 3D point, so that the borders come
-    from the image and not from the silhouettes of voxels. A labelled image that no scene can be
+    A pixel shows what the estimate's masks say; where it has none, the instance of the predicted
+    volume at its own 3D point, so that borders come from the image and not from the silhouettes of
+    voxels. A labelled image that no scene can be
     made of scores 0, and all its objects are missed.
 
     Args:
@@ -179,7 +180,7 @@ class RealMasks:
         self,
         input: str | Path | None,  # noqa: A002 - named as the setting on the command line
         method: Estimator,
-        reference: DepthComponents,
+        reference: SeenParts,
         margin: float = 0.005,
         reach: float = 2.0,
         tolerance: float = 0.003,
@@ -224,7 +225,7 @@ class RealMasks:
 
     def _score(self, frame: Frame, true: Int32) -> ImageResult:
         estimate = self.method.estimate(frame)
-        seen = seen_instances(estimate, min(self.margin, *self.margins, np.inf), self.reach)
+        seen = _shown(estimate, self.reach)
         heights = world_points(estimate.frame)[..., 2]
         plain = self.reference.segment(estimate.frame)
         labels = {"true": true, "method": _above(seen, heights, self.margin), "reference": plain}
@@ -266,31 +267,12 @@ class RealMasks:
         return [Failure(path.stem, str(error), len(np.unique(true[true > 0])), missed)]
 
 
-def seen_instances(estimate: SceneEstimate, margin: float = 0.005, reach: float = 2.0) -> Int32:
-    """Instance labels (H, W) of the depth pixels of the estimate's own frame, 0 = no object.
-
-    Every pixel is looked up at its 3D point: the instance whose signed distance there is least, if
-    that is below `reach` voxels. Points within `margin` (m) of the floor or below it are floor.
-    """
+def _shown(estimate: SceneEstimate, reach: float) -> Int32:
+    """Instances (H, W) that pixels above the floor show: its masks, elsewhere its volume."""
     points = world_points(estimate.frame)
-    voxels = estimate.grid.to_voxels(points)
-    inside = np.all((voxels > -0.5) & (voxels < estimate.grid.resolution - 0.5), axis=-1)
-    chosen = inside & (points[..., 2] > margin)
-    labels = np.zeros(chosen.shape, np.int32)
-    labels[chosen] = _nearest_instance(estimate.instances, voxels[chosen], reach)
-    return labels
-
-
-def _nearest_instance(instances: Int32, voxels: Float64, reach: float) -> Int32:
-    """Instance (K,) of least signed distance at voxel coordinates (K, 3), 0 beyond reach."""
-    nearest, label = np.full(len(voxels), reach), np.zeros(len(voxels), np.int32)
-    for i in np.unique(instances[instances > 0]):
-        inside = instances == i
-        field = distance_transform_edt(~inside) - distance_transform_edt(inside)
-        distance = map_coordinates(field, voxels.T, order=1, mode="nearest")
-        closer = distance < nearest
-        nearest[closer], label[closer] = distance[closer], i
-    return label
+    among = points[..., 2] > 0  # NaN where no depth: not above
+    shown = seen_instances(estimate.instances, points, estimate.grid, among, reach)
+    return shown if estimate.masks is None else np.where(estimate.masks > 0, estimate.masks, shown)
 
 
 def _above(labels: Int32, heights: Float64, margin: float) -> Int32:

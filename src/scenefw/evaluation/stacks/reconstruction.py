@@ -78,7 +78,7 @@ class ReconstructionEvaluation:
         renderer: Renderer,
         mapping: MappingMethod,
         noise: Mapping[str, Noise] | None = None,
-        extractors: Mapping[str, InstanceExtractor] | None = None,
+        extractors: Mapping[str, InstanceExtractor | None] | None = None,
         grid: GridSpec | None = None,
         views: int = 3,
         samples: int = 3,
@@ -95,7 +95,7 @@ class ReconstructionEvaluation:
                 f"and {samples}; expected at least 1 of each"
             )
         self.scenes = scenes
-        self.extractors = dict(extractors or {})
+        self.extractors = {name: one for name, one in (extractors or {}).items() if one is not None}
         self.draws = draws
         further = draws.methods if draws else {}
         self.grids = _grids({**self.methods, **further}, grid)

@@ -8,9 +8,11 @@ import pytest
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.geometry import look_at, transform_points
 from scenefw.core.types import Camera, Frame, GridSpec, SceneEstimate
-from scenefw.evaluation.stacks.depth_components import DepthComponents
-from scenefw.evaluation.stacks.real_masks import RealMasks, seen_instances
+from scenefw.evaluation.stacks.real_masks import RealMasks
 from scenefw.metrics.masks import mask_scores
+from scenefw.perception.points import world_points
+from scenefw.perception.seen_instances import seen_instances
+from scenefw.perception.seen_parts import SeenParts
 
 CAMERA = Camera(160, 120, 150.0, 150.0, 79.5, 59.5, look_at((0.5, -0.5, 0.6), (0.0, 0.0, 0.05)))
 BOXES = [((-0.15, -0.1, 0.0), (0.0, 0.1, 0.1)), ((0.0, -0.1, 0.0), (0.15, 0.1, 0.15))]
@@ -43,6 +45,13 @@ def _estimate(frame, resolution, boxes=BOXES):
     return SceneEstimate((), grid, np.zeros(grid.shape, np.float32), instances, frame)
 
 
+def _shown(estimate):
+    """What the pixels more than 5 mm above the floor show."""
+    points = world_points(estimate.frame)
+    above = points[..., 2] > 0.005
+    return seen_instances(estimate.instances, points, estimate.grid, above)
+
+
 class _Method:
     """Knows scene and camera; finds no floor in images with a hole in the first pixel."""
 
@@ -59,7 +68,7 @@ def _save(path, frame, **arrays):
 @pytest.mark.parametrize("resolution", [32, 64])
 def test_borders_come_from_the_image(resolution):
     frame = _frame()
-    found = seen_instances(_estimate(frame, resolution), margin=0.005, reach=2.0)
+    found = _shown(_estimate(frame, resolution))
     scores = mask_scores(found, frame.labels)
     # a voxel is about 5 (64) or 10 pixels wide here, yet outlines are sharp to a pixel
     assert scores.overlap_f > 0.97
@@ -68,7 +77,7 @@ def test_borders_come_from_the_image(resolution):
 
 def test_border_between_touching_boxes_is_no_staircase():
     frame = _frame()
-    found = seen_instances(_estimate(frame, 32))
+    found = _shown(_estimate(frame, 32))
     both = (found > 0) & (frame.labels > 0)
     assert np.mean(found[both] == frame.labels[both]) > 0.98
 
@@ -78,18 +87,18 @@ def test_floor_distant_points_and_holes_belong_to_nothing():
     depth = frame.depth.copy()
     depth[:20] = 0
     estimate = _estimate(replace(frame, depth=depth), 64, BOXES[:1])
-    found = seen_instances(estimate)
+    found = _shown(estimate)
     assert not found[:20].any()
     assert not found[frame.labels == 0].any()
     box = _estimate(frame, 64, BOXES[:1])
-    assert np.mean(seen_instances(box)[frame.labels == 2] > 0) < 0.2  # only what is within reach
+    assert np.mean(_shown(box)[frame.labels == 2] > 0) < 0.2  # only what is within reach
 
 
 def test_run_gives_means_of_method_and_reference(tmp_path):
     frame = _frame()
     _save(tmp_path / "a.npz", frame, instances=frame.labels)
     _save(tmp_path / "c.npz", frame)
-    result = RealMasks(tmp_path, _Method(), DepthComponents(smallest=50)).run()
+    result = RealMasks(tmp_path, _Method(), SeenParts(smallest=50)).run()
     figures = result.figures
     assert (figures["images"], figures["failures"]) == (1, 0)
     assert figures["overlap_f"] == result.images[0].scores.overlap_f > 0.95
@@ -102,7 +111,7 @@ def test_other_margins_are_what_runs_at_those_give(tmp_path):
     _save(tmp_path / "a.npz", _frame(), instances=_frame().labels)
 
     def figures(margin, **settings):
-        plain = DepthComponents(margin, smallest=50)
+        plain = SeenParts(margin, smallest=50)
         return RealMasks(tmp_path, _Method(), plain, margin, **settings).run().figures
 
     beside = figures(0.005, margins=[0.03, 0.002])
@@ -117,7 +126,7 @@ def test_other_margins_are_what_runs_at_those_give(tmp_path):
 
 def test_every_figure_at_a_margin_has_its_measure(tmp_path):
     _save(tmp_path / "a.npz", _frame(), instances=_frame().labels)
-    result = RealMasks(tmp_path, _Method(), DepthComponents(), margins=[0.008]).run()
+    result = RealMasks(tmp_path, _Method(), SeenParts(), margins=[0.008]).run()
     assert result.figures.keys() <= result.measures.keys()
     measure = result.measures["8 mm/overlap_f"]
     assert measure.trivial == "reference/8 mm/overlap_f"
@@ -129,10 +138,10 @@ def test_seams_are_added_up_over_images_and_failures(tmp_path):
     hole = frame.depth.copy()
     hole[0, 0] = 0
     _save(tmp_path / "a.npz", frame, instances=frame.labels)
-    one = RealMasks(tmp_path, _Method(), DepthComponents(smallest=50)).run()
+    one = RealMasks(tmp_path, _Method(), SeenParts(smallest=50)).run()
     assert one.figures["seam_f"] > 0.9
     _save(tmp_path / "b.npz", replace(frame, depth=hole), instances=frame.labels)
-    both = RealMasks(tmp_path, _Method(), DepthComponents(smallest=50)).run()
+    both = RealMasks(tmp_path, _Method(), SeenParts(smallest=50)).run()
     assert both.figures["seam_recall"] == pytest.approx(one.figures["seam_recall"] / 2)
     assert both.figures["seam_precision"] == one.figures["seam_precision"]
 
@@ -154,7 +163,7 @@ def test_images_that_fail_count_as_nothing_found(tmp_path):
     _save(tmp_path / "d.npz", replace(frame, depth=empty), label=coded)
     _save(tmp_path / "e.npz", replace(frame, depth=empty))
     np.save(tmp_path / "f.npy", empty)
-    result = RealMasks(tmp_path, _Method(), DepthComponents(smallest=50)).run()
+    result = RealMasks(tmp_path, _Method(), SeenParts(smallest=50)).run()
     assert [(f.name, f.objects) for f in result.failures] == [("b", 2), ("d", 2)]
     assert result.failures[0].reason == "no floor"
     assert "no measurement" in result.failures[1].reason
@@ -174,7 +183,7 @@ def test_a_damaged_image_counts_as_nothing_found_of_an_unknown_number(tmp_path):
     _save(tmp_path / "a.npz", frame, instances=frame.labels)
     whole = (tmp_path / "a.npz").read_bytes()
     (tmp_path / "b.npz").write_bytes(whole[: len(whole) // 2])
-    result = RealMasks(tmp_path, _Method(), DepthComponents(smallest=50)).run()
+    result = RealMasks(tmp_path, _Method(), SeenParts(smallest=50)).run()
     figures = result.figures
     assert [(f.name, f.objects) for f in result.failures] == [("b", None)]
     assert figures["overlap_f"] == pytest.approx(result.images[0].scores.overlap_f / 2)
@@ -191,18 +200,18 @@ def test_the_whole_folder_is_followed_by_a_bar(tmp_path):
         seen.append((len(paths), what))
         return paths
 
-    RealMasks(tmp_path, _Method(), DepthComponents()).run(track)
+    RealMasks(tmp_path, _Method(), SeenParts()).run(track)
     assert seen == [(2, "labelled images")]
 
 
 def test_unusable_input_is_one_line(tmp_path):
     frame = _frame()
     with pytest.raises(ConfigError, match="input=FOLDER"):
-        RealMasks(None, _Method(), DepthComponents())
+        RealMasks(None, _Method(), SeenParts())
     _save(tmp_path / "a.npz", frame)
     with pytest.raises(InputError, match="none of the 1 images"):
-        RealMasks(tmp_path, _Method(), DepthComponents()).run()
+        RealMasks(tmp_path, _Method(), SeenParts()).run()
     frame.depth[0, 0] = 0
     _save(tmp_path / "a.npz", frame, instances=frame.labels)
     with pytest.raises(InputError, match="no floor"):
-        RealMasks(tmp_path, _Method(), DepthComponents()).run()
+        RealMasks(tmp_path, _Method(), SeenParts()).run()

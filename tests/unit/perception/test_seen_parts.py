@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import look_at, transform_points
 from scenefw.core.types import Camera, Frame
 from scenefw.data.readers import read_frames
-from scenefw.evaluation.stacks.depth_components import DepthComponents
 from scenefw.metrics.masks import mask_scores
 from scenefw.perception.floor import FloorFinder
+from scenefw.perception.seen_parts import SeenParts
 
 CAMERA = Camera(120, 90, 110.0, 110.0, 59.5, 44.5, look_at((0.0, -0.6, 0.8), (0.0, 0.0, 0.0)))
 
@@ -37,7 +38,7 @@ def _depth_of_slabs(slabs):
 
 def test_separate_slabs_are_found_exactly():
     frame, labels = _depth_of_slabs([(-0.2, -0.05, -0.1, 0.1, 0.05), (0.05, 0.2, -0.1, 0.1, 0.1)])
-    found = DepthComponents(jump=0.03, smallest=20).segment(frame)
+    found = SeenParts(jump=0.03, crease=180).segment(frame)
     assert mask_scores(found, labels).overlap_f == 1
     assert found.max() == 2
 
@@ -45,17 +46,45 @@ def test_separate_slabs_are_found_exactly():
 def test_depth_jump_cuts_what_touches_in_the_image():
     slabs = [(-0.1, 0.1, -0.1, 0.0, 0.15), (-0.1, 0.1, 0.0, 0.1, 0.05)]
     frame, labels = _depth_of_slabs(slabs)
-    cut = DepthComponents(jump=0.04, smallest=20).segment(frame)
-    joined = DepthComponents(jump=1.0, smallest=20).segment(frame)
+    cut = SeenParts(jump=0.04, crease=180).segment(frame)
+    joined = SeenParts(jump=1.0, crease=180).segment(frame)
     assert mask_scores(cut, labels).objects_f75 == 1
     assert joined.max() == 1
 
 
 def test_specks_holes_and_empty_images_are_no_objects():
     frame, _ = _depth_of_slabs([(0.0, 0.02, 0.0, 0.02, 0.05)])
-    assert DepthComponents(smallest=200).segment(frame).max() == 0
+    assert SeenParts(smallest=5000).segment(frame).max() == 0
     nothing = replace(frame, depth=np.zeros_like(frame.depth))
-    assert DepthComponents().segment(nothing).max() == 0
+    assert SeenParts().segment(nothing).max() == 0
+
+
+def folded(angle, width, height):
+    """Two planes that meet in a line at the middle of the image; angle > 0: towards the camera."""
+    camera = Camera(width, height, 0.9 * width, 0.9 * width, (width - 1) / 2, (height - 1) / 2)
+    slope = np.tan(np.radians(angle) / 2)
+    x = np.abs(np.arange(width) - camera.cx) / camera.fx
+    return Frame(np.tile(1 / (1 + slope * x), (height, 1)).astype(np.float32), camera)
+
+
+@pytest.mark.parametrize("size", [(160, 120), (320, 240)])
+def test_concave_creases_cut_and_belong_to_the_parts_beside_them(size):
+    width, _ = size
+    found = SeenParts().segment(folded(60, *size))
+    assert set(np.unique(found)) == {1, 2}  # no pixel is left out
+    assert (found[:, : width // 2] == found[0, 0]).mean() > 0.95
+    assert (found[:, width // 2 :] == found[0, -1]).mean() > 0.95
+    assert found[0, 0] != found[0, -1]
+    assert SeenParts().segment(folded(-60, *size)).max() == 1
+    assert SeenParts(crease=180).segment(folded(60, *size)).max() == 1
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"margin": -0.01}, {"jump": 0}, {"crease": 0}, {"reach": 0}, {"smallest": 0}]
+)
+def test_wrong_numbers_are_refused(wrong):
+    with pytest.raises(ConfigError, match=next(iter(wrong))):
+        SeenParts(**wrong)
 
 
 def test_near_the_figures_measured_elsewhere():
@@ -64,7 +93,7 @@ def test_near_the_figures_measured_elsewhere():
     folder = Path(os.environ.get("SCENEFW_DATA", beside)) / "real" / "mosd_learn"
     if not folder.is_dir():
         pytest.skip(f"no labelled real images at {folder} (set SCENEFW_DATA)")
-    method, floor = DepthComponents(margin=0.01, jump=0.02, smallest=100), FloorFinder()
+    method, floor = SeenParts(margin=0.01, jump=0.02, crease=180, smallest=100), FloorFinder()
     scores = []
     for frame in read_frames(folder):
         pose = floor.find(frame).T_world_camera

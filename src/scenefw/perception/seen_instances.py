@@ -1,0 +1,47 @@
+"""Which instance of a volume each pixel of a depth image shows."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, map_coordinates
+
+from scenefw.core.types import Float64, GridSpec, Int32
+
+
+def seen_instances(
+    instances: Int32,
+    points: Float64,
+    grid: GridSpec,
+    among: NDArray[np.bool_],
+    reach: float = 2.0,
+) -> Int32:
+    """Instance labels (H, W) of pixels at their 3D points, 0 = no object.
+
+    A pixel shows the instance whose signed distance at its point is least, if that is below
+    `reach`, so that borders come from the image and not from the silhouettes of voxels.
+
+    Args:
+        instances: (X, Y, Z) labels.
+        points: (H, W, 3) world coordinates (m), NaN = no depth.
+        grid: of the volume.
+        among: (H, W) pixels that may show one.
+        reach: how far outside an object a seen point may lie and still be its (voxels).
+    """
+    voxels = grid.to_voxels(points)
+    with np.errstate(invalid="ignore"):
+        inside = np.all((voxels > -0.5) & (voxels < grid.resolution - 0.5), axis=-1)
+    chosen = inside & among
+    labels = np.zeros(chosen.shape, np.int32)
+    labels[chosen] = _nearest(instances, voxels[chosen], reach)
+    return labels
+
+
+def _nearest(instances: Int32, voxels: Float64, reach: float) -> Int32:
+    """Instance (K,) of least signed distance at voxel coordinates (K, 3), 0 beyond reach."""
+    nearest, label = np.full(len(voxels), reach), np.zeros(len(voxels), np.int32)
+    for i in np.unique(instances[instances > 0]):
+        inside = instances == i
+        field = distance_transform_edt(~inside) - distance_transform_edt(inside)
+        distance = map_coordinates(field, voxels.T, order=1, mode="nearest")
+        closer = distance < nearest
+        nearest[closer], label[closer] = distance[closer], i
+    return label
