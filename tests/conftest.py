@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from tests import parsed
 from tests.warm import Warm
 
 ROOT = Path(__file__).parents[1]
@@ -13,6 +14,7 @@ ROOT = Path(__file__).parents[1]
 # Compiled kernels make first examples slow, and the same commit must give the same verdict.
 settings.register_profile("scenefw", deadline=None, max_examples=50, derandomize=True)
 settings.load_profile("scenefw")
+parsed.install()
 
 
 # Tests of these packages render, fuse, simulate, train, or compile kernels
