@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from tests import parsed
 from tests.warm import Warm
 
 ROOT = Path(__file__).parents[1]
@@ -13,15 +14,18 @@ ROOT = Path(__file__).parents[1]
 # Compiled kernels make first examples slow, and the same commit must give the same verdict.
 settings.register_profile("scenefw", deadline=None, max_examples=50, derandomize=True)
 settings.load_profile("scenefw")
+parsed.install()
 
 
 # Tests of these packages render, fuse, simulate, train, or compile kernels
 SLOW = ("evaluation", "kernels", "labelling", "learning", "mapping", "perception", "renderers",
         "scenes", "tasks")  # fmt: skip
-# These compose all settings, start processes, or train
-SLOW_FILES = ("test_configs", "test_debug", "test_experiments", "test_guide", "test_imports",
-              "test_labelling_plugins", "test_listing", "test_plugins", "test_protocols",
-              "test_small_install", "test_training_plugins")  # fmt: skip
+# These compose all settings, start processes, train, render or draw large pictures
+SLOW_FILES = ("test_configs", "test_debug", "test_experiments", "test_guide", "test_hypotheses",
+              "test_imports", "test_label_views", "test_labelling_plugins", "test_listing",
+              "test_overview", "test_painting", "test_pictures", "test_plugins", "test_protocols",
+              "test_small_install", "test_training_plugins", "test_views",
+              "test_waiting")  # fmt: skip
 
 
 def pytest_collection_modifyitems(items):
@@ -29,7 +33,7 @@ def pytest_collection_modifyitems(items):
     folders = [ROOT / "tests" / "unit" / name for name in SLOW]
     for item in items:
         inside = any(folder in item.path.parents for folder in folders)
-        inside |= item.path.parent == ROOT / "tests" and item.path.stem in SLOW_FILES
+        inside |= ROOT / "tests" in item.path.parents and item.path.stem in SLOW_FILES
         if inside or {"warm", "real_data"} & set(item.fixturenames):
             item.add_marker("slow")
 

@@ -27,7 +27,7 @@ class Component:
 """
 
 
-@pytest.fixture(autouse=True, scope="module", params=["from __future__ import annotations", ""])
+@pytest.fixture(scope="module", params=["from __future__ import annotations", ""])
 def _component(request):
     module = ModuleType("made_component")
     exec(COMPONENT.format(future=request.param), module.__dict__)
@@ -41,6 +41,7 @@ def settings(**values):
     return OmegaConf.create({"run": {"_target_": "made_component.Component", "part": node}})
 
 
+@pytest.mark.usefixtures("_component")
 @pytest.mark.parametrize(
     ("name", "value", "expected"),
     [
@@ -64,6 +65,7 @@ def test_a_value_of_another_kind_is_one_line(name, value, expected):
         check_types(settings(**{name: value}), "run")
 
 
+@pytest.mark.usefixtures("_component")
 @given(
     st.fixed_dictionaries(
         {},
@@ -85,6 +87,7 @@ def test_values_of_the_right_kind_pass(values):
     check_types(settings(**values), "run")
 
 
+@pytest.mark.usefixtures("_component")
 def test_the_line_names_the_setting_that_a_value_comes_from():
     whole = settings(rate="${learning.rate}", count="${oc.select:sizes.count,7}")
     whole.learning = {"rate": "${size.speed}"}
@@ -98,6 +101,7 @@ def test_the_line_names_the_setting_that_a_value_comes_from():
         check_types(whole, "run")
 
 
+@pytest.mark.usefixtures("_component")
 def test_parts_are_checked_wherever_they_lie():
     part = {"_target_": "made_component.Component", "count": 1}
     whole = OmegaConf.create({"run": {"all": ["${tool}"], "near": {"a": "${..own}"}, "own": part}})

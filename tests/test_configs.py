@@ -1,11 +1,13 @@
 """Every option of every group: it composes, describes itself, and fits what it builds."""
 
+import functools
 import inspect
 import re
 from pathlib import Path
 
 import hydra
 import pytest
+from hydra._internal import defaults_list
 from hydra._internal.hydra import Hydra
 from hydra.utils import get_object
 from omegaconf import DictConfig, OmegaConf
@@ -86,8 +88,7 @@ def test_one_option_in_place_of_another_is_what_hydra_composes(option):
 
 def assert_fits(node):
     """The arguments of a config are those of what it builds, and every one has a value."""
-    built = get_object(node["_target_"])
-    parameters = inspect.signature(built).parameters
+    parameters = parameters_of(node["_target_"])
     given = {key for key in node if not key.startswith("_")}
     if not any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
         assert given <= set(parameters), f"{node['_target_']} takes no {given - set(parameters)}"
@@ -98,6 +99,11 @@ def assert_fits(node):
     }
     partial = node.get("_partial_", False)
     assert partial or needed <= given, f"{node['_target_']} needs {needed - given}"
+
+
+@functools.cache
+def parameters_of(target):
+    return inspect.signature(get_object(target)).parameters
 
 
 @pytest.mark.parametrize("path", sorted(ROOT.glob("conf/**/*.yaml")), ids=lambda p: p.stem)
@@ -279,6 +285,40 @@ def test_hydra_looks_for_its_mode_where_one_is_set(tmp_path, monkeypatch, words,
     monkeypatch.setattr(Hydra, "get_mode", lambda *_: "asked")
     config.compose_once(words, [tmp_path])
     assert (Hydra.get_mode(None) == "asked") == asked
+
+
+@pytest.fixture
+def without_shortcut(monkeypatch):
+    """Hydra's own way to compose."""
+    config.compose_lean()
+    complete = defaults_list._create_interpolation_map.__wrapped__
+    monkeypatch.setattr(config, "compose_lean", lambda: None)
+
+    def use():
+        monkeypatch.setattr(defaults_list, "_create_interpolation_map", complete)
+
+    return use
+
+
+@pytest.mark.parametrize("words", [["experiment=labelling"], ["experiment=label_maps", "seed=3"]])
+def test_compositions_are_those_without_the_shortcut(without_shortcut, words):
+    short = repr(config.compose(words))
+    without_shortcut()
+    assert repr(config.compose(words)) == short
+
+
+def test_a_choice_may_refer_to_another(tmp_path, monkeypatch, without_shortcut):
+    root = "defaults:\n  - kind: one\n  - again: ${kind}\n  - _self_\nseen: true\n"
+    (tmp_path / "config.yaml").write_text(root)
+    for group in ("kind", "again"):
+        (tmp_path / group).mkdir()
+        for name in ("one", "two"):
+            (tmp_path / group / f"{name}.yaml").write_text(f"name: {name}\n")
+    monkeypatch.setattr(config, "conf_dir", lambda: tmp_path)
+    for words, expected in (([], "one"), (["kind=two"], "two"), (["kind=one", "again=two"], "two")):
+        assert config.compose(words).again.name == expected
+    without_shortcut()
+    assert config.compose(["kind=two"]).again.name == "two"
 
 
 def test_no_setting_of_the_core_asks_for_a_sweep():

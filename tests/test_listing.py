@@ -6,7 +6,7 @@ import sys
 
 import pytest
 from hydra.utils import get_object
-from tests.composed import container, every
+from tests.composed import every
 
 from scenefw import docstrings, listing, plugins, registry
 
@@ -70,7 +70,7 @@ def test_options_are_composed_as_hydra_does():
         group: {name: listing.composed(registry.options(group)[name]) for name in options}
         for group, options in every().items()
     }
-    expected = container(every())
+    expected = every()
     assert len(expected) > 30
     for group, options in expected.items():
         assert composed[group] == {name: node or {} for name, node in options.items()}

@@ -6,8 +6,9 @@ import pkgutil
 from pathlib import Path
 
 import pytest
+from tests.composed import option
 
-from scenefw import config, plugins, registry
+from scenefw import plugins, registry
 from scenefw.contracts import problems, protocol_named
 
 ROOT = Path(__file__).parents[1]
@@ -43,9 +44,8 @@ def targets(node):
 @pytest.mark.parametrize(("group", "name"), sorted(options()))
 def test_every_option_keeps_a_protocol_of_its_group(group, name):
     plugins.activate()
-    whole = config.compose([f"+{group}@component={name}"])
     promised = [protocol_named(each) for each in registry.group(group).protocols]
-    for target in targets(whole.component):
+    for target in targets(option(group, name)):
         made = pkgutil.resolve_name(target)
         assert inspect.isclass(made), f"{target} is no class"
         found = {each.__name__: list(problems(made, each)) for each in promised}

@@ -1,8 +1,9 @@
 """Runs modules in processes that are forked from one that has already imported what takes long.
 
-A new Python takes three seconds to import torch and Lightning. Here one process imports them and
-nothing else, computes nothing, and is forked for each command, which thus starts in milliseconds,
-as alone as in a process of its own: its own folder, environment, arguments, output and exit status.
+A new Python takes three seconds to import torch and Lightning. Here one process imports them,
+parses the settings files, lets numba look at what it can compile, computes nothing, and is forked
+for each command, which thus starts in milliseconds, as alone as in a process of its own: its own
+folder, environment, arguments, output and exit status.
 """
 
 import contextlib
@@ -18,8 +19,11 @@ import time
 import traceback
 from pathlib import Path
 
-SLOW = ("hydra", "lightning", "matplotlib.pyplot", "numba", "rich.progress", "scipy.ndimage",
-        "skimage.measure", "torch", "torchmetrics")  # fmt: skip
+from tests import parsed
+
+SLOW = ("hydra", "jinja2", "lightning", "matplotlib.pyplot", "numba.cuda", "rich.progress",
+        "scipy.ndimage", "scipy.stats", "skimage.measure", "torch", "torch.utils.tensorboard",
+        "torchmetrics")  # fmt: skip
 ROOT = Path(__file__).parents[1]
 
 
@@ -68,12 +72,24 @@ def serve():
     for name in SLOW:
         with contextlib.suppress(ImportError):
             importlib.import_module(name)
+    _let_numba_look_around()
+    parsed.install()
+    parsed.read(ROOT / "conf")
     for line in sys.stdin:
         order = json.loads(line)
         child = os.fork()
         if not child:
             _become(*order)
         print(_status(child, order[-1]), flush=True)
+
+
+def _let_numba_look_around():
+    """What numba does before it compiles or reads its first function: half a second."""
+    from numba.core.registry import cpu_target
+
+    cpu_target.typing_context.refresh()
+    cpu_target.target_context.refresh()
+    cpu_target.target_context.codegen()
 
 
 def _status(child, timeout):

@@ -93,12 +93,11 @@ def _values(
     if key in seen or not isinstance(node, DictConfig | ListConfig):
         return
     seen.add(key)
-    raw: Any = OmegaConf.to_container(node, resolve=False)
     arguments = _arguments(node.get("_target_")) if isinstance(node, DictConfig) else {}
-    for name, written in raw.items() if isinstance(raw, dict) else enumerate(raw):
+    for name in list(node) if isinstance(node, DictConfig) else range(len(node)):
         if OmegaConf.is_missing(node, name):
             continue
-        setting = _origin(config, f"{key}.{name}", written)
+        setting = _origin(config, f"{key}.{name}", as_written(node, name))
         value, argument = node[name], arguments.get(str(name))
         if isinstance(argument, _Argument) and isinstance(value, DictConfig | ListConfig):
             value = OmegaConf.to_container(value, resolve=True)
@@ -116,9 +115,14 @@ def _origin(config: DictConfig, setting: str, written: Any) -> str:
         holder: Any = OmegaConf.select(config, parent) if parent else config
         if not OmegaConf.is_dict(holder) or name not in holder:
             break  # the default of oc.select
-        raw: Any = OmegaConf.to_container(holder, resolve=False)
-        setting, written = found[1], raw[name]
+        setting, written = found[1], as_written(holder, name)
     return setting
+
+
+def as_written(holder: Any, name: Any) -> Any:
+    """A value of a node, a reference unresolved; `to_container` would make all that lies below."""
+    node = holder._get_node(name)
+    return None if node is None else node._value()
 
 
 def _arguments(target: Any) -> Mapping[str, _Argument | _Part]:

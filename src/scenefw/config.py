@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import functools
 import importlib.util
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -72,6 +73,7 @@ def compose(overrides: Sequence[str] = ()) -> DictConfig:
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
+    compose_lean()
     running = GlobalHydra.instance().hydra  # Hydra composes one config at a time
     GlobalHydra.instance().clear()
     try:
@@ -95,11 +97,34 @@ def compose_once(words: Sequence[str], folders: Sequence[Path]) -> None:
     """
     from hydra._internal.hydra import Hydra
 
+    compose_lean()
     files = (path for folder in folders for path in folder.rglob("*.yaml"))
     texts = (path.read_text(encoding="utf-8", errors="replace") for path in files)
     asked = any("hydra.mode" in word for word in words) or any("MULTIRUN" in text for text in texts)
     if not asked:
         Hydra.get_mode = lambda *_, **__: None  # type: ignore[method-assign]
+
+
+def compose_lean() -> None:
+    """Spares Hydra a map of all choices for each file, made for references between choices.
+
+    Hydra 1.3 makes one even where a file's list of defaults has no such reference: 40 % of the
+    time of a composition. What it composes is the same.
+    """
+    from hydra._internal import defaults_list
+    from omegaconf import OmegaConf
+
+    complete: Any = vars(defaults_list).get("_create_interpolation_map")
+    if complete is None or "__wrapped__" in vars(complete):
+        return  # another Hydra, or done before
+
+    @functools.wraps(complete)
+    def lean(overrides: Any, defaults: list[Any], self_added: bool) -> Any:
+        if any(each.is_interpolation() for each in defaults):
+            return complete(overrides, defaults, self_added)
+        return OmegaConf.create({})
+
+    vars(defaults_list)["_create_interpolation_map"] = lean
 
 
 def near_misses(name: str, known: Sequence[str]) -> str:

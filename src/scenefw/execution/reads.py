@@ -6,6 +6,7 @@ import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from scenefw.argument_types import as_written
 from scenefw.core.errors import ConfigError
 from scenefw.execution.build import LATER
 
@@ -114,8 +115,10 @@ def _visit(config: DictConfig, key: str, found: set[str]) -> Iterator[str]:
     if not OmegaConf.is_dict(holder) or name not in holder:
         return
     own = ".".join(filter(None, [holder._get_full_key(""), name]))  # the holder may be a reference
-    raw: Any = OmegaConf.to_container(holder, resolve=False, throw_on_missing=False)
-    yield from _below(raw[name], own, found)
+    written = as_written(holder, name)
+    if not isinstance(written, str) and OmegaConf.is_config(holder[name]):
+        written = OmegaConf.to_container(holder[name], resolve=False, throw_on_missing=False)
+    yield from _below(written, own, found)
 
 
 def _below(raw: Any, key: str, found: set[str]) -> Iterator[str]:

@@ -172,11 +172,11 @@ class Kernel:
 
 
 def _compile_in_child(function: Any, types: tuple[Any, ...]) -> None:
-    """Fills numba's cache from a copy of this process, which does nothing else.
+    """Fills numba's cache from a copy of this process, which does nothing else, unless it is full.
 
     Where processes can't be copied the caller compiles for itself, as it does if the child fails.
     """
-    if not hasattr(os, "fork") or not hasattr(function, "compile"):
+    if not hasattr(os, "fork") or not hasattr(function, "compile") or _in_cache(function, types):
         return
     with warnings.catch_warnings():  # Python 3.12 warns of threads, which the child never uses
         warnings.simplefilter("ignore", DeprecationWarning)
@@ -189,6 +189,20 @@ def _compile_in_child(function: Any, types: tuple[Any, ...]) -> None:
         finally:
             os._exit(status)
     os.waitpid(child, 0)
+
+
+def _in_cache(function: Any, types: tuple[Any, ...]) -> bool:
+    """Whether numba will read this code back; it has no public question for that.
+
+    The copied process would ask too, but a copy of a program with torch costs a tenth of a second.
+    """
+    try:
+        key = function._cache._index_key(types, function.targetctx.codegen())
+        files = function._cache._cache_file
+        name = files._load_index().get(key)
+        return name is not None and Path(files._data_path(name)).is_file()
+    except (AttributeError, OSError, TypeError):  # another numba: the copied process finds out
+        return False
 
 
 def _cuda_grid(per_element: Callable[..., None]) -> Any:

@@ -1,6 +1,21 @@
-import pytest
+import importlib.util
+import os
+import sys
 
-from scenefw.kernels.compile import lacks_toolkit
+import numba
+import pytest
+import torch
+
+from scenefw.kernels.compile import Kernel, lacks_toolkit
+
+DOUBLE = """
+import numba
+
+@numba.njit(cache=True)
+def double(count, source, target):
+    for i in range(count):
+        target[i] = 2 * source[i]
+"""
 
 
 class DynamicLibNotFoundError(RuntimeError):
@@ -18,3 +33,42 @@ class DynamicLibNotFoundError(RuntimeError):
 )
 def test_missing_libraries_of_cuda_are_told_from_other_errors(error, lacks):
     assert lacks_toolkit(error) is lacks
+
+
+@pytest.fixture
+def double(tmp_path, monkeypatch):
+    """A loop in a module of its own, which numba keeps beside it."""
+    (tmp_path / "doubling.py").write_text(DOUBLE)
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "cache"))
+    spec = importlib.util.spec_from_file_location("doubling", tmp_path / "doubling.py")
+
+    def loaded():
+        module = importlib.util.module_from_spec(spec)
+        monkeypatch.setitem(sys.modules, "doubling", module)  # numba looks there
+        spec.loader.exec_module(module)
+        return Kernel(module.double, module.double)
+
+    return loaded
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes can't be copied here")
+def test_a_process_is_copied_only_for_what_is_not_in_the_cache(double, tmp_path, monkeypatch):
+    copies, fork = [], os.fork
+
+    def counted():
+        copies.append(1)
+        return fork()
+
+    monkeypatch.setattr(os, "fork", counted)
+    target = torch.zeros(3)
+    double()(3, torch.ones(3), target)
+    assert target.tolist() == [2, 2, 2]
+    assert len(copies) == 1
+    double()(3, torch.ones(3), target)  # as the next process does
+    assert len(copies) == 1
+    double()(3, torch.ones(3, dtype=torch.float64), target)  # of other types
+    assert len(copies) == 2
+    for file in (tmp_path / "cache").rglob("*.nbc"):
+        file.unlink()
+    double()(3, torch.ones(3), target)
+    assert len(copies) == 3

@@ -17,10 +17,10 @@ GRID = HeightGrid(vertices=17, extent=0.128, lower=(-0.064, -0.064), levels=2)
 
 def results():
     """Everything that fusion computes, by name."""
-    cameras = [tables.camera(0, 0, 0.2, 20, k, width=20, rows=15) for k in range(2)]
+    cameras = [tables.camera(0, 0, 0.2, 20, k, width=14, rows=10) for k in range(2)]
     frames = [tables.boxes(camera) for camera in cameras]
     rng = np.random.default_rng(0)
-    said = np.moveaxis(rng.dirichlet(np.ones(3), (15, 20)), -1, 0).astype(np.float32)
+    said = np.moveaxis(rng.dirichlet(np.ones(3), (10, 14)), -1, 0).astype(np.float32)
     running = HeightFusion(GRID, iterations=1).begin()
     for frame in frames:
         running.add(frame)

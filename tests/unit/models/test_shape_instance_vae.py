@@ -174,6 +174,7 @@ def test_codes_follow_the_generator_alone():
     assert torch.equal(found.latent, found.statistics["mean"])
 
 
+@pytest.mark.slow
 def test_it_learns_one_batch():
     model, data = network(zero_share=0.5, prior_share=0.0), batch(count=2)
     targets = {"tsdf": (data.tsdf * 0.3).clamp(-1, 1), "votes": data.votes * 0.3}

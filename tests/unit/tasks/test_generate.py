@@ -1,5 +1,6 @@
 """Generation: any number of workers, a kill in the middle, and the shipped data set."""
 
+import functools
 import json
 import os
 import signal
@@ -10,37 +11,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.unit.tasks.scattering import Scattering, generated
 
+from scenefw import registry
 from scenefw.core.errors import ConfigError, StorageError
-from scenefw.core.rng import generator
-from scenefw.core.types import Pose, Scene, SceneObject
 from scenefw.data.stacks import shipped_scenes
 from scenefw.scenes import statistics
 from scenefw.scenes.storage import load_manifest, load_scenes
-from scenefw.shapes.library import SuperquadricLibrary
-from scenefw.tasks.generate import Generate, make_shard, recipe
-
-
-class Scattering:
-    """Objects at random poses, no physics; every fifth attempt fails, and each takes a while."""
-
-    def __init__(self, pause=0.0, calls=None):
-        self.shapes = SuperquadricLibrary(size=7)
-        self.pause = pause
-        self._calls = calls
-
-    def generate(self, index, seed):
-        time.sleep(self.pause)
-        if self._calls is not None:
-            self._calls.append(index)
-        if index % 5 == 4:
-            return None
-        rng = generator(seed, index)
-        pose = Pose(rng.normal(size=3), np.array([1.0, 0, 0, 0]))
-        objects = tuple(
-            SceneObject(self.shapes.sample(rng), pose, 1.0) for _ in range(1 + index % 3)
-        )
-        return Scene(objects, index, seed)
+from scenefw.tasks.generate import Generate, make_shard, recipe, simulators
 
 
 @pytest.fixture(autouse=True)
@@ -48,12 +26,6 @@ def _no_figure(request, monkeypatch):
     """Drawing takes most of the time; one test does it."""
     if "figure" not in request.node.name:
         monkeypatch.setattr(statistics, "draw", lambda *_: None)
-
-
-def generated(folder, source, **settings):
-    settings = {"attempts": 25, "workers": 1, "shard_size": 4} | settings
-    task = Generate(source, shards=str(folder / "shards"), output=str(folder / "out"), **settings)
-    return task.run(), folder / "out" / "superquadric_stacks_v2.npz"
 
 
 def same(one, two):
@@ -102,7 +74,7 @@ def test_other_settings_use_other_shards(tmp_path):
 SCRIPT = """
 import sys
 sys.path.insert(0, sys.argv[1])
-from test_generate import Scattering, generated
+from tests.unit.tasks.scattering import Scattering, generated
 from pathlib import Path
 generated(Path(sys.argv[2]), Scattering(pause=0.05), workers=int(sys.argv[3]))
 """
@@ -111,7 +83,7 @@ generated(Path(sys.argv[2]), Scattering(pause=0.05), workers=int(sys.argv[3]))
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_kill_changes_nothing(tmp_path, workers):
-    words = [str(Path(__file__).parent), str(tmp_path / "killed"), str(workers)]
+    words = [str(Path(__file__).parents[3]), str(tmp_path / "killed"), str(workers)]
     process = subprocess.Popen([sys.executable, "-c", SCRIPT, *words], start_new_session=True)
     shards = tmp_path / "killed" / "shards"
     deadline = time.monotonic() + 60
@@ -165,14 +137,24 @@ SHIPPED_BY = {
 }
 
 
+@pytest.fixture(scope="module")
+def engine():
+    """One for all data sets, as a composition takes longer than a scene."""
+    pytest.importorskip("pybullet", reason="needs pybullet (pip install 'scenefw[simulation]')")
+    built = registry.build("engine", "pybullet")
+    yield built
+    built.close()
+
+
+@functools.cache
+def shapes_of(name):
+    return registry.build("shape", name)
+
+
 @pytest.mark.parametrize("split", [None, "final"])
 @pytest.mark.parametrize("name", SHIPPED_BY)
-def test_shipped_data_sets_are_what_the_generator_makes(tmp_path, name, split):
+def test_shipped_data_sets_are_what_the_generator_makes(tmp_path, engine, name, split):
     """Equal to 1e-6 with the Bullet of the manifest; in another one things may fall otherwise."""
-    pytest.importorskip("pybullet", reason="needs pybullet (pip install 'scenefw[simulation]')")
-    from scenefw import registry
-    from scenefw.tasks.generate import simulators
-
     if split and name.endswith("_v1"):
         pytest.skip("has no final part")
     shipped = shipped_scenes(name, split or "train")
@@ -183,10 +165,8 @@ def test_shipped_data_sets_are_what_the_generator_makes(tmp_path, name, split):
             f"made with pybullet {manifest['versions']['pybullet']}, not {here['pybullet']}"
         )
     stored = load_scenes(shipped)
-    engine = registry.build("engine", "pybullet")
     shape, scene = SHIPPED_BY[name]
-    shapes = registry.build("shape", shape)
-    source = registry.build("scene", scene, shapes=shapes, engine=engine, split=split)
+    source = registry.build("scene", scene, shapes=shapes_of(shape), engine=engine, split=split)
     assert recipe(source) == {"split": None} | manifest["recipe"]
     for row in (0, len(stored) - 1):
         index, count = int(stored.index[row]), int(stored.count[row])
