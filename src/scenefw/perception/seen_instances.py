@@ -2,7 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, map_coordinates
+from scipy.ndimage import distance_transform_edt, find_objects, map_coordinates
 
 from scenefw.core.types import Float64, GridSpec, Int32
 
@@ -38,10 +38,20 @@ def seen_instances(
 def _nearest(instances: Int32, voxels: Float64, reach: float) -> Int32:
     """Instance (K,) of least signed distance at voxel coordinates (K, 3), 0 beyond reach."""
     nearest, label = np.full(len(voxels), reach), np.zeros(len(voxels), np.int32)
-    for i in np.unique(instances[instances > 0]):
-        inside = instances == i
+    for number, box in enumerate(find_objects(instances), start=1):
+        if box is None:
+            continue
+        # Beyond a box as wide as the reach no point can be the instance's
+        room = int(np.ceil(reach)) + 1
+        ends = [
+            (max(s.start - room, 0), min(s.stop + room, n))
+            for s, n in zip(box, instances.shape, strict=True)
+        ]
+        low, high = np.transpose(ends)
+        near = np.flatnonzero(np.all((voxels >= low - 0.5) & (voxels <= high - 0.5), axis=1))
+        inside = np.pad(instances[tuple(slice(*e) for e in ends)] == number, 1, mode="edge")
         field = distance_transform_edt(~inside) - distance_transform_edt(inside)
-        distance = map_coordinates(field, voxels.T, order=1, mode="nearest")
-        closer = distance < nearest
-        nearest[closer], label[closer] = distance[closer], i
+        distance = map_coordinates(field, (voxels[near] - low + 1).T, order=1, mode="nearest")
+        closer = distance < nearest[near]
+        nearest[near[closer]], label[near[closer]] = distance[closer], number
     return label
