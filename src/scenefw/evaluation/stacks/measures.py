@@ -175,13 +175,19 @@ def at_margin(margin: float) -> str:
     return f"{1000 * margin:g} mm"
 
 
-def of_images(margins: Sequence[float] = ()) -> dict[str, Measure]:
+def of_images(margins: Sequence[float] = (), beside: Sequence[str] = ()) -> dict[str, Measure]:
     """Measures of instances on labelled real images.
 
     Args:
         margins: heights (m) up to which points count as floor, beside the one that was chosen.
+        beside: names of further methods.
     """
     found = dict(REAL_IMAGES)
+    ours = {n: m for n, m in REAL_IMAGES.items() if not n.startswith(f"{REFERENCE}/")}
+    for method in beside:
+        for name, measure in ours.items():
+            called = f"{measure.name or measure.heading}, {method.replace('_', ' ')}"
+            found[f"{method}/{name}"] = replace(measure, name=called, published=None)
     for margin in margins:
         where = at_margin(margin)
         for prefix in ("", f"{REFERENCE}/"):

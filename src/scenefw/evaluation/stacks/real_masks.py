@@ -52,6 +52,7 @@ class ImageResult:
         seams: of the method, borders between objects.
         reference_seams: of the segmentation without learning.
         margins: both methods, `scores` and `reference`, at other heights (m) that count as floor.
+        beside: other methods, by name.
     """
 
     name: str
@@ -62,6 +63,7 @@ class ImageResult:
     seams: Seams = NO_SEAMS
     reference_seams: Seams = NO_SEAMS
     margins: Mapping[float, Mapping[str, Scored]] = field(default_factory=dict)
+    beside: Mapping[str, Scored] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -125,22 +127,36 @@ class RealMaskResult:
         """
         ours, theirs = self._all("scores"), self._all("reference")
         counts = {"images": float(self.number), "failures": float(len(self.failures))}
-        return ours | {f"{REFERENCE}/{name}": value for name, value in theirs.items()} | counts
+        further = {
+            f"{name}/{figure}": value
+            for name in self.beside
+            for figure, value in self._at([image.beside[name] for image in self.images]).items()
+        }
+        named = {f"{REFERENCE}/{name}": value for name, value in theirs.items()}
+        return ours | named | further | counts
+
+    @property
+    def beside(self) -> tuple[str, ...]:
+        """Names of further methods."""
+        return tuple(self.images[0].beside) if self.images else ()
 
     @property
     def measures(self) -> Mapping[str, Measure]:
         """Units, digits and published values of the figures."""
-        return of_images(self.margins)
+        return of_images(self.margins, self.beside)
 
     def _all(self, which: Which) -> dict[str, float]:
         found = self._means(which) | _seam_figures(self.seams(which))
         for margin in self.margins:
-            at = [image.margins[margin][which] for image in self.images]
-            masks = [s.masks for s in at] + [f.scores for f in self.failures]
-            seams = sum([*(s.seams for s in at), *(f.seams for f in self.failures)], NO_SEAMS)
-            every = {name: _mean(masks, name) for name in SCORES} | _seam_figures(seams)
+            every = self._at([image.margins[margin][which] for image in self.images])
             found |= {f"{at_margin(margin)}/{name}": every[name] for name in OF_MARGINS}
         return found
+
+    def _at(self, scored: Sequence[Scored]) -> dict[str, float]:
+        """Figures of all images by the scores of those that could be reconstructed."""
+        masks = [s.masks for s in scored] + [f.scores for f in self.failures]
+        seams = sum([*(s.seams for s in scored), *(f.seams for f in self.failures)], NO_SEAMS)
+        return {name: _mean(masks, name) for name in SCORES} | _seam_figures(seams)
 
     def _means(self, which: Which) -> dict[str, float]:
         means = {name: _mean(self.scores(which), name) for name in SCORES}
@@ -171,6 +187,7 @@ class RealMasks:
         reach: how far outside a predicted object a seen point may lie and still be its (voxels).
         tolerance: see `metrics.masks.mask_scores` and `metrics.seams.seam_scores`.
         margins: heights (m) in place of `margin`, of both methods, for a table beside.
+        beside: further methods by name, each for a row; None leaves one out.
 
     Raises:
         ConfigError: no input is given.
@@ -185,6 +202,7 @@ class RealMasks:
         reach: float = 2.0,
         tolerance: float = 0.003,
         margins: Sequence[float] = (),
+        beside: Mapping[str, Estimator | None] | None = None,
     ) -> None:
         if input is None:
             raise ConfigError(
@@ -197,6 +215,7 @@ class RealMasks:
         self.reach = reach
         self.tolerance = tolerance
         self.margins = tuple(margins)
+        self.beside = {name: one for name, one in (beside or {}).items() if one is not None}
 
     def run(self, track: Track = lambda paths, _: paths) -> RealMaskResult:
         """Scores every labelled image; `track` wraps the loop in a progress bar.
@@ -247,7 +266,13 @@ class RealMasks:
                 }
                 for margin in self.margins
             },
+            {name: self._beside(method, frame, true) for name, method in self.beside.items()},
         )
+
+    def _beside(self, method: Estimator, frame: Frame, true: Int32) -> Scored:
+        estimate = method.estimate(frame)
+        heights = world_points(estimate.frame)[..., 2]
+        return self._scored(_above(_shown(estimate, self.reach), heights, self.margin), true)
 
     def _scored(self, predicted: Int32, true: Int32) -> Scored:
         return Scored(

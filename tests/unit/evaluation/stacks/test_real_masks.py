@@ -107,6 +107,26 @@ def test_run_gives_means_of_method_and_reference(tmp_path):
     assert {"boundary_f", "objects_f75", "reference/boundary_f"} <= set(figures)
 
 
+class _Blind:
+    """Finds one object in everything."""
+
+    def estimate(self, frame):
+        estimate = _estimate(replace(frame, camera=CAMERA), 32)
+        return replace(estimate, masks=np.ones(frame.depth.shape, np.int32))
+
+
+def test_methods_beside_have_rows_of_their_own(tmp_path):
+    _save(tmp_path / "a.npz", _frame(), instances=_frame().labels)
+    beside = {"blind": _Blind(), "left_out": None}
+    result = RealMasks(tmp_path, _Method(), SeenParts(smallest=50), beside=beside).run()
+    alone = RealMasks(tmp_path, _Blind(), SeenParts(smallest=50)).run().figures
+    assert result.beside == ("blind",)
+    for name in ("overlap_f", "boundary_f", "seam_f", "count_error"):
+        assert result.figures[f"blind/{name}"] == alone[name]
+        assert f"blind/{name}" in result.measures
+    assert result.figures["overlap_f"] > 0.95 > alone["overlap_f"]
+
+
 def test_other_margins_are_what_runs_at_those_give(tmp_path):
     _save(tmp_path / "a.npz", _frame(), instances=_frame().labels)
 
