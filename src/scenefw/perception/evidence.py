@@ -1,0 +1,156 @@
+"""What a view says about one object: points of its surface, and places where it isn't."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import binary_erosion
+from scipy.spatial import ConvexHull, QhullError, cKDTree
+from scipy.spatial.transform import Rotation
+
+from scenefw.core.errors import ConfigError
+from scenefw.core.types import Pose
+from scenefw.shapes.superquadric_fit import Evidence
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from scenefw.core.types import Float32, Float64, GridSpec, Int32
+
+    Mask = NDArray[np.bool_]
+
+_BELOW = 0.006  # m: of points under the floor
+_TAILS = (4, 96)  # percentiles that say how far a cloud extends
+
+
+@dataclass(frozen=True)
+class View:
+    """A view and the scene that a network makes of it.
+
+    Args:
+        points: (H, W, 3) world coordinates of the pixels (m), NaN = no depth.
+        masks: (H, W) which object a pixel shows, 0 = none.
+        tsdf: (X, Y, Z) metres.
+        instances: (X, Y, Z) labels.
+        free: (X, Y, Z) seen to be free.
+        grid: of the volumes.
+    """
+
+    points: Float64
+    masks: Int32
+    tsdf: Float32
+    instances: Int32
+    free: Mask
+    grid: GridSpec
+
+
+class EvidenceOfView:
+    """Gathers what a view and a predicted scene say about an object.
+
+    Its seen points are near its surface. Where it isn't seen, the predicted surface is a weak
+    hint. It contains no place that was seen free, no point of another object, and nothing below the
+    floor.
+
+    Args:
+        seen_sigma: standard deviation of seen points from the surface (m).
+        hidden_sigma: of predicted ones (m).
+        outside_sigma: how deep a place outside may lie in the object (m).
+        seen: points at most; likewise the following.
+        hidden: predicted points.
+        outside: places of each kind outside.
+
+    Raises:
+        ConfigError: a number isn't positive.
+    """
+
+    def __init__(
+        self,
+        seen_sigma: float = 0.003,
+        hidden_sigma: float = 0.1,
+        outside_sigma: float = 0.004,
+        seen: int = 400,
+        hidden: int = 200,
+        outside: int = 200,
+    ) -> None:
+        if min(seen_sigma, hidden_sigma, outside_sigma, seen, hidden, outside) <= 0:
+            raise ConfigError(
+                f"evidence has deviations {seen_sigma}, {hidden_sigma}, {outside_sigma} and "
+                f"numbers {seen}, {hidden}, {outside}; expected positive ones"
+            )
+        self.seen_sigma, self.hidden_sigma = seen_sigma, hidden_sigma
+        self.outside_sigma = outside_sigma
+        self.seen, self.hidden, self.outside = seen, hidden, outside
+
+    def of(self, label: int, view: View) -> Evidence:
+        """The evidence about the object with this label; it may have no points."""
+        seen = _thinned(view.points[view.masks == label], self.seen)
+        hidden = _thinned(self._hidden(label, view, seen), self.hidden)
+        points = np.concatenate([seen, hidden])
+        sigmas = np.repeat([self.seen_sigma, self.hidden_sigma], [len(seen), len(hidden)])
+        outside = self._outside(label, view, points) if len(points) else np.empty((0, 3))
+        return Evidence(points, sigmas, outside, self.outside_sigma)
+
+    def _hidden(self, label: int, view: View, seen: Float64) -> Float64:
+        """Points of the predicted surface that are away from all that is seen of the object."""
+        own = view.instances == label
+        places = np.nonzero(own & ~binary_erosion(own))
+        slope = np.stack(list(np.gradient(view.tsdf)), axis=-1)[places]
+        slope /= np.maximum(np.linalg.norm(slope, axis=1, keepdims=True), 1e-9)
+        points = view.grid.centres()[places] - view.tsdf[places][:, None] * slope
+        if not len(seen) or not len(points):
+            return np.asarray(points, dtype=np.float64)
+        return points[cKDTree(seen).query(points)[0] > 2 * view.grid.voxel_size]
+
+    def _outside(self, label: int, view: View, points: Float64) -> Float64:
+        room = 4 * view.grid.voxel_size
+        low, high = points.min(axis=0) - room, points.max(axis=0) + room
+        centres = view.grid.centres()
+        others = view.points[(view.masks > 0) & (view.masks != label)]
+        free = _thinned(_within(centres[view.free], low, high), self.outside)
+        beside = _thinned(_within(others, low, high), self.outside)
+        x, y = np.meshgrid(*np.linspace(low[:2], high[:2], 10).T)
+        below = np.stack([x, y, np.full_like(x, -_BELOW)], axis=-1).reshape(-1, 3)
+        return np.concatenate([free, beside, below])
+
+
+def starts(points: Float64) -> list[tuple[Pose, Float64]]:
+    """Poses and half-axes to start a fit from: upright at two angles, and along principal axes."""
+    _, axes = np.linalg.eigh(np.cov(points.T))
+    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    turn = _least_rectangle(points[:, :2])
+    upright = [Rotation.from_euler("z", angle).as_matrix() for angle in (turn, turn + np.pi / 4)]
+    return [_box(points, rotation) for rotation in (*upright, axes)]
+
+
+def _box(points: Float64, rotation: Float64) -> tuple[Pose, Float64]:
+    local = points @ rotation
+    low, high = np.percentile(local, _TAILS, axis=0)
+    quaternion = np.roll(Rotation.from_matrix(rotation).as_quat(), 1)
+    return Pose(rotation @ ((low + high) / 2), quaternion), np.maximum((high - low) / 2, 0.005)
+
+
+def _least_rectangle(points: Float64) -> float:
+    """The angle of the least rectangle about points (N, 2); one side lies on their hull."""
+    try:
+        corners = points[ConvexHull(points).vertices]
+    except QhullError:  # all on one line
+        return 0.0
+    sides = np.roll(corners, -1, axis=0) - corners
+    angles = np.arctan2(sides[:, 1], sides[:, 0])
+    c, s = np.cos(angles), np.sin(angles)
+    along = corners @ np.stack([c, s])
+    across = corners @ np.stack([-s, c])
+    return float(angles[(np.ptp(along, axis=0) * np.ptp(across, axis=0)).argmin()])
+
+
+def _thinned(points: Float64, most: int) -> Float64:
+    """At most so many, evenly spread over their order."""
+    if len(points) <= most:
+        return np.asarray(points, dtype=np.float64)
+    return np.asarray(points[np.linspace(0, len(points) - 1, most).astype(int)], dtype=np.float64)
+
+
+def _within(points: Float64, low: Float64, high: Float64) -> Float64:
+    return points[((points > low) & (points < high)).all(axis=1)]

@@ -1,0 +1,177 @@
+"""Another reconstructor's scenes, with superquadrics for the objects that they explain."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from scipy.ndimage import binary_dilation
+
+from scenefw.core.batches import SceneParameters
+from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.types import Frame
+from scenefw.kernels.cameras import camera_of
+from scenefw.perception.evidence import EvidenceOfView, View, starts
+from scenefw.perception.points import world_points
+from scenefw.perception.seen_instances import seen_instances
+from scenefw.representations.volumes import scene_volumes
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from torch import Tensor
+
+    from scenefw.core.batches import Completion, PartialTSDF
+    from scenefw.core.types import Float32, GridSpec, Int32
+    from scenefw.perception.part_guided import Completing
+    from scenefw.shapes.superquadric_fit import Evidence, FittedSuperquadric, SuperquadricFit
+
+
+class Fitted:
+    """Replaces predicted objects by superquadrics that explain the view (thesis eqs 5.8 to 5.12).
+
+    Each object is fitted to its seen points, with the predicted surface as a weak hint where it
+    is hidden, such that it contains nothing that was seen free, no point of another object, and
+    nothing below the floor. An object that no superquadric explains keeps its predicted volume.
+
+    Args:
+        inner: makes the scenes.
+        fit: of one object.
+        evidence: what a view says about an object.
+        near: seen points up to this far from the surface are explained (m).
+        explained: share of seen points that a superquadric must explain to be taken.
+        least: seen points that an object must have to be fitted.
+
+    Raises:
+        ConfigError: a share outside 0..1, or another number that isn't positive.
+    """
+
+    def __init__(
+        self,
+        inner: Completing,
+        fit: SuperquadricFit,
+        evidence: EvidenceOfView,
+        near: float = 0.006,
+        explained: float = 0.8,
+        least: int = 60,
+    ) -> None:
+        if not (near > 0 and 0 <= explained <= 1 and least >= 1):
+            raise ConfigError(
+                f"near is {near}, explained {explained}, least {least}; expected positive numbers "
+                "and a share"
+            )
+        self.inner, self.fit, self.evidence = inner, fit, evidence
+        self.near, self.explained, self.least = near, explained, least
+        self.grid, self.metadata = inner.grid, inner.metadata
+
+    def reconstruct(
+        self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
+    ) -> list[tuple[Tensor, Tensor]]:
+        """`samples` pairs of TSDF (B, X, Y, Z) in metres and instances (B, X, Y, Z) int32."""
+        found = self.complete(partial, grid, samples, generator)
+        return [(scenes.tsdf, scenes.instances) for scenes in found]
+
+    def complete(
+        self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
+    ) -> list[Completion]:
+        """Complete scenes of sharp objects.
+
+        Raises:
+            InputError: the partial TSDF came without its depth images.
+        """
+        if partial.depth is None or partial.cameras is None:
+            raise InputError(
+                "a fit needs the depth images of partial TSDFs; their mapping left them out"
+            )
+        points = [
+            world_points(Frame(depth, camera_of(partial.cameras, i)))
+            for i, depth in enumerate(partial.depth.cpu().numpy())
+        ]
+        observed = (partial.observed & (partial.distance > grid.voxel_size))[:, 0].cpu().numpy()
+        scenes = self.inner.complete(partial, grid, samples, generator)
+        return [self._sharpened(sample, points, observed, grid) for sample in scenes]
+
+    def _sharpened(
+        self, sample: Completion, points: Sequence[Any], free: Any, grid: GridSpec
+    ) -> Completion:
+        tsdf, instances = sample.tsdf.cpu().numpy(), sample.instances.cpu().numpy()
+        rows = []
+        for i, seen in enumerate(points):
+            masks = (
+                seen_instances(instances[i], seen, grid, seen[..., 2] > 0)
+                if sample.masks is None
+                else sample.masks[i].cpu().numpy()
+            )
+            view = View(seen, masks, tsdf[i], instances[i], free[i], grid)
+            rows.append(composed(self.superquadrics(view), view))
+        device = sample.tsdf.device
+        return replace(
+            sample,
+            tsdf=torch.from_numpy(np.stack([row[0] for row in rows])).to(device),
+            instances=torch.from_numpy(np.stack([row[1] for row in rows])).to(device),
+        )
+
+    def superquadrics(self, view: View) -> dict[int, FittedSuperquadric]:
+        """Those objects that a superquadric explains, by label."""
+        found = {}
+        for label in np.unique(view.instances[view.instances > 0]).tolist():
+            evidence = self.evidence.of(label, view)
+            if self._seen(evidence).sum() < self.least:
+                continue
+            fitted = self.fit.fit(evidence, starts(evidence.points))
+            if self._explains(fitted, evidence):
+                found[label] = fitted
+        return found
+
+    def _seen(self, evidence: Evidence) -> Any:
+        return evidence.sigmas == self.evidence.seen_sigma
+
+    def _explains(self, fitted: FittedSuperquadric, evidence: Evidence) -> bool:
+        close = np.abs(fitted.distances[self._seen(evidence)]) < self.near
+        return bool(close.mean() >= self.explained)
+
+
+def composed(superquadrics: Mapping[int, FittedSuperquadric], view: View) -> tuple[Float32, Int32]:
+    """TSDF and instances (X, Y, Z) of superquadrics, and of the objects that stay as they are.
+
+    Args:
+        superquadrics: by label.
+        view: with the predicted volumes.
+    """
+    kept = np.where(np.isin(view.instances, list(superquadrics)), 0, view.instances)
+    outside = np.full_like(view.tsdf, view.grid.truncation)
+    tsdf = np.where(kept > 0, view.tsdf, outside) if (kept > 0).any() else outside
+    if (kept > 0).any():
+        near = np.where(view.instances == 0, view.tsdf, outside)  # around what stays
+        tsdf = np.minimum(tsdf, np.where(_beside(kept), near, outside))
+    instances = kept.copy()
+    if superquadrics:
+        labels = np.array(list(superquadrics), np.int32)
+        volumes = scene_volumes(_parameters(list(superquadrics.values())), view.grid)
+        sharp, owner = volumes.tsdf[0, 0].numpy(), volumes.instances[0].numpy()
+        closer = sharp < tsdf
+        instances = np.where(
+            closer & (owner > 0), labels[np.maximum(owner - 1, 0)], np.where(closer, 0, instances)
+        )
+        tsdf = np.minimum(tsdf, sharp)
+    return tsdf.astype(np.float32), np.where(tsdf < 0, instances, 0).astype(np.int32)
+
+
+def _beside(kept: Int32) -> Any:
+    """Voxels within the reach of a truncated distance of what stays."""
+    return binary_dilation(kept > 0, iterations=4)
+
+
+def _parameters(found: Sequence[FittedSuperquadric]) -> SceneParameters:
+    def stacked(rows: Sequence[Any]) -> Tensor:
+        return torch.from_numpy(np.stack(rows)[None].astype(np.float32))
+
+    return SceneParameters(
+        stacked([one.shape.half_axes for one in found]),
+        stacked([one.shape.exponents for one in found]),
+        stacked([one.pose.rotation for one in found]),
+        stacked([one.pose.position for one in found]),
+        torch.ones(1, len(found), dtype=torch.bool),
+    )

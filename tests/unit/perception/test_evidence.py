@@ -1,0 +1,85 @@
+"""What a view says about an object: boxes whose surfaces are known."""
+
+import numpy as np
+import pytest
+from tests.unit.perception.synthetic import STACK, camera_at, frame_of
+
+from scenefw.core.errors import ConfigError
+from scenefw.core.types import GridSpec
+from scenefw.perception.evidence import EvidenceOfView, View, starts
+from scenefw.perception.points import world_points
+
+
+def view_of(resolution):
+    """Two boxes on each other, seen from the front, with their true volumes."""
+    grid, camera = GridSpec(resolution=resolution), camera_at(eye=(0.0, -0.85, 0.6))
+    frame = frame_of(camera)
+    points = world_points(type(frame)(frame.depth, camera))
+    fields = np.stack([distance(grid.centres(), box) for box in STACK])
+    tsdf = fields.min(axis=0).clip(-grid.truncation, grid.truncation).astype(np.float32)
+    instances = np.where(tsdf < 0, fields.argmin(axis=0) + 1, 0).astype(np.int32)
+    in_front = grid.centres()[..., 1] < -0.1
+    return View(points, frame.labels, tsdf, instances, in_front, grid)
+
+
+def distance(points, box):
+    """Signed distance to a box, exact (Quilez)."""
+    lower, upper = np.array(box.lower), np.array(box.upper)
+    q = np.abs(points - (lower + upper) / 2) - (upper - lower) / 2
+    return np.linalg.norm(q.clip(min=0), axis=-1) + q.max(axis=-1).clip(max=0)
+
+
+@pytest.mark.parametrize("resolution", [32, 64])
+@pytest.mark.parametrize("label", [1, 2])
+def test_points_lie_on_the_object_and_places_outside_of_it(resolution, label):
+    view, box = view_of(resolution), STACK[label - 1]
+    gathered = EvidenceOfView(seen=100, hidden=80, outside=50)
+    found = gathered.of(label, view)
+    seen = found.sigmas == gathered.seen_sigma
+    assert 0 < seen.sum() <= 100
+    assert 0 < (~seen).sum() <= 80
+    assert np.abs(distance(found.points[seen], box)).max() < 1e-5
+    assert np.abs(distance(found.points[~seen], box)).max() < 1.5 * view.grid.voxel_size
+    assert found.points[~seen, 1].mean() > found.points[seen, 1].mean() + 0.03  # it is behind
+    assert distance(found.outside, box).min() > -1e-5
+    assert (found.outside[:, 2] < 0).any()
+    other = STACK[2 - label]
+    assert (np.abs(distance(found.outside, other)) < 1e-5).any()
+    assert (found.outside[:, 1] < -0.1).any()
+
+
+def test_an_object_that_nobody_sees_has_only_hints():
+    view = view_of(32)
+    unseen = View(
+        view.points, np.zeros_like(view.masks), view.tsdf, view.instances, view.free, view.grid
+    )
+    gathered = EvidenceOfView()
+    assert (gathered.of(1, unseen).sigmas == gathered.hidden_sigma).all()
+    assert len(gathered.of(7, view).points) == 0
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, 1.2])
+def test_a_start_is_the_box_itself(angle):
+    rng = np.random.default_rng(0)
+    corners = rng.uniform(-1, 1, (4000, 3))
+    corners[np.arange(4000), rng.integers(0, 3, 4000)] = rng.choice([-1, 1], 4000)
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    points = (corners * (0.1, 0.05, 0.03)) @ turn.T + (0.2, -0.1, 0.03)
+    pose, half_axes = starts(points)[0]
+    np.testing.assert_allclose(pose.position, (0.2, -0.1, 0.03), atol=0.004)
+    np.testing.assert_allclose(np.sort(half_axes), (0.03, 0.05, 0.1), rtol=0.12)
+    for rotation in (one.rotation for one, _ in starts(points)):
+        np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
+        assert np.linalg.det(rotation) == pytest.approx(1)
+
+
+def test_points_on_a_line_are_no_crash():
+    line = np.linspace(0, 1, 20)[:, None] * (0.1, 0.0, 0.0)
+    assert all(np.isfinite(half_axes).all() for _, half_axes in starts(line))
+
+
+@pytest.mark.parametrize("wrong", [{"seen_sigma": 0}, {"hidden": 0}, {"outside_sigma": -1}])
+def test_wrong_numbers_are_refused(wrong):
+    with pytest.raises(ConfigError, match="expected positive"):
+        EvidenceOfView(**wrong)

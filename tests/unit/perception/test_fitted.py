@@ -1,0 +1,95 @@
+"""Superquadrics in place of predicted objects, and objects that stay as they are."""
+
+import numpy as np
+import pytest
+import torch
+from tests.unit.perception.synthetic import STACK, camera_at, frame_of
+from tests.unit.perception.test_evidence import distance, view_of
+
+from scenefw.core.batches import Completion, PartialTSDF
+from scenefw.core.errors import ConfigError, InputError
+from scenefw.kernels.cameras import stack_cameras
+from scenefw.perception.evidence import EvidenceOfView
+from scenefw.perception.fitted import Fitted, composed
+from scenefw.shapes.superquadric_fit import SuperquadricFit
+
+
+class Rough:
+    """Predicts the boxes of a view with their hidden half missing."""
+
+    def __init__(self, view):
+        self.grid, self.metadata = view.grid, {"made": "by hand"}
+        behind = view.grid.centres()[..., 1] > 0.02
+        tsdf = np.where(behind, view.grid.truncation, view.tsdf)
+        self.scene = Completion(
+            torch.from_numpy(tsdf)[None].float(),
+            torch.from_numpy(np.where(behind, 0, view.instances))[None].int(),
+            masks=torch.from_numpy(view.masks)[None],
+        )
+
+    def complete(self, partial, grid, samples, generator):
+        return [self.scene] * samples
+
+
+def partial_of(view, camera):
+    frame = frame_of(camera)
+    free = torch.from_numpy(view.free)[None, None]
+    far = torch.where(free, view.grid.truncation, -0.01)
+    images = torch.from_numpy(frame.depth)[None]
+    return PartialTSDF(far, free, images, stack_cameras([camera]))
+
+
+@pytest.mark.parametrize("resolution", [32, 64])
+def test_boxes_come_out_sharp_and_whole(resolution):
+    view, camera = view_of(resolution), camera_at(eye=(0.0, -0.85, 0.6))
+    rough = Rough(view)
+    method = Fitted(rough, SuperquadricFit(), EvidenceOfView())
+    assert method.metadata == {"made": "by hand"}
+    (scene,) = method.complete(partial_of(view, camera), view.grid, 1, torch.Generator())
+    before, after, true = (
+        volumes.tsdf[0].numpy() < 0 if isinstance(volumes, Completion) else volumes.tsdf < 0
+        for volumes in (rough.scene, scene, view)
+    )
+    overlap = [(solid & true).sum() / (solid | true).sum() for solid in (before, after)]
+    assert overlap[1] > overlap[0] + 0.1
+    found = scene.instances[0].numpy()
+    assert set(np.unique(found)) == {0, 1, 2}
+    assert ((found > 0) == after).all()
+    assert torch.equal(scene.masks, rough.scene.masks)
+    volume = torch.zeros(1, 1, *view.grid.shape)
+    without = PartialTSDF(volume, volume > 0)
+    with pytest.raises(InputError, match="depth images"):
+        method.reconstruct(without, view.grid, 1, torch.Generator())
+
+
+def test_what_no_superquadric_explains_stays_as_it_was():
+    """An L: its seen points fit no convex shape."""
+    view = view_of(32)
+    whole = view.__class__(
+        view.points, (view.masks > 0).astype(np.int32), view.tsdf,
+        (view.instances > 0).astype(np.int32), view.free, view.grid,
+    )  # fmt: skip
+    strict = Fitted(Rough(view), SuperquadricFit(), EvidenceOfView(), near=0.002, explained=0.95)
+    assert strict.superquadrics(whole) == {}
+    tsdf, instances = composed({}, whole)
+    np.testing.assert_array_equal(instances, whole.instances)
+    assert ((tsdf < 0) == (whole.tsdf < 0)).all()
+
+
+def test_one_sharp_object_beside_one_that_stays():
+    view = view_of(64)
+    method = Fitted(Rough(view), SuperquadricFit(), EvidenceOfView())
+    (label, sharp), *_ = method.superquadrics(view).items()
+    tsdf, instances = composed({label: sharp}, view)
+    other = 3 - label
+    kept = (instances == other).sum() / (view.instances == other).sum()
+    assert 0.8 < kept <= 1
+    assert ((instances > 0) == (tsdf < 0)).all()
+    inside = distance(view.grid.centres(), STACK[label - 1]) < -0.01
+    assert (instances[inside] == label).mean() > 0.85
+
+
+@pytest.mark.parametrize("wrong", [{"near": 0}, {"explained": 1.5}, {"least": 0}])
+def test_wrong_numbers_are_refused(wrong):
+    with pytest.raises(ConfigError, match=next(iter(wrong))):
+        Fitted(Rough(view_of(16)), SuperquadricFit(), EvidenceOfView(), **wrong)
