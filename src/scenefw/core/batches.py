@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from scenefw.core.types import GridSpec
+    from scenefw.core.types import GridSpec, PlacedShape
 
 
 @dataclass(frozen=True)
@@ -198,12 +198,14 @@ class Completion:
         volumes: (B, C, X, Y, Z) by name, as their representations say them.
         masks: (B, H, W) int32, which instance a pixel of the view shows, 0 = none; None where the
             method doesn't look at pixels.
+        placed: for each view, the shapes that explain some of its instances, by label.
     """
 
     tsdf: Tensor
     instances: Tensor
     volumes: Mapping[str, Tensor] = field(default_factory=dict)
     masks: Tensor | None = None
+    placed: Sequence[Mapping[int, PlacedShape]] = ()
 
 
 @dataclass(frozen=True)

@@ -188,6 +188,19 @@ class Shape(Protocol):
 
 
 @dataclass(frozen=True)
+class PlacedShape:
+    """A shape and where it is."""
+
+    shape: Shape
+    pose: Pose
+
+    def mesh(self) -> TriangleMesh:
+        """Its surface in world coordinates."""
+        own = self.shape.mesh()
+        return TriangleMesh(geometry.transform_points(self.pose.matrix, own.vertices), own.faces)
+
+
+@dataclass(frozen=True)
 class SceneObject:
     """One rigid object: a shape (origin = centre of mass), where it is, its mass (kg)."""
 
@@ -223,6 +236,7 @@ class ObjectEstimate:
         pose: centre of mass and principal axes in world coordinates.
         extents: (3,) full size along the axes of `pose` (m).
         confidence: in [0, 1].
+        placed: the shape that explains it, whose surface the mesh is; None if it has no such.
     """
 
     id: int
@@ -230,6 +244,7 @@ class ObjectEstimate:
     pose: Pose
     extents: Float64
     confidence: float
+    placed: PlacedShape | None = None
 
 
 @dataclass(frozen=True)

@@ -3,13 +3,14 @@
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from scenefw.core.files import write_text
-from scenefw.core.types import Camera, ObjectEstimate, SceneEstimate
+from scenefw.core.types import Camera, ObjectEstimate, PlacedShape, SceneEstimate
 
 
 def summarise(
@@ -74,6 +75,17 @@ def _object(item: ObjectEstimate, mesh_file: str) -> dict[str, Any]:
         },
         "confidence": float(item.confidence),
         "mesh": mesh_file,
+        "shape": None if item.placed is None else _shape(item.placed),
+    }
+
+
+def _shape(placed: PlacedShape) -> dict[str, Any]:
+    shape: Any = placed.shape
+    return {
+        "kind": type(shape).__name__.lower(),
+        **{field.name: plain(getattr(shape, field.name)) for field in fields(shape)},
+        "position": plain(placed.pose.position),
+        "quaternion": plain(placed.pose.quaternion),
     }
 
 

@@ -11,7 +11,7 @@ from scipy.ndimage import binary_dilation
 
 from scenefw.core.batches import SceneParameters
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.core.types import Frame
+from scenefw.core.types import Frame, PlacedShape
 from scenefw.kernels.cameras import camera_of
 from scenefw.perception.evidence import EvidenceOfView, View, starts
 from scenefw.perception.points import world_points
@@ -34,7 +34,8 @@ class Fitted:
 
     Each object is fitted to its seen points, with the predicted surface as a weak hint where it
     is hidden, such that it contains nothing that was seen free, no point of another object, and
-    nothing below the floor. An object that no superquadric explains keeps its predicted volume.
+    nothing below the floor. An object that no superquadric explains keeps its predicted volume; a
+    part of the image of which nothing was predicted becomes an object if one explains it.
 
     Args:
         inner: makes the scenes.
@@ -97,7 +98,7 @@ class Fitted:
         self, sample: Completion, points: Sequence[Any], free: Any, grid: GridSpec
     ) -> Completion:
         tsdf, instances = sample.tsdf.cpu().numpy(), sample.instances.cpu().numpy()
-        rows = []
+        rows, placed = [], []
         for i, seen in enumerate(points):
             masks = (
                 seen_instances(instances[i], seen, grid, seen[..., 2] > 0)
@@ -105,18 +106,22 @@ class Fitted:
                 else sample.masks[i].cpu().numpy()
             )
             view = View(seen, masks, tsdf[i], instances[i], free[i], grid)
-            rows.append(composed(self.superquadrics(view), view))
+            found = self.superquadrics(view)
+            rows.append(composed(found, view))
+            placed.append({k: PlacedShape(one.shape, one.pose) for k, one in found.items()})
         device = sample.tsdf.device
         return replace(
             sample,
             tsdf=torch.from_numpy(np.stack([row[0] for row in rows])).to(device),
             instances=torch.from_numpy(np.stack([row[1] for row in rows])).to(device),
+            placed=tuple(placed),
         )
 
     def superquadrics(self, view: View) -> dict[int, FittedSuperquadric]:
-        """Those objects that a superquadric explains, by label."""
+        """Objects that a superquadric explains, by label; also where nothing was predicted."""
         found = {}
-        for label in np.unique(view.instances[view.instances > 0]).tolist():
+        labels = np.union1d(view.instances[view.instances > 0], view.masks[view.masks > 0])
+        for label in labels.astype(int).tolist():
             evidence = self.evidence.of(label, view)
             if self._seen(evidence).sum() < self.least:
                 continue

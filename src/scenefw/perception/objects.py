@@ -1,27 +1,34 @@
 """Objects with pose and size from their meshes."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scenefw.core import geometry
-from scenefw.core.types import ObjectEstimate, Pose, TriangleMesh
+from scenefw.core.types import ObjectEstimate, PlacedShape, Pose, TriangleMesh
 
 Array = NDArray[np.float64]
 
 
 def estimate_objects(
-    meshes: Mapping[int, TriangleMesh], confidences: Mapping[int, float]
+    meshes: Mapping[int, TriangleMesh],
+    confidences: Mapping[int, float],
+    placed: Mapping[int, PlacedShape] | None = None,
 ) -> tuple[ObjectEstimate, ...]:
     """One estimate per mesh in the order of their labels.
 
     Args:
         meshes: watertight, world coordinates, by instance label.
         confidences: in [0, 1], by label; 0 where missing.
+        placed: the shapes of those objects that have one, by label.
     """
     return tuple(
-        _estimate(label, mesh, float(confidences.get(label, 0.0)))
+        replace(
+            _estimate(label, mesh, float(confidences.get(label, 0.0))),
+            placed=(placed or {}).get(label),
+        )
         for label, mesh in sorted(meshes.items())
     )
 

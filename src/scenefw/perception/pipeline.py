@@ -154,7 +154,9 @@ class Pipeline:
 
     def _scene(self, view: View, sample: Completion, sure: Mapping[int, float]) -> SceneEstimate:
         tsdf, instances = sample.tsdf[0], sample.instances[0]
+        placed = sample.placed[0] if sample.placed else {}
         meshes = instance_meshes(tsdf, instances, self.grid)
+        meshes |= {label: one.mesh() for label, one in placed.items() if label in meshes}
         floor = view.floor
         details = {
             "floor": {
@@ -174,7 +176,7 @@ class Pipeline:
             "warnings": list(view.warnings),
         }
         return SceneEstimate(
-            estimate_objects(meshes, sure),
+            estimate_objects(meshes, sure, placed),
             self.grid,
             tsdf.cpu().numpy(),
             instances.cpu().numpy(),
@@ -205,23 +207,27 @@ class Pipeline:
     def _cleaned(self, sample: Completion, partial: PartialTSDF) -> Completion:
         shape = carve(sample.tsdf[0], partial, self.grid) if self.carve else sample.tsdf[0]
         tsdf, instances = whole_objects(shape, sample.instances[0], self.grid)
-        masks = None if sample.masks is None else _followed(sample, instances)
-        return Completion(tsdf[None], instances[None], sample.volumes, masks)
+        return _followed(replace(sample, tsdf=tsdf[None]), instances)
 
 
 def _renumbered(sample: Completion, like: Int32) -> Completion:
     labels = sample.instances[0]
     fitted = torch.from_numpy(renumbered_like(labels.cpu().numpy(), like)).to(labels.device)
-    masks = None if sample.masks is None else _followed(sample, fitted)
-    return replace(sample, instances=fitted[None], masks=masks)
+    return _followed(sample, fitted)
 
 
-def _followed(before: Completion, instances: Tensor) -> Tensor:
-    """Masks (1, H, W) with the labels that most voxels of their instances have now."""
-    assert before.masks is not None
-    old = before.instances[0]
-    now = torch.zeros(int(max(before.masks.max(), old.max())) + 1, dtype=torch.int32)
+def _followed(before: Completion, instances: Tensor) -> Completion:
+    """With other instances; masks and shapes get the label that most voxels of theirs have now."""
+    old, now = before.instances[0], {0: 0}
     for label in torch.unique(old[old > 0]).tolist():
         votes = torch.bincount(instances[(old == label) & (instances > 0)])
         now[label] = int(votes.argmax()) if len(votes) else 0
-    return now.to(before.masks.device)[before.masks.long()]
+    masks = before.masks
+    if masks is not None:
+        table = torch.zeros(int(max(masks.max(), old.max())) + 1, dtype=torch.int32)
+        table[list(now)] = torch.tensor(list(now.values()), dtype=torch.int32)
+        masks = table.to(masks.device)[masks.long()]
+    placed = tuple(
+        {now[label]: one for label, one in view.items() if now.get(label)} for view in before.placed
+    )
+    return replace(before, instances=instances[None], masks=masks, placed=placed)

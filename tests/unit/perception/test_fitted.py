@@ -9,7 +9,7 @@ from tests.unit.perception.test_evidence import distance, view_of
 from scenefw.core.batches import Completion, PartialTSDF
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.kernels.cameras import stack_cameras
-from scenefw.perception.evidence import EvidenceOfView
+from scenefw.perception.evidence import EvidenceOfView, View
 from scenefw.perception.fitted import Fitted, composed
 from scenefw.shapes.superquadric_fit import SuperquadricFit
 
@@ -65,7 +65,7 @@ def test_boxes_come_out_sharp_and_whole(resolution):
 def test_what_no_superquadric_explains_stays_as_it_was():
     """An L: its seen points fit no convex shape."""
     view = view_of(32)
-    whole = view.__class__(
+    whole = View(
         view.points, (view.masks > 0).astype(np.int32), view.tsdf,
         (view.instances > 0).astype(np.int32), view.free, view.grid,
     )  # fmt: skip
@@ -87,6 +87,19 @@ def test_one_sharp_object_beside_one_that_stays():
     assert ((instances > 0) == (tsdf < 0)).all()
     inside = distance(view.grid.centres(), STACK[label - 1]) < -0.01
     assert (instances[inside] == label).mean() > 0.85
+
+
+def test_what_is_seen_but_not_predicted_becomes_an_object():
+    view = view_of(64)
+    empty = View(
+        view.points, view.masks, np.full_like(view.tsdf, view.grid.truncation),
+        np.zeros_like(view.instances), view.free, view.grid,
+    )  # fmt: skip
+    found = Fitted(Rough(view), SuperquadricFit(), EvidenceOfView()).superquadrics(empty)
+    assert set(found) == {1, 2}
+    tsdf, instances = composed(found, empty)
+    assert ((tsdf < 0) & (view.tsdf < 0)).sum() > 0.6 * ((tsdf < 0) | (view.tsdf < 0)).sum()
+    assert set(np.unique(instances)) == {0, 1, 2}
 
 
 @pytest.mark.parametrize("wrong", [{"near": 0}, {"explained": 1.5}, {"least": 0}])

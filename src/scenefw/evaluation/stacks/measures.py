@@ -56,7 +56,7 @@ _NUMBERS = {
     "views": Measure("views", digits=0),
     "samples": Measure("samples", "samples of each view", digits=0),
 }
-_OF_METHOD = {"zero_code": " of the zero code alone"}
+_OF_METHOD = {"zero_code": " of the zero code alone", "fitted": " of fitted superquadrics"}
 
 
 def of_scores(methods: Sequence[str], drawn: Sequence[str] = ()) -> dict[str, Measure]:
@@ -132,6 +132,7 @@ _DRAWN = {
     "coupled": "shipped default (zero code, then coupled codes)",
     "scenefw": "independent codes",
     "zero_code": "zero code",
+    "fitted": "zero code, superquadrics fitted",
     "hull_filling": "hull filling",
 }
 

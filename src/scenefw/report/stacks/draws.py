@@ -22,6 +22,7 @@ NAMES = {
     "scenefw": "independent codes, as in the thesis",
     "coupled": "shipped default: zero code, then coupled codes",
     "zero_code": "zero code alone",
+    "fitted": "zero code, superquadrics fitted",
     "trained_here": "independent codes, trained in this run",
     "hull_filling": "hull filling (no learning)",
     "partial_tsdf": "partial TSDF meshed (no learning)",

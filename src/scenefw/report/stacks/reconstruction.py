@@ -15,6 +15,7 @@ from scenefw.report.tables import Cell, Column, Table
 _NAMES = {
     "scenefw": "scenefw",
     "trained_here": "scenefw, trained in this run",
+    "fitted": "scenefw, zero code, superquadrics fitted to the view",
     "hull_filling": "hull filling (no learning)",
     "partial_tsdf": "partial TSDF meshed (no learning)",
     "base_rate": "base rate in every voxel (no image)",
