@@ -1,5 +1,6 @@
 """Settings and fixtures that all tests share."""
 
+import gc
 import os
 from contextlib import contextmanager
 from pathlib import Path
@@ -36,6 +37,12 @@ def pytest_collection_modifyitems(items):
         inside |= ROOT / "tests" in item.path.parents and item.path.stem in SLOW_FILES
         if inside or {"warm", "real_data"} & set(item.fixturenames):
             item.add_marker("slow")
+
+
+def pytest_collection_finish():
+    """Modules and thousands of collected tests stay: nobody need look for garbage among them."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")

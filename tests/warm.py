@@ -7,6 +7,7 @@ folder, environment, arguments, output and exit status.
 """
 
 import contextlib
+import gc
 import importlib
 import json
 import os
@@ -75,6 +76,8 @@ def serve():
     _let_numba_look_around()
     parsed.install()
     parsed.read(ROOT / "conf")
+    gc.collect()
+    gc.freeze()  # else each child looks for garbage among all that torch has made
     for line in sys.stdin:
         order = json.loads(line)
         child = os.fork()
