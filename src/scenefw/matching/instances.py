@@ -23,7 +23,7 @@ def renumbered_like(instances: Int32, reference: Int32) -> Int32:
     ids, truths = ids[ids > 0], truths[truths > 0]
     labels: dict[int, int] = {}
     if overlap.size:
-        pairs = Assignment().assign(-overlap)
+        pairs = Assignment().assign(-overlap.astype(np.float64))
         labels = {int(ids[r]): int(truths[c]) for r, c in pairs if overlap[r, c] > 0}
     unused = itertools.count(int(truths.max(initial=0)) + 1)
     renumbered = np.zeros_like(instances)
