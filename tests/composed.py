@@ -78,6 +78,7 @@ def as_typed(group, name):
     return f"{group}=[{name}]" if several else f"{group}={name}"
 
 
+@functools.cache
 def default_option(group):
     """What `config.yaml` chooses of a group; a list for groups used several at a time."""
     for entry in OmegaConf.load(config.conf_dir() / "config.yaml").defaults:

@@ -1,9 +1,11 @@
 """Settings and fixtures that all tests share."""
 
+import gc
 import os
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import settings
 from tests import parsed
@@ -34,8 +36,14 @@ def pytest_collection_modifyitems(items):
     for item in items:
         inside = any(folder in item.path.parents for folder in folders)
         inside |= ROOT / "tests" in item.path.parents and item.path.stem in SLOW_FILES
-        if inside or {"warm", "real_data"} & set(item.fixturenames):
+        if inside or {"warm", "simulator", "real_data"} & set(item.fixturenames):
             item.add_marker("slow")
+
+
+def pytest_collection_finish():
+    """Modules and thousands of collected tests stay: nobody need look for garbage among them."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")
@@ -67,6 +75,26 @@ def run_elsewhere(warm):
         return warm(module, words, ROOT, dict(os.environ))
 
     return run
+
+
+@pytest.fixture(scope="session")
+def simulator():
+    """A process in which numba simulates CUDA, as it must know at its start."""
+    modules = ("torch", "numba.cuda", "scipy.ndimage", "scipy.optimize", "hypothesis", "pytest")
+    process = Warm(modules, {"NUMBA_ENABLE_CUDASIM": "1", "NUMBA_DISABLE_JIT": "1"})
+    yield process
+    process.stop()
+
+
+@pytest.fixture(scope="module")
+def simulated(simulator, tmp_path_factory, request):
+    """Arrays by name that `results()` of the test module returns on simulated threads of CUDA."""
+    file = tmp_path_factory.mktemp("simulated") / "results.npz"
+    words, own = (request.module.__name__, file), {**os.environ, **simulator.variables}
+    done = simulator.run("tests.unit.kernels.simulator", words, ROOT, own)
+    assert done.returncode == 0, done.stderr
+    with np.load(file) as stored:
+        return dict(stored)
 
 
 @pytest.fixture

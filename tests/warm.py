@@ -7,6 +7,7 @@ folder, environment, arguments, output and exit status.
 """
 
 import contextlib
+import gc
 import importlib
 import json
 import os
@@ -19,8 +20,6 @@ import time
 import traceback
 from pathlib import Path
 
-from tests import parsed
-
 SLOW = ("hydra", "jinja2", "lightning", "matplotlib.pyplot", "numba.cuda", "rich.progress",
         "scipy.ndimage", "scipy.stats", "skimage.measure", "torch", "torch.utils.tensorboard",
         "torchmetrics")  # fmt: skip
@@ -28,9 +27,14 @@ ROOT = Path(__file__).parents[1]
 
 
 class Warm:
-    """The process that is forked; started at its first command, ended with this one."""
+    """The process that is forked; started at its first command, ended with this one.
 
-    def __init__(self):
+    It has imported `modules` with `variables` in its environment; one of None is left out there.
+    """
+
+    def __init__(self, modules=SLOW, variables=None):
+        self.modules = modules
+        self.variables = {"PYTHONUNBUFFERED": "", **(variables or {})}
         self._process = None
 
     def run(self, module, words, cwd, env, timeout=300, unread=()):
@@ -39,11 +43,12 @@ class Warm:
         What is `unread` (stdout, stderr) goes into a pipe whose reader is gone.
         """
         if self._process is None or self._process.poll() is not None:
-            command = [sys.executable, "-m", "tests.warm"]
+            command = [sys.executable, "-m", "tests.warm", *self.modules]
+            own = {**os.environ, **self.variables}
             self._process = subprocess.Popen(
                 command,
                 cwd=ROOT,
-                env={**os.environ, "PYTHONUNBUFFERED": ""},
+                env={name: value for name, value in own.items() if value is not None},
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 text=True,
@@ -69,12 +74,17 @@ class Warm:
 
 def serve():
     """Forks for each line of orders on standard input, and answers with its exit status."""
-    for name in SLOW:
+    for name in sys.argv[1:]:
         with contextlib.suppress(ImportError):
             importlib.import_module(name)
-    _let_numba_look_around()
-    parsed.install()
-    parsed.read(ROOT / "conf")
+    if "hydra" in sys.modules:
+        from tests import parsed
+
+        parsed.install()
+        parsed.read(ROOT / "conf")
+        _let_numba_look_around()
+    gc.collect()
+    gc.freeze()  # else each child looks for garbage among all that torch has made
     for line in sys.stdin:
         order = json.loads(line)
         child = os.fork()

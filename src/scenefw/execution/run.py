@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import itertools
 import json
 import sys
@@ -101,6 +102,7 @@ def _work(config: DictConfig, output: Path, overrides: list[str]) -> dict[str, A
         (output / FIGURES).unlink(missing_ok=True)
         write_text(output / SETTINGS, resolved)
         write_text(output / RECORD, json.dumps(record, indent=2) + "\n")
+        _collect_garbage()
         with threads(config.threads, yields=config.yielding):
             figures = dict(profiled(task.run, output) if config.get("profile") else task.run())
     if used_weights(plain) != record["weights"]:  # the run itself trained some of them
@@ -108,6 +110,13 @@ def _work(config: DictConfig, output: Path, overrides: list[str]) -> dict[str, A
         write_text(output / RECORD, json.dumps(record, indent=2) + "\n")
     write_text(output / FIGURES, json.dumps(figures, indent=2) + "\n")
     return figures
+
+
+def _collect_garbage() -> None:
+    """From now on, as the command line does not; modules, settings and parts are here to stay."""
+    if not gc.isenabled():  # the first run of a sweep
+        gc.freeze()
+        gc.enable()
 
 
 def require_seed(seed: Any) -> None:

@@ -15,11 +15,15 @@ def renumbered_like(instances: Int32, reference: Int32) -> Int32:
         instances: (X, Y, Z) labels, 0 = no object.
         reference: of the same shape.
     """
-    ids, truths = np.unique(instances[instances > 0]), np.unique(reference[reference > 0])
-    overlap = np.array([[np.sum((instances == i) & (reference == j)) for j in truths] for i in ids])
+    ids, rows = np.unique(instances, return_inverse=True)
+    truths, columns = np.unique(reference, return_inverse=True)
+    places = rows.ravel() * len(truths) + columns.ravel()
+    counts = np.bincount(places, minlength=len(ids) * len(truths)).reshape(len(ids), len(truths))
+    overlap = counts[ids > 0][:, truths > 0]
+    ids, truths = ids[ids > 0], truths[truths > 0]
     labels: dict[int, int] = {}
     if overlap.size:
-        pairs = Assignment().assign(-overlap)
+        pairs = Assignment().assign(-overlap.astype(np.float64))
         labels = {int(ids[r]): int(truths[c]) for r, c in pairs if overlap[r, c] > 0}
     unused = itertools.count(int(truths.max(initial=0)) + 1)
     renumbered = np.zeros_like(instances)

@@ -1,6 +1,3 @@
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 import torch
@@ -124,16 +121,6 @@ def test_images_can_be_made_smaller(scenes):
     made = views.make(scenes.parameters([0]), streams(1))
     assert made.depth.shape == (1, 30, 40)
     assert float(made.cameras.intrinsics[0, 0]) == pytest.approx(35.0)
-
-
-def test_training_imports_no_simulator_and_no_mesh_library():
-    code = (
-        "import scenefw.tasks.train, scenefw.data.views, scenefw.models.shape_instance_vae,"
-        "scenefw.losses.mmd, scenefw.renderers.sphere_tracer, scenefw.mapping.inverse_ray_tracing;"
-        "import sys; print([n for n in ('pybullet', 'open3d', 'trimesh') if n in sys.modules])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
 
 
 def test_noise_of_poses_is_refused():

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from tests.unit.kernels.simulator import simulate
 from tests.unit.mapping import tables
 
 from scenefw.core.height_maps import HeightGrid
@@ -46,9 +45,8 @@ def results():
 
 
 @pytest.fixture(scope="module")
-def simulated(tmp_path_factory):
-    file = tmp_path_factory.mktemp("simulated") / "results.npz"
-    return simulate("tests.unit.kernels.test_height_simulator", file)
+def expected():
+    return results()
 
 
 @pytest.mark.parametrize(
@@ -63,9 +61,9 @@ def simulated(tmp_path_factory):
         ("view", 1e-4),
     ],
 )
-def test_the_grid_of_threads_gives_what_the_loop_gives(simulated, name, tolerance):
-    expected, got = results()[name], simulated[name]
-    assert got.shape == expected.shape
-    assert len(np.unique(expected)) > 10
-    far = np.abs(got.astype(np.float64) - expected) > tolerance
+def test_the_grid_of_threads_gives_what_the_loop_gives(simulated, expected, name, tolerance):
+    wanted, got = expected[name], simulated[name]
+    assert got.shape == wanted.shape
+    assert len(np.unique(wanted)) > 10
+    far = np.abs(got.astype(np.float64) - wanted) > tolerance
     assert far.mean() <= 0.02  # rounding may put a pixel on the other side of a border

@@ -5,7 +5,6 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.unit.kernels.simulator import simulate
 
 from scenefw.core import tabletop
 from scenefw.core.geometry import look_at, rotation_from_quaternion
@@ -129,9 +128,7 @@ def results():
     return {"depth": frame.depth, "labels": frame.labels, "colour": frame.colour}
 
 
-def test_the_grid_of_threads_gives_what_the_loop_gives(tmp_path):
-    file = tmp_path / "results.npz"
-    simulated = simulate("tests.unit.kernels.test_meshes", file)
+def test_the_grid_of_threads_gives_what_the_loop_gives(simulated):
     expected = results()
     assert set(np.unique(expected["labels"])) == {0, 1, 2}
     assert (np.abs(simulated["depth"] - expected["depth"]) > 1e-4).mean() <= 0.02

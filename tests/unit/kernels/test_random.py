@@ -6,7 +6,6 @@ import pytest
 import torch
 from scipy import stats
 from tests.unit.kernels import analytic
-from tests.unit.kernels.simulator import simulate
 
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.kernels.random import normal, philox, uniform
@@ -113,8 +112,7 @@ def results():
     return {name: value.numpy() for name, value in found.items()}
 
 
-def test_the_grid_of_threads_draws_what_the_loop_draws(tmp_path):
-    simulated = simulate("tests.unit.kernels.test_random", tmp_path / "results.npz")
+def test_the_grid_of_threads_draws_what_the_loop_draws(simulated):
     for name, expected in results().items():
         got = simulated[name]
         assert len(np.unique(expected)) > 50

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import torch
 from tests.unit.kernels import analytic
-from tests.unit.kernels.simulator import simulate
 
 from scenefw.core.types import GridSpec
 from scenefw.kernels.cameras import stack_cameras
@@ -32,9 +31,8 @@ def results():
 
 
 @pytest.fixture(scope="module")
-def simulated(tmp_path_factory):
-    file = tmp_path_factory.mktemp("simulated") / "results.npz"
-    return simulate("tests.unit.kernels.test_simulator", file)
+def expected():
+    return results()
 
 
 @pytest.mark.parametrize(
@@ -49,10 +47,10 @@ def simulated(tmp_path_factory):
         ("inverse observed", 0),
     ],
 )
-def test_the_grid_of_threads_gives_what_the_loop_gives(simulated, name, tolerance):
-    expected, got = results()[name], simulated[name]
-    assert got.shape == expected.shape
-    assert len(np.unique(expected)) > 1
-    far = np.abs(got.astype(np.float64) - expected) > tolerance
+def test_the_grid_of_threads_gives_what_the_loop_gives(simulated, expected, name, tolerance):
+    wanted, got = expected[name], simulated[name]
+    assert got.shape == wanted.shape
+    assert len(np.unique(wanted)) > 1
+    far = np.abs(got.astype(np.float64) - wanted) > tolerance
     # rounding may put a pixel on the other side of a silhouette or a voxel on that of a border
     assert far.mean() <= 0.01

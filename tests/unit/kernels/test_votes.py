@@ -1,16 +1,11 @@
 """Vote kernels against brute force in plain numpy, and the CUDA grid against the CPU loop."""
 
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 import torch
 
 from scenefw.kernels.votes import count_traversals, shift_to_modes
 
-ROOT = __file__.rsplit("tests", 1)[0]
 SIDE = 6
 
 
@@ -116,20 +111,8 @@ def results():
     return {"counts": counts.numpy(), "modes": modes.numpy(), "densities": densities.numpy()}
 
 
-def test_the_cuda_grid_equals_the_loop(tmp_path):
-    file = tmp_path / "results.npz"
-    program = (
-        "import sys, numpy\n"
-        "from scenefw.kernels.compile import Kernel\n"
-        "Kernel.__call__ = Kernel.simulate\n"
-        "from tests.unit.kernels.test_votes import results\n"
-        "numpy.savez(sys.argv[1], **results())\n"
-    )
-    settings = {"NUMBA_ENABLE_CUDASIM": "1", "NUMBA_DISABLE_JIT": "1"}
-    command = [sys.executable, "-c", program, os.fspath(file)]
-    subprocess.run(command, cwd=ROOT, env={**os.environ, **settings}, check=True, timeout=300)
+def test_the_cuda_grid_equals_the_loop(simulated):
     ours = results()
-    with np.load(file) as simulated:
-        np.testing.assert_array_equal(simulated["counts"], ours["counts"])
-        np.testing.assert_allclose(simulated["modes"], ours["modes"], atol=1e-3)
-        np.testing.assert_allclose(simulated["densities"], ours["densities"], rtol=1e-3)
+    np.testing.assert_array_equal(simulated["counts"], ours["counts"])
+    np.testing.assert_allclose(simulated["modes"], ours["modes"], atol=1e-3)
+    np.testing.assert_allclose(simulated["densities"], ours["densities"], rtol=1e-3)

@@ -1,5 +1,6 @@
 """A training of a linear network; run as a script, on one process or on several."""
 
+import multiprocessing
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -135,7 +136,9 @@ def state(folder):
 
 
 if __name__ == "__main__":
-    # FOLDER STEPS FOLDER STEPS ...: trainings of two processes, one after another
-    for where, steps in zip(sys.argv[1::2], sys.argv[2::2], strict=True):
-        failing = {"failing": 1} if Path(where).name == "failing" else {}
-        task(where, int(steps), processes=2, batch_size=2, learning=failing).run()
+    # HOW FOLDER STEPS: a training of two processes; the second one starts as HOW says
+    how, where, steps = sys.argv[1:]
+    started = multiprocessing.get_context(how)
+    multiprocessing.get_context = lambda *_: started
+    failing = {"failing": 1} if Path(where).name == "failing" else {}
+    task(where, int(steps), processes=2, batch_size=2, learning=failing).run()

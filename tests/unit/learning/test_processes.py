@@ -14,13 +14,18 @@ PLAIN = "tests.unit.learning.plain"
 
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory, run_elsewhere):
-    """Eight steps of two processes, in a single call and in two."""
+    """Eight steps of two processes, in a single call and in two.
+
+    The single one starts its second process as scenefw does; the others copy theirs, as a new one
+    takes seconds to import torch.
+    """
     folder = tmp_path_factory.mktemp("folder")
     whole, parts = folder / "whole", folder / "parts"
-    done = run_elsewhere(PLAIN, whole, 8, parts, 3, parts, 8)
-    assert done.returncode == 0, done.stderr
-    said = [str(where / "out" / "plain.safetensors") for where in (whole, parts, parts)]
-    assert done.stdout.split() == said  # by the first process alone
+    for how, where, steps in (("spawn", whole, 8), ("fork", parts, 3), ("fork", parts, 8)):
+        done = run_elsewhere(PLAIN, how, where, steps)
+        assert done.returncode == 0, done.stderr
+        said = str(where / "out" / "plain.safetensors")
+        assert done.stdout.split() == [said]  # by the first process alone
     return whole, parts
 
 
@@ -64,7 +69,7 @@ def test_a_resumed_training_equals_an_uninterrupted_one(folders):
 
 
 def test_a_process_that_fails_ends_all(tmp_path, run_elsewhere):
-    done = run_elsewhere(PLAIN, tmp_path / "failing", 8)
+    done = run_elsewhere(PLAIN, "fork", tmp_path / "failing", 8)
     assert done.returncode == 1
     expected = "TrainingError: process 1 of 2 failed: ValueError: no more numbers"
     assert done.stderr.strip().splitlines()[-1].endswith(expected)

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import torch
-from tests.unit.kernels.simulator import simulate
 from tests.unit.kernels.test_meshes import small_geometry
 
 from scenefw.core.geometry import look_at
@@ -88,8 +87,7 @@ def second_geometry():
     return geometry
 
 
-def test_the_grid_of_threads_gives_what_the_loop_gives(tmp_path):
-    simulated = simulate("tests.unit.renderers.test_tables", tmp_path / "results.npz")
+def test_the_grid_of_threads_gives_what_the_loop_gives(simulated):
     expected = results()
     assert set(np.unique(expected["labels"])) == {0, 1, 2}
     assert not np.array_equal(expected["labels"][0], expected["labels"][2])

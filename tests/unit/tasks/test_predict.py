@@ -174,6 +174,7 @@ def test_command_line(tmp_path, scenefw):
     save_checkpoint(tmp_path / "net.safetensors", model, recipe, grid)
     image = save(tmp_path / "view.npz")
     words = ["experiment=simstack", "run=predict", "paths.output=out", "device=cpu"]
+    words += ["run.overview=false", "run.hypotheses=false"]  # pictures are drawn above
     done = scenefw(*words, f"input={image}", "checkpoint=net.safetensors")
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == str(tmp_path / "out")
