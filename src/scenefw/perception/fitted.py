@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from scenefw.perception.part_guided import Completing
     from scenefw.shapes.superquadric_fit import Evidence, FittedSuperquadric, SuperquadricFit
 
+_WITHIN = 0.98  # share of seen points in the grid
+
 
 class Fitted:
     """Replaces predicted objects by superquadrics that explain the view (thesis eqs 5.8 to 5.12).
@@ -35,7 +37,7 @@ class Fitted:
     Each object is fitted to its seen points, with the predicted surface as a weak hint where it
     is hidden, such that it contains nothing that was seen free, no point of another object, and
     nothing below the floor. An object that no superquadric explains keeps its predicted volume; a
-    part of the image of which nothing was predicted becomes an object if one explains it.
+    part of the image in the grid of which nothing was predicted becomes an object if one does.
 
     Args:
         inner: makes the scenes.
@@ -44,6 +46,7 @@ class Fitted:
         near: seen points up to this far from the surface are explained (m).
         explained: share of seen points that a superquadric must explain to be taken.
         least: seen points that an object must have to be fitted.
+        lowest: how high above the floor what was not predicted must reach to be an object (m).
 
     Raises:
         ConfigError: a share outside 0..1, or another number that isn't positive.
@@ -57,6 +60,7 @@ class Fitted:
         near: float = 0.006,
         explained: float = 0.8,
         least: int = 60,
+        lowest: float = 0.015,
     ) -> None:
         if not (near > 0 and 0 <= explained <= 1 and least >= 1):
             raise ConfigError(
@@ -64,7 +68,7 @@ class Fitted:
                 "and a share"
             )
         self.inner, self.fit, self.evidence = inner, fit, evidence
-        self.near, self.explained, self.least = near, explained, least
+        self.near, self.explained, self.least, self.lowest = near, explained, least, lowest
         self.grid, self.metadata = inner.grid, inner.metadata
 
     def reconstruct(
@@ -122,6 +126,8 @@ class Fitted:
         found = {}
         labels = np.union1d(view.instances[view.instances > 0], view.masks[view.masks > 0])
         for label in labels.astype(int).tolist():
+            if not (view.instances == label).any() and not self._may_be_new(label, view):
+                continue
             evidence = self.evidence.of(label, view)
             if self._seen(evidence).sum() < self.least:
                 continue
@@ -129,6 +135,13 @@ class Fitted:
             if self._explains(fitted, evidence):
                 found[label] = fitted
         return found
+
+    def _may_be_new(self, label: int, view: View) -> bool:
+        """Whether what is seen without a prediction stands in the grid and above the floor."""
+        seen = view.points[view.masks == label]
+        voxels = view.grid.to_voxels(seen)
+        inside = ((voxels > 0) & (voxels < view.grid.resolution - 1)).all(axis=-1)
+        return bool(inside.mean() > _WITHIN and np.quantile(seen[:, 2], 0.95) > self.lowest)
 
     def _seen(self, evidence: Evidence) -> Any:
         return evidence.sigmas == self.evidence.seen_sigma

@@ -1,5 +1,7 @@
 """Superquadrics in place of predicted objects, and objects that stay as they are."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -100,6 +102,10 @@ def test_what_is_seen_but_not_predicted_becomes_an_object():
     tsdf, instances = composed(found, empty)
     assert ((tsdf < 0) & (view.tsdf < 0)).sum() > 0.6 * ((tsdf < 0) | (view.tsdf < 0)).sum()
     assert set(np.unique(instances)) == {0, 1, 2}
+    low = Fitted(Rough(view), SuperquadricFit(), EvidenceOfView(), lowest=0.15)
+    assert set(low.superquadrics(empty)) == {2}  # the other one is 12 cm high
+    away = replace(empty, points=empty.points + (0.0, 2.0, 0.0))
+    assert Fitted(Rough(view), SuperquadricFit(), EvidenceOfView()).superquadrics(away) == {}
 
 
 @pytest.mark.parametrize("wrong", [{"near": 0}, {"explained": 1.5}, {"least": 0}])
