@@ -21,7 +21,8 @@ SYSTEM := libusb-1.0-0 libgl1 libgomp1
 LOADABLE := import ctypes; [ctypes.CDLL(name) for name in \
 	("libusb-1.0.so.0", "libGL.so.1", "libgomp.so.1")]
 # Two test processes share the cores: their thread pools must not multiply, nor spin while they wait.
-THREADS := OMP_NUM_THREADS=1 OMP_WAIT_POLICY=PASSIVE OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=2
+# Without bytecode every process would compile the sources anew.
+THREADS := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 OMP_WAIT_POLICY=PASSIVE OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=2
 
 .DELETE_ON_ERROR:
 .PHONY: run test quick lint types install python system clean help
