@@ -152,7 +152,8 @@ def test_real_images(name, least):
     folder = Path(os.environ.get("SCENEFW_DATA", beside)) / "real" / "mosd_learn"
     if not folder.is_dir():
         pytest.skip(f"no labelled real images at {folder} (set SCENEFW_DATA)")
-    settings = config.compose(["run=predict", "input=x", "device=cpu", "run.pipeline.samples=1"])
+    words = ["run=predict", "reconstructor=part_guided", "input=x", "run.pipeline.samples=1"]
+    settings = config.compose([*words, "device=cpu"])
     pipeline = instantiate(settings.run.pipeline)
     frame = read_frame(folder / f"{name}.npz")
     estimate = pipeline.estimate(frame)
