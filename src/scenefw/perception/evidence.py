@@ -62,7 +62,7 @@ class EvidenceOfView:
         outside: places of each kind outside.
 
     Raises:
-        ConfigError: a number isn't positive.
+        ConfigError: a number isn't positive, or hidden points are as certain as seen ones.
     """
 
     def __init__(
@@ -78,6 +78,11 @@ class EvidenceOfView:
             raise ConfigError(
                 f"evidence has deviations {seen_sigma}, {hidden_sigma}, {outside_sigma} and "
                 f"numbers {seen}, {hidden}, {outside}; expected positive ones"
+            )
+        if hidden_sigma <= seen_sigma:
+            raise ConfigError(
+                f"hidden_sigma is {hidden_sigma} and seen_sigma {seen_sigma}; what is seen must be "
+                "the more certain"
             )
         self.seen_sigma, self.hidden_sigma = seen_sigma, hidden_sigma
         self.outside_sigma = outside_sigma

@@ -10,11 +10,11 @@ import torch
 from scipy.ndimage import binary_dilation
 
 from scenefw.core.batches import SceneParameters
-from scenefw.core.errors import ConfigError, InputError
-from scenefw.core.types import Frame, PlacedShape
-from scenefw.kernels.cameras import camera_of
+from scenefw.core.errors import ConfigError
+from scenefw.core.types import PlacedShape
 from scenefw.perception.evidence import EvidenceOfView, View, starts
 from scenefw.perception.points import world_points
+from scenefw.perception.seen_frames import seen_frames
 from scenefw.perception.seen_instances import seen_instances
 from scenefw.representations.volumes import scene_volumes
 
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from scenefw.shapes.superquadric_fit import Evidence, FittedSuperquadric, SuperquadricFit
 
 _WITHIN = 0.98  # share of seen points in the grid
+_REACH = 4  # voxels around what stays whose distances stay too
 
 
 class Fitted:
@@ -36,8 +37,8 @@ class Fitted:
 
     Each object is fitted to its seen points, with the predicted surface as a weak hint where it
     is hidden, such that it contains nothing that was seen free, no point of another object, and
-    nothing below the floor. An object that no superquadric explains keeps its predicted volume; a
-    part of the image in the grid of which nothing was predicted becomes an object if one does.
+    nothing below the floor. An object that no superquadric explains keeps its predicted volume.
+    Where a part of the image has no prediction, it becomes an object if a superquadric explains it.
 
     Args:
         inner: makes the scenes.
@@ -62,10 +63,10 @@ class Fitted:
         least: int = 60,
         lowest: float = 0.015,
     ) -> None:
-        if not (near > 0 and 0 <= explained <= 1 and least >= 1):
+        if not (near > 0 and 0 <= explained <= 1 and least >= 1 and lowest >= 0):
             raise ConfigError(
-                f"near is {near}, explained {explained}, least {least}; expected positive numbers "
-                "and a share"
+                f"near is {near}, explained {explained}, least {least}, lowest {lowest}; expected "
+                "positive numbers and a share"
             )
         self.inner, self.fit, self.evidence = inner, fit, evidence
         self.near, self.explained, self.least, self.lowest = near, explained, least, lowest
@@ -86,14 +87,7 @@ class Fitted:
         Raises:
             InputError: the partial TSDF came without its depth images.
         """
-        if partial.depth is None or partial.cameras is None:
-            raise InputError(
-                "a fit needs the depth images of partial TSDFs; their mapping left them out"
-            )
-        points = [
-            world_points(Frame(depth, camera_of(partial.cameras, i)))
-            for i, depth in enumerate(partial.depth.cpu().numpy())
-        ]
+        points = [world_points(frame) for frame in seen_frames(partial, "a fit")]
         observed = (partial.observed & (partial.distance > grid.voxel_size))[:, 0].cpu().numpy()
         scenes = self.inner.complete(partial, grid, samples, generator)
         return [self._sharpened(sample, points, observed, grid) for sample in scenes]
@@ -160,11 +154,9 @@ def composed(superquadrics: Mapping[int, FittedSuperquadric], view: View) -> tup
     """
     kept = np.where(np.isin(view.instances, list(superquadrics)), 0, view.instances)
     outside = np.full_like(view.tsdf, view.grid.truncation)
-    tsdf = np.where(kept > 0, view.tsdf, outside) if (kept > 0).any() else outside
-    if (kept > 0).any():
-        near = np.where(view.instances == 0, view.tsdf, outside)  # around what stays
-        tsdf = np.minimum(tsdf, np.where(_beside(kept), near, outside))
-    instances = kept.copy()
+    around = binary_dilation(kept > 0, iterations=_REACH) & (view.instances == 0)
+    tsdf = np.where((kept > 0) | around, view.tsdf, outside)
+    instances = kept
     if superquadrics:
         labels = np.array(list(superquadrics), np.int32)
         volumes = scene_volumes(_parameters(list(superquadrics.values())), view.grid)
@@ -175,11 +167,6 @@ def composed(superquadrics: Mapping[int, FittedSuperquadric], view: View) -> tup
         )
         tsdf = np.minimum(tsdf, sharp)
     return tsdf.astype(np.float32), np.where(tsdf < 0, instances, 0).astype(np.int32)
-
-
-def _beside(kept: Int32) -> Any:
-    """Voxels within the reach of a truncated distance of what stays."""
-    return binary_dilation(kept > 0, iterations=4)
 
 
 def _parameters(found: Sequence[FittedSuperquadric]) -> SceneParameters:

@@ -9,19 +9,19 @@ import torch
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from scenefw.core.batches import Completion
-from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.errors import ConfigError
 from scenefw.core.types import Frame
-from scenefw.kernels.cameras import camera_of
 from scenefw.perception.carving import carve
 from scenefw.perception.depth_parts import concave_creases, depth_parts, large_parts
 from scenefw.perception.points import world_points
+from scenefw.perception.seen_frames import seen_frames
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import Tensor
 
     from scenefw.core.batches import PartialTSDF
-    from scenefw.core.types import Camera, Float32, Float64, GridSpec
+    from scenefw.core.types import Float32, Float64, GridSpec
 
 _MOST_POINTS = 1500  # of a part: hulls of more have hundreds of faces and are hardly larger
 
@@ -80,15 +80,8 @@ class HullFilling:
         Raises:
             InputError: the partial TSDF came without its depth images.
         """
-        if partial.depth is None or partial.cameras is None:
-            raise InputError(
-                "hull filling needs the depth images of partial TSDFs; its mapping left them out"
-            )
-        device, images = partial.distance.device, partial.depth.cpu().numpy()
-        rows = [
-            self._scene(depth, camera_of(partial.cameras, i), grid)
-            for i, depth in enumerate(images)
-        ]
+        device = partial.distance.device
+        rows = [self._scene(frame, grid) for frame in seen_frames(partial, "hull filling")]
         tsdf = torch.from_numpy(np.stack([distance for distance, _ in rows])).to(device)
         tsdf = torch.stack([carve(one, partial.of(i), grid) for i, one in enumerate(tsdf)])
         labels = torch.from_numpy(np.stack([owner for _, owner in rows])).to(device)
@@ -101,9 +94,8 @@ class HullFilling:
         whole = above & ~concave_creases(frame, np.cos(np.radians(self.crease)), self.reach)
         return large_parts(depth_parts(frame.depth, whole, self.jump), self.smallest)
 
-    def _scene(self, depth: Float32, camera: Camera, grid: GridSpec) -> tuple[Float32, Any]:
+    def _scene(self, frame: Frame, grid: GridSpec) -> tuple[Float32, Any]:
         """Distances (X, Y, Z) metres and the part (X, Y, Z) int32 that each voxel belongs to."""
-        frame = Frame(depth, camera)
         labels, points = self.parts(frame), world_points(frame)
         distance = np.full(grid.shape, grid.truncation, np.float32)
         owner = np.zeros(grid.shape, np.int32)

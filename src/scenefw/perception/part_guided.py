@@ -12,11 +12,10 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from scenefw.core.errors import ConfigError, InputError
-from scenefw.core.types import Frame
-from scenefw.kernels.cameras import camera_of
+from scenefw.core.errors import ConfigError
 from scenefw.perception.depth_parts import grown
 from scenefw.perception.points import world_points
+from scenefw.perception.seen_frames import seen_frames
 from scenefw.perception.seen_instances import seen_instances
 
 if TYPE_CHECKING:
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from scenefw.core.batches import Completion, PartialTSDF
-    from scenefw.core.types import Float64, GridSpec, Int32
+    from scenefw.core.types import Float64, Frame, GridSpec, Int32
     from scenefw.perception.seen_parts import SeenParts
 
 _MOST_POINTS = 3000  # of an instance: enough to say which is nearest to a voxel
@@ -112,15 +111,7 @@ class PartGuided:
         Raises:
             InputError: the partial TSDF came without its depth images.
         """
-        if partial.depth is None or partial.cameras is None:
-            raise InputError(
-                "parts of the image need the depth images of partial TSDFs; their mapping left "
-                "them out"
-            )
-        images = [
-            Frame(depth, camera_of(partial.cameras, i))
-            for i, depth in enumerate(partial.depth.cpu().numpy())
-        ]
+        images = seen_frames(partial, "cutting into parts")
         seen = [(frame, self.parts.segment(frame), world_points(frame)) for frame in images]
         scenes = self.inner.complete(partial, grid, samples, generator)
         return [self._regrouped(sample, seen, grid) for sample in scenes]

@@ -131,7 +131,8 @@ class _Run:
         low, high = settings.half_axes
         self.log_axes = np.log(np.clip(half_axes, low * 1.01, high * 0.99))
         low, high = np.log(settings.exponents)
-        self.free = np.full(3, _unbounded(np.log(4.0), low, high))  # exponents, without bounds
+        first = np.clip(np.log(4.0), 0.95 * low + 0.05 * high, 0.05 * low + 0.95 * high)
+        self.free = np.full(3, _unbounded(first, low, high))  # exponents, without bounds
         self.damping = 1e-2
         self.everywhere = np.concatenate([evidence.points, evidence.outside])
         self.of_surface = np.arange(len(self.everywhere)) < len(evidence.points)

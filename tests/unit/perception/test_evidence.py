@@ -83,3 +83,8 @@ def test_points_on_a_line_are_no_crash():
 def test_wrong_numbers_are_refused(wrong):
     with pytest.raises(ConfigError, match="expected positive"):
         EvidenceOfView(**wrong)
+
+
+def test_what_is_seen_is_more_certain():
+    with pytest.raises(ConfigError, match="more certain"):
+        EvidenceOfView(seen_sigma=0.1)

@@ -67,6 +67,15 @@ def test_a_fifth_of_the_points_may_be_wrong(seed):
     assert overlap(shape, pose, found) > 0.9
 
 
+@pytest.mark.parametrize("bounds", [(5.0, 100.0), (1.5, 3.0)])
+def test_exponents_stay_within_any_bounds(bounds):
+    _, _, points, _, _ = drawn(0)
+    found = SuperquadricFit(exponents=bounds).fit(evidence(points), starts(points))
+    assert np.isfinite(found.cost)
+    assert (found.shape.exponents >= bounds[0]).all()
+    assert (found.shape.exponents <= bounds[1]).all()
+
+
 def test_places_outside_decide_what_is_not_seen():
     """A box of which one side is seen: the free places behind say how thick it is."""
     rng = np.random.default_rng(0)
