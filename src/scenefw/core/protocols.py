@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from scenefw.core.batches import CameraBatch, PartialTSDF, SceneParameters, SceneVolumes
+    from scenefw.core.evidence import Evidence, FittedSuperquadric
     from scenefw.core.measures import Measure
     from scenefw.core.types import Camera, Float64, GridSpec, Pose, Scene, SceneObject, Shape
 
@@ -160,6 +161,13 @@ class Reconstructor(Protocol):
         self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
     ) -> Sequence[tuple[Tensor, Tensor]]:
         """`samples` pairs of TSDF (B, X, Y, Z) metres and instances (B, X, Y, Z) int32."""
+
+
+class ShapeFit(Protocol):
+    """A method that explains what views say about objects by superquadrics."""
+
+    def fit(self, evidence: Sequence[Evidence]) -> list[FittedSuperquadric]:
+        """The best one for the evidence about each object; each has at least four points."""
 
 
 class Result(Protocol):

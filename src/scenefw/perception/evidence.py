@@ -7,12 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.ndimage import binary_erosion
-from scipy.spatial import ConvexHull, QhullError, cKDTree
-from scipy.spatial.transform import Rotation
+from scipy.spatial import cKDTree
 
 from scenefw.core.errors import ConfigError
-from scenefw.core.types import Pose
-from scenefw.shapes.superquadric_fit import Evidence
+from scenefw.core.evidence import Evidence
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -22,7 +20,6 @@ if TYPE_CHECKING:
     Mask = NDArray[np.bool_]
 
 _BELOW = 0.006  # m: of points under the floor
-_TAILS = (4, 96)  # percentiles that say how far a cloud extends
 
 
 @dataclass(frozen=True)
@@ -95,15 +92,19 @@ class EvidenceOfView:
         points = np.concatenate([seen, hidden])
         sigmas = np.repeat([self.seen_sigma, self.hidden_sigma], [len(seen), len(hidden)])
         outside = self._outside(label, view, points) if len(points) else np.empty((0, 3))
-        return Evidence(points, sigmas, outside, self.outside_sigma)
+        return Evidence(points, sigmas, outside, np.full(len(outside), self.outside_sigma))
 
     def _hidden(self, label: int, view: View, seen: Float64) -> Float64:
         """Points of the predicted surface that are away from all that is seen of the object."""
         own = view.instances == label
+        if not own.any():
+            return np.empty((0, 3))
+        box = _room_about(own)
+        own, tsdf = own[box], view.tsdf[box]
         places = np.nonzero(own & ~binary_erosion(own))
-        slope = np.stack(list(np.gradient(view.tsdf)), axis=-1)[places]
+        slope = np.stack(list(np.gradient(tsdf)), axis=-1)[places]
         slope /= np.maximum(np.linalg.norm(slope, axis=1, keepdims=True), 1e-9)
-        points = view.grid.centres()[places] - view.tsdf[places][:, None] * slope
+        points = view.grid.centres()[box][places] - tsdf[places][:, None] * slope
         if not len(seen) or not len(points):
             return np.asarray(points, dtype=np.float64)
         return points[cKDTree(seen).query(points)[0] > 2 * view.grid.voxel_size]
@@ -111,43 +112,14 @@ class EvidenceOfView:
     def _outside(self, label: int, view: View, points: Float64) -> Float64:
         room = 4 * view.grid.voxel_size
         low, high = points.min(axis=0) - room, points.max(axis=0) + room
-        centres = view.grid.centres()
+        box = _box(view.grid, low, high)
+        centres, empty = view.grid.centres()[box], view.free[box]
         others = view.points[(view.masks > 0) & (view.masks != label)]
-        free = _thinned(_within(centres[view.free], low, high), self.outside)
+        free = _thinned(_within(centres[empty], low, high), self.outside)
         beside = _thinned(_within(others, low, high), self.outside)
         x, y = np.meshgrid(*np.linspace(low[:2], high[:2], 10).T)
         below = np.stack([x, y, np.full_like(x, -_BELOW)], axis=-1).reshape(-1, 3)
         return np.concatenate([free, beside, below])
-
-
-def starts(points: Float64) -> list[tuple[Pose, Float64]]:
-    """Poses and half-axes to start a fit from: upright at two angles, and along principal axes."""
-    _, axes = np.linalg.eigh(np.cov(points.T))
-    axes[:, 2] *= np.sign(np.linalg.det(axes))
-    turn = _least_rectangle(points[:, :2])
-    upright = [Rotation.from_euler("z", angle).as_matrix() for angle in (turn, turn + np.pi / 4)]
-    return [_box(points, rotation) for rotation in (*upright, axes)]
-
-
-def _box(points: Float64, rotation: Float64) -> tuple[Pose, Float64]:
-    local = points @ rotation
-    low, high = np.percentile(local, _TAILS, axis=0)
-    quaternion = np.roll(Rotation.from_matrix(rotation).as_quat(), 1)
-    return Pose(rotation @ ((low + high) / 2), quaternion), np.maximum((high - low) / 2, 0.005)
-
-
-def _least_rectangle(points: Float64) -> float:
-    """The angle of the least rectangle about points (N, 2); one side lies on their hull."""
-    try:
-        corners = points[ConvexHull(points).vertices]
-    except QhullError:  # all on one line
-        return 0.0
-    sides = np.roll(corners, -1, axis=0) - corners
-    angles = np.arctan2(sides[:, 1], sides[:, 0])
-    c, s = np.cos(angles), np.sin(angles)
-    along = corners @ np.stack([c, s])
-    across = corners @ np.stack([-s, c])
-    return float(angles[(np.ptp(along, axis=0) * np.ptp(across, axis=0)).argmin()])
 
 
 def _thinned(points: Float64, most: int) -> Float64:
@@ -159,3 +131,16 @@ def _thinned(points: Float64, most: int) -> Float64:
 
 def _within(points: Float64, low: Float64, high: Float64) -> Float64:
     return points[((points > low) & (points < high)).all(axis=1)]
+
+
+def _room_about(own: Mask) -> tuple[slice, ...]:
+    """The box about what is marked, and two voxels more."""
+    ends = [np.flatnonzero(own.any(axis=tuple({0, 1, 2} - {k})))[[0, -1]] for k in range(3)]
+    return tuple(slice(max(low - 2, 0), high + 3) for low, high in ends)
+
+
+def _box(grid: GridSpec, low: Float64, high: Float64) -> tuple[slice, ...]:
+    """Voxels whose centres may lie between two corners (m)."""
+    first = np.clip(np.floor(grid.to_voxels(low)).astype(int), 0, grid.resolution)
+    last = np.clip(np.ceil(grid.to_voxels(high)).astype(int) + 1, 0, grid.resolution)
+    return tuple(slice(a, b) for a, b in zip(first, last, strict=True))

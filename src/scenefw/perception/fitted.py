@@ -12,11 +12,12 @@ from scipy.ndimage import binary_dilation
 from scenefw.core.batches import SceneParameters
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import PlacedShape
-from scenefw.perception.evidence import EvidenceOfView, View, starts
+from scenefw.perception.evidence import EvidenceOfView, View
 from scenefw.perception.points import world_points
 from scenefw.perception.seen_frames import seen_frames
 from scenefw.perception.seen_instances import seen_instances
 from scenefw.representations.volumes import scene_volumes
+from scenefw.shapes.superquadric import Superquadric
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -24,9 +25,10 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from scenefw.core.batches import Completion, PartialTSDF
+    from scenefw.core.evidence import Evidence, FittedSuperquadric
+    from scenefw.core.protocols import ShapeFit
     from scenefw.core.types import Float32, GridSpec, Int32
     from scenefw.perception.part_guided import Completing
-    from scenefw.shapes.superquadric_fit import Evidence, FittedSuperquadric, SuperquadricFit
 
 _WITHIN = 0.98  # share of seen points in the grid
 _REACH = 4  # voxels around what stays whose distances stay too
@@ -42,7 +44,7 @@ class Fitted:
 
     Args:
         inner: makes the scenes.
-        fit: of one object.
+        fit: of superquadrics to evidence.
         evidence: what a view says about an object.
         near: seen points up to this far from the surface are explained (m).
         explained: share of seen points that a superquadric must explain to be taken.
@@ -56,7 +58,7 @@ class Fitted:
     def __init__(
         self,
         inner: Completing,
-        fit: SuperquadricFit,
+        fit: ShapeFit,
         evidence: EvidenceOfView,
         near: float = 0.006,
         explained: float = 0.8,
@@ -106,7 +108,7 @@ class Fitted:
             view = View(seen, masks, tsdf[i], instances[i], free[i], grid)
             found = self.superquadrics(view)
             rows.append(composed(found, view))
-            placed.append({k: PlacedShape(one.shape, one.pose) for k, one in found.items()})
+            placed.append({label: _placed(one) for label, one in found.items()})
         device = sample.tsdf.device
         return replace(
             sample,
@@ -117,18 +119,15 @@ class Fitted:
 
     def superquadrics(self, view: View) -> dict[int, FittedSuperquadric]:
         """Objects that a superquadric explains, by label; also where nothing was predicted."""
-        found = {}
         labels = np.union1d(view.instances[view.instances > 0], view.masks[view.masks > 0])
-        for label in labels.astype(int).tolist():
-            if not (view.instances == label).any() and not self._may_be_new(label, view):
-                continue
-            evidence = self.evidence.of(label, view)
-            if self._seen(evidence).sum() < self.least:
-                continue
-            fitted = self.fit.fit(evidence, starts(evidence.points))
-            if self._explains(fitted, evidence):
-                found[label] = fitted
-        return found
+        evidence = {
+            label: self.evidence.of(label, view)
+            for label in labels.astype(int).tolist()
+            if (view.instances == label).any() or self._may_be_new(label, view)
+        }
+        enough = {k: one for k, one in evidence.items() if self._seen(one).sum() >= self.least}
+        fitted = zip(enough, self.fit.fit(list(enough.values())), strict=True)
+        return {label: one for label, one in fitted if self._explains(one, enough[label])}
 
     def _may_be_new(self, label: int, view: View) -> bool:
         """Whether what is seen without a prediction stands in the grid and above the floor."""
@@ -169,13 +168,17 @@ def composed(superquadrics: Mapping[int, FittedSuperquadric], view: View) -> tup
     return tsdf.astype(np.float32), np.where(tsdf < 0, instances, 0).astype(np.int32)
 
 
+def _placed(fitted: FittedSuperquadric) -> PlacedShape:
+    return PlacedShape(Superquadric(fitted.half_axes, fitted.exponents), fitted.pose)
+
+
 def _parameters(found: Sequence[FittedSuperquadric]) -> SceneParameters:
     def stacked(rows: Sequence[Any]) -> Tensor:
         return torch.from_numpy(np.stack(rows)[None].astype(np.float32))
 
     return SceneParameters(
-        stacked([one.shape.half_axes for one in found]),
-        stacked([one.shape.exponents for one in found]),
+        stacked([one.half_axes for one in found]),
+        stacked([one.exponents for one in found]),
         stacked([one.pose.rotation for one in found]),
         stacked([one.pose.position for one in found]),
         torch.ones(1, len(found), dtype=torch.bool),

@@ -12,6 +12,8 @@ from scenefw.core.types import TriangleMesh
 
 Array = NDArray[np.float64]
 
+_TINY = 1e-9
+
 
 @dataclass(frozen=True, eq=False)
 class Superquadric:
@@ -94,6 +96,20 @@ class Superquadric:
         slope = self.exponents / self.half_axes
         gradient = np.sign(p) * slope * (np.abs(p) / self.half_axes) ** (self.exponents - 1)
         return gradient / np.linalg.norm(gradient, axis=-1, keepdims=True)
+
+    def first_order_distance(self, points: ArrayLike) -> Array:
+        """Distance (...) of points (..., 3) to the surface to first order (m), negative inside.
+
+        (1 - 1/g) / |grad ln g| of the gauge g, the factor by which the shape must grow to reach a
+        point (Taubin 1991). It is exact on the surface, and on rays through the ends of the axes.
+        """
+        p = np.asarray(points, dtype=np.float64)
+        p = np.where(np.abs(p) < _TINY, _TINY, p)
+        q = self.project(p)
+        shrunk = np.linalg.norm(q, axis=-1) / np.linalg.norm(p, axis=-1)
+        weights = self.exponents * (np.abs(q) / self.half_axes) ** self.exponents
+        slope = np.linalg.norm(weights / weights.sum(axis=-1, keepdims=True) / p, axis=-1)
+        return (1 - shrunk) / slope
 
     def mesh(self, resolution: int = 32) -> TriangleMesh:
         """Watertight surface with 6 x resolution^2 quads, vertices exactly on the superquadric."""

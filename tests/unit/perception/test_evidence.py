@@ -6,7 +6,7 @@ from tests.unit.perception.synthetic import STACK, camera_at, frame_of
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import GridSpec
-from scenefw.perception.evidence import EvidenceOfView, View, starts
+from scenefw.perception.evidence import EvidenceOfView, View
 from scenefw.perception.points import world_points
 
 
@@ -56,27 +56,6 @@ def test_an_object_that_nobody_sees_has_only_hints():
     gathered = EvidenceOfView()
     assert (gathered.of(1, unseen).sigmas == gathered.hidden_sigma).all()
     assert len(gathered.of(7, view).points) == 0
-
-
-@pytest.mark.parametrize("angle", [0.0, 0.3, 1.2])
-def test_a_start_is_the_box_itself(angle):
-    rng = np.random.default_rng(0)
-    corners = rng.uniform(-1, 1, (4000, 3))
-    corners[np.arange(4000), rng.integers(0, 3, 4000)] = rng.choice([-1, 1], 4000)
-    c, s = np.cos(angle), np.sin(angle)
-    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-    points = (corners * (0.1, 0.05, 0.03)) @ turn.T + (0.2, -0.1, 0.03)
-    pose, half_axes = starts(points)[0]
-    np.testing.assert_allclose(pose.position, (0.2, -0.1, 0.03), atol=0.004)
-    np.testing.assert_allclose(np.sort(half_axes), (0.03, 0.05, 0.1), rtol=0.12)
-    for rotation in (one.rotation for one, _ in starts(points)):
-        np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
-        assert np.linalg.det(rotation) == pytest.approx(1)
-
-
-def test_points_on_a_line_are_no_crash():
-    line = np.linspace(0, 1, 20)[:, None] * (0.1, 0.0, 0.0)
-    assert all(np.isfinite(half_axes).all() for _, half_axes in starts(line))
 
 
 @pytest.mark.parametrize("wrong", [{"seen_sigma": 0}, {"hidden": 0}, {"outside_sigma": -1}])

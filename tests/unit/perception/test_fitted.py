@@ -10,10 +10,10 @@ from tests.unit.perception.test_evidence import distance, view_of
 
 from scenefw.core.batches import Completion, PartialTSDF
 from scenefw.core.errors import ConfigError, InputError
+from scenefw.fitting.superquadrics import SuperquadricFit
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.perception.evidence import EvidenceOfView, View
 from scenefw.perception.fitted import Fitted, composed
-from scenefw.shapes.superquadric_fit import SuperquadricFit
 
 
 class Rough:

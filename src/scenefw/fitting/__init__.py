@@ -1,0 +1,1 @@
+"""Shapes fitted to what views say about objects."""

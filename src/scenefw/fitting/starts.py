@@ -1,0 +1,46 @@
+"""Poses and sizes from which fits of shapes to points begin."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial.transform import Rotation
+
+from scenefw.core.types import Pose
+
+if TYPE_CHECKING:
+    from scenefw.core.types import Float64
+
+_TAILS = (4, 96)  # percentiles that say how far a cloud extends
+
+
+def box_starts(points: Float64) -> list[tuple[Pose, Float64]]:
+    """Poses and half-axes to start a fit from: upright at two angles, and along principal axes."""
+    _, axes = np.linalg.eigh(np.cov(points.T))
+    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    turn = _least_rectangle(points[:, :2])
+    upright = [Rotation.from_euler("z", angle).as_matrix() for angle in (turn, turn + np.pi / 4)]
+    return [_box(points, rotation) for rotation in (*upright, axes)]
+
+
+def _box(points: Float64, rotation: Float64) -> tuple[Pose, Float64]:
+    local = points @ rotation
+    low, high = np.percentile(local, _TAILS, axis=0)
+    quaternion = np.roll(Rotation.from_matrix(rotation).as_quat(), 1)
+    return Pose(rotation @ ((low + high) / 2), quaternion), np.maximum((high - low) / 2, 0.005)
+
+
+def _least_rectangle(points: Float64) -> float:
+    """The angle of the least rectangle about points (N, 2); one side lies on their hull."""
+    try:
+        corners = points[ConvexHull(points).vertices]
+    except QhullError:  # all on one line
+        return 0.0
+    sides = np.roll(corners, -1, axis=0) - corners
+    angles = np.arctan2(sides[:, 1], sides[:, 0])
+    c, s = np.cos(angles), np.sin(angles)
+    along = corners @ np.stack([c, s])
+    across = corners @ np.stack([-s, c])
+    return float(angles[(np.ptp(along, axis=0) * np.ptp(across, axis=0)).argmin()])

@@ -1,0 +1,203 @@
+"""Superquadrics fitted to points of their surface, and to places that lie outside."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from scipy.spatial.transform import Rotation
+
+from scenefw.core.errors import ConfigError
+from scenefw.core.evidence import FittedSuperquadric
+from scenefw.core.types import Pose
+from scenefw.fitting.starts import box_starts
+from scenefw.kernels.superquadric_fit import COST, DAMPING, STATE, WORK, advance
+from scenefw.shapes.superquadric import Superquadric
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from torch import Tensor
+
+    from scenefw.core.evidence import Evidence
+    from scenefw.core.types import Float64
+
+_WIDENED = (16, 4)  # times `outliers`, so that a poor start is not all outliers
+_FIRST_DAMPING = 1e-2
+_FIRST_EXPONENT = 4.0
+
+
+class SuperquadricFit:
+    """Fits superquadrics by Levenberg-Marquardt from several starts (thesis eqs 5.8 to 5.12).
+
+    Twelve numbers: centre, rotation, logarithms of half-axes, exponents. Residuals are robust
+    (Geman and McClure 1987), so a fifth of the points may belong to something else.
+
+    Args:
+        exponents: least and greatest.
+        half_axes: least and greatest (m).
+        steps: of the method from the best starts.
+        outliers: residuals, in standard deviations, from which on points count less and less. It
+            begins 16 times as large, then 4 times.
+        rounds: steps with each of these; then the worse two thirds of the starts are given up.
+        typical: half-axis (m) that is taken where the points say nothing.
+        stiffness: how much an e times longer or shorter one costs, in squared deviations.
+        device: torch device.
+
+    Raises:
+        ConfigError: bounds out of order, or numbers that aren't positive.
+    """
+
+    def __init__(
+        self,
+        exponents: tuple[float, float] = (1.6, 100.0),
+        half_axes: tuple[float, float] = (0.008, 0.5),
+        steps: int = 40,
+        outliers: float = 3.0,
+        rounds: int = 16,
+        typical: float = 0.06,
+        stiffness: float = 0.3,
+        device: str = "cpu",
+    ) -> None:
+        for name, (low, high) in (("exponents", exponents), ("half_axes", half_axes)):
+            if not 0 < low < high:
+                raise ConfigError(f"{name} = {low}, {high}: expected two positive numbers in order")
+        positive = min(steps, rounds, outliers, typical) > 0 and stiffness >= 0
+        if exponents[0] < 1 or not positive:
+            raise ConfigError(
+                f"exponents from {exponents[0]}, steps {steps}, rounds {rounds}, "
+                f"outliers {outliers}, typical {typical}, stiffness {stiffness}: expected "
+                "exponents from 1 (convex), and positive numbers"
+            )
+        self.exponents, self.half_axes = exponents, half_axes
+        self.steps, self.outliers, self.rounds = steps, outliers, rounds
+        self.typical, self.stiffness = typical, stiffness
+        self.device = torch.device(device)
+
+    def fit(self, evidence: Sequence[Evidence]) -> list[FittedSuperquadric]:
+        """The best superquadric for each, from boxes about its points."""
+        starts = [
+            np.stack([self._state(*box) for box in box_starts(one.points)]) for one in evidence
+        ]
+        return self._best(evidence, starts, _WIDENED) if evidence else []
+
+    def refit(
+        self, evidence: Sequence[Evidence], fitted: Sequence[FittedSuperquadric]
+    ) -> list[FittedSuperquadric]:
+        """The same, starting from superquadrics that are nearly right."""
+        starts = [self._state(one.pose, one.half_axes, one.exponents)[None] for one in fitted]
+        return self._best(evidence, starts, ()) if evidence else []
+
+    def _best(
+        self, evidence: Sequence[Evidence], starts: Sequence[Float64], widened: Sequence[float]
+    ) -> list[FittedSuperquadric]:
+        problem = _Problem.of(evidence, starts, self.device)
+        for factor in widened:
+            self._advance(problem, self.rounds, factor * self.outliers)
+        if widened:
+            problem = problem.promising()
+        self._advance(problem, self.steps, self.outliers)
+        states = problem.states.cpu().numpy()
+        owners = problem.owners.cpu().numpy()
+        best = [
+            min(np.flatnonzero(owners == k), key=lambda row: states[row, COST])
+            for k in range(len(evidence))
+        ]
+        return [self._result(states[row], one) for row, one in zip(best, evidence, strict=True)]
+
+    def _advance(self, problem: _Problem, steps: int, limit: float) -> None:
+        count = len(problem.states)
+        work = torch.empty((count, WORK), dtype=torch.float64, device=self.device)
+        settings = torch.tensor(
+            [*np.log([*self.exponents, *self.half_axes, self.typical]), self.stiffness],
+            dtype=torch.float64,
+            device=self.device,
+        )
+        advance(
+            count,
+            problem.places,
+            problem.sigmas,
+            problem.objects,
+            problem.states,
+            work,
+            settings,
+            steps,
+            float(limit),
+        )
+
+    def _state(
+        self, pose: Pose, half_axes: Float64, exponents: Float64 | float = _FIRST_EXPONENT
+    ) -> Float64:
+        low, high = self.half_axes
+        state = np.zeros(STATE)
+        state[:3], state[3:12] = pose.position, np.ravel(pose.rotation)
+        state[12:15] = np.log(np.clip(half_axes, low * 1.01, high * 0.99))
+        low, high = np.log(self.exponents)
+        share = (np.log(exponents) - low) / (high - low)
+        share = np.clip(share, 0.05 if np.isscalar(exponents) else 0.003, 0.997)
+        state[15:18] = np.log(share / (1 - share))
+        state[DAMPING] = _FIRST_DAMPING
+        return state
+
+    def _result(self, state: Float64, evidence: Evidence) -> FittedSuperquadric:
+        low, high = np.log(self.exponents)
+        exponents = np.exp(low + (high - low) / (1 + np.exp(-state[15:18])))
+        shape = Superquadric(np.exp(state[12:15]), exponents)
+        rotation = state[3:12].reshape(3, 3)
+        pose = Pose(state[:3], np.roll(Rotation.from_matrix(rotation).as_quat(), 1))
+        distances = shape.first_order_distance((evidence.points - pose.position) @ pose.rotation)
+        cost = float(state[COST])
+        return FittedSuperquadric(shape.half_axes, shape.exponents, pose, cost, distances)
+
+
+@dataclass
+class _Problem:
+    """All starts of all objects, as the kernel takes them."""
+
+    places: Tensor
+    sigmas: Tensor
+    objects: Tensor
+    states: Tensor
+    owners: Tensor
+
+    @classmethod
+    def of(
+        cls, evidence: Sequence[Evidence], starts: Sequence[Float64], device: torch.device
+    ) -> _Problem:
+        places = np.concatenate([part for one in evidence for part in (one.points, one.outside)])
+        sigmas = np.concatenate(
+            [part for one in evidence for part in (one.sigmas, one.outside_sigmas)]
+        )
+        sizes = [[len(one.points), len(one.outside)] for one in evidence]
+        ends = np.cumsum([0, *np.ravel(sizes)])
+        ranges = np.stack([ends[0:-2:2], ends[1:-1:2], ends[2::2]], axis=1)
+        owners = np.repeat(np.arange(len(starts)), [len(rows) for rows in starts])
+
+        def tensor(array: np.ndarray, dtype: torch.dtype) -> Tensor:
+            return torch.as_tensor(array, dtype=dtype, device=device).contiguous()
+
+        return cls(
+            tensor(places, torch.float32),
+            tensor(sigmas, torch.float32),
+            tensor(ranges[owners], torch.int32),
+            tensor(np.concatenate(starts), torch.float64),
+            tensor(owners, torch.int64),
+        )
+
+    def promising(self) -> _Problem:
+        """The best third of each object's starts."""
+        costs, owners = self.states[:, COST].cpu().numpy(), self.owners.cpu().numpy()
+        kept: list[int] = []
+        for owner in np.unique(owners):
+            rows = np.flatnonzero(owners == owner)
+            kept.extend(rows[np.argsort(costs[rows])][: max(1, len(rows) // 3)])
+        chosen = torch.as_tensor(kept, device=self.states.device)
+        return _Problem(
+            self.places,
+            self.sigmas,
+            self.objects[chosen].contiguous(),
+            self.states[chosen].contiguous(),
+            self.owners[chosen].contiguous(),
+        )

@@ -1,0 +1,272 @@
+"""Steps of the Levenberg-Marquardt method that fits superquadrics, one start per element.
+
+A start is a row of `states`: centre (3), rotation (9), logarithms of half-axes (3), free numbers
+of the exponents (3), damping, cost. `objects` says which places it is fitted to: those of its
+surface from `first` to `middle`, those outside of it from there to `last`. A row of `work` holds
+normal equations of the state and of the next one, their factor, the step and the next state.
+
+Distances are of first order, (1 - 1/g) / |grad ln g| of the gauge g: the factor by which the shape
+must grow to reach a place.
+"""
+
+# Types are inferred at compilation, and numba ignores annotations.
+# ruff: noqa: ANN001, ANN202
+
+import math
+
+import numpy as np
+from numba import prange
+
+from scenefw.kernels.compile import Kernel, element, loop
+from scenefw.kernels.elementary import exp, log
+
+NUMBERS = 12  # 3 of the centre, 3 of the rotation, 3 logarithms of half-axes, 3 of exponents
+STATE = 20
+WORK = 512
+DAMPING, COST = 18, 19
+
+_EQUATIONS = NUMBERS * NUMBERS + NUMBERS
+_FACTOR = 2 * _EQUATIONS
+_STEP = _FACTOR + NUMBERS * NUMBERS
+_SLOPES = _STEP + NUMBERS
+_NEXT = _SLOPES + NUMBERS
+_MOVED = 18
+_ZERO, _ONE = np.float32(0), np.float32(1)
+_TINY = np.float32(1e-9)
+_NEAR = np.float32(1e-5)
+_DEEPEST = np.float32(-3)
+_LEAST_SLOPE = np.float32(1e-3)
+_NEWTON_STEPS = 12
+_TRIALS = 6
+_ENOUGH = 1e-5  # a gain below this share of the cost is the last
+
+
+@element
+def _exponent(free, low, high):
+    """An exponent within its bounds, and its slope by the free number."""
+    share = 1 / (1 + math.exp(-free))
+    value = math.exp(low + (high - low) * share)
+    return np.float32(value), np.float32(value * (high - low) * share * (1 - share))
+
+
+@element
+def _gauge(ux, uy, uz, rx, ry, rz):
+    """The l with sum e^(r_i (u_i - l)) = 1, by Newton's method from below."""
+    gauge = max(ux, uy, uz)
+    for _ in range(_NEWTON_STEPS):
+        vx, vy, vz = exp(rx * (ux - gauge)), exp(ry * (uy - gauge)), exp(rz * (uz - gauge))
+        total = vx + vy + vz
+        step = log(total) * total / (rx * vx + ry * vy + rz * vz)
+        gauge += step
+        if abs(step) < _NEAR:
+            break
+    return gauge
+
+
+@element
+def _far(value):
+    """The size of a number, at least tiny."""
+    return max(abs(value), _TINY)
+
+
+@element
+def _safe(value):
+    return value if abs(value) >= _TINY else _TINY
+
+
+@element
+def _evaluate(i, base, places, sigmas, objects, work, settings, limit):
+    """Cost per surface point of the next state; its normal equations go to `base` of the row."""
+    for k in range(base, base + _EQUATIONS):
+        work[i, k] = 0.0
+    cx, cy, cz = work[i, _NEXT], work[i, _NEXT + 1], work[i, _NEXT + 2]
+    r00, r01, r02 = work[i, _NEXT + 3], work[i, _NEXT + 4], work[i, _NEXT + 5]
+    r10, r11, r12 = work[i, _NEXT + 6], work[i, _NEXT + 7], work[i, _NEXT + 8]
+    r20, r21, r22 = work[i, _NEXT + 9], work[i, _NEXT + 10], work[i, _NEXT + 11]
+    ax = np.float32(work[i, _NEXT + 12])
+    ay = np.float32(work[i, _NEXT + 13])
+    az = np.float32(work[i, _NEXT + 14])
+    rx, dx = _exponent(work[i, _NEXT + 15], settings[0], settings[1])
+    ry, dy = _exponent(work[i, _NEXT + 16], settings[0], settings[1])
+    rz, dz = _exponent(work[i, _NEXT + 17], settings[0], settings[1])
+    slope = base + NUMBERS * NUMBERS
+    middle = objects[i, 1]
+    cost, count = 0.0, 0
+    for p in range(objects[i, 0], objects[i, 2]):
+        on_surface = p < middle
+        count += on_surface
+        x, y, z = places[p, 0] - cx, places[p, 1] - cy, places[p, 2] - cz
+        lx = np.float32(x * r00 + y * r10 + z * r20)
+        ly = np.float32(x * r01 + y * r11 + z * r21)
+        lz = np.float32(x * r02 + y * r12 + z * r22)
+        ux = log(_far(lx)) - ax
+        uy = log(_far(ly)) - ay
+        uz = log(_far(lz)) - az
+        gauge = _gauge(ux, uy, uz, rx, ry, rz)
+        if not on_surface and gauge >= _ZERO:
+            continue
+        ux, uy, uz = ux - gauge, uy - gauge, uz - gauge
+        vx, vy, vz = exp(rx * min(ux, _ZERO)), exp(ry * min(uy, _ZERO)), exp(rz * min(uz, _ZERO))
+        total = rx * vx + ry * vy + rz * vz
+        sx, sy, sz = rx * vx / total, ry * vy / total, rz * vz / total
+        gx, gy, gz = sx / _safe(lx), sy / _safe(ly), sz / _safe(lz)
+        steep = max(np.float32(math.sqrt(gx * gx + gy * gy + gz * gz)), _LEAST_SLOPE)
+        shrunk = exp(-max(gauge, _DEEPEST))
+        sigma = sigmas[p]
+        residual = (_ONE - shrunk) / (steep * sigma)
+        scale = shrunk / (steep * sigma)
+        work[i, _SLOPES] = -scale * gx
+        work[i, _SLOPES + 1] = -scale * gy
+        work[i, _SLOPES + 2] = -scale * gz
+        # A turn w of the frame moves a local point by -w x point: the gauge by w (slope x point)
+        work[i, _SLOPES + 3] = scale * (gy * lz - gz * ly)
+        work[i, _SLOPES + 4] = scale * (gz * lx - gx * lz)
+        work[i, _SLOPES + 5] = scale * (gx * ly - gy * lx)
+        work[i, _SLOPES + 6] = -scale * sx
+        work[i, _SLOPES + 7] = -scale * sy
+        work[i, _SLOPES + 8] = -scale * sz
+        work[i, _SLOPES + 9] = scale * vx * ux / total * dx
+        work[i, _SLOPES + 10] = scale * vy * uy / total * dy
+        work[i, _SLOPES + 11] = scale * vz * uz / total * dz
+        square = float(residual) * residual
+        weight = 1.0
+        if on_surface:
+            softened = 1.0 + square / (limit * limit)
+            square /= softened
+            weight = 1.0 / (softened * softened)
+        cost += square
+        for a in range(NUMBERS):
+            weighted = weight * work[i, _SLOPES + a]
+            work[i, slope + a] += weighted * residual
+            for b in range(a + 1):
+                work[i, base + NUMBERS * a + b] += weighted * work[i, _SLOPES + b]
+    return (cost + _uncommon(i, base, work, settings)) / max(count, 1)
+
+
+@element
+def _uncommon(i, base, work, settings):
+    """What sizes and exponents cost that are far from common ones.
+
+    It decides what the places leave open, such as the thickness of a box of which one side is
+    seen, and little else.
+    """
+    cost = 0.0
+    for k in range(6):
+        far = work[i, _NEXT + 12 + k]
+        stiff = settings[5]
+        if k < 3:
+            far -= settings[4]
+        else:
+            stiff *= 0.25
+        cost += stiff * far * far
+        work[i, base + (6 + k) * (NUMBERS + 1)] += stiff
+        work[i, base + NUMBERS * NUMBERS + 6 + k] += stiff * far
+    return cost
+
+
+@element
+def _solve(i, base, work, damping):
+    """The damped step, by Cholesky's method."""
+    for a in range(NUMBERS):
+        for b in range(a + 1):
+            total = work[i, base + NUMBERS * a + b]
+            if a == b:
+                total += damping * (total + 1e-6)
+            for k in range(b):
+                total -= work[i, _FACTOR + NUMBERS * a + k] * work[i, _FACTOR + NUMBERS * b + k]
+            if a == b:
+                work[i, _FACTOR + NUMBERS * a + a] = math.sqrt(max(total, 1e-12))
+            else:
+                work[i, _FACTOR + NUMBERS * a + b] = total / work[i, _FACTOR + NUMBERS * b + b]
+    for a in range(NUMBERS):
+        total = -work[i, base + NUMBERS * NUMBERS + a]
+        for k in range(a):
+            total -= work[i, _FACTOR + NUMBERS * a + k] * work[i, _STEP + k]
+        work[i, _STEP + a] = total / work[i, _FACTOR + NUMBERS * a + a]
+    for back in range(NUMBERS):
+        a = NUMBERS - 1 - back
+        total = work[i, _STEP + a]
+        for k in range(a + 1, NUMBERS):
+            total -= work[i, _FACTOR + NUMBERS * k + a] * work[i, _STEP + k]
+        work[i, _STEP + a] = total / work[i, _FACTOR + NUMBERS * a + a]
+    for a in range(NUMBERS):
+        work[i, _STEP + a] = max(min(work[i, _STEP + a], 0.5), -0.5)
+
+
+@element
+def _move(i, states, work, settings):
+    """The next state: this one and the step."""
+    for row in range(3):
+        shift = 0.0
+        for k in range(3):
+            shift += states[i, 3 + 3 * row + k] * work[i, _STEP + k]
+        work[i, _NEXT + row] = states[i, row] + shift
+    _turn(i, states, work)
+    for k in range(3):
+        axis = states[i, 12 + k] + work[i, _STEP + 6 + k]
+        work[i, _NEXT + 12 + k] = max(min(axis, settings[3]), settings[2])
+        free = states[i, 15 + k] + work[i, _STEP + 9 + k]
+        work[i, _NEXT + 15 + k] = max(min(free, 6.0), -6.0)
+
+
+@element
+def _turn(i, states, work):
+    """The rotation turned by the step, by Rodrigues' formula."""
+    wx, wy, wz = work[i, _STEP + 3], work[i, _STEP + 4], work[i, _STEP + 5]
+    angle = math.sqrt(wx * wx + wy * wy + wz * wz)
+    s, c = 1.0, 0.5
+    if angle > 1e-9:
+        s, c = math.sin(angle) / angle, (1 - math.cos(angle)) / (angle * angle)
+    d = 1 - c * angle * angle
+    t00, t01, t02 = d + c * wx * wx, c * wx * wy - s * wz, c * wx * wz + s * wy
+    t10, t11, t12 = c * wx * wy + s * wz, d + c * wy * wy, c * wy * wz - s * wx
+    t20, t21, t22 = c * wx * wz - s * wy, c * wy * wz + s * wx, d + c * wz * wz
+    for row in range(3):
+        a, b, e = states[i, 3 + 3 * row], states[i, 4 + 3 * row], states[i, 5 + 3 * row]
+        work[i, _NEXT + 3 + 3 * row] = a * t00 + b * t10 + e * t20
+        work[i, _NEXT + 4 + 3 * row] = a * t01 + b * t11 + e * t21
+        work[i, _NEXT + 5 + 3 * row] = a * t02 + b * t12 + e * t22
+
+
+@element
+def _advance(i, places, sigmas, objects, states, work, settings, steps, limit):
+    """Takes steps until nothing improves."""
+    for k in range(_MOVED):
+        work[i, _NEXT + k] = states[i, k]
+    base = 0
+    cost = _evaluate(i, base, places, sigmas, objects, work, settings, limit)
+    damping = states[i, DAMPING]
+    for _ in range(steps):
+        gain = -1.0
+        for _ in range(_TRIALS):
+            _solve(i, base, work, damping)
+            _move(i, states, work, settings)
+            other = _EQUATIONS - base
+            trial = _evaluate(i, other, places, sigmas, objects, work, settings, limit)
+            if trial < cost:
+                gain, cost, base = cost - trial, trial, other
+                for k in range(_MOVED):
+                    states[i, k] = work[i, _NEXT + k]
+                damping = max(damping / 4, 1e-6)
+                break
+            damping = min(damping * 5, 1e4)
+        if gain < _ENOUGH * cost:
+            break
+    states[i, DAMPING], states[i, COST] = damping, cost
+
+
+@loop
+def _advance_all(count, places, sigmas, objects, states, work, settings, steps, limit):
+    for i in prange(count):
+        _advance(i, places, sigmas, objects, states, work, settings, steps, limit)
+
+
+advance = Kernel(_advance, _advance_all)
+"""Moves starts (S, STATE) towards their minima.
+
+Args: count; places (P, 3) float32; their standard deviations (P,) float32; `first`, `middle` and
+`last` place of each start (S, 3) int32; states (S, STATE) float64, changed; work (S, WORK) float64;
+settings (6,) float64: logarithms of the least and greatest exponent and half-axis, and of the
+typical one, and stiffness; steps; deviations from which on places of the surface count less and
+less (Geman and McClure 1987).
+"""

@@ -1,0 +1,27 @@
+"""Boxes from which fits begin."""
+
+import numpy as np
+import pytest
+
+from scenefw.fitting.starts import box_starts
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, 1.2])
+def test_a_start_is_the_box_itself(angle):
+    rng = np.random.default_rng(0)
+    corners = rng.uniform(-1, 1, (4000, 3))
+    corners[np.arange(4000), rng.integers(0, 3, 4000)] = rng.choice([-1, 1], 4000)
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    points = (corners * (0.1, 0.05, 0.03)) @ turn.T + (0.2, -0.1, 0.03)
+    pose, half_axes = box_starts(points)[0]
+    np.testing.assert_allclose(pose.position, (0.2, -0.1, 0.03), atol=0.004)
+    np.testing.assert_allclose(np.sort(half_axes), (0.03, 0.05, 0.1), rtol=0.12)
+    for rotation in (one.rotation for one, _ in box_starts(points)):
+        np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
+        assert np.linalg.det(rotation) == pytest.approx(1)
+
+
+def test_points_on_a_line_are_no_crash():
+    line = np.linspace(0, 1, 20)[:, None] * (0.1, 0.0, 0.0)
+    assert all(np.isfinite(half_axes).all() for _, half_axes in box_starts(line))
