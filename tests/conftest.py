@@ -31,7 +31,10 @@ SLOW_FILES = ("test_configs", "test_debug", "test_experiments", "test_guide", "t
 
 
 def pytest_collection_modifyitems(items):
-    """Marks what `make quick` leaves out: also whatever runs a command or reads real images."""
+    """Marks what `make quick` leaves out: also whatever runs a command or reads real images.
+
+    What `make test` leaves out is marked as exhaustive where it stands.
+    """
     folders = [ROOT / "tests" / "unit" / name for name in SLOW]
     for item in items:
         inside = any(folder in item.path.parents for folder in folders)
