@@ -25,6 +25,9 @@ LOADABLE := import ctypes; [ctypes.CDLL(name) for name in \
 # Without bytecode every process would compile the sources anew.
 THREADS := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 OMP_WAIT_POLICY=PASSIVE OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=2
 
+# Neighbouring tests share a process, and with it what they make once.
+TESTS := $(THREADS) $(BIN)/python -m pytest -n 2 --dist worksteal
+
 .DELETE_ON_ERROR:
 .PHONY: run test test-all quick lint types install python system clean help
 
@@ -32,13 +35,13 @@ run: install
 	$(BIN)/python -m scenefw experiment=simstack $(ARGS)
 
 test: lint types
-	$(THREADS) $(BIN)/python -m pytest -n 2 -m "not exhaustive" $(PYTEST)
+	$(TESTS) -m "not exhaustive" $(PYTEST)
 
 test-all: lint types
-	$(THREADS) $(BIN)/python -m pytest -n 2 $(PYTEST)
+	$(TESTS) $(PYTEST)
 
 quick: lint types
-	$(THREADS) $(BIN)/python -m pytest -n 2 -m "not slow and not exhaustive" $(PYTEST)
+	$(TESTS) -m "not slow and not exhaustive" $(PYTEST)
 
 lint: install
 	$(BIN)/ruff check .

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 from tests import parsed
-from tests.warm import Warm
+from tests.warm import SHARED, Warm
 
 ROOT = Path(__file__).parents[1]
 
@@ -61,9 +61,8 @@ def real_data():
 @pytest.fixture(scope="session")
 def warm():
     """Runs `python -m MODULE ...` without waiting for imports (see `tests.warm`)."""
-    process = Warm()
-    yield process.run
-    process.stop()
+    yield SHARED.run
+    SHARED.stop()
 
 
 @pytest.fixture(scope="session")

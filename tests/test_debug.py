@@ -18,7 +18,14 @@ def test_the_modifiers_that_documents_name():
     assert expected <= set(registry.names("debug"))
 
 
-@pytest.mark.parametrize("experiment", registry.names("experiment"))
+def experiments():
+    """All; those that train networks of scenes and of labels in every `make test`."""
+    for name in registry.names("experiment"):
+        rest = () if name in {"simstack", "label_maps"} else pytest.mark.exhaustive
+        yield pytest.param(name, marks=rest)
+
+
+@pytest.mark.parametrize("experiment", experiments())
 def test_all_at_once_compose_with_every_experiment(experiment):
     plugins.activate()
     every = ",".join(registry.names("debug"))

@@ -13,7 +13,7 @@ CHOICES = {"quick": ["not slow and not exhaustive"], "test": ["not exhaustive"],
 def recipe(target):
     """The line of the Makefile that runs pytest."""
     rule = (ROOT / "Makefile").read_text().split(f"\n{target}:")[1].split("\n\n")[0]
-    (line,) = (line for line in rule.splitlines() if "pytest" in line)
+    (line,) = (line for line in rule.splitlines() if "$(TESTS)" in line)
     return line
 
 
@@ -27,11 +27,12 @@ def test_the_marker_is_registered(pytestconfig, marker):
 def test_tests_are_chosen_by_the_marker_alone(target):
     line = recipe(target)
     assert re.findall(r'-m "(.*?)"', line) == CHOICES[target]
-    said = re.sub(r' -m ".*?"', "", line).strip()
-    assert said == "$(THREADS) $(BIN)/python -m pytest -n 2 $(PYTEST)"
+    assert re.sub(r' -m ".*?"', "", line).strip() == "$(TESTS) $(PYTEST)"
 
 
 def test_nothing_else_leaves_tests_out(pytestconfig):
+    (command,) = re.findall(r"^TESTS := (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    assert command == "$(THREADS) $(BIN)/python -m pytest -n 2 --dist worksteal"
     assert pytestconfig.getini("testpaths") == ["tests", "plugins"]
     options = pytestconfig.getini("addopts")
     assert not [word for word in options if word.startswith(("-m", "-k", "--ignore", "--deselect"))]
