@@ -44,6 +44,7 @@ def test_a_profile_lies_in_the_folder_of_the_run(scenefw, tmp_path):
     assert "cumulative" in (tmp_path / "out" / "profile.txt").read_text()
 
 
+@pytest.mark.exhaustive
 def test_two_deterministic_trainings_give_the_same_weights(scenefw, tmp_path):
     for folder in ("one", "two"):
         words = ("debug=[smoke,deterministic]", "size.steps=3", f"paths.output={folder}")
@@ -54,6 +55,7 @@ def test_two_deterministic_trainings_give_the_same_weights(scenefw, tmp_path):
     assert all(one[name].equal(two[name]) for name in one)
 
 
+@pytest.mark.exhaustive
 def test_one_batch_is_learnt_by_heart(scenefw, tmp_path):
     words = (
         "size.steps=30",
