@@ -23,11 +23,12 @@ parsed.install()
 SLOW = ("evaluation", "kernels", "labelling", "learning", "mapping", "perception", "renderers",
         "scenes", "tasks")  # fmt: skip
 # These compose all settings, start processes, train, render or draw large pictures
-SLOW_FILES = ("test_configs", "test_debug", "test_experiments", "test_guide", "test_hypotheses",
-              "test_imports", "test_label_views", "test_labelling_plugins", "test_listing",
-              "test_overview", "test_painting", "test_pictures", "test_plugins", "test_protocols",
-              "test_small_install", "test_training_plugins", "test_views",
-              "test_waiting")  # fmt: skip
+SLOW_FILES = ("test_argument_types", "test_configs", "test_dataset", "test_debug",
+              "test_experiments", "test_groups", "test_guide", "test_hypotheses", "test_imports",
+              "test_label_views", "test_labelling_plugins", "test_listing", "test_overview",
+              "test_painting", "test_parsed", "test_pictures", "test_plugins", "test_protocols",
+              "test_small_install", "test_splits", "test_tabletop", "test_training_plugins",
+              "test_views", "test_waiting")  # fmt: skip
 
 
 def pytest_collection_modifyitems(items):
