@@ -1,6 +1,7 @@
 # make run    installs everything at pinned versions into .venv, then runs experiment=simstack
-# make test   the same for the checks and tests
+# make test   the same for the checks and tests, but those marked as exhaustive
 # make quick  the same without tests that are marked as slow
+# make test-all  all tests, as continuous integration runs them
 #
 # PYTHON=...       the Python to use (3.11 or newer)
 # ARGS="..."       more overrides for `make run`, e.g. ARGS="run=predict input=view.npz"
@@ -24,17 +25,23 @@ LOADABLE := import ctypes; [ctypes.CDLL(name) for name in \
 # Without bytecode every process would compile the sources anew.
 THREADS := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 OMP_WAIT_POLICY=PASSIVE OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=2
 
+# Neighbouring tests share a process, and with it what they make once.
+TESTS := $(THREADS) $(BIN)/python -m pytest -n 2 --dist worksteal
+
 .DELETE_ON_ERROR:
-.PHONY: run test quick lint types install python system clean help
+.PHONY: run test test-all quick lint types install python system clean help
 
 run: install
 	$(BIN)/python -m scenefw experiment=simstack $(ARGS)
 
 test: lint types
-	$(THREADS) $(BIN)/python -m pytest -n 2 $(PYTEST)
+	$(TESTS) -m "not exhaustive" $(PYTEST)
+
+test-all: lint types
+	$(TESTS) $(PYTEST)
 
 quick: lint types
-	$(THREADS) $(BIN)/python -m pytest -n 2 -m "not slow" $(PYTEST)
+	$(TESTS) -m "not slow and not exhaustive" $(PYTEST)
 
 lint: install
 	$(BIN)/ruff check .
@@ -70,4 +77,4 @@ clean:
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 
 help:
-	@sed -n 's/^# \?//p' Makefile | head -8
+	@sed -n 's/^# \?//p' Makefile | head -9

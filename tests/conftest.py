@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 from tests import parsed
-from tests.warm import Warm
+from tests.warm import SHARED, Warm
 
 ROOT = Path(__file__).parents[1]
 
@@ -23,15 +23,19 @@ parsed.install()
 SLOW = ("evaluation", "kernels", "labelling", "learning", "mapping", "perception", "renderers",
         "scenes", "tasks")  # fmt: skip
 # These compose all settings, start processes, train, render or draw large pictures
-SLOW_FILES = ("test_configs", "test_debug", "test_experiments", "test_guide", "test_hypotheses",
-              "test_imports", "test_label_views", "test_labelling_plugins", "test_listing",
-              "test_overview", "test_painting", "test_pictures", "test_plugins", "test_protocols",
-              "test_small_install", "test_training_plugins", "test_views",
-              "test_waiting")  # fmt: skip
+SLOW_FILES = ("test_argument_types", "test_configs", "test_dataset", "test_debug",
+              "test_experiments", "test_groups", "test_guide", "test_hypotheses", "test_imports",
+              "test_label_views", "test_labelling_plugins", "test_listing", "test_overview",
+              "test_painting", "test_parsed", "test_pictures", "test_plugins", "test_protocols",
+              "test_small_install", "test_splits", "test_tabletop", "test_training_plugins",
+              "test_views", "test_waiting")  # fmt: skip
 
 
 def pytest_collection_modifyitems(items):
-    """Marks what `make quick` leaves out: also whatever runs a command or reads real images."""
+    """Marks what `make quick` leaves out: also whatever runs a command or reads real images.
+
+    What `make test` leaves out is marked as exhaustive where it stands.
+    """
     folders = [ROOT / "tests" / "unit" / name for name in SLOW]
     for item in items:
         inside = any(folder in item.path.parents for folder in folders)
@@ -58,9 +62,8 @@ def real_data():
 @pytest.fixture(scope="session")
 def warm():
     """Runs `python -m MODULE ...` without waiting for imports (see `tests.warm`)."""
-    process = Warm()
-    yield process.run
-    process.stop()
+    yield SHARED.run
+    SHARED.stop()
 
 
 @pytest.fixture(scope="session")

@@ -234,6 +234,7 @@ def test_a_sweep_gives_each_run_a_folder(nil, tmp_path):
         assert figures["seed"] == seed
 
 
+@pytest.mark.exhaustive
 def test_runs_of_a_sweep_side_by_side(nil, tmp_path):
     pytest.importorskip("hydra_plugins.hydra_joblib_launcher")
     words = ("-m", "run=nil", "seed=1,2", "launcher=joblib", "device=cpu", "paths.output=out")

@@ -12,7 +12,7 @@ from hydra._internal.hydra import Hydra
 from hydra.utils import get_object
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import InterpolationKeyError
-from tests.composed import as_typed, base, chosen
+from tests.composed import as_typed, base, changes_others, chosen
 
 from scenefw import config, plugins, registry
 from scenefw.argument_types import check_types
@@ -51,7 +51,16 @@ def test_an_option_says_what_it_is(group, name):
     assert 10 <= len(about) <= 110, f"first line of conf/{group}/{name}.yaml: '# what it is'"
 
 
-@pytest.mark.parametrize(("group", "name"), OPTIONS)
+def resolved():
+    """All options; of those that set keys all over, which Hydra composes, one of each group."""
+    for group, options in registry.catalogue().items():
+        composed = [name for name, path in options.items() if changes_others(path)]
+        for name in options:
+            rest = pytest.mark.exhaustive if name in composed[1:] else ()
+            yield pytest.param(group, name, id=f"{group}={name}", marks=rest)
+
+
+@pytest.mark.parametrize(("group", "name"), resolved())
 def test_an_option_composes_and_resolves(group, name):
     with chosen(group, name, *CONTEXT.get(group, [])) as whole:
         for node in targets(OmegaConf.to_container(whole, resolve=True)):

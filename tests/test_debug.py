@@ -18,7 +18,14 @@ def test_the_modifiers_that_documents_name():
     assert expected <= set(registry.names("debug"))
 
 
-@pytest.mark.parametrize("experiment", registry.names("experiment"))
+def experiments():
+    """All; those that train networks of scenes and of labels in every `make test`."""
+    for name in registry.names("experiment"):
+        rest = () if name in {"simstack", "label_maps"} else pytest.mark.exhaustive
+        yield pytest.param(name, marks=rest)
+
+
+@pytest.mark.parametrize("experiment", experiments())
 def test_all_at_once_compose_with_every_experiment(experiment):
     plugins.activate()
     every = ",".join(registry.names("debug"))
@@ -37,6 +44,7 @@ def test_a_profile_lies_in_the_folder_of_the_run(scenefw, tmp_path):
     assert "cumulative" in (tmp_path / "out" / "profile.txt").read_text()
 
 
+@pytest.mark.exhaustive
 def test_two_deterministic_trainings_give_the_same_weights(scenefw, tmp_path):
     for folder in ("one", "two"):
         words = ("debug=[smoke,deterministic]", "size.steps=3", f"paths.output={folder}")
@@ -47,6 +55,7 @@ def test_two_deterministic_trainings_give_the_same_weights(scenefw, tmp_path):
     assert all(one[name].equal(two[name]) for name in one)
 
 
+@pytest.mark.exhaustive
 def test_one_batch_is_learnt_by_heart(scenefw, tmp_path):
     words = (
         "size.steps=30",

@@ -33,7 +33,15 @@ def sweep(warm, tmp_path_factory):
     return made
 
 
-@pytest.mark.parametrize("name", [e for e in registry.names("experiment") if e not in NEEDS_INPUT])
+def experiments():
+    """All that need no input; two of them in every `make test`."""
+    for name in registry.names("experiment"):
+        if name not in NEEDS_INPUT:
+            rest = () if name in {"simstack", "labelling"} else pytest.mark.exhaustive
+            yield pytest.param(name, marks=rest)
+
+
+@pytest.mark.parametrize("name", experiments())
 def test_experiment_runs(scenefw, sweep, tmp_path, name):
     if name in SWEEPS:
         said, folder = sweep(name)
@@ -51,6 +59,7 @@ def test_experiment_runs(scenefw, sweep, tmp_path, name):
     assert (out / "run.json").exists()
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", ["label_views", "label_maps"])
 def test_labels_are_learnt_at_the_scale_of_the_thesis(scenefw, tmp_path, name):
     out = tmp_path / "out"
@@ -63,6 +72,7 @@ def test_labels_are_learnt_at_the_scale_of_the_thesis(scenefw, tmp_path, name):
     assert not (tmp_path / "outputs" / "cache").exists()
 
 
+@pytest.mark.exhaustive
 def test_fused_maps_are_packed_and_trained_on(scenefw, tmp_path):
     words = ("debug=smoke", "paths.output=out")
     pack = ("experiment=label_maps", "run=pack_maps", "dataset=tabletop_fused_maps")
@@ -74,6 +84,7 @@ def test_fused_maps_are_packed_and_trained_on(scenefw, tmp_path):
     assert json.loads((tmp_path / "out" / "metrics.json").read_text())["train/steps"] == 2
 
 
+@pytest.mark.exhaustive
 def test_two_seeds_give_two_runs(scenefw, tmp_path):
     words = ("experiment=simstack", "debug=smoke", "run=generate", "seed=1,2")
     done = scenefw("-m", *words, "paths.output=out")
@@ -96,6 +107,7 @@ def test_a_sweep_of_noise_becomes_one_map(scenefw, sweep, tmp_path):
     assert not any(name.startswith("noise.pose.sigma=0.01") for name in rows)  # no column
 
 
+@pytest.mark.exhaustive
 def test_an_ablation_becomes_one_table(scenefw, sweep, tmp_path):
     _, folder = sweep("simstack_ablation")
     done = scenefw("experiment=runs_gathered", f"input={folder}", "paths.output=out")
@@ -107,6 +119,7 @@ def test_an_ablation_becomes_one_table(scenefw, sweep, tmp_path):
     assert sizes[0] > sizes[1]  # the network of one channel is smaller
 
 
+@pytest.mark.exhaustive
 def test_runs_of_a_sweep_begin_with_the_weights_of_their_seed(scenefw, tmp_path):
     words = ("run=train", "debug=smoke", "paths.training=${paths.output}/training")
     done = scenefw("-m", *words, "seed=0,1", "run.log_every=1,2", "paths.output=sweep")

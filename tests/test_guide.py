@@ -31,6 +31,7 @@ def test_files_and_commands_are_found():
     assert [words[:2] for words in COMMANDS] == [["python", "-m"]] * 5
 
 
+@pytest.mark.exhaustive
 def test_the_guide_leads_to_figures_and_a_card(scenefw, warm, followed):
     shown = {}
     for _, _, module, *words in COMMANDS:

@@ -65,6 +65,7 @@ def test_arguments_are_those_of_the_classes(group):
         )
 
 
+@pytest.mark.exhaustive
 def test_options_are_composed_as_hydra_does():
     composed = {
         group: {name: listing.composed(registry.options(group)[name]) for name in options}

@@ -102,6 +102,7 @@ def installed(tmp_path_factory):
     return target
 
 
+@pytest.mark.exhaustive
 def test_an_installed_plugin_is_found_without_its_folder(installed, tmp_path):
     code = (
         "import sys; from scenefw import plugins;"
@@ -122,6 +123,7 @@ def test_an_installed_plugin_is_found_without_its_folder(installed, tmp_path):
     assert done.stdout.split()[-1] == "PointClouds"
 
 
+@pytest.mark.exhaustive
 def test_the_wheel_holds_configs_assets_and_templates(tmp_path):
     pip = [sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check"]
     how = ["--no-deps", "--no-build-isolation", "--no-index", "--wheel-dir", str(tmp_path)]

@@ -1,21 +1,52 @@
-"""What `make quick` leaves out is marked, and the rest is chosen by that mark."""
+"""What `make quick` and `make test` leave out is marked; continuous integration runs everything."""
 
+import re
 from pathlib import Path
 
 import pytest
 from tests.conftest import SLOW, SLOW_FILES
 
 ROOT = Path(__file__).parents[1]
+CHOICES = {"quick": ["not slow and not exhaustive"], "test": ["not exhaustive"], "test-all": []}
 
 
-def test_the_marker_is_registered(pytestconfig):
-    assert any(line.startswith("slow:") for line in pytestconfig.getini("markers"))
+def recipe(target):
+    """The line of the Makefile that runs pytest."""
+    rule = (ROOT / "Makefile").read_text().split(f"\n{target}:")[1].split("\n\n")[0]
+    (line,) = (line for line in rule.splitlines() if "$(TESTS)" in line)
+    return line
+
+
+@pytest.mark.parametrize("marker", ["slow", "exhaustive"])
+def test_the_marker_is_registered(pytestconfig, marker):
+    assert any(line.startswith(f"{marker}:") for line in pytestconfig.getini("markers"))
     assert pytestconfig.getoption("strict_markers")
 
 
-def test_quick_tests_are_chosen_by_the_marker():
-    recipe = (ROOT / "Makefile").read_text().split("\nquick:")[1].split("\n\n")[0]
-    assert '-m "not slow"' in recipe
+@pytest.mark.parametrize("target", CHOICES)
+def test_tests_are_chosen_by_the_marker_alone(target):
+    line = recipe(target)
+    assert re.findall(r'-m "(.*?)"', line) == CHOICES[target]
+    assert re.sub(r' -m ".*?"', "", line).strip() == "$(TESTS) $(PYTEST)"
+
+
+def test_nothing_else_leaves_tests_out(pytestconfig):
+    (command,) = re.findall(r"^TESTS := (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    assert command == "$(THREADS) $(BIN)/python -m pytest -n 2 --dist worksteal"
+    assert pytestconfig.getini("testpaths") == ["tests", "plugins"]
+    options = pytestconfig.getini("addopts")
+    assert not [word for word in options if word.startswith(("-m", "-k", "--ignore", "--deselect"))]
+
+
+def test_continuous_integration_runs_all():
+    commands = (ROOT / ".ci" / "run").read_text().splitlines()
+    assert commands[-1] == "exec make test-all"
+
+
+def test_tests_lie_where_pytest_looks():
+    folders = [path for path in ROOT.iterdir() if path.is_dir() and path.name[0] != "."]
+    found = {path.name for path in folders if next(path.rglob("test_*.py"), None)}
+    assert found == {"tests", "plugins"}
 
 
 @pytest.mark.parametrize("name", SLOW)

@@ -29,6 +29,7 @@ main()
 """
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "words",
     [

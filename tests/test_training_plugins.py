@@ -119,6 +119,7 @@ def rows(tmp_path):
         return {row["name"]: float(row["value"]) for row in csv.DictReader(file)}
 
 
+@pytest.mark.exhaustive
 def test_a_representation_is_trained_on_and_comes_out_by_name(plugin, scenefw, tmp_path, real_data):
     plugin("representation/standing", "Standing", REPRESENTATION)
     chosen = "representation=[tsdf,votes,standing]"

@@ -72,6 +72,10 @@ class Warm:
             self._process = None
 
 
+SHARED = Warm()
+"""For the tests and those of plugins, whose fixtures of one name are several."""
+
+
 def serve():
     """Forks for each line of orders on standard input, and answers with its exit status."""
     for name in sys.argv[1:]:

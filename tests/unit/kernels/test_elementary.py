@@ -6,13 +6,13 @@ import numpy as np
 from scenefw.kernels.elementary import exp, log
 
 
-@numba.njit
+@numba.njit(cache=True)  # in a folder named by the sources of all kernels
 def _exponentials(x, out):
     for i in range(len(x)):
         out[i] = exp(x[i])
 
 
-@numba.njit
+@numba.njit(cache=True)
 def _logarithms(x, out):
     for i in range(len(x)):
         out[i] = log(x[i])

@@ -4,6 +4,8 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 SCRIPT = """
 import hashlib, torch
 from scenefw.core.geometry import look_at
@@ -18,6 +20,7 @@ print(hashlib.sha256(distance.numpy().tobytes()).hexdigest())
 """
 
 
+@pytest.mark.exhaustive
 def test_the_first_run_equals_the_second(tmp_path):
     cache = tmp_path / "cache"
     results = []

@@ -49,6 +49,7 @@ def expected():
     return results()
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("name", "tolerance"),
     [

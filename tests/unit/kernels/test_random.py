@@ -24,13 +24,13 @@ def philox_in_whole_numbers(counter, key):
     return c
 
 
-@numba.njit
+@numba.njit(cache=True)  # in a folder named by the sources of all kernels
 def words(seed, places, purpose, out):
     for i in range(len(places)):
         out[i, 0], out[i, 1], out[i, 2], out[i, 3] = philox(seed, places[i], purpose)
 
 
-@numba.njit
+@numba.njit(cache=True)
 def distributions(words, uniforms, normals):
     for i in range(len(words)):
         uniforms[i] = uniform(words[i])

@@ -13,7 +13,7 @@ from scenefw.kernels.superquadrics import is_inside, signed_distance
 from scenefw.representations.volumes import object_occupancy, scene_volumes
 
 
-@numba.njit
+@numba.njit(cache=True)  # in a folder named by the sources of all kernels
 def _distances(points, a, r, limit, out, inside):
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
@@ -120,6 +120,7 @@ def results():
     return {name: value.numpy() for name, value in found.items()}
 
 
+@pytest.mark.exhaustive
 def test_cuda_path_equals_cpu(simulated):
     ours = results()
     assert (ours["instances"] > 0).any()

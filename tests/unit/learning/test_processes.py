@@ -38,6 +38,7 @@ def kept(folder, rank):
     return torch.load(folder / f"process_{rank}.pt", weights_only=True)
 
 
+@pytest.mark.exhaustive
 def test_weights_agree(whole):
     first, second = (kept(whole, rank)["weights"] for rank in (0, 1))
     assert all(torch.equal(value, second[name]) for name, value in first.items())
@@ -45,6 +46,7 @@ def test_weights_agree(whole):
     assert all(torch.equal(value, stored[f"model.{name}"]) for name, value in first.items())
 
 
+@pytest.mark.exhaustive
 def test_the_gradient_is_that_of_both_batches_together(whole, tmp_path):
     plain.task(tmp_path, steps=8, batch_size=4).run()
     both, alone = kept(whole, 0)["gradients"], kept(tmp_path, 0)["gradients"]
@@ -54,6 +56,7 @@ def test_the_gradient_is_that_of_both_batches_together(whole, tmp_path):
             torch.testing.assert_close(gradient, one, rtol=1e-4, atol=1e-6)
 
 
+@pytest.mark.exhaustive
 def test_a_resumed_training_equals_an_uninterrupted_one(folders):
     first, second = map(plain.state, folders)
     assert first["global_step"] == second["global_step"] == 8

@@ -43,10 +43,10 @@ def test_it_learns_a_few_scenes(stacks):
         def on_train_batch_end(self, trainer, module, *_):
             first.setdefault("total", float(trainer.callback_metrics["train/total"]))
 
-    run = trainer(60, callbacks=[First()])
+    run = trainer(20, callbacks=[First()])
     run.fit(module, tiny.data(stacks, 16, limit=2))
     assert float(run.callback_metrics["train/total"]) < 0.6 * first["total"]
-    assert module.batches_seen == 60
+    assert module.batches_seen == 20
     assert module.seconds > 0
 
 

@@ -104,7 +104,13 @@ MEASURES = {
 
 
 @pytest.mark.parametrize("measure", MEASURES)
-@pytest.mark.parametrize("weights", [shipped, untrained], ids=["shipped", "untrained"])
+@pytest.mark.parametrize(
+    "weights",
+    [
+        pytest.param(shipped, id="shipped"),
+        pytest.param(untrained, id="untrained", marks=pytest.mark.exhaustive),
+    ],
+)
 def test_shipped_weights_are_as_good_as_ever(measure, weights, request):
     name, score = MEASURES[measure]
     found = score(weights(name), request)

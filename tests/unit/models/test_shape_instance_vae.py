@@ -181,7 +181,7 @@ def test_it_learns_one_batch():
     data = ShapeInstanceBatch(data.condition, targets)
     optimizer = torch.optim.Adam(model.parameters(), lr=5e-3)
     generator, errors = torch.Generator().manual_seed(0), []
-    for _ in range(60):
+    for _ in range(30):
         found = model(data, generator)
         loss = (found.tsdf - data.tsdf).square().mean() + (found.votes - data.votes).square().mean()
         optimizer.zero_grad()

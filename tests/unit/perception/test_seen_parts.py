@@ -87,6 +87,7 @@ def test_wrong_numbers_are_refused(wrong):
         SeenParts(**wrong)
 
 
+@pytest.mark.exhaustive
 def test_near_the_figures_measured_elsewhere():
     """Overlap F 85.5, boundary F 72.6 are known for plane removal and components cut at jumps."""
     beside = Path(__file__).parents[3] / ".." / "shared" / "data"

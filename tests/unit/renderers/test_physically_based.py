@@ -39,6 +39,7 @@ def alike(first, second):
     return np.corrcoef(first.ravel(), second.ravel())[0, 1]
 
 
+@pytest.mark.exhaustive
 def test_a_view_equals_the_ray_casters(renderer):
     ours = next(MeshRaycaster().frames(GEOMETRY, [CAMERA]))
     theirs = next(renderer.frames(GEOMETRY, [CAMERA]))
@@ -58,6 +59,7 @@ def test_a_map_equals_the_ray_casters(renderer):
     assert alike(theirs.colour, ours.colour) > 0.7
 
 
+@pytest.mark.exhaustive
 def test_an_empty_table_and_beyond(renderer):
     empty = GENERATOR.geometry(dataclasses.replace(SCENE, items=()))
     level = CAMERA.moved(look_at((0, 0, 0.3), (1.0, 0, 0.3)))

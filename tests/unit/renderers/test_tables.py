@@ -87,6 +87,7 @@ def second_geometry():
     return geometry
 
 
+@pytest.mark.exhaustive
 def test_the_grid_of_threads_gives_what_the_loop_gives(simulated):
     expected = results()
     assert set(np.unique(expected["labels"])) == {0, 1, 2}

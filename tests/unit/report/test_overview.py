@@ -33,7 +33,15 @@ def estimate_of(resolution=32, objects=1, colour=True):
     return SceneEstimate(items, grid, tsdf, labels, frame, {})
 
 
-@pytest.mark.parametrize(("objects", "colour"), [(1, True), (0, True), (1, False), (13, True)])
+@pytest.mark.parametrize(
+    ("objects", "colour"),
+    [
+        (1, True),
+        (0, True),
+        pytest.param(1, False, marks=pytest.mark.exhaustive),
+        pytest.param(13, True, marks=pytest.mark.exhaustive),
+    ],
+)
 def test_overview_is_a_picture_with_the_objects_colour(tmp_path, objects, colour):
     estimate = estimate_of(objects=objects, colour=colour)
     colours = [(0.0, 0.4, 0.9)] * objects

@@ -152,7 +152,13 @@ def shapes_of(name):
 
 
 @pytest.mark.parametrize("split", [None, "final"])
-@pytest.mark.parametrize("name", SHIPPED_BY)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=() if name == "stacks_v2" else pytest.mark.exhaustive)
+        for name in SHIPPED_BY
+    ],
+)
 def test_shipped_data_sets_are_what_the_generator_makes(tmp_path, engine, name, split):
     """Equal to 1e-6 with the Bullet of the manifest; in another one things may fall otherwise."""
     if split and name.endswith("_v1"):

@@ -366,7 +366,7 @@ def test_a_real_image_resumes_in_the_same_place(real_data, tmp_path):
     """Its camera is the world of its poses, which is not the table's."""
     image = read_frame(real_data / "real" / "realsense_table" / "uois_1.npz")
     shown = write_sequence(tmp_path / "in", [image] * 3)
-    grid, heights = HeightGrid(257), {}
+    grid, heights = HeightGrid(129), {}
     maps = {"map_based": MapBased(HeightFusion(grid), ByHeight(CLASSES, "keyboard"))}
     for name, options in {
         "whole": {},

@@ -14,7 +14,7 @@ def splits():
     return StoredMaps(Rectangles(3, seed=3)), StoredMaps(Rectangles(1, seed=1))
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.exhaustive)])
 def test_maps_are_packed(tmp_path, workers, capsys):
     path = tmp_path / "maps.npz"
     figures = PackMaps(*splits(), path, workers=workers).run()
