@@ -15,6 +15,7 @@ from scenefw.core.evidence import Evidence
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from scenefw.core.batches import PartialTSDF
     from scenefw.core.types import Float32, Float64, GridSpec, Int32
 
     Mask = NDArray[np.bool_]
@@ -41,6 +42,12 @@ class View:
     instances: Int32
     free: Mask
     grid: GridSpec
+
+
+def seen_free(partial: PartialTSDF, grid: GridSpec) -> list[Mask]:
+    """Voxels (X, Y, Z) that each view shows to be free, by more than a voxel."""
+    free = partial.observed & (partial.distance > grid.voxel_size)
+    return list(free[:, 0].cpu().numpy())
 
 
 class EvidenceOfView:

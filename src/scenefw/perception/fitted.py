@@ -12,7 +12,8 @@ from scipy.ndimage import binary_dilation
 from scenefw.core.batches import SceneParameters
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import PlacedShape
-from scenefw.perception.evidence import EvidenceOfView, View
+from scenefw.perception.evidence import EvidenceOfView, View, seen_free
+from scenefw.perception.part_guided import each_once
 from scenefw.perception.points import world_points
 from scenefw.perception.seen_frames import seen_frames
 from scenefw.perception.seen_instances import seen_instances
@@ -90,9 +91,9 @@ class Fitted:
             InputError: the partial TSDF came without its depth images.
         """
         points = [world_points(frame) for frame in seen_frames(partial, "a fit")]
-        observed = (partial.observed & (partial.distance > grid.voxel_size))[:, 0].cpu().numpy()
+        free = seen_free(partial, grid)
         scenes = self.inner.complete(partial, grid, samples, generator)
-        return [self._sharpened(sample, points, observed, grid) for sample in scenes]
+        return each_once(scenes, lambda sample: self._sharpened(sample, points, free, grid))
 
     def _sharpened(
         self, sample: Completion, points: Sequence[Any], free: Any, grid: GridSpec

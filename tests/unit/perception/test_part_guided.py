@@ -12,11 +12,12 @@ from tests.unit.perception.synthetic import STACK, camera_at, frame_of
 from scenefw import config
 from scenefw.core.batches import Completion, PartialTSDF
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.core.types import Camera, Frame, GridSpec
+from scenefw.core.types import GridSpec
 from scenefw.data.readers import read_frame
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.metrics.masks import mask_scores
-from scenefw.perception.part_guided import PartGuided, borders, reassigned
+from scenefw.perception.grouped_by_network import GroupedByNetwork, borders, divide
+from scenefw.perception.part_guided import PartGuided, reassigned
 from scenefw.perception.seen_parts import SeenParts
 
 
@@ -29,10 +30,6 @@ class Fixed:
     def complete(self, partial, grid, samples, generator):
         tsdf = torch.where(self.instances > 0, -0.01, 0.01)
         return [Completion(tsdf, self.instances, {"mine": tsdf[:, None]})] * samples
-
-
-def guided(**changes):
-    return PartGuided(Fixed(GridSpec(resolution=32), None), SeenParts(), **changes)
 
 
 def drawn(*rows, scale=40):
@@ -53,18 +50,20 @@ PARTS = drawn("00000", "11233", "11233", "00200")
 
 def test_what_hides_an_object_leaves_two_parts_of_it():
     shown = drawn("00000", "55755", "55755", "00700")
-    assert same(guided().join(PARTS, shown), drawn("00000", "11211", "11211", "00200"))
+    assert same(GroupedByNetwork().join(PARTS, shown), drawn("00000", "11211", "11211", "00200"))
 
 
 def test_parts_that_touch_stay_apart_and_fragments_join():
     shown = drawn("00000", "77755", "77755", "00700")
-    assert same(guided().join(PARTS, shown), PARTS)
-    assert same(guided(fragment=0.8).join(PARTS, shown), drawn("00000", "11133", "11133", "00100"))
+    assert same(GroupedByNetwork().join(PARTS, shown), PARTS)
+    assert same(
+        GroupedByNetwork(fragment=0.8).join(PARTS, shown), drawn("00000", "11133", "11133", "00100")
+    )
 
 
 def test_a_part_that_shows_no_instance_well_stays_alone():
     shown = drawn("00000", "55705", "50755", "00700")
-    assert same(guided(share=0.9).join(PARTS, shown), PARTS)
+    assert same(GroupedByNetwork(share=0.9).join(PARTS, shown), PARTS)
 
 
 @pytest.mark.parametrize(
@@ -78,8 +77,7 @@ def test_a_part_that_shows_no_instance_well_stays_alone():
 def test_a_part_of_several_instances_is_divided(rows, expected):
     shown = drawn(*rows, scale=6)
     objects = np.ones_like(shown)
-    frame = Frame(np.ones(objects.shape, np.float32), Camera(*objects.shape[::-1], 50, 50, 0, 0))
-    found = guided().divide(objects, shown, frame)
+    found = divide(objects, shown, 0.3, np.ones(objects.shape, np.float32))
     assert same(found, drawn(*expected, scale=6))
 
 
@@ -125,7 +123,7 @@ def test_two_boxes_that_a_network_takes_for_one(resolution):
     partial = PartialTSDF(
         volume, volume > 0, torch.from_numpy(frame.depth)[None], stack_cameras([camera])
     )
-    method = PartGuided(Fixed(grid, one), SeenParts(smallest=2000))
+    method = PartGuided(Fixed(grid, one), SeenParts(smallest=2000), GroupedByNetwork())
     assert method.metadata == {"made": "by hand"}
     (scene,) = method.complete(partial, grid, 1, torch.Generator())
     found = scene.instances[0].numpy()
@@ -139,10 +137,15 @@ def test_two_boxes_that_a_network_takes_for_one(resolution):
         method.reconstruct(PartialTSDF(volume, volume > 0), grid, 1, torch.Generator())
 
 
-@pytest.mark.parametrize("wrong", [{"share": 1.5}, {"divided": -1}, {"border": 0}, {"reach": 0}])
+@pytest.mark.parametrize("wrong", [{"share": 1.5}, {"divided": -1}, {"border": 0}])
 def test_wrong_numbers_are_refused(wrong):
     with pytest.raises(ConfigError, match=next(iter(wrong))):
-        guided(**wrong)
+        GroupedByNetwork(**wrong)
+
+
+def test_a_reach_of_nothing_is_refused():
+    with pytest.raises(ConfigError, match="reach is 0"):
+        PartGuided(Fixed(GridSpec(resolution=32), None), SeenParts(), GroupedByNetwork(), reach=0)
 
 
 @pytest.mark.parametrize(("name", "least"), [("learn00", 0.95), ("learn29", 0.95)])

@@ -6,11 +6,11 @@ from dataclasses import replace
 from scenefw.core.measures import Measure
 from scenefw.evaluation.stacks import published, published_masks
 
-WITHOUT_LEARNING = "hull_filling"
-"""The strongest method of evaluations that needs no learning."""
+WITHOUT_LEARNING = ("fitted_hulls", "hull_filling")  # strongest first
+"""Methods of evaluations that need no learning."""
 BASE_RATE, TRAINING_MEAN = "base_rate", "training_mean"
 """Forecasts of occupancy without an image: the same in every voxel, and one for each."""
-_UNLEARNED = (WITHOUT_LEARNING, "partial_tsdf", BASE_RATE, TRAINING_MEAN)
+_UNLEARNED = (*WITHOUT_LEARNING, "partial_tsdf", BASE_RATE, TRAINING_MEAN)
 _TRIVIAL = {"occupancy_bce": BASE_RATE}  # of figures that are no measure of skill
 
 _THESIS = {name: figure.mean for name, figure in published.SUPERQUADRICS["SIMstack"].items()}
@@ -56,7 +56,11 @@ _NUMBERS = {
     "views": Measure("views", digits=0),
     "samples": Measure("samples", "samples of each view", digits=0),
 }
-_OF_METHOD = {"zero_code": " of the zero code alone", "fitted": " of fitted superquadrics"}
+_OF_METHOD = {
+    "zero_code": " of the zero code alone",
+    "fitted": " of fitted superquadrics",
+    "fitted_hulls": " of superquadrics fitted to parts",
+}
 
 
 def of_scores(methods: Sequence[str], drawn: Sequence[str] = ()) -> dict[str, Measure]:
@@ -84,8 +88,13 @@ def of_scores(methods: Sequence[str], drawn: Sequence[str] = ()) -> dict[str, Me
 
 
 def _trivial(name: str, others: Sequence[str]) -> str | None:
-    method = _TRIVIAL.get(name, WITHOUT_LEARNING)
+    method = _TRIVIAL.get(name) or _without_learning(others)
     return f"{method}/{name}" if method in others else None
+
+
+def _without_learning(methods: Sequence[str]) -> str | None:
+    """The strongest of the methods that learns nothing."""
+    return next((name for name in WITHOUT_LEARNING if name in methods), None)
 
 
 DRAWS = {
@@ -133,6 +142,7 @@ _DRAWN = {
     "scenefw": "independent codes",
     "zero_code": "zero code",
     "fitted": "zero code, superquadrics fitted",
+    "fitted_hulls": "superquadrics fitted to parts",
     "hull_filling": "hull filling",
 }
 
@@ -143,14 +153,15 @@ def _of_draws(methods: Sequence[str]) -> dict[str, Measure]:
         "draws/scenes": Measure("scenes of draws", digits=0),
         "draws/count": Measure("draws", "draws of each view", digits=0),
     }
+    reference = _without_learning(methods)
     for method in methods:
         words = _DRAWN.get(method, method.replace("_", " "))
         for name, measure in DRAWS.items():
-            other = method != WITHOUT_LEARNING and WITHOUT_LEARNING in methods
+            other = method not in WITHOUT_LEARNING and reference
             found[f"draws/{method}/{name}"] = replace(
                 measure,
                 name=f"{measure.name or measure.heading}, {words}",
-                trivial=f"draws/{WITHOUT_LEARNING}/{name}" if other else None,
+                trivial=f"draws/{reference}/{name}" if other else None,
             )
     return found
 

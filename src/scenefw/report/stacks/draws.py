@@ -24,6 +24,7 @@ NAMES = {
     "zero_code": "zero code alone",
     "fitted": "zero code, superquadrics fitted",
     "trained_here": "independent codes, trained in this run",
+    "fitted_hulls": "superquadrics fitted to parts of the image (no learning)",
     "hull_filling": "hull filling (no learning)",
     "partial_tsdf": "partial TSDF meshed (no learning)",
 }

@@ -16,6 +16,7 @@ _NAMES = {
     "scenefw": "scenefw",
     "trained_here": "scenefw, trained in this run",
     "fitted": "scenefw, zero code, superquadrics fitted to the view",
+    "fitted_hulls": "superquadrics fitted to parts of the image (no learning)",
     "hull_filling": "hull filling (no learning)",
     "partial_tsdf": "partial TSDF meshed (no learning)",
     "base_rate": "base rate in every voxel (no image)",

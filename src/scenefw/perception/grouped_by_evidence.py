@@ -1,0 +1,160 @@
+"""Parts of an image joined to objects where one superquadric explains several of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from scenefw.core.errors import ConfigError
+from scenefw.perception.grouped_by_network import divide
+from scenefw.shapes.superquadric import Superquadric
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from scenefw.core.evidence import Evidence, FittedSuperquadric
+    from scenefw.core.protocols import ShapeFit
+    from scenefw.core.types import Float32, Float64, Int32
+    from scenefw.perception.evidence import EvidenceOfView, View
+
+    Group = frozenset[int]
+
+_WIDTH = 640  # pixels of the image that the price is for
+_OUTLIERS = 3.0  # deviations from which on points count less and less
+_POINTS = 200  # of a part, enough to say how well a shape explains it
+_SEGMENTS = 200  # between two parts
+_THROUGH_FREE = 0.2  # share of them that may be seen through, at borders of voxels
+
+
+class GroupedByEvidence:
+    """Joins the parts that one superquadric explains as well as one for each.
+
+    Parts of which several of a network's instances have a large share are divided before that; if
+    the network is wrong, they are joined again.
+
+    What hides the middle of an object leaves two parts of it, and one superquadric goes on behind
+    what hides it. Two objects have none in common: their points are off its surface, or it covers
+    places that are seen to be free. The pair that is explained best is joined first.
+
+    Args:
+        fit: of superquadrics, each by itself.
+        evidence: what a view says about an object.
+        tolerance: squared deviation of any part's points, robust, plus that of the places outside,
+            up to which parts are one object.
+        least: parts of fewer pixels stay alone.
+        price: squared deviations, over all pixels of a part (of an image 640 wide), that one
+            object more must save: what is small is joined rather than an object of its own.
+        divided: share of a part's pixels from which on an instance is large; above 0.5 none is.
+
+    Raises:
+        ConfigError: a number that isn't positive.
+    """
+
+    def __init__(
+        self,
+        fit: ShapeFit,
+        evidence: EvidenceOfView,
+        tolerance: float = 0.3,
+        least: int = 30,
+        divided: float = 0.3,
+        price: float = 2000.0,
+    ) -> None:
+        if not tolerance > 0 or least < 4:
+            raise ConfigError(
+                f"tolerance is {tolerance} and least {least}; expected a positive number and at "
+                "least 4 pixels"
+            )
+        if not 0 < divided <= 1 or price < 0:
+            raise ConfigError(
+                f"divided is {divided} and price {price}; expected a share above 0 and at least 0"
+            )
+        self.fit, self.evidence, self.tolerance, self.least = fit, evidence, tolerance, least
+        self.divided, self.price = divided, price
+
+    def objects(self, parts: Int32, view: View, depth: Float32) -> Int32:
+        """Objects (H, W), 0 = none, of parts (H, W) and a view whose masks are the network's."""
+        parts = divide(parts, view.masks, self.divided, depth)
+        alone = replace(view, instances=np.zeros_like(view.instances))
+        sizes = np.bincount(parts.ravel())
+        large = [part for part in range(1, len(sizes)) if sizes[part] >= self.least]
+        points = {part: view.points[parts == part] for part in large}
+        groups: list[Group] = [frozenset([part]) for part in large]
+        pairs = [(a, b) for a, b in combinations(groups, 2) if _may_be_one(a | b, points, view)]
+        costs = self._costs([a | b for a, b in pairs], parts, points, alone)
+        while costs:
+            joined = min(costs, key=costs.__getitem__)
+            if costs[joined] > self.tolerance:
+                break
+            groups = [group for group in groups if not group <= joined]
+            costs = {pair: cost for pair, cost in costs.items() if not pair & joined}
+            further = [joined | one for one in groups if _may_be_one(joined | one, points, view)]
+            costs |= self._costs(further, parts, points, alone)
+            groups.append(joined)
+        return _relabelled(parts, groups)
+
+    def _costs(
+        self, groups: Iterable[Group], parts: Int32, points: dict[int, Float64], view: View
+    ) -> dict[Group, float]:
+        """How badly one superquadric explains each group."""
+        several = list(groups)
+        evidence = [self._evidence(group, parts, view) for group in several]
+        fitted = self.fit.fit(evidence)
+        return {
+            group: self._cost(one, given, [points[part] for part in group], parts.shape[1])
+            for group, one, given in zip(several, fitted, evidence, strict=True)
+        }
+
+    def _evidence(self, group: Group, parts: Int32, view: View) -> Evidence:
+        label = min(group)
+        masks = np.where(np.isin(parts, list(group)), label, parts)
+        return self.evidence.of(label, replace(view, masks=masks))
+
+    def _cost(
+        self, fitted: FittedSuperquadric, evidence: Evidence, seen: list[Float64], width: int
+    ) -> float:
+        worst = max(self._unexplained(fitted, points, width) for points in seen)
+        depth = np.minimum(_distances(fitted, evidence.outside), 0) / evidence.outside_sigmas
+        return worst + float(np.minimum(depth**2, _OUTLIERS**2).sum() / len(evidence.points))
+
+    def _unexplained(self, fitted: FittedSuperquadric, points: Float64, width: int) -> float:
+        """Squared deviation of a part's points, beyond what an object of its own would save."""
+        some = points[:: -(-len(points) // _POINTS)]
+        saved = self.price / (len(points) * (_WIDTH / width) ** 2)
+        return max(_robust(fitted, some, self.evidence.seen_sigma) - saved, 0.0)
+
+
+def _robust(fitted: FittedSuperquadric, points: Float64, sigma: float) -> float:
+    squares = (_distances(fitted, points) / sigma) ** 2
+    return float((squares / (1 + squares / _OUTLIERS**2)).mean())
+
+
+def _distances(fitted: FittedSuperquadric, points: Float64) -> Float64:
+    shape = Superquadric(fitted.half_axes, fitted.exponents)
+    return shape.first_order_distance((points - fitted.pose.position) @ fitted.pose.rotation)
+
+
+def _may_be_one(group: Group, points: dict[int, Float64], view: View) -> bool:
+    """Whether the segments between parts, which a convex object contains, miss what is free."""
+    for a, b in combinations(group, 2):
+        rng = np.random.default_rng(0)
+        first, second = (points[part][rng.integers(len(points[part]), size=_SEGMENTS)]
+                         for part in (a, b))  # fmt: skip
+        share = np.linspace(0.2, 0.8, 4)[:, None, None]
+        voxels = np.rint(view.grid.to_voxels(first + share * (second - first))).astype(int)
+        inside = ((voxels >= 0) & (voxels < view.grid.resolution)).all(axis=-1)
+        x, y, z = np.moveaxis(np.clip(voxels, 0, view.grid.resolution - 1), -1, 0)
+        through = (view.free[x, y, z] & inside).any(axis=0)
+        if through.mean() > _THROUGH_FREE:
+            return False
+    return True
+
+
+def _relabelled(parts: Int32, groups: list[Group]) -> Int32:
+    """Parts (H, W) with one number per group; those of no group keep one of their own."""
+    numbers = np.arange(int(parts.max(initial=0)) + 1)
+    for group in groups:
+        numbers[list(group)] = min(group)
+    return np.searchsorted(np.unique(numbers), numbers)[parts].astype(np.int32)
