@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float64
     from scenefw.fitting.superquadrics import SuperquadricFit
 
+_GROWTH = 0.03  # m, of half-axes in one round
 _SHELLS = (0.95, 0.7, 0.4)  # of sizes: objects that coincide have no surface inside each other
 
 
@@ -54,7 +55,10 @@ class JointFit:
             if not self._overlapping(fitted):
                 break
             places = [self._places(one, number / self.rounds) for one in fitted]
-            joint = [self._with(one, _others(places, k)) for k, one in enumerate(evidence)]
+            joint = [
+                self._with(one, [_near(fitted[k], other) for other in _others(places, k)])
+                for k, one in enumerate(evidence)
+            ]
             fitted = self.inner.refit(joint, fitted)
         return fitted
 
@@ -76,6 +80,12 @@ class JointFit:
             for k, one in enumerate(fitted)
             for other in _others(places, k)
         )
+
+
+def _near(fitted: FittedSuperquadric, places: Float64) -> Float64:
+    """Places that an object may come to contain in a few steps."""
+    local = np.abs((places - fitted.pose.position) @ fitted.pose.rotation)
+    return np.asarray(places[(local < 1.5 * fitted.half_axes + _GROWTH).all(axis=1)])
 
 
 def _others(places: Sequence[Float64], own: int) -> list[Float64]:
