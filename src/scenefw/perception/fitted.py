@@ -62,7 +62,7 @@ class Fitted:
         fit: ShapeFit,
         evidence: EvidenceOfView,
         near: float = 0.006,
-        explained: float = 0.8,
+        explained: float = 0.75,
         least: int = 60,
         lowest: float = 0.015,
     ) -> None:

@@ -42,8 +42,8 @@ class GroupedByEvidence:
     Args:
         fit: of superquadrics, each by itself.
         evidence: what a view says about an object.
-        tolerance: squared deviation of any part's points, robust, plus that of the places outside,
-            up to which parts are one object.
+        tolerance: how much more squared deviation, robust, of any part's points than with a
+            superquadric of its own, plus that of the places outside, is still one object.
         least: parts of fewer pixels stay alone.
         price: squared deviations, over all pixels of a part (of an image 640 wide), that one
             object more must save: what is small is joined rather than an object of its own.
@@ -83,7 +83,9 @@ class GroupedByEvidence:
         points = {part: view.points[parts == part] for part in large}
         groups: list[Group] = [frozenset([part]) for part in large]
         pairs = [(a, b) for a, b in combinations(groups, 2) if _may_be_one(a | b, points, view)]
-        costs = self._costs([a | b for a, b in pairs], parts, points, alone)
+        single = self._fits(groups, parts, alone)
+        apart = {part: self._robust(single[frozenset([part])][0], points[part]) for part in large}
+        costs = self._costs([a | b for a, b in pairs], parts, points, alone, apart)
         while costs:
             joined = min(costs, key=costs.__getitem__)
             if costs[joined] > self.tolerance:
@@ -91,44 +93,55 @@ class GroupedByEvidence:
             groups = [group for group in groups if not group <= joined]
             costs = {pair: cost for pair, cost in costs.items() if not pair & joined}
             further = [joined | one for one in groups if _may_be_one(joined | one, points, view)]
-            costs |= self._costs(further, parts, points, alone)
+            costs |= self._costs(further, parts, points, alone, apart)
             groups.append(joined)
         return _relabelled(parts, groups)
 
+    def _fits(
+        self, groups: Iterable[Group], parts: Int32, view: View
+    ) -> dict[Group, tuple[FittedSuperquadric, Evidence]]:
+        """One superquadric for each group, and what it is fitted to."""
+        evidence = {group: self._evidence(group, parts, view) for group in groups}
+        fitted = self.fit.fit(list(evidence.values()))
+        return dict(zip(evidence, zip(fitted, evidence.values(), strict=True), strict=True))
+
     def _costs(
-        self, groups: Iterable[Group], parts: Int32, points: dict[int, Float64], view: View
+        self,
+        groups: Iterable[Group],
+        parts: Int32,
+        points: dict[int, Float64],
+        view: View,
+        apart: dict[int, float],
     ) -> dict[Group, float]:
-        """How badly one superquadric explains each group."""
-        several = list(groups)
-        evidence = [self._evidence(group, parts, view) for group in several]
-        fitted = self.fit.fit(evidence)
-        return {
-            group: self._cost(one, given, [points[part] for part in group], parts.shape[1])
-            for group, one, given in zip(several, fitted, evidence, strict=True)
-        }
+        """How much worse one superquadric explains each group than one for each part."""
+        scale = (_WIDTH / parts.shape[1]) ** 2
+        found = {}
+        for group, (fitted, evidence) in self._fits(groups, parts, view).items():
+            worse = [
+                self._robust(fitted, points[part])
+                - apart[part]
+                - self.price / (scale * len(points[part]))
+                for part in group
+            ]
+            found[group] = max(*worse, 0.0) + _inside(fitted, evidence)
+        return found
 
     def _evidence(self, group: Group, parts: Int32, view: View) -> Evidence:
         label = min(group)
         masks = np.where(np.isin(parts, list(group)), label, parts)
         return self.evidence.of(label, replace(view, masks=masks))
 
-    def _cost(
-        self, fitted: FittedSuperquadric, evidence: Evidence, seen: list[Float64], width: int
-    ) -> float:
-        worst = max(self._unexplained(fitted, points, width) for points in seen)
-        depth = np.minimum(_distances(fitted, evidence.outside), 0) / evidence.outside_sigmas
-        return worst + float(np.minimum(depth**2, _OUTLIERS**2).sum() / len(evidence.points))
-
-    def _unexplained(self, fitted: FittedSuperquadric, points: Float64, width: int) -> float:
-        """Squared deviation of a part's points, beyond what an object of its own would save."""
+    def _robust(self, fitted: FittedSuperquadric, points: Float64) -> float:
+        """Squared deviation of a part's points from a superquadric."""
         some = points[:: -(-len(points) // _POINTS)]
-        saved = self.price / (len(points) * (_WIDTH / width) ** 2)
-        return max(_robust(fitted, some, self.evidence.seen_sigma) - saved, 0.0)
+        squares = (_distances(fitted, some) / self.evidence.seen_sigma) ** 2
+        return float((squares / (1 + squares / _OUTLIERS**2)).mean())
 
 
-def _robust(fitted: FittedSuperquadric, points: Float64, sigma: float) -> float:
-    squares = (_distances(fitted, points) / sigma) ** 2
-    return float((squares / (1 + squares / _OUTLIERS**2)).mean())
+def _inside(fitted: FittedSuperquadric, evidence: Evidence) -> float:
+    """Squared depth of the places outside that it contains, per point of its surface."""
+    depth = np.minimum(_distances(fitted, evidence.outside), 0) / evidence.outside_sigmas
+    return float(np.minimum(depth**2, _OUTLIERS**2).sum() / len(evidence.points))
 
 
 def _distances(fitted: FittedSuperquadric, points: Float64) -> Float64:

@@ -11,8 +11,9 @@ from scenefw.perception.depth_parts import concave_creases, depth_parts, grown, 
 from scenefw.perception.points import world_points
 
 if TYPE_CHECKING:
-    from scenefw.core.types import Frame, Int32
+    from scenefw.core.types import Float64, Frame, Int32
 
+_TOP = 0.95  # share of a part below its top, against single pixels
 _WIDTH = 640  # pixels of the image that the numbers of pixels are for
 
 
@@ -29,6 +30,7 @@ class SeenParts:
             cuts nowhere.
         reach: on either side, between which a bend is measured (pixels of an image 640 wide).
         smallest: parts of fewer pixels (of an image 640 wide) are dropped.
+        lowest: parts that rise no higher above the floor (m) are noise of it.
 
     Raises:
         ConfigError: a negative margin, or another number that isn't positive.
@@ -41,25 +43,36 @@ class SeenParts:
         crease: float = 30.0,
         reach: float = 8.0,
         smallest: float = 500.0,
+        lowest: float = 0.0,
     ) -> None:
-        if not (margin >= 0 and jump > 0 and crease > 0 and reach > 0 and smallest > 0):
+        positive = min(jump, crease, reach, smallest) > 0
+        if not (positive and margin >= 0 and lowest >= 0):
             raise ConfigError(
-                f"seen parts have margin {margin}, jump {jump}, crease {crease}, reach {reach} and "
-                f"smallest {smallest}; expected a margin of at least 0 and the others positive"
+                f"seen parts have margin {margin}, jump {jump}, crease {crease}, reach {reach}, "
+                f"smallest {smallest} and lowest {lowest}; expected a margin and a lowest of at "
+                "least 0 and the others positive"
             )
         self.margin, self.jump, self.crease = margin, jump, crease
-        self.reach, self.smallest = reach, smallest
+        self.reach, self.smallest, self.lowest = reach, smallest, lowest
 
     def with_margin(self, margin: float) -> Self:
         """The same at another margin (m)."""
-        return type(self)(margin, self.jump, self.crease, self.reach, self.smallest)
+        return type(self)(margin, self.jump, self.crease, self.reach, self.smallest, self.lowest)
 
     def segment(self, frame: Frame) -> Int32:
         """Parts (H, W), 0 = none, of a frame whose camera has its pose (floor z = 0)."""
         scale = frame.depth.shape[1] / _WIDTH
-        above = world_points(frame)[..., 2] > self.margin  # NaN where no depth: not above
+        heights = world_points(frame)[..., 2]
+        above = heights > self.margin  # NaN where no depth: not above
         reach = max(1, round(self.reach * scale))
         smooth = above & ~concave_creases(frame, float(np.cos(np.radians(self.crease))), reach)
         smallest = max(1, round(self.smallest * scale**2))
         parts = large_parts(depth_parts(frame.depth, smooth, self.jump), smallest)
-        return grown(parts, above, frame.depth)
+        return _high(grown(parts, above, frame.depth), heights, self.lowest)
+
+
+def _high(parts: Int32, heights: Float64, lowest: float) -> Int32:
+    """Parts (H, W) that rise above `lowest` (m), numbered from 1 on."""
+    tops = [np.quantile(heights[parts == k], _TOP) for k in range(1, parts.max(initial=0) + 1)]
+    kept = np.array([False, *(top > lowest for top in tops)])
+    return (np.cumsum(kept) * kept)[parts].astype(np.int32)

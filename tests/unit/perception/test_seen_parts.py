@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.unit.perception.synthetic import Box, camera_at, frame_of
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import look_at, transform_points
@@ -102,3 +103,13 @@ def test_near_the_figures_measured_elsewhere():
         scores.append(mask_scores(method.segment(placed), frame.labels))
     assert np.mean([s.overlap_f for s in scores]) == pytest.approx(0.855, abs=0.02)
     assert np.mean([s.boundary_f for s in scores]) == pytest.approx(0.726, abs=0.03)
+
+
+def test_what_hardly_rises_above_the_floor_is_its_noise():
+    flat, box = Box((-0.2, -0.1, 0.0), (-0.05, 0.0, 0.01)), Box((0.05, -0.1, 0.0), (0.2, 0.0, 0.1))
+    camera = camera_at(eye=(0.0, -0.9, 0.5))
+    frame = replace(frame_of(camera, (flat, box)), camera=camera)
+    assert SeenParts(margin=0.003, smallest=100).segment(frame).max() == 2
+    high = SeenParts(margin=0.003, smallest=100, lowest=0.02).segment(frame)
+    assert high.max() == 1
+    assert ((high > 0) & (frame.labels != 2)).sum() == 0
