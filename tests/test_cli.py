@@ -89,6 +89,7 @@ def test_help_names_commands_and_groups_without_torch(tmp_path):
         assert word in done.stdout
 
 
+@pytest.mark.exhaustive
 def test_list_shows_every_option_with_its_description(nil):
     done = nil("--list")
     assert done.returncode == 0, done.stderr

@@ -73,6 +73,7 @@ def test_one_batch_is_learnt_by_heart(scenefw, tmp_path):
     assert losses[-1] < 0.15 * losses[0]  # of batches that differ it is half by now
 
 
+@pytest.mark.exhaustive
 def test_one_batch_of_everything_at_its_own_resolution(scenefw, tmp_path):
     done = scenefw(*TRAIN, "debug=fast_dev", "paths.output=out")
     assert done.returncode == 0, done.stderr[-3000:]

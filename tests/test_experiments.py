@@ -92,6 +92,7 @@ def test_two_seeds_give_two_runs(scenefw, tmp_path):
     assert sorted(p.parent.name for p in (tmp_path / "out").glob("*/metrics.json")) == ["0", "1"]
 
 
+@pytest.mark.exhaustive
 def test_a_sweep_of_noise_becomes_one_map(scenefw, sweep, tmp_path):
     _, folder = sweep("noise_map")
     done = scenefw("experiment=noise_gathered", f"input={folder}", "paths.output=out")

@@ -13,6 +13,7 @@ WORDS = (
 )
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("words", WORDS, ids=lambda words: words[0])
 def test_compositions_are_those_of_hydra(monkeypatch, words):
     plugins.activate()

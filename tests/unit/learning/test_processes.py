@@ -71,6 +71,7 @@ def test_a_resumed_training_equals_an_uninterrupted_one(folders):
     assert len(tables[0]) == 8
 
 
+@pytest.mark.exhaustive
 def test_a_process_that_fails_ends_all(tmp_path, run_elsewhere):
     done = run_elsewhere(PLAIN, "fork", tmp_path / "failing", 8)
     assert done.returncode == 1

@@ -51,6 +51,7 @@ def test_a_view_equals_the_ray_casters(renderer):
     assert theirs.colour.mean() == pytest.approx(ours.colour.mean(), rel=0.2)
 
 
+@pytest.mark.exhaustive
 def test_a_map_equals_the_ray_casters(renderer):
     grid = HeightGrid(vertices=65)
     ours, theirs = (r.height_map(GEOMETRY, grid) for r in (MeshRaycaster(), renderer))

@@ -1,6 +1,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from tests.unit.report.test_overview import estimate_of
 from tests.unit.report.test_pictures import _has_hue
 
@@ -8,6 +9,7 @@ from scenefw.report.hypotheses import draw_hypotheses
 from scenefw.report.palette import instance_colours
 
 
+@pytest.mark.exhaustive
 def test_each_scene_has_a_column_with_its_objects_in_their_colours():
     one = estimate_of(resolution=32)
     second = np.where(one.instances > 0, 2, 0).astype(np.int32)

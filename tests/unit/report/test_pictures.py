@@ -61,6 +61,7 @@ def test_six_views_with_the_objects_in_their_colours(example):
     assert _has_hue(predicted, second) == 0  # the second object was not predicted
 
 
+@pytest.mark.exhaustive
 def test_further_samples_have_a_row_of_their_own(example):
     both = (example.true_tsdf, example.true_instances)
     one = (example.tsdf, example.instances)
