@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenefw.core.errors import ConfigError
-from scenefw.shapes.superquadric import Superquadric
+from scenefw.fitting.placed import in_frame_of, shape_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -69,7 +69,7 @@ class JointFit:
         return replace(evidence, outside=outside, outside_sigmas=sigmas)
 
     def _places(self, fitted: FittedSuperquadric, grown: float = 1.0) -> Float64:
-        surface = _shape(fitted).mesh(self.resolution).vertices
+        surface = shape_of(fitted).mesh(self.resolution).vertices
         local = np.concatenate([grown * share * surface for share in _SHELLS])
         return np.asarray(local @ fitted.pose.rotation.T + fitted.pose.position, dtype=np.float64)
 
@@ -84,7 +84,7 @@ class JointFit:
 
 def _near(fitted: FittedSuperquadric, places: Float64) -> Float64:
     """Places that an object may come to contain in a few steps."""
-    local = np.abs((places - fitted.pose.position) @ fitted.pose.rotation)
+    local = np.abs(in_frame_of(fitted, places))
     return np.asarray(places[(local < 1.5 * fitted.half_axes + _GROWTH).all(axis=1)])
 
 
@@ -92,10 +92,5 @@ def _others(places: Sequence[Float64], own: int) -> list[Float64]:
     return [points for k, points in enumerate(places) if k != own]
 
 
-def _shape(fitted: FittedSuperquadric) -> Superquadric:
-    return Superquadric(fitted.half_axes, fitted.exponents)
-
-
 def _gauge(fitted: FittedSuperquadric, points: Float64) -> Float64:
-    local = (points - fitted.pose.position) @ fitted.pose.rotation
-    return _shape(fitted).value(local)
+    return shape_of(fitted).value(in_frame_of(fitted, points))

@@ -12,13 +12,13 @@ from scipy.ndimage import binary_dilation
 from scenefw.core.batches import SceneParameters
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import PlacedShape
+from scenefw.fitting.placed import shape_of
 from scenefw.perception.evidence import EvidenceOfView, View, seen_free
 from scenefw.perception.part_guided import each_once
 from scenefw.perception.points import world_points
 from scenefw.perception.seen_frames import seen_frames
 from scenefw.perception.seen_instances import seen_instances
 from scenefw.representations.volumes import scene_volumes
-from scenefw.shapes.superquadric import Superquadric
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -170,7 +170,7 @@ def composed(superquadrics: Mapping[int, FittedSuperquadric], view: View) -> tup
 
 
 def _placed(fitted: FittedSuperquadric) -> PlacedShape:
-    return PlacedShape(Superquadric(fitted.half_axes, fitted.exponents), fitted.pose)
+    return PlacedShape(shape_of(fitted), fitted.pose)
 
 
 def _parameters(found: Sequence[FittedSuperquadric]) -> SceneParameters:

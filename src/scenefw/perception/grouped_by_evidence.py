@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenefw.core.errors import ConfigError
+from scenefw.fitting.placed import in_frame_of, shape_of
 from scenefw.perception.grouped_by_network import divide
-from scenefw.shapes.superquadric import Superquadric
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -145,8 +145,7 @@ def _inside(fitted: FittedSuperquadric, evidence: Evidence) -> float:
 
 
 def _distances(fitted: FittedSuperquadric, points: Float64) -> Float64:
-    shape = Superquadric(fitted.half_axes, fitted.exponents)
-    return shape.first_order_distance((points - fitted.pose.position) @ fitted.pose.rotation)
+    return shape_of(fitted).first_order_distance(in_frame_of(fitted, points))
 
 
 def _may_be_one(group: Group, points: dict[int, Float64], view: View) -> bool:

@@ -148,20 +148,32 @@ def test_a_reach_of_nothing_is_refused():
         PartGuided(Fixed(GridSpec(resolution=32), None), SeenParts(), GroupedByNetwork(), reach=0)
 
 
-@pytest.mark.parametrize(("name", "least"), [("learn00", 0.95), ("learn29", 0.95)])
-def test_real_images(name, least):
-    """The network alone joins two boxes on one, parts alone divide an object on the other."""
+def on_real_image(name, reconstructor):
+    """The pipeline that a command builds, an image with hand-made labels, and what it shows."""
     beside = Path(__file__).parents[3] / ".." / "shared" / "data"
     folder = Path(os.environ.get("SCENEFW_DATA", beside)) / "real" / "mosd_learn"
     if not folder.is_dir():
         pytest.skip(f"no labelled real images at {folder} (set SCENEFW_DATA)")
-    words = ["run=predict", "reconstructor=part_guided", "input=x", "run.pipeline.samples=1"]
-    settings = config.compose([*words, "device=cpu"])
-    pipeline = instantiate(settings.run.pipeline)
+    words = [f"reconstructor={reconstructor}", "run=predict", "input=x", "run.pipeline.samples=1"]
+    pipeline = instantiate(config.compose([*words, "device=cpu"]).run.pipeline)
     frame = read_frame(folder / f"{name}.npz")
-    estimate = pipeline.estimate(frame)
+    return pipeline, frame, pipeline.estimate(frame)
+
+
+@pytest.mark.parametrize(("name", "least"), [("learn00", 0.95), ("learn29", 0.95)])
+def test_real_images(name, least):
+    """The network alone joins two boxes on one, parts alone divide an object on the other."""
+    pipeline, frame, estimate = on_real_image(name, "part_guided")
     assert mask_scores(estimate.masks, frame.labels).overlap_f > least
     pipeline.reconstructor = pipeline.reconstructor.inner
     plain = pipeline.estimate(frame).masks
     parts = SeenParts().segment(estimate.frame)
     assert min(mask_scores(found, frame.labels).overlap_f for found in (plain, parts)) < 0.8
+
+
+def test_parts_of_a_real_image_are_joined_by_evidence():
+    """Fine parts divide its objects; joined, they have the hand-made borders."""
+    pipeline, frame, estimate = on_real_image("learn29", "by_evidence")
+    assert mask_scores(estimate.masks, frame.labels).overlap_f > 0.95
+    parts = pipeline.reconstructor.parts.segment(estimate.frame)
+    assert mask_scores(parts, frame.labels).overlap_f < 0.85
