@@ -23,7 +23,7 @@ from scenefw.data.views import ViewBatch, ViewMaker, Viewpoints
 from scenefw.evaluation.side_by_side import side_by_side
 from scenefw.evaluation.stacks.draw_results import DrawsResult, DrawView
 from scenefw.evaluation.stacks.draws import DrawScoring, Truth
-from scenefw.evaluation.stacks.measures import BASE_RATE, TRAINING_MEAN
+from scenefw.evaluation.stacks.methods import BASE_RATE, TRAINING_MEAN
 from scenefw.evaluation.stacks.references import instances_of
 from scenefw.evaluation.stacks.results import ReconstructionResult, ViewScores
 from scenefw.evaluation.stacks.seen_scenes import Sample, SceneViews, SeenScene, Streams
