@@ -9,60 +9,33 @@ import torch
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from scenefw.core.batches import Completion
-from scenefw.core.errors import ConfigError
-from scenefw.core.types import Frame
 from scenefw.perception.carving import carve
-from scenefw.perception.depth_parts import concave_creases, depth_parts, large_parts
 from scenefw.perception.points import world_points
 from scenefw.perception.seen_frames import seen_frames
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from scenefw.core.batches import PartialTSDF
-    from scenefw.core.types import Float32, Float64, GridSpec
+    from scenefw.core.types import Float32, Float64, Frame, GridSpec
+    from scenefw.perception.seen_parts import SeenParts
 
 _PLANES_AT_ONCE = 16
 _MOST_POINTS = 1500  # of a part: hulls of more have hundreds of faces and are hardly larger
 
 
 class HullFilling:
-    """Cuts a depth image into parts and fills the convex hull of each down to the floor.
+    """Fills the convex hull of each part of a depth image down to the floor.
 
-    A part is what is left of the pixels above the floor when they are cut at jumps of depth and
-    along concave creases, as no convex object has one. Its hull is that of its points and of their
-    footprints on the floor z = 0. Where hulls overlap, the part whose seen points are nearest has
-    the voxel. What the view shows to be free is taken away again.
+    No convex object has a concave crease, so parts are cut along them. A hull is that of a part's
+    points and of their footprints on the floor z = 0. Where hulls overlap, the part whose seen
+    points are nearest has the voxel. What the view shows to be free is taken away again.
 
     Args:
-        margin: pixels up to this height above the floor belong to it (m).
-        jump: neighbouring pixels further apart in depth belong to different parts (m).
-        crease: a surface that bends towards the camera by more than this is cut (degrees); 180
-            cuts nowhere.
-        reach: pixels on either side between which a bend is measured.
-        smallest: parts of fewer pixels are dropped.
+        parts: of the image.
         grid: of its volumes; None takes that of the other methods that it is compared with.
-
-    Raises:
-        ConfigError: a length is not positive, or the reach is below one pixel.
     """
 
-    def __init__(
-        self,
-        margin: float = 0.01,
-        jump: float = 0.02,
-        crease: float = 25.0,
-        reach: int = 6,
-        smallest: int = 200,
-        grid: GridSpec | None = None,
-    ) -> None:
-        if not (margin >= 0 and jump > 0 and crease > 0 and reach >= 1 and smallest >= 1):
-            raise ConfigError(
-                f"hull filling has margin {margin}, jump {jump}, crease {crease}, reach {reach} "
-                f"and smallest {smallest}; expected a margin of at least 0 and the others positive"
-            )
-        self.margin, self.jump, self.smallest = margin, jump, smallest
-        self.crease, self.reach, self.grid = crease, reach, grid
+    def __init__(self, parts: SeenParts, grid: GridSpec | None = None) -> None:
+        self.parts, self.grid = parts, grid
         self.metadata: dict[str, Any] = {}  # of no checkpoint
 
     def complete(
@@ -81,15 +54,9 @@ class HullFilling:
         instances = torch.where(tsdf < 0, labels, torch.zeros_like(labels))
         return [Completion(tsdf, instances)] * samples
 
-    def parts(self, frame: Frame) -> NDArray[np.int32]:
-        """Parts (H, W), 0 = none, of a frame whose camera has its pose (floor z = 0)."""
-        above = world_points(frame)[..., 2] > self.margin  # NaN where no depth: not above
-        whole = above & ~concave_creases(frame, np.cos(np.radians(self.crease)), self.reach)
-        return large_parts(depth_parts(frame.depth, whole, self.jump), self.smallest)
-
     def _scene(self, frame: Frame, grid: GridSpec) -> tuple[Float32, Any]:
         """Distances (X, Y, Z) metres and the part (X, Y, Z) int32 that each voxel belongs to."""
-        labels, points = self.parts(frame), world_points(frame)
+        labels, points = self.parts.segment(frame), world_points(frame)
         distance = np.full(grid.shape, grid.truncation, np.float32)
         owner = np.zeros(grid.shape, np.int32)
         nearest = np.full(grid.shape, np.inf, np.float32)

@@ -31,6 +31,7 @@ class SeenParts:
         reach: on either side, between which a bend is measured (pixels of an image 640 wide).
         smallest: parts of fewer pixels (of an image 640 wide) are dropped.
         lowest: parts that rise no higher above the floor (m) are noise of it.
+        grow: whether pixels of creases join parts; without it they are none's.
 
     Raises:
         ConfigError: a negative margin, or another number that isn't positive.
@@ -44,6 +45,8 @@ class SeenParts:
         reach: float = 8.0,
         smallest: float = 500.0,
         lowest: float = 0.0,
+        *,
+        grow: bool = True,
     ) -> None:
         positive = min(jump, crease, reach, smallest) > 0
         if not (positive and margin >= 0 and lowest >= 0):
@@ -53,11 +56,19 @@ class SeenParts:
                 "least 0 and the others positive"
             )
         self.margin, self.jump, self.crease = margin, jump, crease
-        self.reach, self.smallest, self.lowest = reach, smallest, lowest
+        self.reach, self.smallest, self.lowest, self.grow = reach, smallest, lowest, grow
 
     def with_margin(self, margin: float) -> Self:
         """The same at another margin (m)."""
-        return type(self)(margin, self.jump, self.crease, self.reach, self.smallest, self.lowest)
+        return type(self)(
+            margin,
+            self.jump,
+            self.crease,
+            self.reach,
+            self.smallest,
+            self.lowest,
+            grow=self.grow,
+        )
 
     def segment(self, frame: Frame) -> Int32:
         """Parts (H, W), 0 = none, of a frame whose camera has its pose (floor z = 0)."""
@@ -68,7 +79,9 @@ class SeenParts:
         smooth = above & ~concave_creases(frame, float(np.cos(np.radians(self.crease))), reach)
         smallest = max(1, round(self.smallest * scale**2))
         parts = large_parts(depth_parts(frame.depth, smooth, self.jump), smallest)
-        return _high(grown(parts, above, frame.depth), heights, self.lowest)
+        if self.grow:
+            parts = grown(parts, above, frame.depth)
+        return _high(parts, heights, self.lowest)
 
 
 def _high(parts: Int32, heights: Float64, lowest: float) -> Int32:

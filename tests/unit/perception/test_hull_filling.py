@@ -6,12 +6,15 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from scenefw.core.batches import PartialTSDF
-from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.errors import InputError
 from scenefw.core.geometry import look_at
 from scenefw.core.types import Camera, GridSpec
 from scenefw.kernels.cameras import camera_of, stack_cameras
 from scenefw.mapping.projective import Projective
 from scenefw.perception.hull_filling import HullFilling, _farthest
+from scenefw.perception.seen_parts import SeenParts
+
+METHOD = HullFilling(SeenParts(0.01, 0.02, 25.0, 6, 800, grow=False))
 
 
 def box_depth(camera, low, high):
@@ -41,7 +44,7 @@ def seen(request):
 
 def test_a_box_is_filled(seen):
     partial, grid, distance = seen
-    first, second = HullFilling(reach=3).complete(partial, grid, 2, None)
+    first, second = METHOD.complete(partial, grid, 2, None)
     assert second is first
     tsdf, instances = first.tsdf, first.instances
     inside = tsdf[0].numpy() < 0
@@ -55,7 +58,7 @@ def test_a_box_is_filled(seen):
 
 def test_nothing_lies_in_free_space_or_below_the_floor(seen):
     partial, grid, _ = seen
-    tsdf = HullFilling(reach=3).complete(partial, grid, 1, None)[0].tsdf
+    tsdf = METHOD.complete(partial, grid, 1, None)[0].tsdf
     free = partial.observed[0, 0] & (partial.distance[0, 0] >= grid.truncation)
     assert (tsdf[0][free] < 0).float().mean() < 0.001
     assert not (tsdf[0][..., grid.centres()[0, 0, :, 2] < 0] < 0).any()
@@ -66,7 +69,7 @@ def test_an_empty_floor_is_empty(seen):
     camera = camera_of(partial.cameras, 0)
     bare = torch.from_numpy(box_depth(camera, np.full(3, 9.0), np.full(3, 9.1)))[None]
     empty = Projective().fuse(bare, grid, partial.cameras)
-    (found,) = HullFilling().complete(empty, grid, 1, None)
+    (found,) = METHOD.complete(empty, grid, 1, None)
     assert (found.tsdf > 0).all()
     assert not found.instances.any()
 
@@ -92,10 +95,8 @@ def test_cameras_survive_batches():
     assert (found.width, found.fy) == (32, 31.0)
 
 
-def test_bad_settings_and_missing_images_are_named():
-    with pytest.raises(ConfigError, match="jump"):
-        HullFilling(jump=0)
+def test_missing_images_are_named():
     grid = GridSpec(resolution=4)
     volume = torch.ones(1, 1, *grid.shape)
     with pytest.raises(InputError, match="depth images"):
-        HullFilling().complete(PartialTSDF(volume, volume > 0), grid, 1, None)
+        METHOD.complete(PartialTSDF(volume, volume > 0), grid, 1, None)

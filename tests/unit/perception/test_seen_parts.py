@@ -76,6 +76,9 @@ def test_concave_creases_cut_and_belong_to_the_parts_beside_them(size):
     assert (found[:, : width // 2] == found[0, 0]).mean() > 0.95
     assert (found[:, width // 2 :] == found[0, -1]).mean() > 0.95
     assert found[0, 0] != found[0, -1]
+    lines = SeenParts(grow=False).segment(folded(60, *size))
+    assert 0 < (lines == 0).mean() < 0.2
+    assert (lines[lines > 0] == found[lines > 0]).all()
     assert SeenParts().segment(folded(-60, *size)).max() == 1
     assert SeenParts(crease=180).segment(folded(60, *size)).max() == 1
 

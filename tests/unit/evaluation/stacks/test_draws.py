@@ -15,6 +15,7 @@ from scenefw.evaluation.stacks.draws import DrawScoring, Truth, owners_of, pairs
 from scenefw.evaluation.stacks.references import PartialSurface
 from scenefw.evaluation.stacks.training_mean import TrainingMean
 from scenefw.perception.hull_filling import HullFilling
+from scenefw.perception.seen_parts import SeenParts
 from scenefw.postprocessing.connected_components import ConnectedComponents
 from scenefw.representations.volumes import scene_volumes
 
@@ -119,7 +120,7 @@ def test_the_training_mean_is_that_of_its_scenes(resolution):
 @pytest.fixture(scope="module")
 def result():
     methods = {
-        "hull_filling": HullFilling(reach=2, smallest=20),
+        "hull_filling": HullFilling(SeenParts(0.01, 0.02, 25.0, 8, 320, grow=False)),
         "partial_tsdf": PartialSurface(ConnectedComponents()),
         "nothing": Nothing(),
     }
