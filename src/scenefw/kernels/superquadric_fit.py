@@ -103,6 +103,8 @@ def _evaluate(i, base, places, sigmas, objects, states, work, settings, limit):
         ux = log(_far(lx)) - ax
         uy = log(_far(ly)) - ay
         uz = log(_far(lz)) - az
+        if not on_surface and max(ux, uy, uz) >= _ZERO:
+            continue  # beyond the box, and the gauge is no less than any of them
         gauge = _gauge(ux, uy, uz, rx, ry, rz)
         if not on_surface and gauge >= _ZERO:
             continue
