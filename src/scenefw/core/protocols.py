@@ -169,6 +169,11 @@ class ShapeFit(Protocol):
     def fit(self, evidence: Sequence[Evidence]) -> list[FittedSuperquadric]:
         """The best one for the evidence about each object; each has at least four points."""
 
+    def draws(
+        self, evidence: Sequence[Evidence], count: int, generator: np.random.Generator
+    ) -> list[list[FittedSuperquadric]]:
+        """`count` such lists: the best one, and then others that the evidence allows."""
+
 
 class Result(Protocol):
     """What an evaluation found."""
