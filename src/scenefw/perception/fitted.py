@@ -75,13 +75,6 @@ class Fitted:
         self.near, self.explained, self.least, self.lowest = near, explained, least, lowest
         self.grid, self.metadata = inner.grid, inner.metadata
 
-    def reconstruct(
-        self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
-    ) -> list[tuple[Tensor, Tensor]]:
-        """`samples` pairs of TSDF (B, X, Y, Z) in metres and instances (B, X, Y, Z) int32."""
-        found = self.complete(partial, grid, samples, generator)
-        return [(scenes.tsdf, scenes.instances) for scenes in found]
-
     def complete(
         self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
     ) -> list[Completion]:

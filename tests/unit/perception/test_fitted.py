@@ -61,7 +61,7 @@ def test_boxes_come_out_sharp_and_whole(resolution):
     volume = torch.zeros(1, 1, *view.grid.shape)
     without = PartialTSDF(volume, volume > 0)
     with pytest.raises(InputError, match="depth images"):
-        method.reconstruct(without, view.grid, 1, torch.Generator())
+        method.complete(without, view.grid, 1, torch.Generator())
 
 
 def test_draws_differ_in_what_is_hidden_and_agree_in_what_is_seen():
