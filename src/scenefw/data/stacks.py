@@ -15,9 +15,11 @@ from scenefw.core import geometry
 from scenefw.core.batches import SceneParameters
 from scenefw.core.errors import ConfigError, StorageError
 from scenefw.core.final_split import FINAL, look
+from scenefw.core.types import Pose, SceneObject
 from scenefw.kernels.transfer import to_device
 from scenefw.representations.volumes import require_solids
 from scenefw.scenes.splits import SPLITS
+from scenefw.shapes.superquadric import Superquadric
 
 SHIPPED = {
     "stacks_v2": "superquadric_stacks_v2.npz",
@@ -83,6 +85,22 @@ class StackScenes:
         chosen = torch.as_tensor(indices, dtype=torch.int64).cpu()
         (rows,) = to_device([chosen.numpy()], device)
         return _each(self._on(device), lambda field: field.index_select(0, rows))
+
+    def objects(self, row: int) -> tuple[SceneObject, ...]:
+        """The objects of the scene at a position in this split, as rigid bodies."""
+        one = _each(self._resident[torch.device("cpu")], lambda field: field[row])
+        axes, exponents, rotations, positions = (
+            getattr(one, name).numpy().astype(np.float64)
+            for name in ("half_axes", "exponents", "rotations", "positions")
+        )
+        return tuple(
+            SceneObject(
+                Superquadric(axes[i], exponents[i]),
+                Pose(positions[i], geometry.quaternion_from_rotation(rotations[i])),
+                float(self.masses[row, i]),
+            )
+            for i in np.flatnonzero(one.present.numpy())
+        )
 
     def _on(self, device: torch.device) -> SceneParameters:
         if device not in self._resident:
