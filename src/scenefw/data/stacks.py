@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Sequence
 from importlib import resources
 from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 import torch
@@ -32,6 +33,25 @@ SHIPPED = {
 FINAL_PARTS = tuple(name for name in SHIPPED if name.endswith("_v2"))
 _LATEST = "_v2"  # what a name without a version means
 _SHAPES = {"half_axes": 3, "exponents": 3, "positions": 3, "quaternions": 4}
+
+
+class SceneSet(Protocol):
+    """Scenes of one split of a data set, to look at and to simulate."""
+
+    @property
+    def indices(self) -> np.ndarray:
+        """(S,) numbers of the scenes in the data set."""
+
+    def __len__(self) -> int:
+        """Scenes of the split."""
+
+    def objects(self, row: int) -> tuple[SceneObject, ...]:
+        """The objects of the scene at a position in this split, as rigid bodies."""
+
+    def parameters(
+        self, indices: Tensor | list[int], device: torch.device | str | None = None
+    ) -> Any:
+        """The scenes of the given positions, as a `ViewMaker` takes them."""
 
 
 class StackScenes:

@@ -15,6 +15,11 @@ def collision_hulls(shape: Shape, tolerance: float, margin: float) -> list[Array
     """Points (K, 3) of the convex parts that a shape collides as, as of `collision_hull`."""
     if not isinstance(shape, SolidMesh):
         return [collision_hull(shape, tolerance, margin)]
+    return _mesh_hulls(shape, tolerance, margin)
+
+
+@lru_cache(maxsize=256)  # by identity; a folder's meshes come back in every scene
+def _mesh_hulls(shape: SolidMesh, tolerance: float, margin: float) -> list[Array]:
     return [_drawn_in(part, tolerance, margin) for part in shape.parts or (shape.vertices,)]
 
 

@@ -28,11 +28,13 @@ class SolidMesh:
         vertices: (V, 3) m.
         faces: (F, 3), counter-clockwise from outside.
         parts: corners (K, 3) of the convex parts that it collides as (m); none: its convex hull.
+        name: of where it comes from; empty if it has none.
     """
 
     vertices: Float64
     faces: NDArray[np.int64]
     parts: tuple[Float64, ...] = ()
+    name: str = ""
 
     def mesh(self) -> TriangleMesh:
         """Its surface."""

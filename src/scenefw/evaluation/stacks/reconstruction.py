@@ -18,7 +18,7 @@ from scenefw.core.protocols import (
     Track,
 )
 from scenefw.core.types import Camera, Float64, GridSpec
-from scenefw.data.stacks import StackScenes
+from scenefw.data.stacks import SceneSet
 from scenefw.data.views import ViewBatch, ViewMaker, Viewpoints
 from scenefw.evaluation.stacks.draw_results import DrawsResult, DrawView
 from scenefw.evaluation.stacks.draws import DrawScoring, Truth
@@ -72,7 +72,7 @@ class ReconstructionEvaluation:
 
     def __init__(
         self,
-        scenes: StackScenes,
+        scenes: SceneSet,
         methods: Mapping[str, Reconstructor | None],
         viewpoints: Viewpoints,
         renderer: Renderer,

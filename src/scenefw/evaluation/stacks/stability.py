@@ -12,7 +12,7 @@ from scenefw.core.batches import Completion
 from scenefw.core.errors import ConfigError
 from scenefw.core.protocols import Engine, MappingMethod, Noise, Renderer, Track
 from scenefw.core.types import GridSpec, SceneObject
-from scenefw.data.stacks import StackScenes
+from scenefw.data.stacks import SceneSet
 from scenefw.data.views import ViewMaker, Viewpoints
 from scenefw.evaluation.stacks.seen_scenes import SceneViews, SeenScene, Streams
 from scenefw.evaluation.stacks.stability_results import TRUTH, Pile, StabilityResult, ViewPiles
@@ -57,7 +57,7 @@ class StabilityEvaluation:
 
     def __init__(
         self,
-        scenes: StackScenes,
+        scenes: SceneSet,
         methods: Mapping[str, Completing | None],
         viewpoints: Viewpoints,
         renderer: Renderer,

@@ -17,6 +17,7 @@ _NAMES = {
     "fitted": "predictions, superquadrics fitted to the view",
     "fitted_hulls": "superquadrics fitted to parts of the image (no learning)",
 }
+_THESIS = "SIMstack (thesis, superquadrics)"
 _RANGED = ("displacement", "displacement_median", "stable")
 _BY_VISIBILITY = {
     "displacement": "Displacement, mean (cm)",
@@ -46,14 +47,14 @@ def stability_table(result: StabilityResult) -> Table:
     published = result.measures.get("drawn/displacement")
     if published and published.published is not None:
         empty: tuple[Cell, ...] = (None,) * (len(columns) - 1)
-        rows.append(("SIMstack (thesis)", (published.shown(published.published), *empty)))
+        rows.append((_THESIS, (published.shown(published.published), *empty)))
     note = (
         f"{len(result.views)} views of {len({view.scene for view in result.views})} test scenes, "
         f"{result.steps} steps each. Displacement: of the objects of a pile on average. Stable: no "
         f"centre moves by {100 * result.furthest:g} cm or more, no object turns by "
         f"{result.steepest:g}° or more. Ranges: 95 % bootstrap bounds over scenes."
     )
-    quoted = frozenset({_name(TRUTH), "SIMstack (thesis)"})
+    quoted = frozenset({_name(TRUTH), _THESIS})
     return Table("Piles under gravity", tuple(columns), tuple(rows), quoted, note)
 
 

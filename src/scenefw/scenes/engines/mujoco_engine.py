@@ -159,6 +159,7 @@ class MujocoEngine:
         spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         spec.option.impratio = 10  # or resting things slide
+        spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # keeps what is lost lost
         self._geometry(spec.worldbody, type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0, 0, 1))
         for handle, item in self._objects.items():
             self._body(spec, handle, item)
