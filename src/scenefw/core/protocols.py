@@ -24,7 +24,16 @@ if TYPE_CHECKING:
     )
     from scenefw.core.evidence import Evidence, FittedSuperquadric
     from scenefw.core.measures import Measure
-    from scenefw.core.types import Camera, Float64, GridSpec, Pose, Scene, SceneObject, Shape
+    from scenefw.core.types import (
+        Camera,
+        Float64,
+        GridSpec,
+        Pose,
+        Scene,
+        SceneEstimate,
+        SceneObject,
+        Shape,
+    )
 
 Item = TypeVar("Item")
 
@@ -174,6 +183,18 @@ class ShapeFit(Protocol):
 
     def fit(self, evidence: Sequence[Evidence]) -> list[FittedSuperquadric]:
         """The best one for the evidence about each object; each has at least four points."""
+
+    def draws(
+        self, evidence: Sequence[Evidence], count: int, generator: np.random.Generator
+    ) -> list[list[FittedSuperquadric]]:
+        """`count` such lists: the best one, and then others that the evidence allows."""
+
+
+class Settling(Protocol):
+    """Lets predicted objects come to rest (group `settling`)."""
+
+    def settle(self, scenes: Sequence[SceneEstimate]) -> list[SceneEstimate]:
+        """Scenes of one image after that; `details["settled"]` of each says what moved how far."""
 
 
 class Result(Protocol):

@@ -13,9 +13,11 @@ from scenefw.fitting.placed import in_frame_of, shape_of
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.random import Generator
+
     from scenefw.core.evidence import Evidence, FittedSuperquadric
     from scenefw.core.types import Float64
-    from scenefw.fitting.superquadrics import SuperquadricFit
+    from scenefw.fitting.superquadrics import Sizes, SuperquadricFit
 
 _GROWTH = 0.03  # m, of half-axes in one round
 _SHELLS = (0.95, 0.7, 0.4)  # of sizes: objects that coincide have no surface inside each other
@@ -50,7 +52,32 @@ class JointFit:
 
     def fit(self, evidence: Sequence[Evidence]) -> list[FittedSuperquadric]:
         """The best superquadric for each."""
-        fitted = self.inner.fit(evidence)
+        return self._apart(evidence, self.inner.fit(evidence))
+
+    def draws(
+        self, evidence: Sequence[Evidence], count: int, generator: Generator
+    ) -> list[list[FittedSuperquadric]]:
+        """The best superquadrics, and then draws that don't penetrate each other either.
+
+        Args:
+            evidence: about each object.
+            count: of results, with the best ones.
+            generator: of random numbers, for other expected sizes.
+        """
+        alone = self.inner.fit(evidence)
+        found = [self._apart(evidence, alone)]
+        for _ in range(count - 1):
+            sizes = self.inner.sizes(len(evidence), generator)
+            found.append(self._apart(evidence, self.inner.refit(evidence, alone, sizes), sizes))
+        return found
+
+    def _apart(
+        self,
+        evidence: Sequence[Evidence],
+        fitted: list[FittedSuperquadric],
+        sizes: Sizes | None = None,
+    ) -> list[FittedSuperquadric]:
+        """Fitted again until none penetrates another, or rounds are over."""
         for number in range(1, self.rounds + 1):
             shells = [self._shells(one) for one in fitted]
             if not _overlap(fitted, _placed(fitted, shells, 1.0)):
@@ -60,7 +87,7 @@ class JointFit:
                 self._with(one, _near(fitted[k], _others(places, k)))
                 for k, one in enumerate(evidence)
             ]
-            fitted = self.inner.refit(joint, fitted)
+            fitted = self.inner.refit(joint, fitted, sizes)
         return fitted
 
     def _with(self, evidence: Evidence, others: Float64) -> Evidence:

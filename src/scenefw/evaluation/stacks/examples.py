@@ -10,7 +10,7 @@ from scenefw.core import rng
 from scenefw.core.errors import ConfigError
 from scenefw.core.protocols import MappingMethod, Noise, Reconstructor, Renderer
 from scenefw.core.types import Camera, Float32, GridSpec, Int32
-from scenefw.data.stacks import StackScenes
+from scenefw.data.stacks import SceneSet
 from scenefw.data.views import ViewMaker, Viewpoints
 from scenefw.kernels.cameras import camera_of
 from scenefw.matching.instances import renumbered_like
@@ -68,7 +68,7 @@ class Examples:
 
     def __init__(
         self,
-        scenes: StackScenes,
+        scenes: SceneSet,
         method: Reconstructor,
         viewpoints: Viewpoints,
         renderer: Renderer,

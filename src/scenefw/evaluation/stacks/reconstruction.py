@@ -18,7 +18,7 @@ from scenefw.core.protocols import (
     Track,
 )
 from scenefw.core.types import Camera, Float64, GridSpec
-from scenefw.data.stacks import StackScenes
+from scenefw.data.stacks import SceneSet
 from scenefw.data.views import ViewBatch, ViewMaker, Viewpoints
 from scenefw.evaluation.side_by_side import side_by_side
 from scenefw.evaluation.stacks.draw_results import DrawsResult, DrawView
@@ -74,7 +74,7 @@ class ReconstructionEvaluation:
 
     def __init__(
         self,
-        scenes: StackScenes,
+        scenes: SceneSet,
         methods: Mapping[str, Reconstructor | None],
         viewpoints: Viewpoints,
         renderer: Renderer,

@@ -11,7 +11,7 @@ from scenefw.core import rng
 from scenefw.core.errors import InputError
 from scenefw.core.protocols import Reconstructor
 from scenefw.core.types import Camera, Float64, GridSpec
-from scenefw.data.stacks import StackScenes
+from scenefw.data.stacks import SceneSet
 from scenefw.data.views import ViewBatch, ViewMaker
 from scenefw.evaluation.stacks.draws import VISIBLE_POINTS, Truth
 from scenefw.evaluation.stacks.surface_scores import Surfaces
@@ -106,7 +106,7 @@ class SceneViews:
         self.makers, self.visible = makers, visible
         self.seed, self.device = seed, device
 
-    def see(self, scenes: StackScenes, row: int, view: int, streams: Streams) -> SeenScene:
+    def see(self, scenes: SceneSet, row: int, view: int, streams: Streams) -> SeenScene:
         """One view of one scene of a split."""
         parameters = scenes.parameters([row], self.device)
         batches = {
