@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
+    from pathlib import Path
 
     import numpy as np
     import torch
@@ -18,7 +19,16 @@ if TYPE_CHECKING:
     from scenefw.core.batches import CameraBatch, PartialTSDF, SceneParameters, SceneVolumes
     from scenefw.core.evidence import Evidence, FittedSuperquadric
     from scenefw.core.measures import Measure
-    from scenefw.core.types import Camera, Float64, GridSpec, Pose, Scene, SceneObject, Shape
+    from scenefw.core.types import (
+        Camera,
+        Float64,
+        GridSpec,
+        Pose,
+        Scene,
+        SceneEstimate,
+        SceneObject,
+        Shape,
+    )
 
 Item = TypeVar("Item")
 
@@ -168,6 +178,28 @@ class ShapeFit(Protocol):
 
     def fit(self, evidence: Sequence[Evidence]) -> list[FittedSuperquadric]:
         """The best one for the evidence about each object; each has at least four points."""
+
+
+class SceneFormat(Protocol):
+    """A file format of scene estimates (group `export`)."""
+
+    @property
+    def suffix(self) -> str:
+        """Of its files, with the dot."""
+
+    def write(
+        self, path: Path, estimate: SceneEstimate, colours: Sequence[Sequence[float]]
+    ) -> None:
+        """Writes a scene, and what the file refers to into a folder of its name beside it.
+
+        Args:
+            path: the file, replaced as a whole.
+            estimate: the scene, world frame, metres.
+            colours: red, green, blue in [0, 1] of each object.
+
+        Raises:
+            StorageError: a file can't be written.
+        """
 
 
 class Result(Protocol):

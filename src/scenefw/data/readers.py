@@ -12,7 +12,7 @@ from PIL import Image, UnidentifiedImageError
 from scenefw.core.errors import EmptyImageError, InputError
 from scenefw.core.files import in_order, unreadable
 from scenefw.core.types import Frame
-from scenefw.data.intrinsics import camera_from_matrix, read_intrinsics
+from scenefw.data.intrinsics import Intrinsics, camera_from_matrix, intrinsic_matrix
 
 Array = NDArray[Any]
 
@@ -29,7 +29,7 @@ _COLOUR_WORDS = ("rgb", "color", "colour")
 
 
 def read_frames(
-    path: Path | str, *, intrinsics: Path | str | None = None, depth_scale: float = 0.001
+    path: Path | str, *, intrinsics: Intrinsics | None = None, depth_scale: float = 0.001
 ) -> list[Frame]:
     """All frames at a path: one image, or those of a folder by name, 2 before 10.
 
@@ -63,7 +63,7 @@ def find_images(path: Path | str) -> list[Path]:
 
 
 def read_frame(
-    path: Path | str, *, intrinsics: Path | str | None = None, depth_scale: float = 0.001
+    path: Path | str, *, intrinsics: Intrinsics | None = None, depth_scale: float = 0.001
 ) -> Frame:
     """One frame; its camera stands at the origin until a floor is found.
 
@@ -75,7 +75,8 @@ def read_frame(
 
     Args:
         path: a .npz, .png or .npy file.
-        intrinsics: file for .png and .npy; None looks beside for NAME.json, intrinsics.json ...
+        intrinsics: of .png and .npy, a file or what else `intrinsic_matrix` takes; None looks
+            beside for NAME.json, intrinsics.json ...
         depth_scale: metres per unit of integer depth.
 
     Raises:
@@ -159,7 +160,7 @@ def check_depth(depth: Array, name: str) -> NDArray[np.float32]:
     return clean
 
 
-def _read_npz(path: Path, intrinsics: Path | str | None, depth_scale: float) -> Frame:
+def _read_npz(path: Path, intrinsics: Intrinsics | None, depth_scale: float) -> Frame:
     with np.load(path, allow_pickle=False) as file:
         content = {key: file[key] for key in file.files}
     depth = _npz_depth(content, path)
@@ -167,7 +168,7 @@ def _read_npz(path: Path, intrinsics: Path | str | None, depth_scale: float) -> 
         raise InputError(
             f"{path} has no intrinsics K (3, 3); store them in it or give run.intrinsics=PATH"
         )
-    matrix = content["K"] if intrinsics is None else read_intrinsics(Path(intrinsics))
+    matrix = content["K"] if intrinsics is None else intrinsic_matrix(intrinsics, path.name)
     return _frame(depth, matrix, path, colour=content.get("rgb"), labels=_npz_labels(content))
 
 
@@ -188,7 +189,7 @@ def _npz_labels(content: dict[str, Array]) -> Array | None:
     return decode_labels(content["label"]) if "label" in content else None
 
 
-def _read_png(path: Path, intrinsics: Path | str | None, depth_scale: float) -> Frame:
+def _read_png(path: Path, intrinsics: Intrinsics | None, depth_scale: float) -> Frame:
     with Image.open(path) as image:
         if not image.mode.startswith("I"):
             raise InputError(
@@ -198,14 +199,14 @@ def _read_png(path: Path, intrinsics: Path | str | None, depth_scale: float) -> 
     return _frame(values * np.float32(depth_scale), _matrix(path, intrinsics), path)
 
 
-def _read_npy(path: Path, intrinsics: Path | str | None, depth_scale: float) -> Frame:
+def _read_npy(path: Path, intrinsics: Intrinsics | None, depth_scale: float) -> Frame:
     values = np.load(path, allow_pickle=False)
     if not np.issubdtype(values.dtype, np.floating):
         values = values * np.float32(depth_scale)
     return _frame(values, _matrix(path, intrinsics), path)
 
 
-_READERS: dict[str, Callable[[Path, Path | str | None, float], Frame]] = {
+_READERS: dict[str, Callable[[Path, Intrinsics | None, float], Frame]] = {
     ".npz": _read_npz,
     ".png": _read_png,
     ".npy": _read_npy,
@@ -233,15 +234,15 @@ def _frame(
     return Frame(depth, camera, colour, labels, path.stem)
 
 
-def _matrix(path: Path, intrinsics: Path | str | None) -> Array:
+def _matrix(path: Path, intrinsics: Intrinsics | None) -> Array:
     if intrinsics is not None:
-        return read_intrinsics(Path(intrinsics))
+        return intrinsic_matrix(intrinsics, path.name)
     stems = (path.stem, f"{path.stem}.intrinsics", *_INTRINSICS_STEMS)
     for stem in stems:
         for suffix in _INTRINSICS_SUFFIXES:
             candidate = path.with_name(stem + suffix)
             if candidate.is_file():
-                return read_intrinsics(candidate)
+                return intrinsic_matrix(candidate, path.name)
     raise InputError(
         f"no intrinsics for {path}; put {path.stem}.json or intrinsics.json with fx, fy, cx, cy "
         "beside it, or give run.intrinsics=PATH"

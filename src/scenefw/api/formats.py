@@ -1,0 +1,36 @@
+"""Which class writes which kind of file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from scenefw.core.errors import InputError
+from scenefw.export.scene_files import GLB, OBJ, PLY, Summary
+
+if TYPE_CHECKING:
+    from scenefw.core.protocols import SceneFormat
+
+_FORMATS: dict[str, type[Any]] = {one.suffix: one for one in (GLB, PLY, OBJ, Summary)}
+
+
+def writer(path: Path, settings: dict[str, Any]) -> SceneFormat:
+    """What writes a file of this name.
+
+    Args:
+        path: its suffix counts.
+        settings: arguments of the class.
+
+    Raises:
+        InputError: an unknown suffix or setting.
+    """
+    made = _FORMATS.get(path.suffix.lower())
+    if made is None:
+        raise InputError(
+            f"no format writes '{path.suffix}' of {path}; give one of {', '.join(_FORMATS)}"
+        )
+    try:
+        written: SceneFormat = made(**settings)
+    except TypeError as error:
+        raise InputError(f"{path.suffix} files: {error}; see docs/api.md") from error
+    return written
