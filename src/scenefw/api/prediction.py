@@ -62,8 +62,8 @@ class Prediction:
         """Writes a scene; the suffix chooses the format.
 
         Args:
-            path: `.glb`, `.ply`, `.obj` or `.json` as `run=predict` writes them; `.urdf` and `.xml`
-                (MJCF) for simulators.
+            path: `.glb`, `.ply`, `.obj`; `.json` with poses and sizes, `.superquadrics.json`;
+                `.urdf` and `.xml` (MJCF) for simulators.
             sample: which of the scenes.
             settings: of the format, such as `density=300.0` (kg/m^3) for simulators.
 

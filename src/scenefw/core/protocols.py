@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         SceneEstimate,
         SceneObject,
         Shape,
+        TriangleMesh,
     )
 
 Item = TypeVar("Item")
@@ -200,6 +201,13 @@ class SceneFormat(Protocol):
         Raises:
             StorageError: a file can't be written.
         """
+
+
+class CollisionShapes(Protocol):
+    """Says which convex shapes a simulator takes for an object (group `collision`)."""
+
+    def parts(self, mesh: TriangleMesh) -> Sequence[TriangleMesh]:
+        """Closed convex meshes that stand for a closed mesh."""
 
 
 class Result(Protocol):

@@ -75,11 +75,12 @@ def _object(item: ObjectEstimate, mesh_file: str | None) -> dict[str, Any]:
         },
         "confidence": float(item.confidence),
         "mesh": mesh_file,
-        "shape": None if item.placed is None else _shape(item.placed),
+        "shape": None if item.placed is None else shape_numbers(item.placed),
     }
 
 
-def _shape(placed: PlacedShape) -> dict[str, Any]:
+def shape_numbers(placed: PlacedShape) -> dict[str, Any]:
+    """Plain data of a shape: its `kind`, its own numbers, `position` and `quaternion`."""
     shape: Any = placed.shape
     return {
         "kind": type(shape).__name__.lower(),

@@ -11,6 +11,8 @@ from scenefw.core.types import ObjectEstimate, PlacedShape, Pose, TriangleMesh
 
 Array = NDArray[np.float64]
 
+_NO_VOLUME = 1e-12  # m^3
+
 
 def estimate_objects(
     meshes: Mapping[int, TriangleMesh],
@@ -36,21 +38,32 @@ def estimate_objects(
 def principal_pose(mesh: TriangleMesh) -> Pose:
     """Centre of mass and principal axes of the solid inside a watertight mesh, longest axis first.
 
-    First and second moments are integrated over the tetrahedra between the faces and the origin.
     Of the two directions of an axis the one whose largest component is positive is taken.
+    """
+    volume, centre, spread = moments(mesh)
+    if abs(volume) < _NO_VOLUME:
+        return Pose(centre, np.array([1.0, 0.0, 0.0, 0.0]))
+    _, axes = np.linalg.eigh(spread)
+    return Pose(centre, geometry.quaternion_from_rotation(_right_handed(axes[:, ::-1])))
+
+
+def moments(mesh: TriangleMesh) -> tuple[float, Array, Array]:
+    """Volume (m^3), centre of mass (3,) and covariance (3, 3) in m^2 of the solid inside a mesh.
+
+    First and second moments are integrated over the tetrahedra between the faces and the middle of
+    the vertices. A mesh without volume has its middle as the centre, and no covariance.
     """
     origin = mesh.vertices.mean(axis=0)
     corners = (mesh.vertices - origin)[mesh.faces]
     volumes = np.linalg.det(corners) / 6
     total = volumes.sum()
-    if abs(total) < 1e-12:
-        return Pose(origin, np.array([1.0, 0.0, 0.0, 0.0]))
+    if abs(total) < _NO_VOLUME:
+        return float(total), origin, np.zeros((3, 3))
     sums = corners.sum(axis=1)
     centre = volumes @ sums / (4 * total)
     second = np.einsum("f,fki,fkj->ij", volumes, corners, corners)
     second = (second + np.einsum("f,fi,fj->ij", volumes, sums, sums)) / (20 * total)
-    _, axes = np.linalg.eigh(second - np.outer(centre, centre))
-    return Pose(centre + origin, geometry.quaternion_from_rotation(_right_handed(axes[:, ::-1])))
+    return float(total), centre + origin, second - np.outer(centre, centre)
 
 
 def _estimate(label: int, mesh: TriangleMesh, confidence: float) -> ObjectEstimate:

@@ -7,7 +7,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ import numpy as np
 
 from scenefw.core.errors import ConfigError, InputError, StorageError
 from scenefw.core.files import require_writable
+from scenefw.core.protocols import SceneFormat
 from scenefw.core.types import SceneEstimate
 from scenefw.core.versions import versions
 from scenefw.data.readers import find_images, read_frame
@@ -46,6 +47,7 @@ class Predict:
         depth_scale: metres per unit of integer depth.
         overview: also draw pictures.
         hypotheses: also write what drawn codes give; how many, `pipeline.samples` says.
+        exports: what writes further files of each scene, by name.
 
     Raises:
         ConfigError: no input is given, or the depth scale is not positive.
@@ -61,6 +63,7 @@ class Predict:
         *,
         overview: bool = True,
         hypotheses: bool = True,
+        exports: Mapping[str, SceneFormat] | None = None,
     ) -> None:
         if input is None:
             raise ConfigError("run=predict needs input=PATH of a depth image or a folder of them")
@@ -73,6 +76,7 @@ class Predict:
         self.depth_scale = depth_scale
         self.overview = overview
         self.hypotheses = hypotheses
+        self.exports = dict(exports or {})
 
     def run(self) -> dict[str, float]:
         """Predicts all images; returns how many, how many failed, objects and seconds per image.
@@ -121,16 +125,22 @@ class Predict:
         else:
             estimate, others = self.pipeline.complete(view), []
         with _replacing_folder(folder) as temporary:
-            colours = _write_scene(temporary, estimate)
+            colours = self._write_scene(temporary, estimate)
             for number, other in enumerate(others, start=2):
                 (temporary / f"hypothesis_{number}").mkdir()
-                _write_scene(temporary / f"hypothesis_{number}", other)
+                self._write_scene(temporary / f"hypothesis_{number}", other)
             if self.overview:
                 partial = view.partial.distance[0, 0].cpu().numpy()
                 write_overview(temporary / "overview.png", estimate, partial, colours, frame)
             if self.overview and others:
                 save_picture(draw_hypotheses([estimate, *others]), temporary / "hypotheses.png")
         return estimate
+
+    def _write_scene(self, folder: Path, estimate: SceneEstimate) -> list[Colour]:
+        colours = _write_scene(folder, estimate)
+        for form in self.exports.values():
+            form.write(folder / f"scene{form.suffix}", estimate, colours)
+        return colours
 
 
 def _write_scene(folder: Path, estimate: SceneEstimate) -> list[Colour]:

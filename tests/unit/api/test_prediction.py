@@ -1,4 +1,5 @@
 import json
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
@@ -57,6 +58,17 @@ def test_json_has_numbers_of_any_sample(prediction, tmp_path):
     assert [item["mesh"] for item in told["objects"]] == [None, None]
     centre = prediction.samples[1].objects[0].pose.position
     np.testing.assert_allclose(told["objects"][0]["centre"], centre)
+
+
+@pytest.mark.parametrize(("name", "mass"), [("scene.urdf", "mass"), ("scene.xml", "inertial")])
+def test_scenes_for_simulators_have_masses(prediction, tmp_path, name, mass):
+    def total(density):
+        root = ET.parse(prediction.save(tmp_path / name, density=density)).getroot()
+        return sum(float(one.get("value") or one.get("mass")) for one in root.iter(mass))
+
+    boxes = 0.2 * 0.16 * 0.12 + 0.1 * 0.11 * 0.08
+    assert total(1000.0) == pytest.approx(1000 * boxes, rel=0.1)
+    assert total(250.0) == pytest.approx(total(1000.0) / 4)
 
 
 def test_pictures_show_objects_from_any_side(prediction):

@@ -10,6 +10,8 @@ from tests.unit.perception.test_pipeline import KnownBoxes
 
 from scenefw.core.errors import ConfigError, InputError, StorageError
 from scenefw.core.types import GridSpec
+from scenefw.export.superquadrics import Superquadrics
+from scenefw.export.urdf import URDF
 from scenefw.learning.checkpoint import save_checkpoint
 from scenefw.mapping.projective import Projective
 from scenefw.models.shape_instance_vae import ShapeInstanceVAE
@@ -77,6 +79,15 @@ def test_without_hypotheses_there_is_one_scene(tmp_path, pipeline):
     ]
     files = [*scene, "volumes.npz"]  # the network gives one volume more
     assert names(tmp_path / "out") == [f"view/{name}" for name in files]
+
+
+def test_further_files_are_written_for_every_scene(tmp_path, pipeline):
+    image = save(tmp_path / "view.npz")
+    exports = {"urdf": URDF(), "superquadrics": Superquadrics()}
+    Predict(image, pipeline, tmp_path / "out", overview=False, exports=exports).run()
+    for folder in ("view", "view/hypothesis_2"):
+        found = set(names(tmp_path / "out" / folder))
+        assert {"scene.urdf", "scene.superquadrics.json", "scene_urdf/object_02.urdf"} <= found
 
 
 def test_a_bad_image_does_not_lose_the_others(tmp_path, pipeline, capsys):
