@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from scenefw.api.prediction import Prediction
 from scenefw.core.errors import InputError
-from scenefw.data.arrays import colour_of, frame_of
+from scenefw.data.arrays import colour_of, frame_of, mask_of
 from scenefw.data.readers import read_frame
 
 if TYPE_CHECKING:
@@ -50,6 +50,7 @@ class Predictor:
         depth: ArrayLike | str | Path,
         intrinsics: Intrinsics | None = None,
         color: ArrayLike | None = None,
+        mask: ArrayLike | None = None,
         *,
         depth_scale: float = 0.001,
         name: str = "image",
@@ -64,6 +65,8 @@ class Predictor:
             intrinsics: of this image size: K (3, 3), the numbers fx fy cx cy, a dict of them, a
                 `Camera` or a file. May be None only if `depth` is a file that has them beside it.
             color: (H, W, 3) uint8, aligned with the depth; kept with the result, not looked at.
+            mask: (H, W) of what is known to be objects: booleans say where some are, whole numbers
+                which one a pixel shows (0 = none). Anything else above the floor is then ignored.
             depth_scale: metres per unit of integer depth.
             name: of the image, for messages and files.
 
@@ -71,8 +74,9 @@ class Predictor:
             InputError: the image is unusable; the message says how to mend it.
         """
         frame = _frame(depth, intrinsics, color, depth_scale, name)
+        known = None if mask is None else mask_of(mask, frame.depth.shape, frame.name)
         with self._computing():
-            view = self.pipeline.prepare(frame)
+            view = self.pipeline.prepare(frame, known)
             for warning in view.warnings:
                 warnings.warn(f"{frame.name}: {warning}", stacklevel=2)
             return Prediction(tuple(self.pipeline.hypotheses(view)))

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from PIL import Image, UnidentifiedImageError
 
 from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.files import unreadable
 from scenefw.core.types import Float32, Frame, Int32
 from scenefw.data.intrinsics import Intrinsics, camera_from_matrix, intrinsic_matrix
 from scenefw.data.poses import pose_of
@@ -48,8 +51,8 @@ def frame_of(
     )
 
 
-def mask_of(mask: ArrayLike, shape: tuple[int, ...], name: str) -> Int32:
-    """Ids of objects (H, W) of a mask, 0 = none; where booleans are true it is one object, 1.
+def mask_of(mask: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray[np.bool_] | Int32:
+    """A mask (H, W): booleans say where objects are, int32 which one, 0 = none.
 
     Args:
         mask: (H, W) booleans or whole numbers; those below 0 are none.
@@ -70,10 +73,32 @@ def mask_of(mask: ArrayLike, shape: tuple[int, ...], name: str) -> Int32:
             f"mask of {name} is of {given.dtype}; give booleans, or whole numbers that say which "
             "object a pixel shows (0 = none)"
         )
-    ids = np.maximum(given.astype(np.int32), 0)
-    if not ids.any():
+    if not (given > 0).any():
         raise InputError(f"mask of {name} holds no pixel; leave it out, or mark objects in it")
-    return ids
+    return given if given.dtype == np.bool_ else np.maximum(given, 0).astype(np.int32)
+
+
+def read_mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_] | Int32:
+    """A mask from a picture with one channel of 8 or 16 bits, as `mask_of` gives it.
+
+    A picture of a single value beside 0, such as 255, says where objects are; several values are
+    ids of objects.
+
+    Raises:
+        InputError: the file is missing, no such picture, of another size, or empty.
+    """
+    try:
+        with Image.open(path) as image:
+            if image.mode not in {"1", "L", "P"} and not image.mode.startswith("I"):
+                raise InputError(
+                    f"mask {path} is a picture of mode {image.mode}; give one channel of 8 or 16 "
+                    "bits, 0 = no object"
+                )
+            values = np.array(image)
+    except (OSError, UnidentifiedImageError) as error:
+        raise InputError(f"cannot read mask {path}: {unreadable(error)}; give a PNG") from error
+    several = len(np.unique(values[values > 0])) > 1
+    return mask_of(values if several else values > 0, shape, path.name)
 
 
 def _metres(depth: ArrayLike, scale: float, name: str) -> Float32:

@@ -17,8 +17,9 @@ import numpy as np
 from scenefw.core.errors import ConfigError, InputError, StorageError
 from scenefw.core.files import require_writable
 from scenefw.core.protocols import SceneFormat
-from scenefw.core.types import SceneEstimate
+from scenefw.core.types import Frame, SceneEstimate
 from scenefw.core.versions import versions
+from scenefw.data.arrays import read_mask
 from scenefw.data.readers import find_images, read_frame
 from scenefw.export.masks import write_masks
 from scenefw.export.meshes import write_glb, write_ply
@@ -48,6 +49,8 @@ class Predict:
         overview: also draw pictures.
         hypotheses: also write what drawn codes give; how many, `pipeline.samples` says.
         exports: what writes further files of each scene, by name.
+        masks: folder of masks of objects, NAME.png for each image, or such a file (see
+            `data.arrays.read_mask`); None = none are known.
 
     Raises:
         ConfigError: no input is given, or the depth scale is not positive.
@@ -64,6 +67,7 @@ class Predict:
         overview: bool = True,
         hypotheses: bool = True,
         exports: Mapping[str, SceneFormat] | None = None,
+        masks: str | Path | None = None,
     ) -> None:
         if input is None:
             raise ConfigError("run=predict needs input=PATH of a depth image or a folder of them")
@@ -77,6 +81,7 @@ class Predict:
         self.overview = overview
         self.hypotheses = hypotheses
         self.exports = dict(exports or {})
+        self.masks = None if masks is None else Path(masks)
 
     def run(self) -> dict[str, float]:
         """Predicts all images; returns how many, how many failed, objects and seconds per image.
@@ -117,7 +122,7 @@ class Predict:
             StorageError: the folder can't be written.
         """
         frame = read_frame(image, intrinsics=self.intrinsics, depth_scale=self.depth_scale)
-        view = self.pipeline.prepare(frame)
+        view = self.pipeline.prepare(frame, self._mask(image, frame))
         for warning in view.warnings:
             print(f"{frame.name}: {warning}", file=sys.stderr)
         if self.hypotheses:
@@ -135,6 +140,12 @@ class Predict:
             if self.overview and others:
                 save_picture(draw_hypotheses([estimate, *others]), temporary / "hypotheses.png")
         return estimate
+
+    def _mask(self, image: Path, frame: Frame) -> Any:
+        if self.masks is None:
+            return None
+        path = self.masks / f"{image.stem}.png" if self.masks.is_dir() else self.masks
+        return read_mask(path, frame.depth.shape)
 
     def _write_scene(self, folder: Path, estimate: SceneEstimate) -> list[Colour]:
         colours = _write_scene(folder, estimate)

@@ -31,6 +31,16 @@ def test_objects_samples_masks_and_camera(prediction):
     assert prediction.warnings == ()
 
 
+def test_a_mask_says_where_objects_are():
+    predictor = Predictor(Pipeline(KnownBoxes(GridSpec(resolution=32)), Projective(), samples=1))
+    frame = frame_of(CAMERA)
+    assert len(predictor.predict(frame.depth, CAMERA, mask=frame.labels > 0).objects) == 2
+    with pytest.raises(InputError, match="mask covers"):
+        predictor.predict(frame.depth, CAMERA, mask=frame.labels == 0)
+    with pytest.raises(InputError, match="mask of image has shape"):
+        predictor.predict(frame.depth, CAMERA, mask=frame.labels[1:] > 0)
+
+
 @pytest.mark.parametrize("suffix", [".glb", ".ply", ".obj", ".PLY"])
 def test_saved_scenes_hold_all_objects(prediction, tmp_path, suffix):
     path = prediction.save(tmp_path / f"scene{suffix}")

@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
+from PIL import Image
 from tests.unit.perception.synthetic import camera_at
 from tests.unit.perception.synthetic import frame_of as synthetic_frame
 
 from scenefw.core.errors import ConfigError, EmptyImageError, InputError
-from scenefw.data.arrays import frame_of, mask_of
+from scenefw.data.arrays import frame_of, mask_of, read_mask
 from scenefw.data.readers import read_frame
 
 CAMERA = camera_at(size=(80, 60))
@@ -93,6 +94,7 @@ def test_masks_are_booleans_or_ids():
     np.testing.assert_array_equal(mask_of(inside, DEPTH.shape, "x"), inside)
     ids = np.where(inside, 7, -1)
     np.testing.assert_array_equal(mask_of(ids, DEPTH.shape, "x"), np.where(inside, 7, 0))
+    assert mask_of(inside, DEPTH.shape, "x").dtype == bool
     for wrong, words in [
         (inside[1:], "shape"),
         (inside * 1.0, "float64"),
@@ -100,3 +102,27 @@ def test_masks_are_booleans_or_ids():
     ]:
         with pytest.raises(InputError, match=words):
             mask_of(wrong, DEPTH.shape, "x")
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_masks_of_files_are_regions_or_ids(tmp_path, dtype):
+    inside = np.median(DEPTH) < DEPTH
+    Image.fromarray((inside * 255).astype(dtype)).save(tmp_path / "region.png")
+    region = read_mask(tmp_path / "region.png", DEPTH.shape)
+    assert region.dtype == bool
+    np.testing.assert_array_equal(region, inside)
+    Image.fromarray(np.where(inside, 2, 5).astype(dtype)).save(tmp_path / "ids.png")
+    ids = read_mask(tmp_path / "ids.png", DEPTH.shape)
+    np.testing.assert_array_equal(ids, np.where(inside, 2, 5))
+
+
+def test_masks_that_are_none_are_one_line(tmp_path):
+    Image.new("RGB", (80, 60)).save(tmp_path / "colour.png")
+    (tmp_path / "text.png").write_text("no picture")
+    for name, words in [
+        ("missing.png", "cannot read mask .*missing"),
+        ("text.png", "cannot read mask"),
+        ("colour.png", "mode RGB; give one channel"),
+    ]:
+        with pytest.raises(InputError, match=words):
+            read_mask(tmp_path / name, DEPTH.shape)

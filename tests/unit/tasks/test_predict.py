@@ -90,6 +90,18 @@ def test_further_files_are_written_for_every_scene(tmp_path, pipeline):
         assert {"scene.urdf", "scene.superquadrics.json", "scene_urdf/object_02.urdf"} <= found
 
 
+def test_masks_say_which_objects_count(tmp_path, pipeline):
+    image = save(tmp_path / "in" / "view.npz")
+    task = Predict(image, pipeline, tmp_path / "out", overview=False, masks=tmp_path)
+    with pytest.raises(InputError, match=r"cannot read mask .*view\.png"):
+        task.run()
+    Image.fromarray(np.uint8(frame_of(CAMERA).labels == 0)).save(tmp_path / "view.png")
+    with pytest.raises(InputError, match="that the mask covers them"):
+        task.run()
+    Image.fromarray(np.uint8(frame_of(CAMERA).labels > 0)).save(tmp_path / "view.png")
+    assert task.run()["objects_per_image"] == 2
+
+
 def test_a_bad_image_does_not_lose_the_others(tmp_path, pipeline, capsys):
     for name in ("a", "c"):
         save(tmp_path / "in" / f"{name}.npz")
