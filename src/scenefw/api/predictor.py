@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from scenefw.api.prediction import Prediction
 from scenefw.core.errors import InputError
 from scenefw.data.arrays import colour_of, frame_of, mask_of
+from scenefw.data.layouts import MILLIMETRES
 from scenefw.data.readers import read_frame
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ class Predictor:
         color: ArrayLike | None = None,
         mask: ArrayLike | None = None,
         *,
-        depth_scale: float = 0.001,
+        depth_scale: float | None = None,
         name: str = "image",
     ) -> Prediction:
         """Complete objects of one depth image, as `run=predict` finds them.
@@ -67,7 +68,7 @@ class Predictor:
             color: (H, W, 3) uint8, aligned with the depth; kept with the result, not looked at.
             mask: (H, W) of what is known to be objects: booleans say where some are, whole numbers
                 which one a pixel shows (0 = none). Anything else above the floor is then ignored.
-            depth_scale: metres per unit of integer depth.
+            depth_scale: metres per unit of integer depth; None = 0.001, or that of a file's format.
             name: of the image, for messages and files.
 
         Raises:
@@ -86,7 +87,7 @@ def _frame(
     depth: ArrayLike | str | Path,
     intrinsics: Intrinsics | None,
     colour: ArrayLike | None,
-    scale: float,
+    scale: float | None,
     name: str,
 ) -> Frame:
     if isinstance(depth, str | Path):
@@ -98,4 +99,5 @@ def _frame(
         raise InputError(
             f"no intrinsics of {name}; give K (3, 3), or the numbers fx, fy, cx, cy in pixels"
         )
-    return frame_of(depth, intrinsics, colour, depth_scale=scale, name=name)
+    unit = MILLIMETRES if scale is None else scale
+    return frame_of(depth, intrinsics, colour, depth_scale=unit, name=name)

@@ -28,7 +28,7 @@ class Examine:
         examiner: makes the checks.
         output: where the pictures go.
         intrinsics: file with the intrinsics of .png and .npy images; None looks beside them.
-        depth_scale: metres per unit of integer depth.
+        depth_scale: metres per unit of integer depth; None = that of the format, else millimetres.
         masks: as of `run=predict`.
 
     Raises:
@@ -41,12 +41,12 @@ class Examine:
         examiner: Examiner,
         output: str | Path = "outputs",
         intrinsics: str | Path | None = None,
-        depth_scale: float = 0.001,
+        depth_scale: float | None = None,
         masks: str | Path | None = None,
     ) -> None:
         if input is None:
             raise ConfigError("run=doctor needs input=PATH of a depth image or a folder of them")
-        if not depth_scale > 0:
+        if depth_scale is not None and not depth_scale > 0:
             raise ConfigError(f"run.depth_scale = {depth_scale}: expected metres per unit, above 0")
         self.input, self.output = Path(input), Path(output)
         self.examiner = examiner

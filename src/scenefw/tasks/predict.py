@@ -45,7 +45,7 @@ class Predict:
         pipeline: makes the scene of an image.
         output: where the folders go.
         intrinsics: file with the intrinsics of .png and .npy images; None looks beside them.
-        depth_scale: metres per unit of integer depth.
+        depth_scale: metres per unit of integer depth; None = that of the format, else millimetres.
         overview: also draw pictures.
         hypotheses: also write what drawn codes give; how many, `pipeline.samples` says.
         exports: what writes further files of each scene, by name.
@@ -62,7 +62,7 @@ class Predict:
         pipeline: Pipeline,
         output: str | Path = "outputs",
         intrinsics: str | Path | None = None,
-        depth_scale: float = 0.001,
+        depth_scale: float | None = None,
         *,
         overview: bool = True,
         hypotheses: bool = True,
@@ -71,7 +71,7 @@ class Predict:
     ) -> None:
         if input is None:
             raise ConfigError("run=predict needs input=PATH of a depth image or a folder of them")
-        if not depth_scale > 0:
+        if depth_scale is not None and not depth_scale > 0:
             raise ConfigError(f"run.depth_scale = {depth_scale}: expected metres per unit, above 0")
         self.input = Path(input)
         self.pipeline = pipeline
