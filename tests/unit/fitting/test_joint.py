@@ -46,6 +46,14 @@ def test_objects_back_to_back_share_no_place():
         assert len(found.distances) == len(given.points)
 
 
+def test_no_draw_of_two_objects_shares_a_place():
+    thin = [shown((-0.02, 0, 0), -1), shown((0.02, 0, 0), 1)]
+    draws = JointFit(ALONE, rounds=3).draws(thin, 5, np.random.default_rng(0))
+    alone = ALONE.draws(thin, 5, np.random.default_rng(0))
+    for joint, apart in zip(draws, alone, strict=True):
+        assert overlap(*joint) < 0.3 * overlap(*apart)
+
+
 def test_objects_apart_stay_as_they_are():
     away = [shown((-0.15, 0, 0), -1), shown((0.15, 0, 0), 1)]
     for joint, alone in zip(JointFit(ALONE).fit(away), ALONE.fit(away), strict=True):

@@ -11,7 +11,7 @@ from scenefw.core.geometry import look_at
 from scenefw.core.types import Camera, GridSpec
 from scenefw.kernels.cameras import camera_of, stack_cameras
 from scenefw.mapping.projective import Projective
-from scenefw.perception.hull_filling import HullFilling
+from scenefw.perception.hull_filling import HullFilling, _farthest
 
 
 def box_depth(camera, low, high):
@@ -68,6 +68,18 @@ def test_an_empty_floor_is_empty(seen):
     tsdf, instances = HullFilling().reconstruct(empty, grid, 1, None)[0]
     assert (tsdf > 0).all()
     assert not instances.any()
+
+
+def test_distances_are_those_to_the_farthest_plane_of_all():
+    rng = np.random.default_rng(3)
+    planes = rng.normal(size=(50, 4))
+    planes[:, :3] /= np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
+    planes[:, 3] = -0.3
+    places = rng.uniform(-0.6, 0.6, (4000, 3))
+    true = (places @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+    assert 500 < (true < 0.2).sum() < 3500
+    found = _farthest(planes, places, 0.2)
+    assert np.allclose(np.minimum(found, 0.2), np.minimum(true, 0.2), atol=1e-12)
 
 
 def test_cameras_survive_batches():

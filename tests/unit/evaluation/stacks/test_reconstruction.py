@@ -80,7 +80,7 @@ def result():
         "partial_tsdf": PartialSurface(ConnectedComponents()),
         "nothing": Nothing(),
     }
-    return evaluation(methods, scenes, views=2, samples=3).run()
+    return evaluation(methods, scenes, views=2, samples=3, workers=1).run()
 
 
 def test_truth_scores_its_floor(result):
@@ -144,9 +144,21 @@ def test_a_seed_gives_the_same_figures_and_another_others():
     assert runs[0].visibility != runs[2].visibility
 
 
+def test_views_side_by_side_give_the_same_figures():
+    scenes = StackScenes(split="test", limit=3)
+    coin = {"coin": Coin(), "partial_tsdf": PartialSurface(ConnectedComponents())}
+    one, two = (
+        evaluation(coin, scenes, grid=GridSpec(resolution=16), workers=workers).run()
+        for workers in (1, 2)
+    )
+    assert one.figures == two.figures
+
+
 def test_bad_settings_are_named():
     scenes = StackScenes(split="test", limit=1)
     with pytest.raises(ConfigError, match="grid"):
         evaluation({"nothing": Nothing()}, scenes)
     with pytest.raises(ConfigError, match="methods"):
         evaluation({}, scenes, grid=GridSpec())
+    with pytest.raises(ConfigError, match="workers"):
+        evaluation({"nothing": Nothing()}, scenes, grid=GridSpec(), workers=0)
