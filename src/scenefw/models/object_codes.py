@@ -39,12 +39,12 @@ class SpatialBroadcast(nn.Module):
         super().__init__()
         axis = (torch.arange(side) + 0.5) * (2 / side) - 1
         places = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"))
-        self.register_buffer("places", places, persistent=False)
+        self.register_buffer("places", places[None], persistent=False)
 
     def forward(self, codes: Tensor) -> Tensor:
         """Volumes (K, C + 3, S, S, S) of codes (K, C); the last channels are x, y and z."""
         places: Tensor = self.get_buffer("places").to(codes.dtype)
-        spread = codes[:, :, None, None, None].expand(-1, -1, *places.shape[1:])
+        spread = codes[:, :, None, None, None].expand(-1, -1, *places.shape[2:])
         return torch.cat([spread, places.expand(len(codes), -1, -1, -1, -1)], dim=1)
 
 
