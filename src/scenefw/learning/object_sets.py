@@ -55,19 +55,20 @@ class ObjectSetLearning(TrainingModule):
         """The training pass with the draws of this step, matched to true objects."""
         draws = torch.Generator()  # on the CPU: the same on every device
         draws.manual_seed(torch_seed(self.seed, _CODES, self.batches_seen, self.global_rank))
-        return _matched(self.model(batch, draws), batch)
+        return matched(self.model(batch, draws), batch)
 
     def validation_step(self, batch: IndexBatch, batch_idx: int) -> None:
         """Scores predictions of the same views every time; nothing is drawn."""
         made = self.trainer.datamodule.validation_batch(batch, self.device)
-        found = _matched(self.model(made), made)
+        found = matched(self.model(made), made)
         values = {"val/set_bce": SetBinaryCrossEntropy()(found, made), **_scores(found, made)}
         self.log_dict(values, batch_size=len(batch.indices), on_epoch=True, sync_dist=True)
 
 
-def _matched(prediction: ObjectSetPrediction, batch: ObjectSetBatch) -> ObjectSetPrediction:
-    matched = matched_objects(prediction.logits, batch.instances, batch.present)
-    return dataclasses.replace(prediction, matched=matched)
+def matched(prediction: ObjectSetPrediction, batch: ObjectSetBatch) -> ObjectSetPrediction:
+    """The prediction with the true object that each of its objects stands for."""
+    objects = matched_objects(prediction.logits, batch.instances, batch.present)
+    return dataclasses.replace(prediction, matched=objects)
 
 
 def _scores(prediction: ObjectSetPrediction, batch: ObjectSetBatch) -> dict[str, Tensor]:

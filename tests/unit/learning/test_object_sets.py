@@ -7,7 +7,7 @@ from tests.unit.learning.tiny import views
 from scenefw.core.errors import ConfigError
 from scenefw.data.object_sets import ObjectSetViews
 from scenefw.learning.checkpoint import load_checkpoint
-from scenefw.learning.object_sets import ObjectSetLearning, _matched, _scores
+from scenefw.learning.object_sets import ObjectSetLearning, _scores, matched
 from scenefw.learning.schedules import CosineDecay
 from scenefw.learning.trainer import TrainerSettings
 from scenefw.losses.set_bce import SetBinaryCrossEntropy
@@ -101,7 +101,7 @@ def test_it_learns_one_batch_by_heart(stacks, kind):
     batch = made.training_batch(made.train_dataloader().batch(0), torch.device("cpu"))
     module.train()
     with torch.no_grad():
-        scores = _scores(_matched(module.model(batch), batch), batch)
+        scores = _scores(matched(module.model(batch), batch), batch)
     assert scores["val/object_iou"] > 0.6
 
 
