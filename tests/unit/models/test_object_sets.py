@@ -131,3 +131,15 @@ def test_wrong_sizes_are_one_line():
         SetAutoencoder(16, sees="depth")
     with pytest.raises(InputError, match=r"\(B, 1, 16, 16, 16\)"):
         SetAutoencoder(16).decompose(torch.zeros(1, 2, 16, 16, 16))
+
+
+@torch.no_grad()
+def test_a_scene_is_composed_of_the_codes_of_two():
+    """Objects are removed, added and swapped by their codes, and stay what they were."""
+    torch.manual_seed(0)
+    model = SetAutoencoder(16, 3, **SMALL).eval()
+    first, second = model(boxes(seed=0)), model(boxes(seed=1))
+    codes = torch.cat([first.codes[:, :1], second.codes[:, 1:]], dim=1)
+    composed = model.head.decoder(codes)
+    torch.testing.assert_close(composed[:, 0], first.logits[:, 0])
+    torch.testing.assert_close(composed[:, 1:], second.logits[:, 1:])

@@ -37,23 +37,27 @@ def example_pictures(result: DecompositionResult, folder: Path) -> tuple[Picture
 
 
 def draw_example(example: SetExample) -> Float32:
-    """RGB (H, W, 3): depth, then truth and methods, each from the camera and from behind.
+    """RGB (H, W, 3): depth, truth and methods from the camera, and below from behind.
 
-    A predicted object has the colour of the true one that it is matched to.
+    A predicted object has the colour of the true one that it is matched to. Methods that found
+    nothing are left out, but for the first.
     """
     truth = example.labels["truth"].astype(np.int32)
     lens = example.camera.resized(*_SIZE)
     points = example.grid.centres()[truth > 0]
-    sides = {"": turned(lens, points, 0.0), ", behind": turned(lens, points, _TURN)}
     depth = Image.fromarray(np.rint(depth_picture(example.depth) * 255).astype(np.uint8))
-    tiles = [np.asarray(depth.resize(_SIZE), dtype=np.float32) / np.float32(255)]
-    titles = ["depth"]
-    for name, labels in example.labels.items():
-        coloured = renumbered_like(labels.astype(np.int32), truth)
-        for words, side in sides.items():
-            tiles.append(_drawn(coloured, example.grid, side))
-            titles.append(name.replace("_", " ") + words)
-    return beside(tiles, titles, columns=3)
+    first = np.asarray(depth.resize(_SIZE), dtype=np.float32) / np.float32(255)
+    shown = [name for i, (name, one) in enumerate(example.labels.items()) if i < 2 or one.any()]
+    tiles, titles = [], []
+    for turn, corner, word in ((0.0, first, "depth"), (_TURN, np.ones_like(first), "from behind")):
+        camera = turned(lens, points, turn)
+        tiles.append(corner)
+        titles.append(word)
+        for name in shown:
+            labels = renumbered_like(example.labels[name].astype(np.int32), truth)
+            tiles.append(_drawn(labels, example.grid, camera))
+            titles.append(name.replace("_", " "))
+    return beside(tiles, titles, columns=len(shown) + 1)
 
 
 def _drawn(labels: NDArray[np.int32], grid: GridSpec, camera: Camera) -> Float32:
