@@ -10,7 +10,7 @@ import pytest
 from scenefw import registry
 
 # Images of the user, runs of a sweep
-NEEDS_INPUT = {"osd", "noise_gathered", "label_noise_gathered", "runs_gathered"}
+NEEDS_INPUT = {"osd", "label_halves", "noise_gathered", "label_noise_gathered", "runs_gathered"}
 # Settings of two runs, for experiments whose sweeps are gathered below
 SWEEPS = {
     "noise_map": ("noise.gaussian.sigma=0.0", "size.frames=1", "noise.pose.sigma=0.0,0.01"),

@@ -76,7 +76,7 @@ def composed(path: Path) -> dict[str, Any]:
         typed, option = next(iter(entry.items())) if isinstance(entry, dict) else ("", entry)
         key, at, place = (typed or option).partition("@")
         file = _file(path.parent, key, option if typed else "")
-        if file is None:
+        if file is None or place.startswith("_global_"):  # no part of the option
             continue
         part = composed(file)
         if typed and not at:  # a choice within the group is a part by the folder's name

@@ -15,10 +15,25 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import Tensor
 
-    from scenefw.core.batches import CameraBatch, PartialTSDF, SceneParameters, SceneVolumes
+    from scenefw.core.batches import (
+        CameraBatch,
+        Completion,
+        PartialTSDF,
+        SceneParameters,
+        SceneVolumes,
+    )
     from scenefw.core.evidence import Evidence, FittedSuperquadric
     from scenefw.core.measures import Measure
-    from scenefw.core.types import Camera, Float64, GridSpec, Pose, Scene, SceneObject, Shape
+    from scenefw.core.types import (
+        Camera,
+        Float64,
+        GridSpec,
+        Pose,
+        Scene,
+        SceneEstimate,
+        SceneObject,
+        Shape,
+    )
 
 Item = TypeVar("Item")
 
@@ -157,10 +172,10 @@ class Reconstructor(Protocol):
     def grid(self) -> GridSpec | None:
         """The grid of its volumes; None if it takes any."""
 
-    def reconstruct(
+    def complete(
         self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
-    ) -> Sequence[tuple[Tensor, Tensor]]:
-        """`samples` pairs of TSDF (B, X, Y, Z) metres and instances (B, X, Y, Z) int32."""
+    ) -> Sequence[Completion]:
+        """Complete scenes of B partial views, `samples` times, or once if all are the same."""
 
 
 class ShapeFit(Protocol):
@@ -168,6 +183,18 @@ class ShapeFit(Protocol):
 
     def fit(self, evidence: Sequence[Evidence]) -> list[FittedSuperquadric]:
         """The best one for the evidence about each object; each has at least four points."""
+
+    def draws(
+        self, evidence: Sequence[Evidence], count: int, generator: np.random.Generator
+    ) -> list[list[FittedSuperquadric]]:
+        """`count` such lists: the best one, and then others that the evidence allows."""
+
+
+class Settling(Protocol):
+    """Lets predicted objects come to rest (group `settling`)."""
+
+    def settle(self, scenes: Sequence[SceneEstimate]) -> list[SceneEstimate]:
+        """Scenes of one image after that; `details["settled"]` of each says what moved how far."""
 
 
 class Result(Protocol):

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Sequence
 from importlib import resources
 from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 import torch
@@ -15,9 +16,11 @@ from scenefw.core import geometry
 from scenefw.core.batches import SceneParameters
 from scenefw.core.errors import ConfigError, StorageError
 from scenefw.core.final_split import FINAL, look
+from scenefw.core.types import Pose, SceneObject
 from scenefw.kernels.transfer import to_device
 from scenefw.representations.volumes import require_solids
 from scenefw.scenes.splits import SPLITS
+from scenefw.shapes.superquadric import Superquadric
 
 SHIPPED = {
     "stacks_v2": "superquadric_stacks_v2.npz",
@@ -30,6 +33,25 @@ SHIPPED = {
 FINAL_PARTS = tuple(name for name in SHIPPED if name.endswith("_v2"))
 _LATEST = "_v2"  # what a name without a version means
 _SHAPES = {"half_axes": 3, "exponents": 3, "positions": 3, "quaternions": 4}
+
+
+class SceneSet(Protocol):
+    """Scenes of one split of a data set, to look at and to simulate."""
+
+    @property
+    def indices(self) -> np.ndarray:
+        """(S,) numbers of the scenes in the data set."""
+
+    def __len__(self) -> int:
+        """Scenes of the split."""
+
+    def objects(self, row: int) -> tuple[SceneObject, ...]:
+        """The objects of the scene at a position in this split, as rigid bodies."""
+
+    def parameters(
+        self, indices: Tensor | list[int], device: torch.device | str | None = None
+    ) -> Any:
+        """The scenes of the given positions, as a `ViewMaker` takes them."""
 
 
 class StackScenes:
@@ -83,6 +105,22 @@ class StackScenes:
         chosen = torch.as_tensor(indices, dtype=torch.int64).cpu()
         (rows,) = to_device([chosen.numpy()], device)
         return _each(self._on(device), lambda field: field.index_select(0, rows))
+
+    def objects(self, row: int) -> tuple[SceneObject, ...]:
+        """The objects of the scene at a position in this split, as rigid bodies."""
+        one = _each(self._resident[torch.device("cpu")], lambda field: field[row])
+        axes, exponents, rotations, positions = (
+            getattr(one, name).numpy().astype(np.float64)
+            for name in ("half_axes", "exponents", "rotations", "positions")
+        )
+        return tuple(
+            SceneObject(
+                Superquadric(axes[i], exponents[i]),
+                Pose(positions[i], geometry.quaternion_from_rotation(rotations[i])),
+                float(self.masses[row, i]),
+            )
+            for i in np.flatnonzero(one.present.numpy())
+        )
 
     def _on(self, device: torch.device) -> SceneParameters:
         if device not in self._resident:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 import torch
@@ -17,6 +17,7 @@ from scenefw.core.types import Camera, Float64, GridSpec
 from scenefw.data.augmentation import RigidAugmentation
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.kernels.transfer import to_device
+from scenefw.representations.mesh_volumes import ExactSolids, SolidScenes
 from scenefw.representations.volumes import ExactScenes
 
 
@@ -118,7 +119,9 @@ class ViewMaker:
         cameras = CameraBatch(lens.width, lens.height, tensors[0], tensors[1])
         return self._see(parameters, cameras, tensors[2])
 
-    def make_one(self, parameters: SceneParameters, rng: np.random.Generator) -> ViewBatch:
+    def make_one(
+        self, parameters: SceneParameters | SolidScenes, rng: np.random.Generator
+    ) -> ViewBatch:
         """One random view of one scene where it is stored, without augmentation."""
         device = parameters.positions.device
         cameras = stack_cameras([self._lens(self.viewpoints.sample(rng))], device)
@@ -128,10 +131,19 @@ class ViewMaker:
     def _lens(self, camera: Camera) -> Camera:
         return camera.resized(*self.image_size) if self.image_size else camera
 
-    def _see(self, parameters: SceneParameters, cameras: CameraBatch, seeds: Tensor) -> ViewBatch:
+    def _see(
+        self, parameters: SceneParameters | SolidScenes, cameras: CameraBatch, seeds: Tensor
+    ) -> ViewBatch:
         """Views with noise of seeds (N, B), one row per noise."""
-        scenes = ExactScenes(parameters, self.grid)
+        scenes = exact_scenes(parameters, self.grid)
         depth = self.renderer.render(scenes.volumes.tsdf, self.grid, cameras)
         for name, row in zip(sorted(self.noise), seeds, strict=True):
             depth = self.noise[name].apply(depth, cameras, row)
         return ViewBatch(scenes, depth, cameras, self.mapping.fuse(depth, self.grid, cameras))
+
+
+def exact_scenes(parameters: SceneParameters | SolidScenes, grid: GridSpec) -> SceneBatch:
+    """Scenes of superquadrics or of meshes, to make volumes of."""
+    if isinstance(parameters, SolidScenes):
+        return cast("SceneBatch", ExactSolids(parameters, grid))  # without superquadrics
+    return ExactScenes(parameters, grid)

@@ -90,6 +90,33 @@ def bootstrap_interval(
     return Interval(whole, float(low), float(high), count)
 
 
+def median_interval(
+    values: ArrayLike, scenes: Sequence[int], confidence: float = 0.95, resamples: int = 2000
+) -> Interval:
+    """Median over views with percentile bounds, whole scenes drawn anew (Efron 1979).
+
+    Args:
+        values: (N,) of views; NaN values are left out.
+        scenes: (N,) to which they belong.
+        confidence: probability in (0, 1) of the bounds.
+        resamples: how often scenes are drawn.
+    """
+    array, owners = np.asarray(values, dtype=np.float64), np.asarray(scenes)
+    kept = np.isfinite(array)
+    array, place = array[kept], np.unique(owners[kept], return_inverse=True)[1]
+    if not len(array):
+        return Interval(float("nan"), float("nan"), float("nan"), 0)
+    count = int(place.max()) + 1
+    whole = float(np.median(array))
+    if count == 1:
+        return Interval(whole, float("nan"), float("nan"), 1)
+    order = np.argsort(array, kind="stable")
+    weights = _redrawn(count, resamples)[:, place[order]].cumsum(axis=1)
+    middle = (weights >= weights[:, -1:] / 2).argmax(axis=1)
+    low, high = np.quantile(array[order][middle], [0.5 - confidence / 2, 0.5 + confidence / 2])
+    return Interval(whole, float(low), float(high), count)
+
+
 @lru_cache(maxsize=8)
 def _redrawn(count: int, resamples: int) -> NDArray[np.float64]:
     """How often each of `count` scenes is drawn in each resample, always the same."""

@@ -28,8 +28,8 @@ def make_deterministic() -> None:
     import torch
 
     torch.use_deterministic_algorithms(True)
+    numba.set_num_threads(1)  # first: numba's pool, when it starts, gives torch as many threads
     torch.set_num_threads(1)
-    numba.set_num_threads(1)
 
 
 def profiled(work: Callable[[], Result], folder: Path) -> Result:

@@ -13,9 +13,11 @@ from scenefw.fitting.placed import in_frame_of, shape_of
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.random import Generator
+
     from scenefw.core.evidence import Evidence, FittedSuperquadric
     from scenefw.core.types import Float64
-    from scenefw.fitting.superquadrics import SuperquadricFit
+    from scenefw.fitting.superquadrics import Sizes, SuperquadricFit
 
 _GROWTH = 0.03  # m, of half-axes in one round
 _SHELLS = (0.95, 0.7, 0.4)  # of sizes: objects that coincide have no surface inside each other
@@ -50,47 +52,78 @@ class JointFit:
 
     def fit(self, evidence: Sequence[Evidence]) -> list[FittedSuperquadric]:
         """The best superquadric for each."""
-        fitted = self.inner.fit(evidence)
+        return self._apart(evidence, self.inner.fit(evidence))
+
+    def draws(
+        self, evidence: Sequence[Evidence], count: int, generator: Generator
+    ) -> list[list[FittedSuperquadric]]:
+        """The best superquadrics, and then draws that don't penetrate each other either.
+
+        Args:
+            evidence: about each object.
+            count: of results, with the best ones.
+            generator: of random numbers, for other expected sizes.
+        """
+        alone = self.inner.fit(evidence)
+        found = [self._apart(evidence, alone)]
+        for _ in range(count - 1):
+            sizes = self.inner.sizes(len(evidence), generator)
+            found.append(self._apart(evidence, self.inner.refit(evidence, alone, sizes), sizes))
+        return found
+
+    def _apart(
+        self,
+        evidence: Sequence[Evidence],
+        fitted: list[FittedSuperquadric],
+        sizes: Sizes | None = None,
+    ) -> list[FittedSuperquadric]:
+        """Fitted again until none penetrates another, or rounds are over."""
         for number in range(1, self.rounds + 1):
-            if not self._overlapping(fitted):
+            shells = [self._shells(one) for one in fitted]
+            if not _overlap(fitted, _placed(fitted, shells, 1.0)):
                 break
-            places = [self._places(one, number / self.rounds) for one in fitted]
+            places = _placed(fitted, shells, number / self.rounds)
             joint = [
-                self._with(one, [_near(fitted[k], other) for other in _others(places, k)])
+                self._with(one, _near(fitted[k], _others(places, k)))
                 for k, one in enumerate(evidence)
             ]
-            fitted = self.inner.refit(joint, fitted)
+            fitted = self.inner.refit(joint, fitted, sizes)
         return fitted
 
-    def _with(self, evidence: Evidence, others: list[Float64]) -> Evidence:
-        outside = np.concatenate([evidence.outside, *others])
-        added = np.full(len(outside) - len(evidence.outside), self.sigma)
-        sigmas = np.concatenate([evidence.outside_sigmas, added])
+    def _with(self, evidence: Evidence, others: Float64) -> Evidence:
+        sigmas = np.concatenate([evidence.outside_sigmas, np.full(len(others), self.sigma)])
+        outside = np.concatenate([evidence.outside, others])
         return replace(evidence, outside=outside, outside_sigmas=sigmas)
 
-    def _places(self, fitted: FittedSuperquadric, grown: float = 1.0) -> Float64:
+    def _shells(self, fitted: FittedSuperquadric) -> Float64:
+        """Points of the surface and of smaller copies of it, in the object's frame."""
         surface = shape_of(fitted).mesh(self.resolution).vertices
-        local = np.concatenate([grown * share * surface for share in _SHELLS])
-        return np.asarray(local @ fitted.pose.rotation.T + fitted.pose.position, dtype=np.float64)
+        return np.concatenate([share * surface for share in _SHELLS])
 
-    def _overlapping(self, fitted: Sequence[FittedSuperquadric]) -> bool:
-        places = [self._places(one) for one in fitted]
-        return any(
-            (_gauge(one, other) < 1).any()
-            for k, one in enumerate(fitted)
-            for other in _others(places, k)
-        )
+
+def _placed(
+    fitted: Sequence[FittedSuperquadric], shells: Sequence[Float64], grown: float
+) -> list[Float64]:
+    """World coordinates of the shells of each, at a share of their size."""
+    return [
+        np.asarray(grown * shell @ one.pose.rotation.T + one.pose.position, dtype=np.float64)
+        for one, shell in zip(fitted, shells, strict=True)
+    ]
+
+
+def _overlap(fitted: Sequence[FittedSuperquadric], places: Sequence[Float64]) -> bool:
+    return any(
+        (shape_of(one).value(in_frame_of(one, _others(places, k))) < 1).any()
+        for k, one in enumerate(fitted)
+    )
+
+
+def _others(places: Sequence[Float64], own: int) -> Float64:
+    """Places of all objects but one."""
+    return np.concatenate([np.empty((0, 3)), *places[:own], *places[own + 1 :]])
 
 
 def _near(fitted: FittedSuperquadric, places: Float64) -> Float64:
     """Places that an object may come to contain in a few steps."""
     local = np.abs(in_frame_of(fitted, places))
     return np.asarray(places[(local < 1.5 * fitted.half_axes + _GROWTH).all(axis=1)])
-
-
-def _others(places: Sequence[Float64], own: int) -> list[Float64]:
-    return [points for k, points in enumerate(places) if k != own]
-
-
-def _gauge(fitted: FittedSuperquadric, points: Float64) -> Float64:
-    return shape_of(fitted).value(in_frame_of(fitted, points))

@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float64
 
 
+OUTLIERS = 3.0
+"""Standard deviations from which on a point counts less and less."""
+
+
 def shape_of(fitted: FittedSuperquadric) -> Superquadric:
     """Its shape, in its own frame."""
     return Superquadric(fitted.half_axes, fitted.exponents)
@@ -21,3 +25,20 @@ def shape_of(fitted: FittedSuperquadric) -> Superquadric:
 def in_frame_of(fitted: FittedSuperquadric, points: Float64) -> Float64:
     """Points (..., 3) of the world in its frame (m)."""
     return np.asarray((points - fitted.pose.position) @ fitted.pose.rotation, dtype=np.float64)
+
+
+def signed_distance(fitted: FittedSuperquadric, points: Float64) -> Float64:
+    """Distances (...) of points (..., 3) of the world to its surface (m), of first order."""
+    return shape_of(fitted).first_order_distance(in_frame_of(fitted, points))
+
+
+def robust_deviation(fitted: FittedSuperquadric, points: Float64, sigma: float) -> Float64:
+    """Squared deviations (...) of points (..., 3) from its surface (Geman and McClure 1987).
+
+    Args:
+        fitted: the superquadric.
+        points: of the world (m).
+        sigma: one standard deviation (m); from `OUTLIERS` of them on, points count less and less.
+    """
+    squares = (signed_distance(fitted, points) / sigma) ** 2
+    return np.asarray(squares / (1 + squares / OUTLIERS**2), dtype=np.float64)

@@ -13,12 +13,13 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.evidence import FittedSuperquadric
 from scenefw.core.types import Pose
 from scenefw.fitting.starts import box_starts
-from scenefw.kernels.superquadric_fit import COST, DAMPING, STATE, WORK, advance
+from scenefw.kernels.superquadric_fit import COST, DAMPING, STATE, TYPICAL, WORK, advance
 from scenefw.shapes.superquadric import Superquadric
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.random import Generator
     from torch import Tensor
 
     from scenefw.core.evidence import Evidence
@@ -27,6 +28,19 @@ if TYPE_CHECKING:
 _WIDENED = (16, 4)  # times `outliers`, so that a poor start is not all outliers
 _FIRST_DAMPING = 1e-2
 _FIRST_EXPONENT = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class Sizes:
+    """Half-axes that objects are expected to have where nothing is seen of them.
+
+    Args:
+        typical: (N, 3) m, of each object; of a new fit, one for all objects.
+        stiffness: how much an e times longer or shorter one costs, in squared deviations.
+    """
+
+    typical: Float64
+    stiffness: float
 
 
 class SuperquadricFit:
@@ -44,6 +58,7 @@ class SuperquadricFit:
         rounds: steps with each of these; then the worse two thirds of the starts are given up.
         typical: half-axis (m) that is taken where the points say nothing.
         stiffness: how much an e times longer or shorter one costs, in squared deviations.
+        spread: standard deviation of the logarithms of half-axes that `draws` expects.
         device: torch device.
 
     Raises:
@@ -59,21 +74,22 @@ class SuperquadricFit:
         rounds: int = 16,
         typical: float = 0.06,
         stiffness: float = 0.3,
+        spread: float = 0.8,
         device: str = "cpu",
     ) -> None:
         for name, (low, high) in (("exponents", exponents), ("half_axes", half_axes)):
             if not 0 < low < high:
                 raise ConfigError(f"{name} = {low}, {high}: expected two positive numbers in order")
-        positive = min(steps, rounds, outliers, typical) > 0 and stiffness >= 0
+        positive = min(steps, rounds, outliers, typical, spread) > 0 and stiffness >= 0
         if exponents[0] < 1 or not positive:
             raise ConfigError(
                 f"exponents from {exponents[0]}, steps {steps}, rounds {rounds}, "
-                f"outliers {outliers}, typical {typical}, stiffness {stiffness}: expected "
-                "exponents from 1 (convex), and positive numbers"
+                f"outliers {outliers}, typical {typical}, stiffness {stiffness}, spread {spread}: "
+                "expected exponents from 1 (convex), and positive numbers"
             )
         self.exponents, self.half_axes = exponents, half_axes
         self.steps, self.outliers, self.rounds = steps, outliers, rounds
-        self.typical, self.stiffness = typical, stiffness
+        self.typical, self.stiffness, self.spread = typical, stiffness, spread
         self.device = torch.device(device)
 
     def fit(self, evidence: Sequence[Evidence]) -> list[FittedSuperquadric]:
@@ -81,24 +97,68 @@ class SuperquadricFit:
         starts = [
             np.stack([self._state(*box) for box in box_starts(one.points)]) for one in evidence
         ]
-        return self._best(evidence, starts, _WIDENED) if evidence else []
+        return self._best(evidence, starts, _WIDENED, self.stiffness) if evidence else []
 
     def refit(
-        self, evidence: Sequence[Evidence], fitted: Sequence[FittedSuperquadric]
+        self,
+        evidence: Sequence[Evidence],
+        fitted: Sequence[FittedSuperquadric],
+        sizes: Sizes | None = None,
     ) -> list[FittedSuperquadric]:
-        """The same, starting from superquadrics that are nearly right."""
-        starts = [self._state(one.pose, one.half_axes, one.exponents)[None] for one in fitted]
-        return self._best(evidence, starts, ()) if evidence else []
+        """The same, starting from superquadrics that are nearly right.
+
+        Args:
+            evidence: about each object.
+            fitted: where to start.
+            sizes: expected; None = the typical one.
+        """
+        stiffness = self.stiffness if sizes is None else sizes.stiffness
+        starts = []
+        for k, one in enumerate(fitted):
+            start = self._state(one.pose, one.half_axes, one.exponents)
+            if sizes is not None:
+                start[TYPICAL:] = np.log(sizes.typical[k])
+            starts.append(start[None])
+        return self._best(evidence, starts, (), stiffness) if evidence else []
+
+    def draws(
+        self, evidence: Sequence[Evidence], count: int, generator: Generator
+    ) -> list[list[FittedSuperquadric]]:
+        """The best superquadrics, and then draws of what they may be as well.
+
+        Each draw fits them again with other expected sizes (randomize-then-optimize, Bardsley et
+        al. 2014): what the points decide stays, what they leave open varies.
+
+        Args:
+            evidence: about each object.
+            count: of results, with the best ones.
+            generator: of random numbers.
+        """
+        best = self.fit(evidence)
+        drawn = [
+            self.refit(evidence, best, self.sizes(len(evidence), generator))
+            for _ in range(count - 1)
+        ]
+        return [best, *drawn]
+
+    def sizes(self, count: int, generator: Generator) -> Sizes:
+        """Random expected sizes of so many objects."""
+        drawn = np.log(self.typical) + self.spread * generator.standard_normal((count, 3))
+        return Sizes(np.exp(drawn), 1 / self.spread**2)
 
     def _best(
-        self, evidence: Sequence[Evidence], starts: Sequence[Float64], widened: Sequence[float]
+        self,
+        evidence: Sequence[Evidence],
+        starts: Sequence[Float64],
+        widened: Sequence[float],
+        stiffness: float,
     ) -> list[FittedSuperquadric]:
         problem = _Problem.of(evidence, starts, self.device)
         for factor in widened:
-            self._advance(problem, self.rounds, factor * self.outliers)
+            self._advance(problem, self.rounds, factor * self.outliers, stiffness)
         if widened:
             problem = problem.promising()
-        self._advance(problem, self.steps, self.outliers)
+        self._advance(problem, self.steps, self.outliers, stiffness)
         states = problem.states.cpu().numpy()
         owners = problem.owners.cpu().numpy()
         best = [
@@ -107,11 +167,11 @@ class SuperquadricFit:
         ]
         return [self._result(states[row], one) for row, one in zip(best, evidence, strict=True)]
 
-    def _advance(self, problem: _Problem, steps: int, limit: float) -> None:
+    def _advance(self, problem: _Problem, steps: int, limit: float, stiffness: float) -> None:
         count = len(problem.states)
         work = torch.empty((count, WORK), dtype=torch.float64, device=self.device)
         settings = torch.tensor(
-            [*np.log([*self.exponents, *self.half_axes, self.typical]), self.stiffness],
+            [*np.log([*self.exponents, *self.half_axes]), stiffness],
             dtype=torch.float64,
             device=self.device,
         )
@@ -138,7 +198,7 @@ class SuperquadricFit:
         share = (np.log(exponents) - low) / (high - low)
         share = np.clip(share, 0.05 if np.isscalar(exponents) else 0.003, 0.997)
         state[15:18] = np.log(share / (1 - share))
-        state[DAMPING] = _FIRST_DAMPING
+        state[DAMPING], state[TYPICAL:] = _FIRST_DAMPING, np.log(self.typical)
         return state
 
     def _result(self, state: Float64, evidence: Evidence) -> FittedSuperquadric:

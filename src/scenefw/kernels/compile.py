@@ -66,12 +66,13 @@ _MATHS = {
     "error_model": "numpy",
 }
 element = numba.njit(**_MATHS)
-loop = numba.njit(parallel=True, cache=True, **_MATHS)
+loop = numba.njit(parallel=True, cache=True, nogil=True, **_MATHS)
 vectorised = numba.njit(inline="always", **_MATHS)
 """An element that becomes part of the loop that calls it: loops with calls are never vectorised."""
 
 
 _simulated = threading.Lock()  # numba's CUDA simulator runs Python threads
+_compiling = threading.Lock()  # a copy of this process must not inherit numba's lock from others
 
 
 def atomic_add(array: Any, index: Any, value: Any) -> None:
@@ -155,10 +156,13 @@ class Kernel:
         else:
             views = [_on_cpu(a) for a in arguments]
             types = tuple(numba.typeof(value) for value in (count, *views))
-            if types not in self._compiled_for:
+            if types in self._compiled_for:
+                self.cpu_loop(count, *views)
+                return
+            with _compiling:
                 _compile_in_child(self.cpu_loop, types)
+                self.cpu_loop(count, *views)
                 self._compiled_for.add(types)
-            self.cpu_loop(count, *views)
 
     def simulate(self, count: int, *arguments: Argument) -> None:
         """Runs the CUDA grid on CPU tensors in the simulator (NUMBA_ENABLE_CUDASIM=1)."""

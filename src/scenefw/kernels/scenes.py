@@ -140,6 +140,25 @@ voxel size, truncation; then the three outputs (float32, float32, int32).
 
 
 @element
+def _contains(objects, scene, item, x, y, z):  # noqa: ANN001, ANN202
+    dx = x - objects[scene, item, 6]
+    dy = y - objects[scene, item, 7]
+    dz = z - objects[scene, item, 8]
+    reach = objects[scene, item, 18]
+    if dx * dx + dy * dy + dz * dz >= reach * reach:
+        return False
+    px, py, pz = _local(objects, scene, item, dx, dy, dz)
+    return is_inside(
+        px / objects[scene, item, 0],
+        py / objects[scene, item, 1],
+        pz / objects[scene, item, 2],
+        objects[scene, item, 3],
+        objects[scene, item, 4],
+        objects[scene, item, 5],
+    )
+
+
+@element
 def _occupied(i, resolution, objects, grid, occupancy):  # noqa: ANN001, ANN202
     row, k = i // resolution, i % resolution
     column, j = row // resolution, row % resolution
@@ -147,27 +166,25 @@ def _occupied(i, resolution, objects, grid, occupancy):  # noqa: ANN001, ANN202
     x, y, z = _centre(n, 0, grid), _centre(j, 1, grid), _centre(k, 2, grid)
     cell = (n * resolution + j) * resolution + k
     for item in range(objects.shape[1]):
-        inside = False
-        if objects[scene, item, 18] > _ZERO:
-            dx = x - objects[scene, item, 6]
-            dy = y - objects[scene, item, 7]
-            dz = z - objects[scene, item, 8]
-            px, py, pz = _local(objects, scene, item, dx, dy, dz)
-            inside = is_inside(
-                px / objects[scene, item, 0],
-                py / objects[scene, item, 1],
-                pz / objects[scene, item, 2],
-                objects[scene, item, 3],
-                objects[scene, item, 4],
-                objects[scene, item, 5],
-            )
-        occupancy[scene, item, cell] = inside
+        occupancy[scene, item, cell] = _contains(objects, scene, item, x, y, z)
 
 
 @loop
 def _occupied_all(count, resolution, objects, grid, occupancy):  # noqa: ANN001, ANN202
-    for i in prange(count):
-        _occupied(i, resolution, objects, grid, occupancy)
+    for row in prange(count // resolution):  # along z, as above
+        column, j = row // resolution, row % resolution
+        scene, n = column // resolution, column % resolution
+        x, y = _centre(n, 0, grid), _centre(j, 1, grid)
+        first = (n * resolution + j) * resolution
+        for item in range(objects.shape[1]):
+            dx, dy = x - objects[scene, item, 6], y - objects[scene, item, 7]
+            reach = objects[scene, item, 18]
+            if dx * dx + dy * dy < reach * reach:
+                for k in range(resolution):
+                    inside = _contains(objects, scene, item, x, y, _centre(k, 2, grid))
+                    occupancy[scene, item, first + k] = inside
+            else:
+                occupancy[scene, item, first : first + resolution] = False
 
 
 object_voxels = Kernel(_occupied, _occupied_all)

@@ -1,7 +1,8 @@
 """Steps of the Levenberg-Marquardt method that fits superquadrics, one start per element.
 
 A start is a row of `states`: centre (3), rotation (9), logarithms of half-axes (3), free numbers
-of the exponents (3), damping, cost. `objects` says which places it is fitted to: those of its
+of the exponents (3), damping, cost, logarithms of the half-axes that are taken where the places say
+nothing (3). `objects` says which places it is fitted to: those of its
 surface from `first` to `middle`, those outside of it from there to `last`. A row of `work` holds
 normal equations of the state and of the next one, their factor, the step and the next state.
 
@@ -21,9 +22,9 @@ from scenefw.kernels.compile import Kernel, element, loop
 from scenefw.kernels.elementary import exp, log
 
 NUMBERS = 12  # 3 of the centre, 3 of the rotation, 3 logarithms of half-axes, 3 of exponents
-STATE = 20
+STATE = 23
 WORK = 512
-DAMPING, COST = 18, 19
+DAMPING, COST, TYPICAL = 18, 19, 20
 
 _EQUATIONS = NUMBERS * NUMBERS + NUMBERS
 _FACTOR = 2 * _EQUATIONS
@@ -75,7 +76,7 @@ def _safe(value):
 
 
 @element
-def _evaluate(i, base, places, sigmas, objects, work, settings, limit):
+def _evaluate(i, base, places, sigmas, objects, states, work, settings, limit):
     """Cost per surface point of the next state; its normal equations go to `base` of the row."""
     for k in range(base, base + _EQUATIONS):
         work[i, k] = 0.0
@@ -102,6 +103,8 @@ def _evaluate(i, base, places, sigmas, objects, work, settings, limit):
         ux = log(_far(lx)) - ax
         uy = log(_far(ly)) - ay
         uz = log(_far(lz)) - az
+        if not on_surface and max(ux, uy, uz) >= _ZERO:
+            continue  # beyond the box, and the gauge is no less than any of them
         gauge = _gauge(ux, uy, uz, rx, ry, rz)
         if not on_surface and gauge >= _ZERO:
             continue
@@ -140,11 +143,11 @@ def _evaluate(i, base, places, sigmas, objects, work, settings, limit):
             work[i, slope + a] += weighted * residual
             for b in range(a + 1):
                 work[i, base + NUMBERS * a + b] += weighted * work[i, _SLOPES + b]
-    return (cost + _uncommon(i, base, work, settings)) / max(count, 1)
+    return (cost + _uncommon(i, base, states, work, settings)) / max(count, 1)
 
 
 @element
-def _uncommon(i, base, work, settings):
+def _uncommon(i, base, states, work, settings):
     """What sizes and exponents cost that are far from common ones.
 
     It decides what the places leave open, such as the thickness of a box of which one side is
@@ -153,9 +156,9 @@ def _uncommon(i, base, work, settings):
     cost = 0.0
     for k in range(6):
         far = work[i, _NEXT + 12 + k]
-        stiff = settings[5]
+        stiff = settings[4]
         if k < 3:
-            far -= settings[4]
+            far -= states[i, TYPICAL + k]
         else:
             stiff *= 0.25
         cost += stiff * far * far
@@ -234,7 +237,7 @@ def _advance(i, places, sigmas, objects, states, work, settings, steps, limit):
     for k in range(_MOVED):
         work[i, _NEXT + k] = states[i, k]
     base = 0
-    cost = _evaluate(i, base, places, sigmas, objects, work, settings, limit)
+    cost = _evaluate(i, base, places, sigmas, objects, states, work, settings, limit)
     damping = states[i, DAMPING]
     for _ in range(steps):
         gain = -1.0
@@ -242,7 +245,7 @@ def _advance(i, places, sigmas, objects, states, work, settings, steps, limit):
             _solve(i, base, work, damping)
             _move(i, states, work, settings)
             other = _EQUATIONS - base
-            trial = _evaluate(i, other, places, sigmas, objects, work, settings, limit)
+            trial = _evaluate(i, other, places, sigmas, objects, states, work, settings, limit)
             if trial < cost:
                 gain, cost, base = cost - trial, trial, other
                 for k in range(_MOVED):
@@ -266,7 +269,7 @@ advance = Kernel(_advance, _advance_all)
 
 Args: count; places (P, 3) float32; their standard deviations (P,) float32; `first`, `middle` and
 `last` place of each start (S, 3) int32; states (S, STATE) float64, changed; work (S, WORK) float64;
-settings (6,) float64: logarithms of the least and greatest exponent and half-axis, and of the
-typical one, and stiffness; steps; deviations from which on places of the surface count less and
+settings (5,) float64: logarithms of the least and greatest exponent and half-axis, and stiffness;
+steps; deviations from which on places of the surface count less and
 less (Geman and McClure 1987).
 """

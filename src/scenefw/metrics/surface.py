@@ -37,9 +37,20 @@ def nearest(predicted: Float64, true: Float64) -> Nearest:
             raise InputError(
                 f"{name} points have shape {points.shape}, expected (N, 3) with N >= 1"
             )
-    forth, forth_index = cKDTree(true).query(predicted, workers=-1)
-    back, back_index = cKDTree(predicted).query(true, workers=-1)
+    trees = cKDTree(predicted), cKDTree(true)
+    (forth, forth_index), (back, back_index) = _among(*trees), _among(*reversed(trees))
     return Nearest(forth, back, forth_index, back_index)
+
+
+def _among(points: cKDTree, others: cKDTree) -> tuple[Float64, NDArray[np.int64]]:
+    """Distance from each point to the nearest of others, and which that is.
+
+    In the order of their tree neighbours are asked for together, and their branches are cached.
+    """
+    distances, indices = np.empty(points.n), np.empty(points.n, np.int64)
+    order = points.indices
+    distances[order], indices[order] = others.query(points.data[order], workers=-1)
+    return distances, indices
 
 
 def chamfer(predicted: Float64, true: Float64) -> float:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenefw.core.errors import ConfigError
-from scenefw.fitting.placed import in_frame_of, shape_of
+from scenefw.fitting.placed import OUTLIERS, robust_deviation, signed_distance
 from scenefw.perception.grouped_by_network import divide
 
 if TYPE_CHECKING:
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from scenefw.core.protocols import ShapeFit
     from scenefw.core.types import Float32, Float64, Int32
     from scenefw.perception.evidence import EvidenceOfView, View
+    from scenefw.perception.split_by_evidence import SplitByEvidence
 
     Group = frozenset[int]
 
 _WIDTH = 640  # pixels of the image that the price is for
-_OUTLIERS = 3.0  # deviations from which on points count less and less
 _POINTS = 200  # of a part, enough to say how well a shape explains it
 _SEGMENTS = 200  # between two parts
 _THROUGH_FREE = 0.2  # share of them that may be seen through, at borders of voxels
@@ -48,6 +48,7 @@ class GroupedByEvidence:
         price: squared deviations, over all pixels of a part (of an image 640 wide), that one
             object more must save: what is small is joined rather than an object of its own.
         divided: share of a part's pixels from which on an instance is large; above 0.5 none is.
+        split: cuts parts that no superquadric explains before any are joined; None = nothing does.
 
     Raises:
         ConfigError: a number that isn't positive.
@@ -61,6 +62,7 @@ class GroupedByEvidence:
         least: int = 30,
         divided: float = 0.3,
         price: float = 2000.0,
+        split: SplitByEvidence | None = None,
     ) -> None:
         if not tolerance > 0 or least < 4:
             raise ConfigError(
@@ -72,11 +74,12 @@ class GroupedByEvidence:
                 f"divided is {divided} and price {price}; expected a share above 0 and at least 0"
             )
         self.fit, self.evidence, self.tolerance, self.least = fit, evidence, tolerance, least
-        self.divided, self.price = divided, price
+        self.divided, self.price, self.split = divided, price, split
 
     def objects(self, parts: Int32, view: View, depth: Float32) -> Int32:
         """Objects (H, W), 0 = none, of parts (H, W) and a view whose masks are the network's."""
         parts = divide(parts, view.masks, self.divided, depth)
+        parts = parts if self.split is None else self.split.parts(parts, view)
         alone = replace(view, instances=np.zeros_like(view.instances))
         sizes = np.bincount(parts.ravel())
         large = [part for part in range(1, len(sizes)) if sizes[part] >= self.least]
@@ -134,18 +137,13 @@ class GroupedByEvidence:
     def _robust(self, fitted: FittedSuperquadric, points: Float64) -> float:
         """Squared deviation of a part's points from a superquadric."""
         some = points[:: -(-len(points) // _POINTS)]
-        squares = (_distances(fitted, some) / self.evidence.seen_sigma) ** 2
-        return float((squares / (1 + squares / _OUTLIERS**2)).mean())
+        return float(robust_deviation(fitted, some, self.evidence.seen_sigma).mean())
 
 
 def _inside(fitted: FittedSuperquadric, evidence: Evidence) -> float:
     """Squared depth of the places outside that it contains, per point of its surface."""
-    depth = np.minimum(_distances(fitted, evidence.outside), 0) / evidence.outside_sigmas
-    return float(np.minimum(depth**2, _OUTLIERS**2).sum() / len(evidence.points))
-
-
-def _distances(fitted: FittedSuperquadric, points: Float64) -> Float64:
-    return shape_of(fitted).first_order_distance(in_frame_of(fitted, points))
+    depth = np.minimum(signed_distance(fitted, evidence.outside), 0) / evidence.outside_sigmas
+    return float(np.minimum(depth**2, OUTLIERS**2).sum() / len(evidence.points))
 
 
 def _may_be_one(group: Group, points: dict[int, Float64], view: View) -> bool:

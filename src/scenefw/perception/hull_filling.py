@@ -18,11 +18,11 @@ from scenefw.perception.seen_frames import seen_frames
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-    from torch import Tensor
 
     from scenefw.core.batches import PartialTSDF
     from scenefw.core.types import Float32, Float64, GridSpec
 
+_PLANES_AT_ONCE = 16
 _MOST_POINTS = 1500  # of a part: hulls of more have hundreds of faces and are hardly larger
 
 
@@ -64,13 +64,6 @@ class HullFilling:
         self.margin, self.jump, self.smallest = margin, jump, smallest
         self.crease, self.reach, self.grid = crease, reach, grid
         self.metadata: dict[str, Any] = {}  # of no checkpoint
-
-    def reconstruct(
-        self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
-    ) -> list[tuple[Tensor, Tensor]]:
-        """`samples` times the same TSDF (B, X, Y, Z) metres and instances (B, X, Y, Z) int32."""
-        found = self.complete(partial, grid, samples, generator)
-        return [(scenes.tsdf, scenes.instances) for scenes in found]
 
     def complete(
         self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
@@ -131,7 +124,7 @@ def _hull_distance(
     """
     points = np.concatenate([seen, seen * (1, 1, 0)])
     try:
-        planes = ConvexHull(points).equations
+        planes = np.unique(ConvexHull(points).equations, axis=0)  # of triangles, many share one
     except QhullError:  # all points in one plane
         return None
     reach = grid.truncation
@@ -139,7 +132,21 @@ def _hull_distance(
     high = np.ceil(grid.to_voxels(points.max(axis=0) + reach)).astype(int) + 1
     ends = np.clip([low, high], 0, grid.resolution)
     box = tuple(slice(a, b) for a, b in ends.T)
-    heights = centres[box] @ planes[:, :3].T + planes[:, 3]
-    if not heights.size:
+    places = centres[box]
+    if not places.size:
         return None
-    return box, np.clip(heights.max(axis=-1), -reach, reach).astype(np.float32)
+    heights = _farthest(planes, places.reshape(-1, 3), reach).reshape(places.shape[:-1])
+    return box, np.clip(heights, -reach, reach).astype(np.float32)
+
+
+def _farthest(planes: Float64, places: Float64, reach: float) -> Float64:
+    """Height (P,) of each place above the plane that is farthest below it, or `reach` or more.
+
+    Most places are soon known to be out of reach, and the further planes are left out for them.
+    """
+    heights, todo = np.full(len(places), -np.inf), np.arange(len(places))
+    for some in np.array_split(planes, -(-len(planes) // _PLANES_AT_ONCE)):
+        found = (places[todo] @ some[:, :3].T + some[:, 3]).max(axis=1)
+        heights[todo] = np.maximum(heights[todo], found)
+        todo = todo[heights[todo] < reach]
+    return heights

@@ -57,18 +57,37 @@ def instance_meshes(
     Raises:
         InputError: shapes do not fit the grid, or values are not finite.
     """
-    field, labels = _field(tsdf, grid), _numpy(instances)
-    if labels.shape != grid.shape:
-        raise InputError(f"instances have shape {labels.shape}, expected {grid.shape} as the grid")
     meshes = {}
-    for label, box in enumerate(ndimage.find_objects(labels.astype(np.int64)), start=1):
-        if box is None:
-            continue
-        around = _grown(box, _MARGIN, grid)
-        cut = _separated(field[around], labels[around], label, smoothing, grid.voxel_size)
+    for label, (around, cut) in instance_fields(tsdf, instances, grid, smoothing).items():
         if (cut < 0).any():
             meshes[label] = _marching_cubes(cut, [span.start for span in around], grid)
     return meshes
+
+
+def instance_fields(
+    tsdf: Tensor | ArrayLike, instances: Tensor | ArrayLike, grid: GridSpec, smoothing: float = 1.0
+) -> dict[int, tuple[tuple[slice, ...], Array]]:
+    """The field of each instance by label, in a box of the grid, as `instance_meshes` takes it.
+
+    Args:
+        tsdf: (X, Y, Z) metres.
+        instances: (X, Y, Z) labels, 0 = no object.
+        grid: the voxel grid of both.
+        smoothing: of the cuts between instances (voxels).
+
+    Raises:
+        InputError: shapes do not fit the grid, or values are not finite.
+    """
+    field, labels = _field(tsdf, grid), _numpy(instances)
+    if labels.shape != grid.shape:
+        raise InputError(f"instances have shape {labels.shape}, expected {grid.shape} as the grid")
+    found = {}
+    for label, box in enumerate(ndimage.find_objects(labels.astype(np.int64)), start=1):
+        if box is not None:
+            around = _grown(box, _MARGIN, grid)
+            cut = _separated(field[around], labels[around], label, smoothing, grid.voxel_size)
+            found[label] = (around, cut)
+    return found
 
 
 def _separated(

@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 from scenefw.core.files import replacing
 from scenefw.core.geometry import rotation_from_quaternion
 from scenefw.scenes.splits import SPLITS
-from scenefw.scenes.storage import StoredScenes
+from scenefw.scenes.storage import Stored, StoredScenes
 from scenefw.shapes.superquadric import support_points
 
 Array = NDArray[np.float64]
 
 
-def summary(stored: StoredScenes) -> dict[str, float]:
-    """Flat figures: scenes, objects, their mean extent and the mean height of a scene (m)."""
+def summary(stored: Stored) -> dict[str, float]:
+    """Flat figures: scenes, objects; of superquadrics mean extent and height of a scene (m)."""
     figures = {"scenes": float(len(stored)), "objects": float(stored.count.sum())}
     figures |= {f"scenes_{name}": float((stored.split == i).sum()) for i, name in enumerate(SPLITS)}
-    if len(stored):
+    if len(stored) and isinstance(stored, StoredScenes):
         figures["mean_extent"] = float(2 * stored.half_axes[present(stored)].mean())
         figures["mean_height"] = float(heights(stored).mean())
     return figures

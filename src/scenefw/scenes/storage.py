@@ -1,4 +1,4 @@
-"""Scenes of superquadrics as one compressed file of parameters, with a manifest beside it."""
+"""Scenes as one compressed file of parameters, with a manifest beside it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from scenefw.core.errors import StorageError
 from scenefw.core.files import replacing, write_text
 from scenefw.core.types import Float32, Int32, Pose, Scene, SceneObject
+from scenefw.scenes.mesh_storage import StoredMeshScenes, concatenate_meshes, pack_meshes
 from scenefw.scenes.splits import SPLITS, split_of
+from scenefw.shapes.solid_mesh import SolidMesh
 from scenefw.shapes.superquadric import Superquadric
 
 UInt8 = NDArray[np.uint8]
@@ -83,12 +85,18 @@ class StoredScenes:
         return Scene(objects, int(self.index[row]), seed)
 
 
-def pack(scenes: Sequence[Scene]) -> StoredScenes:
-    """Scenes of superquadrics as arrays.
+Stored = StoredScenes | StoredMeshScenes
+"""Scenes of superquadrics or of meshes."""
+
+
+def pack(scenes: Sequence[Scene]) -> Stored:
+    """Scenes of superquadrics, or of meshes, as arrays.
 
     Raises:
-        StorageError: a scene holds a shape that is not a superquadric.
+        StorageError: a scene holds a shape that is neither, or scenes hold both.
     """
+    if any(isinstance(item.shape, SolidMesh) for scene in scenes for item in scene.objects):
+        return pack_meshes(scenes)
     most = max((len(scene.objects) for scene in scenes), default=0)
     stored = _fillers(len(scenes), most)
     for row, scene in enumerate(scenes):
@@ -99,7 +107,7 @@ def pack(scenes: Sequence[Scene]) -> StoredScenes:
             if not isinstance(item.shape, Superquadric):
                 raise StorageError(
                     f"scene {scene.index} holds a {type(item.shape).__name__}; "
-                    "this format stores superquadrics alone"
+                    "scenes are stored of superquadrics alone or of meshes alone"
                 )
             stored.half_axes[row, i] = item.shape.half_axes
             stored.exponents[row, i] = item.shape.exponents
@@ -109,9 +117,21 @@ def pack(scenes: Sequence[Scene]) -> StoredScenes:
     return stored
 
 
-def concatenate(parts: Iterable[StoredScenes]) -> StoredScenes:
-    """All scenes of several files, ordered by index."""
-    found = list(parts)
+def concatenate(parts: Iterable[Stored]) -> Stored:
+    """All scenes of several files, ordered by index.
+
+    Raises:
+        StorageError: some are of superquadrics, others of meshes.
+    """
+    given = list(parts)
+    meshes = [part for part in given if isinstance(part, StoredMeshScenes)]
+    found = [part for part in given if isinstance(part, StoredScenes)]
+    if meshes and any(len(part) for part in found):
+        raise StorageError("scenes of superquadrics and of meshes can't be in one file")
+    return concatenate_meshes(meshes) if meshes else _concatenated(found)
+
+
+def _concatenated(found: Sequence[StoredScenes]) -> StoredScenes:
     total = sum(len(part) for part in found)
     most = max((part.masses.shape[1] for part in found), default=0)
     merged, start = _fillers(total, most), 0
@@ -125,7 +145,7 @@ def concatenate(parts: Iterable[StoredScenes]) -> StoredScenes:
     return StoredScenes(**{name: array[order] for name, array in merged.arrays().items()})
 
 
-def save_scenes(path: Path | str, stored: StoredScenes, facts: Mapping[str, Any]) -> Path:
+def save_scenes(path: Path | str, stored: Stored, facts: Mapping[str, Any]) -> Path:
     """Writes the arrays (.npz) and, beside them, a manifest (.json) of `facts` and check sums.
 
     The manifest goes last, so a file with a manifest is whole.
@@ -153,8 +173,8 @@ def save_scenes(path: Path | str, stored: StoredScenes, facts: Mapping[str, Any]
     return path
 
 
-def load_scenes(path: Path | str) -> StoredScenes:
-    """Reads scenes; checked against the manifest where there is one.
+def load_scenes(path: Path | str) -> Stored:
+    """Reads scenes of superquadrics or of meshes; checked against the manifest where there is one.
 
     Raises:
         StorageError: missing, damaged, of another format, or not what the manifest says.
@@ -162,7 +182,8 @@ def load_scenes(path: Path | str) -> StoredScenes:
     path = Path(path)
     try:
         with np.load(path, allow_pickle=False) as file:
-            found = {field.name: file[field.name] for field in fields(StoredScenes)}
+            kind: type[Stored] = StoredMeshScenes if "mesh" in file.files else StoredScenes
+            found = {field.name: file[field.name] for field in fields(kind)}
     except FileNotFoundError as error:
         raise StorageError(f"no scenes at {path}; make them with run=generate") from error
     except KeyError as error:
@@ -171,10 +192,11 @@ def load_scenes(path: Path | str) -> StoredScenes:
         raise StorageError(
             f"{path} is damaged or not an .npz file ({error}); regenerate it with run=generate"
         ) from error
-    _check_layout(path, found)
+    if kind is StoredScenes:
+        _check_layout(path, found)
     if path.with_suffix(".json").exists():
         _check_manifest(path, found)
-    return StoredScenes(**found)
+    return kind(**found)
 
 
 def load_manifest(path: Path | str) -> dict[str, Any]:
@@ -235,7 +257,7 @@ def _check_manifest(path: Path, found: Mapping[str, NDArray[Any]]) -> None:
             )
 
 
-def _shape_counts(stored: StoredScenes) -> dict[str, int]:
+def _shape_counts(stored: Stored) -> dict[str, int]:
     """Distinct shapes of each part, and how many are in more than one (`shared`)."""
     parts = [stored.shapes(name) for name in SPLITS]
     counts = {name: len(part) for name, part in zip(SPLITS, parts, strict=True)}

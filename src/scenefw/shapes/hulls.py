@@ -3,10 +3,24 @@
 from functools import lru_cache, singledispatch
 
 import numpy as np
-from scipy.spatial import ConvexHull, HalfspaceIntersection
+from scipy.optimize import linprog
+from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from scenefw.core.types import Shape
+from scenefw.shapes.solid_mesh import SolidMesh
 from scenefw.shapes.superquadric import Array, Superquadric
+
+
+def collision_hulls(shape: Shape, tolerance: float, margin: float) -> list[Array]:
+    """Points (K, 3) of the convex parts that a shape collides as, as of `collision_hull`."""
+    if not isinstance(shape, SolidMesh):
+        return [collision_hull(shape, tolerance, margin)]
+    return _mesh_hulls(shape, tolerance, margin)
+
+
+@lru_cache(maxsize=256)  # by identity; a folder's meshes come back in every scene
+def _mesh_hulls(shape: SolidMesh, tolerance: float, margin: float) -> list[Array]:
+    return [_drawn_in(part, tolerance, margin) for part in shape.parts or (shape.vertices,)]
 
 
 @singledispatch
@@ -44,6 +58,38 @@ def _superquadric_hull(
     inset = chosen - (margin - tolerance / 2) * shape.normals(chosen)
     limit = np.maximum(shape.half_axes - margin, shape.half_axes / 2)
     return np.asarray(np.round(np.clip(inset, -limit, limit), 8), dtype=np.float64)
+
+
+def _drawn_in(points: Array, tolerance: float, margin: float) -> Array:
+    """Few points whose hull, rounded by the margin, follows that of the points within a tolerance.
+
+    Parts that are no thicker than two margins are drawn in by less; flat ones stay as they are.
+    """
+    try:
+        hull = ConvexHull(points)
+        axes = np.concatenate([np.eye(3), -np.eye(3)])
+        directions = np.concatenate([axes, sphere_points(500), hull.equations[:, :3]])
+        corners = points[hull.vertices]
+        tips = corners[(directions @ corners.T).argmax(axis=1)]
+        chosen = np.unique(tips[_covering(directions, tips, tolerance)], axis=0)
+        planes = np.unique(ConvexHull(chosen).equations.round(9), axis=0)
+        centre, depth = _deepest(planes)
+        planes[:, 3] += min(margin, depth / 2)
+        inner = HalfspaceIntersection(planes, centre).intersections
+        return np.asarray(inner[ConvexHull(inner).vertices])
+    except QhullError:
+        return np.asarray(points)
+
+
+def _deepest(planes: Array) -> tuple[Array, float]:
+    """Centre (3,) and radius of the largest ball inside planes (P, 4)."""
+    found = linprog(
+        [0, 0, 0, -1],
+        A_ub=np.column_stack([planes[:, :3], np.ones(len(planes))]),
+        b_ub=-planes[:, 3],
+        bounds=[(None, None)] * 3 + [(0, None)],
+    )
+    return found.x[:3], float(found.x[3])
 
 
 def _directions(shape: Superquadric) -> Array:

@@ -57,6 +57,8 @@ class Check:
         from rich.progress import track
 
         stored = load_scenes(self.scenes)
+        if not isinstance(stored, StoredScenes):
+            raise ConfigError(f"{self.scenes} holds meshes; run=check measures superquadrics")
         if not len(stored):
             raise ConfigError(f"{self.scenes} holds no scene to check")
         number = min(self.number, len(stored))

@@ -15,9 +15,9 @@ from scenefw.core.files import require_writable
 from scenefw.core.protocols import SceneSource
 from scenefw.core.versions import installed, versions
 from scenefw.scenes import statistics
-from scenefw.scenes.storage import concatenate, load_scenes, pack, save_scenes
+from scenefw.scenes.storage import StoredScenes, concatenate, load_scenes, pack, save_scenes
 
-_SIMULATORS = ("scenefw", "pybullet", "numpy", "scipy")
+_SIMULATORS = ("scenefw", "pybullet", "mujoco", "coacd", "numpy", "scipy")
 
 
 class Generate:
@@ -85,7 +85,8 @@ class Generate:
         extra = {"attempts": self.attempts, "commit": versions().get("commit")}
         save_scenes(target, stored, extra | facts)
         figures = statistics.summary(stored)
-        statistics.draw(stored, target.with_suffix(".png"))
+        if isinstance(stored, StoredScenes):
+            statistics.draw(stored, target.with_suffix(".png"))
         print(target)
         return {"attempts": float(self.attempts), **figures}
 

@@ -16,13 +16,15 @@ import numpy as np
 
 from scenefw.core.errors import ConfigError, InputError, StorageError
 from scenefw.core.files import require_writable
+from scenefw.core.protocols import Settling
 from scenefw.core.types import SceneEstimate
 from scenefw.core.versions import versions
 from scenefw.data.readers import find_images, read_frame
 from scenefw.export.masks import write_masks
 from scenefw.export.meshes import write_glb, write_ply
 from scenefw.export.summary import write_summary
-from scenefw.perception.pipeline import Pipeline
+from scenefw.perception.pipeline import Pipeline, View
+from scenefw.perception.settling import words as settled_words
 from scenefw.report.hypotheses import draw_hypotheses
 from scenefw.report.overview import write_overview
 from scenefw.report.palette import Colour, instance_colours
@@ -45,6 +47,7 @@ class Predict:
         intrinsics: file with the intrinsics of .png and .npy images; None looks beside them.
         depth_scale: metres per unit of integer depth.
         overview: also draw pictures.
+        settling: lets the objects come to rest first; None leaves them as predicted.
         hypotheses: also write what drawn codes give; how many, `pipeline.samples` says.
 
     Raises:
@@ -58,6 +61,7 @@ class Predict:
         output: str | Path = "outputs",
         intrinsics: str | Path | None = None,
         depth_scale: float = 0.001,
+        settling: Settling | None = None,
         *,
         overview: bool = True,
         hypotheses: bool = True,
@@ -71,6 +75,7 @@ class Predict:
         self.output = Path(output)
         self.intrinsics = intrinsics
         self.depth_scale = depth_scale
+        self.settling = settling
         self.overview = overview
         self.hypotheses = hypotheses
 
@@ -116,10 +121,7 @@ class Predict:
         view = self.pipeline.prepare(frame)
         for warning in view.warnings:
             print(f"{frame.name}: {warning}", file=sys.stderr)
-        if self.hypotheses:
-            estimate, *others = self.pipeline.hypotheses(view)
-        else:
-            estimate, others = self.pipeline.complete(view), []
+        estimate, *others = self._scenes(view)
         with _replacing_folder(folder) as temporary:
             colours = _write_scene(temporary, estimate)
             for number, other in enumerate(others, start=2):
@@ -131,6 +133,16 @@ class Predict:
             if self.overview and others:
                 save_picture(draw_hypotheses([estimate, *others]), temporary / "hypotheses.png")
         return estimate
+
+    def _scenes(self, view: View) -> list[SceneEstimate]:
+        """All hypotheses, or the most typical one, at rest if they settle."""
+        every = self.pipeline.hypotheses(view)
+        scenes = list(every) if self.hypotheses else [next(every)]
+        if self.settling is None:
+            return scenes
+        settled = self.settling.settle(scenes)
+        print(f"{view.frame.name}: {settled_words(settled[0])}")
+        return settled
 
 
 def _write_scene(folder: Path, estimate: SceneEstimate) -> list[Colour]:

@@ -1,4 +1,7 @@
+import os
 import pstats
+import subprocess
+import sys
 
 import numba
 import pytest
@@ -43,3 +46,18 @@ def test_one_thread_and_no_operation_that_depends_on_their_order():
     make_deterministic()
     assert torch.are_deterministic_algorithms_enabled()
     assert (torch.get_num_threads(), numba.get_num_threads()) == (1, 1)
+
+
+def test_one_thread_also_where_no_loop_of_numba_has_run_before():
+    script = (
+        "import torch\n"
+        "from scenefw.execution.modifiers import make_deterministic\n"
+        "torch.set_num_threads(2)\n"
+        "make_deterministic()\n"
+        "print(torch.get_num_threads())"
+    )
+    environment = os.environ | {"NUMBA_NUM_THREADS": "2"}
+    done = subprocess.run(
+        [sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split() == ["1"]

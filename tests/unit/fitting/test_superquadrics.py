@@ -9,7 +9,7 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.evidence import Evidence, FittedSuperquadric
 from scenefw.core.types import Pose
 from scenefw.fitting.superquadrics import SuperquadricFit
-from scenefw.kernels.superquadric_fit import COST, STATE, WORK, advance
+from scenefw.kernels.superquadric_fit import COST, STATE, TYPICAL, WORK, advance
 from scenefw.shapes.superquadric import Superquadric
 
 FIT = SuperquadricFit()
@@ -98,6 +98,30 @@ def test_places_outside_decide_what_is_not_seen():
     assert (depth < 0.8).mean() < 0.05
 
 
+def test_draws_agree_where_points_decide_and_differ_where_they_do_not():
+    """All of one object is seen, and one side of a box."""
+    _, _, points, _, rng = drawn(0)
+    side = np.column_stack([rng.uniform(-0.1, 0.1, 300), np.zeros(300), rng.uniform(0, 0.2, 300)])
+    # Free space in front of the side says in which direction the box goes on
+    front = np.column_stack(
+        [rng.uniform(-0.2, 0.2, 400), rng.uniform(-0.2, -0.005, 400), rng.uniform(0, 0.3, 400)]
+    )
+    given = [evidence(points), evidence(side, outside=front)]
+    draws = FIT.draws(given, 9, np.random.default_rng(3))
+    assert len(draws) == 9
+    for best, alone in zip(draws[0], FIT.fit(given), strict=True):
+        np.testing.assert_array_equal(best.half_axes, alone.half_axes)
+    seen, open_ended = (np.array([draw[k].half_axes for draw in draws]) for k in (0, 1))
+    assert np.ptp(np.sort(seen, axis=1), axis=0).max() < 0.002
+    assert np.ptp(open_ended, axis=0).max() > 0.02
+    for _, found in draws:
+        assert np.median(np.abs(found.distances)) < 0.002
+    again = FIT.draws(given, 2, np.random.default_rng(3))
+    np.testing.assert_array_equal(again[1][1].half_axes, draws[1][1].half_axes)
+    narrow = SuperquadricFit(spread=0.05).draws(given, 9, np.random.default_rng(3))[1:]
+    assert np.ptp([d[1].half_axes for d in narrow], axis=0).max() < 0.02
+
+
 def test_objects_fitted_together_come_out_as_alone():
     several = [drawn(seed)[2] for seed in range(3)]
     together = FIT.fit([evidence(points) for points in several])
@@ -108,12 +132,15 @@ def test_objects_fitted_together_come_out_as_alone():
     assert FIT.fit([]) == FIT.refit([], []) == []
 
 
+TYPICAL_AXES = (0.06, 0.05, 0.08)  # m
+
+
 def state_of(start, exponents):
     """A row of the kernel's states."""
     pose, half_axes = start
     row = np.zeros((1, STATE))
     row[0, :3], row[0, 3:12] = pose.position, pose.rotation.ravel()
-    row[0, 12:15] = np.log(half_axes)
+    row[0, 12:15], row[0, TYPICAL:] = np.log(half_axes), np.log(TYPICAL_AXES)
     row[0, 15:18] = -np.log((HIGH - LOW) / (np.log(exponents) - LOW) - 1)
     return row
 
@@ -135,7 +162,7 @@ def cost_and_slope(row, points, outside, sigma, limit):
     work = torch.zeros(1, WORK, dtype=torch.float64)
     states = torch.from_numpy(row.copy())
     places = torch.from_numpy(np.concatenate([points, outside]).astype(np.float32))
-    settings = torch.tensor([LOW, HIGH, -5, 0, np.log(0.06), 0.3], dtype=torch.float64)
+    settings = torch.tensor([LOW, HIGH, -5, 0, 0.3], dtype=torch.float64)
     sigmas = torch.full((len(places),), sigma)
     objects = torch.tensor([sizes], dtype=torch.int32)
     advance(1, places, sigmas, objects, states, work, settings, 0, limit)
@@ -151,7 +178,7 @@ def cost_by_definition(row, points, outside, sigma, limit):
         return shape.first_order_distance((places - row[0, :3]) @ rotation) / sigma
 
     on, off = residuals(points) ** 2, np.minimum(residuals(outside), 0) ** 2
-    size, free = row[0, 12:15] - np.log(0.06), row[0, 15:18]
+    size, free = row[0, 12:15] - np.log(TYPICAL_AXES), row[0, 15:18]
     uncommon = 0.3 * (size**2).sum() + 0.075 * (free**2).sum()
     return ((on / (1 + on / limit**2)).sum() + off.sum() + uncommon) / len(points)
 

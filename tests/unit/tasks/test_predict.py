@@ -13,7 +13,10 @@ from scenefw.core.types import GridSpec
 from scenefw.learning.checkpoint import save_checkpoint
 from scenefw.mapping.projective import Projective
 from scenefw.models.shape_instance_vae import ShapeInstanceVAE
+from scenefw.perception.bodies import BodyMaker
 from scenefw.perception.pipeline import Pipeline
+from scenefw.perception.settling import PhysicalSettling
+from scenefw.scenes.engines.pybullet_engine import PyBulletEngine
 from scenefw.tasks.predict import Predict
 
 CAMERA = camera_at(eye=(0.0, -0.85, 0.6), size=(160, 120))
@@ -77,6 +80,23 @@ def test_without_hypotheses_there_is_one_scene(tmp_path, pipeline):
     ]
     files = [*scene, "volumes.npz"]  # the network gives one volume more
     assert names(tmp_path / "out") == [f"view/{name}" for name in files]
+
+
+def test_settled_objects_are_what_is_written(tmp_path, pipeline, capsys):
+    pytest.importorskip("pybullet", reason="needs pybullet (pip install 'scenefw[simulation]')")
+    image = save(tmp_path / "view.npz")
+    settling = PhysicalSettling(PyBulletEngine(), BodyMaker())
+    task = Predict(
+        image, pipeline, tmp_path / "out", settling=settling, overview=False, hypotheses=False
+    )
+    task.run()
+    scene = json.loads((tmp_path / "out" / "view" / "scene.json").read_text())
+    assert [row["id"] for row in scene["settled"]["objects"]] == [1, 2]
+    assert "view: settled: object 1 moved" in capsys.readouterr().out
+    meshes = [trimesh.load(tmp_path / "out" / "view" / one["mesh"]) for one in scene["objects"]]
+    for item, mesh in zip(scene["objects"], meshes, strict=True):
+        np.testing.assert_allclose(mesh.center_mass, item["centre"], atol=1e-4)
+    assert min(mesh.bounds[0, 2] for mesh in meshes) == pytest.approx(0, abs=2e-3)
 
 
 def test_a_bad_image_does_not_lose_the_others(tmp_path, pipeline, capsys):

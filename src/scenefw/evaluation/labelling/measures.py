@@ -22,6 +22,29 @@ SCORES = {
     ),
 }  # fmt: skip
 """A labelled map compared with the true one."""
+HALVES = {
+    "overlap": Measure("seen by both", "share of seen vertices that both halves see", "", 3),
+    "height_median": Measure(
+        "heights apart, median", "median difference of heights", "mm", 2, "lower", 1000.0
+    ),
+    "height_rms": Measure(
+        "heights apart, RMS", "RMS difference of heights", "mm", 2, "lower", 1000.0
+    ),
+    "tilt": Measure("tilt", "tilt of the table", "degrees", 2, "lower"),
+    "roughness": Measure(
+        "roughness", "deviation of the table from a plane", "mm", 2, "lower", 1000.0
+    ),
+    "agreement": Measure(
+        "same label", "share of vertices with the same label", better="higher", trivial="chance"
+    ),
+    "chance": Measure(
+        "same label by chance", "the same for labels drawn at random in those shares"
+    ),
+    "miou": Measure(
+        "mean IoU of halves", "mean IoU of the labels of one half by the other's", better="higher"
+    ),
+}
+"""Two halves of one recording."""
 
 
 def of_curves(strategies: Sequence[str]) -> dict[str, Measure]:
@@ -100,6 +123,16 @@ def of_weights(weights: Iterable[str]) -> dict[str, Measure]:
             name, f"labelled right, mean over classes, {name}", digits=4, better="higher"
         )
     return found | {"vertices": Measure("vertices", digits=0), "scenes": _SCENES["scenes"]}
+
+
+def of_halves(strategies: Sequence[str]) -> dict[str, Measure]:
+    """Measures of the agreement of two halves of a recording, `<strategy>/<measure>`."""
+    found = {"frames": _SCENES["frames"]}
+    for strategy in strategies:
+        for name, measure in HALVES.items():
+            heading = f"{measure.heading}, {_short(strategy)}"
+            found[f"{strategy}/{name}"] = measure.within(strategy).changed({"heading": heading})
+    return found
 
 
 def _short(strategy: str) -> str:

@@ -10,7 +10,7 @@ from scenefw.core import rng
 from scenefw.core.errors import ConfigError
 from scenefw.core.protocols import MappingMethod, Noise, Reconstructor, Renderer
 from scenefw.core.types import Camera, Float32, GridSpec, Int32
-from scenefw.data.stacks import StackScenes
+from scenefw.data.stacks import SceneSet
 from scenefw.data.views import ViewMaker, Viewpoints
 from scenefw.kernels.cameras import camera_of
 from scenefw.matching.instances import renumbered_like
@@ -68,7 +68,7 @@ class Examples:
 
     def __init__(
         self,
-        scenes: StackScenes,
+        scenes: SceneSet,
         method: Reconstructor,
         viewpoints: Viewpoints,
         renderer: Renderer,
@@ -101,10 +101,10 @@ class Examples:
         codes = torch.Generator().manual_seed(rng.torch_seed(self.seed, _STREAM, scene))
         grid = self.views.grid
         true = view.volumes.instances[0].cpu().numpy()
-        samples = self.method.reconstruct(view.partial, grid, self.samples, codes)
+        samples = self.method.complete(view.partial, grid, self.samples, codes)
         (tsdf, instances), *others = [
-            (tsdf[0].cpu().numpy(), renumbered_like(instances[0].cpu().numpy(), true))
-            for tsdf, instances in samples
+            (one.tsdf[0].cpu().numpy(), renumbered_like(one.instances[0].cpu().numpy(), true))
+            for one in samples
         ]
         return Example(
             f"scene {int(self.scenes.indices[scene])}",

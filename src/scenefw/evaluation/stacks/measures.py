@@ -5,12 +5,8 @@ from dataclasses import replace
 
 from scenefw.core.measures import Measure
 from scenefw.evaluation.stacks import published, published_masks
+from scenefw.evaluation.stacks.methods import BASE_RATE, REFERENCES, described
 
-WITHOUT_LEARNING = ("fitted_hulls", "hull_filling")  # strongest first
-"""Methods of evaluations that need no learning."""
-BASE_RATE, TRAINING_MEAN = "base_rate", "training_mean"
-"""Forecasts of occupancy without an image: the same in every voxel, and one for each."""
-_UNLEARNED = (*WITHOUT_LEARNING, "partial_tsdf", BASE_RATE, TRAINING_MEAN)
 _TRIVIAL = {"occupancy_bce": BASE_RATE}  # of figures that are no measure of skill
 
 _THESIS = {name: figure.mean for name, figure in published.SUPERQUADRICS["SIMstack"].items()}
@@ -56,11 +52,6 @@ _NUMBERS = {
     "views": Measure("views", digits=0),
     "samples": Measure("samples", "samples of each view", digits=0),
 }
-_OF_METHOD = {
-    "zero_code": " of the zero code alone",
-    "fitted": " of fitted superquadrics",
-    "fitted_hulls": " of superquadrics fitted to parts",
-}
 
 
 def of_scores(methods: Sequence[str], drawn: Sequence[str] = ()) -> dict[str, Measure]:
@@ -75,14 +66,14 @@ def of_scores(methods: Sequence[str], drawn: Sequence[str] = ()) -> dict[str, Me
         for name, measure in _SCORES.items()
     }
     for method in methods[1:]:
-        words = _OF_METHOD.get(method, f", {method.replace('_', ' ')}")
+        known = described(method)
         for name, measure in _SCORES.items():
             found[f"{method}/{name}"] = replace(
                 measure,
-                heading=measure.heading + words,
-                name=(measure.name or measure.heading) + words,
+                heading=measure.heading + known.figure,
+                name=(measure.name or measure.heading) + known.figure,
                 published=None,
-                trivial=None if method in _UNLEARNED else _trivial(name, methods[1:]),
+                trivial=_trivial(name, methods[1:]) if known.learns else None,
             )
     return found | _NUMBERS | _of_draws(drawn)
 
@@ -94,7 +85,7 @@ def _trivial(name: str, others: Sequence[str]) -> str | None:
 
 def _without_learning(methods: Sequence[str]) -> str | None:
     """The strongest of the methods that learns nothing."""
-    return next((name for name in WITHOUT_LEARNING if name in methods), None)
+    return next((name for name in REFERENCES if name in methods), None)
 
 
 DRAWS = {
@@ -137,14 +128,6 @@ DRAWS = {
     ),
 }
 """Of samples judged as samples."""
-_DRAWN = {
-    "coupled": "shipped default (zero code, then coupled codes)",
-    "scenefw": "independent codes",
-    "zero_code": "zero code",
-    "fitted": "zero code, superquadrics fitted",
-    "fitted_hulls": "superquadrics fitted to parts",
-    "hull_filling": "hull filling",
-}
 
 
 def _of_draws(methods: Sequence[str]) -> dict[str, Measure]:
@@ -155,9 +138,9 @@ def _of_draws(methods: Sequence[str]) -> dict[str, Measure]:
     }
     reference = _without_learning(methods)
     for method in methods:
-        words = _DRAWN.get(method, method.replace("_", " "))
+        words = described(method).draws
         for name, measure in DRAWS.items():
-            other = method not in WITHOUT_LEARNING and reference
+            other = method not in REFERENCES and reference
             found[f"draws/{method}/{name}"] = replace(
                 measure,
                 name=f"{measure.name or measure.heading}, {words}",

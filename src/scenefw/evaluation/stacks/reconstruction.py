@@ -18,11 +18,12 @@ from scenefw.core.protocols import (
     Track,
 )
 from scenefw.core.types import Camera, Float64, GridSpec
-from scenefw.data.stacks import StackScenes
+from scenefw.data.stacks import SceneSet
 from scenefw.data.views import ViewBatch, ViewMaker, Viewpoints
+from scenefw.evaluation.side_by_side import side_by_side
 from scenefw.evaluation.stacks.draw_results import DrawsResult, DrawView
 from scenefw.evaluation.stacks.draws import DrawScoring, Truth
-from scenefw.evaluation.stacks.measures import BASE_RATE, TRAINING_MEAN
+from scenefw.evaluation.stacks.methods import BASE_RATE, TRAINING_MEAN
 from scenefw.evaluation.stacks.references import instances_of
 from scenefw.evaluation.stacks.results import ReconstructionResult, ViewScores
 from scenefw.evaluation.stacks.seen_scenes import Sample, SceneViews, SeenScene, Streams
@@ -65,14 +66,15 @@ class ReconstructionEvaluation:
         seed: of cameras, noise, codes and points.
         device: where volumes and views are computed.
         draws: judges samples as samples, and knows the forecasts without an image; or None.
+        workers: views at once; None: on the CPU as many as torch has threads, on a GPU one.
 
     Raises:
-        ConfigError: no method, or no grid.
+        ConfigError: no method, no worker, or no grid.
     """
 
     def __init__(
         self,
-        scenes: StackScenes,
+        scenes: SceneSet,
         methods: Mapping[str, Reconstructor | None],
         viewpoints: Viewpoints,
         renderer: Renderer,
@@ -87,7 +89,11 @@ class ReconstructionEvaluation:
         seed: int = 0,
         device: str = "cpu",
         draws: DrawScoring | None = None,
+        workers: int | None = None,
     ) -> None:
+        if workers is not None and workers < 1:
+            raise ConfigError(f"workers is {workers}; expected at least 1, or null")
+        self.workers = 1 if workers is None and torch.device(device).type != "cpu" else workers
         self.methods = {name: method for name, method in methods.items() if method is not None}
         if not self.methods or views < 1 or samples < 1:
             raise ConfigError(
@@ -111,16 +117,15 @@ class ReconstructionEvaluation:
         self.seed = seed
         self.seeing = SceneViews(makers, self.visible, seed, device)
 
-    @torch.no_grad()
     def run(self, track: Track = lambda pairs, _: pairs) -> ReconstructionResult:
         """Scores all views; `track(items, what)` shows a bar of the loop."""
         calibration = self._calibration(track)
         pairs = list(product(range(len(self.scenes)), range(self.views)))
-        views, drawn = [], []
-        for scene, view in track(pairs, "test views"):
-            found, outcome = self._both(scene, view)
-            views.append(found)
-            drawn += [outcome] if outcome else []
+        found = side_by_side(
+            lambda pair: self._both(*pair), pairs, track, "test views", self.workers
+        )
+        views = [scores for scores, _ in found]
+        drawn = [outcome for _, outcome in found if outcome]
         names = (*self.methods, *self.extractors)
         if self.draws is None:
             return ReconstructionResult(tuple(views), names, self.samples, self.seed)
@@ -133,6 +138,7 @@ class ReconstructionEvaluation:
         """All methods on one view of one scene of the split."""
         return self._both(scene, view)[0]
 
+    @torch.no_grad()
     def _both(self, scene: int, view: int) -> tuple[ViewScores, DrawView | None]:
         """Scores of a view and, of the first scenes, what all samples are worth together."""
         seen = self.seeing.see(self.scenes, scene, view, _TEST)
@@ -164,12 +170,17 @@ class ReconstructionEvaluation:
         """Outcomes of samples of validation scenes."""
         if self.draws is None:
             return ()
-        found = []
-        for row in track(range(len(self.draws.calibration)), "calibration views"):
-            seen = self.seeing.see(self.draws.calibration, row, 0, _CALIBRATION)
-            samples = self._samples(seen, self.draws.count)
-            found.append(self._judged(self.draws, seen, samples, seen.visible_points()))
+        draws, rows = self.draws, range(len(self.draws.calibration))
+        found = side_by_side(
+            lambda row: self._calibrated(draws, row), rows, track, "calibration views", self.workers
+        )
         return tuple(found)
+
+    @torch.no_grad()
+    def _calibrated(self, draws: DrawScoring, row: int) -> DrawView:
+        seen = self.seeing.see(draws.calibration, row, 0, _CALIBRATION)
+        samples = self._samples(seen, draws.count)
+        return self._judged(draws, seen, samples, seen.visible_points())
 
     def _samples(self, seen: SeenScene, count: int) -> dict[str, list[Sample]]:
         return {

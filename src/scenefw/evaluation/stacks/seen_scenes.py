@@ -11,7 +11,7 @@ from scenefw.core import rng
 from scenefw.core.errors import InputError
 from scenefw.core.protocols import Reconstructor
 from scenefw.core.types import Camera, Float64, GridSpec
-from scenefw.data.stacks import StackScenes
+from scenefw.data.stacks import SceneSet
 from scenefw.data.views import ViewBatch, ViewMaker
 from scenefw.evaluation.stacks.draws import VISIBLE_POINTS, Truth
 from scenefw.evaluation.stacks.surface_scores import Surfaces
@@ -58,8 +58,8 @@ class SeenScene:
     def samples(self, method: Reconstructor, grid: GridSpec, count: int) -> list[Sample]:
         """At most `count` different samples, TSDF and instances (X, Y, Z) of each."""
         partial = self.batches[grid].partial
-        found = method.reconstruct(partial, grid, count, self.codes())
-        return distinct([(tsdf[0], instances[0]) for tsdf, instances in found])
+        found = method.complete(partial, grid, count, self.codes())
+        return distinct([(scenes.tsdf[0], scenes.instances[0]) for scenes in found])
 
     def truth(self, grid: GridSpec, points: Float64) -> Truth:
         """The truth on a grid; `points` are on its visible surface."""
@@ -106,7 +106,7 @@ class SceneViews:
         self.makers, self.visible = makers, visible
         self.seed, self.device = seed, device
 
-    def see(self, scenes: StackScenes, row: int, view: int, streams: Streams) -> SeenScene:
+    def see(self, scenes: SceneSet, row: int, view: int, streams: Streams) -> SeenScene:
         """One view of one scene of a split."""
         parameters = scenes.parameters([row], self.device)
         batches = {

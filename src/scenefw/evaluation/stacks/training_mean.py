@@ -6,7 +6,7 @@ import numpy as np
 
 from scenefw.core.types import Float64, GridSpec
 from scenefw.data.stacks import StackScenes
-from scenefw.representations.volumes import scene_volumes
+from scenefw.representations.volumes import object_occupancy
 
 _AT_ONCE = 16  # scenes whose volumes are in memory together
 
@@ -38,6 +38,6 @@ class TrainingMean:
         counts = np.zeros(grid.shape)
         for start in range(0, len(self.scenes), _AT_ONCE):
             rows = list(range(start, min(start + _AT_ONCE, len(self.scenes))))
-            volumes = scene_volumes(self.scenes.parameters(rows), grid)
-            counts += (volumes.tsdf[:, 0] < 0).sum(dim=0).numpy()
+            occupied = object_occupancy(self.scenes.parameters(rows), grid).any(dim=1)
+            counts += occupied.sum(dim=0).numpy()
         return counts

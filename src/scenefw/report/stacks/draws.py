@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 from scenefw.core.measures import Measure
 from scenefw.evaluation.stacks.draw_results import DrawsResult
 from scenefw.evaluation.stacks.measures import DRAWS
+from scenefw.evaluation.stacks.methods import described
 from scenefw.evaluation.statistics import Interval
 from scenefw.metrics.forecasts import Outcomes
 from scenefw.report import measured
@@ -18,16 +19,6 @@ from scenefw.report.blocks import Drawing, Section, Text
 from scenefw.report.figures import COLOURS, INK, STYLE, to_svg
 from scenefw.report.tables import Cell, Column, Table
 
-NAMES = {
-    "scenefw": "independent codes, as in the thesis",
-    "coupled": "shipped default: zero code, then coupled codes",
-    "zero_code": "zero code alone",
-    "fitted": "zero code, superquadrics fitted",
-    "trained_here": "independent codes, trained in this run",
-    "fitted_hulls": "superquadrics fitted to parts of the image (no learning)",
-    "hull_filling": "hull filling (no learning)",
-    "partial_tsdf": "partial TSDF meshed (no learning)",
-}
 _SPACE = ("log_skill", "brier_skill", "log_skill_unseen", "brier_skill_unseen", "unseen_error")
 _SETS = ("distance", "distance_best_1", "distance_best_3", "distance_best_10", "spread", "energy")
 _OVERLAPS = ("instance_iou", "instance_iou_best_3", "instance_iou_best_10", "coverage")
@@ -105,7 +96,7 @@ def _table(
             interval = result.intervals[method][name]
             cells.append(DRAWS[name].shown(interval.mean))
             cells += [ranged(interval, DRAWS[name])] if name in _BOUNDED else []
-        rows.append((NAMES.get(method, method.replace("_", " ")), tuple(cells)))
+        rows.append((described(method).samples, tuple(cells)))
     quoted = frozenset(name for name, _ in trivial)
     return Table(title, tuple(columns), (*rows, *trivial), quoted, note)
 
@@ -143,7 +134,7 @@ def reliability_figure(result: DrawsResult) -> str:
             axes.set(xlim=(0, 1), ylim=(0, 1))
             axes.grid(alpha=0.15, color=INK)
         handles = [Line2D([], [], color=colours[m], marker="o") for m in result.methods]
-        names = [NAMES.get(method, method) for method in result.methods]
+        names = [described(method).samples for method in result.methods]
         figure.legend(handles, names, loc="outside lower center", ncols=2)
         return to_svg(figure)
 

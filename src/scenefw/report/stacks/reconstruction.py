@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 from scenefw.evaluation.stacks import published
-from scenefw.evaluation.stacks.measures import BASE_RATE, DRAWS, TRAINING_MEAN
+from scenefw.evaluation.stacks.measures import DRAWS
+from scenefw.evaluation.stacks.methods import BASE_RATE, TRAINING_MEAN, described
 from scenefw.evaluation.stacks.results import VISIBILITY_EDGES, ReconstructionResult
 from scenefw.report import measured
 from scenefw.report.blocks import Drawing, Section, Text
@@ -12,17 +13,6 @@ from scenefw.report.figures import bin_figure
 from scenefw.report.stacks.draws import draw_sections, ranged, skills
 from scenefw.report.tables import Cell, Column, Table
 
-_NAMES = {
-    "scenefw": "scenefw",
-    "trained_here": "scenefw, trained in this run",
-    "fitted": "scenefw, zero code, superquadrics fitted to the view",
-    "fitted_hulls": "superquadrics fitted to parts of the image (no learning)",
-    "hull_filling": "hull filling (no learning)",
-    "partial_tsdf": "partial TSDF meshed (no learning)",
-    "base_rate": "base rate in every voxel (no image)",
-    "training_mean": "training mean of each voxel (no image)",
-    "connected_components": "components of scenefw's shape (no votes)",
-}
 _AS_THESIS = ("chamfer_visible", "chamfer_full", "occupancy_bce")
 _SURFACE = (
     "chamfer_visible_excess",
@@ -97,7 +87,7 @@ def headline(result: ReconstructionResult) -> Table:
                 else [None, None]
             )
         if any(cell is not None for cell in cells):
-            rows.append((method_name(method), tuple(cells)))
+            rows.append((described(method).row, tuple(cells)))
     return Table("What it is worth", tuple(columns), tuple(rows), note=_headline_note(result))
 
 
@@ -119,7 +109,7 @@ def as_thesis(result: ReconstructionResult) -> Table:
         for column in (measured.column(measure), Column("σ", measure.digits + 1))
     ]
     rows = [
-        (method_name(method), _means_and_sigmas(result, method))
+        (described(method).row, _means_and_sigmas(result, method))
         for method in result.methods
         if "occupancy_bce" in result.names(method)
     ]
@@ -129,7 +119,7 @@ def as_thesis(result: ReconstructionResult) -> Table:
         for name, figures in published.SUPERQUADRICS.items()
     ]
     quoted = frozenset({"floor: truth sampled twice", *(name for name, _ in theirs)})
-    quoted |= {method_name(name) for name in (BASE_RATE, TRAINING_MEAN)}
+    quoted |= {described(name).row for name in (BASE_RATE, TRAINING_MEAN)}
     thesis = f"Thesis: {published.SCENES} scenes, {published.VIEWS} views of each."
     note = f"{sizes(result)} σ is over views. {thesis}"
     return Table("As in table 5.1", tuple(columns), tuple(rows + theirs), quoted, note)
@@ -142,11 +132,6 @@ def sizes(result: ReconstructionResult) -> str:
         f"samples per view, seed {result.seed}; {result.visibility.mean():.0%} of the true surface "
         "is visible on average."
     )
-
-
-def method_name(method: str) -> str:
-    """Name of a method in tables."""
-    return _NAMES.get(method, method.replace("_", " "))
 
 
 def _means_and_sigmas(result: ReconstructionResult, method: str) -> tuple[Cell, ...]:
@@ -200,7 +185,7 @@ def _table(result: ReconstructionResult, title: str, names: Sequence[str], note:
             for name, measure in measures.items()
         ]
         if any(cell is not None for cell in cells):
-            rows.append((method_name(method), tuple(cells)))
+            rows.append((described(method).row, tuple(cells)))
     return Table(title, tuple(map(measured.column, measures.values())), tuple(rows), note=note)
 
 
@@ -208,7 +193,7 @@ def _by_visibility(result: ReconstructionResult) -> tuple[Drawing | Table, ...]:
     """One drawing of all figures, then a table of each."""
     panels = {
         title: {
-            method_name(method): _binned(result, method, name)
+            described(method).row: _binned(result, method, name)
             for method in result.methods
             if name in result.names(method)
         }

@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+import tempfile
+from collections.abc import Sequence
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from scenefw.core.errors import MissingDependencyError
-from scenefw.core.types import Pose, SceneObject
-from scenefw.shapes.hulls import collision_hull
+from scenefw.core.types import Float64, Pose, SceneObject, Shape
+from scenefw.shapes.hulls import collision_hulls
+from scenefw.shapes.solid_mesh import SolidMesh
 from scenefw.shapes.superquadric import Superquadric
 
 
 class PyBulletEngine:
-    """A PyBullet world of convex objects on the floor z = 0, in its own client.
+    """A PyBullet world of objects on the floor z = 0, in its own client.
 
-    Objects collide as convex hulls whose corners are drawn in by the collision margin, which Bullet
-    adds all around: without that, objects rest two margins apart. What is simulated depends on the
-    calls since `reset` alone. The world lives in this process: a pickled engine starts empty.
+    Objects collide as convex hulls, one or several each, whose corners are drawn in by the
+    collision margin, which Bullet adds all around: without that, objects rest two margins apart.
+    What is simulated depends on the calls since `reset` alone. The world lives in this process: a
+    pickled engine starts empty.
 
     Args:
         time_step: length of a step (s).
@@ -91,10 +97,7 @@ class PyBulletEngine:
         if self._bullet is None:
             self.reset()
         bullet, client = self._bullet, self._client
-        corners = collision_hull(item.shape, self.hull_tolerance, self.margin)
-        shape = bullet.createCollisionShape(
-            bullet.GEOM_MESH, vertices=_listed(corners.tobytes()), physicsClientId=client
-        )
+        shape = self._collision_shape(item.shape)
         w, x, y, z = item.pose.quaternion
         handle = bullet.createMultiBody(
             item.mass,
@@ -112,7 +115,7 @@ class PyBulletEngine:
             collisionMargin=self.margin,
             physicsClientId=client,
         )
-        if isinstance(item.shape, Superquadric):  # Bullet's own inertia is that of the bounding box
+        if isinstance(item.shape, Superquadric | SolidMesh):  # Bullet's own is of the bounding box
             moments = np.float32(item.mass * item.shape.inertia()).tolist()
             bullet.changeDynamics(
                 handle,
@@ -192,6 +195,18 @@ class PyBulletEngine:
             self._client = pybullet.connect(pybullet.DIRECT)
         return self._bullet
 
+    def _collision_shape(self, shape: Shape) -> int:
+        bullet, client = self._bullet, self._client
+        hulls = collision_hulls(shape, self.hull_tolerance, self.margin)
+        if len(hulls) == 1:
+            corners = _listed(hulls[0].tobytes())
+            made = bullet.createCollisionShape(
+                bullet.GEOM_MESH, vertices=corners, physicsClientId=client
+            )
+        else:
+            made = _compound(bullet, hulls, client)
+        return int(made)
+
     def _slow(self) -> bool:
         for handle in self._objects:
             linear, angular = self._bullet.getBaseVelocity(handle, physicsClientId=self._client)
@@ -200,6 +215,31 @@ class PyBulletEngine:
             if sum(v * v for v in angular) > self.angular_speed**2:
                 return False
         return True
+
+
+def _compound(bullet: Any, hulls: Sequence[Float64], client: int) -> int:
+    """Several hulls as one shape, which PyBullet takes from a file only.
+
+    Bullet keeps files by name, so that no two shapes may share one.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "parts.obj"
+        path.write_text(_as_obj(hulls), encoding="ascii")
+        made: int = bullet.createCollisionShape(
+            bullet.GEOM_MESH, fileName=str(path), physicsClientId=client
+        )
+    return made
+
+
+def _as_obj(hulls: Sequence[Float64]) -> str:
+    lines, first = [], 1
+    for number, corners in enumerate(hulls):
+        lines.append(f"o part_{number}")
+        lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in corners]
+        triangles = ConvexHull(corners, qhull_options="QJ").simplices + first
+        lines += [f"f {a} {b} {c}" for a, b, c in triangles]
+        first += len(corners)
+    return "\n".join(lines) + "\n"
 
 
 @lru_cache(maxsize=8192)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from scenefw.core.batches import Completion
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import GridSpec
 from scenefw.data.stacks import StackScenes, shipped_scenes
@@ -32,20 +33,24 @@ class Oracle:
             for tsdf, votes in zip(volumes.tsdf, volumes.votes, strict=True)
         ]
         pairs = [
-            (volumes.tsdf[i], found[i][None]) for i in range(len(scenes)) for _ in range(views)
+            Completion(volumes.tsdf[i], found[i][None])
+            for i in range(len(scenes))
+            for _ in range(views)
         ]
         self.calls = iter(pairs)
 
-    def reconstruct(self, partial, grid, samples, generator):
+    def complete(self, partial, grid, samples, generator):
         return [next(self.calls)] * samples
 
 
 class Nothing:
     grid = None
 
-    def reconstruct(self, partial, grid, samples, generator):
+    def complete(self, partial, grid, samples, generator):
         shape = (1, *grid.shape)
-        return [(torch.full(shape, grid.truncation), torch.zeros(shape, dtype=torch.int32))]
+        return [
+            Completion(torch.full(shape, grid.truncation), torch.zeros(shape, dtype=torch.int32))
+        ]
 
 
 class Coin:
@@ -53,9 +58,9 @@ class Coin:
 
     grid = None
 
-    def reconstruct(self, partial, grid, samples, generator):
+    def complete(self, partial, grid, samples, generator):
         fields = torch.randn(samples, 1, *grid.shape, generator=generator)
-        return [(field * grid.voxel_size, (field < 0).int()) for field in fields]
+        return [Completion(field * grid.voxel_size, (field < 0).int()) for field in fields]
 
 
 def evaluation(methods, scenes, **settings):
@@ -80,7 +85,7 @@ def result():
         "partial_tsdf": PartialSurface(ConnectedComponents()),
         "nothing": Nothing(),
     }
-    return evaluation(methods, scenes, views=2, samples=3).run()
+    return evaluation(methods, scenes, views=2, samples=3, workers=1).run()
 
 
 def test_truth_scores_its_floor(result):
@@ -144,9 +149,21 @@ def test_a_seed_gives_the_same_figures_and_another_others():
     assert runs[0].visibility != runs[2].visibility
 
 
+def test_views_side_by_side_give_the_same_figures():
+    scenes = StackScenes(split="test", limit=3)
+    coin = {"coin": Coin(), "partial_tsdf": PartialSurface(ConnectedComponents())}
+    one, two = (
+        evaluation(coin, scenes, grid=GridSpec(resolution=16), workers=workers).run()
+        for workers in (1, 2)
+    )
+    assert one.figures == two.figures
+
+
 def test_bad_settings_are_named():
     scenes = StackScenes(split="test", limit=1)
     with pytest.raises(ConfigError, match="grid"):
         evaluation({"nothing": Nothing()}, scenes)
     with pytest.raises(ConfigError, match="methods"):
         evaluation({}, scenes, grid=GridSpec())
+    with pytest.raises(ConfigError, match="workers"):
+        evaluation({"nothing": Nothing()}, scenes, grid=GridSpec(), workers=0)

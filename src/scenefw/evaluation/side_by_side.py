@@ -1,0 +1,83 @@
+"""Work on many items, several at once, each in a thread of its own.
+
+Compiled code leaves Python to the others while it runs. Many small operations are quicker side by
+side than each of them divided among threads.
+"""
+
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing, contextmanager
+from typing import TypeVar
+
+import numba
+import torch
+
+from scenefw.core.protocols import Track
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+_MOST = 8  # by default, as each needs memory of its own
+_SHARED = ("omp", "tbb")  # pools of numba that several threads may use at once
+
+
+def side_by_side(
+    work: Callable[[Item], Result],
+    items: Sequence[Item],
+    track: Track,
+    what: str,
+    workers: int | None = None,
+) -> list[Result]:
+    """Results in the order of the items, the same as from one worker with one thread.
+
+    The first item is worked on alone: that loads compiled code and fills caches.
+
+    Args:
+        work: on one item, in any thread. torch and numba compute with one thread there.
+        items: in their order.
+        track: shows how many are done.
+        what: they are, in a word or two.
+        workers: items at once; None: as many as torch has threads, at most eight. One works in
+            this thread, with all threads of torch and numba.
+    """
+    count = min(torch.get_num_threads(), _MOST) if workers is None else workers
+    if count < 2:
+        return [work(item) for item in track(items, what)]
+    with _one_thread_each(), closing(_results(work, items, count)) as results:
+        return [next(results) for _ in track(items, what)]
+
+
+def _results(
+    work: Callable[[Item], Result], items: Sequence[Item], workers: int
+) -> Generator[Result, None, None]:
+    yield from map(work, items[:1])
+    if not _may_share():
+        yield from map(work, items[1:])
+        return
+    with ThreadPoolExecutor(workers, initializer=_compute_alone) as pool:
+        yield from pool.map(work, items[1:])
+
+
+def _may_share() -> bool:
+    """Whether several threads may run numba's loops; its last resort ends the process then."""
+    try:
+        return numba.threading_layer() in _SHARED
+    except ValueError:  # no loop has run
+        return False
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    before = torch.get_num_threads(), numba.get_num_threads()
+    _compute_alone()
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before[0])
+        numba.set_num_threads(before[1])
+
+
+def _compute_alone() -> None:
+    """One thread of both, which count by the thread that asks; numba first, as it may set both."""
+    numba.set_num_threads(1)
+    torch.set_num_threads(1)

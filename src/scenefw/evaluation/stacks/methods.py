@@ -1,0 +1,92 @@
+"""What tables and figures call the methods of the reconstruction table: a method is one entry."""
+
+from dataclasses import dataclass
+
+BASE_RATE, TRAINING_MEAN = "base_rate", "training_mean"
+"""Forecasts of occupancy without an image: the same in every voxel, and one for each."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """One method in words.
+
+    Args:
+        name: in configs and in figures.
+        row: of tables of surfaces, volumes and instances.
+        samples: row of tables that judge samples as samples.
+        figure: what follows the name of a measure where the figure is this method's.
+        draws: the same where the figure is of samples judged as samples.
+        learns: whether it needs a training.
+        reference: it learns nothing, and the others have to be better.
+    """
+
+    name: str
+    row: str
+    samples: str
+    figure: str
+    draws: str
+    learns: bool = True
+    reference: bool = False
+
+
+def _method(
+    name: str,
+    row: str = "",
+    samples: str = "",
+    figure: str = "",
+    draws: str = "",
+    *,
+    learns: bool = True,
+    reference: bool = False,
+) -> Method:
+    """A method; what is left out follows from its name."""
+    plain = name.replace("_", " ")
+    row = row or plain
+    return Method(
+        name, row, samples or row, figure or f", {plain}", draws or plain, learns, reference
+    )
+
+
+_KNOWN = (
+    _method("scenefw", samples="independent codes, as in the thesis", draws="independent codes"),
+    _method(
+        "trained_here",
+        "scenefw, trained in this run",
+        samples="independent codes, trained in this run",
+    ),
+    _method(
+        "coupled",
+        samples="shipped default: zero code, then coupled codes",
+        draws="shipped default (zero code, then coupled codes)",
+    ),
+    _method("zero_code", samples="zero code alone", figure=" of the zero code alone"),
+    _method(
+        "fitted",
+        "scenefw, zero code, superquadrics fitted to the view",
+        samples="zero code, superquadrics fitted",
+        figure=" of fitted superquadrics",
+        draws="zero code, superquadrics fitted",
+    ),
+    _method(
+        "fitted_hulls",
+        "superquadrics fitted to parts of the image (no learning)",
+        figure=" of superquadrics fitted to parts",
+        draws="superquadrics fitted to parts",
+        learns=False,
+        reference=True,
+    ),
+    _method("hull_filling", "hull filling (no learning)", learns=False, reference=True),
+    _method("partial_tsdf", "partial TSDF meshed (no learning)", learns=False),
+    _method("connected_components", "components of scenefw's shape (no votes)"),
+    _method(BASE_RATE, "base rate in every voxel (no image)", learns=False),
+    _method(TRAINING_MEAN, "training mean of each voxel (no image)", learns=False),
+)
+_METHODS = {one.name: one for one in _KNOWN}
+
+REFERENCES = tuple(one.name for one in _KNOWN if one.reference)
+"""Methods that need no learning and are to be beaten, strongest first."""
+
+
+def described(name: str) -> Method:
+    """A method in words; one that has no entry by its name."""
+    return _METHODS.get(name) or _method(name)

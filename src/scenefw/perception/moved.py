@@ -1,0 +1,67 @@
+"""Scene estimates whose objects were moved: meshes, poses, shapes and volumes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import map_coordinates
+
+from scenefw.core.geometry import inverse, transform_points
+from scenefw.core.types import (
+    Float32,
+    Float64,
+    Int32,
+    ObjectEstimate,
+    PlacedShape,
+    Pose,
+    SceneEstimate,
+    TriangleMesh,
+)
+from scenefw.postprocessing.surfaces import instance_fields
+
+
+def moved(estimate: SceneEstimate, motions: Mapping[int, Float64]) -> SceneEstimate:
+    """The estimate with some of its objects elsewhere.
+
+    What belongs to the image stays: the frame, the masks and the volumes of other representations.
+
+    Args:
+        estimate: a scene.
+        motions: rigid 4x4 in world coordinates, by id of the object; the others stay.
+    """
+    objects = tuple(
+        _moved(item, motions[item.id]) if item.id in motions else item for item in estimate.objects
+    )
+    tsdf, instances = _volumes(estimate, motions)
+    return replace(estimate, objects=objects, tsdf=tsdf, instances=instances)
+
+
+def _moved(item: ObjectEstimate, motion: Float64) -> ObjectEstimate:
+    mesh = TriangleMesh(transform_points(motion, item.mesh.vertices), item.mesh.faces)
+    placed = item.placed and PlacedShape(item.placed.shape, _pose(motion, item.placed.pose))
+    return replace(item, mesh=mesh, pose=_pose(motion, item.pose), placed=placed)
+
+
+def _pose(motion: Float64, pose: Pose) -> Pose:
+    return Pose.from_matrix(motion @ pose.matrix)
+
+
+def _volumes(estimate: SceneEstimate, motions: Mapping[int, Float64]) -> tuple[Float32, Int32]:
+    """Distances and labels; each object's own field is resampled where it lies now."""
+    grid = estimate.grid
+    fields = instance_fields(estimate.tsdf, estimate.instances, grid)
+    nearest = np.full(grid.shape, grid.truncation, dtype=np.float32)
+    owner = np.zeros(grid.shape, dtype=np.int32)
+    for label, (box, part) in fields.items():
+        whole = np.full(grid.shape, grid.truncation, dtype=np.float32)
+        whole[box] = part
+        if label in motions:
+            before = transform_points(inverse(motions[label]), grid.centres().reshape(-1, 3))
+            places = grid.to_voxels(before).T
+            whole = map_coordinates(whole, places, order=1, cval=grid.truncation)
+            whole = whole.reshape(grid.shape)
+        closer = whole < nearest
+        nearest[closer], owner[closer] = whole[closer], label
+    return nearest, np.where(nearest < 0, owner, 0).astype(np.int32)

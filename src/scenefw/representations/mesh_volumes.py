@@ -1,0 +1,117 @@
+"""Volumes of scenes of meshes, from exact distances to their triangles (Open3D)."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from scenefw.core.batches import SceneVolumes
+from scenefw.core.errors import MissingDependencyError
+from scenefw.core.types import Float32, GridSpec, Int32, PlacedShape, SceneObject
+
+
+@dataclass(frozen=True, eq=False)
+class SolidScenes:
+    """B scenes of any closed meshes.
+
+    Args:
+        objects: of each scene.
+        positions: (B, N, 3) float32 of their centres (m), on the device for the volumes; filled up
+            with zeros.
+    """
+
+    objects: tuple[tuple[SceneObject, ...], ...]
+    positions: Tensor
+
+
+class ExactSolids:
+    """B scenes whose volumes several representations share, computed in one pass.
+
+    Args:
+        parameters: the scenes.
+        grid: the voxel grid, world frame.
+    """
+
+    def __init__(self, parameters: SolidScenes, grid: GridSpec) -> None:
+        self.parameters, self.grid = parameters, grid
+
+    @cached_property
+    def volumes(self) -> SceneVolumes:
+        """Exact distances, votes and instances; see `representations.volumes.scene_volumes`."""
+        found = [_volumes(objects, self.grid) for objects in self.parameters.objects]
+        tsdf, votes, instances = (np.stack(volumes) for volumes in zip(*found, strict=True))
+        device = self.parameters.positions.device
+        return SceneVolumes(
+            torch.from_numpy(tsdf)[:, None].to(device),
+            torch.from_numpy(votes).to(device),
+            torch.from_numpy(instances).to(device),
+        )
+
+
+def _volumes(objects: Sequence[SceneObject], grid: GridSpec) -> tuple[Float32, Float32, Int32]:
+    centres = grid.centres().astype(np.float32)
+    nearest = np.full(grid.shape, grid.truncation, dtype=np.float32)
+    owner = np.zeros(grid.shape, dtype=np.int32)
+    for label, item in enumerate(objects, start=1):
+        mesh = PlacedShape(item.shape, item.pose).mesh()
+        box = _box(mesh.vertices, grid)
+        if box is None:
+            continue
+        found = signed_distances(mesh.vertices, mesh.faces, centres[box])
+        closer = found < nearest[box]
+        nearest[box] = np.where(closer, found, nearest[box])
+        owner[box] = np.where(closer, label, owner[box])
+    owner = np.where(nearest < 0, owner, 0).astype(np.int32)
+    places = np.array([[0, 0, 0], *(item.pose.position for item in objects)], dtype=np.float32)
+    votes = places[owner] - centres
+    lengths = np.linalg.norm(votes, axis=-1, keepdims=True)
+    votes = np.where(owner[..., None] > 0, votes / np.maximum(lengths, 1e-12), 0)
+    tsdf = np.maximum(nearest, -grid.truncation)
+    return tsdf, np.ascontiguousarray(np.moveaxis(votes, -1, 0), dtype=np.float32), owner
+
+
+def _box(vertices: Any, grid: GridSpec) -> tuple[slice, ...] | None:
+    """Voxels within the truncation of a mesh's bounding box; None if there is none."""
+    reach = grid.truncation_voxels + 1
+    low = np.floor(grid.to_voxels(vertices.min(axis=0)) - reach).astype(int)
+    high = np.ceil(grid.to_voxels(vertices.max(axis=0)) + reach).astype(int) + 1
+    low, high = np.clip(low, 0, grid.resolution), np.clip(high, 0, grid.resolution)
+    if (low >= high).any():
+        return None
+    return tuple(slice(int(a), int(b)) for a, b in zip(low, high, strict=True))
+
+
+def signed_distances(vertices: Any, faces: Any, points: Float32) -> Float32:
+    """Distances (...) of points (..., 3) to a closed mesh (m), negative inside.
+
+    Raises:
+        MissingDependencyError: Open3D is not installed.
+    """
+    open3d = _open3d()
+    scene = open3d.t.geometry.RaycastingScene()
+    scene.add_triangles(
+        open3d.core.Tensor(np.asarray(vertices, np.float32)),
+        open3d.core.Tensor(np.asarray(faces, np.uint32)),
+    )
+    queries = open3d.core.Tensor(np.ascontiguousarray(points, dtype=np.float32))
+    found: Float32 = scene.compute_signed_distance(queries, nsamples=3).numpy()
+    return found
+
+
+def _open3d() -> Any:
+    # It brings a TBB that is too old for numba, which then takes another layer of threads
+    warnings.filterwarnings("ignore", message="The TBB threading layer requires")
+    try:
+        import open3d
+    except (ImportError, OSError) as error:  # OSError: a system library is missing
+        raise MissingDependencyError(
+            "volumes of meshes need open3d: pip install 'scenefw[open3d]'"
+        ) from error
+    return open3d

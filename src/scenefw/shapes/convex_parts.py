@@ -1,0 +1,65 @@
+"""Division of meshes into convex parts (CoACD: Wei et al., SIGGRAPH 2022)."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from scenefw.core.errors import ConfigError
+from scenefw.core.types import Float64, TriangleMesh
+from scenefw.shapes.moments import moments
+
+
+class ConvexParts:
+    """Divides meshes that their convex hull exceeds, with CoACD where it is installed.
+
+    Args:
+        convex: a mesh that fills this share of its convex hull collides as that hull.
+        threshold: concavity that may stay, of CoACD (0.01 to 1).
+        most: parts of an object at most.
+        seed: of the search for cuts.
+
+    Raises:
+        ConfigError: a share or threshold that is none, or fewer parts than one.
+    """
+
+    def __init__(
+        self, convex: float = 0.85, threshold: float = 0.1, most: int = 24, seed: int = 0
+    ) -> None:
+        if not (0 <= convex <= 1 and 0.01 <= threshold <= 1 and most >= 1):
+            raise ConfigError(
+                f"convex is {convex}, threshold {threshold}, most {most}; expected a share, a "
+                "concavity from 0.01 to 1, and at least 1"
+            )
+        self.convex, self.threshold, self.most, self.seed = convex, threshold, most, seed
+
+    def of(self, mesh: TriangleMesh) -> tuple[Float64, ...]:
+        """Corners (K, 3) of each part; empty where the convex hull does, or nothing can divide."""
+        if fills_hull(mesh) >= self.convex:
+            return ()
+        try:
+            import coacd
+        except ImportError:
+            return ()
+        coacd.set_log_level("error")
+        divided = coacd.run_coacd(
+            coacd.Mesh(mesh.vertices, mesh.faces.astype(np.int32)),
+            threshold=self.threshold,
+            max_convex_hull=self.most,
+            preprocess_mode="auto",
+            resolution=500,  # a quarter of the default's points: parts differ little, time a lot
+            mcts_iterations=30,
+            mcts_nodes=10,
+            mcts_max_depth=2,
+            max_ch_vertex=64,
+            seed=self.seed,
+        )
+        return tuple(np.asarray(vertices, dtype=np.float64) for vertices, _ in divided)
+
+
+def fills_hull(mesh: TriangleMesh) -> float:
+    """Share of its convex hull that a closed mesh fills; 1 where there is no hull."""
+    try:
+        return moments(mesh).volume / float(ConvexHull(mesh.vertices).volume)
+    except QhullError:  # flat
+        return 1.0

@@ -1,0 +1,21 @@
+"""What methods of the reconstruction table share, as configured."""
+
+from scenefw import config
+from scenefw.execution.build import Builder
+from scenefw.perception.remembered import Remembered
+
+
+def test_methods_that_begin_with_the_same_scenes_ask_one_and_the_same_object():
+    composed = config.compose(["run=evaluate", "debug=smoke", "device=cpu"])
+    methods = Builder(composed).build("evaluation.methods")
+    for inner, outer in (("zero_code", "fitted"), ("hull_filling", "fitted_hulls")):
+        assert isinstance(methods[inner], Remembered)
+        assert methods[outer].inner.inner is methods[inner]
+
+
+def test_the_order_of_methods_is_that_of_random_points_and_of_rows():
+    composed = config.compose(["run=evaluate"])
+    assert list(composed.evaluation.methods) == [
+        "scenefw", "zero_code", "fitted", "fitted_hulls", "hull_filling", "partial_tsdf",
+        "trained_here",
+    ]  # fmt: skip
