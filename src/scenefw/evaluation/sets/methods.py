@@ -205,8 +205,8 @@ class ReconstructedSet:
 
     def decompose(self, seen: SeenSet) -> FoundSet:
         """Its most typical scene."""
-        found = self.reconstructor.reconstruct(seen.partial, seen.grid, 1, seen.draws)
-        return of_instances(found[0][1][0])
+        found = self.reconstructor.complete(seen.partial, seen.grid, 1, seen.draws)
+        return of_instances(found[0].instances[0])
 
 
 class Nothing:

@@ -6,7 +6,7 @@ import torch
 from tests.unit.data.stacks_file import write_stacks
 from tests.unit.learning.tiny import Circle
 
-from scenefw.core.batches import ObjectSetPrediction
+from scenefw.core.batches import Completion, ObjectSetPrediction
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import GridSpec
 from scenefw.data.stacks import StackScenes
@@ -112,10 +112,10 @@ def test_the_cross_entropy_of_a_constant_is_that_of_its_share(tmp_path):
 class Recorder:
     grid = GRID
 
-    def reconstruct(self, partial, grid, samples, generator):
+    def complete(self, partial, grid, samples, generator):
         instances = torch.zeros(1, *grid.shape, dtype=torch.int32)
         instances[0, :2], instances[0, 4:6] = 7, 3
-        return [(torch.zeros(1, *grid.shape), instances)] * samples
+        return [Completion(torch.zeros(1, *grid.shape), instances)] * samples
 
 
 def test_instances_of_a_reconstructor_become_a_set():
