@@ -15,7 +15,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import Tensor
 
-    from scenefw.core.batches import CameraBatch, PartialTSDF, SceneParameters, SceneVolumes
+    from scenefw.core.batches import (
+        CameraBatch,
+        Completion,
+        PartialTSDF,
+        SceneParameters,
+        SceneVolumes,
+    )
     from scenefw.core.evidence import Evidence, FittedSuperquadric
     from scenefw.core.measures import Measure
     from scenefw.core.types import (
@@ -166,10 +172,10 @@ class Reconstructor(Protocol):
     def grid(self) -> GridSpec | None:
         """The grid of its volumes; None if it takes any."""
 
-    def reconstruct(
+    def complete(
         self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
-    ) -> Sequence[tuple[Tensor, Tensor]]:
-        """`samples` pairs of TSDF (B, X, Y, Z) metres and instances (B, X, Y, Z) int32."""
+    ) -> Sequence[Completion]:
+        """Complete scenes of B partial views, `samples` times, or once if all are the same."""
 
 
 class ShapeFit(Protocol):
@@ -177,6 +183,11 @@ class ShapeFit(Protocol):
 
     def fit(self, evidence: Sequence[Evidence]) -> list[FittedSuperquadric]:
         """The best one for the evidence about each object; each has at least four points."""
+
+    def draws(
+        self, evidence: Sequence[Evidence], count: int, generator: np.random.Generator
+    ) -> list[list[FittedSuperquadric]]:
+        """`count` such lists: the best one, and then others that the evidence allows."""
 
 
 class Settling(Protocol):

@@ -74,7 +74,7 @@ class SuperquadricFit:
         rounds: int = 16,
         typical: float = 0.06,
         stiffness: float = 0.3,
-        spread: float = 0.5,
+        spread: float = 0.8,
         device: str = "cpu",
     ) -> None:
         for name, (low, high) in (("exponents", exponents), ("half_axes", half_axes)):

@@ -14,15 +14,15 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.types import PlacedShape
 from scenefw.fitting.placed import shape_of
 from scenefw.perception.evidence import EvidenceOfView, View, seen_free
-from scenefw.perception.part_guided import each_once
 from scenefw.perception.points import world_points
 from scenefw.perception.seen_frames import seen_frames
 from scenefw.perception.seen_instances import seen_instances
 from scenefw.representations.volumes import scene_volumes
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
+    from numpy.random import Generator
     from torch import Tensor
 
     from scenefw.core.batches import Completion, PartialTSDF
@@ -75,13 +75,6 @@ class Fitted:
         self.near, self.explained, self.least, self.lowest = near, explained, least, lowest
         self.grid, self.metadata = inner.grid, inner.metadata
 
-    def reconstruct(
-        self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
-    ) -> list[tuple[Tensor, Tensor]]:
-        """`samples` pairs of TSDF (B, X, Y, Z) in metres and instances (B, X, Y, Z) int32."""
-        found = self.complete(partial, grid, samples, generator)
-        return [(scenes.tsdf, scenes.instances) for scenes in found]
-
     def complete(
         self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
     ) -> list[Completion]:
@@ -93,33 +86,44 @@ class Fitted:
         points = [world_points(frame) for frame in seen_frames(partial, "a fit")]
         free = seen_free(partial, grid)
         scenes = self.inner.complete(partial, grid, samples, generator)
-        return each_once(scenes, lambda sample: self._sharpened(sample, points, free, grid))
+        random = np.random.default_rng(int(torch.randint(2**62, (1,), generator=generator)))
+        return each_drawn(
+            scenes, lambda scene, count: self._sharpened(scene, points, free, grid, count, random)
+        )
 
     def _sharpened(
-        self, sample: Completion, points: Sequence[Any], free: Any, grid: GridSpec
-    ) -> Completion:
-        tsdf, instances = sample.tsdf.cpu().numpy(), sample.instances.cpu().numpy()
-        rows, placed = [], []
+        self,
+        scene: Completion,
+        points: Sequence[Any],
+        free: Any,
+        grid: GridSpec,
+        count: int,
+        random: Generator,
+    ) -> list[Completion]:
+        """The scene with the best superquadrics, and then with drawn ones."""
+        tsdf, instances = scene.tsdf.cpu().numpy(), scene.instances.cpu().numpy()
+        drawn: list[list[tuple[View, dict[int, FittedSuperquadric]]]] = [[] for _ in range(count)]
         for i, seen in enumerate(points):
             masks = (
                 seen_instances(instances[i], seen, grid, seen[..., 2] > 0)
-                if sample.masks is None
-                else sample.masks[i].cpu().numpy()
+                if scene.masks is None
+                else scene.masks[i].cpu().numpy()
             )
             view = View(seen, masks, tsdf[i], instances[i], free[i], grid)
-            found = self.superquadrics(view)
-            rows.append(composed(found, view))
-            placed.append({label: _placed(one) for label, one in found.items()})
-        device = sample.tsdf.device
-        return replace(
-            sample,
-            tsdf=torch.from_numpy(np.stack([row[0] for row in rows])).to(device),
-            instances=torch.from_numpy(np.stack([row[1] for row in rows])).to(device),
-            placed=tuple(placed),
-        )
+            for views, found in zip(drawn, self.superquadrics(view, count, random), strict=True):
+                views.append((view, found))
+        return [_with_superquadrics(scene, views) for views in drawn]
 
-    def superquadrics(self, view: View) -> dict[int, FittedSuperquadric]:
-        """Objects that a superquadric explains, by label; also where nothing was predicted."""
+    def superquadrics(
+        self, view: View, count: int = 1, random: Generator | None = None
+    ) -> list[dict[int, FittedSuperquadric]]:
+        """Objects that a superquadric explains, by label; also where nothing was predicted.
+
+        Args:
+            view: with the predicted volumes.
+            count: of results: the best one, then draws.
+            random: for the draws.
+        """
         labels = np.union1d(view.instances[view.instances > 0], view.masks[view.masks > 0])
         evidence = {
             label: self.evidence.of(label, view)
@@ -127,8 +131,12 @@ class Fitted:
             if (view.instances == label).any() or self._may_be_new(label, view)
         }
         enough = {k: one for k, one in evidence.items() if self._seen(one).sum() >= self.least}
-        fitted = zip(enough, self.fit.fit(list(enough.values())), strict=True)
-        return {label: one for label, one in fitted if self._explains(one, enough[label])}
+        given = list(enough.values())
+        draws = [self.fit.fit(given)] if random is None else self.fit.draws(given, count, random)
+        return [
+            {k: one for k, one in zip(enough, draw, strict=True) if self._explains(one, enough[k])}
+            for draw in draws
+        ]
 
     def _may_be_new(self, label: int, view: View) -> bool:
         """Whether what is seen without a prediction stands in the grid and above the floor."""
@@ -143,6 +151,45 @@ class Fitted:
     def _explains(self, fitted: FittedSuperquadric, evidence: Evidence) -> bool:
         close = np.abs(fitted.distances[self._seen(evidence)]) < self.near
         return bool(close.mean() >= self.explained)
+
+
+def each_drawn(
+    scenes: Sequence[Completion], draw: Callable[[Completion, int], list[Completion]]
+) -> list[Completion]:
+    """Scenes changed by a method whose first result is its best and whose others are drawn.
+
+    The first scene gets the best one, all others get drawn ones; a scene that stands several times,
+    as of a method without samples, is given once.
+
+    Args:
+        scenes: to change.
+        draw: from a scene and the number of results to the results.
+    """
+    places: dict[int, list[int]] = {}
+    for place, scene in enumerate(scenes):
+        places.setdefault(id(scene), []).append(place)
+    changed = list(scenes)
+    for where in places.values():
+        first = int(where[0] > 0)  # the best one is left out
+        for place, one in zip(
+            where, draw(scenes[where[0]], len(where) + first)[first:], strict=True
+        ):
+            changed[place] = one
+    return changed
+
+
+def _with_superquadrics(
+    scene: Completion, views: Sequence[tuple[View, Mapping[int, FittedSuperquadric]]]
+) -> Completion:
+    """The scene with these superquadrics in each view."""
+    rows = [composed(found, view) for view, found in views]
+    device = scene.tsdf.device
+    return replace(
+        scene,
+        tsdf=torch.from_numpy(np.stack([row[0] for row in rows])).to(device),
+        instances=torch.from_numpy(np.stack([row[1] for row in rows])).to(device),
+        placed=tuple({label: _placed(one) for label, one in found.items()} for _, found in views),
+    )
 
 
 def composed(superquadrics: Mapping[int, FittedSuperquadric], view: View) -> tuple[Float32, Int32]:

@@ -18,7 +18,6 @@ from scenefw.perception.seen_frames import seen_frames
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-    from torch import Tensor
 
     from scenefw.core.batches import PartialTSDF
     from scenefw.core.types import Float32, Float64, GridSpec
@@ -65,13 +64,6 @@ class HullFilling:
         self.margin, self.jump, self.smallest = margin, jump, smallest
         self.crease, self.reach, self.grid = crease, reach, grid
         self.metadata: dict[str, Any] = {}  # of no checkpoint
-
-    def reconstruct(
-        self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
-    ) -> list[tuple[Tensor, Tensor]]:
-        """`samples` times the same TSDF (B, X, Y, Z) metres and instances (B, X, Y, Z) int32."""
-        found = self.complete(partial, grid, samples, generator)
-        return [(scenes.tsdf, scenes.instances) for scenes in found]
 
     def complete(
         self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator

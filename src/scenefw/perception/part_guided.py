@@ -10,6 +10,7 @@ import torch
 from scipy.spatial import cKDTree
 
 from scenefw.core.errors import ConfigError
+from scenefw.core.protocols import Reconstructor
 from scenefw.perception.evidence import View, seen_free
 from scenefw.perception.points import world_points
 from scenefw.perception.seen_frames import seen_frames
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
-    from torch import Tensor
 
     from scenefw.core.batches import Completion, PartialTSDF
     from scenefw.core.types import Float32, Float64, Frame, GridSpec, Int32
@@ -29,21 +29,12 @@ _MOST_POINTS = 3000  # of an instance: enough to say which is nearest to a voxel
 _FRINGE = 0.1  # of an instance's pixels
 
 
-class Completing(Protocol):
-    """A reconstructor that says all it knows of a scene."""
-
-    @property
-    def grid(self) -> GridSpec | None:
-        """The grid of its volumes; None if it takes any."""
+class Completing(Reconstructor, Protocol):
+    """A reconstructor that knows its origin."""
 
     @property
     def metadata(self) -> dict[str, Any]:
         """What its checkpoint records."""
-
-    def complete(
-        self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
-    ) -> Sequence[Completion]:
-        """Complete scenes of B partial views, once per code."""
 
 
 def each_once(
@@ -85,13 +76,6 @@ class PartGuided:
             raise ConfigError(f"reach is {reach}; expected a positive number of voxels")
         self.inner, self.parts, self.grouping, self.reach = inner, parts, grouping, reach
         self.grid, self.metadata = inner.grid, inner.metadata
-
-    def reconstruct(
-        self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
-    ) -> list[tuple[Tensor, Tensor]]:
-        """`samples` pairs of TSDF (B, X, Y, Z) in metres and instances (B, X, Y, Z) int32."""
-        found = self.complete(partial, grid, samples, generator)
-        return [(scenes.tsdf, scenes.instances) for scenes in found]
 
     def complete(
         self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator

@@ -140,13 +140,6 @@ class NetworkReconstructor:
         pairs = zip(volumes["tsdf"][:, 0], volumes["votes"], strict=True)
         return torch.stack([self.extractor.extract(tsdf, votes, grid)[0] for tsdf, votes in pairs])
 
-    def reconstruct(
-        self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
-    ) -> list[tuple[Tensor, Tensor]]:
-        """`samples` pairs of TSDF (B, X, Y, Z) in metres and instances (B, X, Y, Z) int32."""
-        found = self.complete(partial, grid, samples, generator)
-        return [(scenes.tsdf, scenes.instances) for scenes in found]
-
 
 def _require_outputs(
     representations: Mapping[str, Representation], outputs: Mapping[str, int]

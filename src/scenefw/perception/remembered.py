@@ -48,13 +48,6 @@ class Remembered:
         self.grid, self.metadata = inner.grid, inner.metadata
         self._of_thread = threading.local()
 
-    def reconstruct(
-        self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
-    ) -> list[tuple[Tensor, Tensor]]:
-        """`samples` pairs of TSDF (B, X, Y, Z) in metres and instances (B, X, Y, Z) int32."""
-        found = self.complete(partial, grid, samples, generator)
-        return [(scenes.tsdf, scenes.instances) for scenes in found]
-
     def complete(
         self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
     ) -> list[Completion]:

@@ -13,7 +13,7 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.fitting.superquadrics import SuperquadricFit
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.perception.evidence import EvidenceOfView, View
-from scenefw.perception.fitted import Fitted, composed
+from scenefw.perception.fitted import Fitted, composed, each_drawn
 
 
 class Rough:
@@ -61,7 +61,38 @@ def test_boxes_come_out_sharp_and_whole(resolution):
     volume = torch.zeros(1, 1, *view.grid.shape)
     without = PartialTSDF(volume, volume > 0)
     with pytest.raises(InputError, match="depth images"):
-        method.reconstruct(without, view.grid, 1, torch.Generator())
+        method.complete(without, view.grid, 1, torch.Generator())
+
+
+def test_draws_differ_in_what_is_hidden_and_agree_in_what_is_seen():
+    view, camera = view_of(48), camera_at(eye=(0.0, -0.85, 0.6))
+    empty = replace(view, tsdf=np.full_like(view.tsdf, 0.1), instances=0 * view.instances)
+    method = Fitted(Rough(empty), SuperquadricFit(), EvidenceOfView())
+    partial = partial_of(view, camera)
+
+    def scenes(count, seed=0):
+        return method.complete(partial, view.grid, count, torch.Generator().manual_seed(seed))
+
+    (best,), (first, *drawn) = scenes(1), scenes(6)
+    assert torch.equal(first.tsdf, best.tsdf)
+    solid = torch.stack([scene.tsdf[0] < 0 for scene in (first, *drawn)])
+    differs = (solid.any(dim=0) & ~solid.all(dim=0)).numpy()
+    assert differs.sum() > 50
+    assert not (differs & view.free).any()
+    again = scenes(6)[3]
+    assert torch.equal(again.tsdf, drawn[2].tsdf)
+    assert not torch.equal(scenes(6, seed=1)[3].tsdf, drawn[2].tsdf)
+
+
+def test_each_scene_is_drawn_as_often_as_it_stands():
+    calls = []
+
+    def draw(scene, count):
+        calls.append((scene, count))
+        return [f"{scene}{number}" for number in range(count)]
+
+    assert each_drawn(["a", "b", "a"], draw) == ["a0", "b1", "a1"]
+    assert calls == [("a", 2), ("b", 2)]
 
 
 def test_what_no_superquadric_explains_stays_as_it_was():
@@ -72,7 +103,7 @@ def test_what_no_superquadric_explains_stays_as_it_was():
         (view.instances > 0).astype(np.int32), view.free, view.grid,
     )  # fmt: skip
     strict = Fitted(Rough(view), SuperquadricFit(), EvidenceOfView(), near=0.002, explained=0.95)
-    assert strict.superquadrics(whole) == {}
+    assert strict.superquadrics(whole) == [{}]
     tsdf, instances = composed({}, whole)
     np.testing.assert_array_equal(instances, whole.instances)
     assert ((tsdf < 0) == (whole.tsdf < 0)).all()
@@ -81,7 +112,7 @@ def test_what_no_superquadric_explains_stays_as_it_was():
 def test_one_sharp_object_beside_one_that_stays():
     view = view_of(64)
     method = Fitted(Rough(view), SuperquadricFit(), EvidenceOfView())
-    (label, sharp), *_ = method.superquadrics(view).items()
+    (label, sharp), *_ = method.superquadrics(view)[0].items()
     tsdf, instances = composed({label: sharp}, view)
     other = 3 - label
     kept = (instances == other).sum() / (view.instances == other).sum()
@@ -97,15 +128,15 @@ def test_what_is_seen_but_not_predicted_becomes_an_object():
         view.points, view.masks, np.full_like(view.tsdf, view.grid.truncation),
         np.zeros_like(view.instances), view.free, view.grid,
     )  # fmt: skip
-    found = Fitted(Rough(view), SuperquadricFit(), EvidenceOfView()).superquadrics(empty)
+    found = Fitted(Rough(view), SuperquadricFit(), EvidenceOfView()).superquadrics(empty)[0]
     assert set(found) == {1, 2}
     tsdf, instances = composed(found, empty)
     assert ((tsdf < 0) & (view.tsdf < 0)).sum() > 0.6 * ((tsdf < 0) | (view.tsdf < 0)).sum()
     assert set(np.unique(instances)) == {0, 1, 2}
     low = Fitted(Rough(view), SuperquadricFit(), EvidenceOfView(), lowest=0.15)
-    assert set(low.superquadrics(empty)) == {2}  # the other one is 12 cm high
+    assert set(low.superquadrics(empty)[0]) == {2}  # the other one is 12 cm high
     away = replace(empty, points=empty.points + (0.0, 2.0, 0.0))
-    assert Fitted(Rough(view), SuperquadricFit(), EvidenceOfView()).superquadrics(away) == {}
+    assert Fitted(Rough(view), SuperquadricFit(), EvidenceOfView()).superquadrics(away) == [{}]
 
 
 @pytest.mark.parametrize("wrong", [{"near": 0}, {"explained": 1.5}, {"least": 0}])

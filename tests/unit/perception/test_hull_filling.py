@@ -41,8 +41,9 @@ def seen(request):
 
 def test_a_box_is_filled(seen):
     partial, grid, distance = seen
-    (tsdf, instances), second = HullFilling(reach=3).reconstruct(partial, grid, 2, None)
-    assert second[0] is tsdf
+    first, second = HullFilling(reach=3).complete(partial, grid, 2, None)
+    assert second is first
+    tsdf, instances = first.tsdf, first.instances
     inside = tsdf[0].numpy() < 0
     assert inside[distance < -0.01].all()  # to a pixel and the margin above the floor
     assert not inside[distance > 0.003].any()
@@ -54,7 +55,7 @@ def test_a_box_is_filled(seen):
 
 def test_nothing_lies_in_free_space_or_below_the_floor(seen):
     partial, grid, _ = seen
-    tsdf, _ = HullFilling(reach=3).reconstruct(partial, grid, 1, None)[0]
+    tsdf = HullFilling(reach=3).complete(partial, grid, 1, None)[0].tsdf
     free = partial.observed[0, 0] & (partial.distance[0, 0] >= grid.truncation)
     assert (tsdf[0][free] < 0).float().mean() < 0.001
     assert not (tsdf[0][..., grid.centres()[0, 0, :, 2] < 0] < 0).any()
@@ -65,9 +66,9 @@ def test_an_empty_floor_is_empty(seen):
     camera = camera_of(partial.cameras, 0)
     bare = torch.from_numpy(box_depth(camera, np.full(3, 9.0), np.full(3, 9.1)))[None]
     empty = Projective().fuse(bare, grid, partial.cameras)
-    tsdf, instances = HullFilling().reconstruct(empty, grid, 1, None)[0]
-    assert (tsdf > 0).all()
-    assert not instances.any()
+    (found,) = HullFilling().complete(empty, grid, 1, None)
+    assert (found.tsdf > 0).all()
+    assert not found.instances.any()
 
 
 def test_distances_are_those_to_the_farthest_plane_of_all():
@@ -97,4 +98,4 @@ def test_bad_settings_and_missing_images_are_named():
     grid = GridSpec(resolution=4)
     volume = torch.ones(1, 1, *grid.shape)
     with pytest.raises(InputError, match="depth images"):
-        HullFilling().reconstruct(PartialTSDF(volume, volume > 0), grid, 1, None)
+        HullFilling().complete(PartialTSDF(volume, volume > 0), grid, 1, None)

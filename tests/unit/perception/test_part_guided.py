@@ -134,7 +134,7 @@ def test_two_boxes_that_a_network_takes_for_one(resolution):
     assert set(np.unique(scene.masks)) == {0, *np.unique(found[found > 0])}
     assert scene.volumes.keys() == {"mine"}
     with pytest.raises(InputError, match="depth images"):
-        method.reconstruct(PartialTSDF(volume, volume > 0), grid, 1, torch.Generator())
+        method.complete(PartialTSDF(volume, volume > 0), grid, 1, torch.Generator())
 
 
 @pytest.mark.parametrize("wrong", [{"share": 1.5}, {"divided": -1}, {"border": 0}])

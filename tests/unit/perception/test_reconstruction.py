@@ -49,15 +49,15 @@ def make(resolution, smoothing=0.0, **options):
 @pytest.mark.parametrize("resolution", [8, 16])
 def test_first_sample_is_the_zero_code_and_distances_are_metres(resolution):
     method, grid, partial = make(resolution)
-    samples = method.reconstruct(partial, grid, 3, torch.Generator().manual_seed(0))
+    samples = method.complete(partial, grid, 3, torch.Generator().manual_seed(0))
     assert len(samples) == 3
-    torch.testing.assert_close(samples[0][0], partial.distance[:, 0])
-    for tsdf, instances in samples:
+    torch.testing.assert_close(samples[0].tsdf, partial.distance[:, 0])
+    for tsdf, instances in ((one.tsdf, one.instances) for one in samples):
         assert tsdf.shape == instances.shape == (2, *grid.shape)
         assert instances.dtype == torch.int32
         assert tsdf.abs().max() <= grid.truncation * 1.0001
         assert ((instances > 0) == (tsdf < 0)).all()
-    assert not torch.equal(samples[1][0], samples[2][0])
+    assert not torch.equal(samples[1].tsdf, samples[2].tsdf)
 
 
 def test_codes_come_from_the_generator():
@@ -164,7 +164,7 @@ def test_a_network_without_codes_gives_one_sample():
     checkpoint = SimpleNamespace(model=Echo(latent_size=0), grid=grid, metadata={})
     method = NetworkReconstructor(checkpoint, Signs())
     partial = PartialTSDF(torch.zeros(2, 1, *grid.shape), torch.ones(2, 1, *grid.shape, dtype=bool))
-    assert len(method.reconstruct(partial, grid, 3, torch.Generator())) == 1
+    assert len(method.complete(partial, grid, 3, torch.Generator())) == 1
 
 
 def test_an_output_that_the_network_lacks_is_one_line():

@@ -12,8 +12,6 @@ from scipy.spatial.distance import cdist
 from scenefw.core.batches import Completion
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
     from torch import Tensor
 
@@ -53,13 +51,6 @@ class CountedParts:
         drawn = torch.multinomial(likely, samples, replacement=True, generator=generator)
         drawn[:, 0] = likely.argmax(dim=1)
         return [Completion(tsdf, _parts(tsdf, counts + 1)) for counts in drawn.T]
-
-    def reconstruct(
-        self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
-    ) -> Sequence[tuple[Tensor, Tensor]]:
-        """`samples` pairs of TSDF (B, X, Y, Z) metres and instances (B, X, Y, Z) int32."""
-        found = self.complete(partial, grid, samples, generator)
-        return [(scenes.tsdf, scenes.instances) for scenes in found]
 
 
 def _parts(tsdf: Tensor, counts: Tensor) -> Tensor:

@@ -101,10 +101,10 @@ class Examples:
         codes = torch.Generator().manual_seed(rng.torch_seed(self.seed, _STREAM, scene))
         grid = self.views.grid
         true = view.volumes.instances[0].cpu().numpy()
-        samples = self.method.reconstruct(view.partial, grid, self.samples, codes)
+        samples = self.method.complete(view.partial, grid, self.samples, codes)
         (tsdf, instances), *others = [
-            (tsdf[0].cpu().numpy(), renumbered_like(instances[0].cpu().numpy(), true))
-            for tsdf, instances in samples
+            (one.tsdf[0].cpu().numpy(), renumbered_like(one.instances[0].cpu().numpy(), true))
+            for one in samples
         ]
         return Example(
             f"scene {int(self.scenes.indices[scene])}",

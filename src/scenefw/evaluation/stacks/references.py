@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from scenefw.core.batches import PartialTSDF
+from scenefw.core.batches import Completion, PartialTSDF
 from scenefw.core.protocols import InstanceExtractor
 from scenefw.core.types import GridSpec
 
@@ -29,15 +29,15 @@ class PartialSurface:
         """It takes any."""
         return None
 
-    def reconstruct(
+    def complete(
         self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
-    ) -> list[tuple[Tensor, Tensor]]:
-        """`samples` times the same TSDF (B, X, Y, Z) metres and instances (B, X, Y, Z) int32."""
+    ) -> list[Completion]:
+        """`samples` times the same scenes."""
         heights = torch.from_numpy(grid.centres()[0, 0, :, 2]).float()
         cut = (self.clearance * grid.voxel_size - heights).to(partial.distance.device)
         tsdf = torch.maximum(partial.distance[:, 0].float(), cut.clamp(-grid.truncation))
         tsdf = tsdf.clamp(max=grid.truncation)
-        return [(tsdf, instances_of(tsdf, self.extractor, grid))] * samples
+        return [Completion(tsdf, instances_of(tsdf, self.extractor, grid))] * samples
 
 
 def instances_of(tsdf: Tensor, extractor: InstanceExtractor, grid: GridSpec) -> Tensor:

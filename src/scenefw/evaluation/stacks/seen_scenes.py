@@ -58,8 +58,8 @@ class SeenScene:
     def samples(self, method: Reconstructor, grid: GridSpec, count: int) -> list[Sample]:
         """At most `count` different samples, TSDF and instances (X, Y, Z) of each."""
         partial = self.batches[grid].partial
-        found = method.reconstruct(partial, grid, count, self.codes())
-        return distinct([(tsdf[0], instances[0]) for tsdf, instances in found])
+        found = method.complete(partial, grid, count, self.codes())
+        return distinct([(scenes.tsdf[0], scenes.instances[0]) for scenes in found])
 
     def truth(self, grid: GridSpec, points: Float64) -> Truth:
         """The truth on a grid; `points` are on its visible surface."""

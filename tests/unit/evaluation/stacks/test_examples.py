@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from scenefw.core.batches import SceneParameters
+from scenefw.core.batches import Completion, SceneParameters
 from scenefw.core.geometry import look_at
 from scenefw.core.types import Camera, GridSpec
 from scenefw.evaluation.stacks.examples import Examples
@@ -22,12 +22,12 @@ class _Viewpoints:
 class _Method:
     grid = GridSpec(16)
 
-    def reconstruct(self, partial, grid, samples, generator):
+    def complete(self, partial, grid, samples, generator):
         assert grid == self.grid
         noise = torch.rand(1, generator=generator)
         tsdf = partial.distance[:, 0] + 0 * noise
         moved = [tsdf + 0.01 * i for i in range(samples)]
-        return [(each, (each < 0).to(torch.int32)) for each in moved]
+        return [Completion(each, (each < 0).to(torch.int32)) for each in moved]
 
 
 @pytest.fixture

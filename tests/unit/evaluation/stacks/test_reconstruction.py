@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from scenefw.core.batches import Completion
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import GridSpec
 from scenefw.data.stacks import StackScenes, shipped_scenes
@@ -32,20 +33,24 @@ class Oracle:
             for tsdf, votes in zip(volumes.tsdf, volumes.votes, strict=True)
         ]
         pairs = [
-            (volumes.tsdf[i], found[i][None]) for i in range(len(scenes)) for _ in range(views)
+            Completion(volumes.tsdf[i], found[i][None])
+            for i in range(len(scenes))
+            for _ in range(views)
         ]
         self.calls = iter(pairs)
 
-    def reconstruct(self, partial, grid, samples, generator):
+    def complete(self, partial, grid, samples, generator):
         return [next(self.calls)] * samples
 
 
 class Nothing:
     grid = None
 
-    def reconstruct(self, partial, grid, samples, generator):
+    def complete(self, partial, grid, samples, generator):
         shape = (1, *grid.shape)
-        return [(torch.full(shape, grid.truncation), torch.zeros(shape, dtype=torch.int32))]
+        return [
+            Completion(torch.full(shape, grid.truncation), torch.zeros(shape, dtype=torch.int32))
+        ]
 
 
 class Coin:
@@ -53,9 +58,9 @@ class Coin:
 
     grid = None
 
-    def reconstruct(self, partial, grid, samples, generator):
+    def complete(self, partial, grid, samples, generator):
         fields = torch.randn(samples, 1, *grid.shape, generator=generator)
-        return [(field * grid.voxel_size, (field < 0).int()) for field in fields]
+        return [Completion(field * grid.voxel_size, (field < 0).int()) for field in fields]
 
 
 def evaluation(methods, scenes, **settings):

@@ -32,9 +32,9 @@ def seen(grid, mapping):
 def test_partial_surface_shows_the_objects_and_not_the_floor(resolution, mapping):
     grid = GridSpec(resolution=resolution)
     method = PartialSurface(ConnectedComponents())
-    samples = method.reconstruct(seen(grid, mapping), grid, 3, torch.Generator())
+    samples = method.complete(seen(grid, mapping), grid, 3, torch.Generator())
     assert len(samples) == 3
-    tsdf, instances = samples[0]
+    tsdf, instances = samples[0].tsdf, samples[0].instances
     assert tsdf.shape == instances.shape == (1, *grid.shape)
     occupied = grid.centres()[(tsdf[0] < 0).numpy()]
     assert len(occupied)
