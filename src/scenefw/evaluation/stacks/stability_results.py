@@ -11,7 +11,7 @@ import numpy as np
 from scenefw.core.measures import HIGH, LOW, Measure
 from scenefw.core.types import Float64
 from scenefw.evaluation.stacks import published
-from scenefw.evaluation.stacks.measures import WITHOUT_LEARNING
+from scenefw.evaluation.stacks.methods import REFERENCES
 from scenefw.evaluation.stacks.results import VISIBILITY_EDGES
 from scenefw.evaluation.statistics import Interval, bootstrap_interval, median_interval
 
@@ -152,10 +152,10 @@ class StabilityResult:
     @property
     def measures(self) -> dict[str, Measure]:
         """Units, digits and published values of the figures."""
-        reference = next((name for name in WITHOUT_LEARNING if name in self.methods), None)
+        reference = next((name for name in REFERENCES if name in self.methods), None)
         found = dict(_NUMBERS)
         for method in self.methods:
-            learned = reference and method not in (TRUTH, *WITHOUT_LEARNING)
+            learned = reference and method not in (TRUTH, *REFERENCES)
             for name, measure in SCORES.items():
                 found[f"{method}/{name}"] = replace(
                     measure,
