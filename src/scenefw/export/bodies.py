@@ -74,8 +74,8 @@ class BodyMaker:
         whole = moments(item.mesh)
         if whole.volume < _LEAST_VOLUME:
             raise InputError(
-                f"object {item.id} has a volume of {whole.volume:.1g} m^3, so no mass; export GLB, PLY "
-                "or OBJ instead"
+                f"object {item.id} has a volume of {whole.volume:.1g} m^3, so no mass; export GLB, "
+                "PLY or OBJ instead"
             )
         pose = Pose(whole.pose.position, item.pose.quaternion)
         mesh = TriangleMesh((item.mesh.vertices - pose.position) @ pose.rotation, item.mesh.faces)
