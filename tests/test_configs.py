@@ -28,7 +28,11 @@ OPTIONS = [
 
 # The default run compares by evaluation=reconstruction and of stacks alone, so others run alone.
 FITS_ELSEWHERE = {"renderer", "evaluation", "dataset", "shape"}  # parts of other experiments
-CONTEXT = {"evaluation": ["run=evaluate"], "dataset": ["run=train"]}
+CONTEXT = {
+    "evaluation": ["run=evaluate"],
+    "dataset": ["run=train"],
+    "set_ablation": ["experiment=decomposition_ablation"],
+}
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -62,7 +66,8 @@ def resolved():
 
 @pytest.mark.parametrize(("group", "name"), resolved())
 def test_an_option_composes_and_resolves(group, name):
-    with chosen(group, name, *CONTEXT.get(group, [])) as whole:
+    key = "set_ablation" if (group, name[:4]) == ("ablation", "set_") else group
+    with chosen(group, name, *CONTEXT.get(key, [])) as whole:
         for node in targets(OmegaConf.to_container(whole, resolve=True)):
             assert_fits(node)
         if group in FITS_ELSEWHERE or fits(whole):

@@ -29,6 +29,7 @@ usage: python -m scenefw [-m] [-v] [group=option ...] [key=value ...]
 
   python -m scenefw experiment=simstack                         stacks, training, evaluation, report
   python -m scenefw experiment=simstack run=predict input=PATH  a depth image to a 3D scene
+  python -m scenefw run=doctor input=PATH                       checks an image of your own camera
   python -m scenefw experiment=simstack run=train size.minutes=60
   python -m scenefw experiment=simstack run=evaluate            figures of the shipped weights
   python -m scenefw experiment=simstack run=generate            regenerates the stacks

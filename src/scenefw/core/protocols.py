@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
+    from pathlib import Path
 
     import numpy as np
     import torch
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
         SceneEstimate,
         SceneObject,
         Shape,
+        TriangleMesh,
     )
 
 Item = TypeVar("Item")
@@ -195,6 +197,35 @@ class Settling(Protocol):
 
     def settle(self, scenes: Sequence[SceneEstimate]) -> list[SceneEstimate]:
         """Scenes of one image after that; `details["settled"]` of each says what moved how far."""
+
+
+class SceneFormat(Protocol):
+    """A file format of scene estimates (group `export`)."""
+
+    @property
+    def suffix(self) -> str:
+        """Of its files, with the dot."""
+
+    def write(
+        self, path: Path, estimate: SceneEstimate, colours: Sequence[Sequence[float]]
+    ) -> None:
+        """Writes a scene, and what the file refers to into a folder of its name beside it.
+
+        Args:
+            path: the file, replaced as a whole.
+            estimate: the scene, world frame, metres.
+            colours: red, green, blue in [0, 1] of each object.
+
+        Raises:
+            StorageError: a file can't be written.
+        """
+
+
+class CollisionShapes(Protocol):
+    """Says which convex shapes a simulator takes for an object (group `collision`)."""
+
+    def parts(self, mesh: TriangleMesh) -> Sequence[TriangleMesh]:
+        """Closed convex meshes that stand for a closed mesh."""
 
 
 class Result(Protocol):

@@ -13,6 +13,9 @@ if TYPE_CHECKING:
 
     from scenefw.core.batches import (
         IndexBatch,
+        ObjectSetBatch,
+        ObjectSetPrediction,
+        ObjectSetSetup,
         SegmentationBatch,
         SegmentationSetup,
         ShapeInstanceBatch,
@@ -55,6 +58,20 @@ class ShapeInstanceData(TrainingData, Protocol):
         """The same views in every epoch, with their volumes in both units."""
 
 
+class ObjectSetData(TrainingData, Protocol):
+    """Partial views of scenes with their objects (group `dataset`, option `object_sets`)."""
+
+    grid: GridSpec
+    most: int
+    """The largest number of objects in a scene."""
+
+    def training_batch(self, batch: IndexBatch, device: torch.device) -> ObjectSetBatch:
+        """Views and objects of an epoch, each a function of only (seed, epoch, index)."""
+
+    def validation_batch(self, batch: IndexBatch, device: torch.device) -> ObjectSetBatch:
+        """The same views in every epoch."""
+
+
 class SegmentationTrainingData(TrainingData, Protocol):
     """Labelled views or crops of maps (group `dataset`, options `tabletop*`)."""
 
@@ -89,6 +106,16 @@ class ShapeInstanceLoss(Loss, Protocol):
 
     def __call__(self, prediction: ShapeInstancePrediction, batch: ShapeInstanceBatch) -> Tensor:
         """A scalar."""
+
+
+class ObjectSetLoss(Loss, Protocol):
+    """A term of the loss of networks of sets (group `loss`, options `set_*`)."""
+
+    def check(self, setup: ObjectSetSetup) -> None:
+        """Raises a ConfigError before the work if it doesn't fit these sets."""
+
+    def __call__(self, prediction: ObjectSetPrediction, batch: ObjectSetBatch) -> Tensor:
+        """A scalar from predictions that are matched to objects."""
 
 
 class SegmentationLoss(Loss, Protocol):
@@ -152,6 +179,36 @@ class ShapeInstanceModel(Network, Protocol):
             condition: as in `ShapeInstanceBatch`.
             latent: (S B, latent_size) codes, sample after sample; None means the zero code.
         """
+
+
+class ObjectSetModel(Network, Protocol):
+    """A network from a scene or a view to a set of objects (group `model`, options `set_*`)."""
+
+    resolution: int
+    """Voxels per side of what it sees and predicts."""
+    slots: int
+    """Objects that it predicts."""
+    sees: str
+    """occupancy: the complete scene; view: the partial TSDF; both."""
+    gives: set[str]
+    """What it predicts beside shapes, as in `ObjectSetSetup`."""
+    latent_shape: tuple[int, ...]
+    """Of the feature volume that can be drawn from N(0, I) for a view; (): it draws none."""
+
+    def forward(
+        self, batch: ObjectSetBatch, generator: torch.Generator | None = None
+    ) -> ObjectSetPrediction:
+        """Training pass.
+
+        Args:
+            batch: scenes and views.
+            generator: of what is drawn, on the CPU; None: nothing is.
+        """
+
+    def __call__(
+        self, batch: ObjectSetBatch, generator: torch.Generator | None = None
+    ) -> ObjectSetPrediction:
+        """Calls `forward`, as torch does."""
 
 
 class SegmentationModel(Network, Protocol):

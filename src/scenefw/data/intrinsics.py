@@ -1,8 +1,9 @@
 """Camera intrinsics from small files: JSON, YAML or text."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import yaml
@@ -13,6 +14,9 @@ from scenefw.core.types import Camera
 
 _KEYS = ("K", "camera_matrix", "intrinsic_matrix", "intrinsics", "cam_K", "data")
 _EXPECTED = "give a 3 x 3 matrix K, or fx, fy, cx, cy"
+
+Intrinsics: TypeAlias = ArrayLike | Camera | Mapping[str, Any] | str | Path
+"""Whatever holds the intrinsics of an image: see `intrinsic_matrix`."""
 
 
 def read_intrinsics(path: Path) -> NDArray[np.float64]:
@@ -42,6 +46,28 @@ def read_intrinsics(path: Path) -> NDArray[np.float64]:
     raise InputError(f"unknown intrinsics format '{suffix}' of {path}; use .json, .yaml or .txt")
 
 
+def intrinsic_matrix(given: Intrinsics, name: str) -> NDArray[np.float64]:
+    """Intrinsic matrix K (3, 3) in pixels of whatever holds it.
+
+    Args:
+        given: K itself, a camera, `{"fx": ..., "fy": ..., "cx": ..., "cy": ...}` or a matrix by one
+            of the names that files use, the four numbers fx fy cx cy, or the path of a file.
+        name: of the image, for messages.
+
+    Raises:
+        InputError: it is none of these, or a file that `read_intrinsics` can't read.
+    """
+    if isinstance(given, Camera):
+        return given.matrix
+    if isinstance(given, str | Path):
+        return read_intrinsics(Path(given))
+    try:
+        return _from_content(dict(given) if isinstance(given, Mapping) else given, name)
+    except (ValueError, TypeError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(f"intrinsics of {name} are no numbers ({reason}); {_EXPECTED}") from error
+
+
 def camera_from_matrix(K: ArrayLike, height: int, width: int, name: str) -> Camera:  # noqa: N803
     """A camera at the origin with intrinsics K (3, 3) for an image of this size.
 
@@ -64,7 +90,7 @@ def camera_from_matrix(K: ArrayLike, height: int, width: int, name: str) -> Came
     return Camera(width, height, float(fx), float(fy), float(cx), float(cy))
 
 
-def _from_content(content: Any, path: Path) -> NDArray[np.float64]:
+def _from_content(content: Any, path: Path | str) -> NDArray[np.float64]:
     if isinstance(content, dict):
         if {"fx", "fy", "cx", "cy"} <= content.keys():
             return _from_numbers([content[key] for key in ("fx", "fy", "cx", "cy")], path)
@@ -75,11 +101,11 @@ def _from_content(content: Any, path: Path) -> NDArray[np.float64]:
     return _from_numbers(content, path)
 
 
-def _from_numbers(content: Any, path: Path) -> NDArray[np.float64]:
+def _from_numbers(content: Any, path: Path | str) -> NDArray[np.float64]:
     numbers = np.asarray(content, dtype=np.float64)
     if numbers.size == 4:
         fx, fy, cx, cy = numbers.ravel()
         return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
     if numbers.size == 9:
         return numbers.reshape(3, 3)
-    raise InputError(f"intrinsics {path} hold {numbers.size} numbers; {_EXPECTED}")
+    raise InputError(f"intrinsics of {path} hold {numbers.size} numbers; {_EXPECTED}")

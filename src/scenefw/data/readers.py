@@ -2,6 +2,7 @@
 
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,9 @@ from PIL import Image, UnidentifiedImageError
 from scenefw.core.errors import EmptyImageError, InputError
 from scenefw.core.files import in_order, unreadable
 from scenefw.core.types import Frame
-from scenefw.data.intrinsics import camera_from_matrix, read_intrinsics
+from scenefw.data.exr import read_exr
+from scenefw.data.intrinsics import Intrinsics, camera_from_matrix, intrinsic_matrix
+from scenefw.data.layouts import surroundings
 
 Array = NDArray[Any]
 
@@ -21,7 +24,7 @@ FARTHEST_MEDIAN = 20.0
 NEAREST_MEDIAN = 0.05
 """A table-top whose median depth is below this (m) was given in metres, read as millimetres."""
 
-_SUFFIXES = (".npz", ".npy", ".png")
+_SUFFIXES = (".npz", ".npy", ".png", ".exr")
 _INTRINSICS_SUFFIXES = (".json", ".yaml", ".yml", ".txt")
 _INTRINSICS_STEMS = ("intrinsics", "camera", "K")
 _COLOUR_SUFFIXES = (".rgb.jpg", ".rgb.png", ".rgb.jpeg", "_rgb.png", "_rgb.jpg", ".jpg", ".jpeg")
@@ -29,7 +32,7 @@ _COLOUR_WORDS = ("rgb", "color", "colour")
 
 
 def read_frames(
-    path: Path | str, *, intrinsics: Path | str | None = None, depth_scale: float = 0.001
+    path: Path | str, *, intrinsics: Intrinsics | None = None, depth_scale: float | None = None
 ) -> list[Frame]:
     """All frames at a path: one image, or those of a folder by name, 2 before 10.
 
@@ -58,25 +61,35 @@ def find_images(path: Path | str) -> list[Path]:
     images = [entry for entry in in_order(path.iterdir()) if _is_depth_image(entry)]
     images = images or [entry for entry in in_order(path.rglob("*")) if _is_depth_image(entry)]
     if not images:
-        raise InputError(f"no depth image in {path}; expected .npz, .npy or 16-bit .png files")
+        raise InputError(
+            f"no depth image in {path}; expected .npz, .npy, .exr or 16-bit .png files"
+        )
     return images
 
 
 def read_frame(
-    path: Path | str, *, intrinsics: Path | str | None = None, depth_scale: float = 0.001
+    path: Path | str,
+    *,
+    intrinsics: Intrinsics | None = None,
+    depth_scale: float | None = None,
+    recording: bool = True,
 ) -> Frame:
     """One frame; its camera stands at the origin until a floor is found.
 
     .npz: `depth_mm` (millimetres) or `depth` (metres), (H, W); `K` (3, 3); optionally `rgb`
     (H, W, 3) uint8 and labels: `instances` (-1 unknown, 0 none, 1..N) or `label` as the Object
     Segmentation Database codes it (see `decode_labels`). .png: 16-bit, metres = value times
-    `depth_scale`. .npy: floating point in metres, integers as .png. The colour image lies beside,
-    as NAME.rgb.jpg.
+    `depth_scale`. .npy: floating point in metres, integers as .png. .exr: metres. The colour image
+    lies beside, as NAME.rgb.jpg, or where `surroundings` finds it in a BOP scene, a TUM sequence or
+    an RGB-D folder.
 
     Args:
         path: a .npz, .png or .npy file.
-        intrinsics: file for .png and .npy; None looks beside for NAME.json, intrinsics.json ...
-        depth_scale: metres per unit of integer depth.
+        intrinsics: of .png and .npy, a file or what else `intrinsic_matrix` takes; None looks
+            beside for NAME.json, intrinsics.json ...
+        depth_scale: metres per unit of integer depth; None = that of the format, else millimetres.
+
+        recording: also look for colour in the recording that the image is of, if it has none.
 
     Raises:
         InputError: a missing, damaged or unusable file; the message says how to mend it.
@@ -89,7 +102,10 @@ def read_frame(
         known = ", ".join(_READERS)
         raise InputError(f"unknown format '{path.suffix}' of {path}; expected one of {known}")
     try:
-        return reader(path, intrinsics, depth_scale)
+        frame = reader(path, intrinsics, depth_scale)
+        if not recording or frame.colour is not None:
+            return frame
+        return replace(frame, colour=_picture(surroundings(path).colour, frame.depth.shape))
     except (OSError, ValueError, EOFError, zipfile.BadZipFile, UnidentifiedImageError) as error:
         raise InputError(
             f"cannot read {path}: {unreadable(error)}; is the file complete?"
@@ -159,7 +175,7 @@ def check_depth(depth: Array, name: str) -> NDArray[np.float32]:
     return clean
 
 
-def _read_npz(path: Path, intrinsics: Path | str | None, depth_scale: float) -> Frame:
+def _read_npz(path: Path, intrinsics: Intrinsics | None, depth_scale: float | None) -> Frame:
     with np.load(path, allow_pickle=False) as file:
         content = {key: file[key] for key in file.files}
     depth = _npz_depth(content, path)
@@ -167,7 +183,7 @@ def _read_npz(path: Path, intrinsics: Path | str | None, depth_scale: float) -> 
         raise InputError(
             f"{path} has no intrinsics K (3, 3); store them in it or give run.intrinsics=PATH"
         )
-    matrix = content["K"] if intrinsics is None else read_intrinsics(Path(intrinsics))
+    matrix = content["K"] if intrinsics is None else intrinsic_matrix(intrinsics, path.name)
     return _frame(depth, matrix, path, colour=content.get("rgb"), labels=_npz_labels(content))
 
 
@@ -188,28 +204,37 @@ def _npz_labels(content: dict[str, Array]) -> Array | None:
     return decode_labels(content["label"]) if "label" in content else None
 
 
-def _read_png(path: Path, intrinsics: Path | str | None, depth_scale: float) -> Frame:
+def _read_png(path: Path, intrinsics: Intrinsics | None, depth_scale: float | None) -> Frame:
     with Image.open(path) as image:
         if not image.mode.startswith("I"):
             raise InputError(
                 f"{path} is a picture of mode {image.mode}; a depth image has one 16-bit channel"
             )
         values = np.array(image)
-    return _frame(values * np.float32(depth_scale), _matrix(path, intrinsics), path)
+    return _frame(values * _scale(path, depth_scale), _matrix(path, intrinsics), path)
 
 
-def _read_npy(path: Path, intrinsics: Path | str | None, depth_scale: float) -> Frame:
+def _read_npy(path: Path, intrinsics: Intrinsics | None, depth_scale: float | None) -> Frame:
     values = np.load(path, allow_pickle=False)
     if not np.issubdtype(values.dtype, np.floating):
-        values = values * np.float32(depth_scale)
+        values = values * _scale(path, depth_scale)
     return _frame(values, _matrix(path, intrinsics), path)
 
 
-_READERS: dict[str, Callable[[Path, Path | str | None, float], Frame]] = {
+def _read_exr(path: Path, intrinsics: Intrinsics | None, depth_scale: float | None) -> Frame:
+    return _frame(read_exr(path), _matrix(path, intrinsics), path)
+
+
+_READERS: dict[str, Callable[[Path, Intrinsics | None, float | None], Frame]] = {
     ".npz": _read_npz,
     ".png": _read_png,
     ".npy": _read_npy,
+    ".exr": _read_exr,
 }
+
+
+def _scale(path: Path, given: float | None) -> np.float32:
+    return np.float32(surroundings(path).scale if given is None else given)
 
 
 def _frame(
@@ -233,15 +258,19 @@ def _frame(
     return Frame(depth, camera, colour, labels, path.stem)
 
 
-def _matrix(path: Path, intrinsics: Path | str | None) -> Array:
+def _matrix(path: Path, intrinsics: Intrinsics | None) -> Array:
     if intrinsics is not None:
-        return read_intrinsics(Path(intrinsics))
+        return intrinsic_matrix(intrinsics, path.name)
+    around = surroundings(path)
+    if around.matrix is not None:
+        return around.matrix
     stems = (path.stem, f"{path.stem}.intrinsics", *_INTRINSICS_STEMS)
-    for stem in stems:
-        for suffix in _INTRINSICS_SUFFIXES:
-            candidate = path.with_name(stem + suffix)
-            if candidate.is_file():
-                return read_intrinsics(candidate)
+    for folder in filter(None, (path.parent, around.root)):
+        for stem in stems:
+            for suffix in _INTRINSICS_SUFFIXES:
+                candidate = folder / (stem + suffix)
+                if candidate.is_file():
+                    return intrinsic_matrix(candidate, path.name)
     raise InputError(
         f"no intrinsics for {path}; put {path.stem}.json or intrinsics.json with fx, fy, cx, cy "
         "beside it, or give run.intrinsics=PATH"
@@ -257,7 +286,11 @@ def _read_colour(path: Path, shape: tuple[int, ...]) -> NDArray[np.uint8] | None
             for word in _COLOUR_WORDS
             for suffix in (".png", ".jpg", ".jpeg")
         ]
-    found = next((path.with_name(name) for name in names if path.with_name(name).is_file()), None)
+    found = (path.with_name(name) for name in names if path.with_name(name).is_file())
+    return _picture(next(found, None), shape)
+
+
+def _picture(found: Path | None, shape: tuple[int, ...]) -> NDArray[np.uint8] | None:
     if found is None:
         return None
     with Image.open(found) as image:

@@ -245,7 +245,12 @@ class _Frames:
 
     def read(self, index: int) -> Frame:
         entry = self.entries[index]
-        frame = read_frame(entry.depth, intrinsics=self.intrinsics, depth_scale=self.depth_scale)
+        frame = read_frame(
+            entry.depth,
+            intrinsics=self.intrinsics,
+            depth_scale=self.depth_scale,
+            recording=False,
+        )
         _require_size(frame, *_size(self.entries[0].depth))
         colour = None if entry.colour is None else _image(entry.colour, "RGB", frame)
         labels = None

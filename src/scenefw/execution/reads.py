@@ -42,6 +42,7 @@ def require_read(
     overrides: Sequence[str],
     options: Mapping[str, Collection[str]],
     choices: Mapping[str, Any] | None = None,
+    keys: Sequence[str] = ("run",),
 ) -> None:
     """Checks before the work that the run reads everything that the user chose.
 
@@ -50,13 +51,14 @@ def require_read(
         overrides: as typed.
         options: names of the options of every group.
         choices: Hydra's record of chosen options, by `group` or `group@place`.
+        keys: of the nodes that are built.
 
     Raises:
         ConfigError: it doesn't read one of them; the line says what it reads in its place.
     """
     from hydra.core.override_parser.overrides_parser import OverridesParser
 
-    read = settings_read(config)
+    read = frozenset[str]().union(*(settings_read(config, key) for key in keys))
     for override in OverridesParser.create().parse_overrides(list(overrides)):
         place = _place(override, options, config)
         if place is not None and not _is_read(place, read):

@@ -1,1 +1,1 @@
-"""Scene estimates as files: GLB, PLY and a JSON summary."""
+"""Scene estimates as files: meshes, numbers, files for simulators."""

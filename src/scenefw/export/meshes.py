@@ -15,13 +15,15 @@ Colour = Sequence[float]
 _Y_UP = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], dtype=np.float64)
 
 
-def write_ply(path: Path, mesh: TriangleMesh, colour: Colour | None = None) -> None:
+def write_ply(
+    path: Path, mesh: TriangleMesh, colour: Colour | NDArray[np.float64] | None = None
+) -> None:
     """Writes a mesh as binary little-endian PLY: float32 metres, world coordinates (z up).
 
     Args:
         path: the file, replaced as a whole.
         mesh: triangles.
-        colour: red, green, blue in [0, 1] of all vertices.
+        colour: red, green, blue in [0, 1] of all vertices, or (V, 3) of each.
     """
     fields = [("x", "<f4"), ("y", "<f4"), ("z", "<f4")]
     if colour is not None:
@@ -30,8 +32,9 @@ def write_ply(path: Path, mesh: TriangleMesh, colour: Colour | None = None) -> N
     for axis, name in enumerate("xyz"):
         vertices[name] = mesh.vertices[:, axis]
     if colour is not None:
-        for name, value in zip(("red", "green", "blue"), _bytes(colour), strict=True):
-            vertices[name] = value
+        rgb = _bytes(np.broadcast_to(colour, (len(vertices), 3)))
+        for channel, name in enumerate(("red", "green", "blue")):
+            vertices[name] = rgb[:, channel]
     faces = np.empty(len(mesh.faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
     faces["count"], faces["corners"] = 3, mesh.faces
     names = {"<f4": "float", "u1": "uchar"}
@@ -66,7 +69,7 @@ def write_glb(path: Path, estimate: SceneEstimate, colours: Sequence[Colour]) ->
     for item, colour in zip(estimate.objects, colours, strict=True):
         material = trimesh.visual.material.PBRMaterial(
             name=f"object_{item.id:02d}",
-            baseColorFactor=[*_bytes(colour), 255],
+            baseColorFactor=[*_bytes(colour).tolist(), 255],
             metallicFactor=0.0,
             roughnessFactor=0.7,
         )
@@ -78,9 +81,8 @@ def write_glb(path: Path, estimate: SceneEstimate, colours: Sequence[Colour]) ->
         temporary.write_bytes(scene.export(file_type="glb") if scene.geometry else _EMPTY_GLB)
 
 
-def _bytes(colour: Colour) -> list[int]:
-    rgb: NDArray[np.int64] = np.rint(np.clip(colour, 0, 1) * 255).astype(np.int64)
-    return [int(value) for value in rgb]
+def _bytes(colour: Colour | NDArray[np.float64]) -> NDArray[np.int64]:
+    return np.rint(np.clip(colour, 0, 1) * 255).astype(np.int64)
 
 
 def _empty_glb() -> bytes:

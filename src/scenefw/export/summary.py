@@ -26,12 +26,12 @@ def summarise(
 
     Args:
         estimate: the scene.
-        mesh_files: name of the mesh file of each object id, beside the JSON.
+        mesh_files: name of the mesh file of each object id, beside the JSON, if it has one.
         versions: of what computed it.
     """
     return {
         "name": estimate.frame.name,
-        "objects": [_object(item, mesh_files[item.id]) for item in estimate.objects],
+        "objects": [_object(item, mesh_files.get(item.id)) for item in estimate.objects],
         "camera": _camera(estimate.frame.camera),
         **{key: plain(value) for key, value in estimate.details.items()},
         "versions": dict(versions or {}),
@@ -64,7 +64,7 @@ def plain(value: Any) -> Any:
     return str(value)
 
 
-def _object(item: ObjectEstimate, mesh_file: str) -> dict[str, Any]:
+def _object(item: ObjectEstimate, mesh_file: str | None) -> dict[str, Any]:
     return {
         "id": int(item.id),
         "centre": plain(item.pose.position),
@@ -75,11 +75,12 @@ def _object(item: ObjectEstimate, mesh_file: str) -> dict[str, Any]:
         },
         "confidence": float(item.confidence),
         "mesh": mesh_file,
-        "shape": None if item.placed is None else _shape(item.placed),
+        "shape": None if item.placed is None else shape_numbers(item.placed),
     }
 
 
-def _shape(placed: PlacedShape) -> dict[str, Any]:
+def shape_numbers(placed: PlacedShape) -> dict[str, Any]:
+    """Plain data of a shape: its `kind`, its own numbers, `position` and `quaternion`."""
     shape: Any = placed.shape
     return {
         "kind": type(shape).__name__.lower(),

@@ -25,6 +25,7 @@ _FORMAT = "scenefw-checkpoint"
 _VERSION = 1
 
 SHAPE_INSTANCE, SEGMENTATION = "shape_instance", "segmentation"
+OBJECT_SETS = "object_sets"
 """What a network is for; files without a task are of the first."""
 
 

@@ -1,5 +1,9 @@
 """Checks a real image before a prediction is made from it."""
 
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
 from scenefw.core.errors import InputError
@@ -8,10 +12,38 @@ from scenefw.data.readers import check_depth
 from scenefw.perception.floor import Floor
 from scenefw.perception.workspace import Workspace
 
+GOOD, ODD, UNUSABLE = "good", "odd", "unusable"
+"""Verdicts: a prediction is made with an odd image, and none of an unusable one."""
+
 _FIELD_OF_VIEW = (15.0, 120.0)
 _FOCAL_RATIO = 1.2
 _OFF_CENTRE = 0.25
 _STACK_HEIGHT = 0.1  # where the middle of a stack is assumed, for its distance (m)
+_UNEVEN = 0.01  # m
+_MEND = re.compile(r"; |(?<=\?) ")
+
+
+@dataclass(frozen=True)
+class Check:
+    """What was looked at, and what to do about it.
+
+    Args:
+        name: of what was looked at, one word or two.
+        verdict: `GOOD`, `ODD` or `UNUSABLE`.
+        found: what is there, in words.
+        mend: what helps, in words; empty if it is good.
+    """
+
+    name: str
+    verdict: str
+    found: str
+    mend: str = ""
+
+    @property
+    def line(self) -> str:
+        """What is there and what helps, as one line."""
+        mark = " " if self.found.endswith("?") else "; "
+        return f"{self.found}{mark}{self.mend}" if self.mend else self.found
 
 
 class Doctor:
@@ -22,6 +54,7 @@ class Doctor:
         farthest: and at most this far (m).
         smallest: the largest object group should be this large at least (m).
         least_measured: share of pixels that should have a depth.
+        flattest: the camera should look down by this much at least (degrees).
     """
 
     def __init__(
@@ -30,11 +63,13 @@ class Doctor:
         farthest: float = 1.75,
         smallest: float = 0.05,
         least_measured: float = 0.3,
+        flattest: float = 8.0,
     ) -> None:
         self.nearest = nearest
         self.farthest = farthest
         self.smallest = smallest
         self.least_measured = least_measured
+        self.flattest = flattest
 
     def examine_frame(self, frame: Frame) -> list[str]:
         """Warnings about a frame as read.
@@ -42,56 +77,142 @@ class Doctor:
         Raises:
             InputError: no depth, the wrong unit, or intrinsics that no camera has.
         """
-        check_depth(frame.depth, frame.name)
-        camera = frame.camera
-        sizes = ((camera.width, camera.fx), (camera.height, camera.fy))
-        views = [float(np.degrees(2 * np.arctan(side / (2 * focal)))) for side, focal in sizes]
-        warnings = []
-        if not all(_FIELD_OF_VIEW[0] < view < _FIELD_OF_VIEW[1] for view in views):
-            raise InputError(
-                f"intrinsics of {frame.name} give a view of {views[0]:.0f} x {views[1]:.0f} "
-                f"degrees with fx = {camera.fx:g} at {camera.width} x {camera.height} pixels; give "
-                "fx, fy, cx, cy in pixels of this image size"
-            )
-        if not 1 / _FOCAL_RATIO < camera.fx / camera.fy < _FOCAL_RATIO:
-            warnings.append(
-                f"fx = {camera.fx:g} and fy = {camera.fy:g} differ; check the intrinsics"
-            )
-        off = (camera.cx / camera.width - 0.5, camera.cy / camera.height - 0.5)
-        if max(np.abs(off)) > _OFF_CENTRE:
-            warnings.append(
-                f"the intrinsics' centre ({camera.cx:g}, {camera.cy:g}) is far from the middle of "
-                "the image; are they of another image size?"
-            )
-        measured = float(np.mean(frame.depth > 0))
-        if measured < self.least_measured:
-            warnings.append(f"only {measured:.0%} of the pixels have a depth")
-        return warnings
+        return _warnings(self.check_frame(frame))
 
     def examine_workspace(self, floor: Floor, workspace: Workspace) -> list[str]:
         """Warnings about what was found: floor, distance, size of the objects, what is left out."""
-        warnings = []
+        return _warnings([*self.check_floor(floor), *self.check_workspace(workspace)])
+
+    def check_frame(self, frame: Frame) -> list[Check]:
+        """Unit of the depth, intrinsics, and how much is measured."""
+        try:
+            check_depth(frame.depth, frame.name)
+        except InputError as error:
+            return [Check("unit", UNUSABLE, *_parted(error))]
+        median = float(np.median(frame.depth[frame.depth > 0]))
+        unit = Check("unit", GOOD, f"the median depth is {median:.2f} m")
+        return [unit, *_check_intrinsics(frame), self._check_measured(frame)]
+
+    def check_floor(self, floor: Floor) -> list[Check]:
+        """Evenness of the floor, and how the camera stands over it."""
+        rough = floor.deviation > _UNEVEN
+        deviation = f"{floor.deviation * 1000:.0f} mm"
+        even = Check(
+            "floor",
+            ODD if rough else GOOD,
+            f"the floor is uneven or noisy ({deviation})"
+            if rough
+            else f"{floor.share:.0%} of the points lie on the floor, {deviation} off it",
+            "check the intrinsics" if rough else "",
+        )
+        down = float(np.degrees(np.arcsin(np.clip(-floor.normal[2], -1, 1))))
+        where = (
+            f"the camera is {floor.height:.2f} m above the floor, looking {down:.0f} degrees down"
+        )
+        flat = down < self.flattest
+        mend = "look at the table from higher up, or check the intrinsics" if flat else ""
+        return [even, Check("tilt", ODD if flat else GOOD, where, mend)]
+
+    def check_workspace(self, workspace: Workspace) -> list[Check]:
+        """Distance and size of the objects, and what is left out."""
         eye = workspace.frame.camera.T_world_camera[:3, 3]
         distance = float(np.linalg.norm(eye - (0, 0, _STACK_HEIGHT)))
-        if not self.nearest <= distance <= self.farthest:
-            warnings.append(
-                f"the camera is {distance:.2f} m from the objects, made for {self.nearest:g} to "
-                f"{self.farthest:g} m; move it, or check the depth scale"
-            )
+        near = self.nearest <= distance <= self.farthest
+        limits = f"{self.nearest:g} to {self.farthest:g} m"
         width = float(workspace.size.max())
-        if width < self.smallest:
-            warnings.append(
-                f"the objects are only {width * 100:.1f} cm large; check the depth scale"
-            )
-        if len(workspace.left_out):
-            where = ", ".join(f"({x:.2f}, {y:.2f})" for x, y in workspace.left_out)
-            warnings.append(
-                f"{len(workspace.left_out)} object group(s) at x, y = {where} m don't fit into the "
-                "cube with the others and are left out; take a picture of each group"
-            )
-        if floor.deviation > 0.01:
-            warnings.append(
-                f"the floor is uneven or noisy ({floor.deviation * 1000:.0f} mm); "
-                "check the intrinsics"
-            )
-        return warnings
+        large = width >= self.smallest
+        size = " x ".join(f"{side * 100:.0f}" for side in workspace.size)
+        return [
+            Check(
+                "distance",
+                GOOD if near else ODD,
+                f"the camera is {distance:.2f} m from the objects, made for {limits}",
+                "" if near else "move it, or check the depth scale",
+            ),
+            Check(
+                "size",
+                GOOD if large else ODD,
+                f"the objects cover {size} cm"
+                if large
+                else f"the objects are only {width * 100:.1f} cm large",
+                "" if large else "check the depth scale",
+            ),
+            _check_left_out(workspace),
+        ]
+
+    def _check_measured(self, frame: Frame) -> Check:
+        measured = float(np.mean(frame.depth > 0))
+        few = measured < self.least_measured
+        return Check(
+            "measured",
+            ODD if few else GOOD,
+            f"{'only ' if few else ''}{measured:.0%} of the pixels have a depth",
+            "shiny, black or near things have none: change the view or the light" if few else "",
+        )
+
+
+def _check_intrinsics(frame: Frame) -> list[Check]:
+    camera = frame.camera
+    sizes = ((camera.width, camera.fx), (camera.height, camera.fy))
+    views = [float(np.degrees(2 * np.arctan(side / (2 * focal)))) for side, focal in sizes]
+    angles = f"{views[0]:.0f} x {views[1]:.0f} degrees"
+    if not all(_FIELD_OF_VIEW[0] < view < _FIELD_OF_VIEW[1] for view in views):
+        found = (
+            f"intrinsics of {frame.name} give a view of {angles} with fx = {camera.fx:g} at "
+            f"{camera.width} x {camera.height} pixels"
+        )
+        mend = "give fx, fy, cx, cy in pixels of this image size"
+        return [Check("intrinsics", UNUSABLE, found, mend)]
+    square = 1 / _FOCAL_RATIO < camera.fx / camera.fy < _FOCAL_RATIO
+    off = (camera.cx / camera.width - 0.5, camera.cy / camera.height - 0.5)
+    central = max(np.abs(off)) <= _OFF_CENTRE
+    centre = f"centre ({camera.cx:g}, {camera.cy:g})"
+    return [
+        Check("intrinsics", GOOD, f"the view is {angles}")
+        if square
+        else Check(
+            "intrinsics",
+            ODD,
+            f"fx = {camera.fx:g} and fy = {camera.fy:g} differ",
+            "check the intrinsics",
+        ),
+        Check("centre", GOOD, f"the intrinsics' {centre} is near the middle of the image")
+        if central
+        else Check(
+            "centre",
+            ODD,
+            f"the intrinsics' {centre} is far from the middle of the image",
+            "are they of another image size?",
+        ),
+    ]
+
+
+def _check_left_out(workspace: Workspace) -> Check:
+    if not len(workspace.left_out):
+        return Check("groups", GOOD, "all objects fit into the cube")
+    where = ", ".join(f"({x:.2f}, {y:.2f})" for x, y in workspace.left_out)
+    return Check(
+        "groups",
+        ODD,
+        f"{len(workspace.left_out)} object group(s) at x, y = {where} m don't fit into the cube "
+        "with the others and are left out",
+        "take a picture of each group",
+    )
+
+
+def unusable(name: str, error: InputError) -> Check:
+    """A check that ended with an error."""
+    return Check(name, UNUSABLE, *_parted(error))
+
+
+def _parted(error: InputError) -> tuple[str, str]:
+    """What is wrong, and what helps: errors say both in one line."""
+    found, *rest = _MEND.split(str(error), maxsplit=1)
+    return found, "".join(rest)
+
+
+def _warnings(checks: Sequence[Check]) -> list[str]:
+    for check in checks:
+        if check.verdict == UNUSABLE:
+            raise InputError(check.line)
+    return [check.line for check in checks if check.verdict == ODD]

@@ -52,12 +52,21 @@ class Grouping(Protocol):
         """Objects (H, W), 0 = none, of parts (H, W) and a view whose masks are a network's."""
 
 
+class _Known:
+    """Parts that are objects already, as someone has marked them."""
+
+    def objects(self, parts: Int32, view: View, depth: Float32) -> Int32:
+        """The parts themselves."""
+        return parts
+
+
 class PartGuided:
     """Another reconstructor's scenes, with instances that agree with the parts of the image.
 
     The image is sharp where objects meet. So its parts decide borders, and parts that belong to
     one object are joined. Then each voxel of an instance goes to the object of the seen point of
-    that instance that is nearest. Instances that no pixel shows stay.
+    that instance that is nearest. Instances that no pixel shows stay. If a view has masks of its
+    objects, these stand for the parts.
 
     Args:
         inner: makes the scenes.
@@ -87,25 +96,29 @@ class PartGuided:
         """
         images = seen_frames(partial, "cutting into parts")
         free = seen_free(partial, grid)
+        known = None if partial.masks is None else partial.masks.cpu().numpy()
+        parts = map(self.parts.segment, images) if known is None else known
         seen = [
-            (frame, self.parts.segment(frame), world_points(frame), empty)
-            for frame, empty in zip(images, free, strict=True)
+            (frame, cut, world_points(frame), empty)
+            for frame, cut, empty in zip(images, parts, free, strict=True)
         ]
         scenes = self.inner.complete(partial, grid, samples, generator)
-        return each_once(scenes, lambda sample: self._regrouped(sample, seen, grid))
+        grouping = self.grouping if known is None else _Known()
+        return each_once(scenes, lambda sample: self._regrouped(sample, seen, grid, grouping))
 
     def _regrouped(
         self,
         sample: Completion,
         seen: Sequence[tuple[Frame, Int32, Float64, NDArray[np.bool_]]],
         grid: GridSpec,
+        grouping: Grouping,
     ) -> Completion:
         tsdf, labels = sample.tsdf.cpu().numpy(), sample.instances.cpu().numpy()
         volumes, masks = [], []
         for i, (frame, parts, points, free) in enumerate(seen):
             shown = seen_instances(labels[i], points, grid, parts > 0, self.reach)
             view = View(points, shown, tsdf[i], labels[i], free, grid)
-            objects = self.grouping.objects(parts, view, frame.depth)
+            objects = grouping.objects(parts, view, frame.depth)
             volumes.append(reassigned(labels[i], shown, objects, points, grid))
             masks.append(objects)
         device = sample.instances.device

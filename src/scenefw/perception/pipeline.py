@@ -27,10 +27,13 @@ from scenefw.postprocessing.surfaces import instance_meshes
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    from numpy.typing import NDArray
     from torch import Tensor
 
     from scenefw.core.protocols import MappingMethod
     from scenefw.core.types import Frame, Int32
+
+    Mask = NDArray[np.bool_] | Int32
 
 _FLOOR = 0.005  # m: what is lower shows no object
 _SHAPE = ("tsdf", "votes")  # what objects are made of; other volumes are kept as they are
@@ -123,19 +126,28 @@ class Pipeline:
         """
         return self.complete(self.prepare(frame))
 
-    def prepare(self, frame: Frame) -> View:
+    def prepare(self, frame: Frame, mask: Mask | None = None) -> View:
         """Checks, floor, workspace and partial TSDF of a frame.
+
+        Args:
+            frame: its camera needs no pose.
+            mask: (H, W) of what is known to be objects: booleans say where some are, whole numbers
+                which one a pixel shows (0 = none). Anything else above the floor is then ignored.
 
         Raises:
             InputError: as `estimate`.
         """
         warnings = self.doctor.examine_frame(frame)
         floor = self.floor.find(frame)
-        workspace = self.workspace.find(frame, floor, self.grid)
+        region = None if mask is None else mask > 0
+        workspace = self.workspace.find(frame, floor, self.grid, region)
         warnings += self.doctor.examine_workspace(floor, workspace)
         depth = torch.from_numpy(workspace.frame.depth)[None]
         cameras = stack_cameras([workspace.frame.camera])
         partial = self.mapping.fuse(depth, self.grid, cameras)
+        if mask is not None and mask.dtype != np.bool_:
+            known = np.where(workspace.objects, mask, 0).astype(np.int32)
+            partial = replace(partial, masks=torch.from_numpy(known)[None])
         return View(frame, floor, workspace, partial, tuple(warnings))
 
     def complete(self, view: View) -> SceneEstimate:

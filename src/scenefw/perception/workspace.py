@@ -66,15 +66,23 @@ class WorkspaceFinder:
         self.least_height = least_height
         self.margin = margin
 
-    def find(self, frame: Frame, floor: Floor, grid: GridSpec) -> Workspace:
+    def find(
+        self, frame: Frame, floor: Floor, grid: GridSpec, region: Mask | None = None
+    ) -> Workspace:
         """The workspace of a frame on its floor, for a cube.
+
+        Args:
+            frame: as it was read.
+            floor: what the objects stand on.
+            grid: the cube.
+            region: (H, W) where objects are, if that is known: it takes the table's place.
 
         Raises:
             InputError: nothing stands on the table, or what does is larger than the cube.
         """
         frame = replace(frame, camera=frame.camera.moved(floor.T_world_camera))
         points = world_points(frame)
-        on_table = _table(points, self.least_height)
+        on_table = _table(points, self.least_height) if region is None else region
         top = grid.lower[2] + grid.extent
         raised = (points[..., 2] > self.least_height) & (points[..., 2] < top)
         labels, groups = _groups(points[on_table & raised])
@@ -82,7 +90,8 @@ class WorkspaceFinder:
             raise InputError(
                 f"nothing stands on the floor of {frame.name}: no surface from "
                 f"{self.least_height * 100:g} cm to {top * 100:.0f} cm above it; check that "
-                "objects are in view and that the depth scale is right"
+                f"objects are in view{'' if region is None else ', that the mask covers them'} and "
+                "that the depth scale is right"
             )
         centre, chosen = _choose(groups, grid.extent - 2 * self.margin, frame.name)
         inside = np.isin(_RASTER.look_up(labels, points), [g.label for g in chosen])

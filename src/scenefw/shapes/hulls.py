@@ -6,9 +6,11 @@ import numpy as np
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
-from scenefw.core.types import Shape
+from scenefw.core.types import Shape, TriangleMesh
 from scenefw.shapes.solid_mesh import SolidMesh
 from scenefw.shapes.superquadric import Array, Superquadric
+
+_SIDE = 0.005  # of a hull's surface
 
 
 def collision_hulls(shape: Shape, tolerance: float, margin: float) -> list[Array]:
@@ -112,6 +114,39 @@ def _covering(directions: Array, points: Array, tolerance: float) -> list[int]:
             return chosen
         chosen.append(worst)
         np.maximum(covered, directions @ points[worst], out=covered)
+
+
+def thinned_hull(points: Array, tolerance: float) -> TriangleMesh:
+    """The convex hull of few of the points, nowhere more than `tolerance` inside that of all.
+
+    Args:
+        points: (N, 3) metres, not all in a plane.
+        tolerance: metres, held in 1500 directions and along flat sides.
+    """
+    whole = ConvexHull(points)
+    corners = points[whole.vertices]
+    directions = np.concatenate([np.eye(3), -np.eye(3), _sides(whole), sphere_points(1500)])
+    support = corners[(corners @ directions.T).argmax(axis=0)]
+    return hull_mesh(support[_covering(directions, support, tolerance)])
+
+
+def hull_mesh(points: Array) -> TriangleMesh:
+    """The convex hull of points (N, 3), closed, its faces counter-clockwise from outside."""
+    hull = ConvexHull(points)
+    used = np.sort(hull.vertices)
+    vertices, faces = points[used], np.searchsorted(used, hull.simplices)
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    outward = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) > 0
+    faces = np.where(outward[:, None], faces, faces[:, ::-1])
+    return TriangleMesh(vertices, faces.astype(np.int64))
+
+
+def _sides(hull: ConvexHull) -> Array:
+    """Normals (K, 3) of its large flat sides."""
+    a, b, c = (hull.points[hull.simplices[:, i]] for i in range(3))
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    normals, which = np.unique(hull.equations[:, :3].round(6), axis=0, return_inverse=True)
+    return normals[np.bincount(which.ravel(), areas) > _SIDE * hull.area]
 
 
 def sphere_points(count: int) -> Array:

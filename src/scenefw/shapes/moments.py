@@ -26,6 +26,12 @@ class Moments:
     pose: Pose
     spread: Float64
 
+    @property
+    def covariance(self) -> Float64:
+        """(3, 3) of places in the solid, along the mesh's axes (m^2)."""
+        axes = self.pose.rotation
+        return np.asarray(axes * self.spread @ axes.T)
+
 
 def moments(mesh: TriangleMesh) -> Moments:
     """First and second moments, integrated over the tetrahedra between the faces and a point.

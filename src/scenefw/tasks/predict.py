@@ -7,7 +7,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -16,9 +16,10 @@ import numpy as np
 
 from scenefw.core.errors import ConfigError, InputError, StorageError
 from scenefw.core.files import require_writable
-from scenefw.core.protocols import Settling
-from scenefw.core.types import SceneEstimate
+from scenefw.core.protocols import SceneFormat, Settling
+from scenefw.core.types import Frame, SceneEstimate
 from scenefw.core.versions import versions
+from scenefw.data.arrays import read_mask
 from scenefw.data.readers import find_images, read_frame
 from scenefw.export.masks import write_masks
 from scenefw.export.meshes import write_glb, write_ply
@@ -45,10 +46,13 @@ class Predict:
         pipeline: makes the scene of an image.
         output: where the folders go.
         intrinsics: file with the intrinsics of .png and .npy images; None looks beside them.
-        depth_scale: metres per unit of integer depth.
+        depth_scale: metres per unit of integer depth; None = that of the format, else millimetres.
         overview: also draw pictures.
         settling: lets the objects come to rest first; None leaves them as predicted.
         hypotheses: also write what drawn codes give; how many, `pipeline.samples` says.
+        exports: what writes further files of each scene, by name.
+        masks: folder of masks of objects, NAME.png for each image, or such a file (see
+            `data.arrays.read_mask`); None = none are known.
 
     Raises:
         ConfigError: no input is given, or the depth scale is not positive.
@@ -60,15 +64,17 @@ class Predict:
         pipeline: Pipeline,
         output: str | Path = "outputs",
         intrinsics: str | Path | None = None,
-        depth_scale: float = 0.001,
+        depth_scale: float | None = None,
         settling: Settling | None = None,
         *,
         overview: bool = True,
         hypotheses: bool = True,
+        exports: Mapping[str, SceneFormat] | None = None,
+        masks: str | Path | None = None,
     ) -> None:
         if input is None:
             raise ConfigError("run=predict needs input=PATH of a depth image or a folder of them")
-        if not depth_scale > 0:
+        if depth_scale is not None and not depth_scale > 0:
             raise ConfigError(f"run.depth_scale = {depth_scale}: expected metres per unit, above 0")
         self.input = Path(input)
         self.pipeline = pipeline
@@ -78,6 +84,8 @@ class Predict:
         self.settling = settling
         self.overview = overview
         self.hypotheses = hypotheses
+        self.exports = dict(exports or {})
+        self.masks = None if masks is None else Path(masks)
 
     def run(self) -> dict[str, float]:
         """Predicts all images; returns how many, how many failed, objects and seconds per image.
@@ -118,15 +126,15 @@ class Predict:
             StorageError: the folder can't be written.
         """
         frame = read_frame(image, intrinsics=self.intrinsics, depth_scale=self.depth_scale)
-        view = self.pipeline.prepare(frame)
+        view = self.pipeline.prepare(frame, self._mask(image, frame))
         for warning in view.warnings:
             print(f"{frame.name}: {warning}", file=sys.stderr)
         estimate, *others = self._scenes(view)
         with _replacing_folder(folder) as temporary:
-            colours = _write_scene(temporary, estimate)
+            colours = self._write_scene(temporary, estimate)
             for number, other in enumerate(others, start=2):
                 (temporary / f"hypothesis_{number}").mkdir()
-                _write_scene(temporary / f"hypothesis_{number}", other)
+                self._write_scene(temporary / f"hypothesis_{number}", other)
             if self.overview:
                 partial = view.partial.distance[0, 0].cpu().numpy()
                 write_overview(temporary / "overview.png", estimate, partial, colours, frame)
@@ -143,6 +151,18 @@ class Predict:
         settled = self.settling.settle(scenes)
         print(f"{view.frame.name}: {settled_words(settled[0])}")
         return settled
+
+    def _mask(self, image: Path, frame: Frame) -> Any:
+        if self.masks is None:
+            return None
+        path = self.masks / f"{image.stem}.png" if self.masks.is_dir() else self.masks
+        return read_mask(path, frame.depth.shape)
+
+    def _write_scene(self, folder: Path, estimate: SceneEstimate) -> list[Colour]:
+        colours = _write_scene(folder, estimate)
+        for form in self.exports.values():
+            form.write(folder / f"scene{form.suffix}", estimate, colours)
+        return colours
 
 
 def _write_scene(folder: Path, estimate: SceneEstimate) -> list[Colour]:

@@ -58,12 +58,15 @@ def network(resolution=8):
     )
 
 
-def data(stacks, resolution=8, **options):
-    views = ViewMaker(
+def views(resolution=8):
+    return ViewMaker(
         GridSpec(resolution), Circle(), SphereTracer(), Projective(), {}, RigidAugmentation()
     )
+
+
+def data(stacks, resolution=8, **options):
     sizes = {"limit": 8, "validation_limit": 2, "batch_size": 2}
-    return StackData(views, path=str(stacks), **{**sizes, **options})
+    return StackData(views(resolution), path=str(stacks), **{**sizes, **options})
 
 
 METRICS = {

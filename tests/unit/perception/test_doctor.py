@@ -78,3 +78,21 @@ def test_workspace_warnings(frame, distance, size, left_out, deviation, words):
     floor = Floor(np.array([0.0, 0.0, -1.0]), distance, 0.5, deviation)
     (warning,) = Doctor().examine_workspace(floor, workspace)
     assert words in warning
+
+
+@pytest.mark.parametrize(("degrees", "verdict"), [(90, "good"), (30, "good"), (5, "odd")])
+def test_a_camera_that_looks_along_the_table_is_odd(degrees, verdict):
+    angle = np.radians(degrees)
+    floor = Floor(np.array([0.0, -np.cos(angle), -np.sin(angle)]), 0.5, 0.5, 0.002)
+    _, tilt = Doctor().check_floor(floor)
+    assert (tilt.verdict, bool(tilt.mend)) == (verdict, verdict == "odd")
+    assert f"looking {degrees} degrees down" in tilt.found
+
+
+def test_every_check_that_is_not_good_says_what_helps(frame):
+    odd = with_camera(frame, fx=500.0, cx=10.0)
+    few = np.where(np.arange(320) % 4 == 0, frame.depth, 0)
+    checks = Doctor().check_frame(replace(odd, depth=few))
+    assert [check.name for check in checks] == ["unit", "intrinsics", "centre", "measured"]
+    assert [check.verdict for check in checks] == ["good", "odd", "odd", "odd"]
+    assert all(bool(check.mend) == (check.verdict != "good") for check in checks)

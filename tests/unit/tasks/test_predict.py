@@ -10,6 +10,8 @@ from tests.unit.perception.test_pipeline import KnownBoxes
 
 from scenefw.core.errors import ConfigError, InputError, StorageError
 from scenefw.core.types import GridSpec
+from scenefw.export.superquadrics import Superquadrics
+from scenefw.export.urdf import URDF
 from scenefw.learning.checkpoint import save_checkpoint
 from scenefw.mapping.projective import Projective
 from scenefw.models.shape_instance_vae import ShapeInstanceVAE
@@ -97,6 +99,27 @@ def test_settled_objects_are_what_is_written(tmp_path, pipeline, capsys):
     for item, mesh in zip(scene["objects"], meshes, strict=True):
         np.testing.assert_allclose(mesh.center_mass, item["centre"], atol=1e-4)
     assert min(mesh.bounds[0, 2] for mesh in meshes) == pytest.approx(0, abs=2e-3)
+
+
+def test_further_files_are_written_for_every_scene(tmp_path, pipeline):
+    image = save(tmp_path / "view.npz")
+    exports = {"urdf": URDF(), "superquadrics": Superquadrics()}
+    Predict(image, pipeline, tmp_path / "out", overview=False, exports=exports).run()
+    for folder in ("view", "view/hypothesis_2"):
+        found = set(names(tmp_path / "out" / folder))
+        assert {"scene.urdf", "scene.superquadrics.json", "scene_urdf/object_02.urdf"} <= found
+
+
+def test_masks_say_which_objects_count(tmp_path, pipeline):
+    image = save(tmp_path / "in" / "view.npz")
+    task = Predict(image, pipeline, tmp_path / "out", overview=False, masks=tmp_path)
+    with pytest.raises(InputError, match=r"cannot read mask .*view\.png"):
+        task.run()
+    Image.fromarray(np.uint8(frame_of(CAMERA).labels == 0)).save(tmp_path / "view.png")
+    with pytest.raises(InputError, match="that the mask covers them"):
+        task.run()
+    Image.fromarray(np.uint8(frame_of(CAMERA).labels > 0)).save(tmp_path / "view.png")
+    assert task.run()["objects_per_image"] == 2
 
 
 def test_a_bad_image_does_not_lose_the_others(tmp_path, pipeline, capsys):

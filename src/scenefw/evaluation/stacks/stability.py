@@ -10,7 +10,14 @@ import torch
 
 from scenefw.core.batches import Completion
 from scenefw.core.errors import ConfigError
-from scenefw.core.protocols import Engine, MappingMethod, Noise, Renderer, Track
+from scenefw.core.protocols import (
+    Engine,
+    MappingMethod,
+    Noise,
+    Reconstructor,
+    Renderer,
+    Track,
+)
 from scenefw.core.types import GridSpec, SceneObject
 from scenefw.data.stacks import SceneSet
 from scenefw.data.views import ViewMaker, Viewpoints
@@ -18,7 +25,6 @@ from scenefw.evaluation.stacks.seen_scenes import SceneViews, SeenScene, Streams
 from scenefw.evaluation.stacks.stability_results import TRUTH, Pile, StabilityResult, ViewPiles
 from scenefw.evaluation.stacks.visibility import VisibleSurface, visible_share
 from scenefw.perception.bodies import Bodies, BodyMaker
-from scenefw.perception.part_guided import Completing
 from scenefw.postprocessing.surfaces import instance_meshes
 from scenefw.scenes.simulation import motions
 
@@ -58,7 +64,7 @@ class StabilityEvaluation:
     def __init__(
         self,
         scenes: SceneSet,
-        methods: Mapping[str, Completing | None],
+        methods: Mapping[str, Reconstructor | None],
         viewpoints: Viewpoints,
         renderer: Renderer,
         mapping: MappingMethod,
@@ -112,7 +118,7 @@ class StabilityEvaluation:
         names = (TRUTH, *self.methods)
         return StabilityResult(tuple(piles), names, self.steps, self.furthest, self.steepest)
 
-    def _piles(self, seen: SeenScene, method: Completing, grid: GridSpec) -> Iterator[Pile]:
+    def _piles(self, seen: SeenScene, method: Reconstructor, grid: GridSpec) -> Iterator[Pile]:
         partial = seen.batches[grid].partial
         scenes = method.complete(partial, grid, self.samples, seen.codes())
         for scene in {id(one): one for one in scenes}.values():

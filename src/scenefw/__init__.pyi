@@ -1,0 +1,1 @@
+from scenefw.api.load import load as load

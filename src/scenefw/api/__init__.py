@@ -1,0 +1,1 @@
+"""scenefw from Python: `scenefw.load` and what it gives."""

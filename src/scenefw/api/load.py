@@ -1,0 +1,78 @@
+"""`scenefw.load`: builds a predictor from the configs that the command line uses."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, overload
+
+from scenefw.api.settings import Settings
+from scenefw.config import near_misses
+from scenefw.core.errors import ConfigError
+
+if TYPE_CHECKING:
+    from scenefw.api.labeller import Labeller
+    from scenefw.api.predictor import Predictor
+
+_PLAIN = re.compile(r"[A-Za-z_][\w./-]*", re.ASCII)
+_NO_TEXT = {"null", "true", "false", "inf", "nan"}
+_BEFORE_QUOTE = re.compile(r"(\\*)('|\Z)")  # where backslashes count
+
+Setting = str | int | float | bool | Path | None | list[Any] | tuple[Any, ...]
+
+
+@overload
+def load(
+    name: Literal["simstack"] = "simstack", *overrides: str, **settings: Setting
+) -> Predictor: ...
+
+
+@overload
+def load(name: Literal["labelling"], *overrides: str, **settings: Setting) -> Labeller: ...
+
+
+def load(name: str = "simstack", *overrides: str, **settings: Setting) -> Predictor | Labeller:
+    """What the command line predicts or labels with, ready to take arrays.
+
+    It is built as `run=predict` and `run=label` build it, so the same image gives the same result.
+
+    Args:
+        name: `simstack` completes the objects of a depth image; `labelling` fuses RGB-D frames into
+            a labelled height map.
+        overrides: as on the command line, such as `"fit=superquadrics"` or
+            `"run.pipeline.samples=1"`.
+        settings: the same by name, such as `device="cpu"` or `checkpoint="my.safetensors"`.
+
+    Raises:
+        ConfigError: no such name, option or setting, or one that changes nothing.
+        CheckpointError: weights are missing or damaged.
+    """
+    words = [*overrides, *(f"{key}={_written(value)}" for key, value in settings.items())]
+    if name == "simstack":
+        from scenefw.api.predictor import Predictor
+
+        return Predictor.built(Settings(["run=predict", *words]))
+    if name == "labelling":
+        from scenefw.api.labeller import Labeller
+
+        chosen = any(word.partition("=")[0] == "labelling" for word in words)
+        strategy = [] if chosen else ["labelling=hybrid"]
+        return Labeller.built(Settings(["run=label", *strategy, *words]))
+    raise ConfigError(
+        f"scenefw.load has no '{name}'; {near_misses(name, ['simstack', 'labelling'])}"
+    )
+
+
+def _written(value: Setting) -> str:
+    """A value in the grammar of the command line."""
+    if value is None or isinstance(value, bool):
+        return {None: "null", True: "true", False: "false"}[value]
+    if isinstance(value, list | tuple):
+        return f"[{','.join(map(_written, value))}]"
+    if isinstance(value, int | float):
+        return repr(value)
+    text = str(value)
+    if _PLAIN.fullmatch(text) and text.lower() not in _NO_TEXT:
+        return text
+    escaped = _BEFORE_QUOTE.sub(lambda found: 2 * found[1] + found[2].replace("'", "\\'"), text)
+    return f"'{escaped}'"

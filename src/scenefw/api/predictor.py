@@ -1,0 +1,103 @@
+"""Completes the objects of depth images given as arrays or files."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from scenefw.api.prediction import Prediction
+from scenefw.core.errors import InputError
+from scenefw.data.arrays import colour_of, frame_of, mask_of
+from scenefw.data.layouts import MILLIMETRES
+from scenefw.data.readers import read_frame
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from scenefw.api.settings import Settings
+    from scenefw.core.types import Frame
+    from scenefw.data.intrinsics import Intrinsics
+    from scenefw.perception.pipeline import Pipeline
+
+
+class Predictor:
+    """What `scenefw.load("simstack")` gives.
+
+    Args:
+        pipeline: makes the scene of an image.
+        computing: threads compute within what it returns.
+    """
+
+    def __init__(
+        self,
+        pipeline: Pipeline,
+        computing: Callable[[], AbstractContextManager[None]] = nullcontext,
+    ) -> None:
+        self.pipeline = pipeline
+        self._computing = computing
+
+    @classmethod
+    def built(cls, settings: Settings) -> Predictor:
+        """The predictor of `run=predict` with these settings."""
+        (pipeline,) = settings.build("run.pipeline")
+        return cls(pipeline, settings.computing)
+
+    def predict(
+        self,
+        depth: ArrayLike | str | Path,
+        intrinsics: Intrinsics | None = None,
+        color: ArrayLike | None = None,
+        mask: ArrayLike | None = None,
+        *,
+        depth_scale: float | None = None,
+        name: str = "image",
+    ) -> Prediction:
+        """Complete objects of one depth image, as `run=predict` finds them.
+
+        What looks odd about the image is warned of, and in `warnings` of the prediction.
+
+        Args:
+            depth: (H, W) z-depth: floats are metres, integers are multiplied by `depth_scale`, and
+                0 and NaN are missing; or the path of an image, as of `input` on the command line.
+            intrinsics: of this image size: K (3, 3), the numbers fx fy cx cy, a dict of them, a
+                `Camera` or a file. May be None only if `depth` is a file that has them beside it.
+            color: (H, W, 3) uint8, aligned with the depth; kept with the result, not looked at.
+            mask: (H, W) of what is known to be objects: booleans say where some are, whole numbers
+                which one a pixel shows (0 = none). Anything else above the floor is then ignored.
+            depth_scale: metres per unit of integer depth; None = 0.001, or that of a file's format.
+            name: of the image, for messages and files.
+
+        Raises:
+            InputError: the image is unusable; the message says how to mend it.
+        """
+        frame = _frame(depth, intrinsics, color, depth_scale, name)
+        known = None if mask is None else mask_of(mask, frame.depth.shape, frame.name)
+        with self._computing():
+            view = self.pipeline.prepare(frame, known)
+            for warning in view.warnings:
+                warnings.warn(f"{frame.name}: {warning}", stacklevel=2)
+            return Prediction(tuple(self.pipeline.hypotheses(view)))
+
+
+def _frame(
+    depth: ArrayLike | str | Path,
+    intrinsics: Intrinsics | None,
+    colour: ArrayLike | None,
+    scale: float | None,
+    name: str,
+) -> Frame:
+    if isinstance(depth, str | Path):
+        frame = read_frame(depth, intrinsics=intrinsics, depth_scale=scale)
+        if colour is None:
+            return frame
+        return replace(frame, colour=colour_of(colour, frame.depth.shape, frame.name))
+    if intrinsics is None:
+        raise InputError(
+            f"no intrinsics of {name}; give K (3, 3), or the numbers fx, fy, cx, cy in pixels"
+        )
+    unit = MILLIMETRES if scale is None else scale
+    return frame_of(depth, intrinsics, colour, depth_scale=unit, name=name)

@@ -1,0 +1,120 @@
+"""The data module of sets: views and the objects of scenes, made on the device that trains."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import lightning
+import torch
+
+from scenefw.core.batches import IndexBatch, ObjectSetBatch
+from scenefw.core.rng import Streams
+from scenefw.core.types import GridSpec
+from scenefw.data.conditioning import condition
+from scenefw.data.epochs import EpochBatches
+from scenefw.data.stacks import StackScenes
+from scenefw.data.views import ViewBatch, ViewMaker
+from scenefw.noise.frames import described
+
+# Random streams, beside that of the order of scenes
+_VIEWS, _VALIDATION = 2, 3
+
+
+class ObjectSetViews(lightning.LightningDataModule):
+    """Makes views of the scenes of two splits and says which voxel is whose (group `dataset`).
+
+    No volume is ever stored. View and motion of scene i in epoch e depend on (seed, e, i) alone.
+
+    Args:
+        views: moves scenes and makes a view of each.
+        path: the `.npz` of a data set, the name of a shipped one, or several.
+        limit: at most this many training scenes; None means all.
+        validation_limit: at most this many validation scenes; None means all.
+        batch_size: scenes per step.
+        seed: seed of the order of scenes, and of views.
+        distinct_batches: train on this many batches again and again, views and all; None means all.
+    """
+
+    def __init__(
+        self,
+        views: ViewMaker,
+        path: str | Sequence[str] | None = "large_stacks",
+        limit: int | None = None,
+        validation_limit: int | None = 64,
+        batch_size: int = 8,
+        seed: int = 0,
+        distinct_batches: int | None = None,
+    ) -> None:
+        super().__init__()
+        self.views, self.distinct_batches = views, distinct_batches
+        self.scenes = StackScenes(path, "train", limit)
+        self.validation_scenes = StackScenes(path, "val", validation_limit)
+        self.batch_size, self.seed = batch_size, seed
+
+    @property
+    def grid(self) -> GridSpec:
+        """The voxel grid of views and objects."""
+        return self.views.grid
+
+    @property
+    def most(self) -> int:
+        """The largest number of objects in a scene."""
+        sets = (self.scenes, self.validation_scenes)
+        counts = [s.parameters(list(range(len(s)))).present.sum(dim=1) for s in sets]
+        return int(torch.cat(counts).max())
+
+    def facts(self) -> dict[str, Any]:
+        """Facts about the training data."""
+        return {
+            "data": self.scenes.sizes,
+            "scenes": len(self.scenes),
+            "validation_scenes": len(self.validation_scenes),
+            "batch_size": self.batch_size,
+            **({"distinct_batches": self.distinct_batches} if self.distinct_batches else {}),
+            "noise": described(self.views.noise),
+        }
+
+    def train_dataloader(self) -> EpochBatches:
+        """Shuffled batches."""
+        parts = self._processes()
+        return EpochBatches(
+            len(self.scenes), self.batch_size, self.seed, *parts, self.distinct_batches
+        )
+
+    def val_dataloader(self) -> EpochBatches:
+        """The same batches every time."""
+        return EpochBatches(len(self.validation_scenes), self.batch_size, None, *self._processes())
+
+    def training_batch(self, batch: IndexBatch, device: torch.device) -> ObjectSetBatch:
+        """Views and objects of scenes in an epoch."""
+        return self._make(self.scenes, batch, device, _VIEWS)
+
+    def validation_batch(self, batch: IndexBatch, device: torch.device) -> ObjectSetBatch:
+        """The same views every time."""
+        return self._make(self.validation_scenes, batch, device, _VALIDATION)
+
+    @torch.no_grad()
+    def _make(
+        self, scenes: StackScenes, batch: IndexBatch, device: torch.device, stream: int
+    ) -> ObjectSetBatch:
+        parameters = scenes.parameters(batch.indices, device)
+        streams = Streams.of(self.seed, stream, batch.epoch, indices=batch.indices.numpy())
+        with torch.autocast(torch.device(device).type, enabled=False):
+            return object_set_batch(self.views.make(parameters, streams), self.grid)
+
+    def _processes(self) -> tuple[int, int]:
+        trainer = self.trainer
+        return (trainer.global_rank, trainer.world_size) if trainer is not None else (0, 1)
+
+
+def object_set_batch(made: ViewBatch, grid: GridSpec) -> ObjectSetBatch:
+    """Views as networks of sets take them, and the objects of their scenes.
+
+    A voxel belongs to the object in which it lies deepest, so objects share none.
+    """
+    instances, parameters = made.volumes.instances, made.scenes.parameters
+    batch, most = parameters.present.shape
+    present = torch.zeros(batch, most + 1, dtype=torch.bool, device=instances.device)
+    present.scatter_(1, instances.flatten(1).long(), value=True)
+    lower = torch.tensor(grid.lower, device=instances.device)
+    centres = (parameters.positions - lower) * (2 / grid.extent) - 1
+    return ObjectSetBatch(condition(made.partial, grid), instances, present[:, 1:], centres)

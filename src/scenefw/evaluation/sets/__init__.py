@@ -1,0 +1,1 @@
+"""Decomposing scenes into sets of objects (thesis chapter 6)."""

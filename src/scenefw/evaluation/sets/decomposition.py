@@ -1,0 +1,158 @@
+"""Decomposition of test scenes into objects (thesis tables 6.1 and 6.2, figs 6.6 to 6.11)."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from scenefw.core import rng
+from scenefw.core.errors import ConfigError
+from scenefw.data.object_sets import object_set_batch
+from scenefw.data.views import ViewMaker
+from scenefw.evaluation.sets.methods import Decomposer, FoundSet, SeenSet
+from scenefw.evaluation.sets.published import ROWS
+from scenefw.evaluation.sets.results import (
+    DecomposedScene,
+    DecompositionResult,
+    SceneCodes,
+    SetExample,
+)
+from scenefw.kernels.cameras import camera_of
+from scenefw.losses.set_bce import SetBinaryCrossEntropy
+from scenefw.matching.object_sets import matched_objects
+from scenefw.metrics.decomposition import adjusted_rand_index, decomposition_scores
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from scenefw.core.batches import ObjectSetBatch
+    from scenefw.core.protocols import MappingMethod, Matching, Noise, Renderer, Track
+    from scenefw.data.stacks import StackScenes
+    from scenefw.data.views import Viewpoints
+
+_VIEWS, _DRAWS = 1, 3  # random streams
+_ERRORS = ("missing", "joined", "duplicate", "split")
+
+
+class DecompositionEvaluation:
+    """Scores methods on test scenes, all on the same ones, each seen once.
+
+    Args:
+        scenes: of the test split.
+        methods: by name; the first is the main one, the second the strongest that learns nothing.
+            None leaves one out. The grid is that of the first that has one.
+        viewpoints: draws cameras.
+        renderer: makes depth images of the true TSDF.
+        mapping: from depth to partial TSDF.
+        noise: disturbs the depth images.
+        matching: of predictions to objects by IoU.
+        published: which row of the thesis's tables stands beside; None = none.
+        examples: scenes that are drawn.
+        seed: of cameras, noise and draws.
+        device: where volumes and views are computed.
+
+    Raises:
+        ConfigError: no method has a grid, or no such row.
+    """
+
+    def __init__(
+        self,
+        scenes: StackScenes,
+        methods: Mapping[str, Decomposer | None],
+        viewpoints: Viewpoints,
+        renderer: Renderer,
+        mapping: MappingMethod,
+        noise: Mapping[str, Noise] | None = None,
+        matching: Matching | None = None,
+        published: str | None = None,
+        examples: int = 4,
+        seed: int = 0,
+        device: str = "cpu",
+    ) -> None:
+        self.methods = {name: one for name, one in methods.items() if one is not None}
+        grids = [one.grid for one in self.methods.values() if one.grid is not None]
+        if not grids:
+            raise ConfigError(
+                "no method of the evaluation has a grid; give a trained network first "
+                "(evaluation.methods, checkpoint=FILE)"
+            )
+        if published is not None and published not in ROWS:
+            raise ConfigError(
+                f"evaluation.published is {published}; expected {', '.join(ROWS)} or null"
+            )
+        self.grid = grids[0]
+        self.scenes, self.matching, self.published = scenes, matching, published
+        self.maker = ViewMaker(self.grid, viewpoints, renderer, mapping, noise)
+        self.examples, self.seed, self.device = examples, seed, device
+
+    def run(self, track: Track = lambda items, _: items) -> DecompositionResult:
+        """Scores all scenes; `track(items, what)` shows a bar of the loop."""
+        scenes: list[DecomposedScene] = []
+        shown: list[SetExample] = []
+        for number in track(range(len(self.scenes)), "test scenes"):
+            scene, example = self.look(number)
+            scenes.append(scene)
+            if len(shown) < self.examples:
+                shown.append(example)
+        return DecompositionResult(tuple(scenes), tuple(self.methods), self.published, tuple(shown))
+
+    @torch.no_grad()
+    def look(self, number: int) -> tuple[DecomposedScene, SetExample]:
+        """What all methods make of one scene of the split, in figures and as labels."""
+        parameters = self.scenes.parameters([number], self.device)
+        view = self.maker.make_one(parameters, rng.generator(self.seed, _VIEWS, number))
+        batch = object_set_batch(view, self.grid)
+        found = {}
+        for name, method in self.methods.items():
+            draws = torch.Generator().manual_seed(rng.torch_seed(self.seed, _DRAWS, number))
+            found[name] = method.decompose(SeenSet(batch, view.partial, self.grid, draws))
+        index = int(self.scenes.indices[number])
+        codes = _codes(next(iter(found.values())))
+        scores = {name: self._scores(one, batch) for name, one in found.items()}
+        labels = {"truth": batch.instances[0].cpu().numpy().astype(np.int64)}
+        labels |= {name: one.labels for name, one in found.items()}
+        camera, depth = camera_of(view.cameras, 0), view.depth[0].cpu().numpy()
+        return (
+            DecomposedScene(index, int(batch.present.sum()), scores, codes),
+            SetExample(index, self.grid, camera, depth, labels),
+        )
+
+    def _scores(self, found: FoundSet, batch: ObjectSetBatch) -> dict[str, float]:
+        instances = batch.instances[0].cpu().numpy()
+        ids = np.unique(instances[instances > 0])
+        true = instances[None] == ids[:, None, None, None]
+        one = decomposition_scores(found.objects, true, self.matching)
+        wrong = {name: float(getattr(one, name) > 0) for name in _ERRORS}
+        occupied, mine = instances > 0, found.objects.any(axis=0)
+        scores = {
+            "object_iou": one.object_iou,
+            "ari": adjusted_rand_index(found.labels[occupied], instances[occupied]),
+            "missing_or_joined": max(wrong["missing"], wrong["joined"]),
+            "duplicate_or_split": max(wrong["duplicate"], wrong["split"]),
+            **wrong,
+            "count_error": float(abs(one.excess)),
+            "count_excess": float(one.excess),
+            "occupancy_iou": float((mine & occupied).sum() / max((mine | occupied).sum(), 1)),
+        }
+        if found.prediction is not None:
+            logits = found.prediction.logits.to(batch.instances.device)
+            matched = matched_objects(logits, batch.instances, batch.present)
+            whole = dataclasses.replace(found.prediction, logits=logits, matched=matched)
+            scores["cross_entropy"] = float(SetBinaryCrossEntropy()(whole, batch))
+        return scores
+
+
+def _codes(found: FoundSet) -> SceneCodes | None:
+    """Codes of a network's prediction."""
+    if found.prediction is None or not found.prediction.codes.shape[-1]:
+        return None
+    prediction = found.prediction
+    return SceneCodes(
+        prediction.features[0].flatten(1).float().cpu().numpy(),
+        prediction.cells[0].cpu().numpy(),
+        found.exists,
+        prediction.codes[0].float().cpu().numpy(),
+    )

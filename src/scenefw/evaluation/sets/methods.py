@@ -1,0 +1,256 @@
+"""Methods that decompose scenes: trained networks, and references that learn nothing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+import torch
+
+from scenefw.core.batches import ObjectSetPrediction
+from scenefw.core.errors import ConfigError
+from scenefw.metrics.decomposition import set_overlaps
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+    from torch import Tensor
+
+    from scenefw.core.batches import ObjectSetBatch, PartialTSDF
+    from scenefw.core.protocols import InstanceExtractor, Reconstructor
+    from scenefw.core.training_protocols import ObjectSetModel
+    from scenefw.core.types import GridSpec
+
+
+@dataclass(frozen=True)
+class SeenSet:
+    """One scene and what may be seen of it.
+
+    Args:
+        batch: of one scene, on `grid`.
+        partial: of its view.
+        grid: the voxel grid.
+        draws: of what a method draws.
+    """
+
+    batch: ObjectSetBatch
+    partial: PartialTSDF
+    grid: GridSpec
+    draws: torch.Generator
+
+
+@dataclass(frozen=True)
+class FoundSet:
+    """What a method makes of one scene.
+
+    Args:
+        objects: (P, X, Y, Z) bool, those that exist; they may overlap.
+        labels: (X, Y, Z) int64, for each voxel its most probable object, 1..P, 0 = none.
+        prediction: of a batch of one, where there are logits.
+        exists: (N,) bool, which of the predictions are in `objects`, as many as P.
+    """
+
+    objects: NDArray[np.bool_]
+    labels: NDArray[np.int64]
+    prediction: ObjectSetPrediction | None = None
+    exists: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
+
+
+class Decomposer(Protocol):
+    """From one scene, or a view of it, to its objects."""
+
+    @property
+    def grid(self) -> GridSpec | None:
+        """Of its volumes; None if it takes any."""
+
+    def decompose(self, seen: SeenSet) -> FoundSet:
+        """The objects of a scene."""
+
+
+class TrainedNetwork(Protocol):
+    """What a loaded checkpoint gives (`scenefw.learning.checkpoint.load_checkpoint`)."""
+
+    model: Any
+    grid: GridSpec
+    metadata: Mapping[str, Any]
+
+
+class NetworkDecomposer:
+    """Objects that a trained network predicts.
+
+    Args:
+        checkpoint: of the task object_sets.
+        device: where the network runs.
+        smallest: a prediction of a lower volume above 1/2 is no object (m^3).
+        suppress: of predictions that overlap with this IoU or more the surest stays, the one with
+            the highest existence score, or without such scores the largest; None: all stay.
+        drawn: the feature volume is drawn from N(0, I), for networks that have such a prior.
+
+    Raises:
+        ConfigError: a number is out of range, or the network draws nothing.
+    """
+
+    def __init__(
+        self,
+        checkpoint: TrainedNetwork,
+        device: str = "cpu",
+        smallest: float = 3e-5,
+        suppress: float | None = None,
+        *,
+        drawn: bool = False,
+    ) -> None:
+        if smallest < 0 or not (suppress is None or 0 < suppress <= 1):
+            raise ConfigError(
+                f"a method of sets has smallest = {smallest} and suppress = {suppress}; expected "
+                "0 m^3 or more, and an IoU above 0 and up to 1, or null"
+            )
+        self.device = torch.device(device)
+        self.model: ObjectSetModel = checkpoint.model.to(self.device).eval()
+        if drawn and not self.model.latent_shape:
+            raise ConfigError(
+                "this network has no prior to draw from; leave the method out "
+                "(~evaluation.methods.drawn), or give the checkpoint of a model=set_vae"
+            )
+        self.grid, self.metadata = checkpoint.grid, dict(checkpoint.metadata)
+        self.smallest, self.suppress, self.drawn = smallest, suppress, drawn
+
+    @torch.no_grad()
+    def decompose(self, seen: SeenSet) -> FoundSet:
+        """The objects of one scene."""
+        prediction = self._predict(seen)
+        logits = prediction.logits[0].float().cpu()
+        inside = (logits > 0).numpy()
+        least = max(math.ceil(self.smallest / self.grid.voxel_size**3), 1)
+        exists = inside.sum(axis=(1, 2, 3)) >= least
+        scores = inside.sum(axis=(1, 2, 3)).astype(np.float64)
+        if prediction.existence is not None:
+            scores = prediction.existence[0].double().cpu().numpy()
+            exists &= scores > 0
+        if self.suppress is not None:
+            exists = kept(inside, exists, scores, self.suppress)
+        chosen = torch.from_numpy(np.flatnonzero(exists))
+        return FoundSet(inside[exists], _labels(logits[chosen]), prediction, exists)
+
+    def _predict(self, seen: SeenSet) -> ObjectSetPrediction:
+        if not self.drawn:
+            return self.model(seen.batch)
+        latent = torch.randn((1, *self.model.latent_shape), generator=seen.draws)
+        model: Any = self.model
+        prediction: ObjectSetPrediction = model.sample(seen.batch.condition, latent.to(self.device))
+        return prediction
+
+
+def kept(
+    inside: NDArray[np.bool_],
+    exists: NDArray[np.bool_],
+    scores: NDArray[np.float64],
+    most: float,
+) -> NDArray[np.bool_]:
+    """Which predictions stay if of those that overlap only the one with the highest score may.
+
+    Args:
+        inside: (N, X, Y, Z) voxels of each.
+        exists: (N,) which are looked at.
+        scores: (N,) how sure each is.
+        most: IoU from which on a prediction is another one's duplicate.
+    """
+    iou = set_overlaps(inside, inside).iou
+    stays = np.zeros_like(exists)
+    for i in np.argsort(-scores, kind="stable"):
+        stays[i] = exists[i] and not (iou[i, stays] >= most).any()
+    return stays
+
+
+class Components:
+    """Connected parts of the true occupancy: the strongest reference that learns nothing.
+
+    It sees what an autoencoder of complete scenes sees. Objects that touch are joined.
+
+    Args:
+        extractor: of instances of a shape without votes.
+    """
+
+    def __init__(self, extractor: InstanceExtractor) -> None:
+        self.extractor = extractor
+
+    @property
+    def grid(self) -> None:
+        """It takes any."""
+        return None
+
+    def decompose(self, seen: SeenSet) -> FoundSet:
+        """The parts of one scene."""
+        tsdf = (0.5 - seen.batch.occupancy[0, 0]) * seen.grid.voxel_size
+        votes = torch.zeros(3, *tsdf.shape, device=tsdf.device)
+        return of_instances(self.extractor.extract(tsdf, votes, seen.grid)[0])
+
+
+class ReconstructedSet:
+    """Instances of a reconstructor of complete scenes from one view.
+
+    Args:
+        reconstructor: e.g. fitted_hulls, which learns nothing, or the network of chapter 5.
+    """
+
+    def __init__(self, reconstructor: Reconstructor) -> None:
+        self.reconstructor = reconstructor
+
+    @property
+    def grid(self) -> GridSpec | None:
+        """The reconstructor's."""
+        return self.reconstructor.grid
+
+    def decompose(self, seen: SeenSet) -> FoundSet:
+        """Its most typical scene."""
+        found = self.reconstructor.complete(seen.partial, seen.grid, 1, seen.draws)
+        return of_instances(found[0].instances[0])
+
+
+class Nothing:
+    """No object at all, each voxel with the same small probability: the trivial value of measures.
+
+    Args:
+        share: of voxels that one prediction occupies on average.
+        slots: predictions.
+
+    Raises:
+        ConfigError: the share is not within (0, 1).
+    """
+
+    def __init__(self, share: float = 0.002, slots: int = 8) -> None:
+        if not 0 < share < 1:
+            raise ConfigError(f"the share of occupied voxels is {share}; expected one in (0, 1)")
+        self.logit, self.slots = math.log(share / (1 - share)), slots
+
+    @property
+    def grid(self) -> None:
+        """It takes any."""
+        return None
+
+    def decompose(self, seen: SeenSet) -> FoundSet:
+        """An empty set."""
+        size = seen.grid.shape
+        logits = torch.full((1, self.slots, *size), self.logit)
+        none = torch.zeros(1, self.slots, 0)
+        cells = torch.zeros(1, self.slots, dtype=torch.int64)
+        prediction = ObjectSetPrediction(logits, none, cells, torch.zeros(1, 0, 1, 1, 1))
+        return FoundSet(np.zeros((0, *size), bool), np.zeros(size, np.int64), prediction)
+
+
+def of_instances(instances: Tensor) -> FoundSet:
+    """The set of a labelling (X, Y, Z), 0 = no object."""
+    labels = instances.cpu().numpy().astype(np.int64)
+    ids = np.unique(labels[labels > 0])
+    ranks = np.searchsorted(ids, labels) + 1
+    return FoundSet(labels[None] == ids[:, None, None, None], np.where(labels > 0, ranks, 0))
+
+
+def _labels(logits: Tensor) -> NDArray[np.int64]:
+    """Of objects (P, X, Y, Z): the most probable one, 1..P, 0 where none is above 1/2."""
+    if not len(logits):
+        return np.zeros(logits.shape[1:], np.int64)
+    highest, which = logits.max(dim=0)
+    return torch.where(highest > 0, which + 1, 0).numpy()

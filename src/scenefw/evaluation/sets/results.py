@@ -1,0 +1,146 @@
+"""Results of decompositions, scene by scene, and their summaries."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from scenefw.core.measures import HIGH, LOW, Measure
+from scenefw.evaluation.sets.measures import OTHERS, SCORES
+from scenefw.evaluation.sets.published import ROWS
+from scenefw.evaluation.statistics import mean_interval
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from scenefw.core.types import Camera, Float32, GridSpec
+
+_PUBLISHED = ("cross_entropy", "missing_or_joined", "duplicate_or_split")
+
+
+@dataclass(frozen=True)
+class SceneCodes:
+    """Codes of one scene (figs 6.8 and 6.9).
+
+    Args:
+        features: (C, S^3) of all cells.
+        cells: (N,) positions that codes were taken from.
+        exists: (N,) bool, whether an object came of it.
+        codes: (N, C), as they are decoded.
+    """
+
+    features: Float32
+    cells: NDArray[np.int64]
+    exists: NDArray[np.bool_]
+    codes: Float32
+
+    @property
+    def means(self) -> Float32:
+        """Channel mean (S^3,) of each cell."""
+        return self.features.mean(axis=0)
+
+
+@dataclass(frozen=True)
+class DecomposedScene:
+    """A test scene and what each method makes of it.
+
+    Args:
+        scene: number of the scene in its data set.
+        objects: how many it has.
+        scores: by method and name.
+        codes: of the main method, or None.
+    """
+
+    scene: int
+    objects: int
+    scores: Mapping[str, Mapping[str, float]]
+    codes: SceneCodes | None = None
+
+
+@dataclass(frozen=True)
+class SetExample:
+    """A scene to draw.
+
+    Args:
+        scene: number of the scene in its data set.
+        grid: of the labels.
+        camera: that saw it.
+        depth: (H, W) z-depth (m).
+        labels: (X, Y, Z) int64 of the truth and of methods, by name; 0 = no object.
+    """
+
+    scene: int
+    grid: GridSpec
+    camera: Camera
+    depth: Float32
+    labels: Mapping[str, NDArray[np.int64]]
+
+
+@dataclass(frozen=True)
+class DecompositionResult:
+    """What was found on all scenes.
+
+    Args:
+        scenes: in their order.
+        methods: names, the main one first, then the strongest that learns nothing.
+        published: key of `published.ROWS`, or None.
+        examples: to draw.
+    """
+
+    scenes: tuple[DecomposedScene, ...]
+    methods: tuple[str, ...]
+    published: str | None = None
+    examples: tuple[SetExample, ...] = ()
+
+    def of(self, method: str, name: str) -> NDArray[np.float64]:
+        """A score of each scene; NaN where the method has none."""
+        return np.array([one.scores[method].get(name, np.nan) for one in self.scenes])
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """Means over scenes, with bounds of the main method; of others as `<method>/<name>`."""
+        found: dict[str, float] = {}
+        for method in self.methods:
+            main = method == self.methods[0]
+            for name in SCORES:
+                between = mean_interval(self.of(method, name))
+                if not between.count:
+                    continue
+                found[name if main else f"{method}/{name}"] = between.mean
+                if main and between.count > 1:
+                    found |= {name + LOW: between.low, name + HIGH: between.high}
+        counts = [one.objects for one in self.scenes]
+        found |= {"scenes": float(len(counts)), "objects": float(np.mean(counts))}
+        return found | self._of_codes()
+
+    @property
+    def measures(self) -> Mapping[str, Measure]:
+        """Units, digits, what the strongest reference reaches, and the thesis's figures."""
+        row = ROWS[self.published]._asdict() if self.published else {}
+        found = {}
+        for method in self.methods:
+            for name, measure in SCORES.items():
+                if method == self.methods[0]:
+                    beside = f"{self.methods[1]}/{name}" if len(self.methods) > 1 else None
+                    given = row.get(name) if name in _PUBLISHED else None
+                    found[name] = measure.changed({"trivial": beside, "published": given})
+                else:
+                    words = f"{measure.name}, {method.replace('_', ' ')}"
+                    found[f"{method}/{name}"] = measure.changed({"name": words})
+        return found | OTHERS
+
+    def _of_codes(self) -> dict[str, float]:
+        """How far taken cells stand out, and how many different ones are taken."""
+        codes = [one.codes for one in self.scenes if one.codes is not None]
+        if not codes:
+            return {}
+        gaps = []
+        for one in codes:
+            taken = np.zeros(len(one.means), bool)
+            taken[one.cells] = True
+            gaps.append(one.means[taken].mean() - one.means[~taken].mean())
+        used = np.unique(np.concatenate([one.cells[one.exists] for one in codes]))
+        return {"mean_gap": float(np.mean(gaps)), "cells_used": float(len(used))}

@@ -1,0 +1,88 @@
+"""Training of networks that see a scene as a set of objects."""
+
+import dataclasses
+
+import torch
+from torch import Tensor
+
+from scenefw.core.batches import (
+    IndexBatch,
+    ObjectSetBatch,
+    ObjectSetPrediction,
+    ObjectSetSetup,
+)
+from scenefw.core.errors import ConfigError
+from scenefw.core.rng import torch_seed
+from scenefw.core.training_protocols import ObjectSetData, ObjectSetModel
+from scenefw.learning.checkpoint import OBJECT_SETS
+from scenefw.learning.module import TrainingModule
+from scenefw.losses.set_bce import SetBinaryCrossEntropy
+from scenefw.matching.object_sets import matched_objects
+from scenefw.metrics.decomposition import decomposition_scores
+
+_CODES = 4  # random stream, beside those of data
+
+
+class ObjectSetLearning(TrainingModule):
+    """Trains a network to decompose scenes (group `learning`); arguments are those of any training.
+
+    Predictions are matched to true objects once per step, before all losses.
+    """
+
+    task = OBJECT_SETS
+    memory_format = torch.channels_last_3d
+    model: ObjectSetModel
+
+    def setup_with(self, data: ObjectSetData) -> ObjectSetSetup:
+        """Grid, number of predictions, and what the network gives.
+
+        Raises:
+            ConfigError: scenes have more objects than the network predicts, or another grid.
+        """
+        if data.most > self.model.slots:
+            raise ConfigError(
+                f"the network predicts {self.model.slots} objects, the data have up to {data.most} "
+                f"in a scene; give model.slots={data.most}"
+            )
+        if data.grid.resolution != self.model.resolution:
+            raise ConfigError(
+                f"the network is for {self.model.resolution} voxels per side, the grid has "
+                f"{data.grid.resolution}; give model.resolution=${{grid.resolution}}"
+            )
+        return ObjectSetSetup(data.grid, self.model.slots, frozenset(self.model.gives))
+
+    def predict_batch(self, batch: ObjectSetBatch) -> ObjectSetPrediction:
+        """The training pass with the draws of this step, matched to true objects."""
+        draws = torch.Generator()  # on the CPU: the same on every device
+        draws.manual_seed(torch_seed(self.seed, _CODES, self.batches_seen, self.global_rank))
+        return matched(self.model(batch, draws), batch)
+
+    def validation_step(self, batch: IndexBatch, batch_idx: int) -> None:
+        """Scores predictions of the same views every time; nothing is drawn."""
+        made = self.trainer.datamodule.validation_batch(batch, self.device)
+        found = matched(self.model(made), made)
+        values = {"val/set_bce": SetBinaryCrossEntropy()(found, made), **_scores(found, made)}
+        self.log_dict(values, batch_size=len(batch.indices), on_epoch=True, sync_dist=True)
+
+
+def matched(prediction: ObjectSetPrediction, batch: ObjectSetBatch) -> ObjectSetPrediction:
+    """The prediction with the true object that each of its objects stands for."""
+    objects = matched_objects(prediction.logits, batch.instances, batch.present)
+    return dataclasses.replace(prediction, matched=objects)
+
+
+def _scores(prediction: ObjectSetPrediction, batch: ObjectSetBatch) -> dict[str, Tensor]:
+    """Object IoU, and shares of scenes with errors; any voxel above 1/2 makes an object."""
+    rows = []
+    for logits, labels, there in zip(
+        prediction.logits, batch.instances, batch.present, strict=True
+    ):
+        objects = torch.arange(len(there), device=labels.device)[there] + 1
+        true = (labels[None] == objects[:, None, None, None]).cpu().numpy()
+        mine = (logits > 0).cpu().numpy()
+        one = decomposition_scores(mine[mine.any(axis=(1, 2, 3))], true)
+        errors = (one.missing + one.joined > 0, one.duplicate + one.split > 0)
+        rows.append([one.object_iou, *map(float, errors)])
+    means = torch.tensor(rows, device=batch.instances.device).mean(dim=0)
+    names = ("val/object_iou", "val/missing_or_joined", "val/duplicate_or_split")
+    return dict(zip(names, means, strict=True))

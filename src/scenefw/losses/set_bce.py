@@ -1,0 +1,38 @@
+"""Binary cross entropy of sets of objects, each prediction against its own object."""
+
+from torch import Tensor
+from torch.nn import functional
+
+from scenefw.core.batches import ObjectSetBatch, ObjectSetPrediction, ObjectSetSetup
+from scenefw.losses.set_targets import matched_of
+
+
+class SetBinaryCrossEntropy:
+    """Mean binary cross entropy (nats) of predicted objects and those they are matched to.
+
+    Predictions without an object are compared with an empty grid. The mean is over voxels and
+    predictions (thesis 6.2.1). Matching comes before the loss and no gradient passes through it.
+
+    Args:
+        weight: factor of this term in the total; the thesis's is 1, and 200 in eq. 6.2.
+    """
+
+    needs_draws = False
+
+    def __init__(self, weight: float = 1.0) -> None:
+        self.weight = weight
+
+    def check(self, setup: ObjectSetSetup) -> None:
+        """Fits any set."""
+
+    def __call__(self, prediction: ObjectSetPrediction, batch: ObjectSetBatch) -> Tensor:
+        """A scalar.
+
+        Raises:
+            InputError: predictions are not matched.
+        """
+        labels = matched_of(prediction) + 1
+        labels = labels.masked_fill(labels == 0, -1)[..., None, None, None]
+        inside = batch.instances[:, None] == labels
+        logits = prediction.logits.float()
+        return functional.softplus(logits.where(~inside, -logits)).mean()

@@ -1,0 +1,111 @@
+"""Autoencoder of sets: a scene, whole or seen from one side, as one code per object."""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import torch
+from torch import Tensor, nn
+
+from scenefw.core.batches import ObjectSetBatch, ObjectSetPrediction
+from scenefw.core.errors import ConfigError, InputError
+from scenefw.models.set_decoder import SetDecoder
+from scenefw.models.set_encoder import SetEncoder, level_sizes
+from scenefw.models.set_head import SetHead, heads_given, require_slots
+
+CHANNELS = {"occupancy": 1, "view": 2}
+"""Of what a network may see: the complete occupancy, or distances and what was observed."""
+
+
+class SetAutoencoder(nn.Module):
+    """Decomposes a scene into the occupancy of its objects (thesis 6.2.1 and 6.2.2, fig. 6.4).
+
+    Args:
+        resolution: voxels per side.
+        slots: objects that it predicts; scenes with fewer leave some empty.
+        sees: occupancy, the complete scene; or view, the partial TSDF of one depth image.
+        code_size: numbers per object, the channels of the feature volume.
+        side: cells per side of the feature volume.
+        encoder_widths: channels of the encoder's levels, coarsest first, as many as are needed.
+        decoder_widths: the same of the decoder.
+        existence: also predict for each object whether it is there.
+        centres: also predict where each object's centre is.
+        attention: the codes of a scene see each other before they are decoded.
+
+    Raises:
+        ConfigError: sizes don't go together, or it sees neither.
+    """
+
+    training_only = ()
+    latent_shape = ()
+
+    def __init__(
+        self,
+        resolution: int = 64,
+        slots: int = 8,
+        sees: Literal["occupancy", "view"] = "occupancy",
+        code_size: int = 128,
+        side: int = 4,
+        encoder_widths: Sequence[int] = (128, 96, 48, 24),
+        decoder_widths: Sequence[int] = (96, 48, 24, 16),
+        *,
+        existence: bool = False,
+        centres: bool = False,
+        attention: bool = False,
+    ) -> None:
+        super().__init__()
+        self.recipe = {
+            "_target_": f"{__name__}.SetAutoencoder",
+            "resolution": resolution,
+            "slots": slots,
+            "sees": sees,
+            "code_size": code_size,
+            "side": side,
+            "encoder_widths": [int(width) for width in encoder_widths],
+            "decoder_widths": [int(width) for width in decoder_widths],
+            "existence": existence,
+            "centres": centres,
+            "attention": attention,
+        }
+        if sees not in CHANNELS:
+            raise ConfigError(f"model.sees is {sees!r}; expected {' or '.join(CHANNELS)}")
+        require_slots(slots, side)
+        sizes = level_sizes(resolution, side, encoder_widths, "encoder_widths")
+        level_sizes(resolution, side, decoder_widths, "decoder_widths")
+        levels = len(sizes)
+        self.resolution, self.slots, self.sees = resolution, slots, sees
+        self.gives = heads_given(existence=existence, centres=centres)
+        self.encoder = SetEncoder(
+            CHANNELS[sees], sizes, list(encoder_widths)[:levels][::-1], code_size
+        )
+        self.head = SetHead(
+            slots,
+            code_size,
+            SetDecoder(code_size, sizes[::-1], list(decoder_widths)[:levels]),
+            existence=existence,
+            centres=centres,
+            attention=attention,
+        )
+
+    def forward(
+        self, batch: ObjectSetBatch, generator: torch.Generator | None = None
+    ) -> ObjectSetPrediction:
+        """Objects of a batch; nothing is drawn, so the generator is not used."""
+        return self.decompose(batch.occupancy if self.sees == "occupancy" else batch.condition)
+
+    def decompose(self, volume: Tensor) -> ObjectSetPrediction:
+        """Objects of what the network sees.
+
+        Args:
+            volume: (B, 1, X, Y, Z) occupancy, or (B, 2, X, Y, Z) as `ObjectSetBatch.condition`.
+
+        Raises:
+            InputError: it has another shape.
+        """
+        wanted = (CHANNELS[self.sees], *(self.resolution,) * 3)
+        if tuple(volume.shape[1:]) != wanted:
+            raise InputError(
+                f"the network sees volumes (B, {', '.join(map(str, wanted))}), got "
+                f"{tuple(volume.shape)}; use the grid of the checkpoint"
+            )
+        prediction: ObjectSetPrediction = self.head(self.encoder(volume))
+        return prediction

@@ -1,0 +1,1 @@
+"""Pages of decompositions into sets of objects (thesis chapter 6)."""

@@ -1,0 +1,112 @@
+"""What codes look like: object codes beside empty ones, where they lie, what they group by."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from scenefw.evaluation.sets.results import DecompositionResult, SceneCodes
+from scenefw.report.blocks import Drawing
+from scenefw.report.figures import COLOURS, INK, STYLE, to_svg
+
+_LINES = 40  # codes of each kind in a figure of lines
+_TAKEN, _EMPTY = COLOURS[1], COLOURS[0]
+
+Array = NDArray[np.floating]
+
+
+def code_blocks(result: DecompositionResult) -> tuple[Drawing, ...]:
+    """Figures 6.8 and 6.9 of the thesis, and principal components; nothing without codes."""
+    codes = [one.codes for one in result.scenes if one.codes is not None]
+    if not codes:
+        return ()
+    values = Drawing(
+        values_figure(codes),
+        "Left: values of codes that objects come of (orange) and of cells that were not taken "
+        "(blue). Right: their channel means, by which cells are taken (thesis fig. 6.8).",
+    )
+    where = Drawing(
+        cells_figure(codes),
+        "How often an object's code comes from each cell, by height: the same few cells in all "
+        "scenes, or those where objects are (thesis fig. 6.9).",
+    )
+    groups = Drawing(
+        components_figure(codes),
+        "Two principal components of the codes of objects; colours are the cells they come from.",
+    )
+    return values, where, groups
+
+
+def values_figure(codes: list[SceneCodes]) -> str:
+    """Values of object and empty codes, and their means (SVG)."""
+    taken = np.concatenate([one.features[:, one.cells[one.exists]].T for one in codes])
+    others = np.concatenate([np.delete(one.features, one.cells, axis=1).T for one in codes])
+    with rc_context(STYLE):
+        figure = Figure(figsize=(9.0, 3.0), layout="constrained")
+        lines = figure.add_subplot(1, 2, 1, xlabel="channel", ylabel="value")
+        means = figure.add_subplot(1, 2, 2, xlabel="channel mean", ylabel="cells (share)")
+        edges = _edges(np.concatenate([taken.mean(axis=1), others.mean(axis=1)]))
+        for rows, colour in ((others, _EMPTY), (taken, _TAKEN)):
+            if len(rows):
+                _lines(lines, rows[:: max(len(rows) // _LINES, 1)][:_LINES], colour)
+                weights = np.full(len(rows), 1 / len(rows))
+                means.hist(
+                    rows.mean(axis=1), bins=edges.tolist(), weights=weights, color=colour, alpha=0.6
+                )
+        return to_svg(figure)
+
+
+def cells_figure(codes: list[SceneCodes]) -> str:
+    """Share of scenes in which a cell holds an object, a panel per layer of cells (SVG)."""
+    cells = codes[0].features.shape[1]
+    side = round(cells ** (1 / 3))
+    counts = np.zeros(cells)
+    for one in codes:
+        counts[one.cells[one.exists]] += 1
+    shares = counts.reshape((side,) * 3) / len(codes)
+    with rc_context(STYLE):
+        figure = Figure(figsize=(2.2 * side, 2.4), layout="constrained")
+        image: Any = None
+        for z in range(side):
+            axes = figure.add_subplot(1, side, z + 1, title=f"layer {z + 1}", xticks=[], yticks=[])
+            layer = shares[:, :, z].T
+            image = axes.imshow(layer, vmin=0, vmax=1, cmap="viridis", origin="lower")
+        figure.colorbar(image, ax=figure.axes, label="scenes (share)")
+        return to_svg(figure)
+
+
+def components_figure(codes: list[SceneCodes]) -> str:
+    """Codes of objects along their two main directions, a colour per cell (SVG)."""
+    rows = np.concatenate([one.codes[one.exists] for one in codes])
+    cells = np.concatenate([one.cells[one.exists] for one in codes])
+    points = principal_components(rows)
+    _, colours = np.unique(cells, return_inverse=True)
+    with rc_context(STYLE):
+        figure = Figure(figsize=(4.5, 3.5), layout="constrained")
+        axes = figure.add_subplot(1, 1, 1, xlabel="component 1", ylabel="component 2")
+        axes.grid(alpha=0.15, color=INK)
+        chosen = [COLOURS[i % len(COLOURS)] for i in colours]
+        axes.scatter(points[:, 0], points[:, 1], c=chosen or None, s=8)
+        return to_svg(figure)
+
+
+def principal_components(rows: Array, count: int = 2) -> Array:
+    """Coordinates (N, count) of rows (N, C) along the directions of largest variance; 0 beyond."""
+    found = np.zeros((len(rows), count))
+    if len(rows):
+        centred = rows - rows.mean(axis=0)
+        left, sizes, _ = np.linalg.svd(centred.astype(np.float64), full_matrices=False)
+        used = min(count, len(sizes))
+        found[:, :used] = left[:, :used] * sizes[:used]
+    return found
+
+
+def _lines(axes: Any, rows: Array, colour: str) -> None:
+    axes.plot(rows.T, color=colour, linewidth=0.6, alpha=0.6)
+
+
+def _edges(values: Array) -> Array:
+    low, high = float(values.min()), float(values.max())
+    return np.linspace(low, max(high, low + 1e-6), 31)

@@ -1,0 +1,144 @@
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import QuotedString
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from PIL import Image
+from tests.unit.perception.synthetic import camera_at, frame_of
+
+import scenefw
+from scenefw.api.load import _written
+from scenefw.core.errors import CheckpointError, ConfigError, InputError
+from scenefw.core.types import GridSpec
+from scenefw.export.summary import summarise
+from scenefw.learning.checkpoint import save_checkpoint
+from scenefw.models.shape_instance_vae import ShapeInstanceVAE
+
+CAMERA = camera_at(eye=(0.0, -0.85, 0.6), size=(160, 120))
+WORDS = ["reconstructor=network", "run.pipeline.samples=2"]  # fits take longer
+DEPTH = np.rint(frame_of(CAMERA).depth * 1000).astype(np.uint16)
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory):
+    """An untrained network of a small grid."""
+    widths = [4] * 5
+    model = ShapeInstanceVAE(16, 1, 8, 8, widths, widths, widths, 4, 4)
+    recipe = {"_target_": "scenefw.models.shape_instance_vae.ShapeInstanceVAE", **model.recipe}
+    path = tmp_path_factory.mktemp("weights") / "net.safetensors"
+    save_checkpoint(path, model, recipe, GridSpec(resolution=16))
+    return path
+
+
+@pytest.fixture(scope="module")
+def simstack(weights):
+    return scenefw.load("simstack", *WORDS, checkpoint=weights, device="cpu")
+
+
+def test_the_same_image_gives_what_the_command_line_gives(simstack, weights, tmp_path, scenefw):
+    np.save(tmp_path / "view.npy", DEPTH)
+    np.savetxt(tmp_path / "K.txt", CAMERA.matrix)
+    words = ["run=predict", *WORDS, "device=cpu", "run.overview=false", "paths.output=out"]
+    done = scenefw(*words, f"input={tmp_path / 'view.npy'}", f"checkpoint={weights}")
+    assert done.returncode == 0, done.stderr
+    found = simstack.predict(DEPTH, CAMERA.matrix, name="view")
+    assert len(found.objects) >= 2
+    for number, folder in enumerate(["", "hypothesis_2"]):
+        written = tmp_path / "out" / "view" / folder
+        with Image.open(written / "masks.png") as image:
+            np.testing.assert_array_equal(np.array(image), found.samples[number].masks)
+        told = json.loads((written / "scene.json").read_text())
+        mine = json.loads(json.dumps(summarise(found.samples[number], {})))
+        for theirs, own in zip(told["objects"], mine["objects"], strict=True):
+            assert theirs.pop("mesh")
+            del own["mesh"]
+            assert theirs == own
+        assert told["camera"] == mine["camera"]
+        assert told["floor"] == mine["floor"]
+    from_file = simstack.predict(tmp_path / "view.npy")
+    np.testing.assert_array_equal(from_file.estimate.tsdf, found.estimate.tsdf)
+
+
+def test_errors_are_those_of_the_command_line(simstack, weights, tmp_path, scenefw):
+    np.savez(tmp_path / "image.npz", depth=DEPTH.astype(float), K=CAMERA.matrix)
+    done = scenefw("run=predict", "input=image.npz", f"checkpoint={weights}", "device=cpu")
+    with pytest.raises(InputError) as caught:
+        simstack.predict(DEPTH.astype(float), CAMERA.matrix, name="image.npz")
+    assert done.stderr == f"error: {caught.value}\n"
+    done = scenefw("run=predict", "fit=joined")
+    with pytest.raises(ConfigError) as wrong:
+        load("simstack", fit="joined")
+    assert done.stderr.startswith(f"error: {wrong.value}")
+
+
+def load(*words, **settings):
+    return scenefw.load(*words, **settings)
+
+
+@pytest.mark.parametrize(
+    ("words", "settings", "error", "said"),
+    [
+        (["simstak"], {}, ConfigError, "did you mean simstack"),
+        (["simstack"], {"fitt": 1}, ConfigError, "there is no key 'fitt'; did you mean fit?"),
+        (["simstack"], {"labelling": "rule"}, ConfigError, "changes nothing"),
+        (["simstack", "run.overview=false"], {}, ConfigError, "does not read run.overview"),
+        (["simstack"], {"seed": -1}, ConfigError, "seed is -1"),
+        (["simstack"], {"device": "gpu"}, ConfigError, "device=gpu is unknown"),
+        (["simstack"], {"checkpoint": "no file.safetensors"}, CheckpointError, "no checkpoint at"),
+        (["labelling"], {"labelling": ["rule", "hybrid"]}, ConfigError, "takes one strategy"),
+    ],
+)
+def test_wrong_settings_are_one_line(words, settings, error, said):
+    with pytest.raises(error, match=said):
+        load(*words, **settings)
+
+
+def test_an_image_needs_intrinsics_and_a_file_to_be_there(simstack):
+    with pytest.raises(InputError, match="no intrinsics of image"):
+        simstack.predict(DEPTH)
+    with pytest.raises(InputError, match=r"no file missing\.npz"):
+        simstack.predict("missing.npz")
+
+
+def test_odd_images_are_warned_of(simstack):
+    few = np.where(np.arange(160) % 4 == 0, DEPTH, 0)
+    with pytest.warns(UserWarning, match="only 25% of the pixels"):
+        assert "only 25%" in simstack.predict(few, CAMERA).warnings[0]
+
+
+texts = st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"]), max_size=8)
+scalars = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | texts
+
+
+PARSER = OverridesParser.create()
+
+
+@given(scalars | st.lists(scalars, max_size=3))
+@example("it's")
+@example("a\\'b\\\\")
+@example("a\\b c")
+@example(["null", "true", "3", "1e5", "", "x=1", "[a,b]"])
+@example("superquadrics")
+@settings(max_examples=30)
+def test_values_are_written_as_the_command_line_reads_them(value):
+    read = PARSER.parse_override(f"key={_written(value)}").value()
+    several = read if isinstance(value, list) else [read]
+    plain = [one.text if isinstance(one, QuotedString) else one for one in several]
+    assert plain == (value if isinstance(value, list) else [value])
+
+
+def test_importing_is_quick_and_load_is_found():
+    code = (
+        "import sys, scenefw; assert 'load' in dir(scenefw);"
+        "heavy = {'torch', 'numpy', 'hydra', 'numba'} & set(sys.modules);"
+        "from scenefw import load; assert scenefw.load is load; sys.exit(bool(heavy))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    with pytest.raises(AttributeError, match="'scenefw' has no attribute 'laod'"):
+        _ = scenefw.laod
