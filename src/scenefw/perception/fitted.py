@@ -51,6 +51,7 @@ class Fitted:
         explained: share of seen points that a superquadric must explain to be taken.
         least: seen points that an object must have to be fitted.
         lowest: how high above the floor what was not predicted must reach to be an object (m).
+        drawn: the first sample is the best fit, further ones are drawn; without it, all are best.
 
     Raises:
         ConfigError: a share outside 0..1, or another number that isn't positive.
@@ -65,6 +66,8 @@ class Fitted:
         explained: float = 0.75,
         least: int = 60,
         lowest: float = 0.015,
+        *,
+        drawn: bool = True,
     ) -> None:
         if not (near > 0 and 0 <= explained <= 1 and least >= 1 and lowest >= 0):
             raise ConfigError(
@@ -73,7 +76,7 @@ class Fitted:
             )
         self.inner, self.fit, self.evidence = inner, fit, evidence
         self.near, self.explained, self.least, self.lowest = near, explained, least, lowest
-        self.grid, self.metadata = inner.grid, inner.metadata
+        self.grid, self.metadata, self.drawn = inner.grid, inner.metadata, drawn
 
     def complete(
         self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
@@ -86,10 +89,14 @@ class Fitted:
         points = [world_points(frame) for frame in seen_frames(partial, "a fit")]
         free = seen_free(partial, grid)
         scenes = self.inner.complete(partial, grid, samples, generator)
-        random = np.random.default_rng(int(torch.randint(2**62, (1,), generator=generator)))
-        return each_drawn(
-            scenes, lambda scene, count: self._sharpened(scene, points, free, grid, count, random)
-        )
+        seed = int(torch.randint(2**62, (1,), generator=generator)) if self.drawn else 0
+        random = np.random.default_rng(seed)
+
+        def sharpened(scene: Completion, count: int) -> list[Completion]:
+            made = self._sharpened(scene, points, free, grid, count if self.drawn else 1, random)
+            return made if self.drawn else made * count
+
+        return each_drawn(scenes, sharpened)
 
     def _sharpened(
         self,

@@ -84,6 +84,16 @@ def test_draws_differ_in_what_is_hidden_and_agree_in_what_is_seen():
     assert not torch.equal(scenes(6, seed=1)[3].tsdf, drawn[2].tsdf)
 
 
+def test_without_draws_all_samples_are_the_best_fit():
+    view, camera = view_of(32), camera_at(eye=(0.0, -0.85, 0.6))
+    method = Fitted(Rough(view), SuperquadricFit(), EvidenceOfView(), drawn=False)
+    generator = torch.Generator()
+    before = generator.get_state()
+    first, second = method.complete(partial_of(view, camera), view.grid, 2, generator)
+    assert second is first
+    assert torch.equal(generator.get_state(), before)
+
+
 def test_each_scene_is_drawn_as_often_as_it_stands():
     calls = []
 

@@ -75,6 +75,12 @@ _KNOWN = (
         learns=False,
         reference=True,
     ),
+    _method(
+        "drawn_fits",
+        samples="superquadrics fitted to parts, then drawn (no learning)",
+        draws="drawn fits of superquadrics",
+        learns=False,
+    ),
     _method("hull_filling", "hull filling (no learning)", learns=False, reference=True),
     _method("partial_tsdf", "partial TSDF meshed (no learning)", learns=False),
     _method("connected_components", "components of scenefw's shape (no votes)"),
