@@ -113,7 +113,7 @@ commonest:
     "conf/label_source/halves.yaml": """
 # Labels pixels by their column
 _target_: scenefw_mine.halves.Halves
-classes: [surface, remote_control, keyboard, model_plane]
+classes: ${classes}
 left: keyboard
 share: 0.75
 """,
@@ -140,7 +140,8 @@ def plugin(tmp_path):
 @pytest.mark.usefixtures("plugin")
 def test_parts_of_a_plugin_label_a_recording_and_resume(scenefw, tmp_path):
     recording = write_sequence(tmp_path / "in", frames(), CLASSES)
-    label = ["run=label", "labelling=commonest", f"input={recording}", *MINE]
+    classes = f"classes=[{','.join(CLASSES)}]"
+    label = ["run=label", "labelling=commonest", f"input={recording}", classes, *MINE]
     first = scenefw(*label, "run.frames=3", "paths.output=first")
     assert first.returncode == 0, first.stderr
     rest = scenefw(*label, "run.resume=first/map.npz", "run.start=3", "paths.output=rest")

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import torch
 
+from scenefw import registry
 from scenefw.core.height_maps import HeightGrid
 from scenefw.data.stacks import StackScenes
-from scenefw.data.tabletop import TabletopScenes
 from scenefw.data.views import ViewMaker
 from scenefw.labelling.sources import NetworkLabels, NetworkMapLabels
 from scenefw.learning.checkpoint import SEGMENTATION, SHAPE_INSTANCE, load_checkpoint
@@ -19,15 +19,12 @@ from scenefw.metrics.occupancy import occupancy_iou
 from scenefw.metrics.semantic import count_classes, mean_iou
 from scenefw.perception.reconstruction import NetworkReconstructor
 from scenefw.postprocessing.hough_voting import HoughVoting
-from scenefw.renderers.mesh_raycaster import MeshRaycaster
 from scenefw.renderers.sphere_tracer import SphereTracer
 from scenefw.scenes.cameras import RandomViewpoints
-from scenefw.scenes.tabletop import TabletopGenerator
-from scenefw.shapes.tabletop.library import ProceduralModels
 
-# They reach: occupancy 0.82, instances 0.83, views 0.998, map 0.98
-LEAST = {"occupancy": 0.75, "instances": 0.7, "views": 0.95, "map": 0.9}
-MOST_UNTRAINED = 0.3
+# They reach: occupancy 0.82, instances 0.83, views 0.41, map 0.38
+LEAST = {"occupancy": 0.75, "instances": 0.7, "views": 0.35, "map": 0.33}
+MOST_UNTRAINED = {"occupancy": 0.3, "instances": 0.3, "views": 0.15, "map": 0.15}
 
 
 def shipped(name):
@@ -57,9 +54,8 @@ def stacks():
 
 @pytest.fixture(scope="session")
 def table():
-    """A validation table."""
-    generator = TabletopGenerator(ProceduralModels())
-    return TabletopScenes(generator, MeshRaycaster(), split="validation", limit=1)
+    """A cluttered validation table."""
+    return registry.build("dataset", "tabletop", split="validation", limit=1, cache=None)
 
 
 def occupancy(checkpoint, request):
@@ -80,7 +76,7 @@ def instances(checkpoint, request):
 def views(checkpoint, request):
     source = NetworkLabels(checkpoint)
     frames = list(request.getfixturevalue("table").frames(0, 4))
-    assert len(np.unique([frame.labels for frame in frames])) == len(source.classes)
+    assert len(np.unique([frame.labels for frame in frames])) > 6
     labels = [(source.label(frame).argmax(axis=0), frame.labels) for frame in frames]
     return mean_iou(sum(count_classes(*pair, len(source.classes)) for pair in labels))
 
@@ -117,7 +113,7 @@ def test_shipped_weights_are_as_good_as_ever(measure, weights, request):
     if weights is shipped:
         assert found > LEAST[measure]
     else:
-        assert found < MOST_UNTRAINED
+        assert found < MOST_UNTRAINED[measure]
 
 
 def apart(checkpoint, view):
