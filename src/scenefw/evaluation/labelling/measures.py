@@ -8,6 +8,8 @@ from scenefw.core.measures import Measure
 from scenefw.evaluation.labelling import published
 
 _SCENES = {"scenes": Measure("scenes", digits=0), "frames": Measure("frames", digits=0)}
+RULES = ("rule", "rule_easy")
+"""Strategies that learn nothing, which the others are to beat."""
 _SHORT = {"view_based": "views", "map_based": "map"}
 SCORES = {
     "miou": Measure("mean IoU", better="higher"),
@@ -50,14 +52,17 @@ HALVES = {
 def of_curves(strategies: Sequence[str]) -> dict[str, Measure]:
     """Measures of scores after all frames, `<strategy>/<score>`."""
     found = dict(_SCENES)
+    rule = next((name for name in strategies if name in RULES), None)
     for strategy in strategies:
         for name, measure in SCORES.items():
             theirs = published.FINAL.get(strategy) if name == "miou" else None
+            learned = rule is not None and strategy != rule and name in ("miou", "miou_seen")
             found[f"{strategy}/{name}"] = measure.changed(
                 {
                     "heading": f"{measure.heading}, {_short(strategy)}",
                     "name": f"{measure.name or measure.heading}, {strategy.replace('_', '-')}",
                     "published": theirs.mean if theirs else None,
+                    "trivial": f"{rule}/{name}" if learned else None,
                 }
             )
     return found
