@@ -64,7 +64,7 @@ class SplitByEvidence:
         evidence: EvidenceOfView,
         gain: float = 3000.0,
         share: float = 0.02,
-        left: float = 3.0,
+        left: float = 0.3,
         smallest: int = 100,
         rounds: int = 5,
     ) -> None:
