@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any, Protocol
 
 import torch
-from torch.nn.functional import conv3d, pad
+from torch.nn.functional import pad
 
 from scenefw.core.batches import Completion
 from scenefw.core.errors import ConfigError, InputError
@@ -176,19 +176,24 @@ def coupled_codes(samples: int, shape: tuple[int, ...], generator: torch.Generat
 
 
 def smoothed(volumes: Tensor, sigma: float) -> Tensor:
-    """Volumes (B, 1, X, Y, Z) convolved with a Gaussian cut at three sigma, borders repeated."""
+    """Volumes (B, 1, X, Y, Z) convolved with a Gaussian cut at three sigma, borders repeated.
+
+    Shifted volumes are added up: a convolution of one channel takes ten times as long on CPUs.
+    """
     if sigma == 0:
         return volumes
     radius = math.ceil(3 * sigma)
-    offsets = torch.arange(-radius, radius + 1, device=volumes.device, dtype=volumes.dtype)
-    weights = torch.exp(-0.5 * (offsets / sigma) ** 2)
-    weights /= weights.sum()
-    padded = pad(volumes, (radius,) * 6, mode="replicate")
+    weights = [math.exp(-0.5 * (offset / sigma) ** 2) for offset in range(radius + 1)]
+    total = weights[0] + 2 * sum(weights[1:])
     for axis in (2, 3, 4):
-        shape = [1] * 5
-        shape[axis] = len(weights)
-        padded = conv3d(padded, weights.view(shape))
-    return padded
+        borders = [0] * 6
+        borders[2 * (4 - axis)] = borders[2 * (4 - axis) + 1] = radius
+        padded, size = pad(volumes, borders, mode="replicate"), volumes.shape[axis]
+        volumes = padded.narrow(axis, radius, size) * (weights[0] / total)
+        for offset in range(1, radius + 1):
+            for start in (radius - offset, radius + offset):
+                volumes.add_(padded.narrow(axis, start, size), alpha=weights[offset] / total)
+    return volumes
 
 
 def _memory_format(device: torch.device) -> torch.memory_format:
