@@ -1,6 +1,5 @@
 """What is known before any image: how often each voxel is occupied in the training scenes."""
 
-
 import numpy as np
 
 from scenefw.core.types import Float64, GridSpec
