@@ -80,12 +80,18 @@ def open_server(host: str, port: int) -> Any:
     with contextlib.redirect_stdout(io.StringIO()):  # it prints a panel
         server = viser.ViserServer(host=host, port=port, label="scenefw", verbose=False)
     if server.get_port() != port:  # taken meanwhile: viser moves on to the next one
-        server.stop()
+        close_server(server)
         raise _in_use(host, port)
     server.gui.configure_theme(
         show_logo=False, show_share_button=False, control_width="medium", brand_color=(0, 114, 178)
     )
     return server
+
+
+def close_server(server: Any) -> None:
+    """Ends a viser server and frees its port."""
+    with contextlib.redirect_stdout(io.StringIO()):  # it says so
+        server.stop()
 
 
 def require_viser() -> Any:

@@ -13,7 +13,7 @@ from scenefw.data.arrays import read_mask
 from scenefw.data.readers import find_images, read_frame
 from scenefw.export.scene_files import GLB, Summary
 from scenefw.report.layers import Prediction
-from scenefw.report.viewer import Viewer, open_server, require_free, require_viser
+from scenefw.report.viewer import Viewer, close_server, open_server, require_free, require_viser
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -102,7 +102,7 @@ class View:
         except KeyboardInterrupt:
             pass
         finally:
-            server.stop()
+            close_server(server)
         print(f"viewer ended; exports are in {self.output}")
         return {"images": float(len(images))}
 
