@@ -22,6 +22,7 @@ LAYERS = ("points", "truth", "floor", "camera", "slice", "objects", "superquadri
 _POINT = 0.0025  # m
 _TRUE_POINT = 0.0035
 _FLOOR_SIDE = 1.6
+_BELOW = 0.006  # m: or measured points of the floor hide parts of its grid
 _ABOVE = 0.02  # m between an object and its caption
 _FRUSTUM = 0.08
 
@@ -45,12 +46,13 @@ class Stage:
         self._roots: dict[str, Any] = {}
         self._nodes: dict[int, list[Any]] = {}
         self._gizmo: Any = None
+        self._truth: Any = None
         for name in LAYERS:
             self._roots[name] = scene.add_frame(f"/{name}", show_axes=False)
         scene.add_grid(
             "/floor/grid", _FLOOR_SIDE, _FLOOR_SIDE, cell_size=0.05, section_size=0.5,
             cell_color=(222, 224, 228), section_color=(178, 184, 192), fade_strength=0.0,
-            plane_color=(248, 248, 249), plane_opacity=0.35,
+            position=(0.0, 0.0, -_BELOW),
         )  # fmt: skip
 
     def toggle(self, layer: str, visible: bool) -> None:
@@ -65,9 +67,10 @@ class Stage:
         """Points of an image, of its truth, and the camera."""
         points, colours = layers.cloud(known)
         self._points("/points/seen", points, colours, _POINT)
+        if self._truth is not None:
+            self._truth.remove()
         true = layers.truth(known)
-        empty = np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint8)
-        self._points("/truth/seen", *(true or empty), _TRUE_POINT)
+        self._truth = true and self._points("/truth/seen", *true, _TRUE_POINT)
         camera = known.scenes[0].frame.camera
         pose = Pose.from_matrix(camera.T_world_camera)
         step = max(1, camera.width // 320)
@@ -83,8 +86,8 @@ class Stage:
             position=pose.position,
         )
 
-    def _points(self, name: str, points: Any, colours: Any, size: float) -> None:
-        self.scene.add_point_cloud(
+    def _points(self, name: str, points: Any, colours: Any, size: float) -> Any:
+        return self.scene.add_point_cloud(
             name, points, colours, point_size=size, point_shape="circle",
             point_shading="flat", precision="float32",
         )  # fmt: skip
@@ -113,7 +116,7 @@ class Stage:
         mesh.on_click(lambda _: self._selected(item.id))
         caption = self.scene.add_label(
             f"/captions/{item.id}", layers.caption(item), anchor="bottom-center",
-            font_screen_scale=0.9,
+            font_screen_scale=0.8,
         )  # fmt: skip
         if item.placed is None:
             return [frame, caption]

@@ -28,6 +28,10 @@ if TYPE_CHECKING:
 
 _NOTHING = "none"
 _VIEW_ANGLE = 0.7  # rad
+_HEADER = (
+    "<tr style='text-align:left;opacity:0.6'><td></td><td></td><td>size</td><td>volume</td>"
+    "<td>agreement</td></tr>"
+)
 _SHOWN = {  # layer: words, visible at first
     "points": ("point cloud", True),
     "objects": ("objects", True),
@@ -82,9 +86,7 @@ def open_server(host: str, port: int) -> Any:
     if server.get_port() != port:  # taken meanwhile: viser moves on to the next one
         close_server(server)
         raise _in_use(host, port)
-    server.gui.configure_theme(
-        show_logo=False, show_share_button=False, control_width="medium", brand_color=(0, 114, 178)
-    )
+    server.gui.configure_theme(show_logo=False, show_share_button=False)
     return server
 
 
@@ -301,7 +303,7 @@ class Viewer:
         rows = "".join(_row(self.edits, label) for label in self.edits.ids)
         warnings = self.known.scenes[0].details.get("warnings", ())
         odd = "".join(f"<p style='color:#a15c00'>{html.escape(line)}</p>" for line in warnings)
-        table = f"<table style='width:100%;border-spacing:0 2px'>{rows}</table>"
+        table = f"<table style='width:100%;border-spacing:0 2px'>{_HEADER}{rows}</table>"
         style = "font-size:0.85em;padding:0 0.8em;line-height:1.45"
         return f"<div style='{style}'>{table if rows else 'no object'}{odd}</div>"
 
@@ -314,12 +316,15 @@ class Viewer:
             made["image"].on_update(self._guarded(self._change_image, "predicting ..."))
         made["hypothesis"] = gui.add_slider("hypothesis", 1, 2, 1, 1)
         made["hypothesis"].on_update(lambda _: self.choose(int(made["hypothesis"].value) - 1))
-        made["about"] = gui.add_html("")
         made["from"] = gui.add_button_group("look from", ["start", "camera", "above"])
         made["from"].on_click(lambda event: self.look(event.client, event.target.value))
-        self._add_edits()
-        self._add_exports()
-        self._add_toggles()
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Objects"):
+            made["about"] = gui.add_html("")
+            self._add_edits()
+            self._add_exports()
+        with tabs.add_tab("Show"):
+            self._add_toggles()
 
     def _add_edits(self) -> None:
         gui, made = self.server.gui, self.controls
@@ -345,15 +350,12 @@ class Viewer:
 
     def _add_toggles(self) -> None:
         gui, made = self.server.gui, self.controls
-        with gui.add_folder("Show"):
-            for layer, (words, visible) in _SHOWN.items():
-                made[layer] = gui.add_checkbox(words, visible)
-                made[layer].on_update(
-                    lambda event, layer=layer: self.toggle(layer, event.target.value)
-                )
-                self.toggle(layer, visible)
-            made["axis"] = gui.add_button_group("slice across", ["x", "y", "z"])
-            made["place"] = gui.add_slider("at (m)", -0.5, 0.5, 0.01, 0.0)
+        for layer, (words, visible) in _SHOWN.items():
+            made[layer] = gui.add_checkbox(words, visible)
+            made[layer].on_update(lambda event, layer=layer: self.toggle(layer, event.target.value))
+            self.toggle(layer, visible)
+        made["axis"] = gui.add_button_group("slice across", ["x", "y", "z"])
+        made["place"] = gui.add_slider("at (m)", -0.5, 0.5, 0.01, 0.0)
         self._axis = "y"
         made["axis"].on_click(lambda event: self._change_slice(event.target.value))
         made["place"].on_update(lambda _: self._change_slice(self._axis))

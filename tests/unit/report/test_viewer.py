@@ -1,6 +1,7 @@
 import json
 import socket
 import urllib.request
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -163,6 +164,14 @@ def test_an_unusable_image_leaves_the_one_before(viewer, capsys):
     assert "error: second is unusable; give another" in capsys.readouterr().err
     assert viewer.controls["image"].value == "first"
     assert objects(viewer)
+
+
+def test_without_labels_there_is_no_truth(server, known, tmp_path):
+    plain = replace(known, frame=replace(known.frame, labels=None))
+    viewer = Viewer(server, ["plain"], lambda _: plain, FORMATS, tmp_path)
+    assert "/truth/seen" not in nodes(viewer)
+    assert not viewer.controls["truth"].visible
+    assert "settle" not in viewer.controls
 
 
 def test_a_port_in_use_is_one_line():

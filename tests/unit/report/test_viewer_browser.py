@@ -57,19 +57,20 @@ def viewer(tmp_path):
     server.stop()
 
 
-def share_of_orange(page):
-    """Of object 2's colour in the 3D picture."""
+def shares(page):
+    """Of the colours of objects 1 and 2 in the 3D picture: blue and orange."""
     picture = Image.open(io.BytesIO(page.locator("canvas").first.screenshot()))
     red, green, blue = np.moveaxis(np.asarray(picture.convert("RGB"), np.int32), -1, 0)
     orange = (red > 120) & (red - green > 35) & (green - blue > 35)
-    return float(orange.mean())
+    blue_one = (blue > 90) & (blue - red > 60)
+    return float(blue_one.mean()), float(orange.mean())
 
 
 def until(page, holds):
     """The picture follows what was done after a while."""
     for _ in range(60):
         page.wait_for_timeout(500)
-        if holds(share_of_orange(page)):
+        if holds(*shares(page)):
             return True
     return False
 
@@ -80,11 +81,12 @@ def test_it_loads_the_slider_changes_the_picture_and_an_export_arrives(page, vie
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.goto(f"http://127.0.0.1:{viewer.server.get_port()}")
     page.get_by_text("hypothesis").first.wait_for()
-    assert until(page, lambda share: share > 0.005)
+    assert until(page, lambda one, two: one > 0.005 and two > 0.005)
+    page.screenshot(path=tmp_path / "loaded.png")
     slider = page.get_by_role("slider").first
     slider.focus()
     slider.press("ArrowRight")
-    assert until(page, lambda share: share < 0.001)
+    assert until(page, lambda one, two: one > 0.005 and two < 0.001)
     assert viewer.hypothesis == 1
     page.reload()  # a browser that goes away loses nothing
     page.get_by_text("hypothesis").first.wait_for()
