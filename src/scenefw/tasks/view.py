@@ -71,7 +71,7 @@ class View:
         self.pipeline, self.settling = pipeline, settling
         self.options: dict[str, Any] = {"intrinsics": intrinsics, "depth_scale": depth_scale}
         self.masks = None if masks is None else Path(masks)
-        self.formats = {"glb": GLB(), "json": Summary(), **(exports or {})}
+        self.formats: dict[str, SceneFormat] = {"glb": GLB(), "json": Summary(), **(exports or {})}
         self.host, self.port, self.seconds = host, port, seconds
 
     def run(self) -> dict[str, float]:
