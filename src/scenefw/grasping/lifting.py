@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import inverse
 from scenefw.core.grasps import Film, Grasp, Lift
-from scenefw.core.types import Float64, SceneObject
+from scenefw.core.types import Float64, SceneObject, Shape, TriangleMesh
 from scenefw.grasping.panda import Arm, PandaArm
 from scenefw.grasping.suction import Meeting, SuctionCup
 from scenefw.grasping.surfaces import Surfaces
 from scenefw.scenes.engines.pybullet_engine import PyBulletEngine
+from scenefw.shapes.superquadric import Superquadric
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -27,6 +28,7 @@ _SPACING = 0.05  # m between poses whose joints are solved
 _TOLERATED = 12  # steps for which the cup bears too much
 _PICTURE = 16  # steps between two pictures of a film
 _FLOOR = 0  # number of the floor's body
+_COARSE = 16  # quads per side of a superquadric's lattice in films
 _AT_ONCE = 4  # grasps whose ways are solved together
 
 
@@ -257,7 +259,7 @@ class LiftSimulation:
 
     def _film(self, objects: Mapping[int, SceneObject], shots: _Shots) -> Film:
         robot = self.arm.meshes()
-        meshes = (*robot, *(item.shape.mesh() for item in objects.values()))
+        meshes = (*robot, *(_coarse(item.shape) for item in objects.values()))
         labels = (*([0] * len(robot)), *objects)
         return Film(meshes, labels, np.stack(shots.poses), _PICTURE * self.engine.time_step)
 
@@ -275,6 +277,11 @@ class _Shots:
             objects = [self._engine.pose(one).matrix for one in self._handles.values()]
             self.poses.append(np.concatenate([self._arm.poses(), np.reshape(objects, (-1, 4, 4))]))
         self._steps += count
+
+
+def _coarse(shape: Shape) -> TriangleMesh:
+    """Few triangles for films."""
+    return shape.mesh(_COARSE) if isinstance(shape, Superquadric) else shape.mesh()
 
 
 def _along(start: Float64, direction: Float64, length: float) -> list[Float64]:

@@ -58,6 +58,7 @@ class PandaArm:
 
     Raises:
         ConfigError: the tool is too short.
+        MissingDependencyError: PyBullet is not installed, or without the arm.
     """
 
     def __init__(
@@ -74,6 +75,7 @@ class PandaArm:
                 f"grasping.lifting.arm has tool {tool}, bellows {bellows}, rod {rod} and cup {cup};"
                 " expected positive lengths (m), the tool at least 3 cm longer than the bellows"
             )
+        _folder()
         self.base, self.turn = tuple(float(x) for x in base), float(turn)
         self.tool, self.bellows, self.rod, self.cup = tool, bellows, rod, cup
 
