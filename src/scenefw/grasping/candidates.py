@@ -28,6 +28,7 @@ class SuctionCandidates:
     Args:
         cup: decides where it seals and what it holds.
         payload: of the arm (kg).
+        safety: the cup must hold this many times the load, as masses are guesses.
         steepest: angle of normals with the vertical at most (degrees); 90 = walls.
         aside: from this angle on, objects are also taken away along the normal (degrees).
         points: of each object's surface that are looked at.
@@ -43,20 +44,22 @@ class SuctionCandidates:
         self,
         cup: SuctionCup,
         payload: float = 3.0,
+        safety: float = 1.5,
         steepest: float = 95.0,
         aside: float = 30.0,
         points: int = 100,
         most: int = 10,
         *,
-        hidden: bool = True,
+        hidden: bool = False,
         seed: int = 0,
     ) -> None:
-        if not (payload > 0 and steepest > 0 and min(points, most) >= 1):
+        if not (payload > 0 and safety > 0 and steepest > 0 and min(points, most) >= 1):
             raise ConfigError(
-                f"grasping.candidates has payload {payload}, steepest {steepest}, points "
-                f"{points} and most {most}; expected positive numbers (kg, degrees)"
+                f"grasping.candidates has payload {payload}, safety {safety}, steepest "
+                f"{steepest}, points {points} and most {most}; expected "
+                "positive numbers (kg, degrees)"
             )
-        self.cup, self.payload = cup, payload
+        self.cup, self.payload, self.safety = cup, payload, safety
         self.steepest, self.aside = steepest, aside
         self.points, self.most = points, most
         self.hidden, self.seed = hidden, seed
@@ -76,9 +79,9 @@ class SuctionCandidates:
     def _of(
         self, label: int, item: SceneObject, surfaces: Surfaces, eye: Float64
     ) -> list[Grasp] | str:
-        weight = item.mass * _GRAVITY
-        if item.mass > self.payload or weight > self.cup.force:
-            least = min(self.payload, self.cup.force / _GRAVITY)
+        load = self.safety * item.mass * _GRAVITY
+        least = min(self.payload, self.cup.force / self.safety / _GRAVITY)
+        if item.mass > least:
             return f"it is too heavy: about {item.mass:.1f} kg, at most {least:.1f} kg can be held"
         random = rng.generator(self.seed, label)
         points, normals = sample_surface(surfaces.meshes[label], self.points, random)
@@ -94,8 +97,8 @@ class SuctionCandidates:
         seals = np.array([self.cup.seal(surfaces, p[:3, 3], p[:3, 2], label) for p in poses])
         if not seals.any():
             return f"it is nowhere flat enough for a cup of {200 * self.cup.radius:.0f} cm"
-        flat = [i for i in np.flatnonzero(seals > 0)]
-        held = [i for i in flat if self.cup.carries(poses[i], item.pose.position, weight)]
+        flat = np.flatnonzero(seals > 0)
+        held = [i for i in flat if self.cup.carries(poses[i], item.pose.position, load)]
         if not held:
             return f"it would tip off the cup: about {item.mass:.1f} kg too far aside"
         found: list[Grasp] = []

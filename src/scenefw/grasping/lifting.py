@@ -109,9 +109,7 @@ class LiftSimulation:
                         break
         return [grasp for some in found.values() for grasp in some]
 
-    def lift(
-        self, objects: Mapping[int, SceneObject], grasp: Grasp, *, film: bool = False
-    ) -> Lift:
+    def lift(self, objects: Mapping[int, SceneObject], grasp: Grasp, *, film: bool = False) -> Lift:
         """What becomes of a grasp in a scene at rest."""
         meeting = self.cup.meet(self._surfaces(objects), grasp.pose, self.before, self.beyond)
         label = meeting.label
@@ -145,9 +143,7 @@ class LiftSimulation:
 
     def _fill(self, objects: Mapping[int, SceneObject], held: int) -> dict[int, int]:
         self.engine.reset()
-        return {
-            label: self.engine.add(item, held=label == held) for label, item in objects.items()
-        }
+        return {label: self.engine.add(item, held=label == held) for label, item in objects.items()}
 
     def _turned(self, grasp: Grasp) -> list[Grasp]:
         """The grasp with the cup turned about its axis, step by step."""
@@ -228,9 +224,7 @@ class LiftSimulation:
                 break
             shots.step(_PICTURE)
 
-    def _failure(
-        self, objects: Mapping[int, SceneObject], meeting: Meeting, tip: Float64
-    ) -> str:
+    def _failure(self, objects: Mapping[int, SceneObject], meeting: Meeting, tip: Float64) -> str:
         if not meeting.label:
             return "the cup meets nothing"
         if not meeting.seal:

@@ -107,7 +107,9 @@ class PandaArm:
         """Its joints, up to the rim of the cup."""
         robot = ElementTree.parse(_folder() / "panda.urdf").getroot()
         names = [f"panda_joint{i + 1}" for i in range(_JOINTS)]
-        return read_chain(robot, names, np.array(_REST), rigid(np.eye(3), (0, 0, _FLANGE + self.tool)))
+        return read_chain(
+            robot, names, np.array(_REST), rigid(np.eye(3), (0, 0, _FLANGE + self.tool))
+        )
 
     def meshes(self) -> tuple[TriangleMesh, ...]:
         """Its links and the tool, each in its own frame, as `Arm.poses` places them."""

@@ -70,9 +70,7 @@ class SuctionGrasping:
                 found.append(RankedGrasp(one.moved(back), one, self.lift(resting, one)))
         return Ranking(tuple(sorted(found, key=self._order)), left_out, resting)
 
-    def lift(
-        self, objects: Mapping[int, SceneObject], grasp: Grasp, *, film: bool = False
-    ) -> Lift:
+    def lift(self, objects: Mapping[int, SceneObject], grasp: Grasp, *, film: bool = False) -> Lift:
         """What becomes of a grasp in a scene whose objects rest."""
         return self.lifting.lift(objects, grasp, film=film)
 

@@ -89,9 +89,7 @@ class Chain:
             angles[todo], done[todo] = self.solve(poses[todo], begin)
         return angles, done
 
-    def path(
-        self, poses: Float64, angles: Float64, done: np.ndarray
-    ) -> tuple[Float64, np.ndarray]:
+    def path(self, poses: Float64, angles: Float64, done: np.ndarray) -> tuple[Float64, np.ndarray]:
         """Angles (B, P, N) that follow poses (B, P, 4, 4), each from the last, and success (B,).
 
         Args:
@@ -149,10 +147,8 @@ def _starts(rest: Float64) -> Float64:
 def _difference(tip: Float64, poses: Float64) -> Float64:
     """(B, 6): what is missing in position (m) and rotation (radians about axes of the foot)."""
     turn = poses[:, :3, :3] @ tip[:, :3, :3].swapaxes(1, 2)
-    axis = np.stack(
-        [turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]],
-        axis=1,
-    )
+    skew = turn - turn.swapaxes(1, 2)
+    axis = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1)
     sine = np.linalg.norm(axis, axis=1)
     angle = np.arctan2(sine, np.trace(turn, axis1=1, axis2=2) - 1)
     # Half a turn has no axis here: any will do, the next round has one

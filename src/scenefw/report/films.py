@@ -48,7 +48,7 @@ def film_picture(film: Film, number: int, camera: Camera) -> Picture:
     normals, colour = _surface(tree, hit, colours, directions)
     light = _light(fine)
     lit = np.clip(normals @ light, 0, 1) * ~_blocked(tree, points + _SKIN * normals, light)
-    shade = 0.52 + 0.12 * normals[:, 2] + 0.40 * lit
+    shade = 0.60 + 0.12 * normals[:, 2] + 0.30 * lit
     picture = np.clip(colour * shade[:, None], 0, 1)
     far = np.linalg.norm(points[:, :2], axis=1) / _REACH
     fade = np.where(hit == TABLE, np.clip((far - 0.5) / 0.5, 0, 1), np.where(hit < 0, 1.0, 0.0))

@@ -72,9 +72,7 @@ class Grasp:
         made = self.bodies.make(meshes, placed)
         eye = np.array(estimate.frame.camera.T_world_camera[:3, 3])
         ranking = self.grasping.rank(made.bodies, eye)
-        ranking = Ranking(
-            ranking.grasps, {**made.left_out, **ranking.left_out}, ranking.resting
-        )
+        ranking = Ranking(ranking.grasps, {**made.left_out, **ranking.left_out}, ranking.resting)
         _print(grasp_table(ranking))
         if not ranking.grasps:
             print(f"{estimate.frame.name}: no grasp: {_reason(ranking)}")

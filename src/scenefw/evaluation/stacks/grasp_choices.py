@@ -25,7 +25,7 @@ class Tried:
         predicted: disturbance in the predicted scene (m).
         disturbance: in the true one (m).
         moved: how far the other object moved that moved most there (m).
-        lifted: whether the true object that the prediction stands for was lifted.
+        failure: why the true object that the prediction stands for was not lifted, in words.
     """
 
     label: int
@@ -38,7 +38,12 @@ class Tried:
     predicted: float
     disturbance: float
     moved: float
-    lifted: bool
+    failure: str = ""
+
+    @property
+    def lifted(self) -> bool:
+        """Whether the object that was meant was lifted."""
+        return not self.failure
 
     def scores(self, still: float) -> Float64:
         """Disturbance (m), 1 if the lift failed, 1 if it succeeded and nothing moved by `still`."""

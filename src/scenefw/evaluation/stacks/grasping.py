@@ -25,6 +25,7 @@ from scenefw.perception.bodies import Bodies, BodyMaker
 from scenefw.postprocessing.surfaces import instance_meshes
 
 _STREAM = 1  # the views on which reconstruction is scored
+_OTHER = "another object came up"
 _NEAR = 0.01  # m: objects that are nearer are neighbours
 
 Objects = Mapping[int, SceneObject]
@@ -195,7 +196,7 @@ def _tried(
         ranked.lift.disturbance,
         lift.disturbance,
         max(lift.shifts.values(), default=0.0),
-        lift.lifted and lift.label == meant,
+        lift.failure or ("" if lift.label == meant else _OTHER),
     )
 
 
@@ -226,9 +227,9 @@ def _example(grasping: Grasping, job: Job, ranking: Ranking, tried: Tried) -> Gr
     best = ranking.grasps[0]
     predicted = grasping.lift(ranking.resting, best.rehearsed, film=True)
     true = grasping.lift(job.true, best.grasp, film=True)
-    became = "lifted" if tried.lifted else true.failure or "another object came up"
+    became = tried.failure or f"object {tried.label} was lifted"
     words = (
-        f"object {tried.label} {became}; the others move by {1000 * tried.disturbance:.0f} mm, "
+        f"{became}; the others move by {1000 * tried.disturbance:.0f} mm, "
         f"predicted {1000 * tried.predicted:.0f} mm"
     )
     names = {other: label for label, other in job.stands_for.items() if other}

@@ -107,7 +107,7 @@ class GraspingResult:
         for one in self.scenes:
             for label in dict.fromkeys(tried.label for tried in one.tries):
                 own = tuple(tried for tried in one.tries if tried.label == label)
-                if len(own) > 1 and len({tried.label for tried in one.tries}) >= 1:
+                if len(own) > 1:
                     given.append((one.scene, own))
         return {ANY: any_, GIVEN: given}
 
@@ -130,6 +130,13 @@ class GraspingResult:
         scenes = [scene for scene, _ in self.groups[protocol]]
         both = [self.values(protocol, one)[:, column] for one in (CHOSEN, other)]
         return bootstrap_interval(np.stack(both, axis=1), scenes, lambda m: m[..., 0] - m[..., 1])
+
+    def failures(self, protocol: str, choice: str) -> Counter[str]:
+        """Why lifts of one choice failed, and how often."""
+        chooser = (OF_A_SCENE if protocol == ANY else OF_AN_OBJECT)[choice]
+        groups = self.groups[protocol]
+        chosen = [one for _, tries in groups for one in ([chooser(tries)] if chooser else tries)]
+        return Counter(one.failure for one in chosen if one.failure)
 
     @property
     def reasons(self) -> Counter[str]:

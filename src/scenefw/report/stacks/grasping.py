@@ -77,11 +77,13 @@ def _note(result: GraspingResult, protocol: str) -> str:
         low, high = 1000 * found.low, 1000 * found.high
         label = _NAMES[name].split(" (")[0]
         versus.append(f"than {label} {1000 * found.mean:+.1f} mm ({low:+.1f} to {high:+.1f})")
+    failures = result.failures(protocol, CHOSEN)
+    why = ", ".join(f"{reason} ({count})" for reason, count in failures.most_common())
     return (
-        f"{scenes} scenes{what}, {tries} grasps, all simulated in the true scene. Others move: mean "
-        f"displacement of the other objects. Clean: lifted, and nothing else moves by "
-        f"{1000 * result.still:g} mm or more. The first row {', '.join(versus)}. Ranges: 95 % "
-        "bootstrap bounds over scenes."
+        f"{scenes} scenes{what}, {tries} grasps, all simulated in the true scene. Others move: "
+        f"mean displacement of the other objects. Clean: lifted, and nothing else moves by "
+        f"{1000 * result.still:g} mm or more. The first row {', '.join(versus)}; its lifts failed "
+        f"because: {why or 'none failed'}. Ranges: 95 % bootstrap bounds over scenes."
     )
 
 

@@ -116,7 +116,7 @@ class PyBulletEngine:
             shape,
             basePosition=item.pose.position.tolist(),
             baseOrientation=[x, y, z, w],
-            useMaximalCoordinates=not held,  # a plain rigid body: three times as fast as a multibody
+            useMaximalCoordinates=not held,  # a plain body: three times as fast as a multibody
             physicsClientId=client,
         )
         bullet.changeDynamics(
