@@ -76,15 +76,26 @@ def _note(result: GraspingResult, protocol: str) -> str:
         found = result.gain(protocol, name, "disturbance")
         low, high = 1000 * found.low, 1000 * found.high
         label = _NAMES[name].split(" (")[0]
-        versus.append(f"than {label} {1000 * found.mean:+.1f} mm ({low:+.1f} to {high:+.1f})")
+        versus.append(f"{label} {1000 * found.mean:+.1f} mm ({low:+.1f} to {high:+.1f})")
     failures = result.failures(protocol, CHOSEN)
     why = ", ".join(f"{reason} ({count})" for reason, count in failures.most_common())
     return (
         f"{scenes} scenes{what}, {tries} grasps, all simulated in the true scene. Others move: "
         f"mean displacement of the other objects. Clean: lifted, and nothing else moves by "
-        f"{1000 * result.still:g} mm or more. The first row {', '.join(versus)}; its lifts failed "
-        f"because: {why or 'none failed'}. Ranges: 95 % bootstrap bounds over scenes."
+        f"{1000 * result.still:g} mm or more. Others move, first row minus {', '.join(versus)}. "
+        f"Why lifts of the first row failed: {why or 'none did'}. {_without(result, protocol)}"
+        "Ranges: 95 % bootstrap bounds over scenes."
     )
+
+
+def _without(result: GraspingResult, protocol: str) -> str:
+    """What nobody can grasp."""
+    if protocol != ANY:
+        return ""
+    none = sum(not one.tries for one in result.scenes)
+    why = ", ".join(f"{reason} ({count})" for reason, count in result.reasons.most_common())
+    objects = f"Predicted objects without a grasp: {why}. " if why else ""
+    return f"Scenes without a grasp, not counted: {none}. {objects}"
 
 
 def _figure(result: GraspingResult) -> str:
