@@ -177,7 +177,7 @@ class LiftSimulation:
         after, went = chain.path(to_foot @ np.array([taking]), back[:, 0], came)
         return np.concatenate([back[0, ::-1], after[0]]) if went[0] else None
 
-    def _clear(self, arm: Arm, path: Sequence[Float64], bodies: Sequence[int]) -> bool:
+    def _clear(self, arm: Arm, path: Float64, bodies: Sequence[int]) -> bool:
         for joints in path:
             arm.place(joints)
             if arm.touches(bodies, self.clearance):
@@ -195,7 +195,7 @@ class LiftSimulation:
         return approach, taking
 
     def _drive(
-        self, arm: Arm, poses: Sequence[Float64], joints: Sequence[Float64], shots: _Shots | None
+        self, arm: Arm, poses: Sequence[Float64], joints: Float64, shots: _Shots | None
     ) -> None:
         strained = 0
         for target in self._targets(poses, joints):
@@ -208,7 +208,7 @@ class LiftSimulation:
                 if strained > _TOLERATED:
                     arm.release()
 
-    def _targets(self, poses: Sequence[Float64], joints: Sequence[Float64]) -> Iterator[Float64]:
+    def _targets(self, poses: Sequence[Float64], joints: Float64) -> Iterator[Float64]:
         for i in range(len(poses) - 1):
             length = float(np.linalg.norm(poses[i + 1][:3, 3] - poses[i][:3, 3]))
             steps = max(1, round(length / self.speed / self.engine.time_step))

@@ -138,8 +138,8 @@ class PandaArm:
     def _tool_mesh(self) -> TriangleMesh:
         import trimesh
 
-        rings = ((0.03, 0.0, 0.02), (self.rod, 0.02, self.tool - self.bellows))
-        rings += ((self.cup, self.tool - self.bellows, self.tool),)
+        soft = self.tool - self.bellows
+        rings = [(0.03, 0.0, 0.02), (self.rod, 0.02, soft), (self.cup, soft, self.tool)]
         made = [
             trimesh.creation.cylinder(radius, segment=[[0, 0, low], [0, 0, high]], sections=24)
             for radius, low, high in rings

@@ -27,7 +27,7 @@ class Surfaces:
         }
         corners = [mesh.vertices[mesh.faces] for mesh in self.meshes.values()]
         labels = [np.full(len(m.faces), label) for label, m in self.meshes.items()]
-        self._tree = Tree(np.float32(np.concatenate([np.zeros((0, 3, 3)), *corners])))
+        self._tree = Tree(np.concatenate([np.zeros((0, 3, 3)), *corners]).astype(np.float32))
         self._labels = np.concatenate([np.zeros(0, np.int32), *labels])[self._tree.order]
 
     def cast(self, origins: ArrayLike, directions: ArrayLike) -> tuple[Float64, Int32]:

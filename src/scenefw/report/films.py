@@ -112,7 +112,10 @@ def _triangles(film: Film, number: int) -> tuple[Float32, Float32]:
         placed = transform_points(pose, mesh.vertices)
         corners.append(placed[mesh.faces])
         colours.append(np.tile(table[label - 1] if label else _ROBOT, (len(mesh.faces), 1)))
-    return np.float32(np.concatenate(corners)), np.float32(np.concatenate(colours))
+    return (
+        np.concatenate(corners).astype(np.float32),
+        np.concatenate(colours).astype(np.float32),
+    )
 
 
 def _directions(camera: Camera) -> Float64:
