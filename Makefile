@@ -45,7 +45,7 @@ quick: lint types
 	$(TESTS) -m "not slow and not exhaustive" $(PYTEST)
 
 docs: install
-	$(BIN)/mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 	@echo outputs/site/index.html
 
 lint: install
