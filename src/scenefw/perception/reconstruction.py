@@ -52,8 +52,9 @@ class NetworkReconstructor:
             bumps on the surface.
         temperature: standard deviation of drawn codes. Below 1 samples are more typical and differ
             less (the truncation of Brock et al. 2019).
-        representations: of the volumes that come out, by name; tsdf and votes are among them,
-            and each is an output of the network. None: these two alone.
+        representations: of the volumes that come out, by name; tsdf and, where the network has
+            them, votes are among them, and each is an output of the network. None: these alone. The
+            extractor of a network without votes is given zeros: take one that needs none.
         typical_first: without it all samples are drawn.
         coupled: codes are drawn together; without it independently, as in the thesis.
 
@@ -78,7 +79,9 @@ class NetworkReconstructor:
                 f"smoothing is {smoothing}, temperature {temperature}; expected voxels and a "
                 "standard deviation of at least 0"
             )
-        standard: dict[str, Representation] = {"tsdf": TSDF(), "votes": VoteField()}
+        standard: dict[str, Representation] = {"tsdf": TSDF()}
+        if "votes" in checkpoint.model.outputs:
+            standard["votes"] = VoteField()
         self.representations = {**standard, **(representations or {})}
         _require_outputs(self.representations, checkpoint.model.outputs)
         self.grid = checkpoint.grid
@@ -137,7 +140,9 @@ class NetworkReconstructor:
         ]
 
     def _instances(self, volumes: Mapping[str, Tensor], grid: GridSpec) -> Tensor:
-        pairs = zip(volumes["tsdf"][:, 0], volumes["votes"], strict=True)
+        tsdf = volumes["tsdf"]
+        votes = volumes.get("votes", tsdf.new_zeros(1, 3, 1, 1, 1).expand(-1, -1, *tsdf.shape[2:]))
+        pairs = zip(tsdf[:, 0], votes.expand(len(tsdf), -1, -1, -1, -1), strict=True)
         return torch.stack([self.extractor.extract(tsdf, votes, grid)[0] for tsdf, votes in pairs])
 
 
