@@ -93,4 +93,6 @@ def test_shells_get_what_they_replace(name, breaks, expected):
 def test_other_commands_of_python_are_left_alone():
     install = f'eval "$({sys.executable} -m scenefw -sc install=bash)"; COMPREPLY=(old)'
     line = "COMP_LINE='python -m pip run=pr'; COMP_POINT=20"
-    assert shell("bash", f'{install}; {line}; _scenefw_module python; echo "${{COMPREPLY[@]}}"') == []
+    assert (
+        shell("bash", f'{install}; {line}; _scenefw_module python; echo "${{COMPREPLY[@]}}"') == []
+    )

@@ -83,7 +83,13 @@ def test_the_wheel_holds_configs_assets_and_templates(wheel):
 def test_the_source_package_can_be_tested_and_documented(source):
     with tarfile.open(source) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}
-    needed = ("Makefile", "constraints.txt", "mkdocs.yml", "docs/index.md", "tests/conftest.py")
+    needed = (
+        "Makefile",
+        "constraints.txt",
+        "mkdocs.yml",
+        "docs/quickstart.md",
+        "tests/conftest.py",
+    )
     assert set(needed) | {"LICENSE", "README.md", "CHANGELOG.md", "CITATION.cff"} <= names
 
 

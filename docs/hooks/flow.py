@@ -69,7 +69,8 @@ def draw():
         'fill="#202428">',
         "<title>The way of the data through scenefw</title>",
         '<defs><marker id="tip" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="8" '
-        f'markerHeight="8" orient="auto"><path d="M0 0 L8 4 L0 8 z" fill="{GREY}"/></marker></defs>',
+        f'markerHeight="8" orient="auto"><path d="M0 0 L8 4 L0 8 z" fill="{GREY}"/></marker>'
+        "</defs>",
     ]
     for row, (title, boxes) in enumerate(ROWS):
         x, y = corner(row, 0)

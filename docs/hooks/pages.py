@@ -78,10 +78,11 @@ def linked(match, origin, site, pages, repository):
     found = posixpath.normpath(posixpath.join(posixpath.dirname(origin), path))
     if not (ROOT / found).exists():
         log.warning("%s links to %s, which doesn't exist", origin, target)
-    found = found if found in pages or not (ROOT / found / "README.md").exists() else f"{found}/README.md"
+    found = next((f for f in (found, f"{found}/README.md") if f in pages), found)
     page = pages.get(found, found.removeprefix("docs/") if found.startswith("docs/") else None)
     if page:
-        return f"{picture}[{words}]({posixpath.relpath(page, posixpath.dirname(site) or '.')}{mark}{anchor})"
+        inside = posixpath.relpath(page, posixpath.dirname(site) or ".")
+        return f"{picture}[{words}]({inside}{mark}{anchor})"
     if repository:
         return f"[{words}]({repository.rstrip('/')}/blob/main/{found})"
     return words if words.strip("`") in found else f"{words} (`{found}`)"

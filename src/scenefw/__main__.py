@@ -45,7 +45,7 @@ usage: python -m scenefw [-m] [-v] [group=option ...] [key=value ...]
   --cfg job      prints the composed settings and stops
   -m             sweeps over comma-separated values
   -v             shows the whole traceback of an error
-  -sc install=bash   prints what completes all this in bash (zsh): eval "$(scenefw -sc install=bash)"
+  -sc install=bash   completes all this in bash (zsh), as eval "$(scenefw -sc install=bash)"
   --hydra-help   what Hydra adds to all this
   --version      prints the version
 

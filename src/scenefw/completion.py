@@ -17,7 +17,7 @@ from scenefw.listing import composed
 SHELLS = ("bash", "zsh")  # zsh by its bashcompinit
 UNINSTALL = "complete -r scenefw python python3"
 _FLAGS = ("--list", "--help", "--version", "--cfg", "--package", "--hydra-help", "-m", "-v")
-_CHOOSING = ("scale", "experiment", "ablation", "evaluation", "run")  # in the order they apply
+_CHOOSING = ("scale", "experiment", "ablation", "evaluation", "run")  # others too
 
 Options = Mapping[str, Mapping[str, Path]]
 
@@ -93,7 +93,7 @@ def _choices(root: list[Any], typed: list[str], options: Options) -> dict[str, l
     chosen = dict(_entries(root))
     pairs = (word.partition("=") for word in typed)
     given = {key: value.strip("[]").split(",") for key, _, value in pairs if key in options}
-    for group in _CHOOSING:
+    for group in dict.fromkeys([*_CHOOSING, *given]):
         for name in given.get(group, chosen.get(group, [])):
             if name in options.get(group, {}):
                 chosen |= dict(_overridden(options[group][name]))
