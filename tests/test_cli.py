@@ -236,9 +236,10 @@ def test_a_sweep_gives_each_run_a_folder(nil, tmp_path):
 
 
 @pytest.mark.exhaustive
-def test_runs_of_a_sweep_side_by_side(nil, tmp_path):
-    pytest.importorskip("hydra_plugins.hydra_joblib_launcher")
-    words = ("-m", "run=nil", "seed=1,2", "launcher=joblib", "device=cpu", "paths.output=out")
+@pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
+def test_runs_of_a_sweep_side_by_side(nil, tmp_path, launcher):
+    pytest.importorskip(f"hydra_plugins.hydra_{launcher.removesuffix('_local')}_launcher")
+    words = ("-m", "run=nil", "seed=1,2", f"launcher={launcher}", "device=cpu", "paths.output=out")
     done = nil(*words)
     assert done.returncode == 0, done.stderr
     assert len(list((tmp_path / "out").glob("*/metrics.json"))) == 2

@@ -76,7 +76,7 @@ def test_labels_are_learnt_at_the_scale_of_the_thesis(scenefw, tmp_path, name):
 def test_fused_maps_are_packed_and_trained_on(scenefw, tmp_path):
     words = ("debug=smoke", "paths.output=out")
     pack = ("experiment=label_maps", "run=pack_maps", "dataset=tabletop_fused_maps")
-    done = scenefw(*words, *pack, "run.workers=1")
+    done = scenefw(*words, *pack, "parallel.workers=1")
     assert done.returncode == 0, done.stderr[-3000:]
     assert "train: 2 of 2 maps" in done.stdout
     done = scenefw(*words, "experiment=label_maps", "dataset=tabletop_fused_maps_packed")

@@ -8,7 +8,7 @@ from scenefw import config, plugins
 
 WORDS = (
     ["experiment=simstack", "debug=smoke"],
-    ["experiment=label_maps", "scale=thesis", "run=pack_maps", "run.workers=1"],
+    ["experiment=label_maps", "scale=thesis", "run=pack_maps", "parallel.workers=1"],
     ["experiment=view_vs_map", "noise=[kinect,pose]", "hydra.job.name=other"],
 )
 

@@ -29,5 +29,9 @@ class StorageError(SceneFWError):
     """A file or folder can't be written or is damaged."""
 
 
+class WorkerError(SceneFWError):
+    """A process that did part of the work was lost."""
+
+
 class MissingDependencyError(SceneFWError):
     """An optional library is needed for this; the message names the install line."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     import numpy as np
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     )
 
 Item = TypeVar("Item")
+Found = TypeVar("Found")
 
 
 class ShapeSource(Protocol):
@@ -78,6 +79,18 @@ class SceneSource(Protocol):
 
     def generate(self, index: int, seed: int) -> Scene | None:
         """Attempt number `index` of the data set `seed`; None if the attempt failed."""
+
+
+class Workers(Protocol):
+    """Where independent pieces of work are done (group `parallel`)."""
+
+    def each(
+        self, work: Callable[[Item], Found], items: Sequence[Item], *, ordered: bool = True
+    ) -> Iterator[Found]:
+        """Results as they are done, in the order of the items if `ordered`.
+
+        `work`, items and results travel between processes.
+        """
 
 
 class SceneBatch(Protocol):

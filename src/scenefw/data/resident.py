@@ -8,6 +8,7 @@ from rich.progress import track
 from scenefw.core.errors import ConfigError
 from scenefw.core.labelling_protocols import TabletopSource
 from scenefw.data.tabletop import TabletopScenes
+from scenefw.parallel.local import Local
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
 from scenefw.renderers.tables import PreparedTable, Tables, prepared
 
@@ -31,9 +32,8 @@ class ResidentScenes:
                 f"{type(source.renderer).__name__} renders no batches on a device; give "
                 "renderer mesh_raycaster, or dataset=tabletop_views and tabletop_maps"
             )
-        if workers == 0:
-            raise ConfigError("workers = 0: expected a number of processes, or -1 for all cores")
-        self.source, self.workers, self.renderer = source, workers, source.renderer
+        self.source, self.renderer = source, source.renderer
+        self.parallel = Local(1 if len(source.numbers) <= _FEW else workers)
         self._tables: dict[torch.device, Tables] = {}
 
     def on(self, device: torch.device) -> Tables:
@@ -45,14 +45,9 @@ class ResidentScenes:
     def _make(self) -> list[PreparedTable]:
         source = self.source
         jobs = [(source.scenes, number, source.seed) for number in source.numbers]
-        if self.workers == 1 or len(jobs) <= _FEW:
-            return [_prepare(*job) for job in track(jobs, "scenes")]
-        from joblib import Parallel, delayed
-
-        work = Parallel(n_jobs=self.workers, backend="loky", return_as="generator", max_nbytes=None)
-        made = work(delayed(_prepare)(*job) for job in jobs)
-        return list(track(made, "scenes", total=len(jobs)))
+        return list(track(self.parallel.each(_prepare, jobs), "scenes", total=len(jobs)))
 
 
-def _prepare(scenes: TabletopSource, number: int, seed: int) -> PreparedTable:
+def _prepare(job: tuple[TabletopSource, int, int]) -> PreparedTable:
+    scenes, number, seed = job
     return prepared(scenes.geometry(scenes.generate(number, seed)))

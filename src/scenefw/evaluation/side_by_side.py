@@ -47,6 +47,12 @@ def side_by_side(
         return [next(results) for _ in track(items, what)]
 
 
+def alone(work: Callable[[Item], Result], item: Item) -> Result:
+    """The result of an item with one thread, for processes that are as many as the cores."""
+    with _one_thread_each():
+        return work(item)
+
+
 def _results(
     work: Callable[[Item], Result], items: Sequence[Item], workers: int
 ) -> Generator[Result, None, None]:

@@ -103,13 +103,20 @@ def _purity(counts: Array) -> Array:
 
 def _rectangle(points: Array) -> Array:
     """Longer and shorter side (2,) of the least rectangle about vertices (P, 2)."""
+    if len(points) < 3:  # noisy maps have thousands of these
+        return _upright(points)
     try:
         points = points[ConvexHull(points).vertices]
-    except (QhullError, ValueError):  # few, or all on a line
-        return np.sort(np.ptp(points, axis=0) + 1)[::-1]
+    except QhullError:  # all on a line
+        return _upright(points)
     sides = np.diff(np.concatenate([points, points[:1]]), axis=0)
     angle = np.unique(np.arctan2(sides[:, 1], sides[:, 0]) % (np.pi / 2))
     c, s = np.cos(angle)[:, None], np.sin(angle)[:, None]
     x, y = points.T
     extents = np.stack([np.ptp(c * x + s * y, axis=1), np.ptp(c * y - s * x, axis=1)], axis=1) + 1
     return np.sort(extents[extents.prod(axis=1).argmin()])[::-1]
+
+
+def _upright(points: Array) -> Array:
+    """Longer and shorter side (2,) of the rectangle about vertices that is along the axes."""
+    return np.sort(np.ptp(points, axis=0) + 1)[::-1]

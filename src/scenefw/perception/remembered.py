@@ -36,8 +36,8 @@ class _Last(NamedTuple):
 class Remembered:
     """Remembers the last view's scenes, which several methods of an evaluation begin with.
 
-    Each thread remembers its own. Nothing differs from asking anew: neither the scenes nor the
-    state in which the generator is left.
+    Each thread remembers its own; a copy in another process begins with nothing. Nothing differs
+    from asking anew: neither the scenes nor the state in which the generator is left.
 
     Args:
         inner: makes the scenes.
@@ -47,6 +47,9 @@ class Remembered:
         self.inner = inner
         self.grid, self.metadata = inner.grid, inner.metadata
         self._of_thread = threading.local()
+
+    def __reduce__(self) -> tuple[type[Remembered], tuple[Completing]]:
+        return Remembered, (self.inner,)
 
     def complete(
         self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator

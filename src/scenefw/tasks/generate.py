@@ -1,10 +1,11 @@
-"""Generates a data set of scenes on all cores, in shards that survive a kill."""
+"""Generates a data set of scenes in several processes, in shards that survive a kill."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 
 from scenefw.core.errors import ConfigError, StorageError
 from scenefw.core.files import require_writable
-from scenefw.core.protocols import SceneSource
+from scenefw.core.protocols import SceneSource, Workers
 from scenefw.core.versions import installed, versions
 from scenefw.scenes import statistics
 from scenefw.scenes.storage import StoredScenes, concatenate, load_scenes, pack, save_scenes
@@ -29,9 +30,9 @@ class Generate:
 
     Args:
         source: makes the scenes.
+        parallel: where shards are made.
         attempts: how many are tried.
         seed: of the data set.
-        workers: processes; -1 = one per core.
         shard_size: attempts per shard.
         shards: folder of the shards of all data sets.
         output: where the data set, its manifest and its figure go.
@@ -45,9 +46,9 @@ class Generate:
     def __init__(
         self,
         source: SceneSource,
+        parallel: Workers,
         attempts: int = 10_000,
         seed: int = 0,
-        workers: int = -1,
         shard_size: int = 50,
         shards: str = "outputs/scenes",
         output: str = "outputs",
@@ -56,14 +57,10 @@ class Generate:
         for key, value in (("attempts", attempts), ("shard_size", shard_size)):
             if value < 1:
                 raise ConfigError(f"run.{key} = {value}: expected at least 1")
-        if workers == 0:
-            raise ConfigError(
-                "run.workers = 0: expected a number of processes, or -1 for all cores"
-            )
         self.source = source
         self.attempts = attempts
         self.seed = seed
-        self.workers = workers
+        self.parallel = parallel
         self.shard_size = shard_size
         self.shards = shards
         self.output = output
@@ -104,23 +101,15 @@ class Generate:
     def _results(
         self, missing: Sequence[tuple[Path, tuple[int, int]]]
     ) -> Iterator[tuple[int, int]]:
-        if self.workers == 1:
-            for path, (start, stop) in missing:
-                yield make_shard(self.source, self.seed, start, stop, path)
-            return
-        from joblib import Parallel, delayed
-
-        workers = Parallel(n_jobs=self.workers, backend="loky", return_as="generator_unordered")
-        yield from workers(
-            delayed(make_shard)(self.source, self.seed, start, stop, path)
-            for path, (start, stop) in missing
-        )
+        work = partial(make_shard, self.source, self.seed)
+        yield from self.parallel.each(work, missing, ordered=False)
 
 
 def make_shard(
-    source: SceneSource, seed: int, start: int, stop: int, path: Path
+    source: SceneSource, seed: int, shard: tuple[Path, tuple[int, int]]
 ) -> tuple[int, int]:
     """Runs attempts start .. stop - 1 and writes their scenes; returns the numbers of both."""
+    path, (start, stop) = shard
     attempts = (source.generate(index, seed) for index in range(start, stop))
     scenes = [scene for scene in attempts if scene is not None]
     save_scenes(path, pack(scenes), {"seed": seed, "attempts": stop - start})

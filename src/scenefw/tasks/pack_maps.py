@@ -13,6 +13,7 @@ from scenefw.data.packed_maps import packed, save_maps
 
 if TYPE_CHECKING:
     from scenefw.core.labelling_protocols import MapArrays
+    from scenefw.core.protocols import Workers
 
 
 class PackMaps:
@@ -22,11 +23,11 @@ class PackMaps:
         train: maps to learn from; None = the chosen data set has none.
         validation: maps of other scenes to watch the training by.
         path: the file; `dataset=tabletop_fused_maps_packed` trains from it alone.
+        parallel: where maps are fused.
         megabytes: its largest size; None = any.
-        workers: processes, -1 = one per core.
 
     Raises:
-        ConfigError: no maps, splits of different classes, or no process.
+        ConfigError: no maps, or splits of different classes.
     """
 
     def __init__(
@@ -34,13 +35,9 @@ class PackMaps:
         train: MapArrays | None,
         validation: MapArrays | None,
         path: str | Path,
+        parallel: Workers,
         megabytes: float | None = 40.0,
-        workers: int = -1,
     ) -> None:
-        if workers == 0:
-            raise ConfigError(
-                "run.workers = 0: expected a number of processes, or -1 for all cores"
-            )
         if train is None or validation is None:
             raise ConfigError(
                 "run=pack_maps needs a data set of height maps; give dataset=tabletop_fused_maps, "
@@ -52,7 +49,7 @@ class PackMaps:
                 f"{list(validation.classes)} differ; give two splits of one data set"
             )
         self.splits = {"validation": validation, "train": train}
-        self.path, self.megabytes, self.workers = Path(path), megabytes, workers
+        self.path, self.megabytes, self.parallel = Path(path), megabytes, parallel
 
     def run(self) -> dict[str, float]:
         """Fuses and packs; returns the number of maps of each split and the size (MB)."""
@@ -66,14 +63,10 @@ class PackMaps:
         return {**{f"maps/{split}": float(held.get(split, 0)) for split in wanted}, "mb": size}
 
     def _packed(self) -> Iterator[tuple[str, bytes]]:
-        from joblib import Parallel, delayed
-
         jobs = [(split, maps, s) for split, maps in self.splits.items() for s in range(len(maps))]
-        # with one worker joblib runs a plain loop
-        work = Parallel(n_jobs=self.workers, return_as="generator", pre_dispatch="n_jobs")
-        made = work(delayed(_pack)(*job) for job in jobs)
-        yield from track(made, "packing maps", total=len(jobs))
+        yield from track(self.parallel.each(_pack, jobs), "packing maps", total=len(jobs))
 
 
-def _pack(split: str, maps: MapArrays, scene: int) -> tuple[str, bytes]:
+def _pack(job: tuple[str, MapArrays, int]) -> tuple[str, bytes]:
+    split, maps, scene = job
     return split, packed(*maps.arrays(scene))

@@ -11,6 +11,7 @@ from scenefw.data.mesh_stacks import MeshStacks, scene_set
 from scenefw.data.stacks import StackScenes
 from scenefw.data.views import ViewMaker
 from scenefw.mapping.projective import Projective
+from scenefw.parallel.local import Local
 from scenefw.renderers.sphere_tracer import SphereTracer
 from scenefw.representations.mesh_volumes import ExactSolids, SolidScenes
 from scenefw.representations.volumes import scene_volumes
@@ -127,7 +128,7 @@ def test_generated_stacks_of_meshes_stand(tmp_path):
     source = MeshSolids(str(tmp_path))
     generator = StackGenerator(source, PyBulletEngine(), minimum=2, maximum=2, split="test")
     folders = {"shards": str(tmp_path / "shards"), "output": str(tmp_path / "out")}
-    Generate(generator, attempts=2, workers=1, name="boxes", **folders).run()
+    Generate(generator, Local(1), attempts=2, name="boxes", **folders).run()
     stored = load_scenes(tmp_path / "out" / "boxes.npz")
     assert len(stored) >= 1
     assert stored.shapes("test") <= {b"box", b"brick"}

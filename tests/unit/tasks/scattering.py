@@ -6,6 +6,7 @@ import numpy as np
 
 from scenefw.core.rng import generator
 from scenefw.core.types import Pose, Scene, SceneObject
+from scenefw.parallel.local import Local
 from scenefw.shapes.library import SuperquadricLibrary
 from scenefw.tasks.generate import Generate
 
@@ -33,6 +34,9 @@ class Scattering:
 
 
 def generated(folder, source, **settings):
-    settings = {"attempts": 25, "workers": 1, "shard_size": 4} | settings
-    task = Generate(source, shards=str(folder / "shards"), output=str(folder / "out"), **settings)
+    settings = {"attempts": 25, "shard_size": 4} | settings
+    parallel = settings.pop("parallel", Local(1))
+    task = Generate(
+        source, parallel, shards=str(folder / "shards"), output=str(folder / "out"), **settings
+    )
     return task.run(), folder / "out" / "superquadric_stacks_v2.npz"

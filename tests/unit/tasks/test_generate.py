@@ -16,6 +16,7 @@ from tests.unit.tasks.scattering import Scattering, generated
 from scenefw import registry
 from scenefw.core.errors import ConfigError, StorageError
 from scenefw.data.stacks import shipped_scenes
+from scenefw.parallel.local import Local
 from scenefw.scenes import statistics
 from scenefw.scenes.storage import load_manifest, load_scenes
 from scenefw.tasks.generate import Generate, make_shard, recipe, simulators
@@ -48,7 +49,7 @@ def test_makes_data_set_manifest_and_figure(tmp_path):
 
 def test_workers_and_shards_make_no_difference(tmp_path):
     _, one = generated(tmp_path / "one", Scattering())
-    _, two = generated(tmp_path / "two", Scattering(), workers=2, shard_size=7)
+    _, two = generated(tmp_path / "two", Scattering(), parallel=Local(2), shard_size=7)
     assert same(one, two)
 
 
@@ -75,8 +76,9 @@ SCRIPT = """
 import sys
 sys.path.insert(0, sys.argv[1])
 from tests.unit.tasks.scattering import Scattering, generated
+from scenefw.parallel.local import Local
 from pathlib import Path
-generated(Path(sys.argv[2]), Scattering(pause=0.05), workers=int(sys.argv[3]))
+generated(Path(sys.argv[2]), Scattering(pause=0.05), parallel=Local(int(sys.argv[3])))
 """
 
 
@@ -109,15 +111,15 @@ def test_damaged_shards_are_made_anew(tmp_path):
     np.testing.assert_array_equal(load_scenes(path).positions, whole.positions)
 
 
-@pytest.mark.parametrize("wrong", [{"attempts": 0}, {"shard_size": 0}, {"workers": 0}])
+@pytest.mark.parametrize("wrong", [{"attempts": 0}, {"shard_size": 0}])
 def test_bad_settings(wrong):
     with pytest.raises(ConfigError, match=rf"run\.{next(iter(wrong))}"):
-        Generate(Scattering(), **wrong)
+        Generate(Scattering(), Local(1), **wrong)
 
 
 def test_unwritable_output(tmp_path):
     (tmp_path / "file").write_text("")
-    task = Generate(Scattering(), attempts=1, shards=str(tmp_path / "file"))
+    task = Generate(Scattering(), Local(1), attempts=1, shards=str(tmp_path / "file"))
     with pytest.raises(StorageError, match="cannot write"):
         task.run()
 
@@ -176,7 +178,7 @@ def test_shipped_data_sets_are_what_the_generator_makes(tmp_path, engine, name, 
     assert recipe(source) == {"split": None} | manifest["recipe"]
     for row in (0, len(stored) - 1):
         index, count = int(stored.index[row]), int(stored.count[row])
-        make_shard(source, manifest["seed"], index, index + 1, tmp_path / "again.npz")
+        make_shard(source, manifest["seed"], (tmp_path / "again.npz", (index, index + 1)))
         again = load_scenes(tmp_path / "again.npz")
         assert again.count.tolist() == [count]
         for field, array in stored.arrays().items():

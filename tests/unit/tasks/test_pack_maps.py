@@ -7,6 +7,7 @@ from tests.unit.data.rectangles import Rectangles
 from scenefw.core.errors import ConfigError
 from scenefw.data.map_crops import StoredMaps
 from scenefw.data.packed_maps import PackedMaps
+from scenefw.parallel.local import Local
 from scenefw.tasks.pack_maps import PackMaps
 
 
@@ -17,7 +18,7 @@ def splits():
 @pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.exhaustive)])
 def test_maps_are_packed(tmp_path, workers, capsys):
     path = tmp_path / "maps.npz"
-    figures = PackMaps(*splits(), path, workers=workers).run()
+    figures = PackMaps(*splits(), path, Local(workers)).run()
     assert figures["maps/train"] == 3
     assert figures["maps/validation"] == 1
     assert figures["mb"] == pytest.approx(path.stat().st_size / 1e6)
@@ -29,12 +30,10 @@ def test_maps_are_packed(tmp_path, workers, capsys):
 
 
 def test_wrong_use(tmp_path):
-    with pytest.raises(ConfigError, match=r"run\.workers = 0"):
-        PackMaps(*splits(), tmp_path / "maps.npz", workers=0)
     train, validation = splits()
     validation.classes = ("surface", "coin")
     with pytest.raises(ConfigError, match="differ"):
-        PackMaps(train, validation, tmp_path / "maps.npz")
+        PackMaps(train, validation, tmp_path / "maps.npz", Local(1))
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,9 @@
 """Shape and instances from one view, by visibility (thesis table 5.1, figs 5.24, 5.25)."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import product
+from typing import TypeVar
 
 import numpy as np
 import torch
@@ -16,11 +18,12 @@ from scenefw.core.protocols import (
     Reconstructor,
     Renderer,
     Track,
+    Workers,
 )
 from scenefw.core.types import Camera, Float64, GridSpec
 from scenefw.data.stacks import SceneSet
 from scenefw.data.views import ViewBatch, ViewMaker, Viewpoints
-from scenefw.evaluation.side_by_side import side_by_side
+from scenefw.evaluation.side_by_side import alone, side_by_side
 from scenefw.evaluation.stacks.draw_results import DrawsResult, DrawView
 from scenefw.evaluation.stacks.draws import DrawScoring, Truth
 from scenefw.evaluation.stacks.methods import BASE_RATE, TRAINING_MEAN
@@ -37,6 +40,9 @@ from scenefw.metrics.occupancy import (
     occupancy_iou,
     probable_occupancy,
 )
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 _TEST, _CALIBRATION = Streams(1, 2, 3), Streams(11, 12, 13)
 
@@ -67,6 +73,7 @@ class ReconstructionEvaluation:
         device: where volumes and views are computed.
         draws: judges samples as samples, and knows the forecasts without an image; or None.
         workers: views at once; None: on the CPU as many as torch has threads, on a GPU one.
+        parallel: processes that score views, each on its own; None: threads of this one.
 
     Raises:
         ConfigError: no method, no worker, or no grid.
@@ -90,10 +97,12 @@ class ReconstructionEvaluation:
         device: str = "cpu",
         draws: DrawScoring | None = None,
         workers: int | None = None,
+        parallel: Workers | None = None,
     ) -> None:
         if workers is not None and workers < 1:
             raise ConfigError(f"workers is {workers}; expected at least 1, or null")
         self.workers = 1 if workers is None and torch.device(device).type != "cpu" else workers
+        self.parallel = parallel
         self.methods = {name: method for name, method in methods.items() if method is not None}
         if not self.methods or views < 1 or samples < 1:
             raise ConfigError(
@@ -121,9 +130,7 @@ class ReconstructionEvaluation:
         """Scores all views; `track(items, what)` shows a bar of the loop."""
         calibration = self._calibration(track)
         pairs = list(product(range(len(self.scenes)), range(self.views)))
-        found = side_by_side(
-            lambda pair: self._both(*pair), pairs, track, "test views", self.workers
-        )
+        found = self._each(lambda pair: self._both(*pair), pairs, track, "test views")
         views = [scores for scores, _ in found]
         drawn = [outcome for _, outcome in found if outcome]
         names = (*self.methods, *self.extractors)
@@ -171,10 +178,18 @@ class ReconstructionEvaluation:
         if self.draws is None:
             return ()
         draws, rows = self.draws, range(len(self.draws.calibration))
-        found = side_by_side(
-            lambda row: self._calibrated(draws, row), rows, track, "calibration views", self.workers
+        return tuple(
+            self._each(lambda row: self._calibrated(draws, row), rows, track, "calibration views")
         )
-        return tuple(found)
+
+    def _each(
+        self, work: Callable[[Item], Result], items: Sequence[Item], track: Track, what: str
+    ) -> list[Result]:
+        """Results of views, in their order."""
+        if self.parallel is None:
+            return side_by_side(work, items, track, what, self.workers)
+        results = self.parallel.each(partial(alone, work), items)
+        return [next(results) for _ in track(items, what)]
 
     @torch.no_grad()
     def _calibrated(self, draws: DrawScoring, row: int) -> DrawView:

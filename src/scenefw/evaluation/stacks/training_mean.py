@@ -1,7 +1,5 @@
 """What is known before any image: how often each voxel is occupied in the training scenes."""
 
-from functools import lru_cache
-
 import numpy as np
 
 from scenefw.core.types import Float64, GridSpec
@@ -20,7 +18,7 @@ class TrainingMean:
 
     def __init__(self, scenes: StackScenes) -> None:
         self.scenes = scenes
-        self._of = lru_cache(maxsize=4)(self._counted)
+        self._counts: dict[GridSpec, Float64] = {}
 
     def probability(self, grid: GridSpec) -> Float64:
         """Share (X, Y, Z) of scenes in which a voxel is occupied, never 0 or 1.
@@ -33,6 +31,11 @@ class TrainingMean:
     def rate(self, grid: GridSpec) -> float:
         """The share of all voxels that is occupied."""
         return float(self._of(grid).mean() / len(self.scenes))
+
+    def _of(self, grid: GridSpec) -> Float64:
+        if grid not in self._counts:
+            self._counts[grid] = self._counted(grid)
+        return self._counts[grid]
 
     def _counted(self, grid: GridSpec) -> Float64:
         counts = np.zeros(grid.shape)

@@ -12,6 +12,7 @@ from scenefw.evaluation.stacks.reconstruction import ReconstructionEvaluation
 from scenefw.evaluation.stacks.references import PartialSurface
 from scenefw.evaluation.stacks.surface_scores import SurfaceScoring
 from scenefw.mapping.projective import Projective
+from scenefw.parallel.local import Local
 from scenefw.postprocessing.connected_components import ConnectedComponents
 from scenefw.postprocessing.hough_voting import HoughVoting
 from scenefw.renderers.sphere_tracer import SphereTracer
@@ -155,6 +156,17 @@ def test_views_side_by_side_give_the_same_figures():
     one, two = (
         evaluation(coin, scenes, grid=GridSpec(resolution=16), workers=workers).run()
         for workers in (1, 2)
+    )
+    assert one.figures == two.figures
+
+
+@pytest.mark.exhaustive
+def test_views_scored_by_other_processes_give_the_same_figures():
+    scenes = StackScenes(split="test", limit=3)
+    methods = {"partial_tsdf": PartialSurface(ConnectedComponents())}
+    one, two = (
+        evaluation(methods, scenes, grid=GridSpec(resolution=16), **where).run()
+        for where in ({"workers": 1}, {"parallel": Local(2)})
     )
     assert one.figures == two.figures
 
