@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import torch
@@ -13,7 +14,15 @@ from scenefw.core import rng
 from scenefw.core.batches import Completion
 from scenefw.core.errors import ConfigError
 from scenefw.core.grasps import Film, Lift, RankedGrasp, Ranking
-from scenefw.core.protocols import Grasping, MappingMethod, Noise, Reconstructor, Renderer, Track
+from scenefw.core.protocols import (
+    Grasping,
+    MappingMethod,
+    Noise,
+    Reconstructor,
+    Renderer,
+    Track,
+    Workers,
+)
 from scenefw.core.types import Camera, GridSpec, Int32, PlacedShape, SceneObject
 from scenefw.data.stacks import SceneSet
 from scenefw.data.views import ViewMaker, Viewpoints
@@ -72,12 +81,12 @@ class GraspingEvaluation:
         grid: for a method that has none.
         still: objects that move by less are undisturbed (m).
         examples: scenes whose chosen grasp is filmed.
-        workers: processes that simulate; -1 = one per core.
+        parallel: processes that simulate; None: this one alone.
         seed: of cameras, noise and codes.
         device: where volumes and views are computed.
 
     Raises:
-        ConfigError: no grid, or no worker.
+        ConfigError: no grid.
     """
 
     def __init__(
@@ -93,19 +102,17 @@ class GraspingEvaluation:
         grid: GridSpec | None = None,
         still: float = 0.01,
         examples: int = 3,
-        workers: int = -1,
+        parallel: Workers | None = None,
         seed: int = 0,
         device: str = "cpu",
     ) -> None:
         common = method.grid or grid
         if common is None:
             raise ConfigError("the method has no grid; give evaluation.grid=${grid}")
-        if workers == 0:
-            raise ConfigError("evaluation.workers is 0; expected processes, or -1 for all cores")
         self.views = ViewMaker(common, viewpoints, renderer, mapping, noise)
         self.scenes, self.method, self.grasping = scenes, method, grasping
         self.bodies = bodies or BodyMaker()
-        self.still, self.examples, self.workers = still, examples, workers
+        self.still, self.examples, self.parallel = still, examples, parallel
         self.seed, self.device = seed, device
 
     @torch.no_grad()
@@ -120,12 +127,8 @@ class GraspingEvaluation:
         return GraspingResult(tuple(one for one, _ in found), self.still, films)
 
     def _simulated(self, jobs: list[Job]) -> Iterator[tuple[SceneGrasps, GraspExample | None]]:
-        if self.workers == 1:
-            return (grasp_scene(self.grasping, job) for job in jobs)
-        from joblib import Parallel, delayed
-
-        pool = Parallel(n_jobs=self.workers, backend="loky", return_as="generator")
-        return iter(pool(delayed(grasp_scene)(self.grasping, job) for job in jobs))
+        work = partial(grasp_scene, self.grasping)
+        return map(work, jobs) if self.parallel is None else self.parallel.each(work, jobs)
 
     def _job(self, row: int, *, film: bool) -> Job:
         parameters = self.scenes.parameters([row], self.device)

@@ -82,7 +82,7 @@ def test_who_knows_the_truth_does_as_predicted(tmp_path, monkeypatch):
     scenes = StackScenes(split="val", limit=1)
     result = GraspingEvaluation(
         scenes, Knowing(scenes), RandomViewpoints(width=80, height=60), SphereTracer(),
-        Projective(), grasping(hidden=True), examples=1, workers=1,
+        Projective(), grasping(hidden=True), examples=1,
     ).run()  # fmt: skip
     ((scene, tries),) = result.groups[ANY]
     assert scene == scenes.indices[0]
