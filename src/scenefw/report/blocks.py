@@ -51,7 +51,22 @@ class Picture:
     shareable: bool = True
 
 
-Block = Text | Points | Code | Drawing | Picture | Table
+@dataclass(frozen=True)
+class Scenes:
+    """Scenes to turn, one at a time; `report.scenes3d.packed` makes it.
+
+    Args:
+        header: JSON that says what is where in the data.
+        data: base64 of gzipped arrays.
+        caption: one line.
+    """
+
+    header: str
+    data: str
+    caption: str = ""
+
+
+Block = Text | Points | Code | Drawing | Picture | Scenes | Table
 
 
 @dataclass(frozen=True)
