@@ -64,7 +64,7 @@ python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "scenefw needs Python 3.11 or newer: make run PYTHON=/path/to/python3.11"; exit 1; }
 
-# open3d, the peer in tests and benchmarks, loads these libraries.
+# open3d, the peer in tests and benchmarks, loads these libraries; pages are tested in Chromium.
 system:
 	@if $(PYTHON) -c '$(LOADABLE)' 2>/dev/null; then :; \
 	elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
@@ -72,6 +72,12 @@ system:
 	    DEBIAN_FRONTEND=noninteractive apt-get install -qq -y --no-install-recommends $(SYSTEM); } \
 	  || echo "the tests against open3d need: apt-get install $(SYSTEM)"; \
 	else echo "the tests against open3d need: sudo apt-get install $(SYSTEM)"; fi
+	@if command -v chromium >/dev/null; then :; \
+	elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	  { apt-get update -qq && \
+	    DEBIAN_FRONTEND=noninteractive apt-get install -qq -y --no-install-recommends chromium; } \
+	  || echo "the tests of pages in a browser need: apt-get install chromium"; \
+	else echo "the tests of pages in a browser need: sudo apt-get install chromium"; fi
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

@@ -1,6 +1,8 @@
 """Building blocks of pages and documents: text, drawings, pictures and tables, in sections."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from scenefw.report.tables import Table
 
@@ -56,12 +58,12 @@ class Scenes:
     """Scenes to turn, one at a time; `report.scenes3d.packed` makes it.
 
     Args:
-        header: JSON that says what is where in the data.
+        header: what is where in the data, as JSON types.
         data: base64 of gzipped arrays.
         caption: one line.
     """
 
-    header: str
+    header: Mapping[str, Any]
     data: str
     caption: str = ""
 

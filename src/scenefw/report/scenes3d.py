@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import gzip
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -97,10 +96,8 @@ def packed(scenes: Sequence[Scene3D], caption: str = "", most_points: int = 2000
             for scene in scenes
         ],
     }
-    # Browsers take what looks like a tag inside a script for the end of it
-    text = json.dumps(header).replace("<", "\\u003c")
     data = base64.b64encode(gzip.compress(buffer.content(), 9, mtime=0)).decode("ascii")
-    return Scenes(text, data, caption)
+    return Scenes(header, data, caption)
 
 
 class _Buffer:

@@ -39,7 +39,7 @@ def scene():
 
 
 def unpacked(block):
-    header = json.loads(block.header)
+    header = json.loads(json.dumps(block.header))
     data = gzip.decompress(base64.b64decode(block.data))
 
     def array(place, kind):

@@ -78,6 +78,7 @@ def test_without_hypotheses_there_is_one_scene(tmp_path, pipeline):
         "object_02.ply",
         "overview.png",
         "scene.glb",
+        "scene.html",
         "scene.json",
     ]
     files = [*scene, "volumes.npz"]  # the network gives one volume more
