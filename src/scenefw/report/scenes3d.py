@@ -56,18 +56,21 @@ class Scene3D:
     frame: Frame
 
 
-def layer(name: str, estimate: SceneEstimate, colours: Sequence[Colour]) -> Layer:
-    """The objects of an estimate; their names say id, size and confidence.
+def layer(
+    name: str, estimate: SceneEstimate, colours: Sequence[Colour], *, confidence: bool = True
+) -> Layer:
+    """The objects of an estimate; their names say id and size.
 
     Args:
         name: of the layer.
         estimate: the scene.
         colours: of its objects, in their order.
+        confidence: it is known; names say it too.
     """
     solids = []
     for item, colour in zip(estimate.objects, colours, strict=True):
         size = " × ".join(f"{100 * side:.0f}" for side in item.extents)
-        text = f"{item.id}: {size} cm, {item.confidence:.0%}"
+        text = f"{item.id}: {size} cm" + (f", {item.confidence:.0%}" if confidence else "")
         solids.append(Solid(text, colour, item.mesh))
     return Layer(name, tuple(solids))
 
