@@ -30,7 +30,7 @@ THREADS := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 OMP_WAIT_POLICY=PASSIVE OP
 TESTS := $(THREADS) $(BIN)/python -m pytest -n 2 --dist worksteal
 
 .DELETE_ON_ERROR:
-.PHONY: run test test-all quick docs lint types install python system clean help
+.PHONY: run test test-all quick docs lint types install python system browser clean help
 
 run: install
 	$(BIN)/python -m scenefw experiment=simstack $(ARGS)
@@ -38,7 +38,7 @@ run: install
 test: lint types
 	$(TESTS) -m "not exhaustive" $(PYTEST)
 
-test-all: lint types
+test-all: lint types browser
 	$(TESTS) $(PYTEST)
 
 quick: lint types
@@ -77,6 +77,15 @@ system:
 	    DEBIAN_FRONTEND=noninteractive apt-get install -qq -y --no-install-recommends $(SYSTEM); } \
 	  || echo "the tests against open3d need: apt-get install $(SYSTEM)"; \
 	else echo "the tests against open3d need: sudo apt-get install $(SYSTEM)"; fi
+
+# Pages are tested in Chromium, if it can be had.
+browser:
+	@if command -v chromium >/dev/null; then :; \
+	elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	  { apt-get update -qq && \
+	    DEBIAN_FRONTEND=noninteractive apt-get install -qq -y --no-install-recommends chromium; } \
+	  || echo "the tests of pages in a browser need: apt-get install chromium"; \
+	else echo "the tests of pages in a browser need: sudo apt-get install chromium"; fi
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

@@ -28,18 +28,20 @@ from scenefw.perception.pipeline import Pipeline, View
 from scenefw.perception.settling import words as settled_words
 from scenefw.report.hypotheses import draw_hypotheses
 from scenefw.report.overview import write_overview
+from scenefw.report.page import write_scene_page
 from scenefw.report.palette import Colour, instance_colours
 from scenefw.report.pictures import save_picture
+from scenefw.report.scenes3d import Scene3D, layer, packed
 
 
 class Predict:
     """Completes the objects of depth images; each image gets its own folder.
 
-    A folder holds `scene.glb`, `object_01.ply` ..., `scene.json` and `overview.png`, and what other
-    codes make of the image in `hypothesis_2` ... and `hypotheses.png`; it appears when all of them
-    are written. Volumes of further representations are in `volumes.npz`, by name. An unusable image
-    doesn't lose the others: it is reported at the end. Only if every image is unusable does the
-    task fail.
+    A folder holds `scene.glb`, `object_01.ply` ..., `scene.json`, `overview.png`, and `scene.html`
+    to turn all hypotheses in. What other codes make of the image is in `hypothesis_2` ... and
+    `hypotheses.png`. The folder appears when all of them are written. Volumes of further
+    representations are in `volumes.npz`, by name. An unusable image doesn't lose the others: it is
+    reported at the end. Only if every image is unusable does the task fail.
 
     Args:
         input: a depth image or a folder of them.
@@ -48,6 +50,7 @@ class Predict:
         intrinsics: file with the intrinsics of .png and .npy images; None looks beside them.
         depth_scale: metres per unit of integer depth; None = that of the format, else millimetres.
         overview: also draw pictures.
+        page: also write `scene.html`, which needs no other file, server or network.
         settling: lets the objects come to rest first; None leaves them as predicted.
         hypotheses: also write what drawn codes give; how many, `pipeline.samples` says.
         exports: what writes further files of each scene, by name.
@@ -68,6 +71,7 @@ class Predict:
         settling: Settling | None = None,
         *,
         overview: bool = True,
+        page: bool = True,
         hypotheses: bool = True,
         exports: Mapping[str, SceneFormat] | None = None,
         masks: str | Path | None = None,
@@ -82,7 +86,7 @@ class Predict:
         self.intrinsics = intrinsics
         self.depth_scale = depth_scale
         self.settling = settling
-        self.overview = overview
+        self.overview, self.page = overview, page
         self.hypotheses = hypotheses
         self.exports = dict(exports or {})
         self.masks = None if masks is None else Path(masks)
@@ -145,9 +149,14 @@ class Predict:
         estimate, *others = self._scenes(view)
         with _replacing_folder(folder) as temporary:
             colours = self._write_scene(temporary, estimate)
+            layers = [layer("most typical", estimate, colours)]
             for number, other in enumerate(others, start=2):
                 (temporary / f"hypothesis_{number}").mkdir()
-                self._write_scene(temporary / f"hypothesis_{number}", other)
+                shown = self._write_scene(temporary / f"hypothesis_{number}", other)
+                layers.append(layer(f"hypothesis {number}", other, shown))
+            if self.page:
+                scene = Scene3D(frame.name, tuple(layers), estimate.frame)
+                write_scene_page(temporary / "scene.html", frame.name or "scene", packed([scene]))
             if self.overview:
                 partial = view.partial.distance[0, 0].cpu().numpy()
                 write_overview(temporary / "overview.png", estimate, partial, colours, frame)
