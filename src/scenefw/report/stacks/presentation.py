@@ -5,16 +5,19 @@ from pathlib import Path
 from scenefw.core.protocols import Result
 from scenefw.evaluation.stacks.real_masks import RealMaskResult
 from scenefw.evaluation.stacks.results import ReconstructionResult
+from scenefw.evaluation.stacks.several_views_results import SeveralViewsResult
 from scenefw.evaluation.stacks.stability_results import StabilityResult
 from scenefw.report.blocks import Section
 from scenefw.report.presentation import Show, sections_by_class
 from scenefw.report.stacks.real_masks import real_mask_sections
 from scenefw.report.stacks.reconstruction import reconstruction_sections
+from scenefw.report.stacks.several_views import several_views_sections
 from scenefw.report.stacks.stability import stability_sections
 
 _SHOWN_BY: dict[type, Show] = {
     ReconstructionResult: lambda result, _: reconstruction_sections(result),
     RealMaskResult: real_mask_sections,
+    SeveralViewsResult: several_views_sections,
     StabilityResult: lambda result, _: stability_sections(result),
 }
 
