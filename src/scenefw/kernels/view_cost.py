@@ -105,9 +105,7 @@ def _cost_of(
 
 
 @element
-def _cost(
-    i, slots, volume, depth, intrinsics, poses, surface, empty, slopes, size, box, sampling
-):
+def _cost(i, slots, volume, depth, intrinsics, poses, surface, empty, slopes, size, box, sampling):
     row, u = i // size[1], i % size[1]
     view, v = row // size[2], row % size[2]
     slot = view * slots + v * slots // size[2]

@@ -108,10 +108,8 @@ class OptimisedCode:
             costs.append(float(self._cost(free, inputs, everything, grid)))
         return (free.detach() if costs[-1] <= min(costs) else best).cpu(), costs
 
-    def _cost(
-        self, code: Tensor, inputs: Tensor, views: PartialTSDF, grid: GridSpec
-    ) -> Tensor:
-        assert views.depth is not None and views.cameras is not None  # noqa: S101, PT018
+    def _cost(self, code: Tensor, inputs: Tensor, views: PartialTSDF, grid: GridSpec) -> Tensor:
+        assert views.depth is not None and views.cameras is not None  # noqa: PT018
         tsdf = self.network.model.predict(inputs, code).volumes["tsdf"][0, 0].float()
         surface, empty = self.renderer.costs(tsdf, grid, views.depth, views.cameras)
         total: Tensor = surface + empty + 0.5 * self.prior * code.square().mean()

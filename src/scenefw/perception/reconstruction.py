@@ -127,7 +127,9 @@ class NetworkReconstructor:
         """Complete scenes of given codes (S, B, latent_size)."""
         return self._completions(self._decoded(self.inputs(partial, grid), grid, codes), grid)
 
-    def _decoded(self, inputs: Tensor, grid: GridSpec, all_codes: Tensor) -> list[dict[str, Tensor]]:
+    def _decoded(
+        self, inputs: Tensor, grid: GridSpec, all_codes: Tensor
+    ) -> list[dict[str, Tensor]]:
         results = []
         for codes in all_codes.split(_CODES_AT_ONCE):
             found = dict(self.model.predict(inputs, codes.flatten(0, 1).to(self.device)).volumes)

@@ -16,9 +16,7 @@ SCORES = {
     "chamfer_full": Measure(
         "Chamfer, 1000 points", "Chamfer distance of 1000 points", "mm", 1, "lower", 1000.0
     ),
-    "excess": Measure(
-        "excess", "dense Chamfer distance over its floor", "mm", 1, "lower", 1000.0
-    ),
+    "excess": Measure("excess", "dense Chamfer distance over its floor", "mm", 1, "lower", 1000.0),
     "fscore_1cm": Measure("F, 1 cm", "F-score at 1 cm", "", 3, "higher"),
     "occupancy_iou": Measure("occupancy IoU", "", "", 3, "higher"),
     "instance_iou": Measure("instance IoU", "", "", 3, "higher"),
