@@ -133,12 +133,17 @@ class SeveralViewsEvaluation:
     @torch.no_grad()
     def made(self, seen: SeenOften) -> Iterator[tuple[str, int, list[Completion]]]:
         """Different scenes that each method makes of each number of views."""
-        views = [batch.partial for batch in seen.batches]
-        for name, method in self.methods.items():
+        for name in self.methods:
             for count in self.counts:
-                generator = torch.Generator().manual_seed(seen.codes)
-                some = method.complete(views[:count], self.grid, self.samples, generator)
-                yield name, count, list({id(one): one for one in some}.values())
+                yield name, count, self.made_by(name, seen, count)
+
+    @torch.no_grad()
+    def made_by(self, name: str, seen: SeenOften, count: int) -> list[Completion]:
+        """Different scenes that one method makes of the first views."""
+        views = [batch.partial for batch in seen.batches[:count]]
+        generator = torch.Generator().manual_seed(seen.codes)
+        some = self.methods[name].complete(views, self.grid, self.samples, generator)
+        return list({id(one): one for one in some}.values())
 
     @torch.no_grad()
     def score(self, row: int) -> SceneScores:
