@@ -18,7 +18,9 @@ from scenefw.perception.fitted import Fitted
 from scenefw.perception.fitted_to_views import FittedToViews
 from scenefw.perception.optimised_code import OptimisedCode
 from scenefw.perception.parts_of_views import PartsOfViews
+from scenefw.perception.points import world_points
 from scenefw.perception.reconstruction import NetworkReconstructor
+from scenefw.perception.seen_frames import seen_frames
 from scenefw.renderers.differentiable import Differentiable
 from scenefw.representations.volumes import scene_volumes
 
@@ -39,7 +41,8 @@ class HalfSeen:
         side = float(partial.cameras.T_world_camera[0, 0, 3])
         near = torch.from_numpy(grid.centres()[..., 0] * np.sign(side) > -0.03)
         labels = torch.where(near, volumes.instances[0], 0).int()
-        shown = (partial.depth > 0) & (partial.depth < 1.0)
+        (frame,) = seen_frames(partial, "a test")
+        shown = torch.from_numpy(world_points(frame)[..., 2] > 0.01)[None]  # not the floor
         return [Completion(volumes.tsdf[:, 0], labels[None], masks=shown.int())]
 
 
