@@ -100,9 +100,9 @@ class OptimisedCode:
             with torch.enable_grad():
                 cost = self._cost(free, inputs, everything, grid)
                 (free.grad,) = torch.autograd.grad(cost, free)
-            if not costs or float(cost) < min(costs):
-                best = free.detach().clone()
             costs.append(float(cost.detach()))
+            if costs[-1] <= min(costs):
+                best = free.detach().clone()
             adam.step()
         with torch.no_grad():
             costs.append(float(self._cost(free, inputs, everything, grid)))
