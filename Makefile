@@ -2,6 +2,7 @@
 # make test   the same for the checks and tests, but those marked as exhaustive
 # make quick  the same without tests that are marked as slow
 # make test-all  all tests, as continuous integration runs them
+# make docs   the documents as a site, outputs/site/index.html
 #
 # PYTHON=...       the Python to use (3.11 or newer)
 # ARGS="..."       more overrides for `make run`, e.g. ARGS="run=predict input=view.npz"
@@ -29,7 +30,7 @@ THREADS := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 OMP_WAIT_POLICY=PASSIVE OP
 TESTS := $(THREADS) $(BIN)/python -m pytest -n 2 --dist worksteal
 
 .DELETE_ON_ERROR:
-.PHONY: run test test-all quick lint types install python system clean help
+.PHONY: run test test-all quick docs lint types install python system clean help
 
 run: install
 	$(BIN)/python -m scenefw experiment=simstack $(ARGS)
@@ -42,6 +43,10 @@ test-all: lint types
 
 quick: lint types
 	$(TESTS) -m "not slow and not exhaustive" $(PYTEST)
+
+docs: install
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@echo outputs/site/index.html
 
 lint: install
 	$(BIN)/ruff check .
@@ -57,7 +62,7 @@ $(STAMP): pyproject.toml constraints.txt | python system
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || \
 	  { $(PYTHON) -m pip install --quiet --user virtualenv && $(PYTHON) -m virtualenv $(VENV); }
 	$(PIP) $(if $(TORCH_INDEX),--index-url $(TORCH_INDEX)) "$(TORCH)"
-	$(PIP) --editable ".[all,test]"
+	$(PIP) --editable ".[all,test,docs]"
 	touch $@
 
 python:
@@ -77,4 +82,4 @@ clean:
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 
 help:
-	@sed -n 's/^# \?//p' Makefile | head -9
+	@sed -n 's/^# \?//p' Makefile | head -10

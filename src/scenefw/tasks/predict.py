@@ -7,7 +7,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -94,29 +94,42 @@ class Predict:
             InputError: there is no image, or none is usable.
             StorageError: the output folder can't be written.
         """
+        objects = 0
+        start = time.perf_counter()
+
+        def predict(image: Path, folder: Path) -> None:
+            nonlocal objects
+            objects += len(self.predict(image, folder).objects)
+
+        figures = self.each(predict)
+        return figures | {
+            "objects_per_image": objects / (figures["images"] - figures["failed"]),
+            "seconds_per_image": (time.perf_counter() - start) / figures["images"],
+        }
+
+    def each(self, work: Callable[[Path, Path], object]) -> dict[str, float]:
+        """Does something with each image and its folder; returns how many, and how many failed.
+
+        Raises:
+            InputError: there is no image, or none is usable.
+            StorageError: the output folder can't be written.
+        """
         from rich.progress import track
 
         images = find_images(self.input)
         require_writable(self.output)
-        start, objects, failures = time.perf_counter(), 0, {}
-        folders = _folders(images, self.input)
-        steps = list(zip(images, folders, strict=True))
+        failures = {}
+        steps = list(zip(images, _folders(images, self.input), strict=True))
         for image, folder in track(steps, "images", disable=len(images) == 1):
             try:
-                objects += len(self.predict(image, self.output / folder).objects)
+                work(image, self.output / folder)
             except InputError as error:
                 failures[image] = error
         if len(failures) == len(images):
             raise _all_failed(failures)
         for image, reason in failures.items():
             print(f"skipped {image}: {reason}", file=sys.stderr)
-        done = len(images) - len(failures)
-        return {
-            "images": float(len(images)),
-            "failed": float(len(failures)),
-            "objects_per_image": objects / done,
-            "seconds_per_image": (time.perf_counter() - start) / len(images),
-        }
+        return {"images": float(len(images)), "failed": float(len(failures))}
 
     def predict(self, image: Path, folder: Path) -> SceneEstimate:
         """Predicts one image and writes its folder, which appears whole or not at all.
