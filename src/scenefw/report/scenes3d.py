@@ -142,10 +142,10 @@ def _solid(solid: Solid, buffer: _Buffer) -> dict[str, Any]:
 def _points(frame: Frame, buffer: _Buffer, most: int) -> dict[str, Any]:
     stride = max(1, int(np.ceil(np.sqrt(np.count_nonzero(frame.depth) / most))))
     points = world_points(frame, stride)
-    kept = np.isfinite(points).all(axis=-1)
+    kept = np.asarray(np.isfinite(points).all(axis=-1))
     kept[kept] = np.abs(points[kept]).max(axis=-1, initial=0) < _FARTHEST
     if frame.colour is None:
-        colours = np.broadcast_to(np.uint8(_GREY), (int(kept.sum()), 3))
+        colours = np.broadcast_to(np.array(_GREY, dtype=np.uint8), (int(kept.sum()), 3))
     else:
         colours = frame.colour[::stride, ::stride][kept]
     return {

@@ -101,7 +101,8 @@ class SeveralViewsEvaluation:
                 f"several views need methods, numbers of views and samples, got "
                 f"{len(self.methods)}, {list(counts)} and {samples}; expected at least 1 of each"
             )
-        own = {one.grid for one in self.methods.values() if one.grid is not None} or {grid}
+        own: set[GridSpec | None] = {one.grid for one in self.methods.values() if one.grid}
+        own = own or {grid}
         if len(own) > 1:
             raise ConfigError("the methods have several grids; give networks of one grid")
         (common,) = own
