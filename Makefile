@@ -2,6 +2,7 @@
 # make test   the same for the checks and tests, but those marked as exhaustive
 # make quick  the same without tests that are marked as slow
 # make test-all  all tests, as continuous integration runs them
+# make docs   the documents as a site, outputs/site/index.html
 #
 # PYTHON=...       the Python to use (3.11 or newer)
 # ARGS="..."       more overrides for `make run`, e.g. ARGS="run=predict input=view.npz"
@@ -29,7 +30,7 @@ THREADS := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 OMP_WAIT_POLICY=PASSIVE OP
 TESTS := $(THREADS) $(BIN)/python -m pytest -n 2 --dist worksteal
 
 .DELETE_ON_ERROR:
-.PHONY: run test test-all quick lint types install python system clean help
+.PHONY: run test test-all quick docs lint types install python system browser clean help
 
 run: install
 	$(BIN)/python -m scenefw experiment=simstack $(ARGS)
@@ -37,11 +38,15 @@ run: install
 test: lint types
 	$(TESTS) -m "not exhaustive" $(PYTEST)
 
-test-all: lint types
+test-all: lint types browser
 	$(TESTS) $(PYTEST)
 
 quick: lint types
 	$(TESTS) -m "not slow and not exhaustive" $(PYTEST)
+
+docs: install
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@echo outputs/site/index.html
 
 lint: install
 	$(BIN)/ruff check .
@@ -57,7 +62,7 @@ $(STAMP): pyproject.toml constraints.txt | python system
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || \
 	  { $(PYTHON) -m pip install --quiet --user virtualenv && $(PYTHON) -m virtualenv $(VENV); }
 	$(PIP) $(if $(TORCH_INDEX),--index-url $(TORCH_INDEX)) "$(TORCH)"
-	$(PIP) --editable ".[all,test]"
+	$(PIP) --editable ".[all,test,docs]"
 	touch $@
 
 python:
@@ -73,8 +78,17 @@ system:
 	  || echo "the tests against open3d need: apt-get install $(SYSTEM)"; \
 	else echo "the tests against open3d need: sudo apt-get install $(SYSTEM)"; fi
 
+# Pages are tested in Chromium, if it can be had.
+browser:
+	@if command -v chromium >/dev/null; then :; \
+	elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	  { apt-get update -qq && \
+	    DEBIAN_FRONTEND=noninteractive apt-get install -qq -y --no-install-recommends chromium; } \
+	  || echo "the tests of pages in a browser need: apt-get install chromium"; \
+	else echo "the tests of pages in a browser need: sudo apt-get install chromium"; fi
+
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 
 help:
-	@sed -n 's/^# \?//p' Makefile | head -9
+	@sed -n 's/^# \?//p' Makefile | head -10

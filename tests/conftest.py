@@ -23,7 +23,8 @@ parsed.install()
 SLOW = ("api", "evaluation", "kernels", "labelling", "learning", "mapping", "perception",
         "renderers", "scenes", "tasks")  # fmt: skip
 # These compose all settings, start processes, train, render or draw large pictures
-SLOW_FILES = ("test_api_page", "test_argument_types", "test_configs", "test_dataset", "test_debug",
+SLOW_FILES = ("test_api_page", "test_argument_types", "test_completion", "test_configs",
+              "test_dataset", "test_debug",
               "test_experiments", "test_groups", "test_guide", "test_hypotheses", "test_imports",
               "test_label_views", "test_labelling_plugins", "test_listing", "test_overview",
               "test_painting", "test_parsed", "test_pictures", "test_plugins", "test_protocols",

@@ -4,7 +4,6 @@ import json
 import os
 import subprocess
 import sys
-import zipfile
 from pathlib import Path
 
 import pytest
@@ -121,18 +120,3 @@ def test_an_installed_plugin_is_found_without_its_folder(installed, tmp_path):
     assert "point_cloud" in done.stdout
     assert str(installed) in done.stdout
     assert done.stdout.split()[-1] == "PointClouds"
-
-
-@pytest.mark.exhaustive
-def test_the_wheel_holds_configs_assets_and_templates(tmp_path):
-    pip = [sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check"]
-    how = ["--no-deps", "--no-build-isolation", "--no-index", "--wheel-dir", str(tmp_path)]
-    subprocess.run([*pip, *how, str(ROOT)], check=True)
-    names = set(zipfile.ZipFile(next(tmp_path.glob("*.whl"))).namelist())
-    assert "scenefw/conf/config.yaml" in names
-    assert "scenefw/conf/grid/default.yaml" in names
-    assets = [p for p in (ROOT / "src/scenefw/assets").glob("*") if p.suffix != ".py"]
-    assert {f"scenefw/assets/{p.name}" for p in assets if p.is_file()} <= names
-    templates = list((ROOT / "src").rglob("*.j2"))
-    assert templates
-    assert {p.relative_to(ROOT / "src").as_posix() for p in templates} <= names

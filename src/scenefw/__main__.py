@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 _WITH_VALUE = {"--cfg", "-c", "--package", "-p", "--config-path", "-cp", "--config-name", "-cn"}
 _NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO}
+_COMPLETION = {"-sc", "--shell-completion"}
 _TRACEBACK = "SCENEFW_TRACEBACK"  # set to 1 by -v; runs of a sweep in other processes see it too
 
 USAGE = """\
@@ -44,6 +45,7 @@ usage: python -m scenefw [-m] [-v] [group=option ...] [key=value ...]
   --cfg job      prints the composed settings and stops
   -m             sweeps over comma-separated values
   -v             shows the whole traceback of an error
+  -sc install=bash   completes all this in bash (zsh), as eval "$(scenefw -sc install=bash)"
   --hydra-help   what Hydra adds to all this
   --version      prints the version
 
@@ -85,6 +87,8 @@ def _dispatch(words: list[str]) -> None:
         print(f"scenefw {installed(['scenefw']).get('scenefw', 'of an unknown version')}")
     elif "--list" in words:
         _print_list(words)
+    elif words[0] in _COMPLETION:
+        _complete(words[1:])
     else:
         _run()
 
@@ -107,6 +111,22 @@ def _print_list(words: list[str]) -> None:
         listing.print_group(after[0])
     else:
         listing.print_catalogue()
+
+
+def _complete(words: list[str]) -> None:
+    """What a shell asks for its completion; shells that we don't know are left to Hydra."""
+    from scenefw import completion
+
+    verb, _, shell = "".join(words[:1]).partition("=")
+    if shell not in completion.SHELLS:
+        _run()
+    elif verb == "query":
+        line = os.environ.get("COMP_LINE", "")
+        point = os.environ.get("COMP_POINT", "")
+        for answer in completion.answers(line[: int(point)] if point.isdigit() else line):
+            print(answer)
+    else:
+        print(completion.UNINSTALL if verb == "uninstall" else completion.script())
 
 
 def _run() -> None:

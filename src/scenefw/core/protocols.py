@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         SceneVolumes,
     )
     from scenefw.core.evidence import Evidence, FittedSuperquadric
+    from scenefw.core.grasps import Grasp, Lift, Ranking
     from scenefw.core.measures import Measure
     from scenefw.core.types import (
         Camera,
@@ -193,6 +194,27 @@ class Reconstructor(Protocol):
         """Complete scenes of B partial views, `samples` times, or once if all are the same."""
 
 
+class SeveralViewsReconstructor(Protocol):
+    """A method that makes one complete scene of several views of it (group `several_views`)."""
+
+    @property
+    def grid(self) -> GridSpec | None:
+        """The grid of its volumes; None if it takes any."""
+
+    def complete(
+        self,
+        views: Sequence[PartialTSDF],
+        grid: GridSpec,
+        samples: int,
+        generator: torch.Generator,
+    ) -> Sequence[Completion]:
+        """Complete scenes (batches of one), `samples` times, or once if all are the same.
+
+        Raises:
+            InputError: no view, or views that contradict each other.
+        """
+
+
 class ShapeFit(Protocol):
     """A method that explains what views say about objects by superquadrics."""
 
@@ -232,6 +254,21 @@ class SceneFormat(Protocol):
         Raises:
             StorageError: a file can't be written.
         """
+
+
+class Grasping(Protocol):
+    """Proposes grasps of the objects of a scene, and simulates them (group `grasping`)."""
+
+    def rank(self, objects: Mapping[int, SceneObject], eye: Float64) -> Ranking:
+        """Grasps of all objects, the one that disturbs the others least first.
+
+        Args:
+            objects: by label, as they were seen or predicted.
+            eye: (3,) position of the camera that saw them (m).
+        """
+
+    def lift(self, objects: Mapping[int, SceneObject], grasp: Grasp, *, film: bool = False) -> Lift:
+        """What becomes of a grasp in a scene whose objects rest, which it need not come from."""
 
 
 class CollisionShapes(Protocol):

@@ -119,7 +119,7 @@ class Fitted:
             view = View(seen, masks, tsdf[i], instances[i], free[i], grid)
             for views, found in zip(drawn, self.superquadrics(view, count, random), strict=True):
                 views.append((view, found))
-        return [_with_superquadrics(scene, views) for views in drawn]
+        return [with_superquadrics(scene, views) for views in drawn]
 
     def superquadrics(
         self, view: View, count: int = 1, random: Generator | None = None
@@ -185,10 +185,10 @@ def each_drawn(
     return changed
 
 
-def _with_superquadrics(
+def with_superquadrics(
     scene: Completion, views: Sequence[tuple[View, Mapping[int, FittedSuperquadric]]]
 ) -> Completion:
-    """The scene with these superquadrics in each view."""
+    """The scene with the superquadrics that were found in each view, by label."""
     rows = [composed(found, view) for view, found in views]
     device = scene.tsdf.device
     return replace(

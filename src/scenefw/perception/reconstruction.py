@@ -15,7 +15,7 @@ from scenefw.representations.tsdf import TSDF
 from scenefw.representations.vote_field import VoteField
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from torch import Tensor, nn
 
@@ -103,15 +103,35 @@ class NetworkReconstructor:
         Raises:
             InputError: the grid is not the one that the network was trained on.
         """
+        inputs = self.inputs(partial, grid)
+        return self._decoded(inputs, grid, self._codes(samples, len(inputs), generator))
+
+    def inputs(self, partial: PartialTSDF, grid: GridSpec) -> Tensor:
+        """What the network sees of partial views.
+
+        Raises:
+            InputError: the grid is not the one that the network was trained on.
+        """
         if grid != self.grid:
             raise InputError(
                 f"the network was trained on {self.grid}, the view is on {grid}; fuse it on the "
                 "checkpoint's grid, or give another checkpoint"
             )
         inputs = condition(partial, grid)
-        inputs = inputs.to(self.device, memory_format=_memory_format(self.device))
+        return inputs.to(self.device, memory_format=_memory_format(self.device))
+
+    @torch.no_grad()
+    def complete_with(
+        self, partial: PartialTSDF, grid: GridSpec, codes: Tensor
+    ) -> list[Completion]:
+        """Complete scenes of given codes (S, B, latent_size)."""
+        return self._completions(self._decoded(self.inputs(partial, grid), grid, codes), grid)
+
+    def _decoded(
+        self, inputs: Tensor, grid: GridSpec, all_codes: Tensor
+    ) -> list[dict[str, Tensor]]:
         results = []
-        for codes in self._codes(samples, len(inputs), generator).split(_CODES_AT_ONCE):
+        for codes in all_codes.split(_CODES_AT_ONCE):
             found = dict(self.model.predict(inputs, codes.flatten(0, 1).to(self.device)).volumes)
             found["tsdf"] = smoothed(found["tsdf"].float().clamp(-1, 1), self.smoothing)
             made = {n: one.from_network(found[n], grid) for n, one in self.representations.items()}
@@ -134,9 +154,14 @@ class NetworkReconstructor:
         self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
     ) -> list[Completion]:
         """Complete scenes of `samples` codes, with all their volumes."""
+        return self._completions(self.volumes(partial, grid, samples, generator), grid)
+
+    def _completions(
+        self, volumes: Sequence[dict[str, Tensor]], grid: GridSpec
+    ) -> list[Completion]:
         return [
             Completion(found["tsdf"][:, 0], self._instances(found, grid), found)
-            for found in self.volumes(partial, grid, samples, generator)
+            for found in volumes
         ]
 
     def _instances(self, volumes: Mapping[str, Tensor], grid: GridSpec) -> Tensor:

@@ -1,6 +1,8 @@
 """Building blocks of pages and documents: text, drawings, pictures and tables, in sections."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from scenefw.report.tables import Table
 
@@ -51,7 +53,22 @@ class Picture:
     shareable: bool = True
 
 
-Block = Text | Points | Code | Drawing | Picture | Table
+@dataclass(frozen=True)
+class Scenes:
+    """Scenes to turn, one at a time; `report.scenes3d.packed` makes it.
+
+    Args:
+        header: what is where in the data, as JSON types.
+        data: base64 of gzipped arrays.
+        caption: one line.
+    """
+
+    header: Mapping[str, Any]
+    data: str
+    caption: str = ""
+
+
+Block = Text | Points | Code | Drawing | Picture | Scenes | Table
 
 
 @dataclass(frozen=True)

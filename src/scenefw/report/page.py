@@ -8,12 +8,14 @@ from typing import Any
 from scenefw.core import final_split
 from scenefw.core.files import write_text
 from scenefw.core.final_split import Ledger
-from scenefw.report.blocks import Section
+from scenefw.report.blocks import Scenes, Section
 from scenefw.report.html import render
 from scenefw.report.publication import publish
 from scenefw.report.record import command_line, read_record
+from scenefw.report.threejs import three_js
 
 _STYLE = Path(__file__).with_name("page.css")
+_VIEWER = Path(__file__).with_name("scenes3d.js")
 
 
 class Page:
@@ -57,6 +59,7 @@ class Page:
             facts=_facts(record),
             command=command_line(record) if record else "",
             sections=sections,
+            libraries=_libraries() if _has_scenes(sections) else (),
             figures={name: _printed(value) for name, value in figures.items()},
             settings=settings.read_text(encoding="utf-8") if settings.is_file() else None,
             versions=record.get("versions"),
@@ -79,6 +82,31 @@ class Page:
             "weights": record.get("weights", {}),
             "data": dict(final_split.looks()),
         }
+
+
+def write_scene_page(path: Path, title: str, block: Scenes) -> None:
+    """Writes one page that shows nothing but scenes, and needs no other file.
+
+    Args:
+        path: the file, replaced as a whole.
+        title: of the page.
+        block: the scenes.
+
+    Raises:
+        MissingDependencyError: three.js is not found.
+        StorageError: the file can't be written.
+    """
+    style = _STYLE.read_text(encoding="utf-8")
+    text = render("scene.html.j2", title=title, style=style, block=block, libraries=_libraries())
+    write_text(path, text)
+
+
+def _has_scenes(sections: Sequence[Section]) -> bool:
+    return any(isinstance(block, Scenes) for section in sections for block in section.blocks)
+
+
+def _libraries() -> tuple[str, str]:
+    return three_js(), _VIEWER.read_text(encoding="utf-8")
 
 
 def _facts(record: Mapping[str, Any]) -> list[str]:

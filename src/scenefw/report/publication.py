@@ -9,7 +9,7 @@ from typing import Any
 
 from scenefw.core.files import replacing, write_text
 from scenefw.core.final_split import Ledger
-from scenefw.report.blocks import Block, Code, Drawing, Picture, Points, Section, Text
+from scenefw.report.blocks import Block, Code, Drawing, Picture, Points, Scenes, Section, Text
 from scenefw.report.record import command_line, used_weights
 from scenefw.report.tables import Table, to_markdown
 
@@ -84,6 +84,8 @@ def _block(block: Block, target: Path, folder: Path, number: str) -> list[str]:
             drawing = beside / f"figure-{number}.svg"
             write_text(drawing, svg.replace("currentColor", _GREY))
             return [f"![{caption}]({beside.name}/{drawing.name})", "", caption, ""]
+        case Scenes():
+            return []  # Markdown can't show them
         case Picture(path, caption, _, shareable):
             if not shareable:
                 return []

@@ -7,7 +7,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -28,18 +28,20 @@ from scenefw.perception.pipeline import Pipeline, View
 from scenefw.perception.settling import words as settled_words
 from scenefw.report.hypotheses import draw_hypotheses
 from scenefw.report.overview import write_overview
+from scenefw.report.page import write_scene_page
 from scenefw.report.palette import Colour, instance_colours
 from scenefw.report.pictures import save_picture
+from scenefw.report.scenes3d import Scene3D, layer, packed
 
 
 class Predict:
     """Completes the objects of depth images; each image gets its own folder.
 
-    A folder holds `scene.glb`, `object_01.ply` ..., `scene.json` and `overview.png`, and what other
-    codes make of the image in `hypothesis_2` ... and `hypotheses.png`; it appears when all of them
-    are written. Volumes of further representations are in `volumes.npz`, by name. An unusable image
-    doesn't lose the others: it is reported at the end. Only if every image is unusable does the
-    task fail.
+    A folder holds `scene.glb`, `object_01.ply` ..., `scene.json`, `overview.png`, and `scene.html`
+    to turn all hypotheses in. What other codes make of the image is in `hypothesis_2` ... and
+    `hypotheses.png`. The folder appears when all of them are written. Volumes of further
+    representations are in `volumes.npz`, by name. An unusable image doesn't lose the others: it is
+    reported at the end. Only if every image is unusable does the task fail.
 
     Args:
         input: a depth image or a folder of them.
@@ -48,6 +50,7 @@ class Predict:
         intrinsics: file with the intrinsics of .png and .npy images; None looks beside them.
         depth_scale: metres per unit of integer depth; None = that of the format, else millimetres.
         overview: also draw pictures.
+        page: also write `scene.html`, which needs no other file, server or network.
         settling: lets the objects come to rest first; None leaves them as predicted.
         hypotheses: also write what drawn codes give; how many, `pipeline.samples` says.
         exports: what writes further files of each scene, by name.
@@ -68,6 +71,7 @@ class Predict:
         settling: Settling | None = None,
         *,
         overview: bool = True,
+        page: bool = True,
         hypotheses: bool = True,
         exports: Mapping[str, SceneFormat] | None = None,
         masks: str | Path | None = None,
@@ -82,7 +86,7 @@ class Predict:
         self.intrinsics = intrinsics
         self.depth_scale = depth_scale
         self.settling = settling
-        self.overview = overview
+        self.overview, self.page = overview, page
         self.hypotheses = hypotheses
         self.exports = dict(exports or {})
         self.masks = None if masks is None else Path(masks)
@@ -94,29 +98,42 @@ class Predict:
             InputError: there is no image, or none is usable.
             StorageError: the output folder can't be written.
         """
+        objects = 0
+        start = time.perf_counter()
+
+        def predict(image: Path, folder: Path) -> None:
+            nonlocal objects
+            objects += len(self.predict(image, folder).objects)
+
+        figures = self.each(predict)
+        return figures | {
+            "objects_per_image": objects / (figures["images"] - figures["failed"]),
+            "seconds_per_image": (time.perf_counter() - start) / figures["images"],
+        }
+
+    def each(self, work: Callable[[Path, Path], object]) -> dict[str, float]:
+        """Does something with each image and its folder; returns how many, and how many failed.
+
+        Raises:
+            InputError: there is no image, or none is usable.
+            StorageError: the output folder can't be written.
+        """
         from rich.progress import track
 
         images = find_images(self.input)
         require_writable(self.output)
-        start, objects, failures = time.perf_counter(), 0, {}
-        folders = _folders(images, self.input)
-        steps = list(zip(images, folders, strict=True))
+        failures = {}
+        steps = list(zip(images, _folders(images, self.input), strict=True))
         for image, folder in track(steps, "images", disable=len(images) == 1):
             try:
-                objects += len(self.predict(image, self.output / folder).objects)
+                work(image, self.output / folder)
             except InputError as error:
                 failures[image] = error
         if len(failures) == len(images):
             raise _all_failed(failures)
         for image, reason in failures.items():
             print(f"skipped {image}: {reason}", file=sys.stderr)
-        done = len(images) - len(failures)
-        return {
-            "images": float(len(images)),
-            "failed": float(len(failures)),
-            "objects_per_image": objects / done,
-            "seconds_per_image": (time.perf_counter() - start) / len(images),
-        }
+        return {"images": float(len(images)), "failed": float(len(failures))}
 
     def predict(self, image: Path, folder: Path) -> SceneEstimate:
         """Predicts one image and writes its folder, which appears whole or not at all.
@@ -132,9 +149,14 @@ class Predict:
         estimate, *others = self._scenes(view)
         with _replacing_folder(folder) as temporary:
             colours = self._write_scene(temporary, estimate)
+            layers = [layer("most typical", estimate, colours)]
             for number, other in enumerate(others, start=2):
                 (temporary / f"hypothesis_{number}").mkdir()
-                self._write_scene(temporary / f"hypothesis_{number}", other)
+                shown = self._write_scene(temporary / f"hypothesis_{number}", other)
+                layers.append(layer(f"hypothesis {number}", other, shown))
+            if self.page:
+                scene = Scene3D(frame.name, tuple(layers), estimate.frame)
+                write_scene_page(temporary / "scene.html", frame.name or "scene", packed([scene]))
             if self.overview:
                 partial = view.partial.distance[0, 0].cpu().numpy()
                 write_overview(temporary / "overview.png", estimate, partial, colours, frame)

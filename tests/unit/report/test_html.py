@@ -4,7 +4,7 @@ from typing import get_args
 
 import pytest
 
-from scenefw.report.blocks import Block, Code, Drawing, Picture, Points, Section, Text
+from scenefw.report.blocks import Block, Code, Drawing, Picture, Points, Scenes, Section, Text
 from scenefw.report.html import block_html, render
 from scenefw.report.tables import Column, Table
 
@@ -14,6 +14,7 @@ BLOCKS = {
     Code: (Code(("x < 1", "y")), "<pre class=command>x &lt; 1\ny</pre>"),
     Drawing: (Drawing("<svg></svg>", "a & b"), "<svg></svg><p class=note>a &amp; b</p>"),
     Picture: (Picture("a.png", links=(("GLB", "a.glb"),)), '<a href="a.glb">GLB</a>'),
+    Scenes: (Scenes({"a": "</script>"}, "eA=="), '{"a": "\\u003c/script\\u003e"}</script>'),
     Table: (Table("T", (Column("c"),), (("<r>", (1.0,)),)), "<th scope=row>&lt;r&gt;</th>"),
 }
 
@@ -34,6 +35,7 @@ def test_pictures_that_follow_each_other_share_a_gallery():
         facts=[],
         command="",
         sections=[section],
+        libraries=(),
         figures={},
         settings=None,
         versions=None,

@@ -54,7 +54,7 @@ def test_one_image_gives_all_files(tmp_path, pipeline):
         "scene.json",
         "volumes.npz",
     ]
-    pictures = ["hypotheses.png", "overview.png"]
+    pictures = ["hypotheses.png", "overview.png", "scene.html"]
     files = sorted([*scene, *pictures, *[f"hypothesis_2/{name}" for name in scene]])
     assert names(tmp_path / "out") == [f"view/{name}" for name in files]
     assert figures["images"] == 1
@@ -78,6 +78,7 @@ def test_without_hypotheses_there_is_one_scene(tmp_path, pipeline):
         "object_02.ply",
         "overview.png",
         "scene.glb",
+        "scene.html",
         "scene.json",
     ]
     files = [*scene, "volumes.npz"]  # the network gives one volume more

@@ -14,7 +14,7 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import in_order
 from scenefw.evaluation.labelling.measures import of_noise
 from scenefw.evaluation.labelling.results import Score, Scores, read_scores, score
-from scenefw.evaluation.statistics import Interval, mean_interval
+from scenefw.evaluation.statistics import Interval, mean_interval, paired_interval
 
 if TYPE_CHECKING:
     from scenefw.core.measures import Measure
@@ -49,13 +49,23 @@ class NoiseResult:
 
     def cell(self, strategy: str, pose: float, depth: float, measure: str = "miou") -> Interval:
         """Mean over scenes with bounds, for one pair of amounts."""
-        return mean_interval(
-            [
-                getattr(row, measure)
-                for row in self.scores.rows
-                if (row.strategy, row.pose, row.depth) == (strategy, pose, depth)
-            ]
-        )
+        return mean_interval(list(self._values(strategy, pose, depth, measure).values()))
+
+    def difference(self, one: str, other: str, pose: float, depth: float) -> Interval:
+        """Mean IoU of a strategy minus that of another on the same scenes, with paired bounds."""
+        ours, theirs = (self._values(name, pose, depth) for name in (one, other))
+        shared = [scene for scene in ours if scene in theirs]
+        return paired_interval([ours[s] for s in shared], [theirs[s] for s in shared])
+
+    def _values(
+        self, strategy: str, pose: float, depth: float, measure: str = "miou"
+    ) -> dict[int, float]:
+        """By scene."""
+        return {
+            row.scene: float(getattr(row, measure))
+            for row in self.scores.rows
+            if (row.strategy, row.pose, row.depth) == (strategy, pose, depth)
+        }
 
     def grid(self, strategy: str, measure: str = "miou") -> NDArray[np.float64]:
         """(pose, depth) means; NaN where there are no scores."""

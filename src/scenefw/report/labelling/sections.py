@@ -291,15 +291,18 @@ def _noise_table(result: NoiseResult) -> Table:
     columns = (
         *(Column(name, 3, None) for name in result.strategies),
         *([Column(f"{HYBRID} − best of the others", 3, None)] if compared else []),
+        *([Column("paired 95 %", 3, None)] if compared else []),
         column(SCORES["height_rms"], ranked=False),
     )
     rows = []
     for p in result.pose:
         for d in result.depth:
             means = {name: result.cell(name, p, d).mean for name in result.strategies}
-            cells = list(means.values())
+            cells: list[Cell] = list(means.values())
             if compared:
-                cells.append(means[HYBRID] - max(means[name] for name in others))
+                best = max(others, key=means.__getitem__)
+                gain = result.difference(HYBRID, best, p, d)
+                cells += [gain.mean, _bounds(gain)]
             cells.append(SCORES["height_rms"].shown(result.cell(first, p, d, "height_rms").mean))
             rows.append((f"pose {1000 * p:g} mm, depth {1000 * d:g} mm", tuple(cells)))
     return Table("Mean IoU under noise (figure 4.26)", columns, tuple(rows))

@@ -3,24 +3,30 @@
 from pathlib import Path
 
 from scenefw.core.protocols import Result
+from scenefw.evaluation.stacks.grasping_results import GraspingResult
 from scenefw.evaluation.stacks.real_masks import RealMaskResult
 from scenefw.evaluation.stacks.results import ReconstructionResult
+from scenefw.evaluation.stacks.several_views_results import SeveralViewsResult
 from scenefw.evaluation.stacks.stability_results import StabilityResult
 from scenefw.report.blocks import Section
 from scenefw.report.presentation import Show, sections_by_class
+from scenefw.report.stacks.grasping import grasping_sections
 from scenefw.report.stacks.real_masks import real_mask_sections
 from scenefw.report.stacks.reconstruction import reconstruction_sections
+from scenefw.report.stacks.several_views import several_views_sections
 from scenefw.report.stacks.stability import stability_sections
 
 _SHOWN_BY: dict[type, Show] = {
     ReconstructionResult: lambda result, _: reconstruction_sections(result),
     RealMaskResult: real_mask_sections,
+    SeveralViewsResult: several_views_sections,
+    GraspingResult: grasping_sections,
     StabilityResult: lambda result, _: stability_sections(result),
 }
 
 
 class StackResults:
-    """Reconstructions beside the thesis's, stability of piles, and instances on real images."""
+    """Reconstructions beside the thesis's, several views, stability, grasps, real images."""
 
     def sections(self, result: Result, folder: Path) -> tuple[Section, ...]:
         """Sections of the chapter's results; other results get a table of their figures."""

@@ -92,8 +92,20 @@ class PyBulletEngine:
         self._objects = []
         self._quiet = 0
 
-    def add(self, item: SceneObject) -> int:
-        """Adds an object and returns its handle."""
+    @property
+    def world(self) -> tuple[Any, int]:
+        """The module `pybullet` and the number of its client, for what else acts in the world."""
+        if self._bullet is None:
+            self.reset()
+        return self._bullet, self._client
+
+    def add(self, item: SceneObject, *, held: bool = False) -> int:
+        """Adds an object and returns its handle.
+
+        Args:
+            item: the object.
+            held: makes a body that constraints between it and an arm hold steadily.
+        """
         if self._bullet is None:
             self.reset()
         bullet, client = self._bullet, self._client
@@ -104,7 +116,7 @@ class PyBulletEngine:
             shape,
             basePosition=item.pose.position.tolist(),
             baseOrientation=[x, y, z, w],
-            useMaximalCoordinates=True,  # a plain rigid body: three times as fast as a multibody
+            useMaximalCoordinates=not held,  # a plain body: three times as fast as a multibody
             physicsClientId=client,
         )
         bullet.changeDynamics(

@@ -63,6 +63,8 @@ def test_noise_maps(tmp_path):
     (section,) = sections(result, tmp_path)
     table = tables([section])["Mean IoU under noise (figure 4.26)"]
     assert len(table.rows) == 6
+    for _, cells in table.rows:
+        assert cells[-2] == "–" or cells[-2].startswith("(")
     drawings = [b.svg for b in section.blocks if isinstance(b, Drawing)]
     assert len(drawings) == 2
     assert "hybrid" in drawings[0]

@@ -1,0 +1,184 @@
+"""Shape and instances from one view, two, and more (thesis 5.3.4, fig. 5.35)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from scenefw.core import rng
+from scenefw.core.errors import ConfigError
+from scenefw.data.views import ViewBatch, ViewMaker, Viewpoints
+from scenefw.evaluation.side_by_side import side_by_side
+from scenefw.evaluation.stacks.several_views_results import SceneScores, SeveralViewsResult
+from scenefw.evaluation.stacks.surface_scores import Surfaces, SurfaceScoring, TruePoints
+from scenefw.evaluation.stacks.visibility import VisibleSurface
+from scenefw.kernels.cameras import camera_of
+from scenefw.metrics.instances import instance_scores
+from scenefw.metrics.occupancy import occupancy_iou
+from scenefw.postprocessing.surfaces import surface
+
+if TYPE_CHECKING:
+    from scenefw.core.batches import Completion
+    from scenefw.core.protocols import (
+        MappingMethod,
+        Matching,
+        Noise,
+        Renderer,
+        SeveralViewsReconstructor,
+        Track,
+    )
+    from scenefw.core.types import GridSpec
+    from scenefw.data.stacks import SceneSet
+
+_VIEWS, _POINTS, _CODES = 21, 22, 23  # random streams
+
+
+@dataclass(frozen=True)
+class SeenOften:
+    """One scene in several views.
+
+    Args:
+        index: of the scene in its data set.
+        batches: batches of one, a view each.
+        codes: seed of codes.
+    """
+
+    index: int
+    batches: tuple[ViewBatch, ...]
+    codes: int
+
+
+class SeveralViewsEvaluation:
+    """Scores methods on the first view of each scene, the first two, and so on.
+
+    All methods see the same views, and what one sees of a scene it has seen with fewer views too.
+
+    Args:
+        scenes: of a split.
+        methods: by name; None leaves one out.
+        viewpoints: draws cameras.
+        renderer: makes depth images of the true TSDF.
+        mapping: from depth to partial TSDF.
+        noise: disturbs the depth images.
+        grid: for methods that have no grid of their own, if none has.
+        counts: numbers of views.
+        samples: latent samples; the thesis takes 2.
+        surfaces: compares surfaces.
+        matching: of predicted to true objects.
+        seed: of cameras, noise, codes and points.
+        device: where volumes and views are computed.
+        workers: scenes at once; None: on the CPU as many as torch has threads, on a GPU one.
+
+    Raises:
+        ConfigError: no method, no grid, several grids, or a number below one.
+    """
+
+    def __init__(
+        self,
+        scenes: SceneSet,
+        methods: Mapping[str, SeveralViewsReconstructor | None],
+        viewpoints: Viewpoints,
+        renderer: Renderer,
+        mapping: MappingMethod,
+        noise: Mapping[str, Noise] | None = None,
+        grid: GridSpec | None = None,
+        counts: Sequence[int] = (1, 2, 3, 4, 5, 6),
+        samples: int = 2,
+        surfaces: SurfaceScoring | None = None,
+        matching: Matching | None = None,
+        seed: int = 0,
+        device: str = "cpu",
+        workers: int | None = None,
+    ) -> None:
+        self.methods = {name: one for name, one in methods.items() if one is not None}
+        self.counts = tuple(sorted(set(counts)))
+        if not self.methods or not self.counts or self.counts[0] < 1 or samples < 1:
+            raise ConfigError(
+                f"several views need methods, numbers of views and samples, got "
+                f"{len(self.methods)}, {list(counts)} and {samples}; expected at least 1 of each"
+            )
+        own: set[GridSpec | None] = {one.grid for one in self.methods.values() if one.grid}
+        own = own or {grid}
+        if len(own) > 1:
+            raise ConfigError("the methods have several grids; give networks of one grid")
+        (common,) = own
+        if common is None:
+            raise ConfigError("no method has its own grid; give evaluation.grid=${grid}")
+        self.grid, self.scenes, self.samples = common, scenes, samples
+        self.maker = ViewMaker(common, viewpoints, renderer, mapping, noise)
+        self.visible = VisibleSurface(renderer)
+        self.surfaces = surfaces or SurfaceScoring()
+        self.matching, self.seed, self.device = matching, seed, device
+        self.workers = 1 if workers is None and torch.device(device).type != "cpu" else workers
+
+    def run(self, track: Track = lambda items, _: items) -> SeveralViewsResult:
+        """Scores all scenes; `track(items, what)` shows a bar of the loop."""
+        rows = range(len(self.scenes))
+        found = side_by_side(self.score, rows, track, "scenes", self.workers)
+        return SeveralViewsResult(tuple(found), tuple(self.methods), self.counts, self.samples)
+
+    def see(self, row: int) -> SeenOften:
+        """All views of one scene."""
+        parameters = self.scenes.parameters([row], self.device)
+        batches = tuple(
+            self.maker.make_one(parameters, rng.generator(self.seed, _VIEWS, row, view))
+            for view in range(self.counts[-1])
+        )
+        codes = rng.torch_seed(self.seed, _CODES, row)
+        return SeenOften(int(self.scenes.indices[row]), batches, codes)
+
+    @torch.no_grad()
+    def made(self, seen: SeenOften) -> Iterator[tuple[str, int, list[Completion]]]:
+        """Different scenes that each method makes of each number of views."""
+        for name in self.methods:
+            for count in self.counts:
+                yield name, count, self.made_by(name, seen, count)
+
+    @torch.no_grad()
+    def made_by(self, name: str, seen: SeenOften, count: int) -> list[Completion]:
+        """Different scenes that one method makes of the first views."""
+        views = [batch.partial for batch in seen.batches[:count]]
+        generator = torch.Generator().manual_seed(seen.codes)
+        some = self.methods[name].complete(views, self.grid, self.samples, generator)
+        return list({id(one): one for one in some}.values())
+
+    @torch.no_grad()
+    def score(self, row: int) -> SceneScores:
+        """All methods on all numbers of views of one scene."""
+        seen = self.see(row)
+        first = seen.batches[0]
+        points = rng.generator(self.seed, _POINTS, row)
+        true = first.volumes.tsdf[0, 0]
+        surfaces = Surfaces.of(true, self.grid, camera_of(first.cameras, 0), self.visible)
+        truth = self.surfaces.truth(surfaces, points)
+        scores: dict[str, dict[int, dict[str, float]]] = {}
+        for name, count, scenes in self.made(seen):
+            found = [self._scores(one, first, truth, points) for one in scenes]
+            means = {key: float(np.mean([one[key] for one in found])) for key in found[0]}
+            scores.setdefault(name, {})[count] = means
+        return SceneScores(seen.index, truth.floors["chamfer_full"], scores)
+
+    def _scores(
+        self, scene: Completion, batch: ViewBatch, truth: TruePoints, points: np.random.Generator
+    ) -> dict[str, float]:
+        full = surface(scene.tsdf[0], self.grid)
+        shape = None if full is None else Surfaces(full, None)
+        found = self.surfaces.compare(shape, truth, points)
+        labels = instance_scores(
+            scene.instances[0].cpu().numpy(),
+            batch.volumes.instances[0].cpu().numpy(),
+            self.matching,
+        )
+        occupied = batch.volumes.tsdf[0, 0].cpu().numpy() < 0
+        return {
+            "chamfer_full": found["chamfer_full"],
+            "excess": found["chamfer_full_dense"] - truth.floors["chamfer_full_dense"],
+            "fscore_1cm": found[self.surfaces.f_score_name],
+            "occupancy_iou": occupancy_iou(scene.tsdf[0].cpu().numpy() < 0, occupied),
+            "instance_iou": labels.iou,
+            "count_error": labels.count_error,
+        }

@@ -1,0 +1,1 @@
+"""Grasps that disturb the other objects least (thesis 5.5)."""

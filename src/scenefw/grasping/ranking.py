@@ -1,0 +1,87 @@
+"""Suction grasps ranked by how far a simulation says the other objects move."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from scenefw.core.errors import ConfigError
+from scenefw.core.geometry import inverse
+from scenefw.core.grasps import Grasp, Lift, RankedGrasp, Ranking
+from scenefw.core.types import Float64, SceneObject
+from scenefw.grasping.candidates import SuctionCandidates
+from scenefw.grasping.lifting import LiftSimulation
+from scenefw.scenes.simulation import motions
+
+
+class SuctionGrasping:
+    """Proposes grasps with a suction cup, and simulates each in the scene as it was predicted.
+
+    The objects come to rest first, as predictions float and overlap by millimetres. Grasps follow
+    their objects there.
+
+    Args:
+        candidates: where the cup could hold.
+        lifting: simulates.
+        contacts: of each object that are simulated.
+        settle: steps at most in which the objects come to rest first.
+        alike: disturbances that differ by less count as the same, and the better seal wins (m).
+
+    Raises:
+        ConfigError: a number that isn't positive.
+    """
+
+    def __init__(
+        self,
+        candidates: SuctionCandidates,
+        lifting: LiftSimulation,
+        contacts: int = 4,
+        settle: int = 2400,
+        alike: float = 0.001,
+    ) -> None:
+        if min(contacts, settle) < 1 or not alike > 0:
+            raise ConfigError(
+                f"grasping has contacts {contacts}, settle {settle} and alike {alike}; expected "
+                "positive numbers"
+            )
+        self.candidates, self.lifting = candidates, lifting
+        self.contacts, self.settle, self.alike = contacts, settle, alike
+
+    def rank(self, objects: Mapping[int, SceneObject], eye: Float64) -> Ranking:
+        """Grasps of all objects, the one that disturbs the others least first."""
+        if not objects:
+            return Ranking((), {}, {})
+        resting = self._rested(objects)
+        left_out: dict[int, str] = {}
+        found: list[RankedGrasp] = []
+        for label, grasps in self.candidates.find(objects, eye).items():
+            if isinstance(grasps, str):
+                left_out[label] = grasps
+                continue
+            motion = resting[label].pose.matrix @ inverse(objects[label].pose.matrix)
+            rehearsed = [grasp.moved(motion) for grasp in grasps]
+            kept = self.lifting.feasible(resting, rehearsed, self.contacts)
+            if not kept:
+                left_out[label] = "the arm reaches none of its contacts without touching something"
+            back = inverse(motion)
+            for one in kept:
+                found.append(RankedGrasp(one.moved(back), one, self.lift(resting, one)))
+        return Ranking(tuple(sorted(found, key=self._order)), left_out, resting)
+
+    def lift(self, objects: Mapping[int, SceneObject], grasp: Grasp, *, film: bool = False) -> Lift:
+        """What becomes of a grasp in a scene whose objects rest."""
+        return self.lifting.lift(objects, grasp, film=film)
+
+    def _rested(self, objects: Mapping[int, SceneObject]) -> dict[int, SceneObject]:
+        ends = motions(list(objects.values()), self.lifting.engine, self.settle, until_rest=True)
+        return {
+            label: replace(item, pose=end.pose)
+            for (label, item), end in zip(objects.items(), ends, strict=True)
+        }
+
+    def _order(self, one: RankedGrasp) -> tuple[bool, float, float]:
+        rounded = float(np.floor(one.lift.disturbance / self.alike))
+        wrong = not one.lift.lifted or one.lift.label != one.grasp.label
+        return wrong, rounded, -one.grasp.seal

@@ -1,0 +1,64 @@
+import numpy as np
+import pytest
+from PIL import Image
+
+from scenefw.core.geometry import look_at, rigid
+from scenefw.core.grasps import Film, Grasp, Lift, RankedGrasp, Ranking
+from scenefw.core.types import Camera
+from scenefw.report.films import film_picture, film_pictures, save_film
+from scenefw.report.grasps import grasp_table
+from scenefw.report.palette import instance_colours
+from scenefw.shapes.superquadric import Superquadric
+
+CAMERA = Camera(60, 45, 60, 60, 29.5, 22, look_at((0, -0.8, 0.5), (0, 0, 0.05)))
+
+
+def film():
+    """Object 2 rises beside a part of the robot that stays."""
+    mesh = Superquadric([0.05] * 3, [20.0] * 3).mesh(6)
+    poses = [
+        [rigid(np.eye(3), (-0.2, 0, 0.05)), rigid(np.eye(3), (0.1, 0, 0.05 + 0.05 * i))]
+        for i in range(3)
+    ]
+    return Film((mesh, mesh), (0, 2), np.array(poses), 0.1)
+
+
+def place(picture, colour):
+    """Mean row of pixels that look like a colour, in any light."""
+    tint = picture / np.maximum(picture.sum(axis=2, keepdims=True), 1e-6)
+    near = np.abs(tint - np.array(colour) / sum(colour)).max(axis=2) < 0.08
+    return np.argwhere(near).mean(axis=0), near.sum()
+
+
+def test_a_picture_shows_objects_in_their_colour_where_they_are():
+    colour = instance_colours(2)[1]
+    (low, many), (high, _) = (place(film_picture(film(), i, CAMERA), colour) for i in (0, 2))
+    assert many > 20
+    assert low[1] > 30  # right of the middle
+    assert high[0] < low[0] - 3
+    picture = film_picture(film(), 0, CAMERA)
+    assert picture.shape == (45, 60, 3)
+    assert picture.min() >= 0
+    assert picture[:3].min() > 0.95  # the floor fades into white
+
+
+def test_films_are_written_as_gif(tmp_path):
+    short = Film(film().meshes, film().labels, film().poses[:1], 0.1)
+    pictures = film_pictures([film(), short], ["one", "two"], CAMERA)
+    assert len(pictures) == 3
+    save_film(tmp_path / "a.gif", pictures, 0.1)
+    with Image.open(tmp_path / "a.gif") as made:
+        assert made.n_frames == 3
+        assert made.size == pictures[0].shape[1::-1]
+        assert made.info["loop"] == 0
+
+
+def test_a_table_says_why_an_object_has_no_grasp():
+    grasp = Grasp(4, rigid(np.diag([1.0, -1, -1]), (0.1, 0.2, 0.3)), seal=0.5)
+    lift = Lift(4, "", {1: 0.002, 2: 0.004})
+    table = grasp_table(Ranking((RankedGrasp(grasp, grasp, lift),), {1: "it is too heavy"}, {}))
+    ((name, cells),) = table.rows
+    assert (name, cells[0]) == ("1", "4")
+    assert cells[1] == pytest.approx(3)
+    assert cells[2:] == ("yes", "up", 50, "10.0, 20.0, 30.0")
+    assert table.note == "object 1 has none: it is too heavy"

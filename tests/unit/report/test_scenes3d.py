@@ -1,0 +1,132 @@
+"""Scenes to turn: what a browser gets and what it draws."""
+
+import base64
+import gzip
+import json
+import re
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+import trimesh
+
+from scenefw.core.types import Camera, Frame, TriangleMesh
+from scenefw.report.blocks import Section
+from scenefw.report.page import Page, write_scene_page
+from scenefw.report.publication import publish
+from scenefw.report.scenes3d import Layer, Scene3D, Solid, packed
+
+EYE = np.array([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 1.5], [0, 0, 0, 1]], dtype=np.float64)
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+
+
+def solid(name, mesh):
+    return Solid(name, (0.1, 0.4, 0.9), TriangleMesh(mesh.vertices, mesh.faces.astype(np.int64)))
+
+
+BOX = solid("1: box", trimesh.creation.box((0.2, 0.1, 0.3)))
+BALL = solid("2: </script> ball", trimesh.creation.icosphere(subdivisions=2, radius=0.1))
+
+
+@pytest.fixture
+def scene():
+    depth = np.full((6, 8), 1.5, np.float32)
+    depth[0] = 0
+    colour = np.arange(6 * 8 * 3, dtype=np.uint8).reshape(6, 8, 3)
+    frame = Frame(depth, Camera(8, 6, 8.0, 8.0, 3.5, 2.5, EYE), colour, name="view")
+    return Scene3D("view", (Layer("predicted", (BOX,)), Layer("truth", (BOX, BALL))), frame)
+
+
+def unpacked(block):
+    header = json.loads(json.dumps(block.header))
+    data = gzip.decompress(base64.b64decode(block.data))
+
+    def array(place, kind):
+        return np.frombuffer(data, kind, place[1], place[0])
+
+    return header, array
+
+
+def test_meshes_come_back_to_a_tenth_of_a_millimetre(scene):
+    header, array = unpacked(packed([scene]))
+    layers = header["scenes"][0]["layers"]
+    assert [layer["name"] for layer in layers] == ["predicted", "truth"]
+    for shown, given in zip(layers[1]["solids"], (BOX, BALL), strict=True):
+        steps = array(shown["vertices"], "<i2").reshape(-1, 3)
+        vertices = np.cumsum(steps, axis=0, dtype=np.int16) * header["unit"]
+        np.testing.assert_allclose(vertices, given.mesh.vertices, atol=0.51e-4)
+        faces = np.cumsum(array(shown["faces"], "<i4"), dtype=np.int32).reshape(-1, 3)
+        np.testing.assert_array_equal(faces, given.mesh.faces)
+        assert shown["name"] == given.name
+
+
+def test_points_are_where_the_camera_measured_them_in_their_colours(scene):
+    header, array = unpacked(packed([scene]))
+    points = header["scenes"][0]["points"]
+    positions = array(points["positions"], "<i2").reshape(-1, 3) * header["unit"]
+    assert len(positions) == 5 * 8  # the first row has no measurement
+    np.testing.assert_allclose(positions[:, 2], 0, atol=1e-4)  # 1.5 m below the camera
+    np.testing.assert_allclose(positions[0, :2], [-3.5 / 8 * 1.5, 1.5 / 8 * 1.5], atol=1e-4)
+    colours = array(points["colours"], "u1").reshape(-1, 3)
+    np.testing.assert_array_equal(colours, scene.frame.colour[1:].reshape(-1, 3))
+    np.testing.assert_allclose(header["scenes"][0]["eye"], [0, 0, 1.5])
+
+
+def test_large_images_are_thinned():
+    depth = np.full((60, 80), 1.0, np.float32)
+    large = Frame(depth, Camera(80, 60, 80.0, 80.0, 39.5, 29.5, EYE))
+    header, array = unpacked(packed([Scene3D("view", (), large)], most_points=500))
+    points = header["scenes"][0]["points"]
+    assert 300 <= points["positions"][1] / 3 <= 500
+    assert array(points["colours"], "u1").reshape(-1, 3).std(axis=0).max() == 0  # one grey
+
+
+def test_what_is_too_far_to_be_packed_is_left_out(scene):
+    far = Frame(np.full((6, 8), 40.0, np.float32), scene.frame.camera)
+    header, _ = unpacked(packed([Scene3D("view", (), far)]))
+    assert header["scenes"][0]["points"]["positions"][1] == 0
+
+
+def test_a_page_has_the_viewer_once_and_loads_nothing(tmp_path, scene):
+    blocks = (packed([scene]), packed([scene], "again"))
+    text = Page().write(tmp_path, [Section("Examples", blocks)], {}).read_text("utf-8")
+    assert text.count("Copyright 2010-2022 Three.js Authors") == 1
+    assert text.count("<figure class=scenes>") == 2
+    assert not re.search(r"(src|href)=\"?http", text)
+    assert len(text) < 1_000_000
+
+
+def test_a_page_without_scenes_stays_small(tmp_path):
+    text = Page().write(tmp_path, [Section("Examples", ())], {}).read_text("utf-8")
+    assert "THREE" not in text
+
+
+def test_documents_leave_scenes_out(tmp_path, scene):
+    target = tmp_path / "page.md"
+    publish(target, "Results", [Section("Examples", (packed([scene]),))], tmp_path, {})
+    assert "Examples" not in target.read_text("utf-8")
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium")
+@pytest.mark.parametrize(("layer", "name", "solids"), [(0, "predicted", 1), (1, "truth", 2)])
+def test_a_browser_draws_the_chosen_layer(tmp_path, scene, layer, name, solids):
+    page = tmp_path / "scene.html"
+    write_scene_page(page, "view", packed([scene]))
+    dom = subprocess.run(
+        [
+            CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic",
+            "--no-first-run", "--disable-background-networking", "--disable-component-update",
+            "--disable-sync", "--use-gl=angle", "--use-angle=swiftshader",
+            "--enable-unsafe-swiftshader", f"--user-data-dir={tmp_path / 'profile'}",
+            "--window-size=800,600", "--virtual-time-budget=20000", "--dump-dom",
+            f"{page.as_uri()}#layer={layer}",
+        ],
+        capture_output=True, text=True, check=True, timeout=300,
+    ).stdout  # fmt: skip
+    drawn = (BOX, BALL)[:solids]
+    assert f'data-layer="{name}"' in dom
+    assert f'data-triangles="{sum(len(one.mesh.faces) for one in drawn)}"' in dom
+    assert 'data-points="40"' in dom
+    assert dom.count('class="tag"') == solids
+    assert 'class="sorry"' not in dom
