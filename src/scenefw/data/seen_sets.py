@@ -42,7 +42,7 @@ class SeenSets(lightning.LightningDataModule):
         points: of each object, drawn from its pixels.
         least: pixels of an object that is seen.
         noise: standard deviation of points along their ray (m).
-        scale: scenes become up to this factor larger or smaller; a pile that stands then still does.
+        scale: scenes become up to this factor larger or smaller; a pile still stands then.
 
     Raises:
         ConfigError: a number that isn't positive, or a factor below one.

@@ -58,7 +58,7 @@ class SetFlow(nn.Module):
         if min(slots, width, layers, view_layers, heads, repeats) < 1 or not 0 <= share <= 1:
             raise ConfigError(
                 f"set_flow has slots {slots}, width {width}, layers {layers} and {view_layers}, "
-                f"heads {heads}, repeats {repeats} and share {share}; expected 1 or more, and a share"
+                f"heads {heads}, repeats {repeats}, share {share}; expected 1 or more, and a share"
             )
         self.recipe = {
             "_target_": f"{__name__}.SetFlow",
@@ -129,9 +129,7 @@ class SetFlow(nn.Module):
         middle = points.mean(dim=2)
         ray = nn.functional.normalize(middle - batch.camera[:, None], dim=-1)
         local = (points - middle[:, :, None]) / _NEAR
-        features = torch.cat(
-            [local, points / _SCENE, ray[:, :, None].expand_as(local)], dim=-1
-        )
+        features = torch.cat([local, points / _SCENE, ray[:, :, None].expand_as(local)], dim=-1)
         deep = self.point(features)
         pooled = torch.cat([deep.amax(dim=2), deep.mean(dim=2)], dim=-1)
         size = (batch.sizes.clamp_min(1e-5).log() + 4)[..., None]

@@ -67,9 +67,9 @@ class TrainedFlow(Protocol):
 class DrawnSets(Fitted):
     """Superquadrics fitted to the view, with sizes from draws of a network where nothing is seen.
 
-    Objects that the image shows are fitted (`Fitted`). The network sees their points and draws sets:
-    how far each object goes on, and objects that nothing is seen of. Each drawn size is what its
-    object is expected to have, and everything is fitted to the image again, so that what is seen
+    Objects that the image shows are fitted (`Fitted`). The network sees their points and draws
+    sets: how far each object goes on, and objects of which nothing is seen. A drawn size is what
+    its object is expected to have, and all are fitted to the image again, so that what is seen
     decides where it speaks. The first sample has the middle of many draws as sizes.
 
     Args:
