@@ -76,16 +76,20 @@ class JointFit:
         return self.inner.fit(evidence)
 
     def of_sizes(
-        self, evidence: Sequence[Evidence], start: Sequence[FittedSuperquadric], sizes: Sizes
+        self,
+        evidence: Sequence[Evidence],
+        start: Sequence[FittedSuperquadric],
+        sizes: Sizes | None,
     ) -> list[FittedSuperquadric]:
         """Superquadrics with these sizes where nothing is seen of them.
 
         Args:
             evidence: about each object.
             start: superquadrics that are nearly right.
-            sizes: along the axes of `start`.
+            sizes: along the axes of `start`; None: the typical ones, with which it was found.
         """
-        return self._apart(evidence, self.inner.refit(evidence, start, sizes), sizes)
+        sized = list(start) if sizes is None else self.inner.refit(evidence, start, sizes)
+        return self._apart(evidence, sized, sizes)
 
     def _apart(
         self,

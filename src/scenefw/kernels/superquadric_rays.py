@@ -68,6 +68,13 @@ def _hit(ox, oy, oz, dx, dy, dz, rx, ry, rz):
 
 
 @element
+def _along(rotations, b, k, axis, x, y, z):
+    """A direction of the world along an axis of an object."""
+    first, second = rotations[b, k, 0, axis] * x, rotations[b, k, 1, axis] * y
+    return first + second + rotations[b, k, 2, axis] * z
+
+
+@element
 def _see(i, pixels, width, objects, intrinsics, poses, axes, exponents, rotations, positions,
          present, depth, owners):  # fmt: skip
     b, p = i // pixels, i % pixels
@@ -85,13 +92,14 @@ def _see(i, pixels, width, objects, intrinsics, poses, axes, exponents, rotation
         cy = poses[b, 1, 3] - positions[b, k, 1]
         cz = poses[b, 2, 3] - positions[b, k, 2]
         ax, ay, az = axes[b, k, 0], axes[b, k, 1], axes[b, k, 2]
-        ox = (rotations[b, k, 0, 0] * cx + rotations[b, k, 1, 0] * cy + rotations[b, k, 2, 0] * cz) / ax  # fmt: skip
-        oy = (rotations[b, k, 0, 1] * cx + rotations[b, k, 1, 1] * cy + rotations[b, k, 2, 1] * cz) / ay  # fmt: skip
-        oz = (rotations[b, k, 0, 2] * cx + rotations[b, k, 1, 2] * cy + rotations[b, k, 2, 2] * cz) / az  # fmt: skip
-        dx = (rotations[b, k, 0, 0] * wx + rotations[b, k, 1, 0] * wy + rotations[b, k, 2, 0] * wz) / ax  # fmt: skip
-        dy = (rotations[b, k, 0, 1] * wx + rotations[b, k, 1, 1] * wy + rotations[b, k, 2, 1] * wz) / ay  # fmt: skip
-        dz = (rotations[b, k, 0, 2] * wx + rotations[b, k, 1, 2] * wy + rotations[b, k, 2, 2] * wz) / az  # fmt: skip
-        t = _hit(ox, oy, oz, dx, dy, dz, exponents[b, k, 0], exponents[b, k, 1], exponents[b, k, 2])  # fmt: skip
+        ox = _along(rotations, b, k, 0, cx, cy, cz) / ax
+        oy = _along(rotations, b, k, 1, cx, cy, cz) / ay
+        oz = _along(rotations, b, k, 2, cx, cy, cz) / az
+        dx = _along(rotations, b, k, 0, wx, wy, wz) / ax
+        dy = _along(rotations, b, k, 1, wx, wy, wz) / ay
+        dz = _along(rotations, b, k, 2, wx, wy, wz) / az
+        rx, ry, rz = exponents[b, k, 0], exponents[b, k, 1], exponents[b, k, 2]
+        t = _hit(ox, oy, oz, dx, dy, dz, rx, ry, rz)
         if t < best:
             best, owner = t, k + 1
     depth[i] = best if owner else _ZERO

@@ -52,9 +52,9 @@ class SizedFit(Protocol):
         """The best superquadric for each, as if there were no others."""
 
     def of_sizes(
-        self, evidence: Sequence[Evidence], start: Sequence[FittedSuperquadric], sizes: Sizes
+        self, evidence: Sequence[Evidence], start: Sequence[FittedSuperquadric], sizes: Sizes | None
     ) -> list[FittedSuperquadric]:
-        """Superquadrics with these sizes where nothing is seen of them."""
+        """Superquadrics with these sizes where nothing is seen of them; None: typical ones."""
 
 
 class TrainedFlow(Protocol):
@@ -70,7 +70,8 @@ class DrawnSets(Fitted):
     Objects that the image shows are fitted (`Fitted`). The network sees their points and draws
     sets: how far each object goes on, and objects of which nothing is seen. A drawn size is what
     its object is expected to have, and all are fitted to the image again, so that what is seen
-    decides where it speaks. The first sample has the middle of many draws as sizes.
+    decides where it speaks. The first sample is the fit without a network, or has the middle of
+    several draws as sizes (`typical`).
 
     Args:
         inner: makes the scenes.
@@ -84,7 +85,7 @@ class DrawnSets(Fitted):
         steps: of each draw.
         stiffness: how much an e times longer or shorter half-axis than the drawn one costs, in
             squared deviations of points.
-        typical: draws whose middle is the first sample's.
+        typical: draws whose middle is the first sample's; 0: the fit without a network.
         drawn: the first sample is the best fit, further ones are drawn; without it, all are best.
         hidden: draws have objects of which nothing is seen.
 
@@ -104,13 +105,13 @@ class DrawnSets(Fitted):
         lowest: float = 0.015,
         steps: int = 20,
         stiffness: float = 100.0,
-        typical: int = 32,
+        typical: int = 0,
         *,
         drawn: bool = True,
         hidden: bool = True,
     ) -> None:
         super().__init__(inner, fit, evidence, near, explained, least, lowest, drawn=drawn)
-        if steps < 1 or stiffness <= 0 or typical < 1:
+        if steps < 1 or stiffness <= 0 or typical < 0:
             raise ConfigError(
                 f"drawn sets have steps {steps}, stiffness {stiffness} and typical {typical}; "
                 "expected positive numbers"
@@ -134,13 +135,18 @@ class DrawnSets(Fitted):
         given = list(enough.values())
         alone = self.sized.alone(given)
         draws = Draws(self.model, view, list(enough), self.typical + count, self.steps, random)
-        sizes = [np.log(draws.sizes(i, alone)) for i in range(self.typical + count)]
-        middle = np.median(sizes[: self.typical], axis=0)
+        sizes = [np.log(draws.sizes(i, alone)) for i in range(draws.count)]
         results = []
         for number in range(count):
             row = self.typical + number
-            typical = np.exp(middle if number == 0 else sizes[row])
-            found = self.sized.of_sizes(given, alone, Sizes(typical, self.stiffness))
+            if number > 0:
+                typical = Sizes(np.exp(sizes[row]), self.stiffness)
+            elif self.typical:
+                middle = np.median(sizes[: self.typical], axis=0)
+                typical = Sizes(np.exp(middle), self.stiffness)
+            else:
+                typical = None
+            found = self.sized.of_sizes(given, alone, typical)
             kept = self._kept(found, alone, enough)
             if self.hidden and number > 0:
                 first = int(max(view.instances.max(initial=0), view.masks.max(initial=0))) + 1

@@ -52,7 +52,7 @@ class Inner:
 
 def method(size, hidden=(0.0, 0.0, 5.0)):
     fit = JointFit(SuperquadricFit())
-    return DrawnSets(Inner(), fit, EvidenceOfView(), Loaded(Told(size, hidden)), typical=2)
+    return DrawnSets(Inner(), fit, EvidenceOfView(), Loaded(Told(size, hidden)))
 
 
 def seen():
@@ -73,11 +73,13 @@ def test_half_axes_are_told_along_other_axes():
 def test_drawn_sizes_decide_where_the_view_is_silent():
     """Larger draws make larger objects, that the view allows all the same."""
     view = seen()
-    volumes = []
+    volumes, first = [], []
     for size in (0.03, 0.12):
-        best, *drawn = method(size).superquadrics(view, 3, np.random.default_rng(0))
-        assert set(best) == {1, 2} == set(drawn[0])
-        volumes.append([8 * np.prod(best[k].half_axes) for k in (1, 2)])
+        best, drawn, _ = method(size).superquadrics(view, 3, np.random.default_rng(0))
+        assert set(best) == {1, 2} == set(drawn)
+        first.append([best[k].half_axes for k in (1, 2)])
+        volumes.append([8 * np.prod(drawn[k].half_axes) for k in (1, 2)])
+    assert np.array_equal(*first)  # the fit without a network
     small, large = np.array(volumes)
     assert (large > 1.05 * small).any()
     assert (large > 0.98 * small).all()
