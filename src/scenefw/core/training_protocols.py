@@ -16,8 +16,11 @@ if TYPE_CHECKING:
         ObjectSetBatch,
         ObjectSetPrediction,
         ObjectSetSetup,
+        SeenSetBatch,
         SegmentationBatch,
         SegmentationSetup,
+        SetFlowPrediction,
+        SetFlowSetup,
         ShapeInstanceBatch,
         ShapeInstancePrediction,
         ShapeInstanceSetup,
@@ -72,6 +75,19 @@ class ObjectSetData(TrainingData, Protocol):
         """The same views in every epoch."""
 
 
+class SeenSetData(TrainingData, Protocol):
+    """What views show of each superquadric of a scene (group `dataset`, option `seen_sets`)."""
+
+    most: int
+    """The largest number of objects in a scene."""
+
+    def training_batch(self, batch: IndexBatch, device: torch.device) -> SeenSetBatch:
+        """Views and objects of an epoch, each a function of only (seed, epoch, index)."""
+
+    def validation_batch(self, batch: IndexBatch, device: torch.device) -> SeenSetBatch:
+        """The same views in every epoch."""
+
+
 class SegmentationTrainingData(TrainingData, Protocol):
     """Labelled views or crops of maps (group `dataset`, options `tabletop*`)."""
 
@@ -116,6 +132,16 @@ class ObjectSetLoss(Loss, Protocol):
 
     def __call__(self, prediction: ObjectSetPrediction, batch: ObjectSetBatch) -> Tensor:
         """A scalar from predictions that are matched to objects."""
+
+
+class SetFlowLoss(Loss, Protocol):
+    """A term of the loss of flows of sets (group `loss`, options `flow_*` and `hidden_count`)."""
+
+    def check(self, setup: SetFlowSetup) -> None:
+        """Raises a ConfigError before the work if it doesn't fit these sets."""
+
+    def __call__(self, prediction: SetFlowPrediction, batch: SeenSetBatch) -> Tensor:
+        """A scalar."""
 
 
 class SegmentationLoss(Loss, Protocol):
@@ -209,6 +235,39 @@ class ObjectSetModel(Network, Protocol):
         self, batch: ObjectSetBatch, generator: torch.Generator | None = None
     ) -> ObjectSetPrediction:
         """Calls `forward`, as torch does."""
+
+
+class SetFlowModel(Network, Protocol):
+    """A network that draws sets of superquadrics, given a view or none (group `model`)."""
+
+    slots: int
+    """Objects at most."""
+
+    def forward(
+        self, batch: SeenSetBatch, generator: torch.Generator | None = None
+    ) -> SetFlowPrediction:
+        """Training pass.
+
+        Args:
+            batch: views and objects.
+            generator: of noise, on the CPU.
+        """
+
+    def __call__(
+        self, batch: SeenSetBatch, generator: torch.Generator | None = None
+    ) -> SetFlowPrediction:
+        """Calls `forward`, as torch does."""
+
+    def sample(
+        self,
+        batch: SeenSetBatch,
+        count: int,
+        generator: torch.Generator,
+        steps: int = 20,
+        *,
+        given: bool = True,
+    ) -> SeenSetBatch:
+        """Draws `count` sets for the first view, or (`given` false) without one."""
 
 
 class SegmentationModel(Network, Protocol):

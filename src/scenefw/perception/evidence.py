@@ -34,6 +34,7 @@ class View:
         instances: (X, Y, Z) labels.
         free: (X, Y, Z) seen to be free.
         grid: of the volumes.
+        eye: (3,) where the camera is (m), or None.
     """
 
     points: Float64
@@ -42,6 +43,7 @@ class View:
     instances: Int32
     free: Mask
     grid: GridSpec
+    eye: Float64 | None = None
 
 
 def seen_free(partial: PartialTSDF, grid: GridSpec) -> list[Mask]:

@@ -86,14 +86,18 @@ class Fitted:
         Raises:
             InputError: the partial TSDF came without its depth images.
         """
-        points = [world_points(frame) for frame in seen_frames(partial, "a fit")]
+        frames = seen_frames(partial, "a fit")
+        points = [world_points(frame) for frame in frames]
+        eyes = [frame.camera.T_world_camera[:3, 3] for frame in frames]
         free = seen_free(partial, grid)
         scenes = self.inner.complete(partial, grid, samples, generator)
         seed = int(torch.randint(2**62, (1,), generator=generator)) if self.drawn else 0
         random = np.random.default_rng(seed)
 
         def sharpened(scene: Completion, count: int) -> list[Completion]:
-            made = self._sharpened(scene, points, free, grid, count if self.drawn else 1, random)
+            made = self._sharpened(
+                scene, points, eyes, free, grid, count if self.drawn else 1, random
+            )
             return made if self.drawn else made * count
 
         return each_drawn(scenes, sharpened)
@@ -102,6 +106,7 @@ class Fitted:
         self,
         scene: Completion,
         points: Sequence[Any],
+        eyes: Sequence[Any],
         free: Any,
         grid: GridSpec,
         count: int,
@@ -116,7 +121,7 @@ class Fitted:
                 if scene.masks is None
                 else scene.masks[i].cpu().numpy()
             )
-            view = View(seen, masks, tsdf[i], instances[i], free[i], grid)
+            view = View(seen, masks, tsdf[i], instances[i], free[i], grid, eyes[i])
             for views, found in zip(drawn, self.superquadrics(view, count, random), strict=True):
                 views.append((view, found))
         return [with_superquadrics(scene, views) for views in drawn]
@@ -131,19 +136,23 @@ class Fitted:
             count: of results: the best one, then draws.
             random: for the draws.
         """
-        labels = np.union1d(view.instances[view.instances > 0], view.masks[view.masks > 0])
-        evidence = {
-            label: self.evidence.of(label, view)
-            for label in labels.astype(int).tolist()
-            if (view.instances == label).any() or self._may_be_new(label, view)
-        }
-        enough = {k: one for k, one in evidence.items() if self._seen(one).sum() >= self.least}
+        enough = self._enough(view)
         given = list(enough.values())
         draws = [self.fit.fit(given)] if random is None else self.fit.draws(given, count, random)
         return [
             {k: one for k, one in zip(enough, draw, strict=True) if self._explains(one, enough[k])}
             for draw in draws
         ]
+
+    def _enough(self, view: View) -> dict[int, Evidence]:
+        """Evidence of objects of which enough is seen, by label."""
+        labels = np.union1d(view.instances[view.instances > 0], view.masks[view.masks > 0])
+        evidence = {
+            label: self.evidence.of(label, view)
+            for label in labels.astype(int).tolist()
+            if (view.instances == label).any() or self._may_be_new(label, view)
+        }
+        return {k: one for k, one in evidence.items() if self._seen(one).sum() >= self.least}
 
     def _may_be_new(self, label: int, view: View) -> bool:
         """Whether what is seen without a prediction stands in the grid and above the floor."""

@@ -1,8 +1,8 @@
-"""Scene estimates whose objects were moved: meshes, poses, shapes and volumes."""
+"""Scene estimates whose objects were moved or taken away: meshes, poses, shapes and volumes."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -38,6 +38,23 @@ def moved(estimate: SceneEstimate, motions: Mapping[int, Float64]) -> SceneEstim
     return replace(estimate, objects=objects, tsdf=tsdf, instances=instances)
 
 
+def without(estimate: SceneEstimate, ids: Collection[int]) -> SceneEstimate:
+    """The estimate without some of its objects, which its volumes and masks lose too.
+
+    What belongs to the image stays, as in `moved`.
+
+    Args:
+        estimate: a scene.
+        ids: of the objects.
+    """
+    objects = tuple(item for item in estimate.objects if item.id not in ids)
+    tsdf, instances = _volumes(estimate, {}, ids)
+    masks = estimate.masks
+    if masks is not None:
+        masks = np.where(np.isin(masks, list(ids)), 0, masks).astype(np.int32)
+    return replace(estimate, objects=objects, tsdf=tsdf, instances=instances, masks=masks)
+
+
 def _moved(item: ObjectEstimate, motion: Float64) -> ObjectEstimate:
     mesh = TriangleMesh(transform_points(motion, item.mesh.vertices), item.mesh.faces)
     placed = item.placed and PlacedShape(item.placed.shape, _pose(motion, item.placed.pose))
@@ -48,13 +65,17 @@ def _pose(motion: Float64, pose: Pose) -> Pose:
     return Pose.from_matrix(motion @ pose.matrix)
 
 
-def _volumes(estimate: SceneEstimate, motions: Mapping[int, Float64]) -> tuple[Float32, Int32]:
+def _volumes(
+    estimate: SceneEstimate, motions: Mapping[int, Float64], gone: Collection[int] = ()
+) -> tuple[Float32, Int32]:
     """Distances and labels; each object's own field is resampled where it lies now."""
     grid = estimate.grid
     fields = instance_fields(estimate.tsdf, estimate.instances, grid)
     nearest = np.full(grid.shape, grid.truncation, dtype=np.float32)
     owner = np.zeros(grid.shape, dtype=np.int32)
     for label, (box, part) in fields.items():
+        if label in gone:
+            continue
         whole = np.full(grid.shape, grid.truncation, dtype=np.float32)
         whole[box] = part
         if label in motions:

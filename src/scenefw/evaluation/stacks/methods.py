@@ -93,6 +93,13 @@ _KNOWN = (
         reference=True,
     ),
     _method("fusion", "TSDF fusion (no learning)", learns=False),
+    _method(
+        "set_flow",
+        "superquadrics fitted to parts, hidden parts by a flow of sets",
+        samples="superquadrics fitted to parts, then drawn by a flow of sets",
+        figure=" of a flow of sets",
+        draws="drawn by a flow of sets",
+    ),
     _method("hull_filling", "hull filling (no learning)", learns=False, reference=True),
     _method("partial_tsdf", "partial TSDF meshed (no learning)", learns=False),
     _method("connected_components", "components of scenefw's shape (no votes)"),

@@ -1,0 +1,269 @@
+"""The data module of flows of sets: seen points of each object, made on the device that trains."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import lightning
+import numpy as np
+import torch
+from torch import Tensor
+
+from scenefw.core.batches import CameraBatch, IndexBatch, SceneParameters, SeenSetBatch
+from scenefw.core.errors import ConfigError
+from scenefw.core.rng import Streams
+from scenefw.core.types import GridSpec
+from scenefw.data.epochs import EpochBatches
+from scenefw.data.stacks import StackScenes
+from scenefw.data.views import Viewpoints
+from scenefw.kernels.superquadric_rays import first_hits
+from scenefw.kernels.transfer import to_device
+
+# Random streams, beside that of the order of scenes
+_VIEWS, _VALIDATION = 2, 3
+
+
+class SeenSets(lightning.LightningDataModule):
+    """Views of superquadrics of two splits, as points of what is seen of each (group `dataset`).
+
+    Objects meet rays directly: no volume and no image is kept. Camera, size and noise of scene i in
+    epoch e depend on (seed, e, i) alone.
+
+    Args:
+        viewpoints: draws cameras.
+        path: the `.npz` of a data set, the name of a shipped one, or several.
+        limit: at most this many training scenes; None means all.
+        validation_limit: at most this many validation scenes; None means all.
+        batch_size: scenes per step.
+        seed: seed of the order of scenes, and of views.
+        distinct_batches: train on this many batches again and again, views and all; None means all.
+        image_size: width and height (pixels) of the images that say what is seen.
+        points: of each object, drawn from its pixels.
+        least: pixels of an object that is seen.
+        noise: standard deviation of points along their ray (m).
+        scale: scenes become up to this factor larger or smaller; a pile still stands then.
+
+    Raises:
+        ConfigError: a number that isn't positive, or a factor below one.
+    """
+
+    def __init__(
+        self,
+        viewpoints: Viewpoints,
+        path: str | Sequence[str] | None = None,
+        limit: int | None = None,
+        validation_limit: int | None = 64,
+        batch_size: int = 64,
+        seed: int = 0,
+        distinct_batches: int | None = None,
+        image_size: Sequence[int] = (96, 72),
+        points: int = 64,
+        least: int = 2,
+        noise: float = 0.0015,
+        scale: float = 1.15,
+    ) -> None:
+        super().__init__()
+        if min(*image_size, points, least) < 1 or noise < 0 or scale < 1:
+            raise ConfigError(
+                f"dataset has image_size {list(image_size)}, points {points}, least {least}, "
+                f"noise {noise} and scale {scale}; expected positive numbers and a factor from 1"
+            )
+        self.viewpoints, self.distinct_batches = viewpoints, distinct_batches
+        self.scenes = StackScenes(path, "train", limit)
+        self.validation_scenes = StackScenes(path, "val", validation_limit)
+        self.batch_size, self.seed = batch_size, seed
+        self.lens = viewpoints.camera.resized(*image_size)
+        self.points, self.least, self.noise, self.scale = points, least, noise, scale
+        self.grid: GridSpec | None = None
+
+    @property
+    def most(self) -> int:
+        """The largest number of objects in a scene."""
+        sets = (self.scenes, self.validation_scenes)
+        counts = [s.parameters(list(range(len(s)))).present.sum(dim=1) for s in sets]
+        return int(torch.cat(counts).max())
+
+    def facts(self) -> dict[str, Any]:
+        """Facts about the training data."""
+        return {
+            "data": self.scenes.sizes,
+            "scenes": len(self.scenes),
+            "validation_scenes": len(self.validation_scenes),
+            "batch_size": self.batch_size,
+            **({"distinct_batches": self.distinct_batches} if self.distinct_batches else {}),
+            "noise": f"{self.noise} m along rays",
+        }
+
+    def train_dataloader(self) -> EpochBatches:
+        """Shuffled batches."""
+        parts = self._processes()
+        return EpochBatches(
+            len(self.scenes), self.batch_size, self.seed, *parts, self.distinct_batches
+        )
+
+    def val_dataloader(self) -> EpochBatches:
+        """The same batches every time."""
+        return EpochBatches(len(self.validation_scenes), self.batch_size, None, *self._processes())
+
+    def training_batch(self, batch: IndexBatch, device: torch.device) -> SeenSetBatch:
+        """Views of scenes in an epoch, scaled and half of them mirrored."""
+        return self._make(self.scenes, batch, device, _VIEWS, changed=True)
+
+    def validation_batch(self, batch: IndexBatch, device: torch.device) -> SeenSetBatch:
+        """The same views every time, of scenes as they are."""
+        return self._make(self.validation_scenes, batch, device, _VALIDATION, changed=False)
+
+    @torch.no_grad()
+    def _make(
+        self,
+        scenes: StackScenes,
+        batch: IndexBatch,
+        device: torch.device,
+        stream: int,
+        *,
+        changed: bool,
+    ) -> SeenSetBatch:
+        parameters = scenes.parameters(batch.indices, device)
+        streams = Streams.of(self.seed, stream, batch.epoch, indices=batch.indices.numpy())
+        to_camera, to_change, to_points = streams.split(3)
+        change = to_change.uniform(2) if changed else np.full((len(streams), 2), 0.5)
+        scale = self.scale ** (2 * change[:, :1] - 1)
+        slots = parameters.present.shape[1]
+        drawn = [
+            np.array([_intrinsics(self.lens)] * len(streams), np.float32),
+            self.viewpoints.poses(to_camera).astype(np.float32),
+            scale.astype(np.float32),
+            (change[:, 1] < 0.5).astype(np.float32),
+            to_points.uniform(3 * slots * self.points).astype(np.float32),
+        ]
+        intrinsics, poses, factors, mirrored, random = to_device(drawn, device)
+        cameras = CameraBatch(self.lens.width, self.lens.height, intrinsics, poses)
+        made = self._see(_scaled(parameters, factors), cameras, random)
+        return _mirrored(made, mirrored > 0)
+
+    def _see(self, scenes: SceneParameters, cameras: CameraBatch, random: Tensor) -> SeenSetBatch:
+        depth, owners = first_hits(scenes, cameras)
+        batch, slots = scenes.present.shape
+        flat = owners.flatten(1).long()
+        counts = torch.zeros(batch, slots + 1, dtype=torch.int64, device=flat.device)
+        counts.scatter_add_(1, flat, torch.ones_like(flat))
+        order = flat.argsort(dim=1, stable=True)
+        starts = counts.cumsum(dim=1) - counts
+        chances = random.view(batch, 3, slots, self.points)
+        own = counts[:, 1:, None]
+        places = starts[:, 1:, None] + (chances[:, 0] * own).long().minimum((own - 1).clamp_min(0))
+        pixels = order.gather(1, places.clamp_max(flat.shape[1] - 1).flatten(1))
+        noise = self.noise * _normal(chances[:, 1], chances[:, 2]).flatten(1)
+        points = _points(depth.flatten(1).gather(1, pixels) + noise, pixels, cameras)
+        seen = counts[:, 1:] >= self.least
+        points = points.view(batch, slots, self.points, 3)
+        return in_frame(
+            torch.where(seen[..., None, None], points, 0.0),
+            seen,
+            counts[:, 1:] / flat.shape[1],
+            cameras.T_world_camera[:, :3, 3],
+            scenes,
+        )
+
+    def _processes(self) -> tuple[int, int]:
+        trainer = self.trainer
+        return (trainer.global_rank, trainer.world_size) if trainer is not None else (0, 1)
+
+
+def view_frame(points: Tensor, seen: Tensor, eye: Tensor) -> tuple[Tensor, Tensor]:
+    """Rotation (B, 3, 3) from the world to the frame of a view, and its origin (B, 3).
+
+    Args:
+        points: (B, N, P, 3) of seen objects, world (m).
+        seen: (B, N) which objects count; with none the world's origin is taken.
+        eye: (B, 3) where the camera is (m).
+    """
+    weights = seen.float()[..., None]
+    middle = (points.mean(dim=2) * weights).sum(dim=1) / weights.sum(dim=1).clamp_min(1)
+    origin = torch.stack([middle[:, 0], middle[:, 1], torch.zeros_like(middle[:, 0])], dim=-1)
+    ahead = origin - eye
+    x = torch.nn.functional.normalize(ahead[:, :2], dim=-1)
+    zero, one = torch.zeros_like(x[:, 0]), torch.ones_like(x[:, 0])
+    rows = [
+        torch.stack([x[:, 0], x[:, 1], zero], dim=-1),
+        torch.stack([-x[:, 1], x[:, 0], zero], dim=-1),
+        torch.stack([zero, zero, one], dim=-1),
+    ]
+    return torch.stack(rows, dim=1), origin
+
+
+def in_frame(
+    points: Tensor, seen: Tensor, sizes: Tensor, eye: Tensor, scenes: SceneParameters
+) -> SeenSetBatch:
+    """A batch in the frames of its views.
+
+    Args:
+        points: (B, N, P, 3) of each object, world (m).
+        seen: (B, N) which objects count.
+        sizes: (B, N) share of the image of each.
+        eye: (B, 3) where cameras are (m).
+        scenes: what the objects are.
+    """
+    turn, origin = view_frame(points, seen, eye)
+    local = torch.einsum("bij,bnpj->bnpi", turn, points - origin[:, None, None])
+    return SeenSetBatch(
+        torch.where(seen[..., None, None], local, 0.0),
+        seen & scenes.present,
+        sizes,
+        torch.einsum("bij,bj->bi", turn, eye - origin),
+        scenes.half_axes,
+        scenes.exponents,
+        torch.einsum("bij,bnjk->bnik", turn, scenes.rotations),
+        torch.einsum("bij,bnj->bni", turn, scenes.positions - origin[:, None]),
+        scenes.present,
+    )
+
+
+def _intrinsics(lens: Any) -> list[float]:
+    return [lens.fx, lens.fy, lens.cx, lens.cy]
+
+
+def _normal(first: Tensor, second: Tensor) -> Tensor:
+    """Standard normal numbers of two uniform ones (Box and Muller 1958)."""
+    return (-2 * (1 - first).clamp_min(1e-7).log()).sqrt() * (2 * torch.pi * second).cos()
+
+
+def _points(depth: Tensor, pixels: Tensor, cameras: CameraBatch) -> Tensor:
+    """World coordinates (B, P, 3) of pixels with these depths."""
+    fx, fy, cx, cy = cameras.intrinsics[:, :, None].unbind(1)
+    x = (pixels % cameras.width - cx) / fx * depth
+    y = (pixels // cameras.width - cy) / fy * depth
+    local = torch.stack([x, y, depth], dim=-1)
+    pose = cameras.T_world_camera
+    return torch.einsum("bij,bpj->bpi", pose[:, :3, :3], local) + pose[:, None, :3, 3]
+
+
+def _scaled(scenes: SceneParameters, factors: Tensor) -> SceneParameters:
+    """Scenes (B) times factors (B, 1), about the origin on the floor."""
+    by = factors[:, :, None]
+    return SceneParameters(
+        scenes.half_axes * by,
+        scenes.exponents,
+        scenes.rotations,
+        scenes.positions * by,
+        scenes.present,
+    )
+
+
+def _mirrored(batch: SeenSetBatch, which: Tensor) -> SeenSetBatch:
+    """Some views seen in a mirror: y becomes -y. Superquadrics are their own mirror images."""
+    sign = torch.where(which, -1.0, 1.0)
+    flip = torch.stack([torch.ones_like(sign), sign, torch.ones_like(sign)], dim=-1)
+    rotations = batch.rotations * flip[:, None, :, None] * sign[:, None, None, None]
+    return SeenSetBatch(
+        batch.points * flip[:, None, None],
+        batch.seen,
+        batch.sizes,
+        batch.camera * flip,
+        batch.half_axes,
+        batch.exponents,
+        rotations,
+        batch.positions * flip[:, None],
+        batch.present,
+    )

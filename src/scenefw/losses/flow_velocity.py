@@ -1,0 +1,27 @@
+"""Loss of flow matching between noise and sets of objects."""
+
+from torch import Tensor
+
+from scenefw.core.batches import SeenSetBatch, SetFlowPrediction, SetFlowSetup
+
+
+class FlowVelocity:
+    """Mean squared error of the velocity, over numbers of objects (Lipman et al. 2023).
+
+    Args:
+        weight: factor of this term in the total.
+    """
+
+    needs_draws = False
+
+    def __init__(self, weight: float = 1.0) -> None:
+        self.weight = weight
+
+    def check(self, setup: SetFlowSetup) -> None:
+        """Any flow of sets has velocities."""
+
+    def __call__(self, prediction: SetFlowPrediction, batch: SeenSetBatch) -> Tensor:
+        """A scalar."""
+        errors = (prediction.velocity - prediction.target).square().mean(dim=-1)
+        there = prediction.present.to(errors.dtype)
+        return (errors * there).sum() / there.sum().clamp_min(1)

@@ -1,0 +1,307 @@
+"""Flow matching on sets of superquadrics, given what a view shows of each, or nothing."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import torch
+from torch import Tensor, nn
+
+from scenefw.core.batches import SeenSetBatch, SetFlowPrediction
+from scenefw.core.errors import ConfigError
+from scenefw.matching.assignment import Assignment
+from scenefw.models.superquadric_tokens import SIZE, decode, described_in_all_ways, encode
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_NEAR, _SCENE = 0.05, 0.2  # m: lengths of the order of one for parts and for scenes
+_ANCHOR = (0.0, 0.0, 0.1)  # m, of objects of which nothing is seen
+_POINT = 9
+
+
+class SetFlow(nn.Module):
+    """Draws sets of superquadrics: what is seen of objects decides how many slots belong to them.
+
+    Each seen object gets a slot, and its points tell of it. The number of objects that aren't seen
+    is drawn first, each of them gets a slot too, and then all are drawn together by conditional
+    flow matching (Lipman et al. 2023). There is no order among slots. For some of the batch the
+    view is left out, so the same network draws scenes without one (`share` of them).
+
+    Args:
+        slots: objects at most.
+        width: channels of tokens.
+        layers: of attention between objects while they are drawn.
+        view_layers: of attention between parts of the view before.
+        heads: of attention.
+        share: of training views that are left out.
+        repeats: noise and times for each training view, as a view costs more than they do.
+
+    Raises:
+        ConfigError: a number below one, or a share outside 0..1.
+    """
+
+    training_only: Sequence[str] = ()
+
+    def __init__(
+        self,
+        slots: int = 8,
+        width: int = 128,
+        layers: int = 4,
+        view_layers: int = 2,
+        heads: int = 4,
+        share: float = 0.12,
+        repeats: int = 4,
+    ) -> None:
+        super().__init__()
+        if min(slots, width, layers, view_layers, heads, repeats) < 1 or not 0 <= share <= 1:
+            raise ConfigError(
+                f"set_flow has slots {slots}, width {width}, layers {layers} and {view_layers}, "
+                f"heads {heads}, repeats {repeats}, share {share}; expected 1 or more, and a share"
+            )
+        self.recipe = {
+            "_target_": f"{__name__}.SetFlow",
+            "slots": slots,
+            "width": width,
+            "layers": layers,
+            "view_layers": view_layers,
+            "heads": heads,
+            "share": share,
+            "repeats": repeats,
+        }
+        self.slots, self.width, self.share, self.repeats = slots, width, share, repeats
+        self.point = nn.Sequential(
+            nn.Linear(_POINT, width // 2), nn.GELU(), nn.Linear(width // 2, width), nn.GELU(),
+        )  # fmt: skip
+        self.part = nn.Sequential(
+            nn.Linear(2 * width + 7, width), nn.GELU(), nn.Linear(width, width)
+        )
+        self.whole = nn.Sequential(nn.Linear(5, width), nn.GELU(), nn.Linear(width, width))
+        self.view = _transformer(width, view_layers, heads)
+        self.counts = nn.Sequential(nn.Linear(width, width), nn.GELU(), nn.Linear(width, slots + 1))
+        self.object = nn.Linear(SIZE, width)
+        self.hidden = nn.Parameter(0.02 * torch.randn(width))
+        self.time = nn.Sequential(nn.Linear(width, width), nn.GELU(), nn.Linear(width, width))
+        self.flow = _transformer(width, layers, heads)
+        self.velocity = nn.Sequential(nn.LayerNorm(width), nn.Linear(width, SIZE))
+
+    def forward(
+        self, batch: SeenSetBatch, generator: torch.Generator | None = None
+    ) -> SetFlowPrediction:
+        """Training pass: the velocity at a random time between noise and objects.
+
+        Args:
+            batch: views and objects.
+            generator: of noise, times and views that are left out, on the CPU.
+        """
+        device = batch.points.device
+        rows, slots = batch.present.shape
+        given = (torch.rand(rows, generator=generator) >= self.share).to(device)
+        time = torch.rand(rows * self.repeats, generator=generator).to(device)
+        noise = torch.randn(rows * self.repeats, slots, SIZE, generator=generator).to(device)
+        memory, counts = self.encode(batch, given)
+        seen = batch.seen & given[:, None]
+        objects = encode(
+            batch.positions, batch.rotations, batch.half_axes, batch.exponents,
+            anchors_of(batch, seen),
+        )  # fmt: skip
+        hidden = (batch.present & ~seen).sum(dim=1).clamp_max(self.slots)
+        memory, objects, seen, present = (
+            one.repeat_interleave(self.repeats, dim=0)
+            for one in (memory, objects, seen, batch.present)
+        )
+        objects = coupled(objects, noise, present, seen)
+        at = time[:, None, None]
+        now = torch.where(present[..., None], (1 - at) * noise + at * objects, 0.0)
+        velocity = self.velocity_of(now, time, memory, seen, present)
+        return SetFlowPrediction(velocity, objects - noise, present, counts, hidden)
+
+    def encode(self, batch: SeenSetBatch, given: Tensor) -> tuple[Tensor, Tensor]:
+        """Tokens (B, 1 + N, width) of the view and its parts, and logits (B, slots + 1) of counts.
+
+        Args:
+            batch: views.
+            given: (B,) bool; others are as if there were no view.
+        """
+        seen = batch.seen & given[:, None]
+        points = batch.points
+        middle = points.mean(dim=2)
+        ray = nn.functional.normalize(middle - batch.camera[:, None], dim=-1)
+        local = (points - middle[:, :, None]) / _NEAR
+        features = torch.cat([local, points / _SCENE, ray[:, :, None].expand_as(local)], dim=-1)
+        deep = self.point(features)
+        pooled = torch.cat([deep.amax(dim=2), deep.mean(dim=2)], dim=-1)
+        size = (batch.sizes.clamp_min(1e-5).log() + 4)[..., None]
+        parts = self.part(torch.cat([pooled, middle / _SCENE, ray, size], dim=-1))
+        number = seen.sum(dim=1, keepdim=True) / 4
+        there = given[:, None].float()
+        whole = self.whole(torch.cat([batch.camera * there, there, number], dim=-1))
+        tokens = torch.cat([whole[:, None], torch.where(seen[..., None], parts, 0.0)], dim=1)
+        mask = torch.cat([seen.new_ones(len(seen), 1), seen], dim=1)
+        memory = self.view(tokens, src_key_padding_mask=~mask)
+        return memory, self.counts(memory[:, 0])
+
+    def velocity_of(
+        self, now: Tensor, time: Tensor, memory: Tensor, seen: Tensor, present: Tensor
+    ) -> Tensor:
+        """Velocity (B, N, 15) of objects at times (B,).
+
+        Args:
+            now: (B, N, 15), between noise and objects.
+            time: (B,) from 0, noise, to 1.
+            memory: of `encode`.
+            seen: (B, N) bool: slots of parts of the view.
+            present: (B, N) bool: slots that count.
+        """
+        clock = self.time(_waves(time, self.width))[:, None]
+        about = torch.where(seen[..., None], memory[:, 1:], self.hidden)
+        tokens = torch.cat([memory[:, :1], self.object(now) + about], dim=1) + clock
+        mask = torch.cat([present.new_ones(len(present), 1), present], dim=1)
+        return self.velocity(self.flow(tokens, src_key_padding_mask=~mask)[:, 1:])
+
+    @torch.no_grad()
+    def sample(
+        self,
+        batch: SeenSetBatch,
+        count: int,
+        generator: torch.Generator,
+        steps: int = 20,
+        *,
+        given: bool = True,
+    ) -> SeenSetBatch:
+        """Draws sets for one view.
+
+        Args:
+            batch: one view; its objects are those that are seen.
+            count: of draws, S.
+            generator: of noise, on the CPU.
+            steps: of Euler's method.
+            given: False draws scenes without a view, and `batch` says only the device.
+
+        Returns:
+            The view S times, in slots those that are seen and then those that aren't.
+        """
+        device = batch.points.device
+        view = _first(batch) if given else _nothing(batch)
+        known = torch.full((1,), given, device=device)
+        memory, logits = self.encode(view, known)
+        parts = view.seen.shape[1]
+        chances = logits[0].softmax(dim=-1).cpu()
+        hidden = torch.multinomial(chances, count, replacement=True, generator=generator)
+        if not given:
+            hidden = hidden.clamp_min(1)
+        extra = max(int(hidden.max()), 1)
+        noise = torch.randn(count, parts + extra, SIZE, generator=generator).to(device)
+        there = torch.arange(extra)[None] < hidden[:, None]
+        seen = torch.cat([view.seen.expand(count, parts), torch.zeros_like(there).to(device)], 1)
+        present = torch.cat([view.seen.expand(count, parts), there.to(device)], dim=1)
+        empty = memory.new_zeros(count, extra, memory.shape[-1])
+        memory = torch.cat([memory.expand(count, -1, -1), empty], dim=1)
+        now = noise
+        for step in range(steps):
+            time = torch.full((count,), step / steps, device=device)
+            now = now + self.velocity_of(now, time, memory, seen, present) / steps
+        points = torch.cat(
+            [
+                view.points.expand(count, -1, -1, -1),
+                view.points.new_zeros(count, extra, *view.points.shape[2:]),
+            ],
+            dim=1,
+        )
+        sizes = torch.cat([view.sizes.expand(count, parts), sizes_of(there, device)], dim=1)
+        anchors = _anchors(points, seen)
+        centres, rotations, half_axes, exponents = decode(now, anchors)
+        return SeenSetBatch(
+            points, seen, sizes, view.camera.expand(count, 3),
+            half_axes, exponents, rotations, centres, present,
+        )  # fmt: skip
+
+
+def sizes_of(there: Tensor, device: torch.device) -> Tensor:
+    """No size, of objects that aren't seen."""
+    return torch.zeros(there.shape, device=device)
+
+
+def anchors_of(batch: SeenSetBatch, seen: Tensor) -> Tensor:
+    """What centres (B, N, 3) are told from: the middle of seen points, or a place of the scene."""
+    return _anchors(batch.points, seen)
+
+
+def _anchors(points: Tensor, seen: Tensor) -> Tensor:
+    return torch.where(seen[..., None], points.mean(dim=2), points.new_tensor(_ANCHOR))
+
+
+@torch.no_grad()
+def coupled(objects: Tensor, noise: Tensor, present: Tensor, seen: Tensor) -> Tensor:
+    """Objects (B, N, 15), each described in the way that is nearest to its noise.
+
+    Slots of objects that aren't seen may hold any of them: the noise takes those for which the sum
+    of squared distances is least. Paths then cross less.
+
+    Args:
+        objects: (B, N, 15).
+        noise: (B, N, 15).
+        present: (B, N) bool.
+        seen: (B, N) bool: objects whose slot is decided.
+    """
+    ways = described_in_all_ways(objects)
+    free = present & ~seen
+    slots = torch.arange(objects.shape[1], device=objects.device).expand(len(objects), -1).clone()
+    several = (free.sum(dim=1) > 1).nonzero()[:, 0].tolist()
+    for row in several:
+        own = free[row].nonzero()[:, 0]
+        gaps = (noise[row, own][:, None, None] - ways[row, own][None]).square().sum(-1)
+        pairs = torch.from_numpy(Assignment().assign(gaps.amin(dim=-1).cpu().numpy())).to(own)
+        slots[row, own[pairs[:, 0]]] = own[pairs[:, 1]]
+    ways = ways.gather(1, slots[..., None, None].expand_as(ways))
+    best = (noise[:, :, None] - ways).square().sum(dim=-1).argmin(dim=-1)
+    return ways.gather(2, best[..., None, None].expand(-1, -1, 1, SIZE))[:, :, 0]
+
+
+def _waves(time: Tensor, width: int) -> Tensor:
+    """Sines and cosines (B, width) of times."""
+    rates = torch.exp(torch.linspace(0, math.log(100.0), width // 2, device=time.device))
+    angles = time[:, None] * rates * torch.pi
+    return torch.cat([angles.sin(), angles.cos()], dim=-1)
+
+
+def _transformer(width: int, layers: int, heads: int) -> nn.TransformerEncoder:
+    layer = nn.TransformerEncoderLayer(
+        width, heads, 3 * width, dropout=0.0, activation="gelu", batch_first=True, norm_first=True
+    )
+    return nn.TransformerEncoder(
+        layer, layers, norm=nn.LayerNorm(width), enable_nested_tensor=False
+    )
+
+
+def _first(batch: SeenSetBatch) -> SeenSetBatch:
+    """The first view with its seen objects alone."""
+    kept = batch.seen[0]
+    return SeenSetBatch(
+        batch.points[:1, kept],
+        batch.seen[:1, kept],
+        batch.sizes[:1, kept],
+        batch.camera[:1],
+        batch.half_axes[:1, kept],
+        batch.exponents[:1, kept],
+        batch.rotations[:1, kept],
+        batch.positions[:1, kept],
+        batch.present[:1, kept],
+    )
+
+
+def _nothing(batch: SeenSetBatch) -> SeenSetBatch:
+    """A view without any object."""
+    empty = SeenSetBatch(
+        batch.points[:1],
+        torch.zeros_like(batch.seen[:1]),
+        batch.sizes[:1],
+        batch.camera[:1],
+        batch.half_axes[:1],
+        batch.exponents[:1],
+        batch.rotations[:1],
+        batch.positions[:1],
+        batch.present[:1],
+    )
+    return _first(empty)

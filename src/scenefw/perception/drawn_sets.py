@@ -1,0 +1,298 @@
+"""Superquadrics of a view whose hidden parts, and hidden objects, a trained flow of sets draws."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+import torch
+
+from scenefw.core import geometry
+from scenefw.core.batches import SceneParameters
+from scenefw.core.errors import ConfigError
+from scenefw.core.evidence import FittedSuperquadric
+from scenefw.core.types import Pose
+from scenefw.data.seen_sets import in_frame, view_frame
+from scenefw.fitting.placed import in_frame_of, shape_of
+from scenefw.fitting.superquadrics import Sizes
+from scenefw.models.superquadric_tokens import equal_descriptions
+from scenefw.perception.fitted import Fitted
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.random import Generator
+    from torch import Tensor
+
+    from scenefw.core.batches import SeenSetBatch
+    from scenefw.core.evidence import Evidence
+    from scenefw.core.training_protocols import SetFlowModel
+    from scenefw.core.types import Float64
+    from scenefw.perception.evidence import EvidenceOfView, View
+    from scenefw.perception.part_guided import Completing
+
+_POINTS = 48
+_CORNERS = 6  # of meshes that say where a drawn object is
+_SEEN_THROUGH = 0.05  # share of a hidden object that may lie where the view shows free space
+_INSIDE = 0.2  # share of a hidden object that may lie in others
+
+
+class SizedFit(Protocol):
+    """A fit of objects, alone and then with expected sizes."""
+
+    def fit(self, evidence: Sequence[Evidence]) -> list[FittedSuperquadric]:
+        """The best superquadric for each."""
+
+    def draws(
+        self, evidence: Sequence[Evidence], count: int, generator: Generator
+    ) -> list[list[FittedSuperquadric]]:
+        """The best superquadrics, and then draws of what they may be as well."""
+
+    def alone(self, evidence: Sequence[Evidence]) -> list[FittedSuperquadric]:
+        """The best superquadric for each, as if there were no others."""
+
+    def of_sizes(
+        self, evidence: Sequence[Evidence], start: Sequence[FittedSuperquadric], sizes: Sizes | None
+    ) -> list[FittedSuperquadric]:
+        """Superquadrics with these sizes where nothing is seen of them; None: typical ones."""
+
+
+class TrainedFlow(Protocol):
+    """What a loaded checkpoint provides (`learning.checkpoint.load_checkpoint`)."""
+
+    model: SetFlowModel
+    metadata: Mapping[str, Any]
+
+
+class DrawnSets(Fitted):
+    """Superquadrics fitted to the view, with sizes from draws of a network where nothing is seen.
+
+    Objects that the image shows are fitted (`Fitted`). The network sees their points and draws
+    sets: how far each object goes on, and objects of which nothing is seen. A drawn size is what
+    its object is expected to have, and all are fitted to the image again, so that what is seen
+    decides where it speaks. The first sample is the fit without a network, or has the middle of
+    several draws as sizes (`typical`).
+
+    Args:
+        inner: makes the scenes.
+        fit: of superquadrics to evidence.
+        evidence: what a view says about an object.
+        checkpoint: of a flow of sets.
+        near: seen points up to this far from the surface are explained (m).
+        explained: share of seen points that a superquadric must explain to be taken.
+        least: seen points that an object must have to be fitted.
+        lowest: how high above the floor what was not predicted must reach to be an object (m).
+        steps: of each draw.
+        stiffness: how much an e times longer or shorter half-axis than the drawn one costs, in
+            squared deviations of points.
+        typical: draws whose middle is the first sample's; 0: the fit without a network.
+        drawn: the first sample is the best fit, further ones are drawn; without it, all are best.
+        hidden: draws have objects of which nothing is seen.
+
+    Raises:
+        ConfigError: a number that isn't positive.
+    """
+
+    def __init__(
+        self,
+        inner: Completing,
+        fit: SizedFit,
+        evidence: EvidenceOfView,
+        checkpoint: TrainedFlow,
+        near: float = 0.006,
+        explained: float = 0.75,
+        least: int = 60,
+        lowest: float = 0.015,
+        steps: int = 20,
+        stiffness: float = 100.0,
+        typical: int = 0,
+        *,
+        drawn: bool = True,
+        hidden: bool = True,
+    ) -> None:
+        super().__init__(inner, fit, evidence, near, explained, least, lowest, drawn=drawn)
+        if steps < 1 or stiffness <= 0 or typical < 0:
+            raise ConfigError(
+                f"drawn sets have steps {steps}, stiffness {stiffness} and typical {typical}; "
+                "expected positive numbers"
+            )
+        self.sized, self.model, self.hidden = fit, checkpoint.model, hidden
+        self.steps, self.stiffness, self.typical = steps, stiffness, typical
+        self.metadata = dict(checkpoint.metadata)
+
+    def superquadrics(
+        self, view: View, count: int = 1, random: Generator | None = None
+    ) -> list[dict[int, FittedSuperquadric]]:
+        """Objects that a superquadric explains, by label; in draws also those that nobody sees.
+
+        Args:
+            view: with the predicted volumes.
+            count: of results: the best one, then draws.
+            random: for the draws.
+        """
+        random = np.random.default_rng(0) if random is None else random
+        enough = self._enough(view)
+        given = list(enough.values())
+        alone = self.sized.alone(given)
+        draws = Draws(self.model, view, list(enough), self.typical + count, self.steps, random)
+        sizes = [np.log(draws.sizes(i, alone)) for i in range(draws.count)]
+        results = []
+        for number in range(count):
+            row = self.typical + number
+            if number > 0:
+                typical = Sizes(np.exp(sizes[row]), self.stiffness)
+            elif self.typical:
+                middle = np.median(sizes[: self.typical], axis=0)
+                typical = Sizes(np.exp(middle), self.stiffness)
+            else:
+                typical = None
+            found = self.sized.of_sizes(given, alone, typical)
+            kept = self._kept(found, alone, enough)
+            if self.hidden and number > 0:
+                first = int(max(view.instances.max(initial=0), view.masks.max(initial=0))) + 1
+                kept |= dict(enumerate(_possible(draws.hidden(row), view, kept), first))
+            results.append(kept)
+        return results
+
+    def _kept(
+        self,
+        found: Sequence[FittedSuperquadric],
+        alone: Sequence[FittedSuperquadric],
+        enough: Mapping[int, Evidence],
+    ) -> dict[int, FittedSuperquadric]:
+        """Each object with its drawn size, else without, if that explains what is seen."""
+        kept = {}
+        for label, one, plain in zip(enough, found, alone, strict=True):
+            if self._explains(one, enough[label]):
+                kept[label] = one
+            elif self._explains(plain, enough[label]):
+                kept[label] = plain
+        return kept
+
+
+class Draws:
+    """Sets that a network draws for a view, in world coordinates.
+
+    Args:
+        model: the network.
+        view: with masks.
+        labels: of the objects in its masks, one slot each.
+        count: of draws.
+        steps: of each.
+        random: where their seed is from.
+    """
+
+    def __init__(
+        self,
+        model: SetFlowModel,
+        view: View,
+        labels: Sequence[int],
+        count: int,
+        steps: int,
+        random: Generator,
+    ) -> None:
+        self.count, self.parts = count, len(labels)
+        device = next(model.parameters()).device  # type: ignore[attr-defined]
+        points = torch.zeros(1, len(labels), _POINTS, 3)
+        sizes = torch.zeros(1, len(labels))
+        for slot, label in enumerate(labels):
+            own = view.points[view.masks == label]
+            points[0, slot] = torch.from_numpy(own[random.integers(len(own), size=_POINTS)])
+            sizes[0, slot] = len(own) / view.masks.size
+        eye = torch.from_numpy(np.asarray(view.eye, dtype=np.float32))[None]
+        seen = torch.ones(1, len(labels), dtype=torch.bool)
+        batch = in_frame(points, seen, sizes, eye, _unknown(len(labels)))
+        turn, origin = view_frame(points, seen, eye)
+        generator = torch.Generator().manual_seed(int(random.integers(2**62)))
+        moved = _on(batch, device)
+        with torch.no_grad():
+            drawn = _on(model.sample(moved, count, generator, steps), torch.device("cpu"))
+        back = turn[0].T.double()
+        self.rotations = (back @ drawn.rotations.double()).numpy()
+        self.positions = (drawn.positions.double() @ back.T + origin[0].double()).numpy()
+        self.half_axes = drawn.half_axes.double().numpy()
+        self.exponents = drawn.exponents.double().numpy()
+        self.present = drawn.present.numpy()
+
+    def sizes(self, row: int, fitted: Sequence[FittedSuperquadric]) -> Float64:
+        """Half-axes (N, 3) of seen objects, along the axes of superquadrics fitted to them."""
+        return np.array(
+            [
+                along(one.pose.rotation, self.rotations[row, k], self.half_axes[row, k])
+                for k, one in enumerate(fitted)
+            ]
+        ).reshape(-1, 3)
+
+    def hidden(self, row: int) -> list[FittedSuperquadric]:
+        """Objects of one draw of which nothing is seen."""
+        return [
+            FittedSuperquadric(
+                self.half_axes[row, k],
+                self.exponents[row, k],
+                Pose(
+                    self.positions[row, k],
+                    geometry.quaternion_from_rotation(self.rotations[row, k]),
+                ),
+                0.0,
+                np.empty(0),
+            )
+            for k in range(self.parts, self.present.shape[1])
+            if self.present[row, k]
+        ]
+
+
+_WAYS = equal_descriptions().numpy().astype(np.float64)
+
+
+def along(axes: Float64, rotation: Float64, half_axes: Float64) -> Float64:
+    """Half-axes (3,) of an object, in the order of other axes that are nearly its own.
+
+    Args:
+        axes: (3, 3), columns are the axes.
+        rotation: (3, 3) of the object.
+        half_axes: (3,) of the object.
+    """
+    agreement = np.einsum("ij,ik,wkj->w", axes, rotation, _WAYS)
+    return np.asarray(np.abs(_WAYS[agreement.argmax()]).T @ half_axes)
+
+
+def _possible(
+    hidden: Sequence[FittedSuperquadric], view: View, others: Mapping[int, FittedSuperquadric]
+) -> list[FittedSuperquadric]:
+    """Hidden objects that lie neither where the view shows free space nor in other objects."""
+    kept: list[FittedSuperquadric] = []
+    for one in hidden:
+        corners = shape_of(one).mesh(_CORNERS).vertices
+        inner = np.concatenate([corners, 0.6 * corners, 0.2 * corners])
+        places = inner @ one.pose.rotation.T + one.pose.position
+        voxels = np.rint(view.grid.to_voxels(places)).astype(int)
+        inside = ((voxels >= 0) & (voxels < view.grid.resolution)).all(axis=1)
+        if not inside.all():
+            continue
+        x, y, z = voxels.T
+        if view.free[x, y, z].mean() > _SEEN_THROUGH:
+            continue
+        solid = [
+            (shape_of(other).value(in_frame_of(other, places)) < 1)
+            for other in (*others.values(), *kept)
+        ]
+        if solid and np.any(solid, axis=0).mean() > _INSIDE:
+            continue
+        kept.append(one)
+    return kept
+
+
+def _unknown(count: int) -> SceneParameters:
+    """So many objects of which nothing is known yet."""
+    return SceneParameters(
+        torch.ones(1, count, 3),
+        torch.ones(1, count, 3),
+        torch.eye(3).expand(1, count, 3, 3),
+        torch.zeros(1, count, 3),
+        torch.ones(1, count, dtype=torch.bool),
+    )
+
+
+def _on(batch: SeenSetBatch, device: torch.device) -> SeenSetBatch:
+    fields: dict[str, Tensor] = vars(batch)
+    return type(batch)(**{name: value.to(device) for name, value in fields.items()})

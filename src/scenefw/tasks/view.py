@@ -1,0 +1,136 @@
+"""Shows predictions of depth images in the browser."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from scenefw.core.errors import ConfigError
+from scenefw.core.files import require_writable
+from scenefw.data.arrays import read_mask
+from scenefw.data.readers import find_images, read_frame
+from scenefw.export.scene_files import GLB, Summary
+from scenefw.report.layers import Prediction
+from scenefw.report.viewer import Viewer, close_server, open_server, require_free, require_viser
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from scenefw.core.protocols import SceneFormat, Settling
+    from scenefw.perception.pipeline import Pipeline
+
+_LOCAL = ("127.0.0.1", "::1", "localhost")
+
+
+class View:
+    """Predicts images and shows them in the browser until Ctrl-C.
+
+    Images of a folder are predicted when they are looked at. Exports go to a folder of each image
+    in the output folder, and to the browser.
+
+    Args:
+        input: a depth image or a folder of them.
+        pipeline: makes the scenes of an image; `pipeline.samples` says how many.
+        output: where exports go.
+        intrinsics: as of `run=predict`.
+        depth_scale: as of `run=predict`.
+        masks: as of `run=predict`.
+        settling: of the button; None leaves it out.
+        exports: further formats, by name; GLB and JSON are always there.
+        host: address that browsers reach it at; 127.0.0.1 is for this machine alone.
+        port: 0 takes a free one.
+        seconds: ends after this time; None = with Ctrl-C.
+
+    Raises:
+        ConfigError: no input is given, or a number that isn't positive.
+    """
+
+    def __init__(
+        self,
+        input: str | Path | None,  # noqa: A002 - named as the setting on the command line
+        pipeline: Pipeline,
+        output: str | Path = "outputs",
+        intrinsics: str | Path | None = None,
+        depth_scale: float | None = None,
+        masks: str | Path | None = None,
+        settling: Settling | None = None,
+        exports: Mapping[str, SceneFormat] | None = None,
+        host: str = "127.0.0.1",
+        port: int = 8080,
+        seconds: float | None = None,
+    ) -> None:
+        if input is None:
+            raise ConfigError("run=view needs input=PATH of a depth image or a folder of them")
+        if depth_scale is not None and not depth_scale > 0:
+            raise ConfigError(f"run.depth_scale = {depth_scale}: expected metres per unit, above 0")
+        if seconds is not None and not seconds > 0:
+            raise ConfigError(f"run.seconds = {seconds}: expected seconds above 0, or null")
+        self.input, self.output = Path(input), Path(output)
+        self.pipeline, self.settling = pipeline, settling
+        self.options: dict[str, Any] = {"intrinsics": intrinsics, "depth_scale": depth_scale}
+        self.masks = None if masks is None else Path(masks)
+        self.formats: dict[str, SceneFormat] = {"glb": GLB(), "json": Summary(), **(exports or {})}
+        self.host, self.port, self.seconds = host, port, seconds
+
+    def run(self) -> dict[str, float]:
+        """Serves until it ends; returns how many images there are.
+
+        Raises:
+            InputError: there is no image, or the first one is unusable.
+            ConfigError: the port is in use.
+            MissingDependencyError: viser is not installed.
+            StorageError: the output folder can't be written.
+        """
+        require_viser()
+        require_free(self.host, self.port)  # before the work
+        images = find_images(self.input)
+        require_writable(self.output)
+        base = self.input if self.input.is_dir() else self.input.parent
+        names = [str(image.relative_to(base).with_suffix("")) for image in images]
+        first = self.predict(images[0])
+
+        def load(number: int) -> Prediction:
+            return self.predict(images[number]) if number else first
+
+        server = open_server(self.host, self.port)
+        try:
+            Viewer(server, names, load, self.formats, self.output, self.settling)
+            self._tell(server.get_port())
+            threading.Event().wait(self.seconds)
+        except KeyboardInterrupt:
+            pass
+        finally:
+            close_server(server)
+        print(f"viewer ended; exports are in {self.output}")
+        return {"images": float(len(images))}
+
+    def predict(self, image: Path) -> Prediction:
+        """What an image shows: all hypotheses.
+
+        Raises:
+            InputError: it is unusable.
+        """
+        frame = read_frame(image, **self.options)
+        mask = None
+        if self.masks is not None:
+            folder = self.masks.is_dir()
+            path = self.masks / f"{image.stem}.png" if folder else self.masks
+            mask = read_mask(path, frame.depth.shape)
+        view = self.pipeline.prepare(frame, mask)
+        for warning in view.warnings:
+            print(f"{frame.name}: {warning}", file=sys.stderr)
+        partial = view.partial.distance[0, 0].cpu().numpy()
+        return Prediction(tuple(self.pipeline.hypotheses(view)), frame, partial)
+
+    def _tell(self, port: int) -> None:
+        if self.host not in _LOCAL:
+            print(
+                f"anybody who reaches {self.host} can look, change and export; "
+                "run.host=127.0.0.1 is for this machine alone",
+                file=sys.stderr,
+            )
+        name = f"[{self.host}]" if ":" in self.host else self.host
+        shown = "127.0.0.1" if self.host == "0.0.0.0" else name
+        print(f"http://{shown}:{port} shows it; Ctrl-C ends it", flush=True)

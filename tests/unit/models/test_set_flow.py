@@ -1,0 +1,146 @@
+"""Sets of superquadrics as numbers, and the network that draws them."""
+
+import itertools
+
+import numpy as np
+import pytest
+import torch
+
+from scenefw.core.batches import SeenSetBatch
+from scenefw.core.errors import ConfigError
+from scenefw.losses.flow_velocity import FlowVelocity
+from scenefw.losses.hidden_count import HiddenCount
+from scenefw.models.set_flow import SetFlow, coupled
+from scenefw.models.superquadric_tokens import (
+    SIZE,
+    decode,
+    described_in_all_ways,
+    encode,
+    equal_descriptions,
+)
+from scenefw.shapes.superquadric import Superquadric
+
+SMALL = {"slots": 4, "width": 32, "layers": 2, "view_layers": 1, "heads": 2}
+
+
+def rotations(*shape, seed=0):
+    random = torch.Generator().manual_seed(seed)
+    q, _ = torch.linalg.qr(torch.randn(*shape, 3, 3, generator=random))
+    return q * torch.linalg.det(q)[..., None, None]
+
+
+def batch_of(views=2, objects=3, seed=0):
+    random = torch.Generator().manual_seed(seed)
+
+    def uniform(low, high, *shape):
+        return low + (high - low) * torch.rand(*shape, generator=random)
+
+    seen = torch.ones(views, objects, dtype=torch.bool)
+    seen[0, -1] = False
+    points = uniform(-0.2, 0.2, views, objects, 8, 3) * seen[..., None, None]
+    return SeenSetBatch(
+        points, seen, 0.02 * seen, torch.tensor([[-0.8, 0.0, 0.5]]).expand(views, 3),
+        uniform(0.03, 0.1, views, objects, 3), uniform(2, 30, views, objects, 3),
+        rotations(views, objects), uniform(-0.2, 0.2, views, objects, 3),
+        torch.ones(views, objects, dtype=torch.bool),
+    )  # fmt: skip
+
+
+def test_numbers_say_the_object_and_so_do_all_24_descriptions():
+    batch = batch_of()
+    anchors = batch.points.mean(dim=2)
+    objects = encode(batch.positions, batch.rotations, batch.half_axes, batch.exponents, anchors)
+    for found, true in zip(
+        decode(objects, anchors),
+        (batch.positions, batch.rotations, batch.half_axes, batch.exponents),
+        strict=True,
+    ):
+        assert torch.allclose(found, true, rtol=1e-4, atol=1e-5)
+    assert len(torch.unique(equal_descriptions(), dim=0)) == 24
+    points = np.random.default_rng(0).uniform(-0.1, 0.1, (50, 3))
+    own = Superquadric(batch.half_axes[0, 0].numpy(), batch.exponents[0, 0].numpy())
+    wanted = own.value(points @ batch.rotations[0, 0].double().numpy())
+    every = described_in_all_ways(objects)[0, 0]
+    assert len(torch.unique(every.round(decimals=4), dim=0)) == 24
+    for one in every:
+        _, turn, axes, exponents = decode(one, anchors[0, 0])
+        value = Superquadric(axes.numpy(), exponents.numpy()).value(points @ turn.double().numpy())
+        assert np.allclose(value, wanted, rtol=1e-2)
+
+
+def test_coupling_takes_the_nearest_descriptions_and_the_best_order_of_hidden_objects():
+    random = torch.Generator().manual_seed(3)
+    objects = encode(*_objects(1, 4), torch.zeros(1, 4, 3))
+    noise = torch.randn(1, 4, SIZE, generator=random)
+    present, seen = torch.ones(1, 4, dtype=torch.bool), torch.tensor([[True, False, False, False]])
+    found = coupled(objects, noise, present, seen)
+    ways = described_in_all_ways(objects)[0]
+    gaps = (noise[0][:, None, None] - ways[None]).square().sum(-1).amin(-1)  # slot, object
+    best = min(
+        gaps[0, 0] + sum(gaps[1 + i, 1 + j] for i, j in enumerate(order))
+        for order in itertools.permutations(range(3))
+    )
+    assert torch.isclose((found - noise).square().sum(), best, rtol=1e-4)
+
+
+def _objects(views, objects):
+    batch = batch_of(views, objects)
+    return batch.positions, batch.rotations, batch.half_axes, batch.exponents
+
+
+def test_no_order_among_objects():
+    torch.manual_seed(0)
+    model, batch = SetFlow(**SMALL).eval(), batch_of()
+    order = torch.tensor([2, 0, 1])
+    moved = SeenSetBatch(
+        *[x if x.ndim == 2 and x.shape[1] == 3 and x is batch.camera else x[:, order]
+          for x in vars(batch).values()]
+    )  # fmt: skip
+    now, time = torch.randn(2, 3, SIZE), torch.tensor([0.2, 0.7])
+    given = torch.ones(2, dtype=torch.bool)
+
+    def velocity(one, state):
+        memory, counts = model.encode(one, given)
+        return model.velocity_of(state, time, memory, one.seen, one.present), counts
+
+    (first, counts), (second, again) = velocity(batch, now), velocity(moved, now[:, order])
+    assert torch.allclose(first[:, order], second, atol=1e-5)
+    assert torch.allclose(counts, again, atol=1e-5)
+
+
+def test_it_learns_objects_of_a_view_and_draws_them():
+    """One view by heart: draws lie where its objects are, and so many are hidden."""
+    torch.manual_seed(0)
+    batch = batch_of(1)
+    model = SetFlow(**SMALL, share=0.0, repeats=16)
+    optimizer = torch.optim.AdamW(model.parameters(), 4e-3)
+    random = torch.Generator().manual_seed(0)
+    for _ in range(100):
+        found = model(batch, random)
+        loss = FlowVelocity()(found, batch) + HiddenCount()(found, batch)
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+    drawn = model.sample(batch, 8, random)
+    assert (drawn.present.sum(dim=1) == 3).all()
+    errors = (drawn.positions[:, :2] - batch.positions[:, :2]).norm(dim=-1)
+    assert float(errors.median()) < 0.04
+    volume, true = drawn.half_axes.prod(dim=-1)[:, :2], batch.half_axes.prod(dim=-1)[:, :2]
+    assert float((volume / true).log().abs().median()) < 0.5
+
+
+def test_scenes_without_a_view_do_not_depend_on_one():
+    torch.manual_seed(0)
+    model = SetFlow(**SMALL)
+    first, second = (
+        model.sample(batch_of(seed=seed), 4, torch.Generator().manual_seed(1), given=False)
+        for seed in (0, 1)
+    )
+    assert torch.equal(first.positions, second.positions)
+    assert (first.present.sum(dim=1) >= 1).all()
+    assert not first.seen.any()
+
+
+def test_sizes_below_one_are_refused():
+    with pytest.raises(ConfigError, match="slots 0"):
+        SetFlow(slots=0)

@@ -1,0 +1,100 @@
+"""The viewer in Chromium, as somebody sees it."""
+
+import io
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+from tests.unit.perception.synthetic import camera_at, frame_of
+from tests.unit.perception.test_pipeline import KnownBoxes
+
+from scenefw.core.types import GridSpec
+from scenefw.export.scene_files import GLB
+from scenefw.mapping.projective import Projective
+from scenefw.perception.moved import without
+from scenefw.perception.pipeline import Pipeline
+from scenefw.report.layers import Prediction
+from scenefw.report.viewer import Viewer, open_server
+
+ARGUMENTS = [
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync",
+    "--enable-unsafe-swiftshader",
+]  # fmt: skip
+PATIENCE = 180_000  # ms: pictures are drawn without a GPU
+
+
+@pytest.fixture
+def page(tmp_path):
+    pytest.importorskip("viser", reason="pip install 'viser>=1.1'")
+    driver = pytest.importorskip("playwright.sync_api", reason="pip install playwright")
+    chromium = os.environ.get("CHROMIUM") or shutil.which("chromium")
+    if chromium is None:
+        pytest.skip("no browser: apt-get install chromium, or set CHROMIUM to its path")
+    with driver.sync_playwright() as playwright:
+        context = playwright.chromium.launch_persistent_context(
+            tmp_path / "profile", executable_path=chromium, args=ARGUMENTS, timeout=PATIENCE,
+            viewport={"width": 800, "height": 500}, accept_downloads=True,
+        )  # fmt: skip
+        context.set_default_timeout(PATIENCE)
+        yield context.pages[0]
+        context.close()
+
+
+@pytest.fixture
+def viewer(tmp_path):
+    pipeline = Pipeline(KnownBoxes(GridSpec(resolution=32)), Projective(), samples=1)
+    view = pipeline.prepare(frame_of(camera_at(eye=(0.0, -0.85, 0.6), size=(160, 120))))
+    scene = pipeline.complete(view)
+    scenes = (scene, without(scene, {2}))
+    known = Prediction(scenes, view.frame, view.partial.distance[0, 0].numpy())
+    server = open_server("127.0.0.1", 0)
+    yield Viewer(server, ["boxes"], lambda _: known, {"glb": GLB()}, tmp_path / "out")
+    server.stop()
+
+
+def shares(page):
+    """Of the colours of objects 1 and 2 in the 3D picture: blue and orange."""
+    picture = Image.open(io.BytesIO(page.locator("canvas").first.screenshot()))
+    red, green, blue = np.moveaxis(np.asarray(picture.convert("RGB"), np.int32), -1, 0)
+    orange = (red > 120) & (red - green > 35) & (green - blue > 35)
+    blue_one = (blue > 90) & (blue - red > 60)
+    return float(blue_one.mean()), float(orange.mean())
+
+
+def until(page, holds):
+    """The picture follows what was done after a while."""
+    for _ in range(60):
+        page.wait_for_timeout(500)
+        if holds(*shares(page)):
+            return True
+    return False
+
+
+@pytest.mark.exhaustive
+def test_it_loads_the_slider_changes_the_picture_and_an_export_arrives(page, viewer, tmp_path):
+    complaints = []
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.goto(f"http://127.0.0.1:{viewer.server.get_port()}")
+    page.get_by_text("hypothesis").first.wait_for()
+    assert until(page, lambda one, two: one > 0.005 and two > 0.005)
+    page.screenshot(path=tmp_path / "loaded.png")
+    slider = page.get_by_role("slider").first
+    slider.focus()
+    slider.press("ArrowRight")
+    assert until(page, lambda one, two: one > 0.005 and two < 0.001)
+    assert viewer.hypothesis == 1
+    page.reload()  # a browser that goes away loses nothing
+    page.get_by_text("hypothesis").first.wait_for()
+    assert viewer.hypothesis == 1
+    with page.expect_download() as arriving:
+        page.get_by_role("button", name="Export", exact=True).last.click()
+    file = Path(tmp_path / "arrived.glb")
+    arriving.value.save_as(file)
+    assert len(trimesh.load(file).geometry) == 1
+    assert file.read_bytes() == (tmp_path / "out/boxes/hypothesis_2/scene.glb").read_bytes()
+    assert not complaints
