@@ -87,7 +87,7 @@ def test_one_group_is_shown_with_arguments_and_without_torch(tmp_path):
     )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "renderer=sphere_tracer" in done.stdout
-    (row,) = (line for line in done.stdout.splitlines() if line.startswith("max_steps"))
+    row = next(line for line in done.stdout.splitlines() if line.startswith("max_steps"))
     assert row.split()[1] == "256"
     assert "run=" in done.stdout
     assert "loss=" not in done.stdout

@@ -36,7 +36,8 @@ class Differentiable:
         margin: as far before a surface nothing is asked of empty space (m).
         floor: what is lower shows the floor (m).
         stride: every how many rows and columns of the images are used.
-        max_steps, tolerance: of sphere tracing.
+        max_steps: upper bound of steps per ray of sphere tracing.
+        tolerance: a ray stops this close to the surface (m).
 
     Raises:
         ConfigError: a step or stride that isn't positive, or a negative margin.
