@@ -115,7 +115,7 @@ def test_it_learns_objects_of_a_view_and_draws_them():
     model = SetFlow(**SMALL, share=0.0, repeats=16)
     optimizer = torch.optim.AdamW(model.parameters(), 4e-3)
     random = torch.Generator().manual_seed(0)
-    for _ in range(100):
+    for _ in range(300):
         found = model(batch, random)
         loss = FlowVelocity()(found, batch) + HiddenCount()(found, batch)
         optimizer.zero_grad()
