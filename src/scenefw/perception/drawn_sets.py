@@ -134,7 +134,8 @@ class DrawnSets(Fitted):
         enough = self._enough(view)
         given = list(enough.values())
         alone = self.sized.alone(given)
-        draws = Draws(self.model, view, list(enough), self.typical + count, self.steps, random)
+        many = self.typical + count
+        draws = Draws(self.model, view, list(enough), alone, many, self.steps, random)
         sizes = [np.log(draws.sizes(i, alone)) for i in range(draws.count)]
         results = []
         for number in range(count):
@@ -177,6 +178,7 @@ class Draws:
         model: the network.
         view: with masks.
         labels: of the objects in its masks, one slot each.
+        fitted: superquadrics that explain them.
         count: of draws.
         steps: of each.
         random: where their seed is from.
@@ -187,6 +189,7 @@ class Draws:
         model: SetFlowModel,
         view: View,
         labels: Sequence[int],
+        fitted: Sequence[FittedSuperquadric],
         count: int,
         steps: int,
         random: Generator,
@@ -201,7 +204,7 @@ class Draws:
             sizes[0, slot] = len(own) / view.masks.size
         eye = torch.from_numpy(np.asarray(view.eye, dtype=np.float32))[None]
         seen = torch.ones(1, len(labels), dtype=torch.bool)
-        batch = in_frame(points, seen, sizes, eye, _unknown(len(labels)))
+        batch = in_frame(points, seen, sizes, eye, _scene_of(fitted))
         turn, origin = view_frame(points, seen, eye)
         generator = torch.Generator().manual_seed(int(random.integers(2**62)))
         moved = _on(batch, device)
@@ -282,14 +285,18 @@ def _possible(
     return kept
 
 
-def _unknown(count: int) -> SceneParameters:
-    """So many objects of which nothing is known yet."""
+def _scene_of(fitted: Sequence[FittedSuperquadric]) -> SceneParameters:
+    """One scene (1, N) of fitted superquadrics."""
+
+    def stacked(values: Sequence[Any], *shape: int) -> Tensor:
+        return torch.from_numpy(np.array(values, dtype=np.float32).reshape(1, len(fitted), *shape))
+
     return SceneParameters(
-        torch.ones(1, count, 3),
-        torch.ones(1, count, 3),
-        torch.eye(3).expand(1, count, 3, 3),
-        torch.zeros(1, count, 3),
-        torch.ones(1, count, dtype=torch.bool),
+        stacked([one.half_axes for one in fitted], 3),
+        stacked([one.exponents for one in fitted], 3),
+        stacked([one.pose.rotation for one in fitted], 3, 3),
+        stacked([one.pose.position for one in fitted], 3),
+        torch.ones(1, len(fitted), dtype=torch.bool),
     )
 
 
