@@ -243,6 +243,9 @@ class SetFlowModel(Network, Protocol):
     slots: int
     """Objects at most."""
 
+    draws_hidden: bool
+    """Whether objects of which nothing is seen are drawn too, and whole scenes without a view."""
+
     def forward(
         self, batch: SeenSetBatch, generator: torch.Generator | None = None
     ) -> SetFlowPrediction:

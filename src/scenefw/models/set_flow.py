@@ -43,6 +43,7 @@ class SetFlow(nn.Module):
     """
 
     training_only: Sequence[str] = ()
+    draws_hidden = True
 
     def __init__(
         self,
