@@ -130,8 +130,9 @@ def _mesh(name: str, path: Path, label: int) -> TriangleMesh:
         ) from error
     except Exception as error:  # trimesh passes on whatever its reader raises
         raise InputError(f"mesh {file} can't be read ({error}); predict the scene again") from error
-    faces = np.asarray(getattr(read, "faces", np.zeros((0, 3))), np.int64)
-    mesh = TriangleMesh(np.asarray(getattr(read, "vertices", np.zeros((0, 3))), np.float64), faces)
+    if not isinstance(read, trimesh.Trimesh):
+        raise InputError(f"mesh {file} holds no triangles; predict the scene again")
+    mesh = TriangleMesh(np.asarray(read.vertices, np.float64), np.asarray(read.faces, np.int64))
     if not np.isfinite(mesh.vertices).all() or not closed(mesh):
         raise InputError(f"mesh {file} is not closed, so it has no inside; predict the scene again")
     return mesh
