@@ -53,7 +53,7 @@ GAPS = {
 
 SCORES = {
     "energy": Measure("energy distance", "energy distance to true scenes", "", 3, "lower"),
-    "chance": Measure("p", "probability of such a distance by chance", "", 3, "higher"),
+    "chance": Measure("p", "probability of such a distance by chance"),
     "stable": Measure("stable", "stable piles", "%", 1, "higher", 100.0),
     "displacement": Measure("displacement", "median displacement", "cm", 1, "lower", 100.0),
     "novelty": Measure("nearest", "median distance to the nearest training scene", "", 2),
