@@ -41,7 +41,7 @@ class SeenSets(lightning.LightningDataModule):
         image_size: width and height (pixels) of the images that say what is seen.
         points: of each object, drawn from its pixels.
         least: pixels of an object that is seen.
-        noise: standard deviation of points along their ray (m).
+        noise: standard deviation of points along their ray (m), at most: views differ in it.
         scale: scenes become up to this factor larger or smaller; a pile still stands then.
 
     Raises:
@@ -57,8 +57,8 @@ class SeenSets(lightning.LightningDataModule):
         batch_size: int = 64,
         seed: int = 0,
         distinct_batches: int | None = None,
-        image_size: Sequence[int] = (96, 72),
-        points: int = 64,
+        image_size: Sequence[int] = (128, 96),
+        points: int = 192,
         least: int = 2,
         noise: float = 0.0015,
         scale: float = 1.15,
@@ -92,7 +92,7 @@ class SeenSets(lightning.LightningDataModule):
             "validation_scenes": len(self.validation_scenes),
             "batch_size": self.batch_size,
             **({"distinct_batches": self.distinct_batches} if self.distinct_batches else {}),
-            "noise": f"{self.noise} m along rays",
+            "noise": f"up to {self.noise} m along rays",
         }
 
     def train_dataloader(self) -> EpochBatches:
@@ -132,7 +132,7 @@ class SeenSets(lightning.LightningDataModule):
         parameters = scenes.parameters(batch.indices, device)
         streams = Streams.of(self.seed, stream, batch.epoch, indices=batch.indices.numpy())
         to_camera, to_change, to_points = streams.split(3)
-        change = to_change.uniform(2) if changed else np.full((len(streams), 2), 0.5)
+        change = to_change.uniform(3) if changed else np.full((len(streams), 3), 0.5)
         scale = self.scale ** (2 * change[:, :1] - 1)
         slots = parameters.present.shape[1]
         drawn = [
@@ -140,14 +140,17 @@ class SeenSets(lightning.LightningDataModule):
             self.viewpoints.poses(to_camera).astype(np.float32),
             scale.astype(np.float32),
             (change[:, 1] < 0.5).astype(np.float32),
+            (self.noise * change[:, 2:]).astype(np.float32),
             to_points.uniform(3 * slots * self.points).astype(np.float32),
         ]
-        intrinsics, poses, factors, mirrored, random = to_device(drawn, device)
+        intrinsics, poses, factors, mirrored, noise, random = to_device(drawn, device)
         cameras = CameraBatch(self.lens.width, self.lens.height, intrinsics, poses)
-        made = self._see(_scaled(parameters, factors), cameras, random)
+        made = self._see(_scaled(parameters, factors), cameras, noise, random)
         return _mirrored(made, mirrored > 0)
 
-    def _see(self, scenes: SceneParameters, cameras: CameraBatch, random: Tensor) -> SeenSetBatch:
+    def _see(
+        self, scenes: SceneParameters, cameras: CameraBatch, sigmas: Tensor, random: Tensor
+    ) -> SeenSetBatch:
         depth, owners = first_hits(scenes, cameras)
         batch, slots = scenes.present.shape
         flat = owners.flatten(1).long()
@@ -159,7 +162,7 @@ class SeenSets(lightning.LightningDataModule):
         own = counts[:, 1:, None]
         places = starts[:, 1:, None] + (chances[:, 0] * own).long().minimum((own - 1).clamp_min(0))
         pixels = order.gather(1, places.clamp_max(flat.shape[1] - 1).flatten(1))
-        noise = self.noise * _normal(chances[:, 1], chances[:, 2]).flatten(1)
+        noise = sigmas * _normal(chances[:, 1], chances[:, 2]).flatten(1)
         points = _points(depth.flatten(1).gather(1, pixels) + noise, pixels, cameras)
         seen = counts[:, 1:] >= self.least
         points = points.view(batch, slots, self.points, 3)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from scenefw.perception.evidence import EvidenceOfView, View
     from scenefw.perception.part_guided import Completing
 
-_POINTS = 48
+_POINTS = 192  # as in training: fewer end before the object does
 _CORNERS = 6  # of meshes that say where a drawn object is
 _SEEN_THROUGH = 0.05  # share of a hidden object that may lie where the view shows free space
 _INSIDE = 0.2  # share of a hidden object that may lie in others
