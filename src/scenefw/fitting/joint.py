@@ -68,28 +68,24 @@ class JointFit:
         found = [self._apart(evidence, alone)]
         for _ in range(count - 1):
             sizes = self.inner.sizes(len(evidence), generator)
-            found.append(self.of_sizes(evidence, alone, sizes))
+            sized = self.inner.refit(evidence, alone, sizes)
+            found.append(self._apart(evidence, sized, sizes))
         return found
 
     def alone(self, evidence: Sequence[Evidence]) -> list[FittedSuperquadric]:
         """The best superquadric for each, as if there were no others."""
         return self.inner.fit(evidence)
 
-    def of_sizes(
-        self,
-        evidence: Sequence[Evidence],
-        start: Sequence[FittedSuperquadric],
-        sizes: Sizes | None,
+    def together(
+        self, evidence: Sequence[Evidence], start: Sequence[FittedSuperquadric]
     ) -> list[FittedSuperquadric]:
-        """Superquadrics with these sizes where nothing is seen of them.
+        """Superquadrics near those, fitted again such that none penetrates another.
 
         Args:
             evidence: about each object.
             start: superquadrics that are nearly right.
-            sizes: along the axes of `start`; None: the typical ones, with which it was found.
         """
-        sized = list(start) if sizes is None else self.inner.refit(evidence, start, sizes)
-        return self._apart(evidence, sized, sizes)
+        return self._apart(evidence, self.inner.refit(evidence, start))
 
     def _apart(
         self,

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import torch
+from scipy.spatial import cKDTree
 
 from scenefw.core import geometry
 from scenefw.core.batches import SceneParameters
@@ -13,8 +15,7 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.evidence import FittedSuperquadric
 from scenefw.core.types import Pose
 from scenefw.data.seen_sets import in_frame, view_frame
-from scenefw.fitting.placed import in_frame_of, shape_of
-from scenefw.fitting.superquadrics import Sizes
+from scenefw.fitting.placed import in_frame_of, shape_of, signed_distance
 from scenefw.models.superquadric_tokens import equal_descriptions
 from scenefw.perception.fitted import Fitted
 
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
     from scenefw.perception.part_guided import Completing
 
 _POINTS = 192  # as in training: fewer end before the object does
+_NEAR = 0.006  # m: points further from the fit belong to something else
+_LEAST = 0.004  # m, of half-axes
 _CORNERS = 6  # of meshes that say where a drawn object is
 _SEEN_THROUGH = 0.05  # share of a hidden object that may lie where the view shows free space
 _INSIDE = 0.2  # share of a hidden object that may lie in others
@@ -51,10 +54,10 @@ class SizedFit(Protocol):
     def alone(self, evidence: Sequence[Evidence]) -> list[FittedSuperquadric]:
         """The best superquadric for each, as if there were no others."""
 
-    def of_sizes(
-        self, evidence: Sequence[Evidence], start: Sequence[FittedSuperquadric], sizes: Sizes | None
+    def together(
+        self, evidence: Sequence[Evidence], start: Sequence[FittedSuperquadric]
     ) -> list[FittedSuperquadric]:
-        """Superquadrics with these sizes where nothing is seen of them; None: typical ones."""
+        """Superquadrics near those, fitted again such that none penetrates another."""
 
 
 class TrainedFlow(Protocol):
@@ -65,12 +68,13 @@ class TrainedFlow(Protocol):
 
 
 class DrawnSets(Fitted):
-    """Superquadrics fitted to the view, with sizes from draws of a network where nothing is seen.
+    """Superquadrics fitted to the view, and to draws of a network where nothing is seen.
 
     Objects that the image shows are fitted (`Fitted`). The network sees their points and draws
-    sets: how far each object goes on, and objects of which nothing is seen. A drawn size is what
-    its object is expected to have, and all are fitted to the image again, so that what is seen
-    decides where it speaks. The first sample is the fit without a network.
+    sets: how far each object goes on, and objects of which nothing is seen. Points of a drawn
+    surface that lie away from all that is seen of its object are weak evidence about it. All are
+    fitted again, from what was drawn, so that what is seen decides where it speaks. For the first
+    sample the faces of objects are in the middle of several draws.
 
     Args:
         inner: makes the scenes.
@@ -82,9 +86,10 @@ class DrawnSets(Fitted):
         least: seen points that an object must have to be fitted.
         lowest: how high above the floor what was not predicted must reach to be an object (m).
         steps: of each draw.
-        stiffness: how much an e times longer or shorter half-axis than the drawn one costs, in
-            squared deviations of points.
-        drawn: the first sample is the best fit, further ones are drawn; without it, all are best.
+        votes: draws whose middle the first sample takes; 0: it is the fit without a network.
+        drawn_sigma: standard deviation of points of drawn surfaces (m).
+        beyond: points of drawn surfaces count that are further than this from all seen ones (m).
+        drawn: the first sample is the best, further ones are drawn; without it, all are the best.
         hidden: draws have objects of which nothing is seen.
 
     Raises:
@@ -102,19 +107,23 @@ class DrawnSets(Fitted):
         least: int = 60,
         lowest: float = 0.015,
         steps: int = 20,
-        stiffness: float = 100.0,
+        votes: int = 16,
+        drawn_sigma: float = 0.04,
+        beyond: float = 0.01,
         *,
         drawn: bool = True,
         hidden: bool = True,
     ) -> None:
         super().__init__(inner, fit, evidence, near, explained, least, lowest, drawn=drawn)
-        if steps < 1 or stiffness <= 0:
+        if steps < 1 or votes < 0 or not drawn_sigma > evidence.seen_sigma or beyond < 0:
             raise ConfigError(
-                f"drawn sets have steps {steps} and stiffness {stiffness}; "
-                "expected positive numbers"
+                f"drawn sets have steps {steps}, votes {votes}, drawn_sigma {drawn_sigma} and "
+                f"beyond {beyond}; expected positive numbers, and what is drawn less certain than "
+                f"what is seen ({evidence.seen_sigma} m)"
             )
         self.sized, self.model, self.hidden = fit, checkpoint.model, hidden
-        self.steps, self.stiffness = steps, stiffness
+        self.steps, self.votes = steps, votes
+        self.drawn_sigma, self.beyond = drawn_sigma, beyond
         self.metadata = dict(checkpoint.metadata)
 
     def superquadrics(
@@ -131,17 +140,47 @@ class DrawnSets(Fitted):
         enough = self._enough(view)
         given = list(enough.values())
         alone = self.sized.alone(given)
-        draws = Draws(self.model, view, list(enough), alone, count, self.steps, random)
+        draws = Draws(
+            self.model, view, list(enough), alone, self.votes + count - 1, self.steps, random
+        )
         results = []
         for number in range(count):
-            typical = Sizes(draws.sizes(number, alone), self.stiffness) if number > 0 else None
-            found = self.sized.of_sizes(given, alone, typical)
+            row = self.votes + number - 1
+            if number > 0:
+                found = self._near(draws.middle(slice(row, row + 1), alone), given)
+            elif self.votes:
+                found = self._near(draws.middle(slice(self.votes), alone), given)
+            else:
+                found = self.sized.together(given, alone)
             kept = self._kept(found, alone, enough)
             if self.hidden and number > 0:
                 first = int(max(view.instances.max(initial=0), view.masks.max(initial=0))) + 1
-                kept |= dict(enumerate(_possible(draws.hidden(number), view, kept), first))
+                kept |= dict(enumerate(_possible(draws.hidden(row), view, kept), first))
             results.append(kept)
         return results
+
+    def _near(
+        self, drawn: Sequence[FittedSuperquadric], evidence: Sequence[Evidence]
+    ) -> list[FittedSuperquadric]:
+        """Superquadrics that explain what is seen, and are as drawn where nothing is."""
+        expected = [self._expected(*both) for both in zip(evidence, drawn, strict=True)]
+        found = self.sized.together(expected, drawn)
+        return [
+            replace(one, distances=signed_distance(one, given.points))
+            for one, given in zip(found, evidence, strict=True)
+        ]
+
+    def _expected(self, evidence: Evidence, drawn: FittedSuperquadric) -> Evidence:
+        """What is seen, with the drawn surface where nothing is."""
+        seen = self._seen(evidence)
+        surface = shape_of(drawn).mesh(_CORNERS).vertices
+        surface = surface @ drawn.pose.rotation.T + drawn.pose.position
+        away = surface[cKDTree(evidence.points[seen]).query(surface)[0] > self.beyond]
+        return replace(
+            evidence,
+            points=np.concatenate([evidence.points[seen], away]),
+            sigmas=np.concatenate([evidence.sigmas[seen], np.full(len(away), self.drawn_sigma)]),
+        )
 
     def _kept(
         self,
@@ -149,7 +188,7 @@ class DrawnSets(Fitted):
         alone: Sequence[FittedSuperquadric],
         enough: Mapping[int, Evidence],
     ) -> dict[int, FittedSuperquadric]:
-        """Each object with its drawn size, else without, if that explains what is seen."""
+        """Each object as it was drawn, else as fitted alone, if that explains what is seen."""
         kept = {}
         for label, one, plain in zip(enough, found, alone, strict=True):
             if self._explains(one, enough[label]):
@@ -188,8 +227,10 @@ class Draws:
         sizes = torch.zeros(1, len(labels))
         for slot, label in enumerate(labels):
             own = view.points[view.masks == label]
+            explained = own[np.abs(signed_distance(fitted[slot], own)) < _NEAR]
+            own = explained if len(explained) else own
             points[0, slot] = torch.from_numpy(own[random.integers(len(own), size=_POINTS)])
-            sizes[0, slot] = len(own) / view.masks.size
+            sizes[0, slot] = (view.masks == label).mean()
         eye = torch.from_numpy(np.asarray(view.eye, dtype=np.float32))[None]
         seen = torch.ones(1, len(labels), dtype=torch.bool)
         batch = in_frame(points, seen, sizes, eye, _scene_of(fitted))
@@ -205,14 +246,26 @@ class Draws:
         self.exponents = drawn.exponents.double().numpy()
         self.present = drawn.present.numpy()
 
-    def sizes(self, row: int, fitted: Sequence[FittedSuperquadric]) -> Float64:
-        """Half-axes (N, 3) of seen objects, along the axes of superquadrics fitted to them."""
-        return np.array(
-            [
-                along(one.pose.rotation, self.rotations[row, k], self.half_axes[row, k])
-                for k, one in enumerate(fitted)
-            ]
-        ).reshape(-1, 3)
+    def middle(
+        self, rows: slice, fitted: Sequence[FittedSuperquadric]
+    ) -> list[FittedSuperquadric]:
+        """Seen objects with faces in the middle of those of some draws.
+
+        Args:
+            rows: the draws.
+            fitted: superquadrics whose axes and exponents they have.
+        """
+        return [self._middle_of(k, rows, one) for k, one in enumerate(fitted)]
+
+    def _middle_of(self, k: int, rows: slice, fitted: FittedSuperquadric) -> FittedSuperquadric:
+        axes = fitted.pose.rotation
+        middles = self.positions[rows, k] @ axes
+        pairs = zip(self.rotations[rows, k], self.half_axes[rows, k], strict=True)
+        halves = np.array([along(axes, *pair) for pair in pairs])
+        low, high = np.median(middles - halves, axis=0), np.median(middles + halves, axis=0)
+        pose = Pose(axes @ (low + high) / 2, fitted.pose.quaternion)
+        half_axes = np.maximum((high - low) / 2, _LEAST)
+        return FittedSuperquadric(half_axes, fitted.exponents, pose, 0.0, np.empty(0))
 
     def hidden(self, row: int) -> list[FittedSuperquadric]:
         """Objects of one draw of which nothing is seen."""

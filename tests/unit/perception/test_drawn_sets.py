@@ -3,12 +3,15 @@
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import pytest
 import torch
-from tests.unit.perception.synthetic import camera_at
+from tests.unit.perception.synthetic import STACK, camera_at
 from tests.unit.perception.test_evidence import view_of
 
 from scenefw.core.batches import SeenSetBatch
+from scenefw.core.errors import ConfigError
 from scenefw.fitting.joint import JointFit
+from scenefw.fitting.placed import shape_of, signed_distance
 from scenefw.fitting.superquadrics import SuperquadricFit
 from scenefw.models.superquadric_tokens import equal_descriptions
 from scenefw.perception.drawn_sets import DrawnSets, along
@@ -16,25 +19,24 @@ from scenefw.perception.evidence import EvidenceOfView
 
 
 class Told(torch.nn.Module):
-    """Draws what it is told: half-axes of all seen objects, and one hidden object."""
+    """Draws what it is told: boxes (S, N, 2, 3), centres and half-axes, in the frame of the view.
 
-    def __init__(self, size, hidden):
+    Draw k has boxes k. Those after the seen objects are hidden ones.
+    """
+
+    def __init__(self, boxes):
         super().__init__()
-        self.size, self.where = size, hidden
+        self.boxes = torch.as_tensor(np.array(boxes), dtype=torch.float32)
         self.any = torch.nn.Parameter(torch.zeros(1))
 
     def sample(self, batch, count, generator, steps=20, *, given=True):
-        parts = batch.seen.shape[1]
-        slots = parts + 1
-        places = torch.zeros(count, slots, 3)
-        places[:, -1] = torch.tensor(self.where)
-        sizes = torch.full((count, slots, 3), self.size)
-        sizes[:, -1] = 0.01
+        boxes = self.boxes.expand(count, -1, -1, -1)
+        slots = boxes.shape[1]
         return SeenSetBatch(
             torch.zeros(count, slots, 4, 3), torch.ones(count, slots, dtype=torch.bool),
-            torch.zeros(count, slots), torch.zeros(count, 3), sizes,
+            torch.zeros(count, slots), torch.zeros(count, 3), boxes[:, :, 1],
             torch.full((count, slots, 3), 4.0), torch.eye(3).expand(count, slots, 3, 3),
-            places, torch.ones(count, slots, dtype=torch.bool),
+            boxes[:, :, 0], torch.ones(count, slots, dtype=torch.bool),
         )  # fmt: skip
 
 
@@ -50,16 +52,17 @@ class Inner:
     metadata: dict = field(default_factory=dict)
 
 
-def method(size, hidden=(0.0, 0.0, 5.0)):
+def method(boxes, **settings):
     fit = JointFit(SuperquadricFit())
-    return DrawnSets(Inner(), fit, EvidenceOfView(), Loaded(Told(size, hidden)))
+    return DrawnSets(Inner(), fit, EvidenceOfView(), Loaded(Told(boxes)), **settings)
 
 
 def seen():
-    """Two boxes of which the predicted volume says nothing."""
+    """The fronts of two boxes: their backs are hidden, and no predicted volume says where."""
     view, camera = view_of(48), camera_at(eye=(0.0, -0.85, 0.6))
+    masks = np.where(view.points[..., 1] > 0, 0, view.masks)
     nothing = replace(view, tsdf=np.full_like(view.tsdf, 0.1), instances=0 * view.instances)
-    return replace(nothing, eye=camera.T_world_camera[:3, 3])
+    return replace(nothing, masks=masks, eye=camera.T_world_camera[:3, 3])
 
 
 def test_half_axes_are_told_along_other_axes():
@@ -70,32 +73,88 @@ def test_half_axes_are_told_along_other_axes():
     assert np.allclose(found, np.abs(turn).T @ [1.0, 2.0, 3.0])
 
 
-def test_drawn_sizes_decide_where_the_view_is_silent():
-    """Larger draws make larger objects, that the view allows all the same."""
+def boxes_that_end_at(view, back):
+    """The two boxes of the view, but so deep that their backs are there."""
+    told = []
+    for box in STACK:
+        lower, upper = np.array(box.lower), np.array(box.upper)
+        upper[1] = back
+        ahead = np.abs(turn_of(view) @ (upper - lower) / 2)
+        told.append([_in_view_frame(view, (lower + upper) / 2), ahead.tolist()])
+    return told
+
+
+def back_of(one):
+    """How far a superquadric goes in the direction of y."""
+    corners = shape_of(one).mesh(8).vertices @ one.pose.rotation.T + one.pose.position
+    return corners[:, 1].max()
+
+
+def test_objects_end_where_they_are_drawn_to_end():
+    """Their backs are not seen; fronts and tops are, and stay there."""
     view = seen()
-    volumes, first = [], []
-    for size in (0.03, 0.12):
-        best, drawn, _ = method(size).superquadrics(view, 3, np.random.default_rng(0))
-        assert set(best) == {1, 2} == set(drawn)
-        first.append([best[k].half_axes for k in (1, 2)])
-        volumes.append([8 * np.prod(drawn[k].half_axes) for k in (1, 2)])
-    assert np.array_equal(*first)  # the fit without a network
-    small, large = np.array(volumes)
-    assert (large > 1.05 * small).any()
-    assert (large > 0.98 * small).all()
+    for back in (0.03, 0.08, 0.13):
+        boxes = [boxes_that_end_at(view, back)]
+        best, drawn = method(boxes).superquadrics(view, 2, np.random.default_rng(0))
+        for found in (best, drawn):
+            assert set(found) == {1, 2}
+            assert np.allclose([back_of(found[k]) for k in (1, 2)], back, atol=0.012)
+            for k in (1, 2):
+                points = view.points[view.masks == k]
+                assert np.abs(signed_distance(found[k], points)).mean() < 0.003
+
+
+def test_the_first_sample_is_in_the_middle_of_draws():
+    view = seen()
+    boxes = [boxes_that_end_at(view, back) for back in (0.03, 0.08, 0.09, 0.02, 0.12)]
+    first, *draws = method(boxes, votes=3).superquadrics(view, 3, np.random.default_rng(0))
+    assert np.allclose([back_of(first[k]) for k in (1, 2)], 0.08, atol=0.012)
+    backs = [back_of(draw[1]) for draw in draws]
+    assert np.allclose(backs, [0.02, 0.12], atol=0.012)  # draws of their own
+
+
+def test_without_votes_the_first_sample_is_the_fit_without_a_network():
+    view = seen()
+    found = [
+        method([boxes_that_end_at(view, back)] * 2, votes=0).superquadrics(
+            view, 3, np.random.default_rng(0)
+        )
+        for back in (0.03, 0.12)
+    ]
+    for k in (1, 2):
+        assert np.array_equal(found[0][0][k].half_axes, found[1][0][k].half_axes)
+        assert back_of(found[0][1][k]) < back_of(found[1][1][k]) - 0.03
+
+
+def test_what_is_drawn_where_something_else_is_seen_gives_way():
+    """A draw in front of what is seen moves no face that is seen."""
+    view = seen()
+    boxes = [boxes_that_end_at(view, 0.08)]
+    boxes[0][0] = [(np.array(boxes[0][0][0]) + [0, 0, 0.03]).tolist(), boxes[0][0][1]]
+    best = method(boxes).superquadrics(view, 1, np.random.default_rng(0))[0]
+    points = view.points[view.masks == 1]
+    assert np.abs(signed_distance(best[1], points)).mean() < 0.003
+
+
+def test_settings_out_of_range_are_told():
+    for settings in ({"steps": 0}, {"votes": -1}, {"drawn_sigma": 0.001}, {"beyond": -0.1}):
+        with pytest.raises(ConfigError, match="drawn sets"):
+            method([[]], **settings)
 
 
 def test_hidden_objects_appear_where_nothing_is_seen_alone():
     view = seen()
     behind = view.eye + 1.25 * (view.points[view.masks == 1].mean(axis=0) - view.eye)
     behind[2] = 0.02
-    turned = _in_view_frame(view, behind)
-    best, drawn = method(0.05, tuple(turned)).superquadrics(view, 2, np.random.default_rng(0))
+    small = [0.01, 0.01, 0.01]
+    boxes = [[*boxes_that_end_at(view, 0.06), [_in_view_frame(view, behind), small]]]
+    best, drawn = method(boxes).superquadrics(view, 2, np.random.default_rng(0))
     hidden = [one for label, one in drawn.items() if label not in best]
     voxel = tuple(np.rint(view.grid.to_voxels(behind)).astype(int))
     assert len(hidden) == (0 if view.free[voxel] else 1)
     in_the_air = _in_view_frame(view, np.array([0.0, -0.3, 0.5]))
-    _, drawn = method(0.05, tuple(in_the_air)).superquadrics(view, 2, np.random.default_rng(0))
+    boxes[0][-1] = [in_the_air, small]
+    _, drawn = method(boxes).superquadrics(view, 2, np.random.default_rng(0))
     assert set(drawn) == set(best)
 
 
@@ -103,6 +162,11 @@ def _in_view_frame(view, place):
     """What a network must say for an object to be at a place of the world."""
     middle = np.mean([view.points[view.masks == k].mean(axis=0) for k in (1, 2)], axis=0)
     origin = np.array([middle[0], middle[1], 0.0])
-    ahead = (origin - view.eye)[:2] / np.linalg.norm((origin - view.eye)[:2])
-    turn = np.array([[*ahead, 0], [-ahead[1], ahead[0], 0], [0, 0, 1]])
-    return (turn @ (place - origin)).astype(np.float32).tolist()
+    return (turn_of(view) @ (place - origin)).astype(np.float32).tolist()
+
+
+def turn_of(view):
+    """Rotation from the world to the frame of the view."""
+    middle = np.mean([view.points[view.masks == k].mean(axis=0) for k in (1, 2)], axis=0)
+    ahead = (middle - view.eye)[:2] / np.linalg.norm((middle - view.eye)[:2])
+    return np.array([[*ahead, 0], [-ahead[1], ahead[0], 0], [0, 0, 1]])
