@@ -227,6 +227,18 @@ def test_a_run_leaves_its_settings_versions_and_figures(nil, tmp_path):
     assert "${" not in settings
 
 
+@pytest.mark.parametrize("sweep", [(), ("-m",)])
+def test_a_setting_may_point_to_others(nil, tmp_path, sweep):
+    done = nil(*sweep, "run=nil", "run.grid=${grid}", "run.seed=${seed}", "seed=7", "device=cpu",
+               "paths.output=out")  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    [record] = (tmp_path / "out").rglob("run.json")
+    typed = json.loads(record.read_text())["overrides"]
+    assert any(word.startswith("run.grid=$") for word in typed)  # Hydra's sweeps escape braces
+    figures = json.loads((record.parent / "metrics.json").read_text())
+    assert figures["seed"] == 7
+
+
 def test_a_sweep_gives_each_run_a_folder(nil, tmp_path):
     done = nil("-m", "run=nil", "seed=1,2", "device=cpu", "paths.output=out")
     assert done.returncode == 0, done.stderr

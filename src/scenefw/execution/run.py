@@ -9,7 +9,7 @@ import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from scenefw import plugins, registry
 from scenefw.argument_types import check_types
@@ -44,12 +44,15 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
         ConfigError: a setting is wrong.
     """
     from hydra.core.hydra_config import HydraConfig
+    from omegaconf import OmegaConf
 
     overrides: list[str] = []
     choices: Mapping[str, Any] = {}
     if HydraConfig.initialized():  # a sweep gives each run its own folder and settings
         config.paths.output = HydraConfig.get().runtime.output_dir
-        overrides = list(HydraConfig.get().overrides.task)
+        # As typed: `grid=${grid}` stays that
+        task = OmegaConf.to_container(HydraConfig.get().overrides.task, resolve=False)
+        overrides = [str(override) for override in cast("list[Any]", task)]
         choices = HydraConfig.get().runtime.choices
     try:
         require_seed(config.seed)
