@@ -94,7 +94,7 @@ def _complaint(override: Override, place: str, near: Sequence[str], config: Dict
     task = str(OmegaConf.select(config, "run._target_")).rpartition(".")[2]
     line = f"{override.input_line} changes nothing: this run ({task}) does not read {place}"
     if not near:
-        return f"{line}; leave it out, or choose a run that reads it"
+        return f"{line}; leave it out, or choose a run or option that reads it"
     value = override.get_value_element_as_str()
     return f"{line}; did you mean {' or '.join(f'{key}={value}' for key in near)}?"
 

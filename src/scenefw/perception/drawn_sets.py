@@ -107,8 +107,8 @@ class DrawnSets(Fitted):
         least: int = 60,
         lowest: float = 0.015,
         steps: int = 20,
-        votes: int = 16,
-        drawn_sigma: float = 0.04,
+        votes: int = 32,
+        drawn_sigma: float = 0.008,
         beyond: float = 0.01,
         *,
         drawn: bool = True,
@@ -246,9 +246,7 @@ class Draws:
         self.exponents = drawn.exponents.double().numpy()
         self.present = drawn.present.numpy()
 
-    def middle(
-        self, rows: slice, fitted: Sequence[FittedSuperquadric]
-    ) -> list[FittedSuperquadric]:
+    def middle(self, rows: slice, fitted: Sequence[FittedSuperquadric]) -> list[FittedSuperquadric]:
         """Seen objects with faces in the middle of those of some draws.
 
         Args:

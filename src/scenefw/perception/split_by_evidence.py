@@ -104,7 +104,9 @@ class SplitByEvidence:
         for _ in range(self.rounds):
             if trial is None:
                 return None
-            trial = self._dealt(part, trial.parts, own, view)
+            earlier, trial = trial.parts, self._dealt(part, trial.parts, own, view)
+            if trial is not None and np.array_equal(trial.parts, earlier):
+                break  # further rounds give the same
         if trial is None or trial.deviations.mean() > self.left:
             return None
         saved = (before - trial.deviations).sum() * (_WIDTH / parts.shape[1]) ** 2
@@ -132,7 +134,9 @@ class SplitByEvidence:
         both = [self._deviations(f, view, own) for f in self._fitted([part, new], parts, view)]
         side = np.zeros(own.shape, dtype=np.int32)
         side[own] = np.where(both[0] <= both[1], 1, 2)
-        even = median_filter(side, _BLUR)
+        about = _box(own, _BLUR // 2)
+        even = np.zeros_like(side)
+        even[about] = median_filter(side[about], _BLUR)
         side = np.where(own & (even > 0), even, side)
         dealt = np.where(own, np.where(side == 2, new, part), parts).astype(np.int32)
         if not self._large(part, dealt):
@@ -155,3 +159,12 @@ class SplitByEvidence:
         self, fitted: FittedSuperquadric, view: View, own: NDArray[np.bool_]
     ) -> NDArray[np.float64]:
         return robust_deviation(fitted, view.points[own], self.evidence.seen_sigma)
+
+
+def _box(own: NDArray[np.bool_], margin: int) -> tuple[slice, slice]:
+    """Rows and columns of what is marked, and so many beside."""
+    rows, columns = (np.flatnonzero(own.any(axis=axis)) for axis in (1, 0))
+    return (
+        slice(max(rows[0] - margin, 0), rows[-1] + margin + 1),
+        slice(max(columns[0] - margin, 0), columns[-1] + margin + 1),
+    )

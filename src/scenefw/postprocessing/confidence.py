@@ -8,19 +8,15 @@ from numpy.typing import ArrayLike
 from torch import Tensor
 
 
-def confidences(
-    instances: Tensor, samples: Sequence[Tensor], threshold: float = 0.5
-) -> dict[int, float]:
-    """Share of samples that show an object too, times how well they agree with it on its voxels.
+def confidences(instances: Tensor, samples: Sequence[Tensor]) -> dict[int, float]:
+    """Mean over samples of the largest IoU of an object with any of theirs.
 
-    A sample shows an object if one of its instances overlaps it with an IoU of at least
-    `threshold`. The confidence is the mean over the samples of that IoU, 0 for samples that do not
-    show it. Without samples nothing is known of the spread and every confidence is 1.
+    That is the IoU with the truth to expect if the truth were as likely as any sample. Without
+    samples nothing is known of the spread and every confidence is 1.
 
     Args:
         instances: (X, Y, Z) labels whose objects are judged.
         samples: label volumes of the same shape, numbered in any way.
-        threshold: least IoU of "the same object".
 
     Returns:
         By label, in [0, 1].
@@ -30,8 +26,7 @@ def confidences(
     if not samples:
         return {int(i): 1.0 for i in ids}
     found = np.stack([_best_overlap(labels, ids, _array(sample)) for sample in samples])
-    means = np.where(found >= threshold, found, 0.0).mean(axis=0)
-    return {int(i): float(mean) for i, mean in zip(ids, means, strict=True)}
+    return {int(i): float(mean) for i, mean in zip(ids, found.mean(axis=0), strict=True)}
 
 
 def _best_overlap(labels: np.ndarray, ids: np.ndarray, other: np.ndarray) -> np.ndarray:

@@ -66,7 +66,8 @@ def test_the_same_image_gives_what_the_command_line_gives(simstack, weights, tmp
 
 def test_errors_are_those_of_the_command_line(simstack, weights, tmp_path, scenefw):
     np.savez(tmp_path / "image.npz", depth=DEPTH.astype(float), K=CAMERA.matrix)
-    done = scenefw("run=predict", "input=image.npz", f"checkpoint={weights}", "device=cpu")
+    done = scenefw("run=predict", "input=image.npz", "reconstructor=fitted",
+                   f"checkpoint={weights}", "device=cpu")  # fmt: skip
     with pytest.raises(InputError) as caught:
         simstack.predict(DEPTH.astype(float), CAMERA.matrix, name="image.npz")
     assert done.stderr == f"error: {caught.value}\n"
@@ -89,7 +90,14 @@ def load(*words, **settings):
         (["simstack", "run.overview=false"], {}, ConfigError, "does not read run.overview"),
         (["simstack"], {"seed": -1}, ConfigError, "seed is -1"),
         (["simstack"], {"device": "gpu"}, ConfigError, "device=gpu is unknown"),
-        (["simstack"], {"checkpoint": "no file.safetensors"}, CheckpointError, "no checkpoint at"),
+        (["simstack", "checkpoints.sets=no.safetensors"], {}, CheckpointError, "no checkpoint at"),
+        (
+            ["simstack", "reconstructor=fitted"],
+            {"checkpoint": "no file.safetensors"},
+            CheckpointError,
+            "no checkpoint at",
+        ),
+        (["simstack"], {"checkpoint": "my.safetensors"}, ConfigError, "or option that reads it"),
         (["labelling"], {"labelling": ["rule", "hybrid"]}, ConfigError, "takes one strategy"),
     ],
 )

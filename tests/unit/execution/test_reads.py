@@ -60,7 +60,7 @@ def test_what_is_read_may_be_given(override):
     ("override", "words"),
     [
         ("size.minutes=2", r"size.minutes=2 changes nothing: this run \(Evaluate\) does not read"),
-        ("renderer=caster", "does not read renderer; leave it out, or choose a run that reads it"),
+        ("renderer=caster", "does not read renderer; leave it out, or choose a run or option that"),
         ("renderer.contrast=1", "did you mean dataset.renderer.contrast=1?"),
     ],
 )

@@ -10,7 +10,7 @@ from scenefw.postprocessing.confidence import confidences
 labellings = arrays.arrays(np.int32, (4, 4, 4), elements=st.integers(0, 4))
 
 
-def brute_force(instances, samples, threshold=0.5):
+def brute_force(instances, samples):
     found = {}
     for i in np.unique(instances[instances > 0]):
         agreements = []
@@ -19,8 +19,7 @@ def brute_force(instances, samples, threshold=0.5):
                 np.sum((instances == i) & (sample == j)) / np.sum((instances == i) | (sample == j))
                 for j in np.unique(sample[sample > 0])
             ]
-            best = max(ious, default=0.0)
-            agreements.append(best if best >= threshold else 0.0)
+            agreements.append(max(ious, default=0.0))
         found[int(i)] = float(np.mean(agreements))
     return found
 

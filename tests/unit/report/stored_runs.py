@@ -23,6 +23,8 @@ STACKS = {
     "zero_code/chamfer_full_excess": 0.0067,
     "zero_code/instance_iou": 0.733,
     "zero_code/occupancy_iou": 0.796,
+    "set_flow/chamfer_full_excess": 0.0021,
+    "set_flow/instance_iou": 0.822,
     "hull_filling/chamfer_full_excess": 0.0148,
     "hull_filling/instance_iou": 0.61,
     "base_rate/occupancy_bce": 0.075,
@@ -30,6 +32,9 @@ STACKS = {
     "draws/scenefw/log_skill": 0.612,
     "draws/scenefw/log_skill_low": 0.58,
     "draws/scenefw/log_skill_high": 0.64,
+    "draws/set_flow/log_skill": 0.92,
+    "draws/set_flow/log_skill_low": 0.9,
+    "draws/set_flow/log_skill_high": 0.94,
     "draws/hull_filling/log_skill": 0.401,
 }
 IMAGES = {
@@ -58,8 +63,8 @@ LABELLING = {
 CLASSES = ("surface", "remote_control", "keyboard", "model_plane")
 MEASURES = {
     **of_scores(
-        ("scenefw", "zero_code", "hull_filling", "base_rate", "training_mean"),
-        ("scenefw", "hull_filling"),
+        ("scenefw", "zero_code", "set_flow", "hull_filling", "base_rate", "training_mean"),
+        ("scenefw", "set_flow", "hull_filling"),
     ),
     **REAL_IMAGES,
     **joined(

@@ -218,6 +218,7 @@ def test_command_line(tmp_path, scenefw):
     save_checkpoint(tmp_path / "net.safetensors", model, recipe, grid)
     image = save(tmp_path / "view.npz")
     words = ["experiment=simstack", "run=predict", "paths.output=out", "device=cpu"]
+    words += ["reconstructor=fitted"]  # which reads a checkpoint of such a network
     words += ["run.overview=false", "run.hypotheses=false"]  # pictures are drawn above
     done = scenefw(*words, f"input={image}", "checkpoint=net.safetensors")
     assert done.returncode == 0, done.stderr

@@ -136,11 +136,12 @@ def _of_draws(methods: Sequence[str]) -> dict[str, Measure]:
         "draws/scenes": Measure("scenes of draws", digits=0),
         "draws/count": Measure("draws", "draws of each view", digits=0),
     }
-    reference = _without_learning(methods)
+    drawn = "drawn_fits"  # where it is judged; draws beat what has none
+    reference = drawn if drawn in methods else _without_learning(methods)
     for method in methods:
         words = described(method).draws
         for name, measure in DRAWS.items():
-            other = method not in REFERENCES and reference
+            other = described(method).learns and reference
             found[f"draws/{method}/{name}"] = replace(
                 measure,
                 name=f"{measure.name or measure.heading}, {words}",

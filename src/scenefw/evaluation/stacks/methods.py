@@ -97,7 +97,7 @@ _KNOWN = (
         "set_flow",
         "superquadrics fitted to parts, hidden parts by a flow of sets",
         samples="superquadrics fitted to parts, then drawn by a flow of sets",
-        figure=" of a flow of sets",
+        figure=" of fits and a flow of sets",
         draws="drawn by a flow of sets",
     ),
     _method("hull_filling", "hull filling (no learning)", learns=False, reference=True),

@@ -146,7 +146,10 @@ def _data(training: Mapping[str, Any]) -> str:
 
 
 def _noise(training: Mapping[str, Any]) -> str:
-    return (", ".join(training["noise"]) or "none") if "noise" in training else _UNKNOWN
+    if "noise" not in training:
+        return _UNKNOWN
+    noise = training["noise"]
+    return str(noise) if isinstance(noise, str) else ", ".join(noise) or "none"
 
 
 def _start(training: Mapping[str, Any]) -> str:

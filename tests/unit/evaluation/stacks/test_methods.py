@@ -26,3 +26,14 @@ def test_what_learns_is_measured_against_the_strongest_reference_of_its_table():
     assert figures["zero_code/instance_iou"].trivial == "hull_filling/instance_iou"
     assert figures["partial_tsdf/instance_iou"].trivial is None
     assert figures["zero_code/instance_iou"].name == "instance IoU of the zero code alone"
+
+
+def test_draws_that_learn_are_measured_against_draws_that_do_not():
+    drawn = ["coupled", "set_flow", "fitted_hulls", "drawn_fits"]
+    figures = of_scores(["coupled", "fitted_hulls"], drawn)
+    for name in ("coupled", "set_flow"):
+        assert figures[f"draws/{name}/energy"].trivial == "draws/drawn_fits/energy"
+    for name in ("fitted_hulls", "drawn_fits"):
+        assert figures[f"draws/{name}/energy"].trivial is None
+    figures = of_scores(["coupled", "fitted_hulls"], drawn[:-1])
+    assert figures["draws/set_flow/energy"].trivial == "draws/fitted_hulls/energy"

@@ -65,6 +65,8 @@ def test_trainings_in_the_order_of_time_and_their_sums(weights):
         "",
     )
     assert found["noise"] == ("not recorded", "kinect", "")
+    told = cells(blocks(card_sections(weights(SECOND | {"noise": "1 mm"})), Table, "Training")[0])
+    assert told["noise"] == ("not recorded", "1 mm", "")  # in words
     assert found["losses and weights"][1] == "tsdf 1.0, mmd 0.4"
     assert found["started from"][:2] == ("random weights", "first.safetensors (abcdef0123)")
     (code,) = blocks(card_sections(weights(SECOND)), Code, "Training")
