@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch import Tensor, nn
 
-from scenefw.core.errors import CheckpointError, InputError
+from scenefw.core.errors import CheckpointError
 from scenefw.learning.checkpoint import OBJECT_SETS, SEGMENTATION, SHAPE_INSTANCE
+from scenefw.models.fusenet import FuseNet
 from scenefw.models.receptive_field import receptive_field
 
 if TYPE_CHECKING:
@@ -103,7 +104,7 @@ class _Labels(nn.Module):
 
 
 def _labels(network: Any, metadata: Mapping[str, Any]) -> NamedNetwork:
-    stride = int(getattr(network, "stride", 1))
+    stride = network.stride if isinstance(network, FuseNet) else 1
     image: tuple[str | int, ...] = ("height", "width")
 
     def example(sizes: Mapping[str, int], generator: torch.Generator) -> tuple[Tensor, ...]:
@@ -121,17 +122,16 @@ def _labels(network: Any, metadata: Mapping[str, Any]) -> NamedNetwork:
         example,
         tuple(dict(zip((BATCH, *map(str, image)), each, strict=True)) for each in sides),
         {key: metadata[key] for key in ("classes", "input", "geometry") if key in metadata}
-        | {"window": _window(network, stride)},
+        | _window(network),
     )
 
 
-def _window(network: Any, stride: int) -> dict[str, int]:
+def _window(network: Any) -> dict[str, Any]:
     """Of sliding windows: they move by multiples of `stride` and overlap by `margin`."""
-    known = {"stride": stride}
-    try:
-        return known | {"margin": receptive_field(network.body).margin}
-    except (AttributeError, InputError):
-        return known
+    if not isinstance(network, FuseNet):
+        return {}
+    margin = receptive_field(network.body).margin
+    return {"window": {"stride": network.stride, "margin": margin}}
 
 
 class _Sets(nn.Module):

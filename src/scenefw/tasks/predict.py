@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import shutil
 import sys
-import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from scenefw.core.errors import ConfigError, InputError, StorageError
-from scenefw.core.files import require_writable
+from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.files import replacing_folder, require_writable
 from scenefw.core.protocols import SceneFormat, Settling
 from scenefw.core.types import Frame, SceneEstimate
 from scenefw.core.versions import versions
@@ -147,7 +144,7 @@ class Predict:
         for warning in view.warnings:
             print(f"{frame.name}: {warning}", file=sys.stderr)
         estimate, *others = self._scenes(view)
-        with _replacing_folder(folder) as temporary:
+        with replacing_folder(folder) as temporary:
             colours = self._write_scene(temporary, estimate)
             layers = [layer("most typical", estimate, colours)]
             for number, other in enumerate(others, start=2):
@@ -215,36 +212,6 @@ def _folders(images: Sequence[Path], root: Path) -> list[Path]:
         name.with_name(image.name.replace(".", "_")) if shared[name] > 1 else name
         for name, image in zip(names, images, strict=True)
     ]
-
-
-@contextmanager
-def _replacing_folder(target: Path) -> Iterator[Path]:
-    """Yields a temporary folder beside `target` which takes its place when the block ends well.
-
-    Raises:
-        StorageError: the folder can't be written.
-    """
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
-    except OSError as error:
-        raise _unwritable(target, error) from error
-    try:
-        new = temporary / target.name
-        new.mkdir()
-        yield new
-        if target.exists():
-            target.rename(temporary / "old")
-        new.rename(target)
-    except OSError as error:
-        raise _unwritable(target, error) from error
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
-
-
-def _unwritable(target: Path, error: OSError) -> StorageError:
-    reason = error.strerror or str(error)
-    return StorageError(f"cannot write {target}: {reason}; choose a writable paths.output=FOLDER")
 
 
 def _all_failed(failures: dict[Path, InputError]) -> InputError:
