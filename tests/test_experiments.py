@@ -9,8 +9,10 @@ import pytest
 
 from scenefw import registry
 
-# Images of the user, runs of a sweep
-NEEDS_INPUT = {"osd", "label_halves", "noise_gathered", "label_noise_gathered", "runs_gathered"}
+# Images of the user, runs of a sweep, weights that don't ship
+NEEDS_INPUT = {
+    "osd", "label_halves", "noise_gathered", "label_noise_gathered", "runs_gathered", "set_prior",
+}  # fmt: skip
 # Settings of two runs, for experiments whose sweeps are gathered below
 SWEEPS = {
     "noise_map": ("noise.gaussian.sigma=0.0", "size.frames=1", "noise.pose.sigma=0.0,0.01"),

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from scenefw.api.formats import writer
+from scenefw.api.scene import Scene
 from scenefw.core.errors import InputError
-from scenefw.core.types import Camera
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
-    from scenefw.core.types import ObjectEstimate, SceneEstimate
+    from scenefw.core.types import Camera, ObjectEstimate, SceneEstimate
 
 
 @dataclass(frozen=True)
@@ -58,12 +55,24 @@ class Prediction:
         name = self.estimate.frame.name
         return f"Prediction({name!r}, {len(self.objects)} objects, {len(self.samples)} samples)"
 
+    def scene(self, sample: int = 0) -> Scene:
+        """A scene to change: remove, move, scale, swap and add objects, settle, save.
+
+        Args:
+            sample: which of the scenes.
+
+        Raises:
+            InputError: there is no such sample.
+        """
+        return Scene.of(self._sample(sample))
+
     def save(self, path: str | Path, *, sample: int = 0, **settings: Any) -> Path:
         """Writes a scene; the suffix chooses the format.
 
         Args:
             path: `.glb`, `.ply`, `.obj`; `.json` with poses and sizes, `.superquadrics.json`;
-                `.urdf` and `.xml` (MJCF) for simulators.
+                `.urdf` and `.xml` (MJCF) for simulators. Without a suffix it is a folder as of
+                `run=predict`.
             sample: which of the scenes.
             settings: of the format, such as `density=300.0` (kg/m^3) for simulators.
 
@@ -74,9 +83,7 @@ class Prediction:
             InputError: an unknown suffix or setting, or no such sample.
             StorageError: the file can't be written.
         """
-        path, estimate = Path(path), self._sample(sample)
-        writer(path, settings).write(path, estimate, _colours(estimate))
-        return path
+        return self.scene(sample).save(path, **settings)
 
     def render(
         self, camera: Camera | None = None, *, turn: float = 0.0, sample: int = 0
@@ -91,21 +98,7 @@ class Prediction:
         Raises:
             InputError: what was given is no camera, or no such sample.
         """
-        from scenefw.report.overview import by_label, vertices
-        from scenefw.report.shading import Solid, draw, turned
-        from scenefw.report.two_sides import of_objects
-
-        camera, estimate = camera or self.camera, self._sample(sample)
-        if not isinstance(camera, Camera):
-            raise InputError(
-                f"render takes a scenefw.core.types.Camera, got a {type(camera).__name__}; leave "
-                "it out for the image's own, and give turn=150 to look from behind"
-            )
-        if turn:
-            camera = turned(camera, vertices(estimate), turn)
-        colours = by_label(estimate, _colours(estimate))
-        solid = Solid(of_objects(estimate), estimate.instances, estimate.grid, colours)
-        return np.rint(np.clip(draw(solid, camera), 0, 1) * 255).astype(np.uint8)
+        return self.scene(sample).render(camera, turn=turn)
 
     def _sample(self, number: int) -> SceneEstimate:
         if not 0 <= number < len(self.samples):
@@ -113,11 +106,3 @@ class Prediction:
                 f"there is no sample {number}; give one of 0 to {len(self.samples) - 1}"
             )
         return self.samples[number]
-
-
-def _colours(estimate: SceneEstimate) -> Sequence[Any]:
-    from scenefw.report.palette import instance_colours
-
-    ids = [item.id for item in estimate.objects]
-    palette = instance_colours(max(ids, default=0))
-    return [palette[i - 1] for i in ids]

@@ -340,15 +340,15 @@ class SetFlowPrediction:
         velocity: (B, N, D) from noise to objects.
         target: (B, N, D), what it should be.
         present: (B, N) bool: objects that count.
-        counts: (B, K) logits of the number of objects that aren't seen.
-        hidden: (B,) int64, their true number.
+        counts: (B, K) logits of the number of objects that aren't seen; None: it draws none.
+        hidden: (B,) int64, their true number; None like `counts`.
     """
 
     velocity: Tensor
     target: Tensor
     present: Tensor
-    counts: Tensor
-    hidden: Tensor
+    counts: Tensor | None
+    hidden: Tensor | None
 
 
 @dataclass(frozen=True)
@@ -357,6 +357,8 @@ class SetFlowSetup:
 
     Args:
         slots: objects of a scene at most.
+        draws_hidden: the network draws objects of which nothing is seen.
     """
 
     slots: int
+    draws_hidden: bool

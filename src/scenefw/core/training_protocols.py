@@ -243,6 +243,9 @@ class SetFlowModel(Network, Protocol):
     slots: int
     """Objects at most."""
 
+    draws_hidden: bool
+    """Whether objects of which nothing is seen are drawn too, and whole scenes without a view."""
+
     def forward(
         self, batch: SeenSetBatch, generator: torch.Generator | None = None
     ) -> SetFlowPrediction:
@@ -267,7 +270,10 @@ class SetFlowModel(Network, Protocol):
         *,
         given: bool = True,
     ) -> SeenSetBatch:
-        """Draws `count` sets for the first view, or (`given` false) without one."""
+        """Draws `count` sets for the first view, or (`given` false) without one.
+
+        The view's objects are what was fitted to it: a network may take their rotations as known.
+        """
 
 
 class SegmentationModel(Network, Protocol):

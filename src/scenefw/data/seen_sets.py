@@ -114,6 +114,11 @@ class SeenSets(lightning.LightningDataModule):
         """The same views every time, of scenes as they are."""
         return self._make(self.validation_scenes, batch, device, _VALIDATION, changed=False)
 
+    def views_of(self, scenes: StackScenes, rows: Sequence[int]) -> SeenSetBatch:
+        """A view of each scene of another split, as of validation, on the CPU."""
+        batch = IndexBatch(0, torch.tensor(list(rows), dtype=torch.int64))
+        return self._make(scenes, batch, torch.device("cpu"), _VALIDATION, changed=False)
+
     @torch.no_grad()
     def _make(
         self,

@@ -10,6 +10,8 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import in_order
 from scenefw.core.measures import MEASURES_FILE, Measure, joined, read_measures
 
+_TRAINING = ("train/", "val/")  # figures of a training
+
 
 @dataclass(frozen=True)
 class Run:
@@ -92,14 +94,15 @@ class GatheredRuns:
             Run(", ".join(words) or folder.name, _read(folder / "metrics.json"))
             for words, folder in zip(own, found, strict=True)
         )
-        return RunsResult(runs, self._columns(runs, self._measures(found)), shared)
+        return RunsResult(runs, self._columns(runs, self._measures(found, runs)), shared)
 
-    def _measures(self, folders: Sequence[Path]) -> dict[str, Measure]:
-        """The measures of all runs; the first run counts where they differ."""
+    def _measures(self, folders: Sequence[Path], runs: Sequence[Run]) -> dict[str, Measure]:
+        """The measures of all runs; the first run counts where they differ. Trainings have none."""
         found: dict[str, Measure] = {}
         for folder in reversed(folders):
             found |= read_measures(folder)
-        if not found:
+        evaluated = any(not name.startswith(_TRAINING) for run in runs for name in run.figures)
+        if not found and evaluated:
             raise InputError(
                 f"no {MEASURES_FILE} beside the figures below {self.input}, which earlier versions "
                 "did not write; run the sweep again"

@@ -26,7 +26,7 @@ class SetFlowLearning(TrainingModule):
     model: SetFlowModel
 
     def setup_with(self, data: SeenSetData) -> SetFlowSetup:
-        """The number of slots.
+        """The number of slots, and what is drawn.
 
         Raises:
             ConfigError: scenes have more objects than the network has slots.
@@ -36,7 +36,7 @@ class SetFlowLearning(TrainingModule):
                 f"the network has {self.model.slots} slots, the data have up to {data.most} "
                 f"objects in a scene; give model.slots={data.most}"
             )
-        return SetFlowSetup(self.model.slots)
+        return SetFlowSetup(self.model.slots, self.model.draws_hidden)
 
     def predict_batch(self, batch: SeenSetBatch) -> SetFlowPrediction:
         """The training pass with the noise of this step."""

@@ -4,6 +4,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from scenefw.core.batches import SeenSetBatch, SetFlowPrediction, SetFlowSetup
+from scenefw.core.errors import ConfigError
 
 
 class HiddenCount:
@@ -19,8 +20,15 @@ class HiddenCount:
         self.weight = weight
 
     def check(self, setup: SetFlowSetup) -> None:
-        """Any flow of sets has such a number."""
+        """Raises a ConfigError if the network draws no such objects."""
+        if not setup.draws_hidden:
+            raise ConfigError(
+                "loss=hidden_count needs a network that draws hidden objects; give "
+                "loss=[flow_velocity] or model=set_flow"
+            )
 
     def __call__(self, prediction: SetFlowPrediction, batch: SeenSetBatch) -> Tensor:
         """A scalar, the mean over views."""
+        if prediction.counts is None or prediction.hidden is None:
+            raise ValueError("the prediction has no number of hidden objects")
         return functional.cross_entropy(prediction.counts.float(), prediction.hidden)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import torch
@@ -11,6 +10,7 @@ from torch import Tensor, nn
 from scenefw.core.batches import SeenSetBatch, SetFlowPrediction
 from scenefw.core.errors import ConfigError
 from scenefw.matching.assignment import Assignment
+from scenefw.models.set_attention import attention, time_waves
 from scenefw.models.superquadric_tokens import SIZE, decode, described_in_all_ways, encode
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ class SetFlow(nn.Module):
     """
 
     training_only: Sequence[str] = ()
+    draws_hidden = True
 
     def __init__(
         self,
@@ -78,12 +79,12 @@ class SetFlow(nn.Module):
             nn.Linear(2 * width + 7, width), nn.GELU(), nn.Linear(width, width)
         )
         self.whole = nn.Sequential(nn.Linear(5, width), nn.GELU(), nn.Linear(width, width))
-        self.view = _transformer(width, view_layers, heads)
+        self.view = attention(width, view_layers, heads)
         self.counts = nn.Sequential(nn.Linear(width, width), nn.GELU(), nn.Linear(width, slots + 1))
         self.object = nn.Linear(SIZE, width)
         self.hidden = nn.Parameter(0.02 * torch.randn(width))
         self.time = nn.Sequential(nn.Linear(width, width), nn.GELU(), nn.Linear(width, width))
-        self.flow = _transformer(width, layers, heads)
+        self.flow = attention(width, layers, heads)
         self.velocity = nn.Sequential(nn.LayerNorm(width), nn.Linear(width, SIZE))
 
     def forward(
@@ -154,7 +155,7 @@ class SetFlow(nn.Module):
             seen: (B, N) bool: slots of parts of the view.
             present: (B, N) bool: slots that count.
         """
-        clock = self.time(_waves(time, self.width))[:, None]
+        clock = self.time(time_waves(time, self.width))[:, None]
         about = torch.where(seen[..., None], memory[:, 1:], self.hidden)
         tokens = torch.cat([memory[:, :1], self.object(now) + about], dim=1) + clock
         mask = torch.cat([present.new_ones(len(present), 1), present], dim=1)
@@ -257,22 +258,6 @@ def coupled(objects: Tensor, noise: Tensor, present: Tensor, seen: Tensor) -> Te
     ways = ways.gather(1, slots[..., None, None].expand_as(ways))
     best = (noise[:, :, None] - ways).square().sum(dim=-1).argmin(dim=-1)
     return ways.gather(2, best[..., None, None].expand(-1, -1, 1, SIZE))[:, :, 0]
-
-
-def _waves(time: Tensor, width: int) -> Tensor:
-    """Sines and cosines (B, width) of times."""
-    rates = torch.exp(torch.linspace(0, math.log(100.0), width // 2, device=time.device))
-    angles = time[:, None] * rates * torch.pi
-    return torch.cat([angles.sin(), angles.cos()], dim=-1)
-
-
-def _transformer(width: int, layers: int, heads: int) -> nn.TransformerEncoder:
-    layer = nn.TransformerEncoderLayer(
-        width, heads, 3 * width, dropout=0.0, activation="gelu", batch_first=True, norm_first=True
-    )
-    return nn.TransformerEncoder(
-        layer, layers, norm=nn.LayerNorm(width), enable_nested_tensor=False
-    )
 
 
 def _first(batch: SeenSetBatch) -> SeenSetBatch:

@@ -70,8 +70,7 @@ class DrawnSets(Fitted):
     Objects that the image shows are fitted (`Fitted`). The network sees their points and draws
     sets: how far each object goes on, and objects of which nothing is seen. A drawn size is what
     its object is expected to have, and all are fitted to the image again, so that what is seen
-    decides where it speaks. The first sample is the fit without a network, or has the middle of
-    several draws as sizes (`typical`).
+    decides where it speaks. The first sample is the fit without a network.
 
     Args:
         inner: makes the scenes.
@@ -85,7 +84,6 @@ class DrawnSets(Fitted):
         steps: of each draw.
         stiffness: how much an e times longer or shorter half-axis than the drawn one costs, in
             squared deviations of points.
-        typical: draws whose middle is the first sample's; 0: the fit without a network.
         drawn: the first sample is the best fit, further ones are drawn; without it, all are best.
         hidden: draws have objects of which nothing is seen.
 
@@ -105,19 +103,18 @@ class DrawnSets(Fitted):
         lowest: float = 0.015,
         steps: int = 20,
         stiffness: float = 100.0,
-        typical: int = 0,
         *,
         drawn: bool = True,
         hidden: bool = True,
     ) -> None:
         super().__init__(inner, fit, evidence, near, explained, least, lowest, drawn=drawn)
-        if steps < 1 or stiffness <= 0 or typical < 0:
+        if steps < 1 or stiffness <= 0:
             raise ConfigError(
-                f"drawn sets have steps {steps}, stiffness {stiffness} and typical {typical}; "
+                f"drawn sets have steps {steps} and stiffness {stiffness}; "
                 "expected positive numbers"
             )
         self.sized, self.model, self.hidden = fit, checkpoint.model, hidden
-        self.steps, self.stiffness, self.typical = steps, stiffness, typical
+        self.steps, self.stiffness = steps, stiffness
         self.metadata = dict(checkpoint.metadata)
 
     def superquadrics(
@@ -134,23 +131,15 @@ class DrawnSets(Fitted):
         enough = self._enough(view)
         given = list(enough.values())
         alone = self.sized.alone(given)
-        draws = Draws(self.model, view, list(enough), self.typical + count, self.steps, random)
-        sizes = [np.log(draws.sizes(i, alone)) for i in range(draws.count)]
+        draws = Draws(self.model, view, list(enough), alone, count, self.steps, random)
         results = []
         for number in range(count):
-            row = self.typical + number
-            if number > 0:
-                typical = Sizes(np.exp(sizes[row]), self.stiffness)
-            elif self.typical:
-                middle = np.median(sizes[: self.typical], axis=0)
-                typical = Sizes(np.exp(middle), self.stiffness)
-            else:
-                typical = None
+            typical = Sizes(draws.sizes(number, alone), self.stiffness) if number > 0 else None
             found = self.sized.of_sizes(given, alone, typical)
             kept = self._kept(found, alone, enough)
             if self.hidden and number > 0:
                 first = int(max(view.instances.max(initial=0), view.masks.max(initial=0))) + 1
-                kept |= dict(enumerate(_possible(draws.hidden(row), view, kept), first))
+                kept |= dict(enumerate(_possible(draws.hidden(number), view, kept), first))
             results.append(kept)
         return results
 
@@ -177,6 +166,7 @@ class Draws:
         model: the network.
         view: with masks.
         labels: of the objects in its masks, one slot each.
+        fitted: superquadrics that explain them.
         count: of draws.
         steps: of each.
         random: where their seed is from.
@@ -187,11 +177,12 @@ class Draws:
         model: SetFlowModel,
         view: View,
         labels: Sequence[int],
+        fitted: Sequence[FittedSuperquadric],
         count: int,
         steps: int,
         random: Generator,
     ) -> None:
-        self.count, self.parts = count, len(labels)
+        self.parts = len(labels)
         device = next(model.parameters()).device  # type: ignore[attr-defined]
         points = torch.zeros(1, len(labels), _POINTS, 3)
         sizes = torch.zeros(1, len(labels))
@@ -201,7 +192,7 @@ class Draws:
             sizes[0, slot] = len(own) / view.masks.size
         eye = torch.from_numpy(np.asarray(view.eye, dtype=np.float32))[None]
         seen = torch.ones(1, len(labels), dtype=torch.bool)
-        batch = in_frame(points, seen, sizes, eye, _unknown(len(labels)))
+        batch = in_frame(points, seen, sizes, eye, _scene_of(fitted))
         turn, origin = view_frame(points, seen, eye)
         generator = torch.Generator().manual_seed(int(random.integers(2**62)))
         moved = _on(batch, device)
@@ -282,14 +273,18 @@ def _possible(
     return kept
 
 
-def _unknown(count: int) -> SceneParameters:
-    """So many objects of which nothing is known yet."""
+def _scene_of(fitted: Sequence[FittedSuperquadric]) -> SceneParameters:
+    """One scene (1, N) of fitted superquadrics."""
+
+    def stacked(values: Sequence[Any], *shape: int) -> Tensor:
+        return torch.from_numpy(np.array(values, dtype=np.float32).reshape(1, len(fitted), *shape))
+
     return SceneParameters(
-        torch.ones(1, count, 3),
-        torch.ones(1, count, 3),
-        torch.eye(3).expand(1, count, 3, 3),
-        torch.zeros(1, count, 3),
-        torch.ones(1, count, dtype=torch.bool),
+        stacked([one.half_axes for one in fitted], 3),
+        stacked([one.exponents for one in fitted], 3),
+        stacked([one.pose.rotation for one in fitted], 3, 3),
+        stacked([one.pose.position for one in fitted], 3),
+        torch.ones(1, len(fitted), dtype=torch.bool),
     )
 
 

@@ -32,7 +32,8 @@ def moved(estimate: SceneEstimate, motions: Mapping[int, Float64]) -> SceneEstim
         motions: rigid 4x4 in world coordinates, by id of the object; the others stay.
     """
     objects = tuple(
-        _moved(item, motions[item.id]) if item.id in motions else item for item in estimate.objects
+        moved_object(item, motions[item.id]) if item.id in motions else item
+        for item in estimate.objects
     )
     tsdf, instances = _volumes(estimate, motions)
     return replace(estimate, objects=objects, tsdf=tsdf, instances=instances)
@@ -55,7 +56,13 @@ def without(estimate: SceneEstimate, ids: Collection[int]) -> SceneEstimate:
     return replace(estimate, objects=objects, tsdf=tsdf, instances=instances, masks=masks)
 
 
-def _moved(item: ObjectEstimate, motion: Float64) -> ObjectEstimate:
+def moved_object(item: ObjectEstimate, motion: Float64) -> ObjectEstimate:
+    """An object elsewhere: its mesh, pose and shape.
+
+    Args:
+        item: as it was.
+        motion: rigid 4x4 in world coordinates.
+    """
     mesh = TriangleMesh(transform_points(motion, item.mesh.vertices), item.mesh.faces)
     placed = item.placed and PlacedShape(item.placed.shape, _pose(motion, item.placed.pose))
     return replace(item, mesh=mesh, pose=_pose(motion, item.pose), placed=placed)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenefw.core.geometry import inverse
+from scenefw.perception.editing import named
 from scenefw.perception.moved import moved, without
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ class Edits:
 
     def item(self, label: int) -> ObjectEstimate:
         """An object as it was predicted."""
-        return next(item for item in self.scene.objects if item.id == label)
+        return named(self.scene.objects, label)
 
     def remove(self, label: int) -> None:
         """Takes an object away."""

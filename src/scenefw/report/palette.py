@@ -1,5 +1,12 @@
 """Colours of instances that people with any colour vision can distinguish."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from scenefw.core.types import SceneEstimate
+
 Colour = tuple[float, float, float]
 
 # Okabe and Ito (2008) without black and yellow, which shading swallows; then Tol's muted scheme.
@@ -12,6 +19,11 @@ _HEX = (
 def instance_colours(number: int) -> list[Colour]:
     """Red, green, blue in [0, 1] of instances 1..number; they repeat after 12."""
     return [_rgb(_HEX[index % len(_HEX)]) for index in range(number)]
+
+
+def colours_of(scene: SceneEstimate) -> list[Colour]:
+    """Of the objects of a scene, in their order; an id has the same colour in all scenes."""
+    return [_rgb(_HEX[(item.id - 1) % len(_HEX)]) for item in scene.objects]
 
 
 def class_colours(number: int) -> list[Colour]:

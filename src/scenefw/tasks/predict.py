@@ -9,24 +9,19 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import replacing_folder, require_writable
 from scenefw.core.protocols import SceneFormat, Settling
 from scenefw.core.types import Frame, SceneEstimate
-from scenefw.core.versions import versions
 from scenefw.data.arrays import read_mask
 from scenefw.data.readers import find_images, read_frame
-from scenefw.export.masks import write_masks
-from scenefw.export.meshes import write_glb, write_ply
-from scenefw.export.summary import write_summary
+from scenefw.export.scene_folder import write_scene_files
 from scenefw.perception.pipeline import Pipeline, View
 from scenefw.perception.settling import words as settled_words
 from scenefw.report.hypotheses import draw_hypotheses
 from scenefw.report.overview import write_overview
 from scenefw.report.page import write_scene_page
-from scenefw.report.palette import Colour, instance_colours
+from scenefw.report.palette import Colour, colours_of
 from scenefw.report.pictures import save_picture
 from scenefw.report.scenes3d import Scene3D, layer, packed
 
@@ -178,28 +173,11 @@ class Predict:
         return read_mask(path, frame.depth.shape)
 
     def _write_scene(self, folder: Path, estimate: SceneEstimate) -> list[Colour]:
-        colours = _write_scene(folder, estimate)
+        colours = colours_of(estimate)
+        write_scene_files(folder, estimate, colours)
         for form in self.exports.values():
             form.write(folder / f"scene{form.suffix}", estimate, colours)
         return colours
-
-
-def _write_scene(folder: Path, estimate: SceneEstimate) -> list[Colour]:
-    """Meshes and numbers of a scene; returns the colours of its objects."""
-    ids = [item.id for item in estimate.objects]
-    palette = instance_colours(max(ids, default=0))
-    colours = [palette[i - 1] for i in ids]
-    files = {i: f"object_{i:02d}.ply" for i in ids}
-    for item, colour in zip(estimate.objects, colours, strict=True):
-        write_ply(folder / files[item.id], item.mesh, colour)
-    write_glb(folder / "scene.glb", estimate, colours)
-    if estimate.volumes:
-        arrays: dict[str, Any] = dict(estimate.volumes)
-        np.savez_compressed(folder / "volumes.npz", **arrays)
-    if estimate.masks is not None:
-        write_masks(folder / "masks.png", estimate.masks)
-    write_summary(folder / "scene.json", estimate, files, versions())
-    return colours
 
 
 def _folders(images: Sequence[Path], root: Path) -> list[Path]:

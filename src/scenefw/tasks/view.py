@@ -13,7 +13,8 @@ from scenefw.data.arrays import read_mask
 from scenefw.data.readers import find_images, read_frame
 from scenefw.export.scene_files import GLB, Summary
 from scenefw.report.layers import Prediction
-from scenefw.report.viewer import Viewer, close_server, open_server, require_free, require_viser
+from scenefw.report.viewer import Viewer
+from scenefw.report.viewer_server import close_server, open_server, require_free, require_viser
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

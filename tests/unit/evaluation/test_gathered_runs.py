@@ -65,6 +65,17 @@ def test_a_run_without_overrides_has_the_name_of_its_folder(tmp_path):
     assert GatheredRuns(tmp_path, COLUMNS).run().runs[0].name == "mine"
 
 
+def test_trainings_have_no_measures_of_their_own(tmp_path):
+    for number in range(2):
+        write_run(tmp_path / str(number), [f"model.widths=[{number}]"], {"val/miou": number / 4})
+        (tmp_path / str(number) / "measures.json").unlink()
+    result = GatheredRuns(tmp_path, {"val/miou": {"heading": "mean IoU"}}).run()
+    assert result.figures == {"model.widths=[0]/val/miou": 0.0, "model.widths=[1]/val/miou": 0.25}
+    (tmp_path / "0" / "metrics.json").write_text('{"iou": 1.0, "val/miou": 0.5}')
+    with pytest.raises(InputError, match=r"measures\.json"):
+        GatheredRuns(tmp_path, {"val/miou": {}}).run()
+
+
 def test_what_is_missing_or_damaged_is_one_line(tmp_path):
     with pytest.raises(ConfigError, match="input=FOLDER"):
         GatheredRuns(None, COLUMNS)

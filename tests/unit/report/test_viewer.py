@@ -19,7 +19,8 @@ from scenefw.mapping.projective import Projective
 from scenefw.perception.moved import moved, without
 from scenefw.perception.pipeline import Pipeline
 from scenefw.report.layers import Prediction
-from scenefw.report.viewer import Viewer, open_server, require_free
+from scenefw.report.viewer import Viewer
+from scenefw.report.viewer_server import open_server, require_free
 
 pytest.importorskip("viser")
 

@@ -18,7 +18,8 @@ from scenefw.mapping.projective import Projective
 from scenefw.perception.moved import without
 from scenefw.perception.pipeline import Pipeline
 from scenefw.report.layers import Prediction
-from scenefw.report.viewer import Viewer, open_server
+from scenefw.report.viewer import Viewer
+from scenefw.report.viewer_server import open_server
 
 ARGUMENTS = [
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",

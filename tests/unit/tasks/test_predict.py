@@ -162,7 +162,7 @@ def test_a_failure_half_way_leaves_nothing(tmp_path, pipeline, monkeypatch):
     def full(*_):
         raise StorageError("cannot write: no space left on device")
 
-    monkeypatch.setattr("scenefw.tasks.predict.write_summary", full)
+    monkeypatch.setattr("scenefw.export.scene_folder.write_summary", full)
     with pytest.raises(StorageError, match="no space"):
         Predict(save(tmp_path / "view.npz"), pipeline, tmp_path / "out").run()
     assert list((tmp_path / "out").iterdir()) == []

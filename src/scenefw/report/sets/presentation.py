@@ -3,11 +3,13 @@
 from pathlib import Path
 
 from scenefw.core.protocols import Result
+from scenefw.evaluation.sets.prior_results import PriorResult
 from scenefw.evaluation.sets.results import DecompositionResult
 from scenefw.report.blocks import Section
 from scenefw.report.presentation import Show, sections_by_class
 from scenefw.report.sets.codes import code_blocks
 from scenefw.report.sets.examples import example_pictures
+from scenefw.report.sets.prior import prior_sections
 from scenefw.report.sets.tables import decomposition_tables
 
 _TITLES = {"of_six": "6 objects", "of_four_to_eight": "4 to 8 objects", "from_view": "One view"}
@@ -18,7 +20,7 @@ class SetResults:
 
     def sections(self, result: Result, folder: Path) -> tuple[Section, ...]:
         """Sections of the chapter's results; other results get a table of their figures."""
-        shown_by: dict[type, Show] = {DecompositionResult: _sections}
+        shown_by: dict[type, Show] = {DecompositionResult: _sections, PriorResult: prior_sections}
         return sections_by_class(result, folder, shown_by)
 
 

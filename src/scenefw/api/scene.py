@@ -1,0 +1,251 @@
+"""A scene to change from Python: every change gives a new scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from scenefw.api.formats import writer
+from scenefw.api.settings import Settings
+from scenefw.core.errors import InputError
+from scenefw.core.files import replacing_folder
+from scenefw.core.types import Camera
+from scenefw.export.scene_folder import write_scene_files
+from scenefw.perception import editing
+from scenefw.perception.contacts import contact_words
+from scenefw.perception.stored_scenes import read_scene
+from scenefw.report.palette import colours_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from scenefw.core.types import ObjectEstimate, PlacedShape, SceneEstimate
+
+_NOWHERE = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Objects in the world frame: z up, floor z = 0, metres. It never changes.
+
+    Args:
+        origin: the scene that it comes from, with camera and grid.
+        objects: each with `id`, `mesh`, `pose`, `extents`, `confidence` and `placed`.
+    """
+
+    origin: SceneEstimate
+    objects: tuple[ObjectEstimate, ...]
+
+    @classmethod
+    def of(cls, estimate: SceneEstimate) -> Scene:
+        """The scene of an estimate, such as one of `Prediction.samples`."""
+        return cls(estimate, estimate.objects)
+
+    @classmethod
+    def read(cls, path: str | Path) -> Scene:
+        """A scene from `scene.json`, or from the folder of a prediction.
+
+        Raises:
+            InputError: there is none, or it is damaged.
+        """
+        return cls.of(read_scene(path))
+
+    @cached_property
+    def estimate(self) -> SceneEstimate:
+        """The scene with volumes, which are made of meshes after a change."""
+        return editing.with_objects(self.origin, self.objects)
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """Objects that run into each other or the floor, or that nothing carries, with numbers."""
+        return tuple(contact_words(self.objects))
+
+    @property
+    def ids(self) -> list[int]:
+        """Of the objects."""
+        return [item.id for item in self.objects]
+
+    def __len__(self) -> int:
+        """Number of objects."""
+        return len(self.objects)
+
+    def __iter__(self) -> Iterator[ObjectEstimate]:
+        """The objects."""
+        return iter(self.objects)
+
+    def __getitem__(self, label: int) -> ObjectEstimate:
+        """The object with this id.
+
+        Raises:
+            InputError: there is none.
+        """
+        return editing.named(self.objects, label)
+
+    def __repr__(self) -> str:
+        return f"Scene({self.origin.frame.name!r}, objects {self.ids})"
+
+    def remove(self, *labels: int) -> Scene:
+        """Without objects.
+
+        Raises:
+            InputError: there is no such object.
+        """
+        objects = self.objects
+        for label in labels:
+            objects = editing.removed(objects, label)
+        return replace(self, objects=objects)
+
+    def move(
+        self,
+        label: int,
+        by: ArrayLike = _NOWHERE,
+        *,
+        turn: float = 0.0,
+        axis: ArrayLike = (0.0, 0.0, 1.0),
+    ) -> Scene:
+        """With an object elsewhere.
+
+        Args:
+            label: id of the object.
+            by: x, y, z (m).
+            turn: degrees about an axis through its centre of mass.
+            axis: of the world; the default is the vertical.
+
+        Raises:
+            InputError: there is no such object, or numbers are wrong.
+        """
+        return replace(self, objects=editing.moved_by(self.objects, label, by, turn, axis))
+
+    def scale(self, label: int, factor: float) -> Scene:
+        """With an object larger or smaller, standing at the height where it stood.
+
+        Raises:
+            InputError: there is no such object, or the factor is not positive.
+        """
+        return replace(self, objects=editing.scaled(self.objects, label, factor))
+
+    def swap(self, first: int, second: int) -> Scene:
+        """With the shapes of two objects exchanged; ids stay with the places.
+
+        Raises:
+            InputError: there is no such object, or both are one.
+        """
+        return replace(self, objects=editing.swapped(self.objects, first, second))
+
+    def add(self, item: ObjectEstimate | PlacedShape, by: ArrayLike = _NOWHERE) -> Scene:
+        """With another object; it is the last one and has the next id.
+
+        Args:
+            item: an object of this scene or of another one, or a shape and its pose.
+            by: where it goes from where it is (m).
+
+        Raises:
+            InputError: numbers are wrong.
+        """
+        return replace(self, objects=editing.added(self.objects, item, by))
+
+    def add_superquadric(
+        self,
+        half_axes: ArrayLike,
+        exponents: ArrayLike = (2.0, 2.0, 2.0),
+        position: Sequence[float | None] = (0.0, 0.0, None),
+        turn: float = 0.0,
+    ) -> Scene:
+        """With a superquadric |x/a1|^r + |y/a2|^s + |z/a3|^t = 1.
+
+        Args:
+            half_axes: (3,) m.
+            exponents: (3,) r, s, t: 2 is round, 20 like a block.
+            position: (3,) of its centre (m); a height of None puts it on the floor.
+            turn: degrees about the vertical.
+
+        Raises:
+            InputError: numbers are wrong.
+        """
+        return self.add(editing.superquadric(half_axes, exponents, position, turn))
+
+    def join(self, other: Scene, by: ArrayLike = _NOWHERE) -> Scene:
+        """With the objects of another scene too, which get the next ids.
+
+        Args:
+            other: the second scene.
+            by: where it goes (m).
+
+        Raises:
+            InputError: numbers are wrong.
+        """
+        return replace(self, objects=editing.joined(self.objects, other.objects, by))
+
+    def settle(self, *overrides: str) -> Scene:
+        """With the objects at rest, by a simulation; those that would move far stay.
+
+        Args:
+            overrides: as on the command line, such as `"engine=mujoco"`.
+
+        Raises:
+            ConfigError: a setting is wrong.
+            MissingDependencyError: the simulator is not installed.
+        """
+        settings = Settings(["settling=physics", *overrides])
+        (settling,) = settings.build("settling")
+        with settings.computing():
+            (settled,) = settling.settle([self.estimate])
+        estimate = editing.with_objects(self.origin, settled.objects)
+        return Scene.of(replace(estimate, details=settled.details))
+
+    def save(self, path: str | Path, **settings: Any) -> Path:
+        """Writes the scene; the suffix chooses the format.
+
+        Args:
+            path: `.glb`, `.ply`, `.obj`; `.json` with poses and sizes, `.superquadrics.json`;
+                `.urdf` and `.xml` (MJCF) for simulators. Without a suffix it is a folder as of
+                `run=predict`, which `read` takes.
+            settings: of the format, such as `density=300.0` (kg/m^3) for simulators.
+
+        Returns:
+            The path.
+
+        Raises:
+            InputError: an unknown suffix or setting.
+            StorageError: the file can't be written.
+        """
+        path, colours = Path(path), colours_of(self.estimate)
+        if path.suffix or settings:
+            writer(path, settings).write(path, self.estimate, colours)
+            return path
+        with replacing_folder(path) as folder:
+            write_scene_files(folder, self.estimate, colours)
+        return path
+
+    def render(self, camera: Camera | None = None, *, turn: float = 0.0) -> NDArray[np.uint8]:
+        """A picture, RGB (H, W, 3) uint8, every object in its colour.
+
+        Args:
+            camera: from where; None = the image's own.
+            turn: degrees to go around the objects from there; then they fill the picture.
+
+        Raises:
+            InputError: what was given is no camera.
+        """
+        from scenefw.report.overview import by_label, vertices
+        from scenefw.report.shading import Solid, draw, turned
+        from scenefw.report.two_sides import of_objects
+
+        estimate = self.estimate
+        camera = camera or estimate.frame.camera
+        if not isinstance(camera, Camera):
+            raise InputError(
+                f"render takes a scenefw.core.types.Camera, got a {type(camera).__name__}; leave "
+                "it out for the image's own, and give turn=150 to look from behind"
+            )
+        if turn:
+            camera = turned(camera, vertices(estimate), turn)
+        colours = by_label(estimate, colours_of(estimate))
+        solid = Solid(of_objects(estimate), estimate.instances, estimate.grid, colours)
+        return np.rint(np.clip(draw(solid, camera), 0, 1) * 255).astype(np.uint8)

@@ -1,0 +1,42 @@
+"""The folder of a scene: meshes, numbers, masks, volumes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from scenefw.core.versions import versions
+from scenefw.export.masks import write_masks
+from scenefw.export.meshes import write_glb, write_ply
+from scenefw.export.summary import write_summary
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from scenefw.core.types import SceneEstimate
+    from scenefw.export.meshes import Colour
+
+
+def write_scene_files(folder: Path, estimate: SceneEstimate, colours: Sequence[Colour]) -> None:
+    """Writes `object_01.ply` ..., `scene.glb`, `volumes.npz`, `masks.png` and `scene.json`.
+
+    Args:
+        folder: exists.
+        estimate: the scene.
+        colours: of its objects, in their order.
+
+    Raises:
+        StorageError: a file can't be written.
+    """
+    files = {item.id: f"object_{item.id:02d}.ply" for item in estimate.objects}
+    for item, colour in zip(estimate.objects, colours, strict=True):
+        write_ply(folder / files[item.id], item.mesh, colour)
+    write_glb(folder / "scene.glb", estimate, colours)
+    if estimate.volumes:
+        arrays: dict[str, Any] = dict(estimate.volumes)
+        np.savez_compressed(folder / "volumes.npz", **arrays)
+    if estimate.masks is not None:
+        write_masks(folder / "masks.png", estimate.masks)
+    write_summary(folder / "scene.json", estimate, files, versions())

@@ -1,0 +1,308 @@
+"""Flow matching on how far objects go on where nothing is seen, along axes that are known."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import torch
+from torch import Tensor, nn
+
+from scenefw.core.batches import SeenSetBatch, SetFlowPrediction
+from scenefw.core.errors import ConfigError
+from scenefw.models.set_attention import attention, time_waves
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+SIZE = 9
+"""Numbers of an object: beyond what is seen away from the camera 3, towards it 3; exponents 3."""
+_NEAR, _SCENE = 0.05, 0.2  # m: lengths of the order of one for objects and for scenes
+_STEP = 0.005  # m: logarithmic above, linear below
+_AWAY, _TOWARDS = (1.6, 1.5), (0.5, 0.8)  # mean and deviation of these
+_EXPONENT = (2.7, 1.1)
+_RANGE = 1.1, 100.0
+_LEAST = 0.004  # m, of half-axes
+_POINT, _SCALAR = 6, 28
+
+
+class SetExtents(nn.Module):
+    """Draws how far each seen object goes on, given its points and the directions of its axes.
+
+    A fit finds the directions of an object's axes from what is seen, and where its seen faces are.
+    What the view leaves open is where the hidden faces lie. So each object is told in its own axes:
+    those that point most towards the camera first, and each with the sign that points to it. The
+    network sees its points and those of other objects in that frame, and draws, for all objects
+    together, how far each goes beyond its points on either side of each axis. There is no order
+    among objects. Objects of which nothing is seen are not drawn (`set_flow` has them).
+
+    In training, axes are those of the true objects, turned a little.
+
+    Args:
+        slots: objects at most.
+        width: channels of tokens.
+        layers: of attention between objects.
+        heads: of attention.
+        repeats: noise and times for each training view, as a view costs more than they do.
+        turn: by how much axes are turned in training (degrees, standard deviation about each).
+        others: points of each other object that an object sees.
+
+    Raises:
+        ConfigError: a number below one, or a negative angle.
+    """
+
+    training_only: Sequence[str] = ()
+    draws_hidden = False
+
+    def __init__(
+        self,
+        slots: int = 8,
+        width: int = 128,
+        layers: int = 3,
+        heads: int = 4,
+        repeats: int = 4,
+        turn: float = 2.0,
+        others: int = 12,
+    ) -> None:
+        super().__init__()
+        if min(slots, width, layers, heads, repeats, others) < 1 or turn < 0:
+            raise ConfigError(
+                f"set_extents has slots {slots}, width {width}, layers {layers}, heads {heads}, "
+                f"repeats {repeats}, others {others} and turn {turn}; expected 1 or more, and an "
+                "angle of 0 or more"
+            )
+        self.recipe = {
+            "_target_": f"{__name__}.SetExtents",
+            "slots": slots,
+            "width": width,
+            "layers": layers,
+            "heads": heads,
+            "repeats": repeats,
+            "turn": turn,
+            "others": others,
+        }
+        self.slots, self.width, self.repeats = slots, width, repeats
+        self.turn, self.others = math.radians(turn), others
+        half = width // 2
+        self.point = _mlp(_POINT, half, half)
+        self.other = _mlp(_POINT, half, half)
+        self.scalars = _mlp(_SCALAR, width, width)
+        self.part = nn.Sequential(nn.Linear(3 * half + width, width), nn.GELU(), _linear(width))
+        self.view = attention(width, layers, heads)
+        self.object = nn.Linear(SIZE, width)
+        self.time = nn.Sequential(_linear(width), nn.GELU(), _linear(width))
+        self.flow = attention(width, layers, heads)
+        self.velocity = nn.Sequential(nn.LayerNorm(width), nn.Linear(width, SIZE))
+
+    def forward(
+        self, batch: SeenSetBatch, generator: torch.Generator | None = None
+    ) -> SetFlowPrediction:
+        """Training pass: the velocity at a random time between noise and extents.
+
+        Args:
+            batch: views and objects.
+            generator: of noise, times and turns of axes, on the CPU.
+        """
+        device = batch.points.device
+        rows, slots = batch.present.shape
+        angles = self.turn * torch.randn(rows, slots, 3, generator=generator)
+        time = torch.rand(rows * self.repeats, generator=generator).to(device)
+        noise = torch.randn(rows * self.repeats, slots, SIZE, generator=generator).to(device)
+        turned = batch.rotations @ _turns(angles).to(device)
+        axes, low, high, order = seen_in_axes(batch, turned)
+        extents = _encoded(batch, axes, low, high, order)
+        memory = self.encode(batch, axes, low, high)
+        memory, extents, seen = (
+            one.repeat_interleave(self.repeats, dim=0) for one in (memory, extents, batch.seen)
+        )
+        at = time[:, None, None]
+        now = (1 - at) * noise + at * extents
+        velocity = self.velocity_of(now, time, memory, seen)
+        return SetFlowPrediction(velocity, extents - noise, seen, None, None)
+
+    def encode(self, batch: SeenSetBatch, axes: Tensor, low: Tensor, high: Tensor) -> Tensor:
+        """Tokens (B, N, width) of seen objects.
+
+        Args:
+            batch: views.
+            axes: (B, N, 3, 3), rows, of `seen_in_axes`.
+            low: (B, N, 3) where what is seen of them begins along these.
+            high: (B, N, 3) where it ends, nearest to the camera.
+        """
+        count = batch.points.shape[1]
+        seen = batch.seen
+        corner = torch.einsum("bnki,bnk->bni", axes, high)
+        own = _along(axes, batch.points) - high[:, :, None]
+        points = self.point(torch.cat([own / _NEAR, _close(own)], dim=-1))
+        some = batch.points[:, :, : self.others].flatten(1, 2)
+        far = torch.einsum("bnki,bpi->bnpk", axes, some) - high[:, :, None]
+        others = self.other(torch.cat([far / _NEAR, _close(far)], dim=-1))
+        of = torch.arange(count, device=seen.device).repeat_interleave(
+            min(self.others, batch.points.shape[2])
+        )
+        alien = seen[:, None, of] & (of != torch.arange(count, device=of.device)[:, None])
+        others = others.masked_fill(~alien[..., None], -1.0).amax(dim=2)
+        size = high - low
+        eye = torch.einsum("bnki,bni->bnk", axes, batch.camera[:, None] - corner)
+        down = axes[..., 2]  # how steeply it goes down away from the camera
+        floor = ((corner[..., 2:] - size * axes[..., 2]) / down.clamp_min(0.05)).clamp(-1.0, 1.0)
+        scalars = torch.cat(
+            [
+                _close(size),
+                (size.clamp_min(1e-3).log() + 3),
+                axes.flatten(-2),
+                corner / _SCENE,
+                eye,
+                _close(torch.where(down > 0.05, floor, 1.0)),
+                (batch.sizes.clamp_min(1e-5).log() + 4)[..., None],
+                torch.where(down > 0.05, 1.0, 0.0),
+            ],
+            dim=-1,
+        )
+        pooled = torch.cat([points.amax(dim=2), points.mean(dim=2), others], dim=-1)
+        tokens = self.part(torch.cat([pooled, self.scalars(scalars)], dim=-1))
+        return self.view(_known(tokens, seen), src_key_padding_mask=_absent(seen))
+
+    def velocity_of(self, now: Tensor, time: Tensor, memory: Tensor, seen: Tensor) -> Tensor:
+        """Velocity (B, N, 9) of extents at times (B,).
+
+        Args:
+            now: (B, N, 9), between noise and extents.
+            time: (B,) from 0, noise, to 1.
+            memory: of `encode`.
+            seen: (B, N) bool.
+        """
+        clock = self.time(time_waves(time, self.width))[:, None]
+        tokens = _known(self.object(now) + memory + clock, seen)
+        return self.velocity(self.flow(tokens, src_key_padding_mask=_absent(seen)))
+
+    @torch.no_grad()
+    def sample(
+        self,
+        batch: SeenSetBatch,
+        count: int,
+        generator: torch.Generator,
+        steps: int = 20,
+        *,
+        given: bool = True,
+    ) -> SeenSetBatch:
+        """Draws sets for one view, with the axes that its objects have.
+
+        Args:
+            batch: one view; of its objects the rotations are taken, nothing else.
+            count: of draws, S.
+            generator: of noise, on the CPU.
+            steps: of Euler's method.
+            given: there is no other way.
+
+        Returns:
+            The view S times.
+
+        Raises:
+            ConfigError: scenes without a view are asked for.
+        """
+        if not given:
+            raise ConfigError(
+                "model=set_extents draws hidden parts of seen objects; for scenes without a view "
+                "give weights of model=set_flow"
+            )
+        device = batch.points.device
+        one = replace(batch, **{name: value[:1] for name, value in vars(batch).items()})
+        axes, low, high, order = seen_in_axes(one, one.rotations)
+        memory = self.encode(one, axes, low, high).expand(count, -1, -1)
+        seen = one.seen.expand(count, -1)
+        now = torch.randn(count, seen.shape[1], SIZE, generator=generator).to(device)
+        for step in range(steps):
+            time = torch.full((count,), step / steps, device=device)
+            now = now + self.velocity_of(now, time, memory, seen) / steps
+        away = _length(now[..., :3], _AWAY)
+        towards = _length(now[..., 3:6], _TOWARDS)
+        first, last = low - away, high + towards
+        half_axes = ((last - first) / 2).clamp_min(_LEAST)
+        centres = torch.einsum("bnki,bnk->bni", axes.expand(count, -1, -1, -1), (first + last) / 2)
+        exponents = (now[..., 6:] * _EXPONENT[1] + _EXPONENT[0]).exp().clamp(*_RANGE)
+        back = order.argsort(dim=-1).expand(count, -1, -1)
+        return SeenSetBatch(
+            one.points.expand(count, -1, -1, -1), seen, one.sizes.expand(count, -1),
+            one.camera.expand(count, -1), half_axes.gather(-1, back), exponents.gather(-1, back),
+            one.rotations.expand(count, -1, -1, -1), centres, seen,
+        )  # fmt: skip
+
+
+def seen_in_axes(batch: SeenSetBatch, rotations: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Axes that point to the camera, and what is seen along them.
+
+    Args:
+        batch: views.
+        rotations: (B, N, 3, 3), columns are the axes.
+
+    Returns:
+        Axes (B, N, 3, 3) in rows, the one nearest to the direction of the camera first; where the
+        seen points begin and end along each (B, N, 3) m; which column each was (B, N, 3).
+    """
+    ahead = batch.camera[:, None] - batch.points.mean(dim=2)
+    along = torch.einsum("bnik,bni->bnk", rotations, ahead)
+    order = along.abs().argsort(dim=-1, descending=True)
+    signs = torch.where(along < 0, -1.0, 1.0).gather(-1, order)
+    rows = rotations.transpose(-1, -2).gather(-2, order[..., None].expand(-1, -1, -1, 3))
+    axes = rows * signs[..., None]
+    places = _along(axes, batch.points)
+    return axes, places.amin(dim=2), places.amax(dim=2), order
+
+
+def _encoded(batch: SeenSetBatch, axes: Tensor, low: Tensor, high: Tensor, order: Tensor) -> Tensor:
+    """True extents and exponents (B, N, 9) of seen objects, about zero."""
+    middle = torch.einsum("bnki,bni->bnk", axes, batch.positions)
+    half = batch.half_axes.gather(-1, order)
+    away = _number(low - (middle - half), _AWAY)
+    towards = _number(middle + half - high, _TOWARDS)
+    exponents = (batch.exponents.gather(-1, order).log() - _EXPONENT[0]) / _EXPONENT[1]
+    numbers = torch.cat([away, towards, exponents], dim=-1)
+    return torch.where(batch.seen[..., None], numbers, 0.0)
+
+
+def _number(length: Tensor, about: tuple[float, float]) -> Tensor:
+    return (torch.asinh(length / _STEP) - about[0]) / about[1]
+
+
+def _length(number: Tensor, about: tuple[float, float]) -> Tensor:
+    return _STEP * torch.sinh((number * about[1] + about[0]).clamp(-3.0, 5.0))
+
+
+def _close(length: Tensor) -> Tensor:
+    """Lengths on a scale that tells millimetres apart near zero."""
+    return torch.asinh(length / _STEP) / 3
+
+
+def _along(axes: Tensor, points: Tensor) -> Tensor:
+    """Coordinates (B, N, P, 3) of points along axes."""
+    return torch.einsum("bnki,bnpi->bnpk", axes, points)
+
+
+def _turns(angles: Tensor) -> Tensor:
+    """Rotations (..., 3, 3) by the lengths of vectors, about them (Rodrigues)."""
+    x, y, z = angles.unbind(dim=-1)
+    zero = torch.zeros_like(x)
+    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
+    cross = torch.stack([torch.stack(row, dim=-1) for row in rows], dim=-2)
+    return torch.linalg.matrix_exp(cross)
+
+
+def _known(tokens: Tensor, seen: Tensor) -> Tensor:
+    return torch.where(seen[..., None], tokens, 0.0)
+
+
+def _absent(seen: Tensor) -> Tensor:
+    """Slots that attention leaves out; in rows without any object it keeps the first."""
+    absent = ~seen
+    absent[:, 0] &= seen.any(dim=1)
+    return absent
+
+
+def _linear(width: int) -> nn.Linear:
+    return nn.Linear(width, width)
+
+
+def _mlp(inputs: int, width: int, outputs: int) -> nn.Sequential:
+    return nn.Sequential(nn.Linear(inputs, width), nn.GELU(), nn.Linear(width, outputs), nn.GELU())

@@ -1,0 +1,135 @@
+"""Distances to closed meshes, without an optional library."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from scipy.spatial import cKDTree
+
+from scenefw.kernels.meshes import NOTHING, Tree
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from scenefw.core.types import Float32, Float64, GridSpec, Int32, TriangleMesh
+
+_LONGEST = 0.012  # m: longer sides are divided, so that the nearest triangle is one of a few
+_NEAREST = 8  # triangles whose distance is computed, by distance of their middle
+_CROSSINGS = 64  # of a ray with a surface at most
+_STEP = np.float32(1e-6)  # m, past a crossing
+_ASIDE = (3.1e-7, 7.3e-7)  # m: rays through edges of axis-aligned meshes would count twice
+
+
+class MeshDistances:
+    """Signed distances to a closed mesh, and its height over places of the floor.
+
+    Args:
+        mesh: closed, world coordinates (m).
+    """
+
+    def __init__(self, mesh: TriangleMesh) -> None:
+        self.mesh = mesh
+        self.low, self.high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+
+    def inside(self, points: Float64) -> NDArray[np.bool_]:
+        """Whether points (N, 3) lie in the solid: rays upwards cross the surface an odd number."""
+        points = np.asarray(points, dtype=np.float64)
+        found = np.zeros(len(points), dtype=bool)
+        near = ((points >= self.low) & (points <= self.high)).all(axis=1)
+        rows = np.flatnonzero(near)
+        start = (points[rows] + (*_ASIDE, 0.0)).astype(np.float32)
+        odd = np.zeros(len(rows), dtype=bool)
+        left = np.arange(len(rows))
+        for _ in range(_CROSSINGS):
+            if not len(left):
+                break
+            distance, hit = self._cast(start[left], 1.0)
+            left, distance = left[hit], distance[hit]
+            odd[left] ^= True
+            start[left, 2] += distance + _STEP
+        found[rows] = odd
+        return found
+
+    def at(self, points: Float64) -> Float64:
+        """Distances (N,) of points (N, 3) to the surface (m), negative inside."""
+        from trimesh.triangles import closest_point
+
+        points = np.asarray(points, dtype=np.float64)
+        if not len(points):
+            return np.zeros(0)
+        triangles, tree = self._divided
+        count = min(_NEAREST, len(triangles))
+        rows = tree.query(points, k=count)[1].reshape(len(points), count)
+        flat = closest_point(triangles[rows.ravel()], np.repeat(points, count, axis=0))
+        away = np.linalg.norm(flat.reshape(len(points), count, 3) - points[:, None], axis=-1)
+        least = away.min(axis=1)
+        return np.where(self.inside(points), -least, least)
+
+    def lowest(self, places: Float64) -> Float64:
+        """Height (N,) of the lowest surface over places (N, 2) of the floor; NaN where is none."""
+        return self._height(places, self.low[2] - 1.0, 1.0)
+
+    def highest(self, places: Float64) -> Float64:
+        """Height (N,) of the highest surface over places (N, 2) of the floor; NaN where is none."""
+        return self._height(places, self.high[2] + 1.0, -1.0)
+
+    def _height(self, places: Float64, start: float, up: float) -> Float64:
+        points = np.column_stack([places + np.array(_ASIDE), np.full(len(places), start)])
+        distance, hit = self._cast(points.astype(np.float32), up)
+        return np.where(hit, start + up * distance.astype(np.float64), np.nan)
+
+    def _cast(self, start: Float32, up: float) -> tuple[Float32, NDArray[np.bool_]]:
+        rays = np.zeros((len(start), 6), dtype=np.float32)
+        rays[:, :3], rays[:, 5] = start, up
+        distance, hit, _ = self._tree.cast(torch.from_numpy(rays), table=False)
+        return distance.numpy(), hit.numpy() != NOTHING
+
+    @cached_property
+    def _tree(self) -> Tree:
+        return Tree(self.mesh.vertices[self.mesh.faces].astype(np.float32))
+
+    @cached_property
+    def _divided(self) -> tuple[Float64, cKDTree]:
+        """Triangles (T, 3, 3) with short sides, and a tree of their middles."""
+        from trimesh.remesh import subdivide_to_size
+
+        longest = max(_LONGEST, float((self.high - self.low).max()) / 40)
+        vertices, faces = subdivide_to_size(self.mesh.vertices, self.mesh.faces, longest)
+        triangles = np.asarray(vertices[faces], dtype=np.float64)
+        return triangles, cKDTree(triangles.mean(axis=1))
+
+
+def mesh_volumes(
+    meshes: Sequence[tuple[int, TriangleMesh]], grid: GridSpec
+) -> tuple[Float32, Int32]:
+    """Signed distances (X, Y, Z) to the nearest of several solids (m), and labels (X, Y, Z).
+
+    Distances are cut at the grid's truncation. A voxel is of the object in which it lies deepest.
+
+    Args:
+        meshes: label and closed mesh of each, world coordinates (m).
+        grid: the voxel grid.
+    """
+    nearest = np.full(grid.shape, grid.truncation, dtype=np.float32)
+    owner = np.zeros(grid.shape, dtype=np.int32)
+    centres = grid.centres()
+    for label, mesh in meshes:
+        found = MeshDistances(mesh)
+        low = np.floor(grid.to_voxels(found.low - grid.truncation)).astype(int)
+        high = np.ceil(grid.to_voxels(found.high + grid.truncation)).astype(int) + 1
+        low, high = (np.clip(one, 0, grid.resolution) for one in (low, high))
+        box = tuple(slice(int(a), int(b)) for a, b in zip(low, high, strict=True))
+        shape = nearest[box].shape
+        if not all(shape):
+            continue
+        part = found.at(centres[box].reshape(-1, 3)).reshape(shape)
+        part = np.clip(part, -grid.truncation, grid.truncation).astype(np.float32)
+        closer = part < nearest[box]
+        nearest[box] = np.where(closer, part, nearest[box])
+        owner[box] = np.where(closer, label, owner[box])
+    return nearest, np.where(nearest < 0, owner, 0).astype(np.int32)

@@ -1,0 +1,81 @@
+"""The server of the viewer: a port that is free, and viser on it."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import socket
+from typing import Any
+
+from scenefw.core.errors import ConfigError, MissingDependencyError
+
+
+def require_free(host: str, port: int) -> int:
+    """The port, or a free one for 0.
+
+    Raises:
+        ConfigError: it is in use or no port, or the host is not of this machine.
+    """
+    if not 0 <= port <= 65535:
+        raise ConfigError(f"run.port = {port}: expected a number from 0 (any free one) to 65535")
+    try:
+        family, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, socket.SOCK_STREAM) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(address)
+            return int(probe.getsockname()[1])
+    except socket.gaierror as error:
+        raise ConfigError(f"run.host = {host}: no such host; give run.host=127.0.0.1") from error
+    except PermissionError as error:
+        raise ConfigError(
+            f"port {port} is for the system alone; give one above 1023, such as run.port=8080"
+        ) from error
+    except OSError as error:
+        if error.errno == socket.errno.EADDRINUSE:  # type: ignore[attr-defined]
+            raise _in_use(host, port) from error
+        raise ConfigError(
+            f"run.host = {host}: {error.strerror}; give an address of this machine"
+        ) from error
+
+
+def open_server(host: str, port: int) -> Any:
+    """A viser server that answers there and nowhere else.
+
+    Raises:
+        ConfigError: as `require_free`.
+        MissingDependencyError: viser is not installed.
+    """
+    viser = require_viser()
+    port = require_free(host, port)
+    with contextlib.redirect_stdout(io.StringIO()):  # it prints a panel
+        server = viser.ViserServer(host=host, port=port, label="scenefw", verbose=False)
+    if server.get_port() != port:  # taken meanwhile: viser moves on to the next one
+        close_server(server)
+        raise _in_use(host, port)
+    server.gui.configure_theme(show_logo=False, show_share_button=False)
+    return server
+
+
+def close_server(server: Any) -> None:
+    """Ends a viser server and frees its port."""
+    with contextlib.redirect_stdout(io.StringIO()):  # it says so
+        server.stop()
+
+
+def require_viser() -> Any:
+    """The library.
+
+    Raises:
+        MissingDependencyError: it is not installed.
+    """
+    try:
+        import viser
+    except ImportError as error:
+        raise MissingDependencyError("run=view needs viser: pip install 'viser>=1.1'") from error
+    return viser
+
+
+def _in_use(host: str, port: int) -> ConfigError:
+    return ConfigError(
+        f"port {port} of {host} is in use; give another, such as run.port={min(port + 1, 65535)}"
+    )

@@ -1,0 +1,105 @@
+import json
+
+import numpy as np
+import pytest
+from tests.unit.perception.edited_scenes import CAMERA, scene
+
+from scenefw.core.errors import InputError
+from scenefw.export.scene_folder import write_scene_files
+from scenefw.perception.stored_scenes import read_scene
+from scenefw.report.palette import colours_of
+
+
+@pytest.fixture(scope="module")
+def known():
+    return scene()
+
+
+@pytest.fixture
+def folder(known, tmp_path):
+    write_scene_files(tmp_path, known, colours_of(known))
+    return tmp_path
+
+
+def change(folder, change):
+    path = folder / "scene.json"
+    told = json.loads(path.read_text())
+    change(told)
+    path.write_text(json.dumps(told))
+
+
+def test_a_stored_scene_is_read_as_it_was(known, folder):
+    found = read_scene(folder)
+    assert found.frame.name == "blocks"
+    np.testing.assert_array_equal(found.masks, known.masks)
+    np.testing.assert_allclose(found.frame.camera.T_world_camera, CAMERA.T_world_camera)
+    assert found.details["warnings"] == ["a line"]
+    for now, was in zip(found.objects, known.objects, strict=True):
+        assert (now.id, now.confidence) == (was.id, was.confidence)
+        np.testing.assert_allclose(now.mesh.vertices, was.mesh.vertices, atol=1e-6)
+        np.testing.assert_array_equal(now.mesh.faces, was.mesh.faces)
+        np.testing.assert_allclose(now.pose.matrix, was.pose.matrix, atol=1e-12)
+        assert (now.placed is None) == (was.placed is None)
+        if was.placed:
+            np.testing.assert_allclose(now.placed.shape.exponents, was.placed.shape.exponents)
+    finer = found.grid.resolution == 64  # no grid is told in these details
+    assert finer
+    assert set(np.unique(found.instances)) == {0, 1, 2, 3}
+
+
+def test_the_file_alone_will_do_where_shapes_are_told(known, folder):
+    def forget(told):
+        told["objects"] = told["objects"][:2]
+        for item in told["objects"]:
+            item["mesh"] = None
+
+    change(folder, forget)
+    found = read_scene(folder / "scene.json")
+    for now, was in zip(found.objects, known.objects, strict=False):
+        np.testing.assert_allclose(now.mesh.vertices, was.mesh.vertices, atol=1e-9)
+
+
+def set_item(number, key, value):
+    return lambda told: told["objects"][number].update({key: value})
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (set_item(2, "mesh", None), "object 3 of .* has neither a mesh file nor a shape"),
+        (set_item(2, "mesh", "../object_03.ply"), "expected NAME.ply there"),
+        (set_item(2, "mesh", "/etc/passwd"), "expected NAME.ply there"),
+        (set_item(2, "mesh", "gone.ply"), "there is no .*gone.ply, the mesh of object 3"),
+        (set_item(2, "mesh", "bad.ply"), "bad.ply"),
+        (set_item(2, "id", 1), r"objects \[1, 2, 1\]; expected different ids"),
+        (set_item(2, "id", 10**9), "expected different ids"),
+        (set_item(2, "id", "x"), "no scene of scenefw, or damaged"),
+        (set_item(2, "extents", [1, 2]), "are not 3 numbers"),
+        (set_item(2, "pose", {"position": [0, 0, 0], "quaternion": [9, 0, 0, 0]}), "length 1"),
+        (set_item(0, "shape", {"kind": "superquadric"}), "half_axes"),
+        (lambda told: told.pop("camera"), "lacks name, objects or camera"),
+        (lambda told: told["camera"].update(width=0), "0 x 48 pixels"),
+        (lambda told: told.update(grid={"resolution": 10**6}), "voxels per side"),
+        (lambda told: told.update(objects=3), "no scene of scenefw, or damaged"),
+    ],
+)
+def test_damaged_scenes_are_refused_in_one_line(folder, damage, said):
+    (folder / "bad.ply").write_bytes(b"ply\nnonsense")
+    change(folder, damage)
+    with pytest.raises(InputError, match=said) as error:
+        read_scene(folder)
+    assert "\n" not in str(error.value)
+
+
+def test_files_that_are_no_scene(tmp_path):
+    with pytest.raises(InputError, match=r"there is no .*scene\.json"):
+        read_scene(tmp_path)
+    other = tmp_path / "other.json"
+    for text, said in (
+        ("{", "can't be read as JSON"),
+        ("[1]", "lacks name"),
+        ("[" * 10**5, "JSON"),
+    ):
+        other.write_text(text)
+        with pytest.raises(InputError, match=said):
+            read_scene(other)
