@@ -12,8 +12,9 @@ import numpy as np
 from scenefw.api.formats import writer
 from scenefw.api.settings import Settings
 from scenefw.core.errors import InputError
+from scenefw.core.files import replacing_folder
 from scenefw.core.types import Camera
-from scenefw.export.scene_folder import replacing_folder, write_scene_files
+from scenefw.export.scene_folder import write_scene_files
 from scenefw.perception import editing
 from scenefw.perception.contacts import contact_words
 from scenefw.perception.stored_scenes import read_scene

@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scenefw.core.errors import StorageError
 from scenefw.core.versions import versions
 from scenefw.export.masks import write_masks
 from scenefw.export.meshes import write_glb, write_ply
@@ -19,6 +13,7 @@ from scenefw.export.summary import write_summary
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
     from scenefw.core.types import SceneEstimate
     from scenefw.export.meshes import Colour
@@ -45,33 +40,3 @@ def write_scene_files(folder: Path, estimate: SceneEstimate, colours: Sequence[C
     if estimate.masks is not None:
         write_masks(folder / "masks.png", estimate.masks)
     write_summary(folder / "scene.json", estimate, files, versions())
-
-
-@contextmanager
-def replacing_folder(target: Path) -> Iterator[Path]:
-    """Yields a temporary folder beside `target` which takes its place when the block ends well.
-
-    Raises:
-        StorageError: the folder can't be written.
-    """
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
-    except OSError as error:
-        raise _unwritable(target, error) from error
-    try:
-        new = temporary / target.name
-        new.mkdir()
-        yield new
-        if target.exists():
-            target.rename(temporary / "old")
-        new.rename(target)
-    except OSError as error:
-        raise _unwritable(target, error) from error
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
-
-
-def _unwritable(target: Path, error: OSError) -> StorageError:
-    reason = error.strerror or str(error)
-    return StorageError(f"cannot write {target}: {reason}; choose a writable paths.output=FOLDER")

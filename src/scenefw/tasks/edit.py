@@ -8,10 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from scenefw.core.errors import ConfigError
-from scenefw.core.files import require_writable
+from scenefw.core.files import replacing_folder, require_writable
 from scenefw.core.protocols import SceneFormat, Settling
 from scenefw.core.types import SceneEstimate
-from scenefw.export.scene_folder import replacing_folder, write_scene_files
+from scenefw.export.scene_folder import write_scene_files
 from scenefw.perception.contacts import contact_words
 from scenefw.perception.edit_words import USAGES, edited
 from scenefw.perception.editing import with_objects

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.core.files import require_writable
+from scenefw.core.files import replacing_folder, require_writable
 from scenefw.core.protocols import SceneFormat, Settling
 from scenefw.core.types import Frame, SceneEstimate
 from scenefw.data.arrays import read_mask
 from scenefw.data.readers import find_images, read_frame
-from scenefw.export.scene_folder import replacing_folder, write_scene_files
+from scenefw.export.scene_folder import write_scene_files
 from scenefw.perception.pipeline import Pipeline, View
 from scenefw.perception.settling import words as settled_words
 from scenefw.report.hypotheses import draw_hypotheses
