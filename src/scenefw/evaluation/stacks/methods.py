@@ -48,21 +48,31 @@ def _method(
 
 
 _KNOWN = (
-    _method("scenefw", samples="independent codes, as in the thesis", draws="independent codes"),
+    _method(
+        "scenefw",
+        "network of volumes, drawn codes (as in the thesis)",
+        samples="network of volumes, independent codes, as in the thesis",
+        draws="independent codes",
+    ),
     _method(
         "trained_here",
-        "scenefw, trained in this run",
+        "network of volumes, trained in this run",
         samples="independent codes, trained in this run",
     ),
     _method(
         "coupled",
-        samples="shipped default: zero code, then coupled codes",
+        samples="network of volumes, zero code, then coupled codes",
         draws="shipped default (zero code, then coupled codes)",
     ),
-    _method("zero_code", samples="zero code alone", figure=" of the zero code alone"),
+    _method(
+        "zero_code",
+        "network of volumes, zero code",
+        samples="network of volumes, zero code alone",
+        figure=" of the zero code alone",
+    ),
     _method(
         "fitted",
-        "scenefw, zero code, superquadrics fitted to the view",
+        "network of volumes, zero code, superquadrics fitted to the view",
         samples="zero code, superquadrics fitted",
         figure=" of fitted superquadrics",
         draws="zero code, superquadrics fitted",
@@ -102,7 +112,7 @@ _KNOWN = (
     ),
     _method("hull_filling", "hull filling (no learning)", learns=False, reference=True),
     _method("partial_tsdf", "partial TSDF meshed (no learning)", learns=False),
-    _method("connected_components", "components of scenefw's shape (no votes)"),
+    _method("connected_components", "components of the network's shape (no votes)"),
     _method(BASE_RATE, "base rate in every voxel (no image)", learns=False),
     _method(TRAINING_MEAN, "training mean of each voxel (no image)", learns=False),
 )

@@ -57,7 +57,7 @@ def _measures(result: RealMaskResult) -> Table:
         "image. P precision, R recall. Between objects: borders where two objects' masks are "
         "within 3 pixels of each other, found within 3 pixels, pixels added up over all images; "
         "borders with the floor don't count. The row that cuts at jumps and creases learns "
-        "nothing; its thresholds, how it is joined with the network in the first row, and the "
+        "nothing; its thresholds, how its parts are grouped in the first row, and the "
         "height up to which points count as floor were chosen on these images, the learning split "
         "of the Object Segmentation Database. Published: "
         f"{published_masks.SOURCE}; {published_masks.PROTOCOL}; harder images included."

@@ -8,14 +8,18 @@ from scenefw.perception.remembered import Remembered
 def test_methods_that_begin_with_the_same_scenes_ask_one_and_the_same_object():
     composed = config.compose(["run=evaluate", "debug=smoke", "device=cpu"])
     methods = Builder(composed).build("evaluation.methods")
-    for inner, outer in (("zero_code", "fitted"), ("hull_filling", "fitted_hulls")):
-        assert isinstance(methods[inner], Remembered)
-        assert methods[outer].inner.inner is methods[inner]
+    assert isinstance(methods["zero_code"], Remembered)
+    assert methods["fitted"].inner.inner is methods["zero_code"]
+    grouped = methods["set_flow"].inner
+    assert isinstance(grouped, Remembered)
+    assert methods["fitted_hulls"].inner is grouped
+    assert grouped.inner.inner is methods["hull_filling"]
+    assert isinstance(methods["hull_filling"], Remembered)
 
 
 def test_the_order_of_methods_is_that_of_random_points_and_of_rows():
     composed = config.compose(["run=evaluate"])
     assert list(composed.evaluation.methods) == [
-        "scenefw", "zero_code", "fitted", "fitted_hulls", "hull_filling", "partial_tsdf",
-        "trained_here",
+        "scenefw", "zero_code", "set_flow", "fitted", "fitted_hulls", "hull_filling",
+        "partial_tsdf", "trained_here",
     ]  # fmt: skip

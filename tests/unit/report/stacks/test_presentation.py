@@ -13,6 +13,7 @@ from scenefw.report.blocks import Drawing
 from scenefw.report.stacks.presentation import StackResults
 
 sections = StackResults().sections
+OURS = "network of volumes, drawn codes (as in the thesis)"
 GOOD = MaskScores(0.9, 0.8, 0.85, 0.7, 0.6, 0.65, 1.0, 2, 2)
 POOR = replace(GOOD, overlap_f=0.5, objects_f75=0.0, predicted=4)
 
@@ -96,25 +97,25 @@ def test_reconstruction_beside_the_thesis(tmp_path):
     worth, beside, instances, by_visibility = sections(
         ReconstructionResult(views, methods, samples=3, seed=7), tmp_path
     )
-    assert dict(worth.blocks[0].rows)["scenefw"][:2] == (
+    assert dict(worth.blocks[0].rows)[OURS][:2] == (
         pytest.approx(np.mean([(0.001 + 0.021) / 2 * 1000 + 5, 6.0])),  # scenes count alike
         "6.0 to 16.0",
     )
     table, words, _, surfaces = beside.blocks
     assert "no measure of skill" in words.text
     rows = dict(table.rows)
-    assert rows["scenefw"][2] == pytest.approx(np.mean([0.03, 0.05, 0.03]))
-    assert rows["scenefw"][3] == pytest.approx(np.std([0.03, 0.05, 0.03]))
+    assert rows[OURS][2] == pytest.approx(np.mean([0.03, 0.05, 0.03]))
+    assert rows[OURS][3] == pytest.approx(np.std([0.03, 0.05, 0.03]))
     assert rows["floor: truth sampled twice"] == pytest.approx((0.016, 0, 0.024, 0, None, None))
     assert rows["SIMstack (thesis)"] == (0.016, 0.0002, 0.028, 0.0003, 0.089, 0.003)
     assert rows["SSCNet** (thesis)"][:2] == (0.036, 0.002)
     assert not any("components" in name for name in rows)  # it has no surface of its own
     assert "3 views of 2 test scenes, 3 samples per view, seed 7" in table.note
-    assert dict(surfaces.rows)["scenefw"][0] == pytest.approx(4.0)  # mm over the floor
+    assert dict(surfaces.rows)[OURS][0] == pytest.approx(4.0)  # mm over the floor
     found = dict(instances.blocks[0].rows)
-    assert found["components of scenefw's shape (no votes)"][0] == pytest.approx(0.3)
+    assert found["components of the network's shape (no votes)"][0] == pytest.approx(0.3)
     drawing, bins = by_visibility.blocks[:2]
     assert isinstance(drawing, Drawing)
     assert [column.name for column in bins.columns] == ["20%–30%", "40%–50%"]
     assert dict(bins.rows)["views"] == ("1", "2")
-    assert dict(bins.rows)["scenefw"] == pytest.approx((6.0, np.mean([26.0, 6.0])))
+    assert dict(bins.rows)[OURS] == pytest.approx((6.0, np.mean([26.0, 6.0])))
