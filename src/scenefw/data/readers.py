@@ -25,6 +25,7 @@ NEAREST_MEDIAN = 0.05
 """A table-top whose median depth is below this (m) was given in metres, read as millimetres."""
 
 _SUFFIXES = (".npz", ".npy", ".png", ".exr")
+_BAGS = (".bag", ".db3", ".mcap")  # `scenefw.data.bags` reads these
 _INTRINSICS_SUFFIXES = (".json", ".yaml", ".yml", ".txt")
 _INTRINSICS_STEMS = ("intrinsics", "camera", "K")
 _COLOUR_SUFFIXES = (".rgb.jpg", ".rgb.png", ".rgb.jpeg", "_rgb.png", "_rgb.jpg", ".jpg", ".jpeg")
@@ -61,6 +62,10 @@ def find_images(path: Path | str) -> list[Path]:
     images = [entry for entry in in_order(path.iterdir()) if _is_depth_image(entry)]
     images = images or [entry for entry in in_order(path.rglob("*")) if _is_depth_image(entry)]
     if not images:
+        if any(entry.suffix.lower() in _BAGS for entry in path.iterdir()):
+            raise InputError(
+                f"{path} is a recording; run=unpack_bag input={path} makes images of it"
+            )
         raise InputError(
             f"no depth image in {path}; expected .npz, .npy, .exr or 16-bit .png files"
         )
@@ -99,6 +104,10 @@ def read_frame(
         raise InputError(f"no file {path}; give input=PATH of a depth image or a folder")
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
+        if path.suffix.lower() in _BAGS:
+            raise InputError(
+                f"{path} is a recording; run=unpack_bag input={path} makes images of it"
+            )
         known = ", ".join(_READERS)
         raise InputError(f"unknown format '{path.suffix}' of {path}; expected one of {known}")
     try:

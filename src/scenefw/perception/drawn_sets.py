@@ -72,7 +72,7 @@ class DrawnSets(Fitted):
 
     Objects that the image shows are fitted (`Fitted`). The network sees their points and draws
     sets: how far each object goes on, and objects of which nothing is seen. Points of a drawn
-    surface that lie away from all that is seen of its object are weak evidence about it. All are
+    surface that lie away from all that is seen of its object are evidence about it as well. All are
     fitted again, from what was drawn, so that what is seen decides where it speaks. For the first
     sample the faces of objects are in the middle of several draws.
 
