@@ -25,6 +25,8 @@ STACKS = {
     "zero_code/occupancy_iou": 0.796,
     "set_flow/chamfer_full_excess": 0.0021,
     "set_flow/instance_iou": 0.822,
+    "set_flow/chamfer_full": 0.019,
+    "set_flow/occupancy_bce": 0.044,
     "hull_filling/chamfer_full_excess": 0.0148,
     "hull_filling/instance_iou": 0.61,
     "base_rate/occupancy_bce": 0.075,
