@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import binary_erosion
+from scipy.ndimage import binary_erosion, maximum_filter
 from scipy.spatial import cKDTree
 
 from scenefw.core.errors import ConfigError
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     Mask = NDArray[np.bool_]
 
 _BELOW = 0.006  # m: of points under the floor
+_WIDTH = 640  # pixels of the image that numbers of pixels are for
+_LEFT = 0.25  # of an object's pixels: if borders take more, all count
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,8 @@ class EvidenceOfView:
         seen: points at most; likewise the following.
         hidden: predicted points.
         outside: places of each kind outside.
+        border: pixels (of an image 640 wide) beside those of another object that don't count as
+            seen: some belong to it, and a few are enough to mislead the fit of a thin object.
 
     Raises:
         ConfigError: a number isn't positive, or hidden points are as certain as seen ones.
@@ -79,12 +83,15 @@ class EvidenceOfView:
         seen: int = 400,
         hidden: int = 200,
         outside: int = 200,
+        border: int = 0,
     ) -> None:
         if min(seen_sigma, hidden_sigma, outside_sigma, seen, hidden, outside) <= 0:
             raise ConfigError(
                 f"evidence has deviations {seen_sigma}, {hidden_sigma}, {outside_sigma} and "
                 f"numbers {seen}, {hidden}, {outside}; expected positive ones"
             )
+        if border < 0:
+            raise ConfigError(f"evidence has a border of {border} pixels; expected 0 or more")
         if hidden_sigma <= seen_sigma:
             raise ConfigError(
                 f"hidden_sigma is {hidden_sigma} and seen_sigma {seen_sigma}; what is seen must be "
@@ -93,15 +100,28 @@ class EvidenceOfView:
         self.seen_sigma, self.hidden_sigma = seen_sigma, hidden_sigma
         self.outside_sigma = outside_sigma
         self.seen, self.hidden, self.outside = seen, hidden, outside
+        self.border = border
 
     def of(self, label: int, view: View) -> Evidence:
         """The evidence about the object with this label; it may have no points."""
-        seen = _thinned(view.points[view.masks == label], self.seen)
+        seen = _thinned(view.points[self._inner(label, view)], self.seen)
         hidden = _thinned(self._hidden(label, view, seen), self.hidden)
         points = np.concatenate([seen, hidden])
         sigmas = np.repeat([self.seen_sigma, self.hidden_sigma], [len(seen), len(hidden)])
         outside = self._outside(label, view, points) if len(points) else np.empty((0, 3))
         return Evidence(points, sigmas, outside, np.full(len(outside), self.outside_sigma))
+
+    def _inner(self, label: int, view: View) -> Mask:
+        """Pixels that show the object, those at borders with others left out if enough remain."""
+        own: Mask = view.masks == label
+        reach = round(self.border * own.shape[1] / _WIDTH)
+        if reach == 0 or not own.any():
+            return own
+        box = tuple(slice(max(k - reach, 0), m + reach + 1) for k, m in _ends(own))
+        others = (view.masks[box] > 0) & ~own[box]
+        inner = own.copy()
+        inner[box] &= ~maximum_filter(others, 2 * reach + 1)
+        return inner if inner.sum() >= _LEFT * own.sum() else own
 
     def _hidden(self, label: int, view: View, seen: Float64) -> Float64:
         """Points of the predicted surface that are away from all that is seen of the object."""
@@ -144,8 +164,14 @@ def _within(points: Float64, low: Float64, high: Float64) -> Float64:
 
 def _room_about(own: Mask) -> tuple[slice, ...]:
     """The box about what is marked, and two voxels more."""
-    ends = [np.flatnonzero(own.any(axis=tuple({0, 1, 2} - {k})))[[0, -1]] for k in range(3)]
-    return tuple(slice(max(low - 2, 0), high + 3) for low, high in ends)
+    return tuple(slice(max(low - 2, 0), high + 3) for low, high in _ends(own))
+
+
+def _ends(own: Mask) -> list[tuple[int, int]]:
+    """First and last index of what is marked, along each axis."""
+    axes = range(own.ndim)
+    along = [np.flatnonzero(own.any(axis=tuple(set(axes) - {k}))) for k in axes]
+    return [(int(places[0]), int(places[-1])) for places in along]
 
 
 def _box(grid: GridSpec, low: Float64, high: Float64) -> tuple[slice, ...]:

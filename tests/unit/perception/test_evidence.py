@@ -67,3 +67,31 @@ def test_wrong_numbers_are_refused(wrong):
 def test_what_is_seen_is_more_certain():
     with pytest.raises(ConfigError, match="more certain"):
         EvidenceOfView(seen_sigma=0.1)
+
+
+@pytest.mark.parametrize("width", [320, 640])
+def test_pixels_beside_another_object_are_left_out(width):
+    """Columns of one object that the masks give to another, and of one that is thin."""
+    height = width // 2
+    x, y = np.meshgrid(np.arange(width), np.arange(height))
+    masks = np.zeros((height, width), np.int32)
+    masks[40:80, 20:60], masks[40:80, 60:100], masks[100:140, 20:22] = 1, 2, 3
+    masks[100:140, 22:60] = 4
+    points = np.stack([x, y, np.ones_like(x)], axis=-1) * 1e-3
+    empty = np.zeros((8, 8, 8), np.float32)
+    view = View(points, masks, empty, empty.astype(np.int32), empty > 0, GridSpec(resolution=8))
+    reach = 4 * width // 640
+    own = EvidenceOfView(seen=10**6, border=4)
+    columns = {k: np.rint(1e3 * own.of(k, view).points[:, 0]) for k in (1, 2, 3, 4)}
+    assert columns[1].min() == 20  # nothing beside it there
+    assert columns[1].max() == 59 - reach
+    assert columns[2].min() == 60 + reach
+    assert set(columns[3]) == {20, 21}  # thinner than the border
+    assert columns[4].min() == 22 + reach
+    everything = EvidenceOfView(seen=10**6)
+    assert len(everything.of(1, view).points) == 1600
+
+
+def test_a_negative_border_is_told():
+    with pytest.raises(ConfigError, match="border of -1"):
+        EvidenceOfView(border=-1)
