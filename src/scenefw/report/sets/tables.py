@@ -14,7 +14,8 @@ _NOTE = (
     "Duplicate: a second prediction has an IoU of 0.25 with an object. Split: an object in which "
     "two predictions lie has no prediction with an IoU of 0.5. Rows that learn nothing: components "
     "(connected parts of the true occupancy), fitted hulls (superquadrics in parts of the image), "
-    "nothing (an empty set, the trivial value of each measure)."
+    "nothing (an empty set, the trivial value of each measure). Set flow: fitted hulls with hidden "
+    "parts by a flow of sets."
 )
 _PUBLISHED = (
     " Thesis: {words}, {n} scenes; it doesn't define its errors, nor what its BCE is a mean over."
