@@ -62,7 +62,8 @@ def test_command_line(scenefw, document, tmp_path):
     write_run(tmp_path / "a", STACKS)
     done = scenefw("run=headline", "run.results=[a]", "paths.output=out")
     assert done.returncode == 0, done.stderr[-3000:]
-    assert "| instance IoU, network of volumes alone ↑ | 0.733 | 0.610 | – |" in document.read_text()
+    row = "| instance IoU, network of volumes alone ↑ | 0.733 | 0.610 | – |"
+    assert row in document.read_text()
     done = scenefw("run=headline", "paths.output=out")
     assert done.returncode == 2
     assert "run.results" in done.stderr
