@@ -27,6 +27,9 @@ _SKIN = 2e-3  # m
 _SLOWED = 1.6  # times slower than real, to be followed
 _LAST = 1.2  # s that the last picture stays
 _COLOURS = 160
+_TURNS = (0.0, 60.0, -60.0, 120.0, -120.0)  # degrees, views to choose from
+_ENOUGH = 0.7  # of the objects' pixels in the best view
+_COARSE = 6  # pixels between the rays that compare views
 
 
 def film_picture(film: Film, number: int, camera: Camera) -> Picture:
@@ -58,7 +61,10 @@ def film_picture(film: Film, number: int, camera: Camera) -> Picture:
 
 
 def film_camera(films: Sequence[Film], camera: Camera) -> Camera:
-    """A camera on the side of another one that has all objects of films in its picture."""
+    """A camera that has all objects of films in its picture, and sees most of them past the arm.
+
+    It looks from the side of another one, unless the arm hides much of the objects from there.
+    """
     points = [
         transform_points(film.poses[i, part], film.meshes[part].vertices)
         for film in films
@@ -68,7 +74,24 @@ def film_camera(films: Sequence[Film], camera: Camera) -> Camera:
     ]
     inside = np.concatenate([np.zeros((0, 3)), *points])
     inside = inside[(np.abs(inside) < 0.6).all(axis=1)]  # what rolled away need not be seen
-    return turned(camera.resized(*_SIZE), inside, 0.0)
+    views = [turned(camera.resized(*_SIZE), inside, turn) for turn in _TURNS]
+    seen = [sum(_objects_seen(film, view) for film in films) for view in views]
+    return views[0] if seen[0] > _ENOUGH * max(seen) else views[int(np.argmax(seen))]
+
+
+def _objects_seen(film: Film, camera: Camera) -> float:
+    """Share of the pictures, at their start, middle and end, that objects cover."""
+    few = camera.resized(camera.width // _COARSE, camera.height // _COARSE)
+    directions = _directions(few)
+    eye = np.broadcast_to(few.T_world_camera[:3, 3], directions.shape)
+    rays = torch.from_numpy(np.concatenate([eye, directions], axis=1).astype(np.float32))
+    parts = np.repeat(film.labels, [len(mesh.faces) for mesh in film.meshes])
+    shares = []
+    for number in (0, len(film.poses) // 2, len(film.poses) - 1):
+        tree = Tree(_triangles(film, number)[0])
+        hit = tree.cast(rays)[1].numpy()
+        shares.append((parts[tree.order][hit[hit >= 0]] > 0).sum() / len(hit))
+    return float(np.mean(shares))
 
 
 def film_pictures(films: Sequence[Film], titles: Sequence[str], camera: Camera) -> list[Picture]:

@@ -5,7 +5,7 @@ from PIL import Image
 from scenefw.core.geometry import look_at, rigid
 from scenefw.core.grasps import Film, Grasp, Lift, RankedGrasp, Ranking
 from scenefw.core.types import Camera
-from scenefw.report.films import film_picture, film_pictures, save_film
+from scenefw.report.films import film_camera, film_picture, film_pictures, save_film
 from scenefw.report.grasps import grasp_table
 from scenefw.report.palette import instance_colours
 from scenefw.shapes.superquadric import Superquadric
@@ -40,6 +40,20 @@ def test_a_picture_shows_objects_in_their_colour_where_they_are():
     assert picture.shape == (45, 60, 3)
     assert picture.min() >= 0
     assert picture[:3].min() > 0.95  # the floor fades into white
+
+
+def test_the_camera_goes_round_an_arm_that_hides_the_object():
+    free = film_camera([film()], CAMERA)
+    assert free.T_world_camera[1, 3] < -0.2
+    assert abs(free.T_world_camera[0, 3] - 0.1) < 0.1  # on the given camera's side
+    block = Superquadric([0.3, 0.01, 0.3], [20.0] * 3).mesh(6)
+    poses = film().poses.copy()
+    poses[:, 0] = rigid(np.eye(3), (0.1, -0.15, 0.2))
+    blocked = Film((block, film().meshes[1]), (0, 2), poses, 0.1)
+    colour = instance_colours(2)[1]
+    for number in (0, 2):
+        assert place(film_picture(blocked, number, film_camera([blocked], CAMERA)), colour)[1] > 500
+    assert place(film_picture(blocked, 0, free), colour)[1] < 50
 
 
 def test_films_are_written_as_gif(tmp_path):

@@ -84,6 +84,8 @@ def _note(result: GraspingResult, protocol: str) -> str:
         f"mean displacement of the other objects. Clean: lifted, and nothing else moves by "
         f"{1000 * result.still:g} mm or more. Others move, first row minus {', '.join(versus)}. "
         f"Why lifts of the first row failed: {why or 'none did'}. {_without(result, protocol)}"
+        "The oracle takes lifts that succeed first, so others may move more than with a choice "
+        "that fails more often. "
         "Ranges: 95 % bootstrap bounds over scenes."
     )
 
