@@ -11,7 +11,7 @@ from scenefw import registry
 
 # Images of the user, runs of a sweep, weights that don't ship
 NEEDS_INPUT = {
-    "osd", "label_halves", "noise_gathered", "label_noise_gathered", "runs_gathered", "set_prior",
+    "osd", "label_halves", "noise_gathered", "label_noise_gathered", "set_prior",
 }  # fmt: skip
 # Settings of two runs, for experiments whose sweeps are gathered below
 SWEEPS = {
@@ -113,7 +113,7 @@ def test_a_sweep_of_noise_becomes_one_map(scenefw, sweep, tmp_path):
 @pytest.mark.exhaustive
 def test_an_ablation_becomes_one_table(scenefw, sweep, tmp_path):
     _, folder = sweep("simstack_ablation")
-    done = scenefw("experiment=runs_gathered", f"input={folder}", "paths.output=out")
+    done = scenefw("run=collect", f"input={folder}", "paths.output=out")
     assert done.returncode == 0, done.stderr[-3000:]
     figures = json.loads((tmp_path / "out" / "metrics.json").read_text())
     rows = ("ablation=none", "ablation=unobserved")

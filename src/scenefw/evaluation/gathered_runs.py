@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,7 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import in_order
 from scenefw.core.measures import MEASURES_FILE, Measure, joined, read_measures
 
+_FEW = 9  # columns, where none of those asked for is there
 _TRAINING = ("train/", "val/")  # figures of a training
 
 
@@ -20,10 +21,12 @@ class Run:
     Args:
         name: the overrides that not all runs share.
         figures: all it found, by name.
+        settings: those overrides, value by key.
     """
 
     name: str
     figures: Mapping[str, float]
+    settings: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -56,7 +59,8 @@ class GatheredRuns:
     Args:
         input: folder of the sweep, or one above several, which holds the folders of its runs.
         columns: figures to show, by name in `metrics.json`. Each may change its measure, e.g.
-            `{heading: BCE}`; None leaves a column out. Figures that no run has are left out too.
+            `{heading: BCE}`; None leaves a column out. Figures that no run has are left out too; if
+            the runs have none of them, some in which they differ are shown instead.
 
     Raises:
         ConfigError: no input is given, or a column is unusable.
@@ -91,7 +95,7 @@ class GatheredRuns:
         shared = tuple(w for w in overrides[0] if all(w in words for words in overrides[1:]))
         own = [[w for w in words if w not in shared] for words in overrides]
         runs = tuple(
-            Run(", ".join(words) or folder.name, _read(folder / "metrics.json"))
+            Run(", ".join(words) or folder.name, _read(folder / "metrics.json"), _settings(words))
             for words, folder in zip(own, found, strict=True)
         )
         return RunsResult(runs, self._columns(runs, self._measures(found, runs)), shared)
@@ -110,11 +114,12 @@ class GatheredRuns:
         return found
 
     def _columns(self, runs: Sequence[Run], measures: Mapping[str, Measure]) -> dict[str, Measure]:
-        """The columns that a run has figures for, each with its own heading."""
+        """The columns that a run has figures for, else some that differ; each with its heading."""
+        asked = {
+            name: c for name, c in self.columns.items() if any(name in r.figures for r in runs)
+        }
         shown: dict[str, Measure] = {}
-        for name, changes in self.columns.items():
-            if not any(name in run.figures for run in runs):
-                continue
+        for name, changes in (asked or _differing(runs, measures)).items():
             measure = _changed(measures.get(name, Measure(name)), name, changes)
             if measure.heading in {other.heading for other in shown.values()}:
                 part = name.partition("/")[0]
@@ -123,9 +128,18 @@ class GatheredRuns:
         if not shown:
             raise InputError(
                 f"the runs below {self.input} have none of the figures {', '.join(self.columns)}; "
-                "give evaluation.columns of theirs (metrics.json)"
+                "and none that differs; give evaluation.columns of theirs (metrics.json)"
             )
         return shown
+
+
+def _differing(
+    runs: Sequence[Run], measures: Mapping[str, Measure]
+) -> dict[str, Mapping[str, Any]]:
+    """Figures, with what they are of, that are not the same in all runs; a few."""
+    names = [n for n in measures if all(n in run.figures for run in runs)]
+    differ = [n for n in names if len({run.figures[n] for run in runs}) > 1]
+    return {n: {"heading": f"{measures[n].heading}, {n}"} for n in differ[:_FEW]}
 
 
 def _changed(measure: Measure, name: str, changes: Mapping[str, Any]) -> Measure:
@@ -139,6 +153,11 @@ def _overrides(folder: Path) -> Sequence[str]:
     record = folder / "run.json"
     words = _read(record).get("overrides", []) if record.is_file() else []
     return [word for word in words if not word.startswith(("paths.", "hydra."))]
+
+
+def _settings(words: Sequence[str]) -> dict[str, str]:
+    pairs = (word.partition("=") for word in words)
+    return {key.lstrip("+~"): value for key, _, value in pairs}
 
 
 def _read(path: Path) -> dict[str, Any]:

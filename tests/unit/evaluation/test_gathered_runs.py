@@ -1,3 +1,4 @@
+import csv
 import json
 
 import pytest
@@ -47,12 +48,29 @@ def test_runs_are_named_by_what_they_do_not_share(sweep):
 def test_the_table_has_a_row_per_run_and_leaves_gaps(sweep):
     figures = {"iou": 0.5, "noisy/iou": 0.25, "seen": 1.0}
     write_run(sweep / "11", ["experiment=e", "model.widths=[11]", "seed=3"], figures)
-    (section,) = runs_sections(GatheredRuns(sweep, COLUMNS).run())
-    (table,) = section.blocks
+    (section,) = runs_sections(GatheredRuns(sweep, COLUMNS).run(), sweep)
+    table, drawing = section.blocks
     assert [column.heading for column in table.columns] == ["IoU ↑", "Chamfer (mm)", "IoU, noisy"]
     assert table.rows[10] == ("model.widths=[10]", (1.0, pytest.approx(10.0), None))
     assert table.rows[11] == ("model.widths=[11]", (0.5, None, 0.25))
     assert "experiment=e seed=3" in table.note
+    assert drawing.svg.startswith("<svg")
+    assert drawing.caption == "Figures of each setting."
+
+
+def test_the_csv_has_settings_and_figures(sweep):
+    runs_sections(GatheredRuns(sweep, COLUMNS).run(), sweep)
+    with (sweep / "runs.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 11
+    assert rows[3]["model.widths"] == "[3]"
+    assert (float(rows[3]["iou"]), float(rows[3]["chamfer"])) == (0.3, 0.003)
+
+
+def test_without_a_figure_asked_for_those_that_differ_are_shown(sweep):
+    result = GatheredRuns(sweep, {"nobody/has": {}}).run()
+    headings = {name: measure.heading for name, measure in result.columns.items()}
+    assert headings == {"iou": "intersection, iou", "chamfer": "Chamfer, chamfer"}
 
 
 def test_runs_that_broke_off_are_left_out(sweep):
