@@ -61,6 +61,15 @@ def save_map(path: Path | str, height_map: HeightMap, states: States | None = No
     return target
 
 
+def is_map(path: Path | str) -> bool:
+    """Whether a file has the parts of a saved map; depth images, also `.npz`, have others."""
+    try:
+        with zipfile.ZipFile(path) as file:
+            return {"grid.npy", "heights.npy"} <= set(file.namelist())
+    except (OSError, zipfile.BadZipFile):
+        return False
+
+
 def load_map(path: Path | str, grid: HeightGrid | None = None) -> SavedMap:
     """Reads a map file.
 

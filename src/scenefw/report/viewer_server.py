@@ -5,9 +5,12 @@ from __future__ import annotations
 import contextlib
 import io
 import socket
+import sys
 from typing import Any
 
 from scenefw.core.errors import ConfigError, MissingDependencyError
+
+_LOCAL = ("127.0.0.1", "::1", "localhost")
 
 
 def require_free(host: str, port: int) -> int:
@@ -73,6 +76,19 @@ def require_viser() -> Any:
     except ImportError as error:
         raise MissingDependencyError("run=view needs viser: pip install 'viser>=1.1'") from error
     return viser
+
+
+def announce(host: str, port: int) -> None:
+    """Prints the address of a page, and a warning if others reach it too."""
+    if host not in _LOCAL:
+        print(
+            f"anybody who reaches {host} can look, change and export; "
+            "run.host=127.0.0.1 is for this machine alone",
+            file=sys.stderr,
+        )
+    name = f"[{host}]" if ":" in host else host
+    shown = "127.0.0.1" if host == "0.0.0.0" else name
+    print(f"http://{shown}:{port} shows it; Ctrl-C ends it", flush=True)
 
 
 def _in_use(host: str, port: int) -> ConfigError:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -32,6 +32,19 @@ if TYPE_CHECKING:
     from scenefw.perception.placement import Placed
 
 MAP, PICTURE = "map.npz", "map.png"
+
+
+class MapWatcher(Protocol):
+    """Is shown a map while it grows."""
+
+    def show(self, height_map: HeightMap, title: str, frame: Frame | None = None) -> None:
+        """Takes a map.
+
+        Args:
+            height_map: of the frames so far.
+            title: how many these are, or the name of the image.
+            frame: the latest one, in the coordinates of the map.
+        """
 
 
 class Label:
@@ -106,8 +119,12 @@ class Label:
             self.options["depth_scale"] = depth_scale
         self.picture_every, self.save_every = picture_every, save_every
 
-    def run(self) -> dict[str, float]:
+    def run(self, watcher: MapWatcher | None = None, every: int = 5) -> dict[str, float]:
         """Labels all frames; returns their number, coverage and seconds per frame.
+
+        Args:
+            watcher: is shown the map while it grows.
+            every: frames from one shown map to the next.
 
         Raises:
             InputError: the input or the saved map is unusable.
@@ -115,9 +132,9 @@ class Label:
         """
         require_writable(self.output)
         is_sequence = (self.input / "depth").is_dir() or (self.input / "depth.txt").is_file()
-        return self._sequence() if is_sequence else self._images()
+        return self._sequence(watcher, every) if is_sequence else self._images(watcher)
 
-    def _sequence(self) -> dict[str, float]:
+    def _sequence(self, watcher: MapWatcher | None, every: int) -> dict[str, float]:
         sequence = open_sequence(self.input, require_poses=not self.estimate_poses, **self.options)
         last = (
             len(sequence) if self.frames is None else min(len(sequence), self.start + self.frames)
@@ -137,6 +154,8 @@ class Label:
                 recording = recording.extended(frame)
                 if self.picture_every and number % self.picture_every == 0:
                     growth.show(running.height_map(), self.start + number)
+                if watcher is not None and number % every == 1 % every:
+                    watcher.show(running.height_map(), _frames(self.start + number), frame)
                 if number % self.save_every == 0:
                     self._save(running, recording)
         finally:  # an interrupted run still saves its map
@@ -151,6 +170,8 @@ class Label:
         if self.picture_every:
             growth.show(height_map, self.start + number)
             growth.film()
+        if watcher is not None:
+            watcher.show(height_map, _frames(self.start + number), frame)
         save_picture(map_picture(height_map), self.output / PICTURE)
         return {
             "frames": float(number),
@@ -178,7 +199,7 @@ class Label:
         save_map(self.output / MAP, height_map, {**running.states(), STATE: recording.state()})
         return height_map
 
-    def _images(self) -> dict[str, float]:
+    def _images(self, watcher: MapWatcher | None) -> dict[str, float]:
         """A map of each image."""
         images = find_images(self.input)
         began, failures, coverage = time.perf_counter(), {}, []
@@ -186,7 +207,10 @@ class Label:
         for image in track(images, "images"):
             folder = self.output / image.relative_to(base).with_suffix("")
             try:
-                coverage.append(_facts(self._image(image, folder))["coverage"])
+                frame, height_map = self._image(image, folder)
+                coverage.append(_facts(height_map)["coverage"])
+                if watcher is not None:
+                    watcher.show(height_map, image.stem, frame)
             except InputError as error:
                 failures[image] = error
         if len(failures) == len(images):
@@ -200,7 +224,7 @@ class Label:
             "seconds_per_image": (time.perf_counter() - began) / len(images),
         }
 
-    def _image(self, image: Path, folder: Path) -> HeightMap:
+    def _image(self, image: Path, folder: Path) -> tuple[Frame, HeightMap]:
         options = {k: v for k, v in self.options.items() if k != "largest_jump"}
         frame = self.table.rectified(read_frame(image, **options))
         running = self.strategy.begin()
@@ -208,7 +232,11 @@ class Label:
         height_map = running.height_map()
         save_map(folder / MAP, height_map, running.states())
         save_picture(map_picture(height_map), folder / PICTURE)
-        return height_map
+        return frame, height_map
+
+
+def _frames(number: int) -> str:
+    return f"{number} frame{'s' * (number > 1)}"
 
 
 def _facts(height_map: HeightMap) -> dict[str, float]:

@@ -14,15 +14,19 @@ from scenefw.data.readers import find_images, read_frame
 from scenefw.export.scene_files import GLB, Summary
 from scenefw.report.layers import Prediction
 from scenefw.report.viewer import Viewer
-from scenefw.report.viewer_server import close_server, open_server, require_free, require_viser
+from scenefw.report.viewer_server import (
+    announce,
+    close_server,
+    open_server,
+    require_free,
+    require_viser,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from scenefw.core.protocols import SceneFormat, Settling
     from scenefw.perception.pipeline import Pipeline
-
-_LOCAL = ("127.0.0.1", "::1", "localhost")
 
 
 class View:
@@ -98,7 +102,7 @@ class View:
         server = open_server(self.host, self.port)
         try:
             Viewer(server, names, load, self.formats, self.output, self.settling)
-            self._tell(server.get_port())
+            announce(self.host, server.get_port())
             threading.Event().wait(self.seconds)
         except KeyboardInterrupt:
             pass
@@ -124,14 +128,3 @@ class View:
             print(f"{frame.name}: {warning}", file=sys.stderr)
         partial = view.partial.distance[0, 0].cpu().numpy()
         return Prediction(tuple(self.pipeline.hypotheses(view)), frame, partial)
-
-    def _tell(self, port: int) -> None:
-        if self.host not in _LOCAL:
-            print(
-                f"anybody who reaches {self.host} can look, change and export; "
-                "run.host=127.0.0.1 is for this machine alone",
-                file=sys.stderr,
-            )
-        name = f"[{self.host}]" if ":" in self.host else self.host
-        shown = "127.0.0.1" if self.host == "0.0.0.0" else name
-        print(f"http://{shown}:{port} shows it; Ctrl-C ends it", flush=True)

@@ -3,6 +3,7 @@
 import io
 import os
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +12,14 @@ import trimesh
 from PIL import Image
 from tests.unit.perception.synthetic import camera_at, frame_of
 from tests.unit.perception.test_pipeline import KnownBoxes
+from tests.unit.tasks.recordings import table
 
 from scenefw.core.types import GridSpec
 from scenefw.export.scene_files import GLB
 from scenefw.mapping.projective import Projective
 from scenefw.perception.moved import without
 from scenefw.perception.pipeline import Pipeline
+from scenefw.report.labelling.map_viewer import MapViewer
 from scenefw.report.layers import Prediction
 from scenefw.report.viewer import Viewer
 from scenefw.report.viewer_server import open_server
@@ -55,6 +58,13 @@ def viewer(tmp_path):
     known = Prediction(scenes, view.frame, view.partial.distance[0, 0].numpy())
     server = open_server("127.0.0.1", 0)
     yield Viewer(server, ["boxes"], lambda _: known, {"glb": GLB()}, tmp_path / "out")
+    server.stop()
+
+
+@pytest.fixture
+def map_viewer():
+    server = open_server("127.0.0.1", 0)
+    yield MapViewer(server)
     server.stop()
 
 
@@ -99,3 +109,26 @@ def test_it_loads_the_slider_changes_the_picture_and_an_export_arrives(page, vie
     assert len(trimesh.load(file).geometry) == 1
     assert file.read_bytes() == (tmp_path / "out/boxes/hypothesis_2/scene.glb").read_bytes()
     assert not complaints
+
+
+@pytest.mark.exhaustive
+def test_a_map_grows_in_the_page_and_the_slider_goes_back(page, map_viewer, tmp_path):
+    """The keyboard, orange, lies right of the columns that are seen at first."""
+    heights = table().heights.copy()
+    heights[:, 45:] = np.nan
+    map_viewer.show(replace(table(), heights=heights), "1 frame")
+    page.goto(f"http://127.0.0.1:{map_viewer.server.get_port()}")
+    page.get_by_text("1 frame").wait_for()
+    assert until(page, lambda one, two: one > 0.001 and two < 0.004)
+    map_viewer.show(table(), "2 frames")
+    page.get_by_text("2 frames").wait_for()
+    assert until(page, lambda one, two: two > 0.01)
+    slider = page.get_by_role("slider").first
+    slider.focus()
+    slider.press("ArrowLeft")
+    assert until(page, lambda one, two: two < 0.004)
+    assert not map_viewer.controls["follow"].value
+    with page.expect_download() as arriving:
+        page.get_by_role("button", name="Save as GLB").click()
+    arriving.value.save_as(tmp_path / "map.glb")
+    assert (tmp_path / "map.glb").read_bytes() == map_viewer.export()
