@@ -20,15 +20,16 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _DEPTH = {"16UC1": np.uint16, "mono16": np.uint16, "32FC1": np.float32}
-_COLOUR = {"rgb8": [0, 1, 2], "bgr8": [2, 1, 0], "rgba8": [0, 1, 2], "bgra8": [2, 1, 0]}
+CHANNELS = {"rgb8": [0, 1, 2], "bgr8": [2, 1, 0], "rgba8": [0, 1, 2], "bgra8": [2, 1, 0]}
+"""Places of red, green and blue in pixels, by encoding."""
 _IMAGE, _COMPRESSED, _INFO = "Image", "CompressedImage", "CameraInfo"
 _HEADER = 12  # bytes before the PNG of compressed depth
 _MILLIMETRES = 0.001
 
 
 @dataclass(frozen=True, eq=False)
-class BagFrame:
-    """A depth image of a bag.
+class RecordedFrame:
+    """A depth image of a recording or of a camera.
 
     Args:
         depth: (H, W) m, 0 = none.
@@ -79,7 +80,7 @@ class Bag:
     ) -> None:
         self.path, self.wanted = path, (depth, colour, info)
 
-    def frames(self, every: int = 1, most: int | None = None) -> Iterator[BagFrame]:
+    def frames(self, every: int = 1, most: int | None = None) -> Iterator[RecordedFrame]:
         """Every n-th depth image.
 
         Args:
@@ -105,7 +106,7 @@ class Bag:
                     continue
                 depth = depth_of(message, topic, unit)
                 fits = colour is not None and colour.shape[:2] == depth.shape
-                yield BagFrame(depth, matrix, colour if fits else None, time * 1e-9)
+                yield RecordedFrame(depth, matrix, colour if fits else None, time * 1e-9)
                 made += 1
                 if made == most:
                     return
@@ -235,10 +236,10 @@ def colour_of(message: Any, topic: str) -> NDArray[np.uint8]:
     """
     if _kind(message.__msgtype__) == _COMPRESSED:
         return _decoded(bytes(message.data), topic).astype(np.uint8)
-    order = _COLOUR.get(message.encoding)
+    order = CHANNELS.get(message.encoding)
     if order is None:
         raise InputError(
-            f"{topic} is encoded as {message.encoding}; expected one of {', '.join(_COLOUR)}"
+            f"{topic} is encoded as {message.encoding}; expected one of {', '.join(CHANNELS)}"
         )
     channels = 4 if "a" in message.encoding else 3
     return np.ascontiguousarray(_rows(message, np.dtype(np.uint8), channels, topic)[..., order])
