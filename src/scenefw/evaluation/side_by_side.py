@@ -27,6 +27,7 @@ def side_by_side(
     track: Track,
     what: str,
     workers: int | None = None,
+    done: Callable[[Item, Result], None] = lambda *_: None,
 ) -> list[Result]:
     """Results in the order of the items, the same as from one worker with one thread.
 
@@ -39,12 +40,29 @@ def side_by_side(
         what: they are, in a word or two.
         workers: items at once; None: as many as torch has threads, at most eight. One works in
             this thread, with all threads of torch and numba.
+        done: called with each item and its result, in their order, in this thread.
     """
     count = min(torch.get_num_threads(), _MOST) if workers is None else workers
     if count < 2:
-        return [work(item) for item in track(items, what)]
+        return collected(map(work, items), items, track, what, done)
     with _one_thread_each(), closing(_results(work, items, count)) as results:
-        return [next(results) for _ in track(items, what)]
+        return collected(results, items, track, what, done)
+
+
+def collected(
+    results: Iterator[Result],
+    items: Sequence[Item],
+    track: Track,
+    what: str,
+    done: Callable[[Item, Result], None] = lambda *_: None,
+) -> list[Result]:
+    """Results that come in the order of the items, with a bar of them."""
+    found = []
+    for item in track(items, what):
+        result = next(results)
+        done(item, result)
+        found.append(result)
+    return found
 
 
 def alone(work: Callable[[Item], Result], item: Item) -> Result:

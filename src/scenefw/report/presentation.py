@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -36,11 +37,14 @@ def sections_by_class(
         title: of the section of such a table.
     """
     if isinstance(result, SeveralResults):
-        return tuple(
-            section
-            for name, part in result.parts.items()
-            for section in sections_by_class(part, folder, shown_by, name.replace("_", " "))
-        )
+        alike = Counter(type(part) for part in result.parts.values())
+        found: list[Section] = []
+        for name, part in result.parts.items():
+            words = name.replace("_", " ")
+            sections = sections_by_class(part, folder, shown_by, words)
+            several = alike[type(part)] > 1 and type(part) in shown_by
+            found += [replace(s, title=f"{s.title}: {words}") if several else s for s in sections]
+        return tuple(found)
     show = shown_by.get(type(result))
     return tuple(show(result, folder)) if show else (Section(title, (figure_table(result),)),)
 

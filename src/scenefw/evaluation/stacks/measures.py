@@ -9,16 +9,15 @@ from scenefw.evaluation.stacks.methods import BASE_RATE, REFERENCES, described
 
 _TRIVIAL = {"occupancy_bce": BASE_RATE}  # of figures that are no measure of skill
 
-_THESIS = {name: figure.mean for name, figure in published.SUPERQUADRICS["SIMstack"].items()}
 _COUNT_ERROR = Measure("count error", "objects too many or too few", digits=2, better="lower")
 _SCORES = {
     "chamfer_visible": Measure(
         "Chamfer visible", "Chamfer, visible, as the thesis measures", "m", better="lower",
-        published=_THESIS["chamfer_visible"], floor="chamfer_visible_floor",
+        floor="chamfer_visible_floor",
     ),
     "chamfer_full": Measure(
         "Chamfer full", "Chamfer, whole, as the thesis measures", "m", better="lower",
-        published=_THESIS["chamfer_full"], floor="chamfer_full_floor",
+        floor="chamfer_full_floor",
     ),
     "chamfer_visible_excess": Measure(
         "visible, excess", "Chamfer, visible: excess", "mm", 1, "lower", 1000.0
@@ -32,8 +31,7 @@ _SCORES = {
     "fscore_1cm": Measure("F at 1 cm", better="higher"),
     "normal_consistency": Measure("normals", "normals (mean cosine)", better="higher"),
     "occupancy_bce": Measure(
-        "BCE of occupancy", "BCE of expected occupancy", better="lower",
-        published=_THESIS["occupancy_bce"],
+        "BCE of occupancy", "BCE of expected occupancy", better="lower"
     ),
     "occupancy_bce_probability": Measure(
         "BCE of probability", "BCE of the probability of being occupied", better="lower"
@@ -54,15 +52,19 @@ _NUMBERS = {
 }
 
 
-def of_scores(methods: Sequence[str], drawn: Sequence[str] = ()) -> dict[str, Measure]:
+def of_scores(
+    methods: Sequence[str], drawn: Sequence[str] = (), data: str | None = "superquadrics"
+) -> dict[str, Measure]:
     """Measures of the scores of methods, the main one first, and of their numbers.
 
     Args:
         methods: names; figures of all but the first one begin with theirs.
         drawn: methods whose samples are judged as samples.
+        data: of table 5.1, whose figures stand beside the main method's; None has none.
     """
+    theirs = {name: figure.mean for name, figure in published.own(data).items()}
     found = {
-        name: replace(measure, trivial=_trivial(name, methods[1:]))
+        name: replace(measure, trivial=_trivial(name, methods[1:]), published=theirs.get(name))
         for name, measure in _SCORES.items()
     }
     for method in methods[1:]:
@@ -72,7 +74,6 @@ def of_scores(methods: Sequence[str], drawn: Sequence[str] = ()) -> dict[str, Me
                 measure,
                 heading=measure.heading + known.figure,
                 name=(measure.name or measure.heading) + known.figure,
-                published=None,
                 trivial=_trivial(name, methods[1:]) if known.learns else None,
             )
     return found | _NUMBERS | _of_draws(drawn)

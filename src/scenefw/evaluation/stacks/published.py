@@ -7,10 +7,12 @@ own method). What its sigmas are taken over is not said there. Its Chamfer dista
 points per surface, so most of each is the floor of that sampling.
 """
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
+from scenefw.core.errors import ConfigError
+
 SOURCE = "thesis, table 5.1"
-SCENES = 1419
 VIEWS = 3
 SAMPLES = 3
 
@@ -63,3 +65,34 @@ YCB: dict[str, dict[str, Figure]] = {
     },
 }
 """As `SUPERQUADRICS`, on stacks of YCB objects."""
+
+
+class Published(NamedTuple):
+    """What the thesis has for a data set: figures by method, and of how many scenes."""
+
+    figures: Mapping[str, Mapping[str, Figure]]
+    scenes: int
+
+
+_OF = {"superquadrics": Published(SUPERQUADRICS, 1419), "ycb": Published(YCB, 256)}
+_NONE = Published({}, 0)
+
+
+def published_of(data: str | None) -> Published:
+    """The figures of a data set, `superquadrics` or `ycb`; None has none.
+
+    Raises:
+        ConfigError: the thesis has no such data set.
+    """
+    if data is None:
+        return _NONE
+    if data not in _OF:
+        raise ConfigError(
+            f"evaluation.published = {data}: table 5.1 has {', '.join(_OF)}; give one, or null"
+        )
+    return _OF[data]
+
+
+def own(data: str | None) -> Mapping[str, Figure]:
+    """The figures of the thesis's own method on a data set, by name."""
+    return published_of(data).figures.get("SIMstack", {})

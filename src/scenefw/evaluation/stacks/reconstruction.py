@@ -1,6 +1,7 @@
 """Shape and instances from one view, by visibility (thesis table 5.1, figs 5.24, 5.25)."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from functools import partial
 from itertools import product
 from typing import TypeVar
@@ -23,10 +24,12 @@ from scenefw.core.protocols import (
 from scenefw.core.types import Camera, Float64, GridSpec
 from scenefw.data.stacks import SceneSet
 from scenefw.data.views import ViewBatch, ViewMaker, Viewpoints
-from scenefw.evaluation.side_by_side import alone, side_by_side
+from scenefw.evaluation.kept_rows import KeptRows, kept_or_made
+from scenefw.evaluation.side_by_side import alone, collected, side_by_side
 from scenefw.evaluation.stacks.draw_results import DrawsResult, DrawView
 from scenefw.evaluation.stacks.draws import DrawScoring, Truth
 from scenefw.evaluation.stacks.methods import BASE_RATE, TRAINING_MEAN
+from scenefw.evaluation.stacks.published import published_of
 from scenefw.evaluation.stacks.references import instances_of
 from scenefw.evaluation.stacks.results import ReconstructionResult, ViewScores
 from scenefw.evaluation.stacks.seen_scenes import Sample, SceneViews, SeenScene, Streams
@@ -74,9 +77,12 @@ class ReconstructionEvaluation:
         draws: judges samples as samples, and knows the forecasts without an image; or None.
         workers: views at once; None: on the CPU as many as torch has threads, on a GPU one.
         parallel: processes that score views, each on its own; None: threads of this one.
+        published: data set of table 5.1 whose figures stand beside these: `superquadrics`, `ycb`,
+            or None.
+        kept: finished views of an interrupted run, where samples aren't judged; None keeps none.
 
     Raises:
-        ConfigError: no method, no worker, or no grid.
+        ConfigError: no method, no worker, no grid, or no such data set.
     """
 
     def __init__(
@@ -98,7 +104,11 @@ class ReconstructionEvaluation:
         draws: DrawScoring | None = None,
         workers: int | None = None,
         parallel: Workers | None = None,
+        published: str | None = "superquadrics",
+        kept: KeptRows | None = None,
     ) -> None:
+        published_of(published)
+        self.published, self.kept = published, kept
         if workers is not None and workers < 1:
             raise ConfigError(f"workers is {workers}; expected at least 1, or null")
         self.workers = 1 if workers is None and torch.device(device).type != "cpu" else workers
@@ -130,16 +140,34 @@ class ReconstructionEvaluation:
         """Scores all views; `track(items, what)` shows a bar of the loop."""
         calibration = self._calibration(track)
         pairs = list(product(range(len(self.scenes)), range(self.views)))
+        if self.draws is None:
+            return self._without_draws(pairs, track)
         found = self._each(lambda pair: self._both(*pair), pairs, track, "test views")
         views = [scores for scores, _ in found]
         drawn = [outcome for _, outcome in found if outcome]
         names = (*self.methods, *self.extractors)
-        if self.draws is None:
-            return ReconstructionResult(tuple(views), names, self.samples, self.seed)
         judged = (*self.methods, *self.draws.methods)
         draws = DrawsResult(tuple(drawn), calibration, judged, self.draws.count)
         names = (*names, BASE_RATE, TRAINING_MEAN)
-        return ReconstructionResult(tuple(views), names, self.samples, self.seed, draws)
+        return ReconstructionResult(
+            tuple(views), names, self.samples, self.seed, draws, self.published
+        )
+
+    def _without_draws(self, pairs: list[tuple[int, int]], track: Track) -> ReconstructionResult:
+        """Scores alone; what an interrupted run has found is used again."""
+        views = kept_or_made(
+            self.kept,
+            {f"{scene}/{view}": (scene, view) for scene, view in pairs},
+            lambda some, done: self._each(
+                lambda pair: self.score(*pair), some, track, "test views", done
+            ),
+            asdict,
+            lambda row: ViewScores(**row),
+        )
+        names = (*self.methods, *self.extractors)
+        return ReconstructionResult(
+            tuple(views), names, self.samples, self.seed, published=self.published
+        )
 
     def score(self, scene: int, view: int) -> ViewScores:
         """All methods on one view of one scene of the split."""
@@ -183,13 +211,18 @@ class ReconstructionEvaluation:
         )
 
     def _each(
-        self, work: Callable[[Item], Result], items: Sequence[Item], track: Track, what: str
+        self,
+        work: Callable[[Item], Result],
+        items: Sequence[Item],
+        track: Track,
+        what: str,
+        done: Callable[[Item, Result], None] = lambda *_: None,
     ) -> list[Result]:
         """Results of views, in their order."""
         if self.parallel is None:
-            return side_by_side(work, items, track, what, self.workers)
+            return side_by_side(work, items, track, what, self.workers, done)
         results = self.parallel.each(partial(alone, work), items)
-        return [next(results) for _ in track(items, what)]
+        return collected(results, items, track, what, done)
 
     @torch.no_grad()
     def _calibrated(self, draws: DrawScoring, row: int) -> DrawView:

@@ -58,6 +58,7 @@ class ReconstructionResult:
         samples: latent samples per view.
         seed: of views, codes and points.
         draws: samples judged as samples, on the first scenes; or None.
+        published: data set of table 5.1 that these are like; or None.
     """
 
     views: tuple[ViewScores, ...]
@@ -65,6 +66,7 @@ class ReconstructionResult:
     samples: int
     seed: int
     draws: DrawsResult | None = None
+    published: str | None = "superquadrics"
 
     @property
     def scenes(self) -> int:
@@ -151,7 +153,8 @@ class ReconstructionResult:
     @property
     def measures(self) -> Mapping[str, Measure]:
         """Units, digits and published values of the figures."""
-        return of_scores(self.methods, self.draws.methods if self.draws else ())
+        drawn = self.draws.methods if self.draws else ()
+        return of_scores(self.methods, drawn, self.published)
 
 
 def _bounded(name: str, interval: Interval) -> dict[str, float]:

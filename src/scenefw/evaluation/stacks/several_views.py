@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +12,7 @@ import torch
 from scenefw.core import rng
 from scenefw.core.errors import ConfigError
 from scenefw.data.views import ViewBatch, ViewMaker, Viewpoints
+from scenefw.evaluation.kept_rows import KeptRows, kept_or_made
 from scenefw.evaluation.side_by_side import side_by_side
 from scenefw.evaluation.stacks.several_views_results import SceneScores, SeveralViewsResult
 from scenefw.evaluation.stacks.surface_scores import Surfaces, SurfaceScoring, TruePoints
@@ -72,6 +73,7 @@ class SeveralViewsEvaluation:
         seed: of cameras, noise, codes and points.
         device: where volumes and views are computed.
         workers: scenes at once; None: on the CPU as many as torch has threads, on a GPU one.
+        kept: finished scenes of an interrupted run; None keeps none.
 
     Raises:
         ConfigError: no method, no grid, several grids, or a number below one.
@@ -93,7 +95,9 @@ class SeveralViewsEvaluation:
         seed: int = 0,
         device: str = "cpu",
         workers: int | None = None,
+        kept: KeptRows | None = None,
     ) -> None:
+        self.kept = kept
         self.methods = {name: one for name, one in methods.items() if one is not None}
         self.counts = tuple(sorted(set(counts)))
         if not self.methods or not self.counts or self.counts[0] < 1 or samples < 1:
@@ -117,8 +121,13 @@ class SeveralViewsEvaluation:
 
     def run(self, track: Track = lambda items, _: items) -> SeveralViewsResult:
         """Scores all scenes; `track(items, what)` shows a bar of the loop."""
-        rows = range(len(self.scenes))
-        found = side_by_side(self.score, rows, track, "scenes", self.workers)
+        found = kept_or_made(
+            self.kept,
+            {str(row): row for row in range(len(self.scenes))},
+            lambda some, done: side_by_side(self.score, some, track, "scenes", self.workers, done),
+            asdict,
+            SceneScores.from_row,
+        )
         return SeveralViewsResult(tuple(found), tuple(self.methods), self.counts, self.samples)
 
     def see(self, row: int) -> SeenOften:

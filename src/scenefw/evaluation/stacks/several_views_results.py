@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -43,6 +44,15 @@ class SceneScores:
     scene: int
     floor: float
     scores: Mapping[str, Mapping[int, Mapping[str, float]]]
+
+    @classmethod
+    def from_row(cls, row: Mapping[str, Any]) -> SceneScores:
+        """What `dataclasses.asdict` and JSON, which knows only text as keys, made rows of."""
+        scores = {
+            method: {int(count): scores for count, scores in counts.items()}
+            for method, counts in row["scores"].items()
+        }
+        return cls(row["scene"], row["floor"], scores)
 
 
 @dataclass(frozen=True)

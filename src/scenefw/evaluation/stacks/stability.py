@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 from itertools import product
 from typing import Any
 
@@ -21,6 +22,9 @@ from scenefw.core.protocols import (
 from scenefw.core.types import GridSpec, SceneObject
 from scenefw.data.stacks import SceneSet
 from scenefw.data.views import ViewMaker, Viewpoints
+from scenefw.evaluation.kept_rows import KeptRows, kept_or_made
+from scenefw.evaluation.side_by_side import collected
+from scenefw.evaluation.stacks.published import published_of
 from scenefw.evaluation.stacks.seen_scenes import SceneViews, SeenScene, Streams
 from scenefw.evaluation.stacks.stability_results import TRUTH, Pile, StabilityResult, ViewPiles
 from scenefw.evaluation.stacks.visibility import VisibleSurface, visible_share
@@ -56,9 +60,12 @@ class StabilityEvaluation:
         lost: displacement that counts at most (m), as of an object that the simulation loses.
         seed: of cameras, noise and codes.
         device: where volumes and views are computed.
+        published: data set of table 5.1 whose figures stand beside these: `superquadrics`, `ycb`,
+            or None.
+        kept: finished views of an interrupted run; None keeps none.
 
     Raises:
-        ConfigError: no method, no grid, or a number below one.
+        ConfigError: no method, no grid, a number below one, or no such data set.
     """
 
     def __init__(
@@ -80,7 +87,11 @@ class StabilityEvaluation:
         lost: float = 10.0,
         seed: int = 0,
         device: str = "cpu",
+        published: str | None = "superquadrics",
+        kept: KeptRows | None = None,
     ) -> None:
+        published_of(published)
+        self.published, self.kept = published, kept
         self.methods = {name: method for name, method in methods.items() if method is not None}
         if not self.methods or min(views, samples, steps) < 1:
             raise ConfigError(
@@ -104,19 +115,29 @@ class StabilityEvaluation:
     @torch.no_grad()
     def run(self, track: Track = lambda pairs, _: pairs) -> StabilityResult:
         """Simulates all views; `track(items, what)` shows a bar of the loop."""
-        piles: list[ViewPiles] = []
-        truths: dict[int, Pile] = {}
         pairs = list(product(range(len(self.scenes)), range(self.views)))
-        for row, view in track(pairs, "test views"):
+        piles = kept_or_made(
+            self.kept,
+            {f"{scene}/{view}": (scene, view) for scene, view in pairs},
+            lambda some, done: collected(self._of_views(some), some, track, "test views", done),
+            asdict,
+            ViewPiles.from_row,
+        )
+        names = (TRUTH, *self.methods)
+        return StabilityResult(
+            tuple(piles), names, self.steps, self.furthest, self.steepest, self.published
+        )
+
+    def _of_views(self, pairs: Sequence[tuple[int, int]]) -> Iterator[ViewPiles]:
+        truths: dict[int, Pile] = {}
+        for row, view in pairs:
             if row not in truths:
                 truths[row] = self._pile(Bodies(dict(enumerate(self.scenes.objects(row), 1)), {}))
             seen = self.seeing.see(self.scenes, row, view, _STREAMS)
             found: dict[str, tuple[Pile, ...]] = {TRUTH: (truths[row],)}
             for name, method in self.methods.items():
                 found[name] = tuple(self._piles(seen, method, self.grids[name]))
-            piles.append(ViewPiles(seen.index, view, _visibility(seen), found))
-        names = (TRUTH, *self.methods)
-        return StabilityResult(tuple(piles), names, self.steps, self.furthest, self.steepest)
+            yield ViewPiles(seen.index, view, _visibility(seen), found)
 
     def _piles(self, seen: SeenScene, method: Reconstructor, grid: GridSpec) -> Iterator[Pile]:
         partial = seen.batches[grid].partial

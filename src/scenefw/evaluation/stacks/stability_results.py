@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -83,6 +84,18 @@ class ViewPiles:
     visibility: float
     piles: Mapping[str, tuple[Pile, ...]]
 
+    @classmethod
+    def from_row(cls, row: Mapping[str, Any]) -> ViewPiles:
+        """What `dataclasses.asdict` made JSON types of."""
+        piles = {
+            method: tuple(
+                Pile(**{**one, "shifts": tuple(one["shifts"]), "turns": tuple(one["turns"])})
+                for one in some
+            )
+            for method, some in row["piles"].items()
+        }
+        return cls(row["scene"], row["view"], row["visibility"], piles)
+
 
 @dataclass(frozen=True)
 class StabilityResult:
@@ -93,6 +106,7 @@ class StabilityResult:
         methods: names, the truth first.
         steps: of each simulation.
         furthest, steepest: of stable piles (m, degrees).
+        published: data set of table 5.1 that these are like; or None.
     """
 
     views: tuple[ViewPiles, ...]
@@ -100,6 +114,7 @@ class StabilityResult:
     steps: int
     furthest: float
     steepest: float
+    published: str | None = "superquadrics"
 
     @property
     def visibility(self) -> Float64:
@@ -153,6 +168,7 @@ class StabilityResult:
     def measures(self) -> dict[str, Measure]:
         """Units, digits and published values of the figures."""
         reference = next((name for name in REFERENCES if name in self.methods), None)
+        theirs = {name: figure.mean for name, figure in published.own(self.published).items()}
         found = dict(_NUMBERS)
         for method in self.methods:
             learned = reference and method not in (TRUTH, *REFERENCES)
@@ -161,10 +177,6 @@ class StabilityResult:
                     measure,
                     name=f"{measure.name or measure.heading}, {method.replace('_', ' ')}",
                     trivial=f"{reference}/{name}" if learned else None,
-                    published=_published(name) if method == _MAIN else None,
+                    published=theirs.get(name) if method == _MAIN else None,
                 )
         return found
-
-
-def _published(name: str) -> float | None:
-    return published.SUPERQUADRICS["SIMstack"][name].mean if name == "displacement" else None

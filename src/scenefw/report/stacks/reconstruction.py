@@ -114,14 +114,12 @@ def as_thesis(result: ReconstructionResult) -> Table:
         if "occupancy_bce" in result.names(method)
     ]
     rows.append(("floor: truth sampled twice", _floors(result)))
-    theirs = [
-        (f"{name} (thesis)", _published(figures))
-        for name, figures in published.SUPERQUADRICS.items()
-    ]
+    known = published.published_of(result.published)
+    theirs = [(f"{name} (thesis)", _published(f)) for name, f in known.figures.items()]
     quoted = frozenset({"floor: truth sampled twice", *(name for name, _ in theirs)})
     quoted |= {described(name).row for name in (BASE_RATE, TRAINING_MEAN)}
-    thesis = f"Thesis: {published.SCENES} scenes, {published.VIEWS} views of each."
-    note = f"{sizes(result)} σ is over views. {thesis}"
+    thesis = f" Thesis: {known.scenes} scenes, {published.VIEWS} views of each." if theirs else ""
+    note = f"{sizes(result)} σ is over views.{thesis}"
     return Table("As in table 5.1", tuple(columns), tuple(rows + theirs), quoted, note)
 
 

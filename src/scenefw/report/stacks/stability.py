@@ -18,7 +18,7 @@ _NAMES = {
     "fitted": "predictions, superquadrics fitted to the view",
     "fitted_hulls": "superquadrics fitted to parts of the image (no learning)",
 }
-_THESIS = "SIMstack (thesis, superquadrics)"
+_THESIS = "SIMstack (thesis)"
 _RANGED = ("displacement", "displacement_median", "stable")
 _BY_VISIBILITY = {
     "displacement": "Displacement, mean (cm)",

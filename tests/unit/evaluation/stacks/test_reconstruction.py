@@ -8,6 +8,7 @@ from scenefw.core.batches import Completion
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import GridSpec
 from scenefw.data.stacks import StackScenes, shipped_scenes
+from scenefw.evaluation.kept_rows import KeptRows
 from scenefw.evaluation.stacks.reconstruction import ReconstructionEvaluation
 from scenefw.evaluation.stacks.references import PartialSurface
 from scenefw.evaluation.stacks.surface_scores import SurfaceScoring
@@ -16,6 +17,7 @@ from scenefw.parallel.local import Local
 from scenefw.postprocessing.connected_components import ConnectedComponents
 from scenefw.postprocessing.hough_voting import HoughVoting
 from scenefw.renderers.sphere_tracer import SphereTracer
+from scenefw.report.stacks.reconstruction import as_thesis
 from scenefw.representations.volumes import scene_volumes
 from scenefw.scenes.cameras import RandomViewpoints
 
@@ -179,3 +181,46 @@ def test_bad_settings_are_named():
         evaluation({}, scenes, grid=GridSpec())
     with pytest.raises(ConfigError, match="workers"):
         evaluation({"nothing": Nothing()}, scenes, grid=GridSpec(), workers=0)
+
+
+class Failing(Nothing):
+    """Nothing, until its third view."""
+
+    def __init__(self, fails_at=None):
+        self.calls, self.fails_at = 0, fails_at
+
+    def complete(self, partial, grid, samples, generator):
+        self.calls += 1
+        if self.calls == self.fails_at:
+            raise KeyboardInterrupt
+        noise = torch.rand(1, *grid.shape, generator=generator) - 0.5
+        return [Completion(noise * grid.truncation, (noise < 0).int())]
+
+
+def test_an_interrupted_evaluation_goes_on_where_it_was(tmp_path):
+    scenes = StackScenes(split="val", limit=SCENES)
+    settings = {"views": 2, "samples": 1, "grid": GridSpec(resolution=24), "workers": 1}
+    whole = evaluation({"noise": Failing()}, scenes, **settings).run()
+    kept = KeptRows(tmp_path)
+    with pytest.raises(KeyboardInterrupt):
+        evaluation({"noise": Failing(3)}, scenes, **settings, kept=kept).run()
+    again = Failing()
+    result = evaluation({"noise": again}, scenes, **settings, kept=kept).run()
+    assert again.calls == 2 * SCENES - 2
+    assert result.figures == whole.figures
+    assert result.views == whole.views
+
+
+def test_figures_of_the_thesis_are_of_the_data_set(tmp_path):
+    scenes = StackScenes(split="val", limit=1)
+    settings = {"views": 1, "samples": 1, "grid": GridSpec(resolution=24), "workers": 1}
+    rows = {}
+    for data in ("superquadrics", "ycb", None):
+        result = evaluation({"scenefw": Nothing()}, scenes, **settings, published=data).run()
+        rows[data] = result.measures["chamfer_full"].published
+        text = str(as_thesis(result))
+        assert ("SIMstack (thesis)" in text) == (data is not None)
+        assert ("256 scenes" in text) == (data == "ycb")
+    assert rows == {"superquadrics": 0.028, "ycb": 0.062, None: None}
+    with pytest.raises(ConfigError, match="superquadrics, ycb"):
+        evaluation({"scenefw": Nothing()}, scenes, **settings, published="kitchen")

@@ -9,6 +9,7 @@ import torch
 from scenefw.core.batches import Completion
 from scenefw.core.types import GridSpec, PlacedShape, Pose, SceneObject
 from scenefw.data.stacks import StackScenes, shipped_scenes
+from scenefw.evaluation.kept_rows import KeptRows
 from scenefw.evaluation.stacks.stability import StabilityEvaluation
 from scenefw.evaluation.stacks.stability_results import Pile
 from scenefw.evaluation.statistics import median_interval
@@ -86,6 +87,30 @@ def test_table_says_what_was_done(result):
     assert "1000 steps" in table.note
     assert [name for name, _ in table.rows][:2] == ["true scenes", "shapes"]
     assert table.rows[0][1][4] == pytest.approx(100)  # per cent of stable piles
+
+
+def test_an_interrupted_evaluation_goes_on_where_it_was(tmp_path):
+    scenes = StackScenes(split="val", limit=1)
+
+    def run(methods, kept):
+        return StabilityEvaluation(
+            scenes, methods, RandomViewpoints(width=80, height=60), SphereTracer(), Projective(),
+            PyBulletEngine(), views=2, samples=1, steps=50, kept=kept,
+        ).run()  # fmt: skip
+
+    class Stopped(Knowing):
+        calls = 0
+
+        def complete(self, partial, grid, samples, generator):
+            self.calls += 1
+            if self.calls == 2:
+                raise KeyboardInterrupt
+            return super().complete(partial, grid, samples, generator)
+
+    with pytest.raises(KeyboardInterrupt):
+        run({"shapes": Stopped(scenes)}, KeptRows(tmp_path))
+    result = run({"shapes": Knowing(scenes)}, KeptRows(tmp_path))
+    assert result == run({"shapes": Knowing(scenes)}, None)
 
 
 def test_objects_that_move_or_turn_far_make_a_pile_unstable():
