@@ -4,6 +4,7 @@ from pathlib import Path
 
 from scenefw.core.protocols import Result
 from scenefw.evaluation.stacks.grasping_results import GraspingResult
+from scenefw.evaluation.stacks.latent_space_results import LatentSpaceResult
 from scenefw.evaluation.stacks.real_masks import RealMaskResult
 from scenefw.evaluation.stacks.results import ReconstructionResult
 from scenefw.evaluation.stacks.several_views_results import SeveralViewsResult
@@ -11,6 +12,7 @@ from scenefw.evaluation.stacks.stability_results import StabilityResult
 from scenefw.report.blocks import Section
 from scenefw.report.presentation import Show, sections_by_class
 from scenefw.report.stacks.grasping import grasping_sections
+from scenefw.report.stacks.latent_space import latent_space_sections
 from scenefw.report.stacks.real_masks import real_mask_sections
 from scenefw.report.stacks.reconstruction import reconstruction_sections
 from scenefw.report.stacks.several_views import several_views_sections
@@ -21,12 +23,13 @@ _SHOWN_BY: dict[type, Show] = {
     RealMaskResult: real_mask_sections,
     SeveralViewsResult: several_views_sections,
     GraspingResult: grasping_sections,
+    LatentSpaceResult: lambda result, _: latent_space_sections(result),
     StabilityResult: lambda result, _: stability_sections(result),
 }
 
 
 class StackResults:
-    """Reconstructions beside the thesis's, several views, stability, grasps, real images."""
+    """Reconstructions beside the thesis's, several views, codes, stability, grasps, real images."""
 
     def sections(self, result: Result, folder: Path) -> tuple[Section, ...]:
         """Sections of the chapter's results; other results get a table of their figures."""
