@@ -14,15 +14,21 @@ BATCH = 20  # options in one composition: Hydra's time grows with the square of 
 def every():
     """`{group: {name: settings}}` of options that set nothing outside their group, by Hydra."""
     plugins.activate()
-    words = [
-        f"+{group}@every.{group}.{name}={name}"
-        for group, options in registry.catalogue().items()
-        for name, path in options.items()
-        if not is_global(path)
-    ]
+    batches = [[]]
+    for group, options in registry.catalogue().items():
+        for name, path in options.items():
+            if is_global(path):
+                continue
+            word = f"+{group}@every.{group}.{name}={name}"
+            if "@_global_.shared" in path.read_text(encoding="utf-8"):
+                batches.insert(0, [word])  # Hydra takes what several options share but once
+            elif len(batches[-1]) < BATCH:
+                batches[-1].append(word)
+            else:
+                batches.append([word])
     found = {}
-    for start in range(0, len(words), BATCH):
-        part = config.compose(["~experiment", *words[start : start + BATCH]]).every
+    for words in batches:
+        part = config.compose(["~experiment", *words]).every
         for group, options in container(part).items():
             found.setdefault(group, {}).update(options)
     return found

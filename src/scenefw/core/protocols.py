@@ -234,6 +234,13 @@ class Settling(Protocol):
         """Scenes of one image after that; `details["settled"]` of each says what moved how far."""
 
 
+class HypothesisRanking(Protocol):
+    """Orders hypotheses (group `ranking`)."""
+
+    def rank(self, scenes: Sequence[SceneEstimate]) -> list[SceneEstimate]:
+        """Scenes of one image, the most typical first, in a better order; details say why."""
+
+
 class SceneFormat(Protocol):
     """A file format of scene estimates (group `export`)."""
 

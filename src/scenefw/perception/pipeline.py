@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import Tensor
 
-    from scenefw.core.protocols import MappingMethod
+    from scenefw.core.protocols import HypothesisRanking, MappingMethod
     from scenefw.core.types import Frame, Int32
 
     Mask = NDArray[np.bool_] | Int32
@@ -81,6 +81,7 @@ class Pipeline:
         doctor: checks the image before, and what was found.
         samples: latent codes tried; the first is the zero code and makes the result, the others
             its confidences.
+        ranking: orders the others; None leaves them as they were drawn.
         carve: also takes away what the network puts into seen free space or below the floor.
         seed: of the codes.
 
@@ -96,6 +97,7 @@ class Pipeline:
         workspace: WorkspaceFinder | None = None,
         doctor: Doctor | None = None,
         samples: int = 3,
+        ranking: HypothesisRanking | None = None,
         *,
         carve: bool = True,
         seed: int = 0,
@@ -109,7 +111,7 @@ class Pipeline:
         self.floor = floor or FloorFinder()
         self.workspace = workspace or WorkspaceFinder()
         self.doctor = doctor or Doctor()
-        self.samples = samples
+        self.samples, self.ranking = samples, ranking
         self.carve = carve
         self.seed = seed
 
@@ -152,13 +154,17 @@ class Pipeline:
 
     def complete(self, view: View) -> SceneEstimate:
         """The complete scene of a view, the most typical one."""
-        return next(self.hypotheses(view))
+        return next(self._drawn(view))
 
     def hypotheses(self, view: View) -> Iterator[SceneEstimate]:
-        """A scene for each code: the most typical one, then drawn ones.
+        """A scene for each code: the most typical one, then drawn ones as they are ranked.
 
         An object has the same id in all of them. Its confidence says how much the others agree.
         """
+        scenes = self._drawn(view)
+        yield from scenes if self.ranking is None else self.ranking.rank(list(scenes))
+
+    def _drawn(self, view: View) -> Iterator[SceneEstimate]:
         samples = self._samples(view.partial)
         for number, sample in enumerate(samples):
             others = [other.instances[0] for i, other in enumerate(samples) if i != number]
