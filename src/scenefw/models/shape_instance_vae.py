@@ -27,7 +27,8 @@ class ShapeInstanceVAE(nn.Module):
 
     Args:
         resolution: voxels per side, a power of two of at least 8.
-        channels: channels of the condition that it sees: 1 partial TSDF, 2 also what was observed.
+        channels: channels of the condition that it sees: 1 partial TSDF, 2 also what was observed;
+            0 none, which makes it the thesis's unconditional VAE (5.2.2).
         latent_size: size of the latent code.
         bottleneck: size of the conditioning autoencoder's code.
         condition_widths: channels of its five layers, finest first.
@@ -74,7 +75,7 @@ class ShapeInstanceVAE(nn.Module):
         self.zero_share, self.prior_share = zero_share, prior_share
         fine = [max(resolution // 2 >> i, 2) for i in range(6)]
         widths = list(condition_widths)
-        self.condition = ConditionAutoencoder(channels, fine[:5], widths, bottleneck)
+        self.condition = ConditionAutoencoder(max(channels, 1), fine[:5], widths, bottleneck)
         # The code of the condition stands for a sixth map; its place is taken by the coarsest map.
         joint, maps = fine[1:], [*widths[1:], widths[4]]
         self.encoder: SceneEncoder | None = None
@@ -85,7 +86,7 @@ class ShapeInstanceVAE(nn.Module):
         self.decoder = SceneDecoder(
             joint[::-1],
             list(decoder_widths)[::-1],
-            [*widths[::-1], channels * 8],
+            [*widths[::-1], max(channels, 1) * 8],
             branch_width,
             latent_size + bottleneck,
             latent_size,
@@ -110,7 +111,7 @@ class ShapeInstanceVAE(nn.Module):
         zeros, drawn = (
             self._replaced(count, draw=draw) if generator is not None else (0, slice(0, 0))
         )
-        maps, view = self.condition.encode(batch.condition[:, : self.channels])
+        maps, view = self.condition.encode(self._seen(batch.condition))
         latent, statistics = self._posterior(batch, maps, drawn.stop, generator)
         codes = [view.new_zeros(zeros, self.latent_size), *self._draws(view[drawn], generator)]
         first = torch.cat([*codes[:2], *([] if latent is None else [latent])])
@@ -142,7 +143,7 @@ class ShapeInstanceVAE(nn.Module):
             InputError: the shapes don't fit the network.
         """
         self._check_condition(condition)
-        maps, view = self.condition.encode(condition[:, : self.channels])
+        maps, view = self.condition.encode(self._seen(condition))
         if latent is None:
             latent = view.new_zeros(len(view), self.latent_size)
         samples = self._samples(latent, len(view))
@@ -152,6 +153,10 @@ class ShapeInstanceVAE(nn.Module):
         if "tsdf" in volumes:
             volumes["tsdf"] = volumes["tsdf"].clamp(-1, 1)
         return ShapeInstancePrediction(volumes, latent=latent)
+
+    def _seen(self, condition: Tensor) -> Tensor:
+        """Its channels of the condition; zeros if it sees none."""
+        return condition[:, : self.channels] if self.channels else 0 * condition[:, :1]
 
     def redraws(self, count: int) -> int:
         """How many rows of a training batch get two codes from the prior."""
@@ -253,8 +258,8 @@ def _check(resolution: int, channels: int, *widths: Sequence[int]) -> None:
             f"the network's resolution is {resolution}, expected a power of two of at least 8 "
             "(grid.resolution)"
         )
-    if channels not in (1, 2):
-        raise ConfigError(f"the condition has 1 or 2 channels, got {channels} (model.channels)")
+    if channels not in (0, 1, 2):
+        raise ConfigError(f"the condition has 0 to 2 channels, got {channels} (model.channels)")
     for name, entry in zip(("condition", "encoder", "decoder"), widths, strict=True):
         if len(entry) != 5 or min(entry) < 1:
             raise ConfigError(

@@ -50,6 +50,18 @@ def test_every_weight_gets_a_gradient():
     assert without == []
 
 
+def test_without_channels_no_view_matters_and_codes_do():
+    model = network(16, channels=0, zero_share=0.0, prior_share=0.0)
+    found = model(batch(16, 2), torch.Generator().manual_seed(0))
+    assert found.latent.shape == (2, 6)
+    model.eval()
+    codes = torch.randn(2, 6, generator=torch.Generator().manual_seed(1))
+    one, other = (model.predict(batch(seed=seed).condition, codes).tsdf for seed in (0, 1))
+    assert torch.equal(one, other)
+    assert not torch.allclose(one[0], one[1])
+    assert not torch.allclose(one, model.predict(batch().condition).tsdf)
+
+
 def test_prediction_leaves_the_encoder_alone():
     model = network().eval()
     condition = batch().condition
