@@ -208,10 +208,11 @@ class Pipeline:
         """Which object each pixel shows: as the method says, else by the volume at its point."""
         points = world_points(view.workspace.frame)
         instances = sample.instances[0].cpu().numpy()
-        shown = seen_instances(instances, points, self.grid, points[..., 2] > _FLOOR)
+        above = points[..., 2] > _FLOOR
         if sample.masks is None:
-            return shown
+            return seen_instances(instances, points, self.grid, above)
         masks = sample.masks[0].cpu().numpy()
+        shown = seen_instances(instances, points, self.grid, above & (masks == 0))
         return np.where(masks > 0, masks, shown)
 
     def _samples(self, partial: PartialTSDF) -> list[Completion]:

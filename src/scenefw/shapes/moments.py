@@ -46,8 +46,9 @@ def moments(mesh: TriangleMesh) -> Moments:
         return Moments(total, Pose(origin, np.array([1.0, 0.0, 0.0, 0.0])), np.zeros(3))
     sums = corners.sum(axis=1)
     centre = volumes @ sums / (4 * total)
-    second = np.einsum("f,fki,fkj->ij", volumes, corners, corners)
-    second = (second + np.einsum("f,fi,fj->ij", volumes, sums, sums)) / (20 * total)
+    points = corners.reshape(-1, 3)
+    second = (points * np.repeat(volumes, 3)[:, None]).T @ points
+    second = (second + (sums * volumes[:, None]).T @ sums) / (20 * total)
     spread, axes = np.linalg.eigh(second - np.outer(centre, centre))
     rotation = geometry.quaternion_from_rotation(_right_handed(axes[:, ::-1]))
     return Moments(total, Pose(centre + origin, rotation), np.maximum(spread[::-1], 0))
