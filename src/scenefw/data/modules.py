@@ -1,9 +1,7 @@
 """The data module of stacks: views and volumes, made on the device that trains."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
-import lightning
 import torch
 
 from scenefw.core.batches import IndexBatch, ShapeInstanceBatch
@@ -12,7 +10,7 @@ from scenefw.core.protocols import Representation
 from scenefw.core.rng import Streams
 from scenefw.core.types import GridSpec
 from scenefw.data.conditioning import shape_instance_batch
-from scenefw.data.epochs import EpochBatches
+from scenefw.data.scene_batches import SceneBatches
 from scenefw.data.stacks import StackScenes
 from scenefw.data.views import ViewMaker
 from scenefw.noise.frames import described
@@ -23,7 +21,7 @@ from scenefw.representations.vote_field import VoteField
 _VIEWS, _VALIDATION = 2, 3
 
 
-class StackData(lightning.LightningDataModule):
+class StackData(SceneBatches):
     """Makes views of the scenes of two splits and their volumes (group `dataset`).
 
     No volume is ever stored. View and motion of scene i in epoch e depend on (seed, e, i) alone.
@@ -54,43 +52,22 @@ class StackData(lightning.LightningDataModule):
         seed: int = 0,
         distinct_batches: int | None = None,
     ) -> None:
-        super().__init__()
-        self.distinct_batches = distinct_batches
+        super().__init__(path, limit, validation_limit, batch_size, seed, distinct_batches)
         if representations is not None and not representations:
             raise ConfigError("no volume to train on; give representation=[tsdf,votes]")
         self.views = views
         standard: dict[str, Representation] = {"tsdf": TSDF(), "votes": VoteField()}
         self.representations = dict(representations or standard)
-        self.scenes = StackScenes(path, "train", limit)
-        self.validation_scenes = StackScenes(path, "val", validation_limit)
-        self.batch_size, self.seed = batch_size, seed
 
     @property
     def grid(self) -> GridSpec:
         """The voxel grid of views and volumes."""
         return self.views.grid
 
-    def facts(self) -> dict[str, Any]:
-        """Facts about the training data."""
-        return {
-            "data": self.scenes.sizes,
-            "scenes": len(self.scenes),
-            "validation_scenes": len(self.validation_scenes),
-            "batch_size": self.batch_size,
-            **({"distinct_batches": self.distinct_batches} if self.distinct_batches else {}),
-            "noise": described(self.views.noise),
-        }
-
-    def train_dataloader(self) -> EpochBatches:
-        """Shuffled batches."""
-        parts = self._processes()
-        return EpochBatches(
-            len(self.scenes), self.batch_size, self.seed, *parts, self.distinct_batches
-        )
-
-    def val_dataloader(self) -> EpochBatches:
-        """The same batches every time."""
-        return EpochBatches(len(self.validation_scenes), self.batch_size, None, *self._processes())
+    @property
+    def noise_words(self) -> str | list[str]:
+        """What disturbs the views."""
+        return described(self.views.noise)
 
     def training_batch(self, batch: IndexBatch, device: torch.device) -> ShapeInstanceBatch:
         """Views and volumes of scenes in an epoch."""
@@ -117,7 +94,3 @@ class StackData(lightning.LightningDataModule):
             return shape_instance_batch(
                 made.partial, made.scenes, self.representations, truths=truths
             )
-
-    def _processes(self) -> tuple[int, int]:
-        trainer = self.trainer
-        return (trainer.global_rank, trainer.world_size) if trainer is not None else (0, 1)

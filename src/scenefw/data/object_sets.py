@@ -1,16 +1,14 @@
 """The data module of sets: views and the objects of scenes, made on the device that trains."""
 
 from collections.abc import Sequence
-from typing import Any
 
-import lightning
 import torch
 
 from scenefw.core.batches import IndexBatch, ObjectSetBatch
 from scenefw.core.rng import Streams
 from scenefw.core.types import GridSpec
 from scenefw.data.conditioning import condition
-from scenefw.data.epochs import EpochBatches
+from scenefw.data.scene_batches import SceneBatches
 from scenefw.data.stacks import StackScenes
 from scenefw.data.views import ViewBatch, ViewMaker
 from scenefw.noise.frames import described
@@ -19,7 +17,7 @@ from scenefw.noise.frames import described
 _VIEWS, _VALIDATION = 2, 3
 
 
-class ObjectSetViews(lightning.LightningDataModule):
+class ObjectSetViews(SceneBatches):
     """Makes views of the scenes of two splits and says which voxel is whose (group `dataset`).
 
     No volume is ever stored. View and motion of scene i in epoch e depend on (seed, e, i) alone.
@@ -44,11 +42,8 @@ class ObjectSetViews(lightning.LightningDataModule):
         seed: int = 0,
         distinct_batches: int | None = None,
     ) -> None:
-        super().__init__()
-        self.views, self.distinct_batches = views, distinct_batches
-        self.scenes = StackScenes(path, "train", limit)
-        self.validation_scenes = StackScenes(path, "val", validation_limit)
-        self.batch_size, self.seed = batch_size, seed
+        super().__init__(path, limit, validation_limit, batch_size, seed, distinct_batches)
+        self.views = views
 
     @property
     def grid(self) -> GridSpec:
@@ -56,33 +51,9 @@ class ObjectSetViews(lightning.LightningDataModule):
         return self.views.grid
 
     @property
-    def most(self) -> int:
-        """The largest number of objects in a scene."""
-        sets = (self.scenes, self.validation_scenes)
-        counts = [s.parameters(list(range(len(s)))).present.sum(dim=1) for s in sets]
-        return int(torch.cat(counts).max())
-
-    def facts(self) -> dict[str, Any]:
-        """Facts about the training data."""
-        return {
-            "data": self.scenes.sizes,
-            "scenes": len(self.scenes),
-            "validation_scenes": len(self.validation_scenes),
-            "batch_size": self.batch_size,
-            **({"distinct_batches": self.distinct_batches} if self.distinct_batches else {}),
-            "noise": described(self.views.noise),
-        }
-
-    def train_dataloader(self) -> EpochBatches:
-        """Shuffled batches."""
-        parts = self._processes()
-        return EpochBatches(
-            len(self.scenes), self.batch_size, self.seed, *parts, self.distinct_batches
-        )
-
-    def val_dataloader(self) -> EpochBatches:
-        """The same batches every time."""
-        return EpochBatches(len(self.validation_scenes), self.batch_size, None, *self._processes())
+    def noise_words(self) -> str | list[str]:
+        """What disturbs the views."""
+        return described(self.views.noise)
 
     def training_batch(self, batch: IndexBatch, device: torch.device) -> ObjectSetBatch:
         """Views and objects of scenes in an epoch."""
@@ -100,10 +71,6 @@ class ObjectSetViews(lightning.LightningDataModule):
         streams = Streams.of(self.seed, stream, batch.epoch, indices=batch.indices.numpy())
         with torch.autocast(torch.device(device).type, enabled=False):
             return object_set_batch(self.views.make(parameters, streams), self.grid)
-
-    def _processes(self) -> tuple[int, int]:
-        trainer = self.trainer
-        return (trainer.global_rank, trainer.world_size) if trainer is not None else (0, 1)
 
 
 def object_set_batch(made: ViewBatch, grid: GridSpec) -> ObjectSetBatch:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import lightning
 import numpy as np
 import torch
 from torch import Tensor
@@ -14,7 +13,7 @@ from scenefw.core.batches import CameraBatch, IndexBatch, SceneParameters, SeenS
 from scenefw.core.errors import ConfigError
 from scenefw.core.rng import Streams
 from scenefw.core.types import GridSpec
-from scenefw.data.epochs import EpochBatches
+from scenefw.data.scene_batches import SceneBatches
 from scenefw.data.stacks import StackScenes
 from scenefw.data.views import Viewpoints
 from scenefw.kernels.superquadric_rays import first_hits
@@ -24,7 +23,7 @@ from scenefw.kernels.transfer import to_device
 _VIEWS, _VALIDATION = 2, 3
 
 
-class SeenSets(lightning.LightningDataModule):
+class SeenSets(SceneBatches):
     """Views of superquadrics of two splits, as points of what is seen of each (group `dataset`).
 
     Objects meet rays directly: no volume and no image is kept. Camera, size and noise of scene i in
@@ -63,48 +62,21 @@ class SeenSets(lightning.LightningDataModule):
         noise: float = 0.0015,
         scale: float = 1.15,
     ) -> None:
-        super().__init__()
+        super().__init__(path, limit, validation_limit, batch_size, seed, distinct_batches)
         if min(*image_size, points, least) < 1 or noise < 0 or scale < 1:
             raise ConfigError(
                 f"dataset has image_size {list(image_size)}, points {points}, least {least}, "
                 f"noise {noise} and scale {scale}; expected positive numbers and a factor from 1"
             )
-        self.viewpoints, self.distinct_batches = viewpoints, distinct_batches
-        self.scenes = StackScenes(path, "train", limit)
-        self.validation_scenes = StackScenes(path, "val", validation_limit)
-        self.batch_size, self.seed = batch_size, seed
+        self.viewpoints = viewpoints
         self.lens = viewpoints.camera.resized(*image_size)
         self.points, self.least, self.noise, self.scale = points, least, noise, scale
         self.grid: GridSpec | None = None
 
     @property
-    def most(self) -> int:
-        """The largest number of objects in a scene."""
-        sets = (self.scenes, self.validation_scenes)
-        counts = [s.parameters(list(range(len(s)))).present.sum(dim=1) for s in sets]
-        return int(torch.cat(counts).max())
-
-    def facts(self) -> dict[str, Any]:
-        """Facts about the training data."""
-        return {
-            "data": self.scenes.sizes,
-            "scenes": len(self.scenes),
-            "validation_scenes": len(self.validation_scenes),
-            "batch_size": self.batch_size,
-            **({"distinct_batches": self.distinct_batches} if self.distinct_batches else {}),
-            "noise": f"up to {self.noise} m along rays",
-        }
-
-    def train_dataloader(self) -> EpochBatches:
-        """Shuffled batches."""
-        parts = self._processes()
-        return EpochBatches(
-            len(self.scenes), self.batch_size, self.seed, *parts, self.distinct_batches
-        )
-
-    def val_dataloader(self) -> EpochBatches:
-        """The same batches every time."""
-        return EpochBatches(len(self.validation_scenes), self.batch_size, None, *self._processes())
+    def noise_words(self) -> str | list[str]:
+        """What disturbs the views."""
+        return f"up to {self.noise} m along rays"
 
     def training_batch(self, batch: IndexBatch, device: torch.device) -> SeenSetBatch:
         """Views of scenes in an epoch, scaled and half of them mirrored."""
@@ -173,10 +145,6 @@ class SeenSets(lightning.LightningDataModule):
             cameras.T_world_camera[:, :3, 3],
             scenes,
         )
-
-    def _processes(self) -> tuple[int, int]:
-        trainer = self.trainer
-        return (trainer.global_rank, trainer.world_size) if trainer is not None else (0, 1)
 
 
 def view_frame(points: Tensor, seen: Tensor, eye: Tensor) -> tuple[Tensor, Tensor]:

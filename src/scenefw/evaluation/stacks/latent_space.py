@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from scenefw.core import rng
 from scenefw.core.errors import ConfigError
 from scenefw.data.views import ViewMaker, Viewpoints
 from scenefw.evaluation.kept_rows import KeptRows, kept_or_made
@@ -111,14 +110,8 @@ class LatentSpaceEvaluation:
 
     def see(self, row: int) -> SeenOften:
         """All views of one scene."""
-        parameters = self.scenes.parameters([row], self.device)
-        batches = tuple(
-            self.maker.make_one(parameters, rng.generator(self.seed, _VIEWS, row, view))
-            for view in range(self.counts[-1])
-        )
-        return SeenOften(
-            int(self.scenes.indices[row]), batches, rng.torch_seed(self.seed, _CODES, row)
-        )
+        streams = (self.seed, _VIEWS, _CODES)
+        return SeenOften.of(self.scenes, row, self.maker, self.counts[-1], streams, self.device)
 
     @torch.no_grad()
     def drawn(self, seen: SeenOften, count: int) -> list[Completion]:

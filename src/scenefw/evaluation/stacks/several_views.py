@@ -52,6 +52,34 @@ class SeenOften:
     batches: tuple[ViewBatch, ...]
     codes: int
 
+    @classmethod
+    def of(
+        cls,
+        scenes: SceneSet,
+        row: int,
+        maker: ViewMaker,
+        views: int,
+        streams: tuple[int, int, int],
+        device: str,
+    ) -> SeenOften:
+        """Random views of a scene.
+
+        Args:
+            scenes: of a split.
+            row: of the scene among them.
+            maker: makes views.
+            views: how many.
+            streams: seed, random stream of views, and that of codes.
+            device: where views are made.
+        """
+        seed, of_views, of_codes = streams
+        parameters = scenes.parameters([row], device)
+        batches = tuple(
+            maker.make_one(parameters, rng.generator(seed, of_views, row, view))
+            for view in range(views)
+        )
+        return cls(int(scenes.indices[row]), batches, rng.torch_seed(seed, of_codes, row))
+
 
 class SeveralViewsEvaluation:
     """Scores methods on the first view of each scene, the first two, and so on.
@@ -132,13 +160,8 @@ class SeveralViewsEvaluation:
 
     def see(self, row: int) -> SeenOften:
         """All views of one scene."""
-        parameters = self.scenes.parameters([row], self.device)
-        batches = tuple(
-            self.maker.make_one(parameters, rng.generator(self.seed, _VIEWS, row, view))
-            for view in range(self.counts[-1])
-        )
-        codes = rng.torch_seed(self.seed, _CODES, row)
-        return SeenOften(int(self.scenes.indices[row]), batches, codes)
+        streams = (self.seed, _VIEWS, _CODES)
+        return SeenOften.of(self.scenes, row, self.maker, self.counts[-1], streams, self.device)
 
     @torch.no_grad()
     def made(self, seen: SeenOften) -> Iterator[tuple[str, int, list[Completion]]]:
