@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import io
 import socket
 import sys
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from scenefw.core.errors import ConfigError, MissingDependencyError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 _LOCAL = ("127.0.0.1", "::1", "localhost")
 
@@ -44,19 +48,42 @@ def require_free(host: str, port: int) -> int:
 def open_server(host: str, port: int) -> Any:
     """A viser server that answers there and nowhere else.
 
+    On this machine alone it also refuses pages of other servers, which a browser would let talk
+    to it (cross-site hijacking of WebSockets, RFC 6455, 10.2).
+
     Raises:
         ConfigError: as `require_free`.
         MissingDependencyError: viser is not installed.
     """
     viser = require_viser()
     port = require_free(host, port)
-    with contextlib.redirect_stdout(io.StringIO()):  # it prints a panel
+    origins = _origins(port) if host in _LOCAL else None
+    with _only_from(origins), contextlib.redirect_stdout(io.StringIO()):  # it prints a panel
         server = viser.ViserServer(host=host, port=port, label="scenefw", verbose=False)
     if server.get_port() != port:  # taken meanwhile: viser moves on to the next one
         close_server(server)
         raise _in_use(host, port)
     server.gui.configure_theme(show_logo=False, show_share_button=False)
     return server
+
+
+def _origins(port: int) -> list[str | None]:
+    """Pages that may talk to a server of this machine; programs that are no browser say none."""
+    return [None, *(f"http://{name}:{port}" for name in ("127.0.0.1", "localhost", "[::1]"))]
+
+
+@contextlib.contextmanager
+def _only_from(origins: list[str | None] | None) -> Iterator[None]:
+    """While a viser server starts: it has no setting for that, what it is built on has one."""
+    from websockets.asyncio import server
+
+    before = server.serve
+    known: Any = origins
+    server.serve = functools.partial(before, origins=known)  # type: ignore[assignment,misc]
+    try:
+        yield
+    finally:
+        server.serve = before  # type: ignore[misc]
 
 
 def close_server(server: Any) -> None:

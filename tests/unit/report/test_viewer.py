@@ -195,3 +195,18 @@ def test_only_this_machine_reaches_it(server):
     with socket.socket() as other:  # the port is free at the other addresses
         other.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 0)
         other.bind(("127.0.0.2", server.get_port()))
+
+
+def test_pages_of_other_servers_are_refused(server):
+    """A browser sends the origin of a page with its WebSockets; programs send none."""
+    client = pytest.importorskip("websockets.sync.client")
+    refused = pytest.importorskip("websockets.exceptions").InvalidStatus
+    port = server.get_port()
+    address = f"ws://127.0.0.1:{port}"
+    protocol = f"viser-v{pytest.importorskip('viser').__version__}"
+    for origin in (None, f"http://127.0.0.1:{port}", f"http://localhost:{port}"):
+        with client.connect(address, origin=origin, subprotocols=[protocol]) as connection:
+            assert connection.recv(timeout=10)
+    for origin in ("http://evil.example", f"http://127.0.0.1:{port + 1}", "null"):
+        with pytest.raises(refused, match="403"):
+            client.connect(address, origin=origin, subprotocols=[protocol])
