@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.errors import InputError
 from scenefw.core.files import require_writable
-from scenefw.data.arrays import read_mask
-from scenefw.data.readers import find_images, read_frame
 from scenefw.perception.doctor import ODD, UNUSABLE, unusable
 from scenefw.perception.examination import Examination
 from scenefw.report.pictures import save_picture
 from scenefw.report.seen import draw_examination
+from scenefw.tasks.depth_images import DepthImages
 
 if TYPE_CHECKING:
     from scenefw.perception.examination import Examiner
@@ -44,14 +43,8 @@ class Examine:
         depth_scale: float | None = None,
         masks: str | Path | None = None,
     ) -> None:
-        if input is None:
-            raise ConfigError("run=doctor needs input=PATH of a depth image or a folder of them")
-        if depth_scale is not None and not depth_scale > 0:
-            raise ConfigError(f"run.depth_scale = {depth_scale}: expected metres per unit, above 0")
-        self.input, self.output = Path(input), Path(output)
-        self.examiner = examiner
-        self.options: dict[str, Any] = {"intrinsics": intrinsics, "depth_scale": depth_scale}
-        self.masks = None if masks is None else Path(masks)
+        self.images = DepthImages("doctor", input, intrinsics, depth_scale, masks)
+        self.output, self.examiner = Path(output), examiner
 
     def run(self) -> dict[str, float]:
         """Examines all images; returns how many there are, how many are odd, and unusable.
@@ -60,16 +53,16 @@ class Examine:
             InputError: there is no image, or none is usable.
             StorageError: the output folder can't be written.
         """
-        images = find_images(self.input)
+        images = self.images.find()
         require_writable(self.output)
-        base = self.input if self.input.is_dir() else self.input.parent
         found = []
         for image in images:
             found.append(self._examined(image))
-            _tell(str(image.relative_to(base)), found[-1])
+            name = self.images.name(image)
+            _tell(str(name), found[-1])
             if found[-1].frame is not None:
                 picture = draw_examination(found[-1], self.examiner.grid)
-                save_picture(picture, self.output / image.relative_to(base).with_suffix(".png"))
+                save_picture(picture, self.output / name.with_suffix(".png"))
         bad = [one.checks[-1].line for one in found if not one.usable]
         if len(bad) == len(found):
             raise InputError(
@@ -84,12 +77,7 @@ class Examine:
 
     def _examined(self, image: Path) -> Examination:
         try:
-            frame = read_frame(image, **self.options)
-            mask = None
-            if self.masks is not None:
-                folder = self.masks.is_dir()
-                path = self.masks / f"{image.stem}.png" if folder else self.masks
-                mask = read_mask(path, frame.depth.shape)
+            frame, mask = self.images.read(image)
         except InputError as error:
             return Examination((unusable("file", error),))
         return self.examiner.examine(frame, mask)

@@ -71,7 +71,7 @@ class Pictures:
         missing = [s.image for s in self.images.values() if not self._path(s).is_file()]
         if missing:
             raise InputError(
-                f"no image {missing[0]} in {self.predict.input}; give the folder above as "
+                f"no image {missing[0]} in {self.predict.images.path}; give the folder above as "
                 "input=FOLDER, or other images as run.images"
             )
         target = require_writable(self.document.parent / self.folder)
@@ -81,7 +81,7 @@ class Pictures:
         return {f"{name}/objects": float(count) for name, count in counts.items()}
 
     def _path(self, shown: Shown) -> Path:
-        return self.predict.input / shown.image
+        return self.predict.images.path / shown.image
 
     def _draw(self, name: str, shown: Shown, target: Path) -> int:
         estimate = self.predict.predict(self._path(shown), self.predict.output / name)

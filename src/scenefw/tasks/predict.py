@@ -7,14 +7,11 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
-from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.errors import InputError
 from scenefw.core.files import replacing_folder, require_writable
 from scenefw.core.protocols import SceneFormat, Settling
-from scenefw.core.types import Frame, SceneEstimate
-from scenefw.data.arrays import read_mask
-from scenefw.data.readers import find_images, read_frame
+from scenefw.core.types import SceneEstimate
 from scenefw.export.scene_folder import write_scene_files
 from scenefw.perception.pipeline import Pipeline, View
 from scenefw.perception.settling import words as settled_words
@@ -24,6 +21,7 @@ from scenefw.report.page import write_scene_page
 from scenefw.report.palette import Colour, colours_of
 from scenefw.report.pictures import save_picture
 from scenefw.report.scenes3d import Scene3D, layer, packed
+from scenefw.tasks.depth_images import DepthImages
 
 
 class Predict:
@@ -68,20 +66,11 @@ class Predict:
         exports: Mapping[str, SceneFormat] | None = None,
         masks: str | Path | None = None,
     ) -> None:
-        if input is None:
-            raise ConfigError("run=predict needs input=PATH of a depth image or a folder of them")
-        if depth_scale is not None and not depth_scale > 0:
-            raise ConfigError(f"run.depth_scale = {depth_scale}: expected metres per unit, above 0")
-        self.input = Path(input)
-        self.pipeline = pipeline
-        self.output = Path(output)
-        self.intrinsics = intrinsics
-        self.depth_scale = depth_scale
-        self.settling = settling
+        self.images = DepthImages("predict", input, intrinsics, depth_scale, masks)
+        self.pipeline, self.output, self.settling = pipeline, Path(output), settling
         self.overview, self.page = overview, page
         self.hypotheses = hypotheses
         self.exports = dict(exports or {})
-        self.masks = None if masks is None else Path(masks)
 
     def run(self) -> dict[str, float]:
         """Predicts all images; returns how many, how many failed, objects and seconds per image.
@@ -112,10 +101,10 @@ class Predict:
         """
         from rich.progress import track
 
-        images = find_images(self.input)
+        images = self.images.find()
         require_writable(self.output)
         failures = {}
-        steps = list(zip(images, _folders(images, self.input), strict=True))
+        steps = list(zip(images, self._folders(images), strict=True))
         for image, folder in track(steps, "images", disable=len(images) == 1):
             try:
                 work(image, self.output / folder)
@@ -134,8 +123,8 @@ class Predict:
             InputError: the image is unusable.
             StorageError: the folder can't be written.
         """
-        frame = read_frame(image, intrinsics=self.intrinsics, depth_scale=self.depth_scale)
-        view = self.pipeline.prepare(frame, self._mask(image, frame))
+        frame, mask = self.images.read(image)
+        view = self.pipeline.prepare(frame, mask)
         for warning in view.warnings:
             print(f"{frame.name}: {warning}", file=sys.stderr)
         estimate, *others = self._scenes(view)
@@ -158,19 +147,13 @@ class Predict:
 
     def _scenes(self, view: View) -> list[SceneEstimate]:
         """All hypotheses, or the most typical one, at rest if they settle."""
-        every = self.pipeline.hypotheses(view)
-        scenes = list(every) if self.hypotheses else [next(every)]
+        several = self.hypotheses
+        scenes = list(self.pipeline.hypotheses(view)) if several else [self.pipeline.complete(view)]
         if self.settling is None:
             return scenes
         settled = self.settling.settle(scenes)
         print(f"{view.frame.name}: {settled_words(settled[0])}")
         return settled
-
-    def _mask(self, image: Path, frame: Frame) -> Any:
-        if self.masks is None:
-            return None
-        path = self.masks / f"{image.stem}.png" if self.masks.is_dir() else self.masks
-        return read_mask(path, frame.depth.shape)
 
     def _write_scene(self, folder: Path, estimate: SceneEstimate) -> list[Colour]:
         colours = colours_of(estimate)
@@ -179,17 +162,15 @@ class Predict:
             form.write(folder / f"scene{form.suffix}", estimate, colours)
         return colours
 
-
-def _folders(images: Sequence[Path], root: Path) -> list[Path]:
-    """A folder for each image, relative to the output: its path below the input, without suffix."""
-    base = root if root.is_dir() else root.parent
-    names = [image.relative_to(base).with_suffix("") for image in images]
-    # A folder is replaced as a whole, so none may be inside another image's
-    shared = Counter([*names, *{parent for name in names for parent in name.parents}])
-    return [
-        name.with_name(image.name.replace(".", "_")) if shared[name] > 1 else name
-        for name, image in zip(names, images, strict=True)
-    ]
+    def _folders(self, images: Sequence[Path]) -> list[Path]:
+        """A folder for each image in the output: its path below the input, without suffix."""
+        names = [self.images.name(image).with_suffix("") for image in images]
+        # A folder is replaced as a whole, so none may be inside another image's
+        shared = Counter([*names, *{parent for name in names for parent in name.parents}])
+        return [
+            name.with_name(image.name.replace(".", "_")) if shared[name] > 1 else name
+            for name, image in zip(names, images, strict=True)
+        ]
 
 
 def _all_failed(failures: dict[Path, InputError]) -> InputError:

@@ -5,12 +5,10 @@ from __future__ import annotations
 import sys
 import threading
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.files import require_writable
-from scenefw.data.arrays import read_mask
-from scenefw.data.readers import find_images, read_frame
 from scenefw.export.scene_files import GLB, Summary
 from scenefw.report.layers import Prediction
 from scenefw.report.viewer import Viewer
@@ -21,6 +19,7 @@ from scenefw.report.viewer_server import (
     require_free,
     require_viser,
 )
+from scenefw.tasks.depth_images import DepthImages
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -66,16 +65,10 @@ class View:
         port: int = 8080,
         seconds: float | None = None,
     ) -> None:
-        if input is None:
-            raise ConfigError("run=view needs input=PATH of a depth image or a folder of them")
-        if depth_scale is not None and not depth_scale > 0:
-            raise ConfigError(f"run.depth_scale = {depth_scale}: expected metres per unit, above 0")
+        self.images = DepthImages("view", input, intrinsics, depth_scale, masks)
         if seconds is not None and not seconds > 0:
             raise ConfigError(f"run.seconds = {seconds}: expected seconds above 0, or null")
-        self.input, self.output = Path(input), Path(output)
-        self.pipeline, self.settling = pipeline, settling
-        self.options: dict[str, Any] = {"intrinsics": intrinsics, "depth_scale": depth_scale}
-        self.masks = None if masks is None else Path(masks)
+        self.output, self.pipeline, self.settling = Path(output), pipeline, settling
         self.formats: dict[str, SceneFormat] = {"glb": GLB(), "json": Summary(), **(exports or {})}
         self.host, self.port, self.seconds = host, port, seconds
 
@@ -90,10 +83,9 @@ class View:
         """
         require_viser()
         require_free(self.host, self.port)  # before the work
-        images = find_images(self.input)
+        images = self.images.find()
         require_writable(self.output)
-        base = self.input if self.input.is_dir() else self.input.parent
-        names = [str(image.relative_to(base).with_suffix("")) for image in images]
+        names = [str(self.images.name(image).with_suffix("")) for image in images]
         first = self.predict(images[0])
 
         def load(number: int) -> Prediction:
@@ -117,12 +109,7 @@ class View:
         Raises:
             InputError: it is unusable.
         """
-        frame = read_frame(image, **self.options)
-        mask = None
-        if self.masks is not None:
-            folder = self.masks.is_dir()
-            path = self.masks / f"{image.stem}.png" if folder else self.masks
-            mask = read_mask(path, frame.depth.shape)
+        frame, mask = self.images.read(image)
         view = self.pipeline.prepare(frame, mask)
         for warning in view.warnings:
             print(f"{frame.name}: {warning}", file=sys.stderr)

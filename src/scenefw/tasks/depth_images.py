@@ -1,0 +1,69 @@
+"""The depth images that a run is given, how they are read, and the masks that belong to them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from scenefw.core.errors import ConfigError
+from scenefw.data.arrays import read_mask
+from scenefw.data.readers import find_images, read_frame
+
+if TYPE_CHECKING:
+    from scenefw.core.types import Frame
+
+
+class DepthImages:
+    """A depth image or a folder of them.
+
+    Args:
+        verb: of the run, for messages.
+        path: of the image or the folder.
+        intrinsics: file with the intrinsics of .png and .npy images; None looks beside them.
+        depth_scale: metres per unit of integer depth; None = that of the format, else millimetres.
+        masks: folder of masks of objects, NAME.png for each image, or such a file (see
+            `data.arrays.read_mask`); None = none are known.
+
+    Raises:
+        ConfigError: no path is given, or the depth scale is not positive.
+    """
+
+    def __init__(
+        self,
+        verb: str,
+        path: str | Path | None,
+        intrinsics: str | Path | None = None,
+        depth_scale: float | None = None,
+        masks: str | Path | None = None,
+    ) -> None:
+        if path is None:
+            raise ConfigError(f"run={verb} needs input=PATH of a depth image or a folder of them")
+        if depth_scale is not None and not depth_scale > 0:
+            raise ConfigError(f"run.depth_scale = {depth_scale}: expected metres per unit, above 0")
+        self.path = Path(path)
+        self._options: dict[str, Any] = {"intrinsics": intrinsics, "depth_scale": depth_scale}
+        self._masks = None if masks is None else Path(masks)
+
+    def find(self) -> list[Path]:
+        """All images, in their order.
+
+        Raises:
+            InputError: there is none.
+        """
+        return find_images(self.path)
+
+    def name(self, image: Path) -> Path:
+        """Of an image below the input."""
+        return image.relative_to(self.path if self.path.is_dir() else self.path.parent)
+
+    def read(self, image: Path) -> tuple[Frame, Any]:
+        """A frame, and its mask (H, W) or None.
+
+        Raises:
+            InputError: either is unusable.
+        """
+        frame = read_frame(image, **self._options)
+        if self._masks is None:
+            return frame, None
+        path = self._masks / f"{image.stem}.png" if self._masks.is_dir() else self._masks
+        return frame, read_mask(path, frame.depth.shape)
