@@ -16,7 +16,7 @@ def predict(tmp_path):
     for name in ("a", "b"):
         (tmp_path / "images" / f"{name}.npz").touch()
     return SimpleNamespace(
-        input=tmp_path / "images",
+        images=SimpleNamespace(path=tmp_path / "images"),
         output=tmp_path / "out",
         predict=lambda image, folder: estimate_of(objects=1 + (image.stem == "b")),
     )
