@@ -34,6 +34,7 @@ from scenefw.evaluation.stacks.references import instances_of
 from scenefw.evaluation.stacks.results import ReconstructionResult, ViewScores
 from scenefw.evaluation.stacks.seen_scenes import Sample, SceneViews, SeenScene, Streams
 from scenefw.evaluation.stacks.surface_scores import Surfaces, SurfaceScoring, TruePoints
+from scenefw.evaluation.stacks.training_mean import TrainingMean
 from scenefw.evaluation.stacks.visibility import VisibleSurface
 from scenefw.metrics.instances import instance_scores
 from scenefw.metrics.occupancy import (
@@ -80,6 +81,7 @@ class ReconstructionEvaluation:
         published: data set of table 5.1 whose figures stand beside these: `superquadrics`, `ycb`,
             or None.
         kept: finished views of an interrupted run, where samples aren't judged; None keeps none.
+        mean: forecasts of occupancy without an image, to stand beside; None: that of `draws`.
 
     Raises:
         ConfigError: no method, no worker, no grid, or no such data set.
@@ -106,6 +108,7 @@ class ReconstructionEvaluation:
         parallel: Workers | None = None,
         published: str | None = "superquadrics",
         kept: KeptRows | None = None,
+        mean: TrainingMean | None = None,
     ) -> None:
         published_of(published)
         self.published, self.kept = published, kept
@@ -122,6 +125,7 @@ class ReconstructionEvaluation:
         self.scenes = scenes
         self.extractors = {name: one for name, one in (extractors or {}).items() if one is not None}
         self.draws = draws
+        self.mean = mean or (draws.mean if draws else None)
         further = draws.methods if draws else {}
         self.grids = _grids({**self.methods, **further}, grid)
         makers = {
@@ -136,6 +140,12 @@ class ReconstructionEvaluation:
         self.seed = seed
         self.seeing = SceneViews(makers, self.visible, seed, device)
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of all rows: methods, other ways to instances, forecasts without an image."""
+        blind = () if self.mean is None else (BASE_RATE, TRAINING_MEAN)
+        return (*self.methods, *self.extractors, *blind)
+
     def run(self, track: Track = lambda pairs, _: pairs) -> ReconstructionResult:
         """Scores all views; `track(items, what)` shows a bar of the loop."""
         calibration = self._calibration(track)
@@ -145,12 +155,10 @@ class ReconstructionEvaluation:
         found = self._each(lambda pair: self._both(*pair), pairs, track, "test views")
         views = [scores for scores, _ in found]
         drawn = [outcome for _, outcome in found if outcome]
-        names = (*self.methods, *self.extractors)
         judged = (*self.methods, *self.draws.methods)
         draws = DrawsResult(tuple(drawn), calibration, judged, self.draws.count)
-        names = (*names, BASE_RATE, TRAINING_MEAN)
         return ReconstructionResult(
-            tuple(views), names, self.samples, self.seed, draws, self.published
+            tuple(views), self.names, self.samples, self.seed, draws, self.published
         )
 
     def _without_draws(self, pairs: list[tuple[int, int]], track: Track) -> ReconstructionResult:
@@ -164,9 +172,8 @@ class ReconstructionEvaluation:
             asdict,
             lambda row: ViewScores(**row),
         )
-        names = (*self.methods, *self.extractors)
         return ReconstructionResult(
-            tuple(views), names, self.samples, self.seed, published=self.published
+            tuple(views), self.names, self.samples, self.seed, published=self.published
         )
 
     def score(self, scene: int, view: int) -> ViewScores:
@@ -293,10 +300,10 @@ class ReconstructionEvaluation:
 
     def _without_image(self, batch: ViewBatch, grid: GridSpec) -> dict[str, dict[str, float]]:
         """Cross entropies of forecasts that don't look at the view."""
-        if self.draws is None:
+        if self.mean is None:
             return {}
         occupied = batch.volumes.tsdf[0, 0].cpu().numpy() < 0
-        mean = self.draws.mean
+        mean = self.mean
         forecasts = {
             BASE_RATE: np.full(grid.shape, mean.rate(grid)),
             TRAINING_MEAN: mean.probability(grid),

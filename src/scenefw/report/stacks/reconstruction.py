@@ -39,7 +39,8 @@ _BY_VISIBILITY = {  # with the titles of its panels
 
 def reconstruction_sections(result: ReconstructionResult) -> tuple[Section, ...]:
     """Table 5.1, the surfaces judged by their excess, instances, and all of it by visibility."""
-    beside = (as_thesis(result), Text(_BCE_WORDS), Text(_FLOOR_WORDS), _surfaces(result))
+    blind = (Text(_BCE_WORDS),) if BASE_RATE in result.methods else ()
+    beside = (as_thesis(result), *blind, Text(_FLOOR_WORDS), _surfaces(result))
     drawn = draw_sections(result.draws) if result.draws else ()
     return (
         Section("What it is worth", (headline(result),)),

@@ -12,12 +12,13 @@ from scenefw.evaluation.kept_rows import KeptRows
 from scenefw.evaluation.stacks.reconstruction import ReconstructionEvaluation
 from scenefw.evaluation.stacks.references import PartialSurface
 from scenefw.evaluation.stacks.surface_scores import SurfaceScoring
+from scenefw.evaluation.stacks.training_mean import TrainingMean
 from scenefw.mapping.projective import Projective
 from scenefw.parallel.local import Local
 from scenefw.postprocessing.connected_components import ConnectedComponents
 from scenefw.postprocessing.hough_voting import HoughVoting
 from scenefw.renderers.sphere_tracer import SphereTracer
-from scenefw.report.stacks.reconstruction import as_thesis
+from scenefw.report.stacks.reconstruction import as_thesis, reconstruction_sections
 from scenefw.representations.volumes import scene_volumes
 from scenefw.scenes.cameras import RandomViewpoints
 
@@ -200,6 +201,7 @@ class Failing(Nothing):
 def test_an_interrupted_evaluation_goes_on_where_it_was(tmp_path):
     scenes = StackScenes(split="val", limit=SCENES)
     settings = {"views": 2, "samples": 1, "grid": GridSpec(resolution=24), "workers": 1}
+    settings["mean"] = TrainingMean(StackScenes(split="train", limit=4))
     whole = evaluation({"noise": Failing()}, scenes, **settings).run()
     kept = KeptRows(tmp_path)
     with pytest.raises(KeyboardInterrupt):
@@ -209,6 +211,10 @@ def test_an_interrupted_evaluation_goes_on_where_it_was(tmp_path):
     assert again.calls == 2 * SCENES - 2
     assert result.figures == whole.figures
     assert result.views == whole.views
+    assert result.methods[-2:] == ("base_rate", "training_mean")
+    assert 0 < result.figures["training_mean/occupancy_bce"] < 1
+    sections = reconstruction_sections(result)
+    assert "no measure of skill" in str(sections)
 
 
 def test_figures_of_the_thesis_are_of_the_data_set(tmp_path):
