@@ -37,14 +37,18 @@ def sections_by_class(
         title: of the section of such a table.
     """
     if isinstance(result, SeveralResults):
-        alike = Counter(type(part) for part in result.parts.values())
-        found: list[Section] = []
-        for name, part in result.parts.items():
-            words = name.replace("_", " ")
-            sections = sections_by_class(part, folder, shown_by, words)
-            several = alike[type(part)] > 1 and type(part) in shown_by
-            found += [replace(s, title=f"{s.title}: {words}") if several else s for s in sections]
-        return tuple(found)
+        parts = {
+            words: sections_by_class(part, folder, shown_by, words)
+            for words, part in (
+                (name.replace("_", " "), part) for name, part in result.parts.items()
+            )
+        }
+        uses = Counter(section.title for sections in parts.values() for section in sections)
+        return tuple(
+            replace(one, title=f"{one.title}: {words}") if uses[one.title] > 1 else one
+            for words, sections in parts.items()
+            for one in sections
+        )
     show = shown_by.get(type(result))
     return tuple(show(result, folder)) if show else (Section(title, (figure_table(result),)),)
 

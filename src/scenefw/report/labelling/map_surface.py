@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 from PIL import Image
 
 from scenefw.core.height_maps import HeightGrid, HeightMap
@@ -20,6 +19,7 @@ from scenefw.report.labelling.pictures import (
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    import trimesh
     from numpy.typing import NDArray
 
     from scenefw.report.pictures import Picture
@@ -82,6 +82,8 @@ def surface(height_map: HeightMap, look: str) -> trimesh.Trimesh:
         height_map: the map.
         look: one of `looks`.
     """
+    import trimesh
+
     coarse = reduced(height_map, _MESH)
     grid, seen = coarse.grid, coarse.seen
     corners = _corners(seen)
