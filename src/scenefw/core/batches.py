@@ -313,6 +313,8 @@ class SeenSetBatch:
         points: (B, N, P, 3) m, on the seen surface of each object; 0 for those that aren't seen.
         seen: (B, N) bool: objects of which enough is seen.
         sizes: (B, N) share of the image that each covers.
+        ends: (B, N, E, 7) where its image ends: point (m), direction outward, and by how much what
+            follows is further from the camera (m); all 0 for objects whose image has no end.
         camera: (B, 3) m, where the camera is; y = 0.
         half_axes: (B, N, 3) m.
         exponents: (B, N, 3).
@@ -324,6 +326,7 @@ class SeenSetBatch:
     points: Tensor
     seen: Tensor
     sizes: Tensor
+    ends: Tensor
     camera: Tensor
     half_axes: Tensor
     exponents: Tensor

@@ -276,6 +276,15 @@ class SetFlowModel(Network, Protocol):
         """
 
 
+class WholeSetFlowModel(SetFlowModel, Protocol):
+    """A flow that also draws objects of which nothing is seen (`draws_hidden`)."""
+
+    def complete(
+        self, batch: SeenSetBatch, count: int, generator: torch.Generator, steps: int = 20
+    ) -> SeenSetBatch:
+        """Draws `count` sets of hidden objects beside those of the first view, which are known."""
+
+
 class SegmentationModel(Network, Protocol):
     """A network from colour and distance to a label per pixel (group `model`)."""
 

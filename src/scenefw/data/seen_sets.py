@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from scenefw.core.batches import CameraBatch, IndexBatch, SceneParameters, SeenS
 from scenefw.core.errors import ConfigError
 from scenefw.core.rng import Streams
 from scenefw.core.types import GridSpec
+from scenefw.data.object_ends import object_ends
 from scenefw.data.scene_batches import SceneBatches
 from scenefw.data.stacks import StackScenes
 from scenefw.data.views import Viewpoints
@@ -21,6 +23,7 @@ from scenefw.kernels.transfer import to_device
 
 # Random streams, beside that of the order of scenes
 _VIEWS, _VALIDATION = 2, 3
+_LEVEL = 0.02  # how much rays go down at least, so that they meet the floor
 
 
 class SeenSets(SceneBatches):
@@ -39,8 +42,9 @@ class SeenSets(SceneBatches):
         distinct_batches: train on this many batches again and again, views and all; None means all.
         image_size: width and height (pixels) of the images that say what is seen.
         points: of each object, drawn from its pixels.
+        ends: of the image of each object, drawn from the pixels beside which something else is.
         least: pixels of an object that is seen.
-        noise: standard deviation of points along their ray (m), at most: views differ in it.
+        noise: standard deviation of points and ends along their ray (m), at most: views differ.
         scale: scenes become up to this factor larger or smaller; a pile still stands then.
 
     Raises:
@@ -58,19 +62,22 @@ class SeenSets(SceneBatches):
         distinct_batches: int | None = None,
         image_size: Sequence[int] = (128, 96),
         points: int = 192,
+        ends: int = 48,
         least: int = 2,
         noise: float = 0.0015,
         scale: float = 1.15,
     ) -> None:
         super().__init__(path, limit, validation_limit, batch_size, seed, distinct_batches)
-        if min(*image_size, points, least) < 1 or noise < 0 or scale < 1:
+        if min(*image_size, points, ends, least) < 1 or noise < 0 or scale < 1:
             raise ConfigError(
-                f"dataset has image_size {list(image_size)}, points {points}, least {least}, "
-                f"noise {noise} and scale {scale}; expected positive numbers and a factor from 1"
+                f"dataset has image_size {list(image_size)}, points {points}, ends {ends}, least "
+                f"{least}, noise {noise} and scale {scale}; expected positive numbers and a factor "
+                "from 1"
             )
         self.viewpoints = viewpoints
         self.lens = viewpoints.camera.resized(*image_size)
-        self.points, self.least, self.noise, self.scale = points, least, noise, scale
+        self.points, self.ends, self.least = points, ends, least
+        self.noise, self.scale = noise, scale
         self.grid: GridSpec | None = None
 
     @property
@@ -103,7 +110,7 @@ class SeenSets(SceneBatches):
     ) -> SeenSetBatch:
         parameters = scenes.parameters(batch.indices, device)
         streams = Streams.of(self.seed, stream, batch.epoch, indices=batch.indices.numpy())
-        to_camera, to_change, to_points = streams.split(3)
+        to_camera, to_change, to_points, to_ends = streams.split(4)
         change = to_change.uniform(3) if changed else np.full((len(streams), 3), 0.5)
         scale = self.scale ** (2 * change[:, :1] - 1)
         slots = parameters.present.shape[1]
@@ -114,14 +121,20 @@ class SeenSets(SceneBatches):
             (change[:, 1] < 0.5).astype(np.float32),
             (self.noise * change[:, 2:]).astype(np.float32),
             to_points.uniform(3 * slots * self.points).astype(np.float32),
+            to_ends.uniform(3 * slots * self.ends).astype(np.float32),
         ]
-        intrinsics, poses, factors, mirrored, noise, random = to_device(drawn, device)
+        intrinsics, poses, factors, mirrored, noise, *random = to_device(drawn, device)
         cameras = CameraBatch(self.lens.width, self.lens.height, intrinsics, poses)
-        made = self._see(_scaled(parameters, factors), cameras, noise, random)
+        made = self._see(_scaled(parameters, factors), cameras, noise, *random)
         return _mirrored(made, mirrored > 0)
 
     def _see(
-        self, scenes: SceneParameters, cameras: CameraBatch, sigmas: Tensor, random: Tensor
+        self,
+        scenes: SceneParameters,
+        cameras: CameraBatch,
+        sigmas: Tensor,
+        random: Tensor,
+        at_ends: Tensor,
     ) -> SeenSetBatch:
         depth, owners = first_hits(scenes, cameras)
         batch, slots = scenes.present.shape
@@ -142,9 +155,29 @@ class SeenSets(SceneBatches):
             torch.where(seen[..., None, None], points, 0.0),
             seen,
             counts[:, 1:] / flat.shape[1],
+            self._ends(depth, owners, cameras, sigmas, at_ends.view(batch, 3, slots, self.ends)),
             cameras.T_world_camera[:, :3, 3],
             scenes,
         )
+
+    def _ends(
+        self, depth: Tensor, owners: Tensor, cameras: CameraBatch, sigmas: Tensor, chances: Tensor
+    ) -> Tensor:
+        """Where images of objects end, with noise along the rays."""
+        pixels = torch.arange(depth[0].numel(), device=depth.device).expand(len(depth), -1)
+        eye = cameras.T_world_camera[:, :3, 3]
+        ahead = _points(torch.ones_like(depth).flatten(1), pixels, cameras)
+        down = (eye[:, 2:] - ahead[..., 2]).clamp_min(_LEVEL)
+        floor = (eye[:, 2:] / down).view_as(depth)
+        there = torch.where(owners > 0, depth, floor).flatten(1)
+        points = _points(there, pixels, cameras).view(*depth.shape, 3)
+        ends = object_ends(points, owners, eye, chances[:, 0])
+        noise = sigmas[..., None] * _normal(chances[:, 1], chances[:, 2])
+        ray = torch.nn.functional.normalize(ends[..., :3] - eye[:, None, None], dim=-1)
+        moved = torch.cat(
+            [noise[..., None] * ray, torch.zeros_like(ray), -noise[..., None]], dim=-1
+        )
+        return torch.where(ends.any(dim=-1, keepdim=True), ends + moved, 0.0)
 
 
 def view_frame(points: Tensor, seen: Tensor, eye: Tensor) -> tuple[Tensor, Tensor]:
@@ -170,7 +203,12 @@ def view_frame(points: Tensor, seen: Tensor, eye: Tensor) -> tuple[Tensor, Tenso
 
 
 def in_frame(
-    points: Tensor, seen: Tensor, sizes: Tensor, eye: Tensor, scenes: SceneParameters
+    points: Tensor,
+    seen: Tensor,
+    sizes: Tensor,
+    ends: Tensor,
+    eye: Tensor,
+    scenes: SceneParameters,
 ) -> SeenSetBatch:
     """A batch in the frames of its views.
 
@@ -178,15 +216,21 @@ def in_frame(
         points: (B, N, P, 3) of each object, world (m).
         seen: (B, N) which objects count.
         sizes: (B, N) share of the image of each.
+        ends: (B, N, E, 7) of `object_ends`.
         eye: (B, 3) where cameras are (m).
         scenes: what the objects are.
     """
     turn, origin = view_frame(points, seen, eye)
     local = torch.einsum("bij,bnpj->bnpi", turn, points - origin[:, None, None])
+    there = ends.any(dim=-1, keepdim=True)
+    where = torch.einsum("bij,bnpj->bnpi", turn, ends[..., :3] - origin[:, None, None])
+    outward = torch.einsum("bij,bnpj->bnpi", turn, ends[..., 3:6])
+    turned = torch.cat([where, outward, ends[..., 6:]], dim=-1)
     return SeenSetBatch(
         torch.where(seen[..., None, None], local, 0.0),
         seen & scenes.present,
         sizes,
+        torch.where(there & seen[..., None, None], turned, 0.0),
         torch.einsum("bij,bj->bi", turn, eye - origin),
         scenes.half_axes,
         scenes.exponents,
@@ -232,14 +276,12 @@ def _mirrored(batch: SeenSetBatch, which: Tensor) -> SeenSetBatch:
     sign = torch.where(which, -1.0, 1.0)
     flip = torch.stack([torch.ones_like(sign), sign, torch.ones_like(sign)], dim=-1)
     rotations = batch.rotations * flip[:, None, :, None] * sign[:, None, None, None]
-    return SeenSetBatch(
-        batch.points * flip[:, None, None],
-        batch.seen,
-        batch.sizes,
-        batch.camera * flip,
-        batch.half_axes,
-        batch.exponents,
-        rotations,
-        batch.positions * flip[:, None],
-        batch.present,
+    both = torch.cat([flip, flip, torch.ones_like(sign)[:, None]], dim=-1)
+    return replace(
+        batch,
+        points=batch.points * flip[:, None, None],
+        ends=batch.ends * both[:, None, None],
+        camera=batch.camera * flip,
+        rotations=rotations,
+        positions=batch.positions * flip[:, None],
     )

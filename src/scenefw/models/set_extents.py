@@ -24,7 +24,7 @@ _AWAY, _TOWARDS = (1.6, 1.5), (0.5, 0.8)  # mean and deviation of these
 _EXPONENT = (2.7, 1.1)
 _RANGE = 1.1, 100.0
 _LEAST = 0.004  # m, of half-axes
-_POINT, _SCALAR = 6, 28
+_POINT, _SCALAR, _END = 6, 28, 10
 
 
 class SetExtents(nn.Module):
@@ -33,9 +33,10 @@ class SetExtents(nn.Module):
     A fit finds the directions of an object's axes from what is seen, and where its seen faces are.
     What the view leaves open is where the hidden faces lie. So each object is told in its own axes:
     those that point most towards the camera first, and each with the sign that points to it. The
-    network sees its points and those of other objects in that frame, and draws, for all objects
-    together, how far each goes beyond its points on either side of each axis. There is no order
-    among objects. Objects of which nothing is seen are not drawn (`set_flow` has them).
+    network sees its points, where its image ends, and points of other objects, all in that frame.
+    It draws, for all objects together, how far each goes beyond its points on either side of each
+    axis. There is no order among objects. Objects of which nothing is seen are not drawn
+    (`set_flow` has them).
 
     In training, axes are those of the true objects, turned a little.
 
@@ -47,6 +48,7 @@ class SetExtents(nn.Module):
         repeats: noise and times for each training view, as a view costs more than they do.
         turn: by how much axes are turned in training (degrees, standard deviation about each).
         others: points of each other object that an object sees.
+        ends: it sees where images of objects end, and whether what follows is behind or before.
 
     Raises:
         ConfigError: a number below one, or a negative angle.
@@ -64,6 +66,8 @@ class SetExtents(nn.Module):
         repeats: int = 4,
         turn: float = 2.0,
         others: int = 12,
+        *,
+        ends: bool = False,
     ) -> None:
         super().__init__()
         if min(slots, width, layers, heads, repeats, others) < 1 or turn < 0:
@@ -81,6 +85,7 @@ class SetExtents(nn.Module):
             "repeats": repeats,
             "turn": turn,
             "others": others,
+            "ends": ends,
         }
         self.slots, self.width, self.repeats = slots, width, repeats
         self.turn, self.others = math.radians(turn), others
@@ -89,6 +94,7 @@ class SetExtents(nn.Module):
         self.other = _mlp(_POINT, half, half)
         self.scalars = _mlp(_SCALAR, width, width)
         self.part = nn.Sequential(nn.Linear(3 * half + width, width), nn.GELU(), _linear(width))
+        self.ends = nn.ModuleList([_mlp(_END, half, half), _started(2 * half, width)] * ends)
         self.view = attention(width, layers, heads)
         self.object = nn.Linear(SIZE, width)
         self.time = nn.Sequential(_linear(width), nn.GELU(), _linear(width))
@@ -162,7 +168,21 @@ class SetExtents(nn.Module):
         )
         pooled = torch.cat([points.amax(dim=2), points.mean(dim=2), others], dim=-1)
         tokens = self.part(torch.cat([pooled, self.scalars(scalars)], dim=-1))
+        if len(self.ends):
+            tokens = tokens + self._where_it_ends(batch.ends, axes, corner)
         return self.view(_known(tokens, seen), src_key_padding_mask=_absent(seen))
+
+    def _where_it_ends(self, ends: Tensor, axes: Tensor, corner: Tensor) -> Tensor:
+        """What is added to tokens (B, N, width) for the ends (B, N, E, 7) of objects' images."""
+        place, outward, further = ends.split([3, 3, 1], dim=-1)
+        own = _along(axes, place - corner[:, :, None])
+        features = torch.cat(
+            [own / _NEAR, _close(own), _along(axes, outward), _close(further)], dim=-1
+        )
+        of_each, together = self.ends
+        known = of_each(features) * outward.any(dim=-1, keepdim=True)
+        added: Tensor = together(torch.cat([known.amax(dim=2), known.mean(dim=2)], dim=-1))
+        return added
 
     def velocity_of(self, now: Tensor, time: Tensor, memory: Tensor, seen: Tensor) -> Tensor:
         """Velocity (B, N, 9) of extents at times (B,).
@@ -223,11 +243,14 @@ class SetExtents(nn.Module):
         centres = torch.einsum("bnki,bnk->bni", axes.expand(count, -1, -1, -1), (first + last) / 2)
         exponents = (now[..., 6:] * _EXPONENT[1] + _EXPONENT[0]).exp().clamp(*_RANGE)
         back = order.argsort(dim=-1).expand(count, -1, -1)
-        return SeenSetBatch(
-            one.points.expand(count, -1, -1, -1), seen, one.sizes.expand(count, -1),
-            one.camera.expand(count, -1), half_axes.gather(-1, back), exponents.gather(-1, back),
-            one.rotations.expand(count, -1, -1, -1), centres, seen,
-        )  # fmt: skip
+        views = {n: value.expand(count, *value.shape[1:]) for n, value in vars(one).items()}
+        return replace(
+            SeenSetBatch(**views),
+            half_axes=half_axes.gather(-1, back),
+            exponents=exponents.gather(-1, back),
+            positions=centres,
+            present=seen,
+        )
 
 
 def seen_in_axes(batch: SeenSetBatch, rotations: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
@@ -302,6 +325,14 @@ def _absent(seen: Tensor) -> Tensor:
 
 def _linear(width: int) -> nn.Linear:
     return nn.Linear(width, width)
+
+
+def _started(inputs: int, outputs: int) -> nn.Linear:
+    """A layer that adds nothing to begin with: other weights keep their meaning."""
+    layer = nn.Linear(inputs, outputs)
+    nn.init.zeros_(layer.weight)
+    nn.init.zeros_(layer.bias)
+    return layer
 
 
 def _mlp(inputs: int, width: int, outputs: int) -> nn.Sequential:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import torch
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 _NEAR, _SCENE = 0.05, 0.2  # m: lengths of the order of one for parts and for scenes
 _ANCHOR = (0.0, 0.0, 0.1)  # m, of objects of which nothing is seen
 _POINT = 9
+_SOME = 0.05  # m: half-axes of slots of which nothing is known
 
 
 class SetFlow(nn.Module):
@@ -183,10 +185,40 @@ class SetFlow(nn.Module):
         Returns:
             The view S times, in slots those that are seen and then those that aren't.
         """
-        device = batch.points.device
         view = _first(batch) if given else _nothing(batch)
-        known = torch.full((1,), given, device=device)
-        memory, logits = self.encode(view, known)
+        return self._draw(view, count, generator, steps, given=given, known=False)
+
+    @torch.no_grad()
+    def complete(
+        self, batch: SeenSetBatch, count: int, generator: torch.Generator, steps: int = 20
+    ) -> SeenSetBatch:
+        """Draws objects of which nothing is seen, for one view whose seen objects are known.
+
+        Known objects are led from noise to where they are, and the others are drawn beside them.
+
+        Args:
+            batch: one view, and what its seen objects are.
+            count: of draws, S.
+            generator: of noise, on the CPU.
+            steps: of Euler's method.
+
+        Returns:
+            The view S times, in slots those that are seen, as they are, and then those that aren't.
+        """
+        return self._draw(_first(batch), count, generator, steps, given=True, known=True)
+
+    def _draw(
+        self,
+        view: SeenSetBatch,
+        count: int,
+        generator: torch.Generator,
+        steps: int,
+        *,
+        given: bool,
+        known: bool,
+    ) -> SeenSetBatch:
+        device = view.points.device
+        memory, logits = self.encode(view, torch.full((1,), given, device=device))
         parts = view.seen.shape[1]
         chances = logits[0].softmax(dim=-1).cpu()
         hidden = torch.multinomial(chances, count, replacement=True, generator=generator)
@@ -195,33 +227,60 @@ class SetFlow(nn.Module):
         extra = max(int(hidden.max()), 1)
         noise = torch.randn(count, parts + extra, SIZE, generator=generator).to(device)
         there = torch.arange(extra)[None] < hidden[:, None]
-        seen = torch.cat([view.seen.expand(count, parts), torch.zeros_like(there).to(device)], 1)
-        present = torch.cat([view.seen.expand(count, parts), there.to(device)], dim=1)
+        views = _with_hidden(view, there.to(device))
+        seen, present, points = views.seen, views.present, views.points
         empty = memory.new_zeros(count, extra, memory.shape[-1])
         memory = torch.cat([memory.expand(count, -1, -1), empty], dim=1)
+        anchors = _anchors(points, seen)
+        objects = encode(
+            views.positions, views.rotations, views.half_axes, views.exponents, anchors
+        )
+        objects = coupled(objects, noise, seen, seen)
+        held = seen[..., None] & torch.full((1,), known, device=device)
         now = noise
         for step in range(steps):
             time = torch.full((count,), step / steps, device=device)
-            now = now + self.velocity_of(now, time, memory, seen, present) / steps
-        points = torch.cat(
-            [
-                view.points.expand(count, -1, -1, -1),
-                view.points.new_zeros(count, extra, *view.points.shape[2:]),
-            ],
-            dim=1,
-        )
-        sizes = torch.cat([view.sizes.expand(count, parts), sizes_of(there, device)], dim=1)
-        anchors = _anchors(points, seen)
+            moved = now + self.velocity_of(now, time, memory, seen, present) / steps
+            at = (step + 1) / steps
+            now = torch.where(held, (1 - at) * noise + at * objects, moved)
         centres, rotations, half_axes, exponents = decode(now, anchors)
-        return SeenSetBatch(
-            points, seen, sizes, view.camera.expand(count, 3),
-            half_axes, exponents, rotations, centres, present,
-        )  # fmt: skip
+        return replace(
+            views,
+            half_axes=half_axes,
+            exponents=exponents,
+            rotations=rotations,
+            positions=centres,
+        )
 
 
-def sizes_of(there: Tensor, device: torch.device) -> Tensor:
-    """No size, of objects that aren't seen."""
-    return torch.zeros(there.shape, device=device)
+def _with_hidden(view: SeenSetBatch, there: Tensor) -> SeenSetBatch:
+    """A view with slots for hidden objects.
+
+    Args:
+        view: one, of N objects.
+        there: (S, H) which hidden objects there are in S draws.
+
+    Returns:
+        The view S times, with N + H slots.
+    """
+    count, extra = there.shape
+
+    def longer(values: Tensor) -> Tensor:
+        shape = count, extra, *values.shape[2:]
+        return torch.cat([values.expand(count, *values.shape[1:]), values.new_zeros(shape)], dim=1)
+
+    fields: dict[str, Tensor] = vars(view)
+    slots = {name: longer(value) for name, value in fields.items() if name != "camera"}
+    made = SeenSetBatch(camera=view.camera.expand(count, 3), **slots)
+    some = torch.full_like(made.half_axes, _SOME)
+    empty = ~made.seen[..., None]
+    return replace(
+        made,
+        present=torch.cat([made.seen[:, : view.seen.shape[1]], there], dim=1),
+        half_axes=torch.where(empty, some, made.half_axes),
+        exponents=torch.where(empty, 2.0, made.exponents),
+        rotations=torch.where(empty[..., None], torch.eye(3).to(some), made.rotations),
+    )
 
 
 def anchors_of(batch: SeenSetBatch, seen: Tensor) -> Tensor:
@@ -263,30 +322,11 @@ def coupled(objects: Tensor, noise: Tensor, present: Tensor, seen: Tensor) -> Te
 def _first(batch: SeenSetBatch) -> SeenSetBatch:
     """The first view with its seen objects alone."""
     kept = batch.seen[0]
-    return SeenSetBatch(
-        batch.points[:1, kept],
-        batch.seen[:1, kept],
-        batch.sizes[:1, kept],
-        batch.camera[:1],
-        batch.half_axes[:1, kept],
-        batch.exponents[:1, kept],
-        batch.rotations[:1, kept],
-        batch.positions[:1, kept],
-        batch.present[:1, kept],
-    )
+    fields: dict[str, Tensor] = vars(batch)
+    of_objects = {name: value[:1, kept] for name, value in fields.items() if name != "camera"}
+    return SeenSetBatch(camera=batch.camera[:1], **of_objects)
 
 
 def _nothing(batch: SeenSetBatch) -> SeenSetBatch:
     """A view without any object."""
-    empty = SeenSetBatch(
-        batch.points[:1],
-        torch.zeros_like(batch.seen[:1]),
-        batch.sizes[:1],
-        batch.camera[:1],
-        batch.half_axes[:1],
-        batch.exponents[:1],
-        batch.rotations[:1],
-        batch.positions[:1],
-        batch.present[:1],
-    )
-    return _first(empty)
+    return _first(replace(batch, seen=torch.zeros_like(batch.seen)))

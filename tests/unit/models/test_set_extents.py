@@ -129,3 +129,25 @@ def test_what_it_does_not_draw_is_refused():
         HiddenCount().check(SetFlowSetup(model.slots, model.draws_hidden))
     with pytest.raises(ConfigError, match="heads 0"):
         SetExtents(heads=0)
+
+
+def test_ends_of_images_add_nothing_before_training_and_count_after_it():
+    torch.manual_seed(0)
+    plain = SetExtents(**SMALL)
+    model = SetExtents(**SMALL, ends=True)
+    assert not model.load_state_dict(plain.state_dict(), strict=False).unexpected_keys
+    batch = boxes()
+    axes, low, high, _ = seen_in_axes(batch, batch.rotations)
+
+    def tokens(network, one):
+        return network.encode(one, axes, low, high)[batch.seen]
+
+    assert torch.equal(tokens(plain, batch), tokens(model, batch))
+    torch.nn.init.normal_(model.ends[1].weight)
+    hidden = replace(batch, ends=batch.ends * torch.tensor([1.0] * 6 + [-1.0]))
+    without = replace(batch, ends=torch.zeros_like(batch.ends))
+    assert not torch.allclose(tokens(model, batch), tokens(model, hidden), atol=1e-3)
+    assert not torch.allclose(tokens(model, batch), tokens(model, without), atol=1e-3)
+    order = torch.randperm(batch.ends.shape[2])
+    again = replace(batch, ends=batch.ends[:, :, order])
+    assert torch.allclose(tokens(model, batch), tokens(model, again), atol=1e-5)

@@ -29,6 +29,13 @@ def rotations(*shape, seed=0):
     return q * torch.linalg.det(q)[..., None, None]
 
 
+def ends_of(points, seen):
+    """Some of the points, with free space behind them."""
+    outward = torch.nn.functional.normalize(points[:, :, :5], dim=-1)
+    ends = torch.cat([points[:, :, :5], outward, torch.full((*seen.shape, 5, 1), 0.1)], dim=-1)
+    return ends * seen[..., None, None]
+
+
 def batch_of(views=2, objects=3, seed=0):
     random = torch.Generator().manual_seed(seed)
 
@@ -39,7 +46,8 @@ def batch_of(views=2, objects=3, seed=0):
     seen[0, -1] = False
     points = uniform(-0.2, 0.2, views, objects, 8, 3) * seen[..., None, None]
     return SeenSetBatch(
-        points, seen, 0.02 * seen, torch.tensor([[-0.8, 0.0, 0.5]]).expand(views, 3),
+        points, seen, 0.02 * seen, ends_of(points, seen),
+        torch.tensor([[-0.8, 0.0, 0.5]]).expand(views, 3),
         uniform(0.03, 0.1, views, objects, 3), uniform(2, 30, views, objects, 3),
         rotations(views, objects), uniform(-0.2, 0.2, views, objects, 3),
         torch.ones(views, objects, dtype=torch.bool),
@@ -144,3 +152,33 @@ def test_scenes_without_a_view_do_not_depend_on_one():
 def test_sizes_below_one_are_refused():
     with pytest.raises(ConfigError, match="slots 0"):
         SetFlow(slots=0)
+
+
+def test_hidden_objects_are_drawn_beside_known_ones():
+    """Slots of seen objects end where they are; those of the others differ from draw to draw."""
+    torch.manual_seed(0)
+    model, batch = SetFlow(**SMALL).eval(), batch_of()
+    torch.nn.init.zeros_(model.counts[2].weight)
+    with torch.no_grad():
+        model.counts[2].bias.copy_(torch.tensor([-9.0, 9.0, -9.0, -9.0, -9.0])[: model.slots + 1])
+    drawn = model.complete(batch, 3, torch.Generator().manual_seed(0), steps=4)
+    seen = batch.seen[0]
+    known = int(seen.sum())
+    assert drawn.present.sum(dim=1).tolist() == [known + 1] * 3
+    assert drawn.seen.sum(dim=1).tolist() == [known] * 3
+    for row in range(3):
+        points = np.random.default_rng(0).uniform(-0.3, 0.3, (200, 3))
+        for k, true in enumerate(seen.nonzero()[:, 0].tolist()):
+            one, other = (
+                _value(x, i, j, points) for x, i, j in ((drawn, row, k), (batch, 0, true))
+            )
+            assert np.allclose(one, other, rtol=2e-2, atol=1e-3)
+    hidden = drawn.positions[:, known]
+    assert torch.cdist(hidden, hidden)[0, 1] > 1e-3
+
+
+def _value(batch, row, slot, points):
+    """Left side of eq. 5.1 at points, the same for all descriptions of an object."""
+    half, exponents = batch.half_axes[row, slot].numpy(), batch.exponents[row, slot].numpy()
+    local = (points - batch.positions[row, slot].numpy()) @ batch.rotations[row, slot].numpy()
+    return np.log(Superquadric(half, exponents).value(local))

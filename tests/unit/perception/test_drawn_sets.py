@@ -14,8 +14,10 @@ from scenefw.fitting.joint import JointFit
 from scenefw.fitting.placed import shape_of, signed_distance
 from scenefw.fitting.superquadrics import SuperquadricFit
 from scenefw.models.superquadric_tokens import equal_descriptions
-from scenefw.perception.drawn_sets import DrawnSets, along
+from scenefw.perception.drawn_sets import DrawnSets
 from scenefw.perception.evidence import EvidenceOfView
+from scenefw.perception.hidden_objects import HiddenObjects
+from scenefw.perception.world_sets import along
 
 
 class Told(torch.nn.Module):
@@ -23,6 +25,8 @@ class Told(torch.nn.Module):
 
     Draw k has boxes k. Those after the seen objects are hidden ones.
     """
+
+    draws_hidden = True
 
     def __init__(self, boxes):
         super().__init__()
@@ -34,10 +38,15 @@ class Told(torch.nn.Module):
         slots = boxes.shape[1]
         return SeenSetBatch(
             torch.zeros(count, slots, 4, 3), torch.ones(count, slots, dtype=torch.bool),
-            torch.zeros(count, slots), torch.zeros(count, 3), boxes[:, :, 1],
+            torch.zeros(count, slots), torch.zeros(count, slots, 4, 7), torch.zeros(count, 3),
+            boxes[:, :, 1],
             torch.full((count, slots, 3), 4.0), torch.eye(3).expand(count, slots, 3, 3),
             boxes[:, :, 0], torch.ones(count, slots, dtype=torch.bool),
         )  # fmt: skip
+
+    def complete(self, batch, count, generator, steps=20):
+        self.known = batch
+        return self.sample(batch, count, generator, steps)
 
 
 @dataclass
@@ -142,20 +151,38 @@ def test_settings_out_of_range_are_told():
             method([[]], **settings)
 
 
+def with_hidden(view, *places):
+    """Draws beside the best scene: one small box at each place, in one try after the other."""
+    small = [0.01, 0.01, 0.01]
+    told = boxes_that_end_at(view, 0.06)
+    tries = [[*told, [_in_view_frame(view, np.array(place)), small]] for place in places]
+    model = Told(tries)
+    hidden = HiddenObjects(Loaded(model), tries=len(tries))
+    best, drawn = method([told], hidden=hidden).superquadrics(view, 2, np.random.default_rng(0))
+    return best, [one for label, one in drawn.items() if label not in best], model.known
+
+
 def test_hidden_objects_appear_where_nothing_is_seen_alone():
     view = seen()
     behind = view.eye + 1.25 * (view.points[view.masks == 1].mean(axis=0) - view.eye)
     behind[2] = 0.02
-    small = [0.01, 0.01, 0.01]
-    boxes = [[*boxes_that_end_at(view, 0.06), [_in_view_frame(view, behind), small]]]
-    best, drawn = method(boxes).superquadrics(view, 2, np.random.default_rng(0))
-    hidden = [one for label, one in drawn.items() if label not in best]
-    voxel = tuple(np.rint(view.grid.to_voxels(behind)).astype(int))
-    assert len(hidden) == (0 if view.free[voxel] else 1)
-    in_the_air = _in_view_frame(view, np.array([0.0, -0.3, 0.5]))
-    boxes[0][-1] = [in_the_air, small]
-    _, drawn = method(boxes).superquadrics(view, 2, np.random.default_rng(0))
-    assert set(drawn) == set(best)
+    assert not view.free[tuple(np.rint(view.grid.to_voxels(behind)).astype(int))]
+    in_the_air, outside = (0.0, -0.3, 0.5), (0.0, 0.9, 0.02)
+    best, hidden, known = with_hidden(view, in_the_air, outside, behind)
+    assert np.allclose([one.pose.position for one in hidden], [behind], atol=0.005)
+    assert np.allclose(known.half_axes[0].numpy(), [best[k].half_axes for k in (1, 2)], atol=0.02)
+    assert not with_hidden(view, in_the_air, outside)[1]
+    inside = best[1].pose.position
+    assert not with_hidden(view, inside)[1]
+
+
+def test_networks_that_draw_nothing_hidden_are_refused():
+    model = Told([])
+    model.draws_hidden = False
+    with pytest.raises(ConfigError, match=r"checkpoints\.scenes=FILE"):
+        HiddenObjects(Loaded(model))
+    with pytest.raises(ConfigError, match="tries 0"):
+        HiddenObjects(Loaded(Told([])), tries=0)
 
 
 def _in_view_frame(view, place):

@@ -112,7 +112,7 @@ class SetPriorEvaluation:
             )
         if not checkpoint.model.draws_hidden:
             raise ConfigError(
-                "this network draws nothing without a view; give checkpoints.sets=FILE of a "
+                "this network draws nothing without a view; give checkpoints.scenes=FILE of a "
                 "training of model=set_flow"
             )
         self.model, self.data, self.scenes, self.engine = checkpoint.model, data, scenes, engine

@@ -62,7 +62,8 @@ class Knowing(torch.nn.Module):
         true = self.scenes.parameters(rows)
         points = torch.zeros(*true.present.shape, 4, 3)
         return SeenSetBatch(
-            points, torch.zeros_like(true.present), points[..., 0, 0], torch.zeros(count, 3),
+            points, torch.zeros_like(true.present), points[..., 0, 0],
+            torch.zeros(*true.present.shape, 4, 7), torch.zeros(count, 3),
             true.half_axes, true.exponents, true.rotations,
             true.positions + torch.tensor([0.3, 0, self.up]), true.present,
         )  # fmt: skip
@@ -267,7 +268,7 @@ def test_from_the_command_line(scenefw, tmp_path):
     save_checkpoint(tmp_path / "flow.safetensors", model, model.recipe, None, task="set_flow")
     out = tmp_path / "out"
     words = ("experiment=set_prior", "debug=smoke", f"paths.output={out}")
-    done = scenefw(*words, f"checkpoints.sets={tmp_path / 'flow.safetensors'}")
+    done = scenefw(*words, f"checkpoints.scenes={tmp_path / 'flow.safetensors'}")
     assert done.returncode == 0, done.stderr[-3000:]
     assert done.stdout.splitlines()[-1] == str(out)
     assert "drawn/stable" in json.loads((out / "metrics.json").read_text())
