@@ -136,6 +136,7 @@ SHIPPED_BY = {
     "scattered_v2": ("superquadrics", "scattered"),
     "large_stacks_v2": ("superquadrics", "large_stacks"),
     "stacks_of_six_v2": ("superquadrics", "stacks_of_six"),
+    "few_v2": ("superquadrics", "few"),
 }
 
 

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from scenefw.core.training_protocols import SetFlowModel
     from scenefw.data.stacks import StackScenes
 
-_REFERENCES, _DRAWS, _GIVEN = 1, 2, 3  # random streams
+_REFERENCES, _DRAWS, _GIVEN, _CHOICE = 1, 2, 3, 4  # random streams
 _SIZES = (1e-3, 1.0)  # m: half-axes that a simulator can take
 _LOST = 10.0  # m: displacement that counts at most
 _DENSITY = 500.0  # kg/m^3
@@ -83,6 +83,7 @@ class SetPriorEvaluation:
         shift: standard deviation of jitter (m).
         turn: standard deviation of jitter (degrees).
         examples: scenes of each kind that are shown, and views with several draws.
+        draws: scenes of each kind; of true ones that many are chosen by chance; None: all there are.
         seed: of draws and references.
 
     Raises:
@@ -102,6 +103,7 @@ class SetPriorEvaluation:
         shift: float = 0.01,
         turn: float = 5.0,
         examples: int = 4,
+        draws: int | None = None,
         seed: int = 0,
     ) -> None:
         if min(steps, physics_steps) < 1 or min(furthest, steepest, shift, turn, examples) < 0:
@@ -119,13 +121,15 @@ class SetPriorEvaluation:
         self.steps, self.physics_steps = steps, physics_steps
         self.furthest, self.steepest = furthest, steepest
         self.shift, self.turn, self.examples, self.seed = shift, turn, examples, seed
+        self.draws = len(scenes) if draws is None else min(draws, len(scenes))
 
     @torch.no_grad()
     def run(self, track: Track = lambda items, _: items) -> PriorResult:
         """Draws, simulates and compares; `track(items, what)` shows a bar of each loop."""
-        rows = list(range(len(self.scenes)))
-        views = [self.data.views_of(self.scenes, [row]) for row in track(rows, "views")]
-        kinds = self._references(len(rows))
+        chosen = rng.generator(self.seed, _CHOICE).permutation(len(self.scenes))[: self.draws]
+        views = [self.data.views_of(self.scenes, [row]) for row in track(chosen.tolist(), "views")]
+        rows = list(range(self.draws))
+        kinds = self._references(chosen.tolist())
         kinds[DRAWN] = self._drawn(views[0], len(rows))
         singles = [self._given(view, row, 1) for row, view in track([*enumerate(views)], "draws")]
         kinds[GIVEN] = _joined(singles)
@@ -143,9 +147,9 @@ class SetPriorEvaluation:
         ]
         return PriorResult(samples, first, tuple(several), self.scenes.split)
 
-    def _references(self, count: int) -> dict[str, SceneParameters]:
-        random = rng.generator(self.seed, _REFERENCES)
-        training, true = _all(self.data.scenes), _all(self.scenes)
+    def _references(self, true_rows: list[int]) -> dict[str, SceneParameters]:
+        random, count = rng.generator(self.seed, _REFERENCES), len(true_rows)
+        training, true = _all(self.data.scenes), self.scenes.parameters(true_rows)
         chosen = random.permutation(len(self.data.scenes))
         chosen = np.resize(chosen, count)  # fewer training scenes than drawn ones come again
         return {
