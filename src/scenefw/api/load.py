@@ -13,6 +13,7 @@ from scenefw.core.errors import ConfigError
 if TYPE_CHECKING:
     from scenefw.api.labeller import Labeller
     from scenefw.api.predictor import Predictor
+    from scenefw.api.sampler import Sampler
 
 _PLAIN = re.compile(r"[A-Za-z_][\w./-]*", re.ASCII)
 _NO_TEXT = {"null", "true", "false", "inf", "nan"}
@@ -31,14 +32,21 @@ def load(
 def load(name: Literal["labelling"], *overrides: str, **settings: Setting) -> Labeller: ...
 
 
-def load(name: str = "simstack", *overrides: str, **settings: Setting) -> Predictor | Labeller:
-    """What the command line predicts or labels with, ready to take arrays.
+@overload
+def load(name: Literal["scenes"], *overrides: str, **settings: Setting) -> Sampler: ...
 
-    It is built as `run=predict` and `run=label` build it, so the same image gives the same result.
+
+def load(
+    name: str = "simstack", *overrides: str, **settings: Setting
+) -> Predictor | Labeller | Sampler:
+    """What the command line predicts, labels or draws with, ready to take arrays.
+
+    It is built as `run=predict`, `run=label` and `run=draw_scenes` build it, so the same image
+    gives the same result.
 
     Args:
         name: `simstack` completes the objects of a depth image; `labelling` fuses RGB-D frames into
-            a labelled height map.
+            a labelled height map; `scenes` draws scenes that nobody has seen.
         overrides: as on the command line, such as `"fit=superquadrics"` or
             `"run.pipeline.samples=1"`.
         settings: the same by name, such as `device="cpu"` or `checkpoint="my.safetensors"`.
@@ -58,9 +66,12 @@ def load(name: str = "simstack", *overrides: str, **settings: Setting) -> Predic
         chosen = any(word.partition("=")[0] == "labelling" for word in words)
         strategy = [] if chosen else ["labelling=hybrid"]
         return Labeller.built(Settings(["run=label", *strategy, *words]))
-    raise ConfigError(
-        f"scenefw.load has no '{name}'; {near_misses(name, ['simstack', 'labelling'])}"
-    )
+    if name == "scenes":
+        from scenefw.api.sampler import Sampler
+
+        return Sampler.built(Settings(["run=draw_scenes", *words]))
+    known = near_misses(name, ["simstack", "labelling", "scenes"])
+    raise ConfigError(f"scenefw.load has no '{name}'; {known}")
 
 
 def _written(value: Setting) -> str:

@@ -1,5 +1,6 @@
 """Loss of flow matching between noise and sets of objects."""
 
+import torch
 from torch import Tensor
 
 from scenefw.core.batches import SeenSetBatch, SetFlowPrediction, SetFlowSetup
@@ -22,6 +23,7 @@ class FlowVelocity:
 
     def __call__(self, prediction: SetFlowPrediction, batch: SeenSetBatch) -> Tensor:
         """A scalar."""
-        errors = (prediction.velocity - prediction.target).square().mean(dim=-1)
-        there = prediction.present.to(errors.dtype)
-        return (errors * there).sum() / there.sum().clamp_min(1)
+        there = prediction.present[..., None]
+        # Before it is squared: what absent objects should be need not be finite
+        errors = torch.where(there, prediction.velocity - prediction.target, 0.0)
+        return errors.square().mean(dim=-1).sum() / there.sum().clamp_min(1)

@@ -1,6 +1,7 @@
 """Sets of superquadrics as numbers, and the network that draws them."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -182,3 +183,18 @@ def _value(batch, row, slot, points):
     half, exponents = batch.half_axes[row, slot].numpy(), batch.exponents[row, slot].numpy()
     local = (points - batch.positions[row, slot].numpy()) @ batch.rotations[row, slot].numpy()
     return np.log(Superquadric(half, exponents).value(local))
+
+
+def test_absent_objects_need_no_size():
+    """Batches of scenes with different numbers of objects are filled up with zeros."""
+    torch.manual_seed(0)
+    model, batch = SetFlow(**SMALL), batch_of()
+    present = batch.present.clone()
+    present[1, -1] = False
+    half_axes = torch.where(present[..., None], batch.half_axes, 0.0)
+    padded = replace(batch, present=present, seen=batch.seen & present, half_axes=half_axes)
+    found = model(padded, torch.Generator().manual_seed(0))
+    loss = FlowVelocity()(found, padded)
+    loss.backward()
+    assert torch.isfinite(loss)
+    assert all(torch.isfinite(one.grad).all() for one in model.parameters() if one.grad is not None)

@@ -11,9 +11,10 @@ import torch
 from scenefw.core import geometry, rng
 from scenefw.core.batches import SceneParameters, SeenSetBatch
 from scenefw.core.errors import ConfigError
-from scenefw.core.types import Pose, SceneObject
+from scenefw.core.types import PlacedShape, Pose, SceneObject
 from scenefw.evaluation.sets import prior_references as references
 from scenefw.evaluation.sets.prior_results import (
+    APART,
     DRAWN,
     GIVEN,
     JITTERED,
@@ -30,6 +31,7 @@ from scenefw.evaluation.sets.scene_numbers import (
     object_numbers,
     quantities,
 )
+from scenefw.perception.pushing_apart import pushed_apart
 from scenefw.scenes.simulation import motions
 from scenefw.shapes.superquadric import Superquadric
 
@@ -67,6 +69,7 @@ class SetPriorEvaluation:
 
     The references learn nothing: `shuffled` scenes are put together from shapes and positions of
     different training scenes, and `jittered` ones are true scenes whose objects are moved a little.
+    Drawn scenes count as they are, and pushed apart (`perception.pushing_apart`).
     `training` scenes show what a perfect sampler of the training distribution would reach. All
     samples are of equal size. A pile is stable if no centre moves by `furthest` and no object
     turns by `steepest` until everything rests.
@@ -83,7 +86,7 @@ class SetPriorEvaluation:
         shift: standard deviation of jitter (m).
         turn: standard deviation of jitter (degrees).
         examples: scenes of each kind that are shown, and views with several draws.
-        draws: scenes of each kind; of true ones that many are chosen by chance; None: all there are.
+        draws: scenes of each kind; as many true ones are chosen; None: all.
         seed: of draws and references.
 
     Raises:
@@ -131,11 +134,12 @@ class SetPriorEvaluation:
         rows = list(range(self.draws))
         kinds = self._references(chosen.tolist())
         kinds[DRAWN] = self._drawn(views[0], len(rows))
+        kinds[APART] = _apart(kinds[DRAWN])
         singles = [self._given(view, row, 1) for row, view in track([*enumerate(views)], "draws")]
         kinds[GIVEN] = _joined(singles)
         known = object_numbers(_all(self.data.scenes))
         samples = {}
-        for kind in (DRAWN, GIVEN, TRUTH, TRAINING, SHUFFLED, JITTERED):
+        for kind in (DRAWN, APART, GIVEN, TRUTH, TRAINING, SHUFFLED, JITTERED):
             whole = [objects_of(kinds[kind], row) for row in rows]
             new = nearest_scene(object_numbers(kinds[kind]), known)
             samples[kind] = self._scored(whole, new, track, kind)
@@ -206,6 +210,18 @@ def objects_of(scenes: SceneParameters, row: int) -> tuple[SceneObject, ...]:
         pose = Pose(positions[i], geometry.quaternion_from_rotation(rotations[i]))
         items.append(SceneObject(shape, pose, _DENSITY * shape.volume()))
     return tuple(items)
+
+
+def _apart(scenes: SceneParameters) -> SceneParameters:
+    """Scenes whose objects are pushed out of each other and out of the floor."""
+    positions = scenes.positions.clone()
+    for row in range(len(positions)):
+        placed = [PlacedShape(one.shape, one.pose) for one in objects_of(scenes, row)]
+        moved = [one.pose.position for one in pushed_apart(placed)]
+        if moved:
+            there = scenes.present[row]
+            positions[row, there] = torch.from_numpy(np.array(moved)).to(positions)
+    return replace(scenes, positions=positions)
 
 
 def _usable(drawn: SeenSetBatch) -> SceneParameters:

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 DRAWN, GIVEN, TRUTH, TRAINING = "drawn", "given", "truth", "training"
-SHUFFLED, JITTERED = "shuffled", "jittered"
-LEARNED = (DRAWN, GIVEN)
+APART, SHUFFLED, JITTERED = "drawn_apart", "shuffled", "jittered"
+LEARNED = (DRAWN, APART, GIVEN)
 
 QUANTITIES = {
     "count": Measure("objects", "objects of a scene", "", 2),

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 _NAMES = {
     results.DRAWN: "drawn without a view",
+    results.APART: "drawn without a view, pushed apart",
     results.GIVEN: "drawn given a view",
     results.TRUTH: "true scenes",
     results.TRAINING: "training scenes",

@@ -141,7 +141,7 @@ def test_an_untrained_network_gives_a_page(data, tmp_path, monkeypatch):
     tests, made, drawn = sections
     table = tests.blocks[0]
     assert [name for name, _ in table.rows][:3] == [
-        "drawn without a view", "drawn given a view", "true scenes",
+        "drawn without a view", "drawn without a view, pushed apart", "drawn given a view",
     ]  # fmt: skip
     assert all(len(one.rows) >= 5 for one in made.blocks[:2])
     assert "<svg" in made.blocks[2].svg

@@ -1,0 +1,53 @@
+"""Draws whole scenes that nobody has seen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from typing import TYPE_CHECKING
+
+from scenefw.api.scene import Scene
+from scenefw.core.errors import InputError
+
+if TYPE_CHECKING:
+    from scenefw.api.settings import Settings
+    from scenefw.perception.scene_prior import ScenePrior
+
+
+class Sampler:
+    """What `scenefw.load("scenes")` gives.
+
+    Args:
+        prior: draws scenes.
+        computing: threads compute within what it returns.
+    """
+
+    def __init__(
+        self,
+        prior: ScenePrior,
+        computing: Callable[[], AbstractContextManager[None]] = nullcontext,
+    ) -> None:
+        self.prior = prior
+        self._computing = computing
+
+    @classmethod
+    def built(cls, settings: Settings) -> Sampler:
+        """The sampler of `run=draw_scenes` with these settings."""
+        (prior,) = settings.build("run.prior")
+        return cls(prior, settings.computing)
+
+    def draw(self, count: int = 1, seed: int = 0) -> list[Scene]:
+        """Scenes of superquadrics that stand, as `run=draw_scenes` draws them.
+
+        Args:
+            count: of scenes.
+            seed: scene i depends on it and on i alone.
+
+        Raises:
+            InputError: the count is below one.
+            ConfigError: no draw of a scene stands.
+        """
+        if count < 1:
+            raise InputError(f"count is {count}: expected 1 or more")
+        with self._computing():
+            return [Scene.of(one) for one in self.prior.scenes(count, seed)]

@@ -1,0 +1,45 @@
+"""Drawn scenes side by side."""
+
+from collections.abc import Sequence
+
+from scenefw.core.types import SceneEstimate
+from scenefw.report.overview import cropped, vertices, window
+from scenefw.report.palette import instance_colours
+from scenefw.report.pictures import beside
+from scenefw.report.shading import Picture, Solid, draw, turned
+from scenefw.report.two_sides import of_objects
+
+_SIZE = (320, 240)  # of a tile: width, height (pixels)
+_TURN = 150.0  # degrees
+_COLUMNS = 4
+
+
+def draw_scenes(scenes: Sequence[SceneEstimate]) -> Picture:
+    """RGB (H, W, 3) in [0, 1]: each scene from the front, and below it from behind.
+
+    Args:
+        scenes: one or more.
+    """
+    colours = instance_colours(max(max(int(one.instances.max()) for one in scenes), 1))
+    tiles: list[Picture] = []
+    names: list[str] = []
+    for start in range(0, len(scenes), _COLUMNS):
+        row = scenes[start : start + _COLUMNS]
+        padded = [*row, *[None] * (_COLUMNS - len(row) if len(scenes) > _COLUMNS else 0)]
+        for turn in (0.0, _TURN):
+            for number, scene in enumerate(padded, start=start + 1):
+                if scene is None:
+                    tiles.append(tiles[-1] * 0 + 1)
+                    names.append("")
+                    continue
+                solid = Solid(of_objects(scene), scene.instances, scene.grid, colours)
+                camera = cropped(scene.frame.camera, *window(scene)).resized(*_SIZE)
+                side = turned(camera, vertices(scene), turn) if turn else camera
+                tiles.append(draw(solid, side))
+                names.append("from behind" if turn else _name(number, scene))
+    return beside(tiles, names, columns=min(_COLUMNS, len(scenes)))
+
+
+def _name(number: int, scene: SceneEstimate) -> str:
+    count = len(scene.objects)
+    return f"scene {number}: {count} object{'' if count == 1 else 's'}"
