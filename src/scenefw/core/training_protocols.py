@@ -285,6 +285,20 @@ class WholeSetFlowModel(SetFlowModel, Protocol):
         """Draws `count` sets of hidden objects beside those of the first view, which are known."""
 
 
+class TrainedSetFlow(Protocol):
+    """What a loaded checkpoint of a flow of sets provides (`learning.checkpoint`)."""
+
+    model: SetFlowModel
+    metadata: Mapping[str, Any]
+
+
+class TrainedWholeSetFlow(Protocol):
+    """The same of a flow that also draws hidden objects."""
+
+    model: WholeSetFlowModel
+    metadata: Mapping[str, Any]
+
+
 class SegmentationModel(Network, Protocol):
     """A network from colour and distance to a label per pixel (group `model`)."""
 

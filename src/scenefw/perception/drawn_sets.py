@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import torch
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from scenefw.core.batches import SeenSetBatch
     from scenefw.core.evidence import Evidence, FittedSuperquadric
-    from scenefw.core.training_protocols import SetFlowModel
+    from scenefw.core.training_protocols import TrainedSetFlow
     from scenefw.perception.evidence import EvidenceOfView, View
     from scenefw.perception.hidden_objects import HiddenObjects
     from scenefw.perception.part_guided import Completing
@@ -47,13 +47,6 @@ class SizedFit(Protocol):
         self, evidence: Sequence[Evidence], start: Sequence[FittedSuperquadric]
     ) -> list[FittedSuperquadric]:
         """Superquadrics near those, fitted again such that none penetrates another."""
-
-
-class TrainedFlow(Protocol):
-    """What a loaded checkpoint provides (`learning.checkpoint.load_checkpoint`)."""
-
-    model: SetFlowModel
-    metadata: Mapping[str, Any]
 
 
 class DrawnSets(Fitted):
@@ -90,7 +83,7 @@ class DrawnSets(Fitted):
         inner: Completing,
         fit: SizedFit,
         evidence: EvidenceOfView,
-        checkpoint: TrainedFlow,
+        checkpoint: TrainedSetFlow,
         near: float = 0.006,
         explained: float = 0.75,
         least: int = 60,

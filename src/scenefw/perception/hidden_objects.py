@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -11,25 +11,18 @@ from scenefw.core.errors import ConfigError
 from scenefw.fitting.placed import in_frame_of, shape_of
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from numpy.random import Generator
 
     from scenefw.core.evidence import FittedSuperquadric
-    from scenefw.core.training_protocols import WholeSetFlowModel
+    from scenefw.core.training_protocols import TrainedWholeSetFlow
     from scenefw.perception.evidence import View
     from scenefw.perception.world_sets import SeenObjects
 
 _CORNERS = 6  # of meshes that say where a drawn object is
 _SEEN_THROUGH = 0.05  # share of a hidden object that may lie where the view shows free space
 _INSIDE = 0.2  # share of a hidden object that may lie in others
-
-
-class TrainedWholeFlow(Protocol):
-    """What a loaded checkpoint provides (`learning.checkpoint.load_checkpoint`)."""
-
-    model: WholeSetFlowModel
-    metadata: Mapping[str, Any]
 
 
 class HiddenObjects:
@@ -49,7 +42,7 @@ class HiddenObjects:
         ConfigError: a number below one, or a network that draws nothing hidden.
     """
 
-    def __init__(self, checkpoint: TrainedWholeFlow, tries: int = 8, steps: int = 20) -> None:
+    def __init__(self, checkpoint: TrainedWholeSetFlow, tries: int = 8, steps: int = 20) -> None:
         if min(tries, steps) < 1:
             raise ConfigError(f"hidden objects have tries {tries} and steps {steps}; expected >= 1")
         if not checkpoint.model.draws_hidden:

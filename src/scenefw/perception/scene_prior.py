@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -19,22 +19,15 @@ from scenefw.representations.volumes import scene_volumes
 from scenefw.shapes.superquadric import Superquadric
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator
 
     from scenefw.core.protocols import Settling
-    from scenefw.core.training_protocols import SetFlowModel
+    from scenefw.core.training_protocols import TrainedSetFlow
     from scenefw.core.types import Float64
 
 _SIZES = (2e-3, 0.5)  # m: half-axes of what is taken
 _EYE, _TARGET = (-0.9, 0.0, 0.6), (0.0, 0.0, 0.05)  # m
 _LEVEL = 0.02  # how much rays go down at least, so that they meet the floor
-
-
-class TrainedFlow(Protocol):
-    """What a loaded checkpoint provides (`learning.checkpoint.load_checkpoint`)."""
-
-    model: SetFlowModel
-    metadata: Mapping[str, Any]
 
 
 class ScenePrior:
@@ -56,7 +49,7 @@ class ScenePrior:
 
     def __init__(
         self,
-        checkpoint: TrainedFlow,
+        checkpoint: TrainedSetFlow,
         grid: GridSpec,
         settling: Settling | None = None,
         steps: int = 20,

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from scenefw import registry
 from scenefw.core.errors import ConfigError
@@ -81,30 +80,29 @@ class Card:
 
 
 def words_for(provenance: Provenance) -> Words | None:
-    """Texts for a network by its task and input, of plugins too; None if there are none.
+    """Texts for a network by task, input and class, of plugins too; None if there are none.
 
-    Texts for its very input go before those for any input.
+    Texts that say more of what they are for go before those that say less.
 
     Raises:
         ConfigError: there are several.
     """
-    sees = provenance.metadata.get("input")
-    for wanted in dict.fromkeys((sees, None)):
-        found = [
-            name
-            for name, path in registry.options("card").items()
-            if _is_for(registry.settings(path), provenance.task, wanted)
-        ]
-        if len(found) > 1:
-            raise ConfigError(
-                f"{' and '.join(found)} are cards for {provenance.task}; choose one, "
-                f"card={found[0]}"
-            )
-        if found:
-            words: Words = registry.build("card", found[0])
-            return words
-    return None
-
-
-def _is_for(settings: dict[str, Any], task: str, sees: str | None) -> bool:
-    return settings.get("task") == task and settings.get("input") == sees
+    known = {
+        "input": provenance.metadata.get("input"),
+        "network": str(provenance.recipe["_target_"]).rpartition(".")[2],
+    }
+    fitting: dict[int, list[str]] = {}
+    for name, path in registry.options("card").items():
+        settings = registry.settings(path)
+        told = {key: settings[key] for key in known if settings.get(key) is not None}
+        if settings.get("task") == provenance.task and told.items() <= known.items():
+            fitting.setdefault(len(told), []).append(name)
+    if not fitting:
+        return None
+    found = fitting[max(fitting)]
+    if len(found) > 1:
+        raise ConfigError(
+            f"{' and '.join(found)} are cards for {provenance.task}; choose one, card={found[0]}"
+        )
+    words: Words = registry.build("card", found[0])
+    return words

@@ -36,10 +36,10 @@ from scenefw.scenes.simulation import motions
 from scenefw.shapes.superquadric import Superquadric
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from scenefw.core.protocols import Engine, Track
-    from scenefw.core.training_protocols import SetFlowModel
+    from scenefw.core.training_protocols import TrainedSetFlow
     from scenefw.data.stacks import StackScenes
 
 _REFERENCES, _DRAWS, _GIVEN, _CHOICE = 1, 2, 3, 4  # random streams
@@ -55,13 +55,6 @@ class ViewedScenes(Protocol):
 
     def views_of(self, scenes: StackScenes, rows: Sequence[int]) -> SeenSetBatch:
         """A view of each scene, always the same."""
-
-
-class TrainedFlow(Protocol):
-    """What a loaded checkpoint provides (`learning.checkpoint.load_checkpoint`)."""
-
-    model: SetFlowModel
-    metadata: Mapping[str, Any]
 
 
 class SetPriorEvaluation:
@@ -95,7 +88,7 @@ class SetPriorEvaluation:
 
     def __init__(
         self,
-        checkpoint: TrainedFlow,
+        checkpoint: TrainedSetFlow,
         data: ViewedScenes,
         scenes: StackScenes,
         engine: Engine,

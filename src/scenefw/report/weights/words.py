@@ -13,6 +13,7 @@ class Words:
     Args:
         task: what the network is for, as files of weights have it.
         input: what it sees, as their metadata have it; None = anything.
+        network: its class, such as SetFlow; None = any.
         what: from what to what.
         use: what it is for, a point each.
         limits: where it ends, a point each.
@@ -26,6 +27,7 @@ class Words:
     limits: Sequence[str]
     licence: str
     input: str | None = None
+    network: str | None = None
     figures: Mapping[str, Summary | None] = field(default_factory=dict)
 
     @property
