@@ -272,6 +272,6 @@ def test_from_the_command_line(scenefw, tmp_path):
     assert done.returncode == 0, done.stderr[-3000:]
     assert done.stdout.splitlines()[-1] == str(out)
     assert "drawn/stable" in json.loads((out / "metrics.json").read_text())
-    without = scenefw(*words)
-    assert without.returncode == 2
-    assert "set_flow" in without.stderr.splitlines()[-1]
+    extents = scenefw(*words, "checkpoints.scenes=set_extents")
+    assert extents.returncode == 2
+    assert "draws nothing without a view" in extents.stderr.splitlines()[-1]
