@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from scenefw.perception.evidence import EvidenceOfView, View
     from scenefw.perception.hidden_objects import HiddenObjects
     from scenefw.perception.part_guided import Completing
+    from scenefw.postprocessing.confidence import Calibration
 
 _CORNERS = 6  # of meshes that say where a drawn object is
 
@@ -71,6 +72,7 @@ class DrawnSets(Fitted):
         votes: draws whose middle the first sample takes; 0: it is the fit without a network.
         drawn_sigma: standard deviation of points of drawn surfaces (m).
         beyond: points of drawn surfaces count that are further than this from all seen ones (m).
+        calibration: from how alike samples are to how right objects are; None: not measured.
         hidden: adds objects of which nothing is seen to drawn scenes; None adds none.
         drawn: the first sample is the best, further ones are drawn; without it, all are the best.
 
@@ -93,6 +95,7 @@ class DrawnSets(Fitted):
         drawn_sigma: float = 0.008,
         beyond: float = 0.01,
         hidden: HiddenObjects | None = None,
+        calibration: Calibration | None = None,
         *,
         drawn: bool = True,
     ) -> None:
@@ -106,6 +109,7 @@ class DrawnSets(Fitted):
         self.sized, self.model, self.hidden = fit, checkpoint.model, hidden
         self.steps, self.votes = steps, votes
         self.drawn_sigma, self.beyond = drawn_sigma, beyond
+        self.calibration = calibration
         self.metadata = dict(checkpoint.metadata)
 
     def superquadrics(

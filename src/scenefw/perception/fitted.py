@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from scenefw.core.protocols import ShapeFit
     from scenefw.core.types import Float32, GridSpec, Int32
     from scenefw.perception.part_guided import Completing
+    from scenefw.postprocessing.confidence import Calibration
 
 _WITHIN = 0.98  # share of seen points in the grid
 _REACH = 4  # voxels around what stays whose distances stay too
@@ -56,6 +57,8 @@ class Fitted:
     Raises:
         ConfigError: a share outside 0..1, or another number that isn't positive.
     """
+
+    calibration: Calibration | None = None
 
     def __init__(
         self,

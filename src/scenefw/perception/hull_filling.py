@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from scenefw.core.batches import PartialTSDF
     from scenefw.core.types import Float32, Float64, Frame, GridSpec
     from scenefw.perception.seen_parts import SeenParts
+    from scenefw.postprocessing.confidence import Calibration
 
 _PLANES_AT_ONCE = 16
 _MOST_POINTS = 1500  # of a part: hulls of more have hundreds of faces and are hardly larger
@@ -33,6 +34,8 @@ class HullFilling:
         parts: of the image.
         grid: of its volumes; None takes that of the other methods that it is compared with.
     """
+
+    calibration: Calibration | None = None
 
     def __init__(self, parts: SeenParts, grid: GridSpec | None = None) -> None:
         self.parts, self.grid = parts, grid

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from scenefw.core.batches import Completion, PartialTSDF
     from scenefw.core.types import Float32, Float64, Frame, GridSpec, Int32
     from scenefw.perception.seen_parts import SeenParts
+    from scenefw.postprocessing.confidence import Calibration
 
 _MOST_POINTS = 3000  # of an instance: enough to say which is nearest to a voxel
 _FRINGE = 0.1  # of an instance's pixels
@@ -77,6 +78,8 @@ class PartGuided:
     Raises:
         ConfigError: a reach that isn't positive.
     """
+
+    calibration: Calibration | None = None
 
     def __init__(
         self, inner: Completing, parts: SeenParts, grouping: Grouping, reach: float = 2.0

@@ -21,7 +21,7 @@ from scenefw.perception.objects import estimate_objects
 from scenefw.perception.points import world_points
 from scenefw.perception.seen_instances import seen_instances
 from scenefw.perception.workspace import Workspace, WorkspaceFinder
-from scenefw.postprocessing.confidence import confidences
+from scenefw.postprocessing.confidence import Calibration, confidences
 from scenefw.postprocessing.surfaces import instance_meshes
 
 if TYPE_CHECKING:
@@ -44,6 +44,8 @@ class GridReconstructor(Protocol):
 
     grid: GridSpec
     metadata: dict[str, Any]
+    calibration: Calibration | None
+    """From how alike its samples are to how right objects are; None: it was not measured."""
 
     def complete(
         self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
@@ -168,7 +170,8 @@ class Pipeline:
         samples = self._samples(view.partial)
         for number, sample in enumerate(samples):
             others = [other.instances[0] for i, other in enumerate(samples) if i != number]
-            yield self._scene(view, sample, confidences(sample.instances[0], others))
+            sure = confidences(sample.instances[0], others, self.reconstructor.calibration)
+            yield self._scene(view, sample, sure)
 
     def _scene(self, view: View, sample: Completion, sure: Mapping[int, float]) -> SceneEstimate:
         tsdf, instances = sample.tsdf[0], sample.instances[0]

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from scenefw.core.protocols import InstanceExtractor, Representation
     from scenefw.core.training_protocols import ShapeInstanceModel
     from scenefw.core.types import GridSpec
+    from scenefw.postprocessing.confidence import Calibration
 
 
 _CODES_AT_ONCE = 5  # of which the network encodes the view once
@@ -61,6 +62,8 @@ class NetworkReconstructor:
     Raises:
         ConfigError: smoothing or temperature is negative, or the network lacks an output.
     """
+
+    calibration: Calibration | None = None
 
     def __init__(
         self,

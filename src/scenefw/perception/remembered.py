@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from scenefw.core.batches import Completion, PartialTSDF
     from scenefw.core.types import GridSpec
     from scenefw.perception.part_guided import Completing
+    from scenefw.postprocessing.confidence import Calibration
 
 
 class _Last(NamedTuple):
@@ -42,6 +43,8 @@ class Remembered:
     Args:
         inner: makes the scenes.
     """
+
+    calibration: Calibration | None = None
 
     def __init__(self, inner: Completing) -> None:
         self.inner = inner

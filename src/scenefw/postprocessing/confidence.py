@@ -5,10 +5,68 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 from numpy.typing import ArrayLike
+from scipy.optimize import isotonic_regression
 from torch import Tensor
 
+from scenefw.core.errors import ConfigError
 
-def confidences(instances: Tensor, samples: Sequence[Tensor]) -> dict[int, float]:
+_LEAST = 30  # objects of a knot
+_KNOTS = 24
+
+
+class Calibration:
+    """From how alike samples are to the IoU with the truth that is to be expected.
+
+    Between knots it is linear, outside them constant.
+
+    Args:
+        said: (K,) agreement of samples, rising.
+        expected: (K,) mean IoU with the truth, not falling.
+
+    Raises:
+        ConfigError: numbers outside [0, 1], in another order, or not as many of both.
+    """
+
+    def __init__(self, said: Sequence[float], expected: Sequence[float]) -> None:
+        knots, values = np.asarray(said, np.float64), np.asarray(expected, np.float64)
+        both = np.concatenate([knots, values])
+        if len(knots) != len(values) or not len(knots) or not ((both >= 0) & (both <= 1)).all():
+            raise ConfigError(
+                f"a calibration has said {list(said)} and expected {list(expected)}; give as many "
+                "of both, from 0 to 1"
+            )
+        if (np.diff(knots) <= 0).any() or (np.diff(values) < 0).any():
+            raise ConfigError(
+                f"said {list(said)} must rise, and expected {list(expected)} must not fall"
+            )
+        self.said, self.expected = knots, values
+
+    def __call__(self, agreement: ArrayLike) -> np.ndarray:
+        """Expected IoU for agreements of any shape."""
+        return np.interp(np.asarray(agreement, np.float64), self.said, self.expected)
+
+    @classmethod
+    def fitted(cls, said: ArrayLike, truth: ArrayLike) -> "Calibration":
+        """The calibration that explains some objects: groups of equal size, then isotonic.
+
+        Args:
+            said: (N,) agreement of samples, N > 0.
+            truth: (N,) IoU with the truth.
+        """
+        agreement, overlap = np.asarray(said, np.float64), np.asarray(truth, np.float64)
+        order = agreement.argsort(kind="stable")
+        groups = np.array_split(order, max(min(_KNOTS, len(order) // _LEAST), 1))
+        knots = np.array([agreement[group].mean() for group in groups])
+        values = np.array([overlap[group].mean() for group in groups])
+        weights = np.array([float(len(group)) for group in groups])
+        smooth = isotonic_regression(values, weights=weights).x
+        kept = np.concatenate([[True], np.diff(knots) > 1e-6])
+        return cls(knots[kept].clip(0, 1).tolist(), smooth[kept].clip(0, 1).tolist())
+
+
+def confidences(
+    instances: Tensor, samples: Sequence[Tensor], calibration: Calibration | None = None
+) -> dict[int, float]:
     """Mean over samples of the largest IoU of an object with any of theirs.
 
     That is the IoU with the truth to expect if the truth were as likely as any sample. Without
@@ -17,6 +75,7 @@ def confidences(instances: Tensor, samples: Sequence[Tensor]) -> dict[int, float
     Args:
         instances: (X, Y, Z) labels whose objects are judged.
         samples: label volumes of the same shape, numbered in any way.
+        calibration: what is expected, given that mean; None takes it as it is.
 
     Returns:
         By label, in [0, 1].
@@ -25,12 +84,20 @@ def confidences(instances: Tensor, samples: Sequence[Tensor]) -> dict[int, float
     ids = np.unique(labels[labels > 0])
     if not samples:
         return {int(i): 1.0 for i in ids}
-    found = np.stack([_best_overlap(labels, ids, _array(sample)) for sample in samples])
-    return {int(i): float(mean) for i, mean in zip(ids, found.mean(axis=0), strict=True)}
+    found = np.stack([best_overlaps(labels, ids, _array(sample)) for sample in samples])
+    means = found.mean(axis=0)
+    means = means if calibration is None else calibration(means)
+    return {int(i): float(mean) for i, mean in zip(ids, means, strict=True)}
 
 
-def _best_overlap(labels: np.ndarray, ids: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Largest IoU of each object with any instance of another labelling."""
+def best_overlaps(labels: np.ndarray, ids: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Largest IoU of each object with any instance of another labelling.
+
+    Args:
+        labels: (X, Y, Z) int64.
+        ids: (N,) of the objects.
+        other: (X, Y, Z) int64.
+    """
     width = int(other.max(initial=0)) + 1
     pairs = np.bincount(labels.ravel() * width + other.ravel(), minlength=width)
     pairs = np.pad(pairs, (0, -len(pairs) % width)).reshape(-1, width)

@@ -12,10 +12,13 @@ from scenefw.core.types import GridSpec
 from scenefw.export.summary import plain
 from scenefw.mapping.projective import Projective
 from scenefw.perception.pipeline import Pipeline
+from scenefw.postprocessing.confidence import Calibration
 
 
 class KnownBoxes:
     """Answers with the true boxes, turned into the frame that the pipeline has found."""
+
+    calibration = None
 
     def __init__(self, grid, boxes=STACK):
         self.grid = grid
@@ -176,3 +179,13 @@ def test_masks_keep_the_numbers_of_their_objects():
         below, above = (np.unique(estimate.masks[rows]) for rows in (np.s_[:100], np.s_[200:]))
         assert below.tolist() == [1]
         assert above.tolist() == [2]
+
+
+def test_confidence_is_what_the_method_says_of_agreement():
+    class Half(KnownBoxes):
+        calibration = Calibration([0.0, 1.0], [0.1, 0.5])
+
+    scene = Pipeline(Half(GridSpec(resolution=32)), Projective(), samples=2).estimate(
+        frame_of(CAMERA)
+    )
+    assert [item.confidence for item in scene.objects] == pytest.approx([0.5] * len(scene.objects))

@@ -31,6 +31,8 @@ class CountedParts:
         clearance: everything below this height above the floor z = 0 is cut off (voxels).
     """
 
+    calibration = None  # how right it is by how alike its samples are was not measured
+
     def __init__(self, counter: NetworkCounter, clearance: float = 1.0) -> None:
         self.counter, self.clearance = counter, clearance
         self.metadata = counter.metadata

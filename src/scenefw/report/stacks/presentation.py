@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from scenefw.core.protocols import Result
+from scenefw.evaluation.stacks.confidence_results import ConfidenceResult
 from scenefw.evaluation.stacks.grasping_results import GraspingResult
 from scenefw.evaluation.stacks.latent_space_results import LatentSpaceResult
 from scenefw.evaluation.stacks.real_masks import RealMaskResult
@@ -11,6 +12,7 @@ from scenefw.evaluation.stacks.several_views_results import SeveralViewsResult
 from scenefw.evaluation.stacks.stability_results import StabilityResult
 from scenefw.report.blocks import Section
 from scenefw.report.presentation import Show, sections_by_class
+from scenefw.report.stacks.confidence import confidence_sections
 from scenefw.report.stacks.grasping import grasping_sections
 from scenefw.report.stacks.latent_space import latent_space_sections
 from scenefw.report.stacks.real_masks import real_mask_sections
@@ -24,6 +26,7 @@ _SHOWN_BY: dict[type, Show] = {
     SeveralViewsResult: several_views_sections,
     GraspingResult: grasping_sections,
     LatentSpaceResult: lambda result, _: latent_space_sections(result),
+    ConfidenceResult: lambda result, _: confidence_sections(result),
     StabilityResult: lambda result, _: stability_sections(result),
 }
 

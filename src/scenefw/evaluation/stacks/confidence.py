@@ -1,0 +1,107 @@
+"""Whether predictions are as sure of objects as they are right about them."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from scenefw.core.errors import ConfigError
+from scenefw.data.views import ViewMaker, Viewpoints
+from scenefw.evaluation.kept_rows import KeptRows, kept_or_made
+from scenefw.evaluation.side_by_side import side_by_side
+from scenefw.evaluation.stacks.confidence_results import ConfidenceResult, ObjectConfidence
+from scenefw.evaluation.stacks.several_views import SeenOften
+from scenefw.postprocessing.confidence import best_overlaps, confidences
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from scenefw.core.protocols import MappingMethod, Noise, Renderer, Track
+    from scenefw.data.stacks import SceneSet
+    from scenefw.perception.pipeline import GridReconstructor
+
+_VIEWS, _CODES = 41, 42  # random streams
+
+
+class ConfidenceEvaluation:
+    """Compares how alike samples of one view are, object by object, with the IoU with the truth.
+
+    Agreement is the confidence of `run=predict` without a calibration. Beside it stand the
+    calibration that predictions have, one that is fitted to the other half of the scenes, and a
+    constant, the mean IoU of that half.
+
+    Args:
+        scenes: of a split.
+        method: reconstructs views.
+        viewpoints: draws cameras.
+        renderer: makes depth images of the true TSDF.
+        mapping: from depth to partial TSDF.
+        noise: disturbs the depth images.
+        samples: of each view.
+        seed: of cameras, noise and samples.
+        device: where volumes and views are computed.
+        workers: scenes at once; None: on the CPU as many as torch has threads, on a GPU one.
+        kept: finished scenes of an interrupted run; None keeps none.
+
+    Raises:
+        ConfigError: fewer than two samples, or the method has no grid.
+    """
+
+    def __init__(
+        self,
+        scenes: SceneSet,
+        method: GridReconstructor,
+        viewpoints: Viewpoints,
+        renderer: Renderer,
+        mapping: MappingMethod,
+        noise: Mapping[str, Noise] | None = None,
+        samples: int = 3,
+        seed: int = 0,
+        device: str = "cpu",
+        workers: int | None = None,
+        kept: KeptRows | None = None,
+    ) -> None:
+        if samples < 2:
+            raise ConfigError(f"size.samples is {samples}: agreement needs 2 samples or more")
+        if method.grid is None:
+            raise ConfigError("the method has no grid; give evaluation.method.inner.inner.grid")
+        self.scenes, self.method, self.samples = scenes, method, samples
+        self.maker = ViewMaker(method.grid, viewpoints, renderer, mapping, noise)
+        self.seed, self.device, self.kept = seed, device, kept
+        self.workers = 1 if workers is None and torch.device(device).type != "cpu" else workers
+
+    def run(self, track: Track = lambda items, _: items) -> ConfidenceResult:
+        """Scores all scenes; `track(items, what)` shows a bar of the loop."""
+        found = kept_or_made(
+            self.kept,
+            {str(row): row for row in range(len(self.scenes))},
+            lambda some, done: side_by_side(self.score, some, track, "scenes", self.workers, done),
+            lambda objects: [asdict(one) for one in objects],
+            lambda rows: [ObjectConfidence(**row) for row in rows],
+        )
+        objects = tuple(one for scene in found for one in scene)
+        return ConfidenceResult(objects, self.samples, self.method.calibration)
+
+    @torch.no_grad()
+    def score(self, row: int) -> list[ObjectConfidence]:
+        """All objects that are predicted of one view of a scene."""
+        streams = (self.seed, _VIEWS, _CODES)
+        seen = SeenOften.of(self.scenes, row, self.maker, 1, streams, self.device)
+        batch = seen.batches[0]
+        generator = torch.Generator().manual_seed(seen.codes)
+        first, *others = self.method.complete(
+            batch.partial, self.method.grid, self.samples, generator
+        )
+        said = confidences(first.instances[0], [one.instances[0] for one in others])
+        if not said:
+            return []
+        labels = first.instances[0].cpu().numpy().astype(np.int64)
+        true = batch.volumes.instances[0].cpu().numpy().astype(np.int64)
+        overlaps = best_overlaps(labels, np.array(list(said)), true)
+        return [
+            ObjectConfidence(seen.index, sure, float(iou))
+            for sure, iou in zip(said.values(), overlaps, strict=True)
+        ]
