@@ -48,7 +48,7 @@ class HiddenObjects:
         if not checkpoint.model.draws_hidden:
             raise ConfigError(
                 "these weights draw no hidden objects; give checkpoints.scenes=FILE of a training "
-                "of model=set_flow, or reconstructor.hidden=null"
+                "of model=set_flow, or reconstructor=set_flow"
             )
         self.model, self.tries, self.steps = checkpoint.model, tries, steps
 
