@@ -18,12 +18,12 @@ from scenefw.data.object_ends import object_ends
 from scenefw.data.scene_batches import SceneBatches
 from scenefw.data.stacks import StackScenes
 from scenefw.data.views import Viewpoints
+from scenefw.kernels.cameras import floor_depths
 from scenefw.kernels.superquadric_rays import first_hits
 from scenefw.kernels.transfer import to_device
 
 # Random streams, beside that of the order of scenes
 _VIEWS, _VALIDATION = 2, 3
-_LEVEL = 0.02  # how much rays go down at least, so that they meet the floor
 
 
 class SeenSets(SceneBatches):
@@ -166,10 +166,7 @@ class SeenSets(SceneBatches):
         """Where images of objects end, with noise along the rays."""
         pixels = torch.arange(depth[0].numel(), device=depth.device).expand(len(depth), -1)
         eye = cameras.T_world_camera[:, :3, 3]
-        ahead = _points(torch.ones_like(depth).flatten(1), pixels, cameras)
-        down = (eye[:, 2:] - ahead[..., 2]).clamp_min(_LEVEL)
-        floor = (eye[:, 2:] / down).view_as(depth)
-        there = torch.where(owners > 0, depth, floor).flatten(1)
+        there = torch.where(owners > 0, depth, floor_depths(cameras)).flatten(1)
         points = _points(there, pixels, cameras).view(*depth.shape, 3)
         ends = object_ends(points, owners, eye, chances[:, 0])
         noise = sigmas[..., None] * _normal(chances[:, 1], chances[:, 2])

@@ -41,6 +41,22 @@ def camera_of(cameras: CameraBatch, index: int) -> Camera:
     return Camera(cameras.width, cameras.height, fx, fy, cx, cy, pose)
 
 
+def floor_depths(cameras: CameraBatch, level: float = 0.02) -> torch.Tensor:
+    """z-depth (B, H, W) at which the rays of pixels meet the floor z = 0 (m).
+
+    Args:
+        cameras: above the floor.
+        level: rays go down by this much per metre of z-depth at least, so that all of them meet it.
+    """
+    device = cameras.intrinsics.device
+    fx, fy, cx, cy = cameras.intrinsics[:, :, None, None].unbind(1)
+    rows = torch.arange(cameras.height, device=device)[:, None]
+    columns = torch.arange(cameras.width, device=device)
+    right, below, ahead = cameras.T_world_camera[:, 2, :3, None, None].unbind(1)
+    up = right * (columns - cx) / fx + below * (rows - cy) / fy + ahead
+    return cameras.T_world_camera[:, 2, 3, None, None] / (-up).clamp_min(level)
+
+
 def require_depth(depth: torch.Tensor, cameras: CameraBatch) -> torch.Tensor:
     """Returns depth (B, H, W) as contiguous float32 with 0 where not finite.
 

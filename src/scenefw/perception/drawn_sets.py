@@ -1,4 +1,4 @@
-"""Superquadrics of a view whose hidden parts, and hidden objects, a trained flow of sets draws."""
+"""Superquadrics of a view whose hidden parts a trained flow of sets draws."""
 
 from __future__ import annotations
 
@@ -53,11 +53,11 @@ class SizedFit(Protocol):
 class DrawnSets(Fitted):
     """Superquadrics fitted to the view, and to draws of a network where nothing is seen.
 
-    Objects that the image shows are fitted (`Fitted`). The network sees their points and draws
-    sets: how far each object goes on, and objects of which nothing is seen. Points of a drawn
-    surface that lie away from all that is seen of its object are evidence about it as well. All are
-    fitted again, from what was drawn, so that what is seen decides where it speaks. For the first
-    sample the faces of objects are in the middle of several draws.
+    Objects that the image shows are fitted (`Fitted`). The network sees their points and draws how
+    far each of them goes on. Points of a drawn surface that lie away from all that is seen of its
+    object are evidence about it as well. All are fitted again, from what was drawn, so that what is
+    seen decides where it speaks. For the first sample the faces of objects are in the middle of
+    several draws. Objects of which nothing is seen are drawn by `hidden`.
 
     Args:
         inner: makes the scenes.
@@ -72,8 +72,8 @@ class DrawnSets(Fitted):
         votes: draws whose middle the first sample takes; 0: it is the fit without a network.
         drawn_sigma: standard deviation of points of drawn surfaces (m).
         beyond: points of drawn surfaces count that are further than this from all seen ones (m).
-        calibration: from how alike samples are to how right objects are; None: not measured.
         hidden: adds objects of which nothing is seen to drawn scenes; None adds none.
+        calibration: from how alike samples are to how right objects are; None: not measured.
         drawn: the first sample is the best, further ones are drawn; without it, all are the best.
 
     Raises:

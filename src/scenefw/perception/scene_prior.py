@@ -9,9 +9,10 @@ import numpy as np
 import torch
 
 from scenefw.core import geometry, rng
-from scenefw.core.batches import CameraBatch, SceneParameters, SeenSetBatch
+from scenefw.core.batches import SceneParameters, SeenSetBatch
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import Camera, Frame, GridSpec, PlacedShape, Pose, SceneEstimate
+from scenefw.kernels.cameras import floor_depths, stack_cameras
 from scenefw.kernels.superquadric_rays import first_hits
 from scenefw.perception.objects import estimate_objects
 from scenefw.perception.pushing_apart import pushed_apart
@@ -23,11 +24,9 @@ if TYPE_CHECKING:
 
     from scenefw.core.protocols import Settling
     from scenefw.core.training_protocols import TrainedSetFlow
-    from scenefw.core.types import Float64
 
 _SIZES = (2e-3, 0.5)  # m: half-axes of what is taken
 _EYE, _TARGET = (-0.9, 0.0, 0.6), (0.0, 0.0, 0.05)  # m
-_LEVEL = 0.02  # how much rays go down at least, so that they meet the floor
 
 
 class ScenePrior:
@@ -160,9 +159,10 @@ def _seen(scene: SceneEstimate) -> SceneEstimate:
     placed = [item.placed for item in scene.objects if item.placed is not None]
     parameters, camera = _parameters(placed), scene.frame.camera
     volumes = scene_volumes(parameters, scene.grid)
-    depth, owners = first_hits(parameters, _batch_of(camera))
+    cameras = stack_cameras([camera])
+    depth, owners = first_hits(parameters, cameras)
     owner = owners[0].numpy()
-    image = np.where(owner > 0, depth[0].numpy(), _floor(camera)).astype(np.float32)
+    image = torch.where(owners > 0, depth, floor_depths(cameras))[0].numpy()
     ids = np.array([0, *(item.id for item in scene.objects)], dtype=np.int32)
     reach = scene.grid.truncation
     return replace(
@@ -186,17 +186,3 @@ def _parameters(placed: list[PlacedShape]) -> SceneParameters:
         of([item.pose.position for item in placed]),
         torch.ones(1, len(placed), dtype=torch.bool),
     )
-
-
-def _batch_of(camera: Camera) -> CameraBatch:
-    lens = torch.tensor([[camera.fx, camera.fy, camera.cx, camera.cy]], dtype=torch.float32)
-    pose = torch.from_numpy(camera.T_world_camera.astype(np.float32))[None]
-    return CameraBatch(camera.width, camera.height, lens, pose)
-
-
-def _floor(camera: Camera) -> Float64:
-    """z-depth (H, W) of the floor (m)."""
-    v, u = np.mgrid[: camera.height, : camera.width]
-    rays = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(u.shape)])
-    down = -np.tensordot(camera.T_world_camera[2, :3], rays, axes=1)
-    return np.asarray(camera.T_world_camera[2, 3] / np.maximum(down, _LEVEL))

@@ -4,8 +4,9 @@ import torch
 from tests.unit.kernels import analytic
 
 from scenefw.core.errors import InputError
+from scenefw.core.geometry import look_at, transform_points
 from scenefw.core.types import Camera
-from scenefw.kernels.cameras import require_depth, stack_cameras
+from scenefw.kernels.cameras import floor_depths, require_depth, stack_cameras
 
 
 def test_a_batch_holds_every_camera():
@@ -55,3 +56,22 @@ def test_depth_without_a_finite_value_is_no_measurement():
     clean = require_depth(depth, batch)
     assert clean[0, 0].tolist() == [0, 0, 0, 1]
     assert (clean[0, 1:] == 1).all()
+
+
+@pytest.mark.parametrize("size", [(40, 30), (64, 48)])
+def test_points_at_the_depth_of_the_floor_lie_on_it(size):
+    eyes = [(0.8, 0.1, 0.7), (-0.3, 0.5, 1.1)]
+    cameras = [Camera(T_world_camera=look_at(eye, (0.0, 0.0, 0.05))).resized(*size) for eye in eyes]
+    depths = floor_depths(stack_cameras(cameras)).double().numpy()
+    assert depths.shape == (2, size[1], size[0])
+    v, u = np.mgrid[: size[1], : size[0]]
+    for camera, depth in zip(cameras, depths, strict=True):
+        local = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1 + 0 * u], -1)
+        points = transform_points(camera.T_world_camera, depth[..., None] * local)
+        assert np.abs(points[..., 2]).max() < 1e-5
+
+
+def test_rays_above_the_horizon_end_far_away():
+    level = Camera(T_world_camera=look_at((0.0, 0.0, 0.5), (1.0, 0.0, 0.5))).resized(40, 30)
+    depths = floor_depths(stack_cameras([level]), level=0.1)
+    assert depths[0, 0].unique().tolist() == pytest.approx([5.0])
