@@ -267,10 +267,8 @@ class SetFlowModel(Network, Protocol):
         count: int,
         generator: torch.Generator,
         steps: int = 20,
-        *,
-        given: bool = True,
     ) -> SeenSetBatch:
-        """Draws `count` sets for the first view, or (`given` false) without one.
+        """Draws `count` sets for the first view.
 
         The view's objects are what was fitted to it: a network may take their rotations as known.
         """
@@ -278,6 +276,15 @@ class SetFlowModel(Network, Protocol):
 
 class WholeSetFlowModel(SetFlowModel, Protocol):
     """A flow that also draws objects of which nothing is seen (`draws_hidden`)."""
+
+    def scenes(
+        self,
+        count: int,
+        generator: torch.Generator,
+        steps: int = 20,
+        objects: int | None = None,
+    ) -> SeenSetBatch:
+        """Draws `count` scenes without a view, of as many objects; None: as many as it draws."""
 
     def complete(
         self, batch: SeenSetBatch, count: int, generator: torch.Generator, steps: int = 20

@@ -204,8 +204,6 @@ class SetExtents(nn.Module):
         count: int,
         generator: torch.Generator,
         steps: int = 20,
-        *,
-        given: bool = True,
     ) -> SeenSetBatch:
         """Draws sets for one view, with the axes that its objects have.
 
@@ -214,19 +212,10 @@ class SetExtents(nn.Module):
             count: of draws, S.
             generator: of noise, on the CPU.
             steps: of Euler's method.
-            given: there is no other way.
 
         Returns:
             The view S times.
-
-        Raises:
-            ConfigError: scenes without a view are asked for.
         """
-        if not given:
-            raise ConfigError(
-                "model=set_extents draws hidden parts of seen objects; for scenes without a view "
-                "give weights of model=set_flow"
-            )
         device = batch.points.device
         one = replace(batch, **{name: value[:1] for name, value in vars(batch).items()})
         axes, low, high, order = seen_in_axes(one, one.rotations)

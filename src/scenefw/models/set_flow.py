@@ -170,8 +170,6 @@ class SetFlow(nn.Module):
         count: int,
         generator: torch.Generator,
         steps: int = 20,
-        *,
-        given: bool = True,
     ) -> SeenSetBatch:
         """Draws sets for one view.
 
@@ -180,13 +178,13 @@ class SetFlow(nn.Module):
             count: of draws, S.
             generator: of noise, on the CPU.
             steps: of Euler's method.
-            given: False draws scenes without a view, and `batch` says only the device.
 
         Returns:
             The view S times, in slots those that are seen and then those that aren't.
         """
-        view = _first(batch) if given else _nothing(batch)
-        return self._draw(view, count, generator, steps, given=given, known=False)
+        view = _first(batch)
+        memory, hidden = self._hidden(view, count, generator, given=True)
+        return self._draw(view, memory, hidden, generator, steps)
 
     @torch.no_grad()
     def complete(
@@ -205,25 +203,54 @@ class SetFlow(nn.Module):
         Returns:
             The view S times, in slots those that are seen, as they are, and then those that aren't.
         """
-        return self._draw(_first(batch), count, generator, steps, given=True, known=True)
+        view = _first(batch)
+        memory, hidden = self._hidden(view, count, generator, given=True)
+        return self._draw(view, memory, hidden, generator, steps, known=True)
+
+    @torch.no_grad()
+    def scenes(
+        self,
+        count: int,
+        generator: torch.Generator,
+        steps: int = 20,
+        objects: int | None = None,
+    ) -> SeenSetBatch:
+        """Draws scenes without a view.
+
+        Args:
+            count: of draws, S.
+            generator: of noise, on the CPU.
+            steps: of Euler's method.
+            objects: how many each scene has; None: drawn too.
+
+        Returns:
+            S views of which nothing is seen, with their objects.
+        """
+        view = _nothing(self.hidden.device)
+        memory, hidden = self._hidden(view, count, generator, given=False)
+        hidden = hidden.clamp_min(1) if objects is None else torch.full((count,), objects)
+        return self._draw(view, memory, hidden, generator, steps)
+
+    def _hidden(
+        self, view: SeenSetBatch, count: int, generator: torch.Generator, *, given: bool
+    ) -> tuple[Tensor, Tensor]:
+        """Tokens of one view, and how many hidden objects (S,) there are in each draw."""
+        memory, logits = self.encode(view, torch.full((1,), given, device=view.points.device))
+        chances = logits[0].softmax(dim=-1).cpu()
+        return memory, torch.multinomial(chances, count, replacement=True, generator=generator)
 
     def _draw(
         self,
         view: SeenSetBatch,
-        count: int,
+        memory: Tensor,
+        hidden: Tensor,
         generator: torch.Generator,
         steps: int,
         *,
-        given: bool,
-        known: bool,
+        known: bool = False,
     ) -> SeenSetBatch:
         device = view.points.device
-        memory, logits = self.encode(view, torch.full((1,), given, device=device))
-        parts = view.seen.shape[1]
-        chances = logits[0].softmax(dim=-1).cpu()
-        hidden = torch.multinomial(chances, count, replacement=True, generator=generator)
-        if not given:
-            hidden = hidden.clamp_min(1)
+        count, parts = len(hidden), view.seen.shape[1]
         extra = max(int(hidden.max()), 1)
         noise = torch.randn(count, parts + extra, SIZE, generator=generator).to(device)
         there = torch.arange(extra)[None] < hidden[:, None]
@@ -327,6 +354,15 @@ def _first(batch: SeenSetBatch) -> SeenSetBatch:
     return SeenSetBatch(camera=batch.camera[:1], **of_objects)
 
 
-def _nothing(batch: SeenSetBatch) -> SeenSetBatch:
+def _nothing(device: torch.device) -> SeenSetBatch:
     """A view without any object."""
-    return _first(replace(batch, seen=torch.zeros_like(batch.seen)))
+
+    def empty(*shape: int) -> Tensor:
+        return torch.zeros(1, 0, *shape, device=device)
+
+    none = torch.zeros(1, 0, dtype=torch.bool, device=device)
+    return SeenSetBatch(
+        points=empty(1, 3), seen=none, sizes=empty(), ends=empty(1, 7),
+        camera=torch.zeros(1, 3, device=device), half_axes=empty(3), exponents=empty(3),
+        rotations=empty(3, 3), positions=empty(3), present=none,
+    )  # fmt: skip

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from scenefw.core.protocols import Settling
-    from scenefw.core.training_protocols import TrainedSetFlow
+    from scenefw.core.training_protocols import TrainedWholeSetFlow
 
 _SIZES = (2e-3, 0.5)  # m: half-axes of what is taken
 _EYE, _TARGET = (-0.9, 0.0, 0.6), (0.0, 0.0, 0.05)  # m
@@ -33,7 +33,8 @@ class ScenePrior:
     """Draws scenes of superquadrics from the prior of a flow of sets.
 
     A draw is pushed apart where objects run into each other, and then left to gravity. Piles that
-    fall are drawn anew, so what comes out stands. Without `settling`, draws come as they are.
+    fall are drawn anew, with as many objects, so what comes out stands. Without `settling`, draws
+    come as they are.
 
     Args:
         checkpoint: of a flow of whole sets (`model=set_flow`).
@@ -48,7 +49,7 @@ class ScenePrior:
 
     def __init__(
         self,
-        checkpoint: TrainedSetFlow,
+        checkpoint: TrainedWholeSetFlow,
         grid: GridSpec,
         settling: Settling | None = None,
         steps: int = 20,
@@ -81,7 +82,8 @@ class ScenePrior:
 
     def _scene(self, seed: int, number: int) -> SceneEstimate:
         generator = torch.Generator().manual_seed(rng.torch_seed(seed, number))
-        drawn = self._drawn(generator)
+        many = int(self.model.scenes(1, generator, 1).present.sum())
+        drawn = self.model.scenes(self.attempts, generator, self.steps, many)
         for row in range(self.attempts):
             objects = _placed(drawn, row)
             if not objects or not self._inside(objects):
@@ -103,12 +105,6 @@ class ScenePrior:
         lower = np.array(self.grid.lower)
         return bool(((places > lower) & (places < lower + self.grid.extent)).all())
 
-    @torch.no_grad()
-    def _drawn(self, generator: torch.Generator) -> SeenSetBatch:
-        device = next(self.model.parameters()).device  # type: ignore[attr-defined]
-        nothing = _without_view(device)
-        return self.model.sample(nothing, self.attempts, generator, self.steps, given=False)
-
     def _estimate(
         self, objects: list[PlacedShape], seed: int, number: int, row: int
     ) -> SceneEstimate:
@@ -124,18 +120,6 @@ class ScenePrior:
                 estimates, self.grid, empty.astype(np.float32), empty.astype(np.int32), frame, facts
             )
         )
-
-
-def _without_view(device: torch.device) -> SeenSetBatch:
-    def empty(*shape: int) -> torch.Tensor:
-        return torch.zeros(1, 1, *shape, device=device)
-
-    none = torch.zeros(1, 1, dtype=torch.bool, device=device)
-    return SeenSetBatch(
-        points=empty(1, 3), seen=none, sizes=empty(), ends=empty(1, 7),
-        camera=torch.zeros(1, 3, device=device), half_axes=empty(3) + 0.05,
-        exponents=empty(3) + 2.0, rotations=empty(3, 3), positions=empty(3), present=none,
-    )  # fmt: skip
 
 
 def _placed(drawn: SeenSetBatch, row: int) -> list[PlacedShape]:

@@ -123,8 +123,6 @@ def test_it_learns_hidden_faces_of_a_view():
 
 def test_what_it_does_not_draw_is_refused():
     model = SetExtents(**SMALL)
-    with pytest.raises(ConfigError, match="set_flow"):
-        model.sample(boxes(), 1, torch.Generator(), given=False)
     with pytest.raises(ConfigError, match="flow_velocity"):
         HiddenCount().check(SetFlowSetup(model.slots, model.draws_hidden))
     with pytest.raises(ConfigError, match="heads 0"):

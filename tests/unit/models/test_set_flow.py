@@ -138,16 +138,16 @@ def test_it_learns_objects_of_a_view_and_draws_them():
     assert float((volume / true).log().abs().median()) < 0.5
 
 
-def test_scenes_without_a_view_do_not_depend_on_one():
+def test_scenes_without_a_view_have_as_many_objects_as_one_asks_for():
     torch.manual_seed(0)
     model = SetFlow(**SMALL)
-    first, second = (
-        model.sample(batch_of(seed=seed), 4, torch.Generator().manual_seed(1), given=False)
-        for seed in (0, 1)
-    )
-    assert torch.equal(first.positions, second.positions)
+    first, again = (model.scenes(4, torch.Generator().manual_seed(1)) for _ in range(2))
+    assert torch.equal(first.positions, again.positions)
     assert (first.present.sum(dim=1) >= 1).all()
     assert not first.seen.any()
+    two = model.scenes(3, torch.Generator().manual_seed(1), objects=2)
+    assert (two.present.sum(dim=1) == 2).all()
+    assert two.positions.shape == (3, 2, 3)
 
 
 def test_sizes_below_one_are_refused():

@@ -25,16 +25,15 @@ class Told(torch.nn.Module):
 
     def __init__(self, scenes):
         super().__init__()
-        self.scenes = scenes
+        self.told = scenes
         self.any = torch.nn.Parameter(torch.zeros(1))
 
-    def sample(self, batch, count, generator, steps=20, *, given=True):
-        assert not given
-        slots = max(len(one) for one in self.scenes)
+    def scenes(self, count, generator, steps=20, objects=None):
+        slots = max(len(one) for one in self.told)
         places = torch.full((count, slots, 3), float("nan"))
         present = torch.zeros(count, slots, dtype=torch.bool)
         for row in range(count):
-            scene = self.scenes[row % len(self.scenes)]
+            scene = self.told[row % len(self.told)]
             places[row, : len(scene)] = torch.tensor(scene)
             present[row, : len(scene)] = True
         return SeenSetBatch(
@@ -72,8 +71,8 @@ def test_a_draw_is_a_scene_with_volumes_an_image_and_masks():
 
 def test_a_scene_depends_on_its_seed_and_number_alone():
     class Random(Told):
-        def sample(self, batch, count, generator, steps=20, *, given=True):
-            made = super().sample(batch, count, generator, steps, given=given)
+        def scenes(self, count, generator, steps=20, objects=None):
+            made = super().scenes(count, generator, steps, objects)
             made.positions[..., 0] = torch.rand(count, 1, generator=generator) / 5
             return made
 

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import torch
 
-from scenefw.core import geometry, rng
+from scenefw.core import rng
 from scenefw.core.batches import SceneParameters, SeenSetBatch
 from scenefw.core.errors import ConfigError
-from scenefw.core.types import PlacedShape, Pose, SceneObject
 from scenefw.evaluation.sets import prior_references as references
+from scenefw.evaluation.sets.left_to_gravity import Gravity, apart, chosen, joined, objects_of
 from scenefw.evaluation.sets.prior_results import (
     APART,
+    AT_REST,
     DRAWN,
     GIVEN,
     JITTERED,
     SHUFFLED,
+    SHUFFLED_APART,
+    SHUFFLED_AT_REST,
     TRAINING,
     TRUTH,
     PriorResult,
@@ -31,21 +33,22 @@ from scenefw.evaluation.sets.scene_numbers import (
     object_numbers,
     quantities,
 )
-from scenefw.perception.pushing_apart import pushed_apart
-from scenefw.scenes.simulation import motions
-from scenefw.shapes.superquadric import Superquadric
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from scenefw.core.protocols import Engine, Track
-    from scenefw.core.training_protocols import TrainedSetFlow
+    from scenefw.core.training_protocols import TrainedWholeSetFlow
+    from scenefw.core.types import SceneObject
     from scenefw.data.stacks import StackScenes
 
-_REFERENCES, _DRAWS, _GIVEN, _CHOICE = 1, 2, 3, 4  # random streams
+_REFERENCES, _DRAWS, _GIVEN, _CHOICE, _AT_REST = 1, 2, 3, 4, 5  # random streams
 _SIZES = (1e-3, 1.0)  # m: half-axes that a simulator can take
+_ROWS = (
+    DRAWN, APART, AT_REST, GIVEN, TRUTH, TRAINING,
+    SHUFFLED, SHUFFLED_APART, SHUFFLED_AT_REST, JITTERED,
+)  # fmt: skip
 _LOST = 10.0  # m: displacement that counts at most
-_DENSITY = 500.0  # kg/m^3
 
 
 class ViewedScenes(Protocol):
@@ -62,7 +65,8 @@ class SetPriorEvaluation:
 
     The references learn nothing: `shuffled` scenes are put together from shapes and positions of
     different training scenes, and `jittered` ones are true scenes whose objects are moved a little.
-    Drawn scenes count as they are, and pushed apart (`perception.pushing_apart`).
+    Drawn and shuffled scenes count as they are, pushed apart (`perception.pushing_apart`), and left
+    to gravity, where those that fall are drawn anew with as many objects, as `ScenePrior` does.
     `training` scenes show what a perfect sampler of the training distribution would reach. All
     samples are of equal size. A pile is stable if no centre moves by `furthest` and no object
     turns by `steepest` until everything rests.
@@ -88,7 +92,7 @@ class SetPriorEvaluation:
 
     def __init__(
         self,
-        checkpoint: TrainedSetFlow,
+        checkpoint: TrainedWholeSetFlow,
         data: ViewedScenes,
         scenes: StackScenes,
         engine: Engine,
@@ -113,31 +117,29 @@ class SetPriorEvaluation:
                 "this network draws nothing without a view; give checkpoints.scenes=FILE of a "
                 "training of model=set_flow"
             )
-        self.model, self.data, self.scenes, self.engine = checkpoint.model, data, scenes, engine
-        self.steps, self.physics_steps = steps, physics_steps
-        self.furthest, self.steepest = furthest, steepest
+        self.model, self.data, self.scenes = checkpoint.model, data, scenes
+        self.steps, self.gravity = steps, Gravity(engine, physics_steps, furthest, steepest)
         self.shift, self.turn, self.examples, self.seed = shift, turn, examples, seed
         self.draws = len(scenes) if draws is None else min(draws, len(scenes))
 
     @torch.no_grad()
     def run(self, track: Track = lambda items, _: items) -> PriorResult:
         """Draws, simulates and compares; `track(items, what)` shows a bar of each loop."""
-        chosen = rng.generator(self.seed, _CHOICE).permutation(len(self.scenes))[: self.draws]
-        views = [self.data.views_of(self.scenes, [row]) for row in track(chosen.tolist(), "views")]
+        true = rng.generator(self.seed, _CHOICE).permutation(len(self.scenes))[: self.draws]
+        views = [self.data.views_of(self.scenes, [row]) for row in track(true.tolist(), "views")]
         rows = list(range(self.draws))
-        kinds = self._references(chosen.tolist())
-        kinds[DRAWN] = self._drawn(views[0], len(rows))
-        kinds[APART] = _apart(kinds[DRAWN])
+        kinds = self._references(true.tolist())
+        kinds |= self._drawn(len(rows))
         singles = [self._given(view, row, 1) for row, view in track([*enumerate(views)], "draws")]
-        kinds[GIVEN] = _joined(singles)
+        kinds[GIVEN] = joined(singles)
         known = object_numbers(_all(self.data.scenes))
         samples = {}
-        for kind in (DRAWN, APART, GIVEN, TRUTH, TRAINING, SHUFFLED, JITTERED):
+        for kind in _ROWS:
             whole = [objects_of(kinds[kind], row) for row in rows]
             new = nearest_scene(object_numbers(kinds[kind]), known)
             samples[kind] = self._scored(whole, new, track, kind)
         shown = {kind: [kinds[kind]] for kind in (DRAWN, TRUTH, SHUFFLED)}
-        first = {kind: _rows(one[0], range(self.examples)) for kind, one in shown.items()}
+        first = {kind: chosen(one[0], range(self.examples)) for kind, one in shown.items()}
         several = [
             ViewDraws(_seen_first(view), self._given(view, row, 3), tuple(view.camera[0].tolist()))
             for row, view in enumerate(views[: self.examples])
@@ -147,19 +149,34 @@ class SetPriorEvaluation:
     def _references(self, true_rows: list[int]) -> dict[str, SceneParameters]:
         random, count = rng.generator(self.seed, _REFERENCES), len(true_rows)
         training, true = _all(self.data.scenes), self.scenes.parameters(true_rows)
-        chosen = random.permutation(len(self.data.scenes))
-        chosen = np.resize(chosen, count)  # fewer training scenes than drawn ones come again
+        some = random.permutation(len(self.data.scenes))
+        some = np.resize(some, count)  # fewer training scenes than drawn ones come again
+        shuffled = references.shuffled(training, count, random)
+        jittered = references.jittered(true, self.shift, self.turn, random)
+        again = rng.generator(self.seed, _REFERENCES, _AT_REST)
+
+        def draw(scenes: int, objects: int) -> SceneParameters:
+            return references.shuffled(training, scenes, again, objects)
+
         return {
             TRUTH: true,
-            TRAINING: _rows(training, chosen.tolist()),
-            SHUFFLED: references.shuffled(training, count, random),
-            JITTERED: references.jittered(true, self.shift, self.turn, random),
+            TRAINING: chosen(training, some.tolist()),
+            SHUFFLED: shuffled,
+            SHUFFLED_APART: apart(shuffled),
+            SHUFFLED_AT_REST: self.gravity.at_rest(draw, _counts(shuffled)),
+            JITTERED: jittered,
         }
 
-    def _drawn(self, view: SeenSetBatch, count: int) -> SceneParameters:
+    def _drawn(self, count: int) -> dict[str, SceneParameters]:
         generator = torch.Generator().manual_seed(rng.torch_seed(self.seed, _DRAWS))
-        moved = self._on_device(view)
-        return _usable(self.model.sample(moved, count, generator, self.steps, given=False))
+        drawn = _usable(self.model.scenes(count, generator, self.steps))
+        again = torch.Generator().manual_seed(rng.torch_seed(self.seed, _DRAWS, _AT_REST))
+
+        def draw(scenes: int, objects: int) -> SceneParameters:
+            return _usable(self.model.scenes(scenes, again, self.steps, objects))
+
+        at_rest = self.gravity.at_rest(draw, _counts(drawn))
+        return {DRAWN: drawn, APART: apart(drawn), AT_REST: at_rest}
 
     def _given(self, view: SeenSetBatch, row: int, count: int) -> SceneParameters:
         generator = torch.Generator().manual_seed(rng.torch_seed(self.seed, _GIVEN, row))
@@ -179,42 +196,12 @@ class SetPriorEvaluation:
         values = [quantities(one) for one in scenes]
         stable, shifts = [], []
         for scene in track(scenes, f"piles, {kind}"):
-            found = motions(scene, self.engine, self.physics_steps, until_rest=True)
-            stable.append(
-                bool(found)
-                and all(m.shift < self.furthest and m.turn < self.steepest for m in found)
-            )
+            found = self.gravity.motions(scene)
+            stable.append(self.gravity.stands(found))
             moves = [min(m.shift, _LOST) for m in found]
             shifts.append(float(np.mean(moves)) if moves else float("nan"))
         rows = [descriptor(one, known) for one, known in zip(scenes, values, strict=True)]
         return Sample(tuple(values), np.array(rows), np.array(stable), np.array(shifts), new)
-
-
-def objects_of(scenes: SceneParameters, row: int) -> tuple[SceneObject, ...]:
-    """The objects of one scene as rigid bodies."""
-    there = scenes.present[row].cpu().numpy()
-    fields = (scenes.half_axes, scenes.exponents, scenes.rotations, scenes.positions)
-    axes, exponents, rotations, positions = (
-        field[row].double().cpu().numpy()[there] for field in fields
-    )
-    items = []
-    for i in range(len(axes)):
-        shape = Superquadric(axes[i], exponents[i])
-        pose = Pose(positions[i], geometry.quaternion_from_rotation(rotations[i]))
-        items.append(SceneObject(shape, pose, _DENSITY * shape.volume()))
-    return tuple(items)
-
-
-def _apart(scenes: SceneParameters) -> SceneParameters:
-    """Scenes whose objects are pushed out of each other and out of the floor."""
-    positions = scenes.positions.clone()
-    for row in range(len(positions)):
-        placed = [PlacedShape(one.shape, one.pose) for one in objects_of(scenes, row)]
-        moved = [one.pose.position for one in pushed_apart(placed)]
-        if moved:
-            there = scenes.present[row]
-            positions[row, there] = torch.from_numpy(np.array(moved)).to(positions)
-    return replace(scenes, positions=positions)
 
 
 def _usable(drawn: SeenSetBatch) -> SceneParameters:
@@ -247,28 +234,9 @@ def _seen_first(view: SeenSetBatch) -> SceneParameters:
     return SceneParameters(*(field[:, order] for field in vars(_scene(view)).values()))
 
 
+def _counts(scenes: SceneParameters) -> list[int]:
+    return [int(count) for count in scenes.present.sum(dim=1)]
+
+
 def _all(scenes: StackScenes) -> SceneParameters:
     return scenes.parameters(list(range(len(scenes))))
-
-
-def _rows(scenes: SceneParameters, rows: Sequence[int]) -> SceneParameters:
-    kept = [row for row in rows if row < len(scenes.present)]
-    return SceneParameters(*(field[kept] for field in vars(scenes).values()))
-
-
-def _joined(parts: Sequence[SceneParameters]) -> SceneParameters:
-    """Scenes one after the other; absent objects fill up those that have fewer."""
-    slots = max(part.present.shape[1] for part in parts)
-    padded = []
-    for part in parts:
-        extra = slots - part.present.shape[1]
-        fields = {}
-        for name, field in vars(part).items():
-            filler = field.new_zeros(len(field), extra, *field.shape[2:])
-            if name in ("half_axes", "exponents"):
-                filler = filler + 2.0
-            fields[name] = torch.cat([field, filler], dim=1)
-        padded.append(replace(part, **fields))
-    return SceneParameters(
-        *(torch.cat([getattr(one, name) for one in padded]) for name in vars(padded[0]))
-    )

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
 
-def shuffled(scenes: SceneParameters, count: int, random: Generator) -> SceneParameters:
+def shuffled(
+    scenes: SceneParameters, count: int, random: Generator, objects: int | None = None
+) -> SceneParameters:
     """Scenes whose parts are drawn one by one from those of others.
 
     The number of objects is of one scene; the shape and rotation of each object, and its position
@@ -25,12 +27,15 @@ def shuffled(scenes: SceneParameters, count: int, random: Generator) -> ScenePar
         scenes: to draw from.
         count: of scenes.
         random: of the draws.
+        objects: how many each scene has; None: drawn too.
     """
     present = scenes.present
     middle = _middle(scenes)
     positions = (scenes.positions - middle[:, None])[present]
     slots = present.shape[1]
+    slots = slots if objects is None else objects
     numbers = present.sum(dim=1)[_draw(random, len(present), count)]
+    numbers = numbers if objects is None else torch.full_like(numbers, objects)
     shapes, places = (_draw(random, len(positions), count * slots) for _ in range(2))
     fields = (scenes.half_axes, scenes.exponents, scenes.rotations)
     axes, exponents, rotations = (

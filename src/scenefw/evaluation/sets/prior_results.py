@@ -23,8 +23,16 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 DRAWN, GIVEN, TRUTH, TRAINING = "drawn", "given", "truth", "training"
-APART, SHUFFLED, JITTERED = "drawn_apart", "shuffled", "jittered"
-LEARNED = (DRAWN, APART, GIVEN)
+APART, AT_REST = "drawn_apart", "drawn_at_rest"
+SHUFFLED, JITTERED = "shuffled", "jittered"
+SHUFFLED_APART, SHUFFLED_AT_REST = "shuffled_apart", "shuffled_at_rest"
+UNLEARNED = {
+    DRAWN: SHUFFLED,
+    APART: SHUFFLED_APART,
+    AT_REST: SHUFFLED_AT_REST,
+    GIVEN: SHUFFLED,
+}
+"""What is done to scenes that learn nothing, as to those of a network."""
 
 QUANTITIES = {
     "count": Measure("objects", "objects of a scene", "", 2),
@@ -178,7 +186,7 @@ class PriorResult:
             for name, measure in (QUANTITIES | gaps | SCORES).items():
                 changes = {
                     "name": f"{measure.name}, {kind}",
-                    "trivial": f"{SHUFFLED}/{name}" if kind in LEARNED else None,
+                    "trivial": f"{UNLEARNED[kind]}/{name}" if kind in UNLEARNED else None,
                 }
                 found[f"{kind}/{name}"] = measure.changed(changes)
         return found

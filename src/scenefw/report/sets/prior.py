@@ -35,10 +35,13 @@ if TYPE_CHECKING:
 _NAMES = {
     results.DRAWN: "drawn without a view",
     results.APART: "drawn without a view, pushed apart",
+    results.AT_REST: "drawn without a view, at rest",
     results.GIVEN: "drawn given a view",
     results.TRUTH: "true scenes",
     results.TRAINING: "training scenes",
     results.SHUFFLED: "parts of training scenes, shuffled (no learning)",
+    results.SHUFFLED_APART: "shuffled, pushed apart (no learning)",
+    results.SHUFFLED_AT_REST: "shuffled, at rest (no learning)",
     results.JITTERED: "true scenes, jittered",
 }
 _LINES = (results.DRAWN, results.GIVEN, results.TRUTH, results.SHUFFLED)
@@ -55,7 +58,9 @@ _NOTE = (
     "everything rests, no centre moves by 20 cm and no object turns by 30°. Nearest: distance of a "
     "scene's objects to those of the nearest training scene; far below that of true scenes it "
     "would be a copy, as training scenes are. Ranges: 95 % bounds. Shuffled: shape and position of "
-    "each object from two training scenes; the strongest row that learns nothing. Jittered: true "
+    "each object from two training scenes. Pushed apart: until objects share nothing. At rest: "
+    "pushed apart, then left to gravity; what falls is drawn anew with as many objects, as "
+    "`run=draw_scenes` does. Jittered: true "
     "scenes with every object moved by about 1 cm and 5°. Training scenes: what a perfect sampler "
     "of the training set would reach."
 )

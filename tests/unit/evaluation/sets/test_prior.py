@@ -14,7 +14,8 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.types import GridSpec, Pose, SceneObject
 from scenefw.data.seen_sets import SeenSets
 from scenefw.data.stacks import StackScenes
-from scenefw.evaluation.sets.prior import SetPriorEvaluation, objects_of
+from scenefw.evaluation.sets.left_to_gravity import Gravity, objects_of
+from scenefw.evaluation.sets.prior import SetPriorEvaluation
 from scenefw.evaluation.sets.prior_references import jittered, shuffled
 from scenefw.evaluation.sets.prior_results import share_interval
 from scenefw.evaluation.sets.scene_numbers import (
@@ -51,15 +52,20 @@ class Knowing(torch.nn.Module):
     def __init__(self, scenes, up=0.0):
         super().__init__()
         self.still = torch.nn.Parameter(torch.zeros(1))
-        self.scenes, self.up = scenes, up
+        self.true, self.up = scenes, up
 
-    def sample(self, batch, count, generator, steps=20, *, given=True):
-        if given:
-            batch = SeenSetBatch(*(field.expand(count, *field.shape[1:]) for field in
-                                   vars(batch).values()))  # fmt: skip
-            return replace(batch, positions=batch.positions + torch.tensor([0, 0, self.up]))
-        rows = torch.randint(len(self.scenes), (count,), generator=generator)
-        true = self.scenes.parameters(rows)
+    def sample(self, batch, count, generator, steps=20):
+        batch = SeenSetBatch(*(field.expand(count, *field.shape[1:]) for field in
+                               vars(batch).values()))  # fmt: skip
+        return replace(batch, positions=batch.positions + torch.tensor([0, 0, self.up]))
+
+    def scenes(self, count, generator, steps=20, objects=None):
+        known = self.true.parameters(range(len(self.true)))
+        rows = torch.arange(len(self.true))
+        if objects is not None:
+            rows = rows[known.present.sum(dim=1) == objects]
+        rows = rows[torch.randint(len(rows), (count,), generator=generator)]
+        true = self.true.parameters(rows)
         points = torch.zeros(*true.present.shape, 4, 3)
         return SeenSetBatch(
             points, torch.zeros_like(true.present), points[..., 0, 0],
@@ -116,9 +122,43 @@ def test_references_that_learn_nothing_fail_them(known):
     assert figures["shuffled/energy"] > figures["jittered/energy"]
     measures = known.measures
     assert measures["drawn/stable"].trivial == "shuffled/stable"
+    assert measures["drawn_at_rest/stable"].trivial == "shuffled_at_rest/stable"
     assert measures["truth/stable"].trivial is None
     assert figures.keys() <= {*measures, *(f"{name}{end}" for name in measures
                                            for end in ("_low", "_high"))}  # fmt: skip
+
+
+def test_what_falls_is_drawn_anew_with_as_many_objects():
+    """A leaning tower falls; a block beside another stands, and what is sunk comes up."""
+    engine = PyBulletEngine(gravity=10.0)
+    gravity = Gravity(engine, 600, furthest=0.05, steepest=30.0)
+    falls = [(0, 0, 0.05), (0.08, 0, 0.15)]
+    stands = [(0, 0, 0.05), (0.3, 0, 0.04)]
+    asked = []
+
+    def draw(scenes, objects):
+        asked.append((scenes, objects))
+        places = [falls, stands][min(len(asked) - 1, 1)]
+        return set_of([places[:objects]] * scenes)
+
+    found = gravity.at_rest(draw, [2, 2, 2])
+    assert asked == [(3, 2), (3, 2)]
+    assert found.present.sum(dim=1).tolist() == [2, 2, 2]
+    assert found.positions[0, :, 2].tolist() == pytest.approx([0.05, 0.05], abs=2e-3)
+    assert all(gravity.stands(gravity.motions(objects_of(found, row))) for row in range(3))
+    asked.clear()
+    lying = gravity.at_rest(lambda scenes, _: set_of([falls] * scenes), [2], attempts=1)
+    assert lying.positions[0, 1, 2] < 0.1  # as it came to lie
+
+
+def set_of(places):
+    """Scenes of blocks of 10 cm."""
+    positions = torch.tensor(places, dtype=torch.float32)
+    shape = positions.shape
+    return SceneParameters(
+        torch.full(shape, 0.05), torch.full(shape, 80.0),
+        torch.eye(3).expand(*shape[:2], 3, 3), positions, torch.ones(shape[:2], dtype=torch.bool),
+    )  # fmt: skip
 
 
 def test_raised_scenes_are_found_out(data, scenes):
@@ -141,7 +181,8 @@ def test_an_untrained_network_gives_a_page(data, tmp_path, monkeypatch):
     tests, made, drawn = sections
     table = tests.blocks[0]
     assert [name for name, _ in table.rows][:3] == [
-        "drawn without a view", "drawn without a view, pushed apart", "drawn given a view",
+        "drawn without a view", "drawn without a view, pushed apart",
+        "drawn without a view, at rest",
     ]  # fmt: skip
     assert all(len(one.rows) >= 5 for one in made.blocks[:2])
     assert "<svg" in made.blocks[2].svg
@@ -181,8 +222,8 @@ def test_views_of_another_split_are_those_of_validation(data):
 
 def test_objects_that_are_not_finite_are_left_out(data, scenes):
     class Broken(Knowing):
-        def sample(self, *words, **options):
-            made = super().sample(*words, **options)
+        def sample(self, *words):
+            made = super().sample(*words)
             axes = made.half_axes.clone()
             axes[:, 0], axes[:, 1] = float("nan"), 50.0
             return replace(made, half_axes=axes)
