@@ -8,16 +8,18 @@ import torch
 from tests.unit.mapping.test_several_views import BACK, FRONT, GRID, box_at, seen
 from torch import nn
 
-from scenefw.core.batches import Completion, ShapeInstancePrediction
+from scenefw.core.batches import Completion, SceneParameters, ShapeInstancePrediction
 from scenefw.core.errors import ConfigError
 from scenefw.fitting.superquadrics import SuperquadricFit
 from scenefw.metrics.occupancy import occupancy_iou
 from scenefw.perception.conditioned import Conditioned
+from scenefw.perception.dealt_by_fit import DealtByFit
 from scenefw.perception.evidence import EvidenceOfView
 from scenefw.perception.fitted import Fitted
 from scenefw.perception.fitted_to_views import FittedToViews
+from scenefw.perception.grouped_by_evidence import GroupedByEvidence
 from scenefw.perception.optimised_code import OptimisedCode
-from scenefw.perception.parts_of_views import PartsOfViews
+from scenefw.perception.parts_of_views import PartsOfViews, _refined
 from scenefw.perception.points import world_points
 from scenefw.perception.reconstruction import NetworkReconstructor
 from scenefw.perception.seen_frames import seen_frames
@@ -44,6 +46,48 @@ class HalfSeen:
         (frame,) = seen_frames(partial, "a test")
         shown = torch.from_numpy(world_points(frame)[..., 2] > 0.01)[None]  # not the floor
         return [Completion(volumes.tsdf[:, 0], labels[None], masks=shown.int())]
+
+
+class MasksOf:
+    """Finds the boxes of a scene by which of them a seen point is nearest to.
+
+    In views from `blind` (a place along y) all are one.
+    """
+
+    grid, metadata = GRID, {}
+
+    def __init__(self, scene, blind=None):
+        self.scene, self.blind = scene, blind
+
+    def complete(self, partial, grid, samples, generator):
+        volumes = scene_volumes(self.scene, grid)
+        (frame,) = seen_frames(partial, "a test")
+        points = world_points(frame)
+        away = np.linalg.norm(points[..., None, :] - self.scene.positions[0].numpy(), axis=-1)
+        shown = np.where(points[..., 2] > 0.01, away.argmin(axis=-1) + 1, 0)
+        labels = volumes.instances
+        if self.blind is not None and partial.cameras.T_world_camera[0, 1, 3] * self.blind > 0:
+            shown, labels = (shown > 0).astype(int), (labels > 0).int()
+        masks = torch.from_numpy(shown.astype(np.int32))[None]
+        return [Completion(volumes.tsdf[:, 0], labels, masks=masks)]
+
+
+def two_boxes():
+    """A tall box and a flat one side by side along x."""
+    one, half_axes = box_at(0.0), torch.tensor([[[0.08, 0.08, 0.12], [0.1, 0.08, 0.04]]])
+    places = torch.tensor([[[-0.12, 0.0, 0.12], [0.12, 0.0, 0.04]]])
+    return SceneParameters(
+        half_axes, one.exponents.expand(1, 2, 3) * 3, one.rotations.expand(1, 2, 3, 3), places,
+        one.present.expand(1, 2),
+    )  # fmt: skip
+
+
+def by_evidence():
+    return GroupedByEvidence(SuperquadricFit(), EvidenceOfView(hidden=1))
+
+
+def dealt():
+    return DealtByFit(by_evidence(), SuperquadricFit(), EvidenceOfView(hidden=1))
 
 
 class BoxDecoder(nn.Module):
@@ -73,7 +117,7 @@ def network():
 
 def test_halves_seen_from_two_sides_are_one_object_and_fitted_whole():
     views, parts = seen(box_at(0.0), FRONT, BACK), HalfSeen()
-    joined = PartsOfViews(parts)
+    joined = PartsOfViews(parts, dealt())
     (scene,) = joined.complete(views, GRID, 1, NOISE)
     assert scene.instances.unique().tolist() == [0, 1]
     assert scene.masks.shape == (1, 120, 80)
@@ -86,10 +130,49 @@ def test_halves_seen_from_two_sides_are_one_object_and_fitted_whole():
     assert occupancy_iou(scene.tsdf[0].numpy() < 0, truth) < 0.8
 
 
-def test_objects_that_share_too_little_stay_two():
-    views = seen(box_at(0.0), FRONT, BACK)
-    (scene,) = PartsOfViews(HalfSeen(), shared=0.9).complete(views, GRID, 1, NOISE)
-    assert scene.instances.unique().tolist() == [0, 1, 2]
+def test_boxes_side_by_side_stay_two():
+    scene = two_boxes()
+    views = seen(scene, (0.0, 0.9, 0.5), (0.0, -0.9, 0.5))
+    (found,) = PartsOfViews(MasksOf(scene), dealt()).complete(views, GRID, 1, NOISE)
+    assert sorted(found.masks.unique().tolist()) == [0, 1, 2]
+    first, second = np.split(found.masks[0].numpy(), 2)
+    for shown, view in zip((first, second), views, strict=True):
+        points = world_points(seen_frames(view, "a test")[0])
+        left = shown[points[..., 0] < -0.03]
+        right = shown[(points[..., 0] > 0.03) & (points[..., 2] > 0.01)]
+        assert np.unique(left[left > 0]).tolist() != np.unique(right).tolist()
+    assert np.bincount(found.instances[0].ravel())[1:].min() > 50
+
+
+def test_a_view_that_takes_two_for_one_is_overruled_by_those_that_know_better():
+    scene = two_boxes()
+    eyes = (0.5, 0.7, 0.6), (-0.5, 0.7, 0.6), (0.0, 0.9, 0.3), (0.0, -0.8, 0.6)
+    views, parts = seen(scene, *eyes), MasksOf(scene, blind=-1)
+    (before,) = PartsOfViews(parts, by_evidence()).complete(views, GRID, 1, NOISE)
+    assert before.masks.max() > 2
+    (found,) = PartsOfViews(parts, dealt()).complete(views, GRID, 1, NOISE)
+    assert found.masks.max() == 2
+    last = np.split(found.masks[0].numpy(), len(eyes))[-1]
+    points = world_points(seen_frames(views[-1], "a test")[0])
+    high = points[..., 2] > 0.01
+    sides = [np.bincount(last[high & (s * points[..., 0] > 0.03)], minlength=3) for s in (1, -1)]
+    assert {int(one.argmax()) for one in sides} == {1, 2}
+    assert all(one.max() > 0.95 * one.sum() for one in sides)
+
+
+def test_objects_that_no_grouping_knows_keep_their_number():
+    """Parts too small for the coarse image, and parts that were cut."""
+    parts = np.zeros((8, 8), np.int32)
+    parts[:, :4], parts[1, 7] = 1, 2
+    few = parts[::2, ::2]
+    cut = few.copy()
+    cut[2:, :2] = 5
+    found = _refined(cut, few, parts, 2)
+    assert found[0, 0] == 1
+    assert found[7, 3] == 5
+    assert (found[:, :4] > 0).all()
+    assert found[1, 7] not in (0, 1, 5)
+    assert (found[:, 4:7] == 0).all()
 
 
 def test_the_code_moves_the_box_to_where_the_views_show_it():
@@ -121,4 +204,4 @@ def test_numbers_are_checked():
     with pytest.raises(ConfigError, match="iterations"):
         OptimisedCode(network(), Differentiable(), iterations=0)
     with pytest.raises(ConfigError, match="share above 0"):
-        PartsOfViews(HalfSeen(), shared=0)
+        DealtByFit(by_evidence(), SuperquadricFit(), EvidenceOfView(), explained=0)
