@@ -88,6 +88,15 @@ class PartialTSDF:
         """One view as a batch of one, without its image."""
         return PartialTSDF(self.distance[index : index + 1], self.observed[index : index + 1])
 
+    def joined(self, other: PartialTSDF) -> PartialTSDF:
+        """Both views of each scene as one, without images: the smaller |distance| wins (eq. 5.19).
+
+        A voxel is observed if either view observes it.
+        """
+        nearer = other.distance.abs() < self.distance.abs()
+        distance = other.distance.where(nearer, self.distance)
+        return PartialTSDF(distance, self.observed | other.observed)
+
 
 @dataclass(frozen=True)
 class IndexBatch:

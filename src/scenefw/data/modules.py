@@ -1,8 +1,11 @@
 """The data module of stacks: views and volumes, made on the device that trains."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from scenefw.core.batches import IndexBatch, ShapeInstanceBatch
 from scenefw.core.errors import ConfigError
@@ -18,7 +21,7 @@ from scenefw.representations.tsdf import TSDF
 from scenefw.representations.vote_field import VoteField
 
 # Random streams, beside that of the order of scenes
-_VIEWS, _VALIDATION = 2, 3
+_VIEWS, _VALIDATION, _COUNTS = 2, 3, 4
 
 
 class StackData(SceneBatches):
@@ -36,9 +39,11 @@ class StackData(SceneBatches):
         batch_size: scenes per step.
         seed: seed of the order of scenes, and of views.
         distinct_batches: train on this many batches again and again, views and all; None means all.
+        counts: numbers of views, of which one is drawn for each training scene; more than one are
+            fused. Validation scenes are seen once.
 
     Raises:
-        ConfigError: no representation.
+        ConfigError: no representation, or numbers of views below 1.
     """
 
     def __init__(
@@ -51,10 +56,16 @@ class StackData(SceneBatches):
         batch_size: int = 8,
         seed: int = 0,
         distinct_batches: int | None = None,
+        counts: Sequence[int] = (1,),
     ) -> None:
         super().__init__(path, limit, validation_limit, batch_size, seed, distinct_batches)
         if representations is not None and not representations:
             raise ConfigError("no volume to train on; give representation=[tsdf,votes]")
+        if not counts or min(counts) < 1:
+            raise ConfigError(
+                f"dataset.counts is {list(counts)}; expected numbers of views, 1 or more"
+            )
+        self.counts = np.array(counts)
         self.views = views
         standard: dict[str, Representation] = {"tsdf": TSDF(), "votes": VoteField()}
         self.representations = dict(representations or standard)
@@ -69,9 +80,16 @@ class StackData(SceneBatches):
         """What disturbs the views."""
         return described(self.views.noise)
 
+    def facts(self) -> dict[str, Any]:
+        """Facts about the training data."""
+        several = self.counts.tolist() if self.counts.max() > 1 else None
+        return {**super().facts(), **({"views_of_a_scene": several} if several else {})}
+
     def training_batch(self, batch: IndexBatch, device: torch.device) -> ShapeInstanceBatch:
         """Views and volumes of scenes in an epoch."""
-        return self._make(self.scenes, batch, device, _VIEWS)
+        streams = Streams.of(self.seed, _COUNTS, batch.epoch, indices=batch.indices.numpy())
+        counts = self.counts[(streams.uniform(1)[:, 0] * len(self.counts)).astype(int)]
+        return self._make(self.scenes, batch, device, _VIEWS, counts)
 
     def validation_batch(self, batch: IndexBatch, device: torch.device) -> ShapeInstanceBatch:
         """The same views every time, with volumes in the units of the representations too."""
@@ -84,13 +102,14 @@ class StackData(SceneBatches):
         batch: IndexBatch,
         device: torch.device,
         stream: int,
+        counts: NDArray[np.int64] | None = None,
         *,
         truths: bool = False,
     ) -> ShapeInstanceBatch:
         parameters = scenes.parameters(batch.indices, device)
         streams = Streams.of(self.seed, stream, batch.epoch, indices=batch.indices.numpy())
         with torch.autocast(torch.device(device).type, enabled=False):
-            made = self.views.make(parameters, streams)
+            made = self.views.make(parameters, streams, counts)
             return shape_instance_batch(
                 made.partial, made.scenes, self.representations, truths=truths
             )

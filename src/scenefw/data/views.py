@@ -1,7 +1,7 @@
 """Views of scenes: complete volumes, a depth image and what it tells about the grid."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol, cast
 
 import numpy as np
@@ -35,12 +35,12 @@ class Viewpoints(Protocol):
 
 @dataclass(frozen=True)
 class ViewBatch:
-    """B scenes, each seen once.
+    """B scenes, each seen once, or fused from several views.
 
     Args:
         scenes: as they were seen, moved by the augmentation.
-        depth: (B, H, W) z-depth in metres, 0 = no measurement.
-        cameras: one per scene.
+        depth: (B, H, W) z-depth in metres, 0 = no measurement; of each scene's first view.
+        cameras: one per scene, of the first view.
         partial: what the depth images say of the grid, metres.
     """
 
@@ -94,30 +94,51 @@ class ViewMaker:
         self.augmentation = augmentation
         self.image_size = tuple(image_size) if image_size else None
 
-    def make(self, parameters: SceneParameters, streams: Streams) -> ViewBatch:
-        """One random view of each of B scenes, moved by the augmentation.
+    def make(
+        self,
+        parameters: SceneParameters,
+        streams: Streams,
+        counts: NDArray[np.integer] | None = None,
+    ) -> ViewBatch:
+        """Random views of B scenes, moved by the augmentation.
 
-        Nothing waits for the device: what is drawn travels there in one copy.
+        Nothing waits for the device: what is drawn travels there in one copy per view.
 
         Args:
             parameters: the scenes.
-            streams: one per scene; a view depends on its own alone, whatever the batch.
+            streams: one per scene; its views depend on its own alone, whatever the batch.
+            counts: (B,) views of each scene, fused into one partial TSDF; None means one each.
         """
-        to_motion, to_camera, to_noise = streams.split(3)
+        to_motion, to_camera, to_noise, to_cameras, to_noises = streams.split(5)
+        drawn = self._drawn(to_camera, to_noise)
+        if self.augmentation is not None:
+            drawn.append(self.augmentation.draw(to_motion).astype(np.float32))
+        device = parameters.positions.device
+        tensors = to_device(drawn, device)
+        if self.augmentation is not None:
+            parameters = self.augmentation.apply(parameters, tensors[3])
+        made = self._see(parameters, self._cameras(tensors), tensors[2])
+        if counts is None:
+            return made
+        for number in range(1, int(counts.max(initial=1))):
+            rows = np.flatnonzero(counts > number)
+            one_each = [Streams(to.split(number)[-1].keys[rows]) for to in (to_cameras, to_noises)]
+            tensors = to_device([rows, *self._drawn(*one_each)], device)
+            made = self._seen_again(made, tensors[0], self._cameras(tensors[1:]), tensors[3])
+        return made
+
+    def _drawn(self, to_camera: Streams, to_noise: Streams) -> list[NDArray[Any]]:
+        """Intrinsics (B, 4), poses (B, 4, 4) and seeds of noise (N, B) of one view of each."""
         lens = self._lens(self.viewpoints.camera)
-        intrinsics = np.array([[lens.fx, lens.fy, lens.cx, lens.cy]] * len(streams), np.float32)
-        drawn: list[NDArray[Any]] = [
-            intrinsics,
+        return [
+            np.array([[lens.fx, lens.fy, lens.cx, lens.cy]] * len(to_camera), np.float32),
             self.viewpoints.poses(to_camera).astype(np.float32),
             np.ascontiguousarray(to_noise.seeds(len(self.noise)).T),
         ]
-        if self.augmentation is not None:
-            drawn.append(self.augmentation.draw(to_motion).astype(np.float32))
-        tensors = to_device(drawn, parameters.positions.device)
-        if self.augmentation is not None:
-            parameters = self.augmentation.apply(parameters, tensors[3])
-        cameras = CameraBatch(lens.width, lens.height, tensors[0], tensors[1])
-        return self._see(parameters, cameras, tensors[2])
+
+    def _cameras(self, drawn: Sequence[Tensor]) -> CameraBatch:
+        lens = self._lens(self.viewpoints.camera)
+        return CameraBatch(lens.width, lens.height, drawn[0], drawn[1])
 
     def make_one(
         self, parameters: SceneParameters | SolidScenes, rng: np.random.Generator
@@ -136,10 +157,26 @@ class ViewMaker:
     ) -> ViewBatch:
         """Views with noise of seeds (N, B), one row per noise."""
         scenes = exact_scenes(parameters, self.grid)
-        depth = self.renderer.render(scenes.volumes.tsdf, self.grid, cameras)
+        depth = self._depth(scenes.volumes.tsdf, cameras, seeds)
+        return ViewBatch(scenes, depth, cameras, self.mapping.fuse(depth, self.grid, cameras))
+
+    def _seen_again(
+        self, made: ViewBatch, rows: Tensor, cameras: CameraBatch, seeds: Tensor
+    ) -> ViewBatch:
+        """The same scenes, of which those in `rows` have a further view."""
+        depth = self._depth(made.volumes.tsdf[rows], cameras, seeds)
+        further = self.mapping.fuse(depth, self.grid, cameras)
+        known = made.partial
+        both = PartialTSDF(known.distance[rows], known.observed[rows]).joined(further)
+        distance = known.distance.index_copy(0, rows, both.distance)
+        observed = known.observed.index_copy(0, rows, both.observed)
+        return replace(made, partial=PartialTSDF(distance, observed))
+
+    def _depth(self, tsdf: Tensor, cameras: CameraBatch, seeds: Tensor) -> Tensor:
+        depth = self.renderer.render(tsdf, self.grid, cameras)
         for name, row in zip(sorted(self.noise), seeds, strict=True):
             depth = self.noise[name].apply(depth, cameras, row)
-        return ViewBatch(scenes, depth, cameras, self.mapping.fuse(depth, self.grid, cameras))
+        return depth
 
 
 def exact_scenes(parameters: SceneParameters | SolidScenes, grid: GridSpec) -> SceneBatch:

@@ -46,29 +46,23 @@ class Muon:
     """Orthogonal updates of matrices and convolutions, AdamW for biases, norms and slopes.
 
     The momentum M of a weight, as a matrix with a row per output, is replaced by about U V^T of its
-    singular value decomposition U S V^T (five Newton-Schulz iterations in bfloat16), so that all
-    its directions move alike: W -= rate * learning_rate * sqrt(max(1, rows / columns)) * U V^T.
+    singular value decomposition U S V^T (five Newton-Schulz iterations), so that all its
+    directions move alike: W -= rate * learning_rate * sqrt(max(1, rows / columns)) * U V^T.
 
-    Reference: Jordan et al. 2024, Muon: an optimizer for hidden layers in neural networks. The
-    implementation is torch's.
+    Reference: Jordan et al. 2024, Muon: an optimizer for hidden layers in neural networks.
 
     Args:
         rate: what the learning rate of matrices is times that of the rest.
         momentum: decay of the average of gradients.
 
     Raises:
-        ConfigError: torch has no Muon, the rate is not positive or the momentum is outside [0, 1).
+        ConfigError: the rate is not positive or the momentum is outside [0, 1).
     """
 
     rate: float = 20.0
     momentum: float = 0.95
 
     def __post_init__(self) -> None:
-        if not hasattr(torch.optim, "Muon"):
-            raise ConfigError(
-                f"optimizer=muon needs torch 2.9, this is {torch.__version__}; install a newer "
-                "torch, or give optimizer=adamw"
-            )
         if not self.rate > 0 or not 0 <= self.momentum < 1:
             raise ConfigError(
                 f"optimizer.rate is {self.rate} and optimizer.momentum {self.momentum}; expected a "

@@ -1,6 +1,7 @@
 """Settings of Lightning's trainer that a training may change (group `trainer`)."""
 
 import logging
+import sys
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -154,8 +155,23 @@ class TrainerSettings:
         except (ValueError, RuntimeError, MisconfigurationException) as error:
             line = " ".join(str(error).split())
             raise ConfigError(f"the trainer's settings are invalid: {line} (trainer.*)") from error
-        if trainer.strategy.root_device.type == "cuda":
+        kind = trainer.strategy.root_device.type
+        if kind == "cpu" and self.precision.startswith("bf16") and not _multiplies_bfloat16():
+            print(
+                f"warning: this CPU has no bfloat16 instructions, so trainer.precision="
+                f"{self.precision} takes tens of times as long as trainer.precision=32-true",
+                file=sys.stderr,
+                flush=True,
+            )
+        if kind == "cuda":
             torch.set_float32_matmul_precision("high" if self.tf32 else "highest")
             torch.backends.cudnn.allow_tf32 = self.tf32
             torch.backends.cudnn.benchmark = self.benchmark
         return trainer
+
+
+def _multiplies_bfloat16() -> bool:
+    """Whether products of bfloat16 run in instructions of this CPU."""
+    if not torch.backends.mkldnn.is_available():
+        return False
+    return bool(torch.ops.mkldnn._is_mkldnn_bf16_supported())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import reduce
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,12 +37,7 @@ def fused(views: Sequence[PartialTSDF], grid: GridSpec) -> PartialTSDF:
         InputError: no view, views of other grids, or views that contradict each other.
     """
     require_agreement(views, grid)
-    if len(views) == 1:
-        return views[0]
-    distances = torch.cat([view.distance for view in views])
-    nearest = distances.abs().argmin(dim=0, keepdim=True)
-    observed = torch.cat([view.observed for view in views]).any(dim=0, keepdim=True)
-    return PartialTSDF(distances.gather(0, nearest), observed)
+    return reduce(PartialTSDF.joined, views)
 
 
 def stacked(views: Sequence[PartialTSDF]) -> PartialTSDF:

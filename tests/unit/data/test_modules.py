@@ -49,3 +49,25 @@ def test_validation_has_its_own_views_and_truths_in_metres(stacks):
 def test_no_representation_is_one_line(stacks):
     with pytest.raises(ConfigError, match="no volume to train on"):
         tiny.data(stacks, representations={})
+
+
+@pytest.mark.parametrize("resolution", [8, 16])
+def test_training_scenes_are_seen_as_often_as_counts_say(stacks, resolution):
+    chosen, first = IndexBatch(3, torch.arange(6)), IndexBatch(0, torch.tensor([0]))
+    once, several = (tiny.data(stacks, resolution, counts=counts) for counts in ([1], [1, 2, 4]))
+    seen = [
+        data.training_batch(chosen, CPU).condition[:, 1].sum(dim=(1, 2, 3))
+        for data in (once, several)
+    ]
+    assert bool((seen[1] >= seen[0]).all())
+    assert 0 < int((seen[1] > seen[0]).sum()) < 6
+    checked = [data.validation_batch(first, CPU).condition for data in (once, several)]
+    assert torch.equal(*checked)
+    assert "views_of_a_scene" not in once.facts()
+    assert several.facts()["views_of_a_scene"] == [1, 2, 4]
+
+
+@pytest.mark.parametrize("counts", [[], [0], [1, -2]])
+def test_counts_of_views_are_positive(stacks, counts):
+    with pytest.raises(ConfigError, match=r"dataset\.counts.*1 or more"):
+        tiny.data(stacks, counts=counts)

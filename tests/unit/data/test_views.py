@@ -10,7 +10,9 @@ from scenefw.core.types import Camera, GridSpec
 from scenefw.data.augmentation import RigidAugmentation
 from scenefw.data.stacks import StackScenes
 from scenefw.data.views import ViewMaker
+from scenefw.kernels.cameras import stack_cameras
 from scenefw.mapping.projective import Projective
+from scenefw.mapping.several_views import fused
 from scenefw.noise.pose import Jitter
 from scenefw.renderers.sphere_tracer import SphereTracer
 from scenefw.representations.volumes import scene_volumes
@@ -69,6 +71,47 @@ def test_a_view_depends_on_its_own_stream_alone(scenes, resolution):
     assert torch.equal(together.depth[1:2], alone.depth)
     assert torch.equal(together.partial.distance[1:2], alone.partial.distance)
     assert not torch.equal(other.depth, alone.depth)
+
+
+@pytest.mark.parametrize("resolution", [16, 32])
+def test_further_views_add_to_the_first(scenes, resolution):
+    views = maker(resolution, noise={"shaking": Shaking()}, augmentation=RigidAugmentation())
+    parameters, drawn = scenes.parameters([4, 1, 2]), streams(10, 11, 12)
+    one = views.make(parameters, drawn)
+    some = views.make(parameters, drawn, np.array([1, 3, 2]))
+    assert torch.equal(one.depth, some.depth)
+    assert torch.equal(one.volumes.tsdf, some.volumes.tsdf)
+    assert torch.equal(one.partial.distance[0], some.partial.distance[0])
+    seen = [int(made.partial.observed[1].sum()) for made in (one, some)]
+    assert seen[1] > 1.1 * seen[0]
+    assert bool((some.partial.observed | ~one.partial.observed).all())
+    assert bool((some.partial.distance.abs() <= one.partial.distance.abs()).all())
+    alone = views.make(scenes.parameters([1]), streams(11), np.array([3]))
+    assert torch.equal(alone.partial.distance, some.partial.distance[1:2])
+
+
+def test_several_views_are_fused_as_those_of_an_evaluation(scenes):
+    """All views of one scene, whose cameras a viewpoint tells, and `fused` of the same images."""
+
+    class Watched(Circle):
+        def __init__(self):
+            self.made = []
+
+        def poses(self, drawn):
+            self.made.append(super().poses(drawn))
+            return self.made[-1]
+
+    where = Watched()
+    views = ViewMaker(GridSpec(32), where, SphereTracer(), Projective())
+    made = views.make(scenes.parameters([1]), streams(11), np.array([3]))
+    cameras = [stack_cameras([Circle.camera.moved(pose[0])], "cpu") for pose in where.made]
+    assert len(cameras) == 3
+    images = [SphereTracer().render(made.volumes.tsdf, views.grid, camera) for camera in cameras]
+    pairs = zip(images, cameras, strict=True)
+    apart = [Projective().fuse(image, views.grid, camera) for image, camera in pairs]
+    together = fused(apart, views.grid)
+    torch.testing.assert_close(made.partial.distance, together.distance, atol=1e-5, rtol=0)
+    assert float((made.partial.observed != together.observed).float().mean()) < 1e-3
 
 
 @pytest.mark.parametrize("resolution", [16, 32])

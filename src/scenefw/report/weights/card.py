@@ -169,6 +169,7 @@ _ROWS = {
     "minutes": _minutes,
     "epochs": _epochs,
     "data": _data,
+    "views of a scene": lambda t: ", ".join(map(str, t.get("views_of_a_scene", [1]))),
     "noise": _noise,
     "losses and weights": lambda t: _listed(t["losses"]) if "losses" in t else _UNKNOWN,
     "batch": _plain("batch_size"),
