@@ -12,4 +12,4 @@ from scenefw.core.types import Int32
 def write_masks(path: Path, masks: Int32) -> None:
     """Writes ids of objects (H, W), 0 = none, as a PNG of 16 bits."""
     with replacing(path) as temporary:
-        Image.fromarray(masks.astype(np.uint16)).save(temporary, optimize=True)
+        Image.fromarray(masks.astype(np.uint16)).save(temporary)

@@ -20,6 +20,7 @@ _SUPERSAMPLING = 2
 _FLOOR_REACH = 0.8  # m
 _FLOOR_SAMPLES = 224
 _FILLED = 0.8  # of the picture
+_BLURRED = 4  # voxels beyond which a blurred instance is 0
 _GREY = (0.62, 0.62, 0.62)
 _PALE = np.array([0.93, 0.93, 0.94], dtype=np.float32)
 _HIDDEN = 0.4  # share of its colour that an unseen surface keeps
@@ -71,7 +72,7 @@ def draw(solid: Solid, camera: Camera, *, reach: float = 0.62) -> Picture:
     normals = np.moveaxis(surface.normals[0].numpy(), 0, -1)
     points = _points(depth, fine)
     is_floor = (depth > 0) & (points[..., 2] < 1e-3)
-    hit = (depth > 0) & ~(is_floor & (np.linalg.norm(points[..., :2], axis=-1) > reach))
+    hit = (depth > 0) & ~(is_floor & (np.hypot(points[..., 0], points[..., 1]) > reach))
     labels = np.zeros(depth.shape, dtype=np.int64)
     on_object = hit & ~is_floor
     labels[on_object] = _smooth_labels(solid, points[on_object])
@@ -124,21 +125,25 @@ def _points(depth: Float32, camera: Camera) -> Float32:
 
 def _smooth_labels(solid: Solid, points: Float32) -> NDArray[np.int64]:
     """Labels at points, with borders rounder than voxels: the strongest blurred instance wins."""
-    present = [int(label) for label in np.unique(solid.instances) if label > 0]
-    if not present:
-        return np.zeros(len(points), dtype=np.int64)
-    strength = np.stack(
-        [
-            _sample(
-                ndimage.gaussian_filter((solid.instances == label).astype(np.float32), 0.8),
-                solid.grid,
-                points,
-            )
-            for label in present
-        ]
-    )
-    labels = np.array(present)[strength.argmax(axis=0)]
-    return np.where(strength.max(axis=0) > 1e-3, labels, 0)
+    voxels = solid.grid.to_voxels(points.astype(np.float64))
+    best = np.full(len(points), 1e-3, dtype=np.float32)
+    labels = np.zeros(len(points), dtype=np.int64)
+    for label, box in enumerate(ndimage.find_objects(solid.instances), start=1):
+        if box is None:
+            continue
+        lower = np.array([max(side.start - _BLURRED, 0) for side in box])
+        upper = np.array([side.stop + _BLURRED for side in box])
+        own = solid.instances[tuple(map(slice, lower, upper))] == label
+        near = np.flatnonzero(((voxels > lower - 1) & (voxels < upper)).all(axis=1))
+        strength = ndimage.map_coordinates(
+            ndimage.gaussian_filter(own.astype(np.float32), 0.8),
+            (voxels[near] - lower).T,
+            order=1,
+            mode="nearest",
+        )
+        stronger = strength > best[near]
+        best[near[stronger]], labels[near[stronger]] = strength[stronger], label
+    return labels
 
 
 def _base_colours(
@@ -150,8 +155,9 @@ def _base_colours(
         share = np.clip(2 * _sample(solid.seen, solid.grid, points) - 0.5, 0, 1)[:, None]
         colour = _PALE + (colour - _PALE) * (_HIDDEN + (1 - _HIDDEN) * share)
     colour[is_floor] = _FLOOR
-    offset = np.abs((points[:, :2] + _GRID_LINES) % (2 * _GRID_LINES) - _GRID_LINES).min(axis=1)
-    colour[is_floor & (offset < 0.0011)] *= 0.93
+    x, y = np.abs((points[is_floor, :2] + _GRID_LINES) % (2 * _GRID_LINES) - _GRID_LINES).T
+    on_lines = np.flatnonzero(is_floor)[np.minimum(x, y) < 0.0011]
+    colour[on_lines] *= 0.93
     return colour
 
 
@@ -224,8 +230,8 @@ def _shadow(field: Float32, grid: GridSpec, points: Float32, key: Float32) -> Fl
 def _sample(field: Float32, grid: GridSpec, points: Float32) -> Float32:
     """Trilinear values at world points (N, 3), the outermost ones beyond the cube."""
     centre = np.asarray(grid.lower, dtype=np.float32) + np.float32(grid.extent / 2)
-    scaled = torch.from_numpy((points - centre) * np.float32(2 / grid.extent))
-    volume = torch.from_numpy(np.ascontiguousarray(field.transpose(2, 1, 0)))[None, None]
+    scaled = torch.from_numpy((points - centre)[:, ::-1] * np.float32(2 / grid.extent))
+    volume = torch.from_numpy(np.ascontiguousarray(field))[None, None]
     values = functional.grid_sample(
         volume, scaled[None, :, None, None], padding_mode="border", align_corners=False
     )
@@ -233,7 +239,7 @@ def _sample(field: Float32, grid: GridSpec, points: Float32) -> Float32:
 
 
 def _fade(points: Float32, is_floor: NDArray[np.bool_], reach: float) -> Float32:
-    radius = np.linalg.norm(points[:, :2], axis=1) / reach
+    radius = np.hypot(points[:, 0], points[:, 1]) / reach
     return np.where(is_floor, np.clip((radius - 0.45) / 0.55, 0, 1) ** 1.5, 0.0)
 
 

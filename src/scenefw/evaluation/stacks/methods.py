@@ -59,6 +59,9 @@ _KNOWN = (
         "network of volumes, trained in this run",
         samples="independent codes, trained in this run",
     ),
+    _method("fully_convolutional", "FC, trained here (no codes)"),
+    _method("sscnet", "SSCNet**, trained here (shape alone, its components)"),
+    _method("unconditional", "unconditional VAE, trained here (sees no view)"),
     _method(
         "coupled",
         samples="network of volumes, zero code, then coupled codes",

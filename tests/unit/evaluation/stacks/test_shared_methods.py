@@ -21,5 +21,5 @@ def test_the_order_of_methods_is_that_of_random_points_and_of_rows():
     composed = config.compose(["run=evaluate"])
     assert list(composed.evaluation.methods) == [
         "scenefw", "zero_code", "set_flow", "fitted", "fitted_hulls", "hull_filling",
-        "partial_tsdf", "trained_here",
+        "partial_tsdf", "trained_here", "fully_convolutional", "sscnet", "unconditional",
     ]  # fmt: skip
