@@ -374,3 +374,46 @@ class SetFlowSetup:
 
     slots: int
     draws_hidden: bool
+
+
+@dataclass(frozen=True)
+class SeenSurface:
+    """What B cameras see.
+
+    Args:
+        depth: (B, H, W) z-depth in metres, 0 = nothing hit.
+        normals: (B, 3, H, W) unit vectors in the world frame, (0, 0, 1) on the floor, 0 = nothing.
+        instances: (B, H, W) int32: labels, 0 = floor or unlabelled surface, -1 = nothing hit.
+    """
+
+    depth: Tensor
+    normals: Tensor
+    instances: Tensor
+
+
+@dataclass(frozen=True)
+class PartViewBatch:
+    """B depth images of scenes, and which object each pixel shows.
+
+    Args:
+        depth: (B, H, W) z-depth in metres, with the floor, 0 = no measurement.
+        owners: (B, H, W) int32, 0 = the floor or nothing, i + 1 = object i.
+        cameras: one per image.
+    """
+
+    depth: Tensor
+    owners: Tensor
+    cameras: CameraBatch
+
+
+@dataclass(frozen=True)
+class PartViewSetup:
+    """What losses may check before a training on parts of images starts.
+
+    Args:
+        width: pixels of the images.
+        height: pixels of the images.
+    """
+
+    width: int
+    height: int

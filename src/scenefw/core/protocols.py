@@ -22,6 +22,7 @@ if TYPE_CHECKING:
         PartialTSDF,
         SceneParameters,
         SceneVolumes,
+        SeenSurface,
     )
     from scenefw.core.evidence import Evidence, FittedSuperquadric
     from scenefw.core.grasps import Grasp, Lift, Ranking
@@ -29,7 +30,9 @@ if TYPE_CHECKING:
     from scenefw.core.types import (
         Camera,
         Float64,
+        Frame,
         GridSpec,
+        Int32,
         Pose,
         Scene,
         SceneEstimate,
@@ -124,6 +127,22 @@ class Renderer(Protocol):
 
     def render(self, tsdf: Tensor, grid: GridSpec, cameras: CameraBatch) -> Tensor:
         """Z-depth (B, H, W) in metres of TSDFs (B, 1, X, Y, Z) in metres; 0 = nothing hit."""
+
+
+class SurfaceRenderer(Renderer, Protocol):
+    """A renderer that also says whose surface each pixel shows."""
+
+    def render_surface(
+        self, tsdf: Tensor, instances: Tensor, grid: GridSpec, cameras: CameraBatch
+    ) -> SeenSurface:
+        """Depth, normals and labels of TSDFs (B, 1, X, Y, Z) m and instances (B, X, Y, Z)."""
+
+
+class PartFinder(Protocol):
+    """Cuts a depth image into parts of single objects, without saying which belong together."""
+
+    def segment(self, frame: Frame) -> Int32:
+        """Parts (H, W), 0 = none, of a frame whose camera has its pose (floor z = 0)."""
 
 
 class MappingMethod(Protocol):

@@ -21,15 +21,30 @@ def depth_parts(depth: Float32, among: NDArray[np.bool_], jump: float) -> NDArra
         among: (H, W) pixels that belong to a part.
         jump: neighbouring pixels further apart in depth belong to different parts (m).
     """
-    index = np.arange(depth.size).reshape(depth.shape)
+    near = [np.abs(depth[a] - depth[b]) < jump for a, b in _NEIGHBOURS]
+    return linked_parts(among, near[0], near[1])
+
+
+def linked_parts(
+    among: NDArray[np.bool_], across: NDArray[np.bool_], down: NDArray[np.bool_]
+) -> NDArray[np.int64]:
+    """Components (H, W), from 1 on, of the pixels `among` that links join; 0 elsewhere.
+
+    Args:
+        among: (H, W) pixels that belong to a part.
+        across: (H, W - 1) whether a pixel is joined to its right neighbour.
+        down: (H - 1, W) whether it is to the one below.
+    """
+    index = np.arange(among.size).reshape(among.shape)
     rows, columns = [], []
+    linked = iter((across, down))
     for a, b in _NEIGHBOURS:
-        joined = among[a] & among[b] & (np.abs(depth[a] - depth[b]) < jump)
+        joined = among[a] & among[b] & next(linked)
         rows.append(index[a][joined])
         columns.append(index[b][joined])
     row, column = np.concatenate(rows), np.concatenate(columns)
-    links = coo_matrix((np.ones(len(row), bool), (row, column)), (depth.size, depth.size))
-    labels = connected_components(links, directed=False)[1].reshape(depth.shape)
+    links = coo_matrix((np.ones(len(row), bool), (row, column)), (among.size, among.size))
+    labels = connected_components(links, directed=False)[1].reshape(among.shape)
     used = np.unique(labels[among])
     return np.where(among, np.searchsorted(used, labels) + 1, 0)
 

@@ -15,8 +15,8 @@ from scenefw.perception.seen_frames import seen_frames
 
 if TYPE_CHECKING:
     from scenefw.core.batches import PartialTSDF
+    from scenefw.core.protocols import PartFinder
     from scenefw.core.types import Float32, Float64, Frame, GridSpec
-    from scenefw.perception.seen_parts import SeenParts
     from scenefw.postprocessing.confidence import Calibration
 
 _PLANES_AT_ONCE = 16
@@ -37,7 +37,7 @@ class HullFilling:
 
     calibration: Calibration | None = None
 
-    def __init__(self, parts: SeenParts, grid: GridSpec | None = None) -> None:
+    def __init__(self, parts: PartFinder, grid: GridSpec | None = None) -> None:
         self.parts, self.grid = parts, grid
         self.metadata: dict[str, Any] = {}  # of no checkpoint
 

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from scenefw.core.batches import Completion, PartialTSDF
+    from scenefw.core.protocols import PartFinder
     from scenefw.core.types import Float32, Float64, Frame, GridSpec, Int32
-    from scenefw.perception.seen_parts import SeenParts
     from scenefw.postprocessing.confidence import Calibration
 
 _MOST_POINTS = 3000  # of an instance: enough to say which is nearest to a voxel
@@ -82,7 +82,7 @@ class PartGuided:
     calibration: Calibration | None = None
 
     def __init__(
-        self, inner: Completing, parts: SeenParts, grouping: Grouping, reach: float = 2.0
+        self, inner: Completing, parts: PartFinder, grouping: Grouping, reach: float = 2.0
     ) -> None:
         if not reach > 0:
             raise ConfigError(f"reach is {reach}; expected a positive number of voxels")

@@ -81,10 +81,10 @@ class SeenParts:
         parts = large_parts(depth_parts(frame.depth, smooth, self.jump), smallest)
         if self.grow:
             parts = grown(parts, above, frame.depth)
-        return _high(parts, heights, self.lowest)
+        return high_parts(parts, heights, self.lowest)
 
 
-def _high(parts: Int32, heights: Float64, lowest: float) -> Int32:
+def high_parts(parts: Int32, heights: Float64, lowest: float) -> Int32:
     """Parts (H, W) that rise above `lowest` (m), numbered from 1 on."""
     tops = [np.quantile(heights[parts == k], _TOP) for k in range(1, parts.max(initial=0) + 1)]
     kept = np.array([False, *(top > lowest for top in tops)])

@@ -1,31 +1,14 @@
 """Sphere tracing of TSDF grids into depth, normals and instance images."""
 
-from dataclasses import dataclass
-
 import torch
 from torch import Tensor
 
-from scenefw.core.batches import CameraBatch
+from scenefw.core.batches import CameraBatch, SeenSurface
 from scenefw.core.errors import InputError
 from scenefw.core.types import GridSpec
 from scenefw.kernels import rays
 from scenefw.kernels.cameras import finite
 from scenefw.kernels.compile import float32
-
-
-@dataclass(frozen=True)
-class Surface:
-    """What B cameras see.
-
-    Args:
-        depth: (B, H, W) z-depth in metres, 0 = nothing hit.
-        normals: (B, 3, H, W) unit vectors in the world frame, (0, 0, 1) on the floor, 0 = nothing.
-        instances: (B, H, W) int32: labels, 0 = floor or unlabelled surface, -1 = nothing hit.
-    """
-
-    depth: Tensor
-    normals: Tensor
-    instances: Tensor
 
 
 class SphereTracer:
@@ -54,7 +37,7 @@ class SphereTracer:
 
     def render_surface(
         self, tsdf: Tensor, instances: Tensor, grid: GridSpec, cameras: CameraBatch
-    ) -> Surface:
+    ) -> SeenSurface:
         """Depth, normals and instance labels of what the cameras see.
 
         Args:
@@ -74,7 +57,7 @@ class SphereTracer:
             depth.view(-1), kind, normals, seen.view(-1),
             (grid.resolution, width, height), float32(grid.voxel_size, *grid.lower),
         )  # fmt: skip
-        return Surface(depth, normals, seen)
+        return SeenSurface(depth, normals, seen)
 
     def _trace(self, volume: Tensor, grid: GridSpec, cameras: CameraBatch) -> tuple[Tensor, Tensor]:
         size = (len(cameras.intrinsics), cameras.height, cameras.width)

@@ -1,0 +1,154 @@
+"""The data module of depth images and which object each pixel shows, made where it trains."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from scenefw.core.batches import CameraBatch, IndexBatch, PartViewBatch, SceneParameters
+from scenefw.core.errors import ConfigError
+from scenefw.core.rng import Streams
+from scenefw.data.scene_batches import SceneBatches
+from scenefw.kernels.cameras import floor_depths
+from scenefw.kernels.superquadric_rays import first_hits
+from scenefw.kernels.transfer import to_device
+from scenefw.noise.frames import described
+from scenefw.representations.volumes import scene_volumes
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from scenefw.core.protocols import Noise, SurfaceRenderer
+    from scenefw.core.types import GridSpec
+    from scenefw.data.views import Viewpoints
+
+# Random streams, beside that of the order of scenes
+_VIEWS, _VALIDATION = 2, 3
+_SAME = 0.008  # m between exact and traced depth of one surface
+_FARTHEST = 4.0  # m
+
+
+class PartViews(SceneBatches):
+    """Depth images of superquadrics on the floor, and the owner of each pixel (group `dataset`).
+
+    Part of the images are exact, by rays that meet the superquadrics; the others are traced through
+    their TSDF, as images of evaluations are, and have its rounded edges. Camera, size and noise of
+    scene i in epoch e depend on (seed, e, i) alone.
+
+    Args:
+        viewpoints: draws cameras.
+        renderer: makes images of TSDFs.
+        grid: of these TSDFs.
+        path: the `.npz` of a data set, the name of a shipped one, or several.
+        limit: at most this many training scenes; None means all.
+        validation_limit: at most this many validation scenes; None means all.
+        batch_size: scenes per step.
+        seed: seed of the order of scenes, and of views.
+        distinct_batches: train on this many batches again and again, views and all; None means all.
+        image_size: width and height (pixels).
+        noise: disturbs the images, applied in the order of the names.
+        traced: share of batches whose images are traced through TSDFs.
+        scale: scenes become up to this factor larger or smaller.
+
+    Raises:
+        ConfigError: a size that isn't positive, a share outside 0..1 or a factor below one.
+    """
+
+    def __init__(
+        self,
+        viewpoints: Viewpoints,
+        renderer: SurfaceRenderer,
+        grid: GridSpec,
+        path: str | Sequence[str] | None = None,
+        limit: int | None = None,
+        validation_limit: int | None = 64,
+        batch_size: int = 8,
+        seed: int = 0,
+        distinct_batches: int | None = None,
+        image_size: Sequence[int] = (320, 240),
+        noise: Mapping[str, Noise] | None = None,
+        traced: float = 0.5,
+        scale: float = 1.3,
+    ) -> None:
+        super().__init__(path, limit, validation_limit, batch_size, seed, distinct_batches)
+        if min(image_size) < 1 or not 0 <= traced <= 1 or scale < 1:
+            raise ConfigError(
+                f"dataset has image_size {list(image_size)}, traced {traced} and scale {scale}; "
+                "expected pixels, a share and a factor from 1"
+            )
+        self.viewpoints, self.renderer, self.volumes = viewpoints, renderer, grid
+        self.lens = viewpoints.camera.resized(*image_size)
+        self.image_size = (self.lens.width, self.lens.height)
+        self.noise, self.traced, self.scale = dict(noise or {}), traced, scale
+        self.grid: GridSpec | None = None
+
+    @property
+    def noise_words(self) -> str | list[str]:
+        """What disturbs the images."""
+        return described(self.noise)
+
+    def training_batch(self, batch: IndexBatch, device: torch.device) -> PartViewBatch:
+        """Images of scenes in an epoch, larger or smaller ones."""
+        return self._make(self.scenes.parameters(batch.indices, device), batch, _VIEWS, self.scale)
+
+    def validation_batch(self, batch: IndexBatch, device: torch.device) -> PartViewBatch:
+        """The same images every time, of scenes as they are."""
+        scenes = self.validation_scenes.parameters(batch.indices, device)
+        return self._make(scenes, batch, _VALIDATION, 1.0)
+
+    @torch.no_grad()
+    def _make(
+        self, scenes: SceneParameters, batch: IndexBatch, stream: int, scale: float
+    ) -> PartViewBatch:
+        streams = Streams.of(self.seed, stream, batch.epoch, indices=batch.indices.numpy())
+        to_camera, to_scale, to_noise = streams.split(3)
+        chances = to_scale.uniform(2)
+        lens = self.lens
+        drawn: list[NDArray[Any]] = [
+            np.array([[lens.fx, lens.fy, lens.cx, lens.cy]] * len(streams), np.float32),
+            self.viewpoints.poses(to_camera).astype(np.float32),
+            (scale ** (2 * chances[:, :1, None] - 1)).astype(np.float32),
+            np.ascontiguousarray(to_noise.seeds(len(self.noise)).T),
+        ]
+        intrinsics, poses, factors, seeds = to_device(drawn, scenes.positions.device)
+        cameras = CameraBatch(*self.image_size, intrinsics, poses)
+        scenes = SceneParameters(
+            scenes.half_axes * factors, scenes.exponents, scenes.rotations,
+            scenes.positions * factors, scenes.present,
+        )  # fmt: skip
+        traced = torch.from_numpy(chances[:, 1] < self.traced)
+        depth, owners = self._see(scenes, cameras, traced)
+        for name, row in zip(sorted(self.noise), seeds, strict=True):
+            depth = self.noise[name].apply(depth, cameras, row)
+        return PartViewBatch(depth, owners, cameras)
+
+    def _see(
+        self, scenes: SceneParameters, cameras: CameraBatch, traced: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """Depth with the floor, and owners of pixels; `traced` (B,) says how, on the CPU."""
+        depth, owners = first_hits(scenes, cameras)
+        floor = floor_depths(cameras).view_as(depth)
+        owners = torch.where(depth < floor, owners, 0)
+        exact = torch.where(owners > 0, depth, torch.where(floor < _FARTHEST, floor, 0.0))
+        rows = traced.nonzero()[:, 0].to(depth.device)
+        if not len(rows):
+            return exact, owners
+        some = SceneParameters(*(getattr(scenes, name)[rows] for name in vars(scenes)))
+        seen = self._trace(some, CameraBatch(cameras.width, cameras.height,
+                                             cameras.intrinsics[rows],
+                                             cameras.T_world_camera[rows]))  # fmt: skip
+        near = (seen[0] - exact[rows]).abs() < _SAME
+        whose = torch.where(near, owners[rows], seen[1])
+        return exact.index_copy(0, rows, seen[0]), owners.index_copy(0, rows, whose)
+
+    def _trace(self, scenes: SceneParameters, cameras: CameraBatch) -> tuple[Tensor, Tensor]:
+        """Depth through TSDFs, and the objects that its voxels are of."""
+        made = scene_volumes(scenes, self.volumes)
+        seen = self.renderer.render_surface(made.tsdf, made.instances, self.volumes, cameras)
+        depth = torch.where(seen.depth < _FARTHEST, seen.depth, 0.0)
+        return depth, seen.instances.clamp_min(0)

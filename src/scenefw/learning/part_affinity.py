@@ -1,0 +1,38 @@
+"""Training of networks that cut depth images into parts."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import torch
+from torch import Tensor
+
+from scenefw.core.batches import IndexBatch, PartViewBatch, PartViewSetup
+from scenefw.learning.checkpoint import PART_AFFINITY
+from scenefw.learning.module import TrainingModule
+
+if TYPE_CHECKING:
+    from scenefw.core.training_protocols import PartAffinityModel, PartViewData
+
+
+class PartAffinityLearning(TrainingModule):
+    """Trains a network of affinities (group `learning`); arguments are those of any training."""
+
+    task = PART_AFFINITY
+    memory_format = torch.channels_last
+    model: PartAffinityModel
+
+    def setup_with(self, data: PartViewData) -> PartViewSetup:
+        """The size of the images."""
+        return PartViewSetup(*data.image_size)
+
+    def predict_batch(self, batch: PartViewBatch) -> Tensor:
+        """Logits (B, 2, H, W)."""
+        return self.model(batch.depth, batch.cameras)
+
+    def validation_step(self, batch: IndexBatch, batch_idx: int) -> None:
+        """The losses on the same images every time."""
+        made = self.trainer.datamodule.validation_batch(batch, self.device)
+        found = self.predict_batch(made)
+        values = {f"val/{name}": float(loss(found, made)) for name, loss in self.losses.items()}
+        self.log_dict(values, batch_size=len(batch.indices), on_epoch=True, sync_dist=True)

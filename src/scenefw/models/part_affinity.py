@@ -1,0 +1,135 @@
+"""Which neighbouring pixels of a depth image show the same object."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from scenefw.core.errors import ConfigError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from scenefw.core.batches import CameraBatch
+
+_STEPS, _NORMAL_STEPS = (1, 2, 4), (1, 3)  # pixels to neighbours that a pixel is compared with
+_RISE, _BEND, _HEIGHT = 0.005, 0.002, 0.01  # m: logarithmic above, linear below
+CHANNELS = 6 * len(_STEPS) + 3 * len(_NORMAL_STEPS) + 3
+"""Of `pixel_features`."""
+
+
+class PartAffinity(nn.Module):
+    """A U-Net on local geometry (Ronneberger et al. 2015) that gives affinities of pixels.
+
+    It sees how depth changes to neighbours some pixels away, surface normals in the world frame,
+    and the height above the floor: absolute coordinates would drown what tells two touching
+    objects apart. From a pixel to its right and lower neighbour, it says how likely both show the
+    same object, or both the floor.
+
+    Args:
+        widths: channels of the levels; each has half the size of the one before it.
+        focal: focal length (pixels) of the images that it learns from; others are thinned to it.
+
+    Raises:
+        ConfigError: fewer than two levels, or a number that isn't positive.
+    """
+
+    training_only: Sequence[str] = ()
+
+    def __init__(self, widths: Sequence[int] = (24, 40, 64, 96, 128), focal: float = 289.7) -> None:
+        super().__init__()
+        if len(widths) < 2 or min(widths) < 1 or not focal > 0:
+            raise ConfigError(
+                f"part_affinity has widths {list(widths)} and focal {focal}; expected two levels "
+                "or more of at least 1 channel, and pixels"
+            )
+        self.recipe = {
+            "_target_": f"{__name__}.PartAffinity", "widths": list(widths), "focal": focal,
+        }  # fmt: skip
+        self.focal, self.stride = focal, 2 ** (len(widths) - 1)
+        self.down = nn.ModuleList(
+            _Level(a, b) for a, b in zip([CHANNELS, *widths], widths, strict=False)
+        )
+        pairs = list(pairwise(widths))[::-1]
+        self.up = nn.ModuleList(_Level(fine + coarse, fine) for fine, coarse in pairs)
+        self.head = nn.Conv2d(widths[0], 2, 1)
+
+    def forward(self, depth: Tensor, cameras: CameraBatch) -> Tensor:
+        """Logits (B, 2, H, W) that the right and the lower neighbour show the same object.
+
+        Args:
+            depth: (B, H, W) z-depth in metres, 0 = no measurement.
+            cameras: one per image, the floor at z = 0.
+        """
+        height, width = depth.shape[1:]
+        found = pixel_features(depth, cameras)
+        found = functional.pad(found, (0, -width % self.stride, 0, -height % self.stride))
+        found, kept = found.contiguous(memory_format=torch.channels_last), []
+        for number, level in enumerate(self.down):
+            found = level(functional.max_pool2d(found, 2) if number else found)
+            kept.append(found)
+        for level, fine in zip(self.up, kept[-2::-1], strict=True):
+            found = level(torch.cat([functional.interpolate(found, scale_factor=2.0), fine], dim=1))
+        logits: Tensor = self.head(found)[..., :height, :width].float()
+        return logits
+
+
+class _Level(nn.Sequential):
+    """Two convolutions 3 x 3, each with batch normalisation and ReLU."""
+
+    def __init__(self, inputs: int, outputs: int) -> None:
+        super().__init__(
+            nn.Conv2d(inputs, outputs, 3, padding=1, bias=False),
+            nn.BatchNorm2d(outputs),
+            nn.ReLU(inplace=True),
+            nn.Conv2d(outputs, outputs, 3, padding=1, bias=False),
+            nn.BatchNorm2d(outputs),
+            nn.ReLU(inplace=True),
+        )
+
+
+@torch.no_grad()
+def pixel_features(depth: Tensor, cameras: CameraBatch) -> Tensor:
+    """Local geometry (B, `CHANNELS`, H, W) of depth images, 0 where it is not known.
+
+    Args:
+        depth: (B, H, W) z-depth in metres, 0 = no measurement.
+        cameras: one per image, the floor at z = 0.
+    """
+    known, points = depth > 0, _world(depth, cameras)
+    channels: list[Tensor] = []
+    for step in _STEPS:
+        for axis in (2, 1):
+            before, after = (_rise(depth, known, way, axis) for way in (step, -step))
+            channels += [_log(before, _RISE), _log(after, _RISE), _log(before + after, _BEND)]
+    for step in _NORMAL_STEPS:
+        across, down = (points.roll(-step, k) - points.roll(step, k) for k in (3, 2))
+        normals = functional.normalize(torch.linalg.cross(across, down, dim=1), dim=1)
+        channels += list(normals.unbind(dim=1))
+    channels += [_log(points[:, 2], _HEIGHT), depth - 1, known.float()]
+    return torch.where(known[:, None], torch.stack(channels, dim=1), 0.0)
+
+
+def _rise(depth: Tensor, known: Tensor, step: int, axis: int) -> Tensor:
+    """How much further away (m) the pixel `step` before is; 0 where either has no depth."""
+    both = known & known.roll(step, axis)
+    return torch.where(both, depth.roll(step, axis) - depth, 0.0)
+
+
+def _log(length: Tensor, unit: float) -> Tensor:
+    return torch.asinh(length / unit) / 3
+
+
+def _world(depth: Tensor, cameras: CameraBatch) -> Tensor:
+    """World coordinates (B, 3, H, W) of all pixels."""
+    fx, fy, cx, cy = (one[:, None, None] for one in cameras.intrinsics.unbind(dim=1))
+    u = torch.arange(depth.shape[2], device=depth.device, dtype=depth.dtype)
+    v = torch.arange(depth.shape[1], device=depth.device, dtype=depth.dtype)[:, None]
+    local = torch.stack([(u - cx) / fx * depth, (v - cy) / fy * depth, depth], dim=1)
+    pose = cameras.T_world_camera
+    turned = torch.einsum("bij,bjhw->bihw", pose[:, :3, :3], local)
+    return turned + pose[:, :3, 3, None, None]

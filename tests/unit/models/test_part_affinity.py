@@ -1,0 +1,70 @@
+"""A network that says which neighbouring pixels show the same object."""
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenefw.core.batches import CameraBatch
+from scenefw.core.errors import ConfigError
+from scenefw.models.part_affinity import CHANNELS, PartAffinity, pixel_features
+
+
+def camera_down(width, height, turn=0.0, far=0.0):
+    """A camera 1 m above the floor that looks straight down, turned about its axis."""
+    cos, sin = torch.tensor(turn).cos(), torch.tensor(turn).sin()
+    pose = torch.eye(4)
+    pose[:3, :3] = torch.tensor([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]])
+    pose[:2, :2] = pose[:2, :2] @ torch.tensor([[cos, -sin], [sin, cos]])
+    pose[:3, 3] = torch.tensor([far, -far, 1.0])
+    inner = torch.tensor([[100.0, 100.0, (width - 1) / 2, (height - 1) / 2]])
+    return CameraBatch(width, height, inner, pose[None])
+
+
+@pytest.mark.parametrize("size", [(40, 30), (33, 47)])
+def test_each_pixel_gets_two_logits_at_any_size(size):
+    width, height = size
+    network = PartAffinity(widths=(4, 6, 8)).eval()
+    logits = network(torch.full((1, height, width), 0.9), camera_down(width, height))
+    assert logits.shape == (1, 2, height, width)
+    assert logits.isfinite().all()
+
+
+def test_what_has_no_depth_has_no_features():
+    depth = torch.rand(1, 12, 16) + 0.5
+    depth[0, 3, 5] = 0.0
+    found = pixel_features(depth, camera_down(16, 12))
+    assert found.shape == (1, CHANNELS, 12, 16)
+    assert not found[0, :, 3, 5].any()
+    assert found.isfinite().all()
+
+
+def test_features_of_a_plane_are_its_normal_and_its_height():
+    found = pixel_features(torch.full((1, 12, 16), 0.8), camera_down(16, 12))[0, :, 5:7, 5:7]
+    inner = found.permute(1, 2, 0).flatten(0, 1)
+    assert inner[:, :18].abs().max() < 1e-6  # it neither rises nor bends
+    normals = inner[:, 18:24].view(-1, 2, 3)
+    assert torch.allclose(normals[..., 2].abs(), torch.ones(4, 2), atol=1e-5)
+    height = torch.asinh(torch.tensor(0.2 / 0.01)) / 3
+    assert torch.allclose(inner[:, 24], height.expand(4), atol=1e-5)
+
+
+@given(st.floats(-1.0, 1.0))
+def test_places_far_from_the_origin_look_the_same(far):
+    depth = 0.7 + 0.1 * torch.rand(1, 12, 16, generator=torch.Generator().manual_seed(0))
+    here, there = (pixel_features(depth, camera_down(16, 12, far=f)) for f in (0.0, far))
+    assert torch.allclose(here, there, atol=1e-3)
+
+
+def test_a_turn_of_the_camera_turns_normals_alone():
+    depth = 0.7 + 0.01 * torch.rand(1, 12, 16, generator=torch.Generator().manual_seed(0))
+    here, turned = (pixel_features(depth, camera_down(16, 12, turn=t)) for t in (0.0, 1.2))
+    others = [k for k in range(CHANNELS) if not 18 <= k < 24 or k in (20, 23)]
+    assert torch.allclose(here[:, others], turned[:, others], atol=1e-4)
+    assert not torch.allclose(here[:, 18:24], turned[:, 18:24], atol=1e-2)
+
+
+@pytest.mark.parametrize("wrong", [{"widths": [8]}, {"widths": [8, 0]}, {"focal": 0.0}])
+def test_bad_settings(wrong):
+    with pytest.raises(ConfigError, match="part_affinity has"):
+        PartAffinity(**wrong)

@@ -1,0 +1,66 @@
+"""Parts by a network of affinities: one that knows the truth, and one that is trained."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+import torch
+from tests.unit.perception.synthetic import STACK, camera_at, frame_of
+
+from scenefw.core.errors import ConfigError
+from scenefw.losses.part_affinity import true_affinities
+from scenefw.perception.affinity_parts import AffinityParts
+
+
+class Knowing(torch.nn.Module):
+    """Says of pixels whether their owners, an image (H, W), are the same."""
+
+    def __init__(self, owners, focal):
+        super().__init__()
+        self.owners, self.focal = torch.from_numpy(owners.astype(np.int32)), focal
+        self.any = torch.nn.Parameter(torch.zeros(1))
+
+    def forward(self, depth, cameras):
+        step = round(self.owners.shape[1] / depth.shape[2])
+        same, _ = true_affinities(self.owners[None, ::step, ::step])
+        return torch.where(same, 4.0, -4.0)
+
+
+@dataclass
+class Loaded:
+    model: torch.nn.Module
+    metadata: dict = field(default_factory=dict)
+
+
+@pytest.fixture(scope="module")
+def seen():
+    camera = camera_at(eye=(0.0, -0.85, 0.6))
+    frame = frame_of(camera)
+    return replace(frame, camera=camera), frame.labels
+
+
+@pytest.mark.parametrize("thinned", [1, 2, 3])
+def test_true_affinities_give_true_parts(seen, thinned):
+    frame, owners = seen
+    focal = frame.camera.fx / thinned
+    parts = AffinityParts(Loaded(Knowing(owners, focal)), smallest=20).segment(frame)
+    above = (parts > 0) & (owners > 0)
+    assert above.sum() > 0.97 * (owners > 0).sum()
+    for label in np.unique(owners[owners > 0]):
+        most = np.bincount(parts[above & (owners == label)])
+        assert most.max() > 0.95 * most.sum()
+    assert parts.max() == len(np.unique(owners[owners > 0]))
+
+
+def test_images_without_objects_have_no_parts(seen):
+    frame, owners = seen
+    finder = AffinityParts(Loaded(Knowing(0 * owners, frame.camera.fx)))
+    assert finder.segment(replace(frame, depth=np.zeros_like(frame.depth))).max() == 0
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"threshold": 1.0}, {"margin": -0.1}, {"smallest": 0}, {"lowest": -1.0}]
+)
+def test_bad_settings(seen, wrong):
+    with pytest.raises(ConfigError, match="parts have threshold"):
+        AffinityParts(Loaded(Knowing(seen[1], 100.0)), **wrong)
