@@ -25,7 +25,7 @@ _FORMAT = "scenefw-checkpoint"
 _VERSION = 1
 
 SHAPE_INSTANCE, SEGMENTATION = "shape_instance", "segmentation"
-OBJECT_SETS, SET_FLOW = "object_sets", "set_flow"
+OBJECT_SETS, SET_FLOW, OBJECT_QUERIES = "object_sets", "set_flow", "object_queries"
 """What a network is for; files without a task are of the first."""
 
 

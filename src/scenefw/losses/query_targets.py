@@ -1,0 +1,36 @@
+"""Pairs of predicted and true superquadrics that losses of decoders of sets compare."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from scenefw.core.errors import InputError
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from scenefw.core.queried_sets import QueriedSet
+
+
+def pairs_of(found: QueriedSet) -> tuple[Tensor, Tensor, Tensor]:
+    """Views, queries and objects (K,) that are matched.
+
+    Raises:
+        InputError: nothing was matched yet.
+    """
+    matched = matched_of(found)
+    views, queries = (matched >= 0).nonzero(as_tuple=True)
+    return views, queries, matched[views, queries]
+
+
+def matched_of(found: QueriedSet) -> Tensor:
+    """The object (B, N) of each query, -1 = none.
+
+    Raises:
+        InputError: they were not matched.
+    """
+    if found.matched is None:
+        raise InputError(
+            "predictions are not matched to objects; train with learning=object_queries"
+        )
+    return found.matched
