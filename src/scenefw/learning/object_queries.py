@@ -62,7 +62,6 @@ class ObjectQueryLearning(TrainingModule):
     task = OBJECT_QUERIES
     memory_format = torch.channels_last_3d
     model: ObjectQueryModel
-    losses: dict[str, ObjectQueryLoss]
 
     def __init__(
         self,
@@ -91,6 +90,7 @@ class ObjectQueryLearning(TrainingModule):
             reinitialise, channels_last=channels_last, compile=compile, optimizer=optimizer,
         )  # fmt: skip
         self.matching, self.early = matching, early
+        self._terms = losses
 
     def setup_with(self, data: ViewedSetData) -> ObjectQuerySetup:
         """Grid and number of queries.
@@ -114,8 +114,9 @@ class ObjectQueryLearning(TrainingModule):
 
     def losses_now(self) -> Mapping[str, Loss]:
         """Leaves out early losses after the first part of the budget."""
-        begun = self.budget_done < self.early
-        return {name: loss for name, loss in self.losses.items() if begun or not loss.early}
+        if self.budget_done < self.early:
+            return self.losses
+        return {name: loss for name, loss in self._terms.items() if not loss.early}
 
     def predict_batch(self, batch: ViewedSetBatch) -> ObjectQueryPrediction:
         """The training pass, each layer matched to true objects."""
