@@ -48,8 +48,11 @@ class QueriedSet:
         rotations: (B, N, 3, 3), object to world.
         positions: (B, N, 3) m.
         active: (B, N) bool: queries that count; a view that shows little has fewer.
+        starts: (B, N, 3) m: where queries start, most of them on a seen surface.
         matched: (B, N) int64, the true object that each stands for, -1 = none; None before they
             are matched.
+        owned: (B, N) int64, the true object at whose surface each starts, -1 = none; None: not
+            looked for.
     """
 
     existence: Tensor
@@ -58,7 +61,9 @@ class QueriedSet:
     rotations: Tensor
     positions: Tensor
     active: Tensor
+    starts: Tensor
     matched: Tensor | None = None
+    owned: Tensor | None = None
 
 
 @dataclass(frozen=True)

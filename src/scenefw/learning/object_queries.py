@@ -19,7 +19,7 @@ from scenefw.learning.checkpoint import OBJECT_QUERIES
 from scenefw.learning.module import TrainingModule
 from scenefw.losses.query_distance import distances_of
 from scenefw.losses.query_targets import pairs_of
-from scenefw.matching.queried_sets import matched_queries
+from scenefw.matching.queried_sets import matched_queries, owners_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -37,7 +37,9 @@ if TYPE_CHECKING:
 class ObjectQueryLearning(TrainingModule):
     """Trains a decoder of sets (group `learning`).
 
-    Queries of each layer are matched to true objects once per step, before all losses.
+    Queries of each layer are matched to true objects once per step, before all losses. Several
+    start on one object, and only one of them stands for it. The others learn its shape too, as that
+    asks for no agreement; that they don't stand for it is for their existence scores alone.
 
     Args:
         model: the network.
@@ -51,6 +53,7 @@ class ObjectQueryLearning(TrainingModule):
         reinitialise: modules of the network that start from random weights even so.
         matching: says which query stands for which object; None: the optimal assignment.
         early: share of the schedule's budget during which early losses count.
+        dense: queries that stand for nothing learn the object at whose surface they start.
         channels_last: memory format of the network.
         compile: let torch.compile make the network's training pass faster; a text names a backend.
         optimizer: how gradients change weights; None means AdamW.
@@ -77,6 +80,7 @@ class ObjectQueryLearning(TrainingModule):
         matching: Matching | None = None,
         early: float = 0.3,
         *,
+        dense: bool = True,
         channels_last: bool = True,
         compile: bool | str = False,  # noqa: A002 - as torch calls it
         optimizer: Optimizer | None = None,
@@ -89,7 +93,7 @@ class ObjectQueryLearning(TrainingModule):
             model, losses, learning_rate, weight_decay, schedule, average, seed, initial,
             reinitialise, channels_last=channels_last, compile=compile, optimizer=optimizer,
         )  # fmt: skip
-        self.matching, self.early = matching, early
+        self.matching, self.early, self.dense = matching, early, dense
         self._terms = losses
 
     def setup_with(self, data: ViewedSetData) -> ObjectQuerySetup:
@@ -120,7 +124,7 @@ class ObjectQueryLearning(TrainingModule):
 
     def predict_batch(self, batch: ViewedSetBatch) -> ObjectQueryPrediction:
         """The training pass, each layer matched to true objects."""
-        return matched(self.model(batch), batch, self.matching)
+        return matched(self.model(batch), batch, self.matching, dense=self.dense)
 
     def validation_step(self, batch: IndexBatch, batch_idx: int) -> None:
         """All losses and figures of the last layer, of the same views every time."""
@@ -132,11 +136,23 @@ class ObjectQueryLearning(TrainingModule):
 
 
 def matched(
-    prediction: ObjectQueryPrediction, batch: ViewedSetBatch, matching: Matching | None = None
+    prediction: ObjectQueryPrediction,
+    batch: ViewedSetBatch,
+    matching: Matching | None = None,
+    *,
+    dense: bool = False,
 ) -> ObjectQueryPrediction:
-    """The prediction with the true object that each query of each layer stands for."""
+    """The prediction with the true object that each query of each layer stands for.
+
+    Args:
+        prediction: of all layers.
+        batch: with the true objects.
+        matching: says which query stands for which object; None: the optimal assignment.
+        dense: also look for the object at whose surface each query starts.
+    """
+    owned = owners_of(prediction.layers[0], batch) if dense else None
     layers = [
-        replace(found, matched=matched_queries(found, batch, matching))
+        replace(found, matched=matched_queries(found, batch, matching), owned=owned)
         for found in prediction.layers
     ]
     return ObjectQueryPrediction(layers)

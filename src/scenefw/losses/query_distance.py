@@ -10,7 +10,7 @@ from scenefw.core.queried_sets import (
     QueriedSet,
     ViewedSetBatch,
 )
-from scenefw.losses.query_targets import pairs_of
+from scenefw.losses.query_targets import taught_pairs
 from scenefw.shapes.radial_distance import in_frame, radial_distance
 
 
@@ -40,7 +40,7 @@ class QueryDistance:
         """Any decoder of sets gives superquadrics."""
 
     def __call__(self, prediction: ObjectQueryPrediction, batch: ViewedSetBatch) -> Tensor:
-        """A scalar, the mean over matched pairs, and over layers; 0 without any.
+        """A scalar, the mean over pairs that are taught, and over layers; 0 without any.
 
         Raises:
             InputError: predictions are not matched.
@@ -49,7 +49,7 @@ class QueryDistance:
         return torch.stack(terms).mean() / self.unit
 
     def _of(self, found: QueriedSet, batch: ViewedSetBatch) -> Tensor:
-        views, queries, objects = pairs_of(found)
+        views, queries, objects = taught_pairs(found)
         if not len(views):
             return found.positions.sum() * 0
         distances = distances_of(found, views, queries, batch.places[views, objects])

@@ -11,7 +11,7 @@ from scenefw.core.queried_sets import (
     QueriedSet,
     ViewedSetBatch,
 )
-from scenefw.losses.query_targets import pairs_of
+from scenefw.losses.query_targets import taught_pairs
 from scenefw.shapes.equal_descriptions import equal_descriptions
 
 _CENTRE, _AXES, _EXPONENTS = 0.05, 0.7, 1.1  # m, and logarithms: differences that count as one
@@ -38,7 +38,7 @@ class QueryParameters:
         """Any decoder of sets gives superquadrics."""
 
     def __call__(self, prediction: ObjectQueryPrediction, batch: ViewedSetBatch) -> Tensor:
-        """A scalar, the mean over matched pairs, and over layers; 0 without any.
+        """A scalar, the mean over pairs that are taught, and over layers; 0 without any.
 
         Raises:
             InputError: predictions are not matched.
@@ -47,7 +47,7 @@ class QueryParameters:
 
 
 def _of(found: QueriedSet, batch: ViewedSetBatch) -> Tensor:
-    views, queries, objects = pairs_of(found)
+    views, queries, objects = taught_pairs(found)
     if not len(views):
         return found.positions.sum() * 0
     mine = (found.positions, found.rotations, found.half_axes, found.exponents)

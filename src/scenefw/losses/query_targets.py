@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import torch
+
 from scenefw.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,9 +20,24 @@ def pairs_of(found: QueriedSet) -> tuple[Tensor, Tensor, Tensor]:
     Raises:
         InputError: nothing was matched yet.
     """
+    return _pairs(matched_of(found))
+
+
+def taught_pairs(found: QueriedSet) -> tuple[Tensor, Tensor, Tensor]:
+    """The same, and queries that stand for nothing with the object at whose surface they start.
+
+    Raises:
+        InputError: nothing was matched yet.
+    """
     matched = matched_of(found)
-    views, queries = (matched >= 0).nonzero(as_tuple=True)
-    return views, queries, matched[views, queries]
+    if found.owned is None:
+        return _pairs(matched)
+    return _pairs(torch.where((matched < 0) & found.active, found.owned, matched))
+
+
+def _pairs(objects: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    views, queries = (objects >= 0).nonzero(as_tuple=True)
+    return views, queries, objects[views, queries]
 
 
 def matched_of(found: QueriedSet) -> Tensor:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 _PLACES = 32  # about each object, at which distances are compared
 _NEAR, _CLOSE = 0.05, 0.02  # m: centres and distances that differ by this cost one
+_AT = 0.01  # m: a query starts at a surface that is this near
 _NEVER = 1e6
 
 
@@ -45,6 +46,19 @@ def matched_queries(
         pairs = torch.from_numpy(matching.assign(costs[view][queries][:, objects].double().numpy()))
         matched[view, queries[pairs[:, 0]]] = objects[pairs[:, 1]]
     return matched.to(found.existence.device)
+
+
+@torch.no_grad()
+def owners_of(found: QueriedSet, batch: ViewedSetBatch) -> Tensor:
+    """The object (B, N) at whose surface each query starts, -1 = none."""
+    scenes = batch.scenes
+    local = in_frame(found.starts[:, None], scenes.rotations, scenes.positions)
+    axes, exponents = (
+        one[:, :, None].expand_as(local) for one in (scenes.half_axes, scenes.exponents)
+    )
+    gaps = radial_distance(local, axes, exponents).abs()
+    gap, owner = torch.where(scenes.present[:, :, None], gaps, torch.inf).min(dim=1)
+    return torch.where(gap < _AT, owner, -1)
 
 
 def pair_costs(found: QueriedSet, batch: ViewedSetBatch) -> Tensor:

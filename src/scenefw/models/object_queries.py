@@ -213,6 +213,7 @@ def bounded(queries: _Queries, existence: Tensor | None = None) -> QueriedSet:
         torch.stack([first, second, torch.linalg.cross(first, second)], dim=-1),
         queries.starts + _REACH * numbers[..., :3],
         queries.active,
+        queries.starts,
     )
 
 

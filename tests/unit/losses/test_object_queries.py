@@ -50,6 +50,25 @@ def test_what_is_wrong_costs_more_the_more_it_is():
             assert costs[0] < costs[1] < costs[2]
 
 
+def test_queries_that_stand_for_nothing_learn_what_they_start_on():
+    batch = batch_of()
+    found = exact(batch, torch.tensor([0, 1, 1]))
+    wrong = replace(found, positions=found.positions + torch.tensor([[[0.0]], [[0.05]]]))
+    matched = torch.tensor([[0, 1, -1], [-1, -1, -1]])
+    owned = torch.tensor([[1, 0, 1], [-1, -1, 1]])
+    for loss in GEOMETRIC:
+        alone, dense, resting = (
+            float(loss(ObjectQueryPrediction([replace(wrong, **changed)]), batch))
+            for changed in (
+                {"matched": matched},
+                {"matched": matched, "owned": owned},
+                {"matched": matched, "owned": owned, "active": wrong.active & False},
+            )
+        )
+        assert alone == resting < 1e-3
+        assert dense > 0.03
+
+
 def test_existence_is_of_queries_that_count():
     batch = batch_of()
     found = exact(batch, torch.arange(3), logits=8.0)

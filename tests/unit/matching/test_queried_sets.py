@@ -6,7 +6,7 @@ import torch
 from tests.unit.models.queries import batch_of
 
 from scenefw.core.queried_sets import QueriedSet
-from scenefw.matching.queried_sets import matched_queries, pair_costs
+from scenefw.matching.queried_sets import matched_queries, owners_of, pair_costs
 
 
 def exact(batch, order, logits=0.0):
@@ -15,7 +15,9 @@ def exact(batch, order, logits=0.0):
     fields = (s.half_axes, s.exponents, s.rotations, s.positions)
     shape = s.present.shape
     active = torch.ones(shape, dtype=torch.bool)
-    return QueriedSet(torch.full(shape, logits), *(one[:, order] for one in fields), active)
+    return QueriedSet(
+        torch.full(shape, logits), *(one[:, order] for one in fields), active, s.positions
+    )
 
 
 def test_the_truth_in_another_order_is_found_again():
@@ -42,6 +44,15 @@ def test_of_equal_queries_the_surer_one_is_taken():
     found = exact(batch, torch.tensor([1, 1, 1]), logits=-2.0)
     found.existence[:, 2] = 3.0
     assert matched_queries(found, batch).tolist() == [[-1, -1, 1]] * 2
+
+
+def test_queries_start_at_the_object_nearest_to_their_seed():
+    batch = batch_of(places=64)
+    seeds = batch.points.unflatten(1, (3, 64))[:, :, 0]
+    found = replace(exact(batch, torch.arange(3)), starts=seeds)
+    wanted = torch.where(batch.scenes.present, torch.arange(3), -1)
+    assert torch.equal(owners_of(found, batch), wanted)
+    assert (owners_of(replace(found, starts=seeds + 3.0), batch) == -1).all()
 
 
 def test_without_objects_nothing_is_matched():

@@ -37,7 +37,7 @@ class Told(torch.nn.Module):
         self.found = QueriedSet(
             existence, (ends[:, :, 1] - ends[:, :, 0]) / 2, torch.full((1, count, 3), 60.0),
             torch.eye(3).expand(1, count, 3, 3), ends.mean(dim=2),
-            torch.ones(1, count, dtype=torch.bool),
+            torch.ones(1, count, dtype=torch.bool), ends.mean(dim=2),
         )  # fmt: skip
 
     def predict(self, condition, points, seen):
