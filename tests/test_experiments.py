@@ -11,8 +11,9 @@ from scenefw import registry
 
 # Images of the user, runs of a sweep, weights that don't ship
 NEEDS_INPUT = {
-    "osd", "label_halves", "noise_gathered", "label_noise_gathered", "set_prior",
+    "osd", "label_halves", "noise_gathered", "label_noise_gathered", "table_5_1_baselines",
 }  # fmt: skip
+BASELINES = ("fully_convolutional", "sscnet", "unconditional")
 # Settings of two runs, for experiments whose sweeps are gathered below
 SWEEPS = {
     "noise_map": ("noise.gaussian.sigma=0.0", "size.frames=1", "noise.pose.sigma=0.0,0.01"),
@@ -136,6 +137,28 @@ def test_runs_of_a_sweep_begin_with_the_weights_of_their_seed(scenefw, tmp_path)
     assert tables[0] == pytest.approx(tables[1], rel=1e-3)
     assert tables[2] == pytest.approx(tables[3], rel=1e-3)
     assert tables[0] != pytest.approx(tables[2], rel=2e-2)
+
+
+@pytest.mark.exhaustive
+def test_baselines_are_trained_and_stand_in_table_5_1(scenefw, tmp_path):
+    words, files = ("debug=smoke", "size.resolution=64"), []
+    for name in BASELINES:
+        out = f"paths.output={name}"
+        done = scenefw("experiment=simstack", "run=train", f"ablation={name}", *words, out)
+        assert done.returncode == 0, done.stderr[-3000:]
+        files.append(f"checkpoints.{name}={tmp_path / name / 'simstack.safetensors'}")
+    done = scenefw("experiment=table_5_1_baselines", "debug=smoke", *files, "paths.output=out")
+    assert done.returncode == 0, done.stderr[-3000:]
+    figures = json.loads((tmp_path / "out" / "metrics.json").read_text())
+    for name in BASELINES:
+        assert any(f"/{name}/" in key for key in figures), (name, list(figures)[:20])
+
+
+def test_baselines_without_weights_say_what_they_need(scenefw):
+    done = scenefw("experiment=table_5_1_baselines", "debug=smoke")
+    assert done.returncode == 2, done.stderr[-3000:]
+    assert "'fully_convolutional'" in done.stderr
+    assert "give a file" in done.stderr
 
 
 def test_osd_without_images_says_what_it_needs(scenefw):

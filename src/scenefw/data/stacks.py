@@ -28,6 +28,7 @@ SHIPPED = {
     "large_stacks_v2": "superquadric_large_stacks_v2.npz",
     "stacks_of_six_v2": "superquadric_stacks_of_six_v2.npz",
     "few_v2": "superquadric_few_v2.npz",
+    "wide_v2": "superquadric_wide_v2.npz",
     "stacks_v1": "superquadric_stacks.npz",
     "scattered_v1": "superquadric_scattered.npz",
 }
@@ -60,8 +61,8 @@ class StackScenes:
 
     Args:
         path: the `.npz` of a data set, or the name of a shipped one (stacks_v2, scattered_v2,
-            large_stacks_v2, stacks_of_six_v2, few_v2, stacks_v1, scattered_v1; without a version:
-            v2); several are put one after the other; None means stacks_v2.
+            large_stacks_v2, stacks_of_six_v2, few_v2, wide_v2, stacks_v1, scattered_v1; without a
+            version: v2); several are put one after the other; None means stacks_v2.
         split: train, val, test, all of these, or final, which only releases may read
             (`core.final_split`) and which is a file of its own.
         limit: at most this many scenes of each data set, the first of the split; None means all.

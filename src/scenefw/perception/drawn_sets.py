@@ -124,6 +124,8 @@ class DrawnSets(Fitted):
         """
         random = np.random.default_rng(0) if random is None else random
         enough = self._enough(view)
+        if not enough:
+            return [{} for _ in range(count)]
         given = list(enough.values())
         alone = self.sized.alone(given)
         seen = SeenObjects(view, list(enough), alone, random)

@@ -8,6 +8,7 @@ import torch
 from tests.unit.perception.synthetic import STACK, camera_at
 from tests.unit.perception.test_evidence import view_of
 
+from scenefw import registry
 from scenefw.core.batches import SeenSetBatch
 from scenefw.core.errors import ConfigError
 from scenefw.fitting.joint import JointFit
@@ -133,6 +134,18 @@ def test_without_votes_the_first_sample_is_the_fit_without_a_network():
     for k in (1, 2):
         assert np.array_equal(found[0][0][k].half_axes, found[1][0][k].half_axes)
         assert back_of(found[0][1][k]) < back_of(found[1][1][k]) - 0.03
+
+
+def test_a_view_of_nothing_is_an_empty_set():
+    view = seen()
+    network = registry.build("model", "set_extents")  # not told: it has to see the objects
+    flow = DrawnSets(
+        Inner(),
+        JointFit(SuperquadricFit()),
+        EvidenceOfView(),
+        Loaded(network.requires_grad_(False)),
+    )
+    assert flow.superquadrics(replace(view, masks=0 * view.masks), 3) == [{}, {}, {}]
 
 
 def test_what_is_drawn_where_something_else_is_seen_gives_way():

@@ -137,6 +137,7 @@ SHIPPED_BY = {
     "large_stacks_v2": ("superquadrics", "large_stacks"),
     "stacks_of_six_v2": ("superquadrics", "stacks_of_six"),
     "few_v2": ("superquadrics", "few"),
+    "wide_v2": ("superquadrics", "scattered_wide"),
 }
 
 
