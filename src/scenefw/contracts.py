@@ -16,6 +16,8 @@ from scenefw.core import (
     height_maps,
     labelling_protocols,
     protocols,
+    queried_sets,
+    query_protocols,
     tabletop,
     training_protocols,
     types,
@@ -24,7 +26,7 @@ from scenefw.core import (
 _NAME = re.compile(r"[A-Za-z_]\w*")
 _CROSSING = frozenset(
     name
-    for module in (batches, height_maps, tabletop, types)
+    for module in (batches, height_maps, queried_sets, tabletop, types)
     for name, value in vars(module).items()
     if inspect.isclass(value) and value.__module__ == module.__name__
 )
@@ -32,7 +34,8 @@ _CROSSING = frozenset(
 
 
 PROTOCOLS: dict[str, Any] = {
-    **vars(protocols), **vars(labelling_protocols), **vars(training_protocols)
+    **vars(protocols), **vars(labelling_protocols), **vars(training_protocols),
+    **vars(query_protocols),
 }  # fmt: skip
 """What stands in the modules of `core` that hold protocols, by name."""
 

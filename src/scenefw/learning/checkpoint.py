@@ -25,7 +25,8 @@ _FORMAT = "scenefw-checkpoint"
 _VERSION = 1
 
 SHAPE_INSTANCE, SEGMENTATION = "shape_instance", "segmentation"
-OBJECT_SETS, SET_FLOW, PART_AFFINITY = "object_sets", "set_flow", "part_affinity"
+OBJECT_SETS, OBJECT_QUERIES = "object_sets", "object_queries"
+SET_FLOW, PART_AFFINITY = "set_flow", "part_affinity"
 """What a network is for; files without a task are of the first."""
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import itertools
-
 import torch
 from torch import Tensor
+
+from scenefw.shapes.equal_descriptions import equal_descriptions
 
 SIZE = 15
 """Numbers of an object: centre 3, two columns of the rotation 6, half-axes 3, exponents 3."""
@@ -13,23 +13,6 @@ _SPREAD = 0.05  # m, of centres about what is seen of an object
 _TYPICAL, _DEVIATION = -3.0, 0.7  # of logarithms of half-axes (m)
 _EXPONENT, _EXPONENT_DEVIATION = 2.7, 1.1  # of logarithms of exponents
 _RANGE = 1.1, 100.0
-
-
-def equal_descriptions() -> Tensor:
-    """Rotations (24, 3, 3) that relabel axes, with signs: the solid stays what it is (sets.md).
-
-    A superquadric of three exponents with rotation R, half-axes a and exponents r is the same as
-    one with R P, |P|^T a and |P|^T r.
-    """
-    found = []
-    for order in itertools.permutations(range(3)):
-        for signs in itertools.product((1.0, -1.0), repeat=3):
-            matrix = torch.zeros(3, 3)
-            for column, (row, sign) in enumerate(zip(order, signs, strict=True)):
-                matrix[row, column] = sign
-            if torch.linalg.det(matrix) > 0:
-                found.append(matrix)
-    return torch.stack(found)
 
 
 def encode(

@@ -15,7 +15,7 @@ from scenefw.core.types import Pose
 from scenefw.data.object_ends import object_ends
 from scenefw.data.seen_sets import in_frame, view_frame
 from scenefw.fitting.placed import signed_distance
-from scenefw.models.superquadric_tokens import equal_descriptions
+from scenefw.shapes.equal_descriptions import equal_descriptions
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

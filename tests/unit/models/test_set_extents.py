@@ -12,7 +12,7 @@ from scenefw.core.errors import ConfigError
 from scenefw.losses.flow_velocity import FlowVelocity
 from scenefw.losses.hidden_count import HiddenCount
 from scenefw.models.set_extents import SetExtents, seen_in_axes
-from scenefw.models.superquadric_tokens import equal_descriptions
+from scenefw.shapes.equal_descriptions import equal_descriptions
 
 SMALL = {"slots": 4, "width": 32, "layers": 1, "heads": 2, "others": 4, "turn": 0.0}
 

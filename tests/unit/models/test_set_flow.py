@@ -17,8 +17,8 @@ from scenefw.models.superquadric_tokens import (
     decode,
     described_in_all_ways,
     encode,
-    equal_descriptions,
 )
+from scenefw.shapes.equal_descriptions import equal_descriptions
 from scenefw.shapes.superquadric import Superquadric
 
 SMALL = {"slots": 4, "width": 32, "layers": 2, "view_layers": 1, "heads": 2}

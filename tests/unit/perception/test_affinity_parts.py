@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 import torch
-from tests.unit.perception.synthetic import STACK, camera_at, frame_of
+from tests.unit.perception.synthetic import camera_at, frame_of
 
 from scenefw.core.errors import ConfigError
 from scenefw.losses.part_affinity import true_affinities

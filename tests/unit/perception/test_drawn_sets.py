@@ -14,11 +14,11 @@ from scenefw.core.errors import ConfigError
 from scenefw.fitting.joint import JointFit
 from scenefw.fitting.placed import shape_of, signed_distance
 from scenefw.fitting.superquadrics import SuperquadricFit
-from scenefw.models.superquadric_tokens import equal_descriptions
 from scenefw.perception.drawn_sets import DrawnSets
 from scenefw.perception.evidence import EvidenceOfView
 from scenefw.perception.hidden_objects import HiddenObjects
 from scenefw.perception.world_sets import along
+from scenefw.shapes.equal_descriptions import equal_descriptions
 
 
 class Told(torch.nn.Module):

@@ -113,6 +113,17 @@ _KNOWN = (
         figure=" of fits and a flow of sets",
         draws="drawn by a flow of sets",
     ),
+    _method(
+        "object_queries",
+        "a decoder of sets, fitted to the view",
+        samples="a decoder of sets, fitted to the view",
+        figure=" of a decoder of sets",
+    ),
+    _method(
+        "queries_alone",
+        "a decoder of sets, as predicted",
+        figure=" of a decoder of sets alone",
+    ),
     _method("hull_filling", "hull filling (no learning)", learns=False, reference=True),
     _method("partial_tsdf", "partial TSDF meshed (no learning)", learns=False),
     _method("connected_components", "components of the network's shape (no votes)"),

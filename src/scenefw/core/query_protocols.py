@@ -1,0 +1,75 @@
+"""Protocols of decoders of sets: data, losses, networks and their weights."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol
+
+from scenefw.core.training_protocols import Loss, Network, TrainingData
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import torch
+    from torch import Tensor
+
+    from scenefw.core.batches import IndexBatch
+    from scenefw.core.queried_sets import (
+        ObjectQueryPrediction,
+        ObjectQuerySetup,
+        QueriedSet,
+        ViewedSetBatch,
+    )
+    from scenefw.core.types import GridSpec
+
+
+class ViewedSetData(TrainingData, Protocol):
+    """Partial views, points of what is seen, and objects (group `dataset`, `viewed_sets`)."""
+
+    grid: GridSpec
+    most: int
+    """The largest number of objects in a scene."""
+
+    def training_batch(self, batch: IndexBatch, device: torch.device) -> ViewedSetBatch:
+        """Views and objects of an epoch, each a function of only (seed, epoch, index)."""
+
+    def validation_batch(self, batch: IndexBatch, device: torch.device) -> ViewedSetBatch:
+        """The same views in every epoch."""
+
+
+class ObjectQueryLoss(Loss, Protocol):
+    """A term of the loss of decoders of sets (group `loss`, options `query_*`)."""
+
+    early: bool
+    """Whether it counts in the first part of a training alone (`learning.early`)."""
+
+    def check(self, setup: ObjectQuerySetup) -> None:
+        """Raises a ConfigError before the work if it doesn't fit these sets."""
+
+    def __call__(self, prediction: ObjectQueryPrediction, batch: ViewedSetBatch) -> Tensor:
+        """A scalar from predictions of all layers, matched to objects."""
+
+
+class ObjectQueryModel(Network, Protocol):
+    """A network from a partial view to a set of superquadrics (`model=object_queries`)."""
+
+    grid: GridSpec
+    """Of the views that it sees."""
+    queries: int
+    """Objects that it predicts, most of which don't exist."""
+
+    def forward(self, batch: ViewedSetBatch) -> ObjectQueryPrediction:
+        """Training pass; nothing is random."""
+
+    def __call__(self, batch: ViewedSetBatch) -> ObjectQueryPrediction:
+        """Calls `forward`, as torch does."""
+
+    def predict(self, condition: Tensor, points: Tensor, seen: Tensor) -> QueriedSet:
+        """The set of the last layer, of what a `ViewedSetBatch` says of views."""
+
+
+class TrainedObjectQueries(Protocol):
+    """What a loaded checkpoint of a decoder of sets provides (`learning.checkpoint`)."""
+
+    model: ObjectQueryModel
+    grid: GridSpec
+    metadata: Mapping[str, Any]

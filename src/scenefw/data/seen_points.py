@@ -1,0 +1,57 @@
+"""Points of what depth images show above the floor."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import torch
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from scenefw.core.batches import CameraBatch
+    from scenefw.core.types import GridSpec
+
+LOWEST = 0.006
+"""m above the floor: what is lower may be the floor itself."""
+
+
+def seen_points(
+    depth: Tensor, cameras: CameraBatch, grid: GridSpec, chances: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Points (B, P, 3) of the world (m), and whether they count (B, P): none do in an empty view.
+
+    They are spread evenly over the pixels that show something inside the grid and above the floor,
+    row by row. Where there are fewer pixels than points, some are there several times.
+
+    Args:
+        depth: (B, H, W) z-depth (m), 0 = no measurement.
+        cameras: of these images.
+        grid: outside which nothing counts.
+        chances: (B, P) uniform in [0, 1).
+    """
+    places = _world(depth, cameras)
+    lower = places.new_tensor(grid.lower)
+    inside = ((places > lower) & (places < lower + grid.extent)).all(dim=-1)
+    there = (depth.flatten(1) > 0) & inside & (places[..., 2] > LOWEST)
+    counts = there.sum(dim=1, keepdim=True)
+    order = (~there).to(torch.uint8).argsort(dim=1, stable=True)
+    points = chances.shape[1]
+    shares = (torch.arange(points, device=chances.device) + chances) / points
+    ranks = (shares * counts).long().minimum((counts - 1).clamp_min(0))
+    pixels = order.gather(1, ranks)
+    found = places.gather(1, pixels[..., None].expand(-1, -1, 3))
+    return found, (counts > 0).expand(-1, points)
+
+
+def _world(depth: Tensor, cameras: CameraBatch) -> Tensor:
+    """World coordinates (B, H W, 3) of all pixels."""
+    height, width = depth.shape[1:]
+    pixels = torch.arange(height * width, device=depth.device)
+    fx, fy, cx, cy = cameras.intrinsics[:, :, None].unbind(1)
+    flat = depth.flatten(1)
+    local = torch.stack(
+        [(pixels % width - cx) / fx * flat, (pixels // width - cy) / fy * flat, flat], dim=-1
+    )
+    pose = cameras.T_world_camera
+    return local @ pose[:, :3, :3].transpose(1, 2) + pose[:, None, :3, 3]

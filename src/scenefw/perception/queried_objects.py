@@ -1,0 +1,104 @@
+"""Superquadrics that a trained decoder of sets sees in a view."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from scenefw.core import geometry
+from scenefw.core.errors import ConfigError
+from scenefw.core.evidence import FittedSuperquadric
+from scenefw.core.types import Pose
+from scenefw.data.conditioning import condition
+from scenefw.data.seen_points import seen_points
+from scenefw.fitting.placed import in_frame_of, shape_of
+
+if TYPE_CHECKING:
+    from scenefw.core.batches import PartialTSDF
+    from scenefw.core.queried_sets import QueriedSet
+    from scenefw.core.query_protocols import ObjectQueryModel, TrainedObjectQueries
+    from scenefw.core.types import GridSpec
+
+_POINTS = 1024  # of a view, as in training
+_CORNERS = 6  # of meshes that say where an object is
+_SHELLS = (1.0, 0.7, 0.4, 0.1)  # of sizes: so its inner points are spread
+
+
+class QueriedObjects:
+    """Asks a network for the objects of views, and leaves out those that it is not sure of.
+
+    Several queries may find one object. So of two that share much of their room, the surer stays.
+
+    Args:
+        checkpoint: of a decoder of sets.
+        exists: how sure the network must be that there is an object (0 to 1).
+        shared: share of an object's room that a surer one may have.
+
+    Raises:
+        ConfigError: a share outside 0..1.
+    """
+
+    def __init__(
+        self, checkpoint: TrainedObjectQueries, exists: float = 0.5, shared: float = 0.5
+    ) -> None:
+        if not (0 < exists < 1 and 0 < shared <= 1):
+            raise ConfigError(
+                f"queried objects have exists {exists} and shared {shared}; expected shares from "
+                "0 to 1"
+            )
+        self.model: ObjectQueryModel = checkpoint.model
+        self.exists, self.shared = exists, shared
+
+    @torch.no_grad()
+    def of(
+        self, partial: PartialTSDF, grid: GridSpec, generator: torch.Generator
+    ) -> list[list[FittedSuperquadric]]:
+        """Objects of each view, the surest first.
+
+        Args:
+            partial: with its images.
+            grid: of the partial TSDFs.
+            generator: says which points are taken, on the CPU.
+        """
+        if partial.depth is None or partial.cameras is None:
+            raise ValueError("queries need the depth images of partial TSDFs")
+        device = next(self.model.parameters()).device  # type: ignore[attr-defined]
+        chances = torch.rand(len(partial.depth), _POINTS, generator=generator)
+        points, seen = seen_points(
+            partial.depth, partial.cameras, grid, chances.to(partial.depth.device)
+        )
+        found = self.model.predict(
+            condition(partial, grid).to(device), points.to(device), seen.to(device)
+        )
+        return [self._sure(found, row) for row in range(len(points))]
+
+    def _sure(self, found: QueriedSet, row: int) -> list[FittedSuperquadric]:
+        chances = found.existence[row].sigmoid().cpu()
+        chances = torch.where(found.active[row].cpu(), chances, 0.0)
+        order = [k for k in chances.argsort(descending=True).tolist() if chances[k] > self.exists]
+        kept: list[FittedSuperquadric] = []
+        for k in order:
+            one = _superquadric(found, row, k)
+            if all(shared_room(one, other) <= self.shared for other in kept):
+                kept.append(one)
+        return kept
+
+
+def shared_room(one: FittedSuperquadric, other: FittedSuperquadric) -> float:
+    """Share of the smaller object that lies in the larger one, by points of its shells."""
+    small, large = sorted((one, other), key=lambda each: shape_of(each).volume())
+    corners = shape_of(small).mesh(_CORNERS).vertices
+    inner = np.concatenate([share * corners for share in _SHELLS])
+    places = inner @ small.pose.rotation.T + small.pose.position
+    return float((shape_of(large).value(in_frame_of(large, places)) < 1).mean())
+
+
+def _superquadric(found: QueriedSet, row: int, query: int) -> FittedSuperquadric:
+    axes, exponents, rotation, position = (
+        one[row, query].double().cpu().numpy()
+        for one in (found.half_axes, found.exponents, found.rotations, found.positions)
+    )
+    pose = Pose(position, geometry.quaternion_from_rotation(rotation))
+    return FittedSuperquadric(axes, exponents, pose, 0.0, np.empty(0))

@@ -1,0 +1,25 @@
+"""Descriptions of a superquadric that say the same solid."""
+
+from __future__ import annotations
+
+import itertools
+
+import torch
+from torch import Tensor
+
+
+def equal_descriptions() -> Tensor:
+    """Rotations (24, 3, 3) that relabel axes, with signs: the solid stays what it is (sets.md).
+
+    A superquadric of three exponents with rotation R, half-axes a and exponents r is the same as
+    one with R P, |P|^T a and |P|^T r.
+    """
+    found = []
+    for order in itertools.permutations(range(3)):
+        for signs in itertools.product((1.0, -1.0), repeat=3):
+            matrix = torch.zeros(3, 3)
+            for column, (row, sign) in enumerate(zip(order, signs, strict=True)):
+                matrix[row, column] = sign
+            if torch.linalg.det(matrix) > 0:
+                found.append(matrix)
+    return torch.stack(found)

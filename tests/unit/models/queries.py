@@ -1,0 +1,69 @@
+"""A small decoder of sets, its encoder, and views made by hand."""
+
+from dataclasses import dataclass
+
+import torch
+from tests.unit.learning.tiny import network
+
+from scenefw.core.batches import SceneParameters
+from scenefw.core.queried_sets import ViewedSetBatch
+from scenefw.core.types import GridSpec
+from scenefw.models.object_queries import ObjectQueries
+from scenefw.models.shape_instance_vae import ShapeInstanceVAE
+from scenefw.shapes.radial_distance import in_frame, radial_distance
+
+RESOLUTION = 16
+SIZES = {"seeded": 4, "free": 2, "tokens": 12, "width": 32, "layers": 2, "view_layers": 1}
+
+
+@dataclass
+class Encoder:
+    """As a loaded checkpoint of a network of volumes."""
+
+    model: ShapeInstanceVAE
+    grid: GridSpec
+    recipe: dict
+
+
+def encoder(resolution=RESOLUTION):
+    model = network(resolution)
+    return Encoder(model, GridSpec(resolution), dict(model.recipe))
+
+
+def queries(seed=0, **changed):
+    torch.manual_seed(seed)
+    return ObjectQueries(encoder(), **{**SIZES, "heads": 2, **changed})
+
+
+def scenes_of(views=2, objects=3, seed=0):
+    """Turned boxes side by side; the first view has one less."""
+    random = torch.Generator().manual_seed(seed)
+
+    def uniform(*shape):
+        return torch.rand(views, objects, *shape, generator=random)
+
+    turns = torch.linalg.qr(uniform(3, 3) - 0.5)[0]
+    turns = turns * torch.linalg.det(turns)[..., None, None]
+    positions = 0.1 * (uniform(3) - 0.5) + torch.tensor([0.0, 0.0, 0.1])
+    positions[..., 0] += 0.2 * (torch.arange(objects) - 1)
+    present = torch.ones(views, objects, dtype=torch.bool)
+    present[0, -1] = False
+    return SceneParameters(0.03 + 0.05 * uniform(3), 2 + 10 * uniform(3), turns, positions, present)
+
+
+def batch_of(views=2, objects=3, seed=0, places=64):
+    """Views whose points lie on the objects, with any volume."""
+    random = torch.Generator().manual_seed(seed)
+    scenes = scenes_of(views, objects, seed)
+    about = 0.15 * (torch.rand(views, objects, places, 3, generator=random) - 0.5)
+    spots = about + scenes.positions[:, :, None]
+    local = in_frame(spots, scenes.rotations, scenes.positions)
+    axes, exponents = (
+        one[:, :, None].expand_as(local) for one in (scenes.half_axes, scenes.exponents)
+    )
+    distances = radial_distance(local, axes, exponents)
+    surface = local * (1 - distances / local.norm(dim=-1))[..., None]
+    points = surface @ scenes.rotations.transpose(-1, -2) + scenes.positions[:, :, None]
+    seen = scenes.present[:, :, None].expand(-1, -1, places).flatten(1)
+    volume = torch.rand(views, 2, *(RESOLUTION,) * 3, generator=random) * 2 - 1
+    return ViewedSetBatch(volume, points.flatten(1, 2), seen, scenes, spots, distances)

@@ -1,0 +1,124 @@
+"""Scenes that a decoder of sets predicts, as they are and fitted to the image."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+import torch
+from tests.unit.perception.synthetic import STACK, camera_at
+from tests.unit.perception.test_evidence import distance, view_of
+from tests.unit.perception.test_fitted import partial_of
+
+from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.queried_sets import QueriedSet
+from scenefw.core.types import GridSpec
+from scenefw.fitting.joint import JointFit
+from scenefw.fitting.superquadrics import SuperquadricFit
+from scenefw.perception.evidence import EvidenceOfView
+from scenefw.perception.object_queries import ObjectQueryReconstructor
+from scenefw.perception.refined_sets import RefinedSets
+
+BOXES = [(np.array(box.lower), np.array(box.upper)) for box in STACK]
+ROUGH = [(lower + 0.012, upper + 0.012) for lower, upper in BOXES]
+HIDDEN = (np.array([-0.02, 0.1, 0.0]), np.array([0.02, 0.14, 0.03]))
+IN_SIGHT = (np.array([-0.02, -0.3, 0.1]), np.array([0.02, -0.26, 0.14]))
+
+
+class Told(torch.nn.Module):
+    """Predicts boxes (lower, upper), of which the last is not there."""
+
+    def __init__(self, boxes):
+        super().__init__()
+        self.any = torch.nn.Parameter(torch.zeros(1))
+        ends = torch.from_numpy(np.array([*boxes, BOXES[0]])).float()[None]
+        count = ends.shape[1]
+        existence = torch.linspace(4, 2, count)[None].clone()
+        existence[:, -1] = -3.0
+        self.found = QueriedSet(
+            existence, (ends[:, :, 1] - ends[:, :, 0]) / 2, torch.full((1, count, 3), 60.0),
+            torch.eye(3).expand(1, count, 3, 3), ends.mean(dim=2),
+            torch.ones(1, count, dtype=torch.bool), ends.mean(dim=2),
+        )  # fmt: skip
+
+    def predict(self, condition, points, seen):
+        self.saw = condition, points, seen
+        return self.found
+
+
+@dataclass
+class Loaded:
+    model: Told
+    grid: GridSpec
+    metadata: dict = field(default_factory=lambda: {"made": "by hand"})
+
+
+def complete(boxes, *, fitted=False, resolution=48):
+    view, camera = view_of(resolution), camera_at(eye=(0.0, -0.85, 0.6))
+    model = Told(boxes)
+    refined = RefinedSets(JointFit(SuperquadricFit()), EvidenceOfView()) if fitted else None
+    method = ObjectQueryReconstructor(Loaded(model, view.grid), refined)
+    assert method.metadata == {"made": "by hand"}
+    scenes = method.complete(partial_of(view, camera), view.grid, 2, torch.Generator())
+    assert len(scenes) == 2
+    return view, model, scenes[0]
+
+
+def overlap(scene, view):
+    found, true = scene.tsdf[0].numpy() < 0, view.tsdf < 0
+    return (found & true).sum() / (found | true).sum()
+
+
+def test_what_is_predicted_becomes_a_scene():
+    view, model, scene = complete(BOXES)
+    assert overlap(scene, view) > 0.95
+    assert set(np.unique(scene.instances.numpy())) == {0, 1, 2}
+    assert list(scene.placed[0]) == [1, 2]
+    shown = scene.masks[0].numpy()
+    both = (view.masks > 0) & (shown > 0)
+    assert (shown[both] == view.masks[both]).mean() > 0.98
+    assert both.sum() > 0.97 * (view.masks > 0).sum()
+    _, points, seen = model.saw
+    assert seen.all()
+    gaps = np.min([np.abs(distance(points[0].numpy(), box)) for box in STACK], axis=0)
+    assert np.quantile(gaps, 0.95) < 2e-3
+
+
+def test_rough_predictions_are_fitted_to_what_is_seen():
+    view, _, rough = complete(ROUGH)
+    _, _, fitted = complete(ROUGH, fitted=True)
+    assert overlap(fitted, view) > overlap(rough, view) + 0.1
+    assert overlap(fitted, view) > 0.9
+
+
+def test_of_predictions_of_one_object_the_surer_is_kept():
+    _, _, scene = complete([BOXES[0], ROUGH[0], BOXES[1]])
+    assert len(scene.placed[0]) == 2
+
+
+def test_hidden_objects_stay_where_nothing_speaks_against_them():
+    _, _, scene = complete([*BOXES, HIDDEN], fitted=True)
+    assert len(scene.placed[0]) == 3
+    _, _, scene = complete([*BOXES, IN_SIGHT], fitted=True)
+    assert len(scene.placed[0]) == 2
+
+
+def test_a_view_without_objects_is_empty():
+    for fitted in (False, True):
+        _, _, scene = complete([], fitted=fitted)
+        assert (scene.instances == 0).all()
+        assert (scene.tsdf > 0).all()
+        assert (scene.masks == 0).all()
+        assert scene.placed == ({},)
+
+
+def test_what_it_cannot_do_is_said_in_one_line():
+    view, camera = view_of(32), camera_at(eye=(0.0, -0.85, 0.6))
+    loaded = Loaded(Told(BOXES), view.grid)
+    partial = replace(partial_of(view, camera), depth=None)
+    with pytest.raises(InputError, match="needs the depth images"):
+        ObjectQueryReconstructor(loaded).complete(partial, view.grid, 1, torch.Generator())
+    for wrong, words in (({"exists": 1.5}, r"exists 1\.5"), ({"own": 0.0}, r"own is 0\.0")):
+        with pytest.raises(ConfigError, match=words):
+            ObjectQueryReconstructor(loaded, **wrong)
+    with pytest.raises(ConfigError, match=r"drawn_sigma 0\.001"):
+        RefinedSets(JointFit(SuperquadricFit()), EvidenceOfView(), drawn_sigma=0.001)
