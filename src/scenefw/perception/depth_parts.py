@@ -49,6 +49,37 @@ def linked_parts(
     return np.where(among, np.searchsorted(used, labels) + 1, 0)
 
 
+def merged(regions: Int32, across: Float32, down: Float32, least: float) -> NDArray[np.int64]:
+    """Regions (H, W) of which neighbours are joined, the pair with the highest mean border first.
+
+    Args:
+        regions: (H, W), 0 = none.
+        across: (H, W - 1) how surely a pixel and its right neighbour belong together.
+        down: (H - 1, W) the same for the one below.
+        least: mean along the border of two regions from which on they are joined.
+    """
+    count = int(regions.max(initial=0)) + 1
+    sums, borders = np.zeros((2, count, count))
+    values = iter((across, down))
+    for a, b in _NEIGHBOURS:
+        value, first, second = next(values), regions[a], regions[b]
+        meet = (first != second) & (first > 0) & (second > 0)
+        for rows, columns in ((first, second), (second, first)):
+            np.add.at(sums, (rows[meet], columns[meet]), value[meet])
+            np.add.at(borders, (rows[meet], columns[meet]), 1)
+    owner = np.arange(count)
+    while True:
+        means = np.divide(sums, borders, out=np.zeros_like(sums), where=borders > 0)
+        kept, gone = np.unravel_index(means.argmax(), means.shape)
+        if means[kept, gone] < least or not borders[kept, gone]:
+            return owner[regions]
+        owner[owner == gone] = kept
+        for table in (sums, borders):
+            table[kept] += table[gone]
+            table[:, kept] += table[:, gone]
+            table[gone] = table[:, gone] = table[kept, kept] = 0
+
+
 def large_parts(components: NDArray[np.int64], smallest: int) -> NDArray[np.int32]:
     """Components (H, W) of at least `smallest` pixels, renumbered from 1 on; others become 0."""
     sizes = np.bincount(components.ravel())

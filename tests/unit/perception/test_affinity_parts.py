@@ -58,9 +58,30 @@ def test_images_without_objects_have_no_parts(seen):
     assert finder.segment(replace(frame, depth=np.zeros_like(frame.depth))).max() == 0
 
 
+def test_a_few_likely_pixels_do_not_join_two_objects(seen):
+    """A gap of three pixels in the border: with a threshold alone they would."""
+    frame, owners = seen
+    network = Knowing(owners, frame.camera.fx)
+    true = network.forward(torch.from_numpy(frame.depth)[None], None)
+    rows, columns = np.nonzero((owners[:-1] == 2) & (owners[1:] == 1))
+    true[0, 1, rows[10:13], columns[10:13]] = 2.0
+    network.forward = lambda *_: true
+    assert AffinityParts(Loaded(network), smallest=20).segment(frame).max() == 2
+    joined = AffinityParts(Loaded(network), smallest=20, same=0.01).segment(frame).max()
+    assert joined == 1
+
+
 @pytest.mark.parametrize(
-    "wrong", [{"threshold": 1.0}, {"margin": -0.1}, {"smallest": 0}, {"lowest": -1.0}]
+    "wrong",
+    [
+        {"sure": 1.0},
+        {"same": 0.0},
+        {"seed": 0},
+        {"margin": -0.1},
+        {"smallest": 0},
+        {"lowest": -1.0},
+    ],
 )
 def test_bad_settings(seen, wrong):
-    with pytest.raises(ConfigError, match="parts have threshold"):
+    with pytest.raises(ConfigError, match="parts have sure"):
         AffinityParts(Loaded(Knowing(seen[1], 100.0)), **wrong)

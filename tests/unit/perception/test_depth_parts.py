@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 
 from scenefw.core.types import Camera, Frame
-from scenefw.perception.depth_parts import concave_creases, depth_parts, grown, large_parts
+from scenefw.perception.depth_parts import (
+    concave_creases,
+    depth_parts,
+    grown,
+    large_parts,
+    merged,
+)
 
 
 def searched(depth, among, jump):
@@ -108,3 +114,34 @@ def test_nothing_grows_from_nothing():
     depth = np.ones((5, 6), np.float32)
     nothing = np.zeros((5, 6), np.int32)
     assert not grown(nothing, depth > 0, depth).any()
+
+
+def joined_one_by_one(regions, across, down, least):
+    """The same with means made anew from all borders after each pair."""
+    regions = regions.copy()
+    while True:
+        borders = {}
+        for v, u in np.ndindex(regions.shape):
+            for (y, x), values in (((v, u + 1), across), ((v + 1, u), down)):
+                if y < regions.shape[0] and x < regions.shape[1]:
+                    pair = tuple(sorted((int(regions[v, u]), int(regions[y, x]))))
+                    if pair[0] and pair[0] != pair[1]:
+                        borders.setdefault(pair, []).append(float(values[v, u]))
+        best = max(borders, key=lambda pair: np.mean(borders[pair]), default=None)
+        if best is None or np.mean(borders[best]) < least:
+            return regions
+        regions[regions == best[1]] = best[0]
+
+
+@pytest.mark.parametrize("shape", [(9, 12), (16, 7)])
+def test_regions_are_joined_in_the_order_of_their_borders(shape):
+    rng = np.random.default_rng(1)
+    regions = rng.integers(0, 8, (shape[0] // 3 + 1, shape[1] // 3 + 1)).repeat(3, 0).repeat(3, 1)
+    regions = regions[: shape[0], : shape[1]].astype(np.int32)
+    across, down = rng.random((shape[0], shape[1] - 1)), rng.random((shape[0] - 1, shape[1]))
+    found = merged(regions, across, down, 0.5)
+    wanted = joined_one_by_one(regions, across, down, 0.5)
+    pairs = np.unique(np.stack([found.ravel(), wanted.ravel()]), axis=1)
+    assert pairs.shape[1] == len(np.unique(wanted)) == len(np.unique(found))
+    assert len(np.unique(wanted)) < len(np.unique(regions))
+    np.testing.assert_array_equal(merged(regions, across, down, 1.1), regions)
