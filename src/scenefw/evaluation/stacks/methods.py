@@ -124,6 +124,12 @@ _KNOWN = (
         "a decoder of sets, as predicted",
         figure=" of a decoder of sets alone",
     ),
+    _method(
+        "learnt_parts",
+        "superquadrics fitted to a network's parts, hidden parts by a flow of sets",
+        figure=" of fits to a network's parts and a flow of sets",
+        draws="drawn by a flow of sets, a network's parts",
+    ),
     _method("hull_filling", "hull filling (no learning)", learns=False, reference=True),
     _method("partial_tsdf", "partial TSDF meshed (no learning)", learns=False),
     _method("connected_components", "components of the network's shape (no votes)"),

@@ -15,6 +15,10 @@ def test_methods_that_begin_with_the_same_scenes_ask_one_and_the_same_object():
     assert methods["fitted_hulls"].inner is grouped
     assert grouped.inner.inner is methods["hull_filling"]
     assert isinstance(methods["hull_filling"], Remembered)
+    learnt = methods["learnt_parts"].inner
+    assert learnt.inner is methods["hull_filling"]
+    assert type(learnt.parts).__name__ == "AffinityParts"
+    assert type(grouped.inner.parts).__name__ == "SeenParts"  # the reference learns nothing
 
 
 def test_the_order_of_methods_is_that_of_random_points_and_of_rows():
@@ -22,4 +26,5 @@ def test_the_order_of_methods_is_that_of_random_points_and_of_rows():
     assert list(composed.evaluation.methods) == [
         "scenefw", "zero_code", "set_flow", "fitted", "fitted_hulls", "hull_filling",
         "partial_tsdf", "trained_here", "fully_convolutional", "sscnet", "unconditional",
+        "learnt_parts",
     ]  # fmt: skip
