@@ -28,6 +28,11 @@ def read(document: Path, name: str) -> str:
     return text
 
 
+def body(text: str, name: str) -> str:
+    """What stands between the two comments of a text that has them (`read`)."""
+    return text.split(f"<!-- {name} -->")[1].split(f"<!-- /{name} -->")[0].strip()
+
+
 def filled(text: str, document: Path, name: str, body: str) -> str:
     """The text with another body between its two comments.
 

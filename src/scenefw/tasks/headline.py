@@ -6,16 +6,20 @@ from pathlib import Path
 from scenefw.core import assets
 from scenefw.core.errors import InputError
 from scenefw.learning.provenance import digest
-from scenefw.report.markers import fill, read
+from scenefw.report.markers import body, fill, read
 from scenefw.report.stored import StoredRun, read_runs
 from scenefw.report.weights.headline import headline
-from scenefw.report.weights.summary import Summary
+from scenefw.report.weights.kept import kept_parts, require_known
+from scenefw.report.weights.summary import Summary, parts_in
 
 _MARKER = "headline"
 
 
 class Headline:
     """Puts figures of runs between `<!-- headline -->` and `<!-- /headline -->` (`run=headline`).
+
+    Evaluations that are in the table already, and not among the runs, stay in it as long as their
+    weights are those that ship.
 
     Args:
         results: folders of evaluations, one per summary at most, in any order.
@@ -36,21 +40,31 @@ class Headline:
         """Writes the table; returns how many runs it shows.
 
         Raises:
-            InputError: a run is missing, damaged, of weights that don't ship, or has no figures.
+            InputError: a run is missing, damaged, of weights that don't ship, or has no figures; or
+                figures that would stay are of other weights.
             StorageError: the document has no place for it, or can't be written.
         """
-        read(self.document, _MARKER)
+        before = read(self.document, _MARKER)
         runs = read_runs(self.results)
         require_shipped(runs)
-        text = headline(runs, self.summaries)
+        new = {part.summary.name for run in runs for part in parts_in(run, self.summaries)}
+        earlier = kept_parts(body(before, _MARKER), self.summaries)
+        kept = [part for part in earlier if part.summary.name not in new]
+        require_known(kept, shipped_digests())
+        text = headline(runs, self.summaries, kept)
         fill(self.document, _MARKER, text)
         print(text)
         return {"runs": float(len(runs))}
 
 
+def shipped_digests() -> set[str]:
+    """SHA-256 of all weights that ship."""
+    return {digest(path) for paths in assets.weights().values() for path in paths}
+
+
 def require_shipped(runs: Sequence[StoredRun]) -> None:
     """Raises an InputError if a run used weights other than the shipped ones."""
-    known = {digest(path) for paths in assets.weights().values() for path in paths}
+    known = shipped_digests()
     for run in runs:
         for name, found in run.record.get("weights", {}).items():
             if found not in known:

@@ -41,6 +41,31 @@ def test_the_table_is_written_anew_and_nothing_else(document, tmp_path):
     assert document.read_text() == once
 
 
+def test_parts_that_were_not_measured_again_stay(document, tmp_path):
+    """And are replaced, in their place, when they are."""
+    both = [write_run(tmp_path / "a", STACKS), write_run(tmp_path / "b", IMAGES)]
+    Headline(both, document).run()
+    once = document.read_text()
+    Headline(both[:1], document).run()
+    assert document.read_text() == once
+    better = IMAGES | {"overlap_f": 0.951}
+    Headline([write_run(tmp_path / "c", better)], document).run()
+    again = document.read_text()
+    assert "| overlap F (%) \u2191 | 95.1 |" in again
+    changed = set(again.splitlines()) ^ set(once.splitlines())
+    assert all("overlap F" in line or line.startswith("python -m") for line in changed)
+
+
+def test_figures_of_weights_that_were_replaced_do_not_stay(document, tmp_path):
+    shipped = {"simstack.safetensors": digest(shipped_checkpoint())}
+    Headline([write_run(tmp_path / "a", STACKS, shipped)], document).run()
+    other = document.read_text().replace(shipped["simstack.safetensors"][:10], "0123456789")
+    document.write_text(other)
+    with pytest.raises(InputError, match=r"'Stacks' in the table are of another simstack"):
+        Headline([write_run(tmp_path / "b", IMAGES)], document).run()
+    assert document.read_text() == other
+
+
 def test_wrong_results_or_documents_leave_all_as_it_was(document, tmp_path):
     with pytest.raises(InputError, match="no figures at"):
         Headline([tmp_path / "nothing"], document).run()

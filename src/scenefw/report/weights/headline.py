@@ -5,15 +5,19 @@ from collections.abc import Sequence
 from scenefw.core.errors import InputError
 from scenefw.report.stored import StoredRun
 from scenefw.report.tables import Table, to_markdown
+from scenefw.report.weights.kept import KeptPart
 from scenefw.report.weights.summary import COLUMNS, Part, Row, Summary, parts_in
 
 
-def headline(runs: Sequence[StoredRun], summaries: Sequence[Summary]) -> str:
+def headline(
+    runs: Sequence[StoredRun], summaries: Sequence[Summary], kept: Sequence[KeptPart] = ()
+) -> str:
     """One table of all runs in Markdown, and the commands that found its figures.
 
     Args:
         runs: one per summary at most.
         summaries: in the order of the table.
+        kept: parts of an earlier table; they stay where no run has figures.
 
     Raises:
         InputError: there is no run, one has other figures, or two have the same.
@@ -21,15 +25,24 @@ def headline(runs: Sequence[StoredRun], summaries: Sequence[Summary]) -> str:
     if not runs:
         raise InputError("no results to show; give run.results=[FOLDER,...] of run=evaluate")
     found = [part for run in runs for part in parts_in(run, summaries)]
-    shown = [part for summary in summaries for part in _only(found, summary)]
-    rows: list[Row] = []
-    for part in shown:
-        rows.append((f"**{part.title}**", ("",) * len(COLUMNS)))
-        rows += part.rows(details=False)
-    table = Table("Figures of the weights that ship", COLUMNS, tuple(rows))
-    notes = [f"*{part.summary.name}.* {part.summary.note}\n" for part in shown]
-    commands = dict.fromkeys(part.run.origin for part in shown)
-    return "\n".join([to_markdown(table), *notes, "```", *commands, "```"])
+    blocks = []
+    for summary in summaries:
+        new = [_block(part) for part in _only(found, summary)]
+        blocks += new or [part for part in kept if part.summary is summary]
+    table = to_markdown(Table("Figures of the weights that ship", COLUMNS, ()))
+    rows = [row for block in blocks for row in block.rows]
+    notes = [f"{block.note}\n" for block in blocks]
+    commands = dict.fromkeys(line for block in blocks for line in block.commands)
+    return "\n".join([table.rstrip("\n"), *rows, "", *notes, "```", *commands, "```"])
+
+
+def _block(part: Part) -> KeptPart:
+    """A part as lines of Markdown."""
+    title: Row = (f"**{part.title}**", ("",) * len(COLUMNS))
+    table = Table("", COLUMNS, (title, *part.rows(details=False)))
+    lines = [line for line in to_markdown(table).splitlines() if line.startswith("|")]
+    note = f"*{part.summary.name}.* {part.summary.note}"
+    return KeptPart(part.summary, tuple(lines[2:]), note, (part.run.origin,))
 
 
 def _only(parts: Sequence[Part], summary: Summary) -> list[Part]:
