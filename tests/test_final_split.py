@@ -17,7 +17,8 @@ def test_a_release_is_counted(scenefw, tmp_path):
     (line,) = (page.parent / "final_split.jsonl").read_text().splitlines()
     entry = json.loads(line)
     assert entry["data"].keys() == {"superquadric_stacks_v2_final"}
-    assert entry["weights"].keys() == {"simstack.safetensors", "set_extents.safetensors"}
+    names = {"simstack", "set_extents", "part_affinity"}
+    assert entry["weights"].keys() == {f"{name}.safetensors" for name in names}
     assert "split=final" in entry["command"]
     assert "had been evaluated once by then ([all](final_split.jsonl))" in page.read_text()
 

@@ -35,9 +35,10 @@ class DealtByFit:
         evidence: what views say about an object.
         near: seen points up to this far from a surface are explained (m).
         explained: share of an object's pixels from which on others explain it.
+        least: objects of fewer pixels stay as they are.
 
     Raises:
-        ConfigError: a distance that isn't positive, or a share outside 0..1.
+        ConfigError: a distance that isn't positive, a share outside 0..1, or fewer than 4 pixels.
     """
 
     def __init__(
@@ -47,14 +48,15 @@ class DealtByFit:
         evidence: EvidenceOfView,
         near: float = 0.005,
         explained: float = 0.85,
+        least: int = 30,
     ) -> None:
-        if not near > 0 or not 0 < explained <= 1:
+        if not near > 0 or not 0 < explained <= 1 or least < 4:
             raise ConfigError(
-                f"near is {near} and explained {explained}; expected a positive distance and a "
-                "share above 0"
+                f"near is {near}, explained {explained} and least {least}; expected a positive "
+                "distance, a share above 0 and at least 4 pixels"
             )
         self.inner, self.fit, self.evidence = inner, fit, evidence
-        self.near, self.explained = near, explained
+        self.near, self.explained, self.least = near, explained, least
 
     def objects(self, parts: Int32, view: View, depth: Float32) -> Int32:
         """Objects (H, W), 0 = none, of parts (H, W) of one image or of several, stacked."""
@@ -71,8 +73,9 @@ class DealtByFit:
             objects[own] = nearest
 
     def _distances(self, objects: Int32, view: View) -> tuple[Int32, Distances]:
-        """Labels (N,), and distances (N, H, W) of all objects' pixels to their surfaces (m)."""
-        labels = np.unique(objects[objects > 0])
+        """Labels (N,) of large objects, and distances (N, H, W) of pixels to their surfaces (m)."""
+        found, pixels = np.unique(objects[objects > 0], return_counts=True)
+        labels = found[pixels >= self.least]
         alone = replace(view, masks=objects, instances=np.zeros_like(view.instances))
         fits: list[FittedSuperquadric] = self.fit.fit(
             [self.evidence.of(int(label), alone) for label in labels]
@@ -98,6 +101,7 @@ class DealtByFit:
         if not len(labels):
             return objects
         nearest = labels[away.argmin(axis=0)]
-        own = np.take_along_axis(away, np.searchsorted(labels, objects)[None] % len(labels), 0)[0]
-        moved = (objects > 0) & (own > self.near) & (away.min(axis=0) < self.near)
+        rows = np.searchsorted(labels, objects) % len(labels)
+        own = np.take_along_axis(away, rows[None], 0)[0]
+        moved = (labels[rows] == objects) & (own > self.near) & (away.min(axis=0) < self.near)
         return np.where(moved, nearest, objects).astype(np.int32)
