@@ -15,6 +15,7 @@ from scenefw.core import (
     batches,
     height_maps,
     labelling_protocols,
+    part_views,
     protocols,
     queried_sets,
     query_protocols,
@@ -26,7 +27,7 @@ from scenefw.core import (
 _NAME = re.compile(r"[A-Za-z_]\w*")
 _CROSSING = frozenset(
     name
-    for module in (batches, height_maps, queried_sets, tabletop, types)
+    for module in (batches, height_maps, part_views, queried_sets, tabletop, types)
     for name, value in vars(module).items()
     if inspect.isclass(value) and value.__module__ == module.__name__
 )

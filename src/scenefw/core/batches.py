@@ -389,31 +389,3 @@ class SeenSurface:
     depth: Tensor
     normals: Tensor
     instances: Tensor
-
-
-@dataclass(frozen=True)
-class PartViewBatch:
-    """B depth images of scenes, and which object each pixel shows.
-
-    Args:
-        depth: (B, H, W) z-depth in metres, with the floor, 0 = no measurement.
-        owners: (B, H, W) int32, 0 = the floor or nothing, i + 1 = object i.
-        cameras: one per image.
-    """
-
-    depth: Tensor
-    owners: Tensor
-    cameras: CameraBatch
-
-
-@dataclass(frozen=True)
-class PartViewSetup:
-    """What losses may check before a training on parts of images starts.
-
-    Args:
-        width: pixels of the images.
-        height: pixels of the images.
-    """
-
-    width: int
-    height: int

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
         ObjectSetBatch,
         ObjectSetPrediction,
         ObjectSetSetup,
-        PartViewBatch,
-        PartViewSetup,
         SeenSetBatch,
         SegmentationBatch,
         SegmentationSetup,
@@ -28,6 +26,7 @@ if TYPE_CHECKING:
         ShapeInstancePrediction,
         ShapeInstanceSetup,
     )
+    from scenefw.core.part_views import PartViewBatch, PartViewSetup
     from scenefw.core.protocols import Representation
     from scenefw.core.types import GridSpec
 

@@ -8,8 +8,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from scenefw.core.batches import CameraBatch, IndexBatch, PartViewBatch, SceneParameters
+from scenefw.core.batches import CameraBatch, IndexBatch, SceneParameters
 from scenefw.core.errors import ConfigError
+from scenefw.core.part_views import PartViewBatch
 from scenefw.core.rng import Streams
 from scenefw.data.scene_batches import SceneBatches
 from scenefw.kernels.cameras import floor_depths
@@ -52,7 +53,7 @@ class PartViews(SceneBatches):
         distinct_batches: train on this many batches again and again, views and all; None means all.
         image_size: width and height (pixels).
         noise: disturbs the images, applied in the order of the names.
-        traced: share of batches whose images are traced through TSDFs.
+        traced: share of the images that are traced through TSDFs.
         scale: scenes become up to this factor larger or smaller.
 
     Raises:

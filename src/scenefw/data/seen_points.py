@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import torch
 
+from scenefw.kernels.cameras import pixel_places
+
 if TYPE_CHECKING:
     from torch import Tensor
 
@@ -30,7 +32,7 @@ def seen_points(
         grid: outside which nothing counts.
         chances: (B, P) uniform in [0, 1).
     """
-    places = _world(depth, cameras)
+    places = pixel_places(depth, cameras).flatten(1, 2)
     lower = places.new_tensor(grid.lower)
     inside = ((places > lower) & (places < lower + grid.extent)).all(dim=-1)
     there = (depth.flatten(1) > 0) & inside & (places[..., 2] > LOWEST)
@@ -42,16 +44,3 @@ def seen_points(
     pixels = order.gather(1, ranks)
     found = places.gather(1, pixels[..., None].expand(-1, -1, 3))
     return found, (counts > 0).expand(-1, points)
-
-
-def _world(depth: Tensor, cameras: CameraBatch) -> Tensor:
-    """World coordinates (B, H W, 3) of all pixels."""
-    height, width = depth.shape[1:]
-    pixels = torch.arange(height * width, device=depth.device)
-    fx, fy, cx, cy = cameras.intrinsics[:, :, None].unbind(1)
-    flat = depth.flatten(1)
-    local = torch.stack(
-        [(pixels % width - cx) / fx * flat, (pixels // width - cy) / fy * flat, flat], dim=-1
-    )
-    pose = cameras.T_world_camera
-    return local @ pose[:, :3, :3].transpose(1, 2) + pose[:, None, :3, 3]

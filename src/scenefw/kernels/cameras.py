@@ -57,6 +57,21 @@ def floor_depths(cameras: CameraBatch, level: float = 0.02) -> torch.Tensor:
     return cameras.T_world_camera[:, 2, 3, None, None] / (-up).clamp_min(level)
 
 
+def pixel_places(depth: torch.Tensor, cameras: CameraBatch) -> torch.Tensor:
+    """World coordinates (B, H, W, 3) of all pixels (m).
+
+    Args:
+        depth: (B, H, W) z-depth in metres.
+        cameras: one per image.
+    """
+    fx, fy, cx, cy = cameras.intrinsics[:, :, None, None].unbind(1)
+    rows = torch.arange(depth.shape[1], device=depth.device)[:, None]
+    columns = torch.arange(depth.shape[2], device=depth.device)
+    local = torch.stack([(columns - cx) / fx * depth, (rows - cy) / fy * depth, depth], dim=-1)
+    pose = cameras.T_world_camera[:, None]
+    return local @ pose[..., :3, :3].transpose(-1, -2) + pose[:, :, None, :3, 3]
+
+
 def require_depth(depth: torch.Tensor, cameras: CameraBatch) -> torch.Tensor:
     """Returns depth (B, H, W) as contiguous float32 with 0 where not finite.
 

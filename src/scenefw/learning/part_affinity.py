@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
-from scenefw.core.batches import IndexBatch, PartViewBatch, PartViewSetup
+from scenefw.core.batches import IndexBatch
+from scenefw.core.part_views import PartViewBatch, PartViewSetup
 from scenefw.learning.checkpoint import PART_AFFINITY
 from scenefw.learning.module import TrainingModule
 

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits
 
-from scenefw.core.batches import PartViewBatch, PartViewSetup
+from scenefw.core.part_views import PartViewBatch, PartViewSetup
 
 
 class PartAffinityCrossEntropy:

@@ -10,6 +10,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from scenefw.core.errors import ConfigError
+from scenefw.kernels.cameras import pixel_places
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -100,7 +101,7 @@ def pixel_features(depth: Tensor, cameras: CameraBatch) -> Tensor:
         depth: (B, H, W) z-depth in metres, 0 = no measurement.
         cameras: one per image, the floor at z = 0.
     """
-    known, points = depth > 0, _world(depth, cameras)
+    known, points = depth > 0, pixel_places(depth, cameras).permute(0, 3, 1, 2)
     channels: list[Tensor] = []
     for step in _STEPS:
         for axis in (2, 1):
@@ -122,14 +123,3 @@ def _rise(depth: Tensor, known: Tensor, step: int, axis: int) -> Tensor:
 
 def _log(length: Tensor, unit: float) -> Tensor:
     return torch.asinh(length / unit) / 3
-
-
-def _world(depth: Tensor, cameras: CameraBatch) -> Tensor:
-    """World coordinates (B, 3, H, W) of all pixels."""
-    fx, fy, cx, cy = (one[:, None, None] for one in cameras.intrinsics.unbind(dim=1))
-    u = torch.arange(depth.shape[2], device=depth.device, dtype=depth.dtype)
-    v = torch.arange(depth.shape[1], device=depth.device, dtype=depth.dtype)[:, None]
-    local = torch.stack([(u - cx) / fx * depth, (v - cy) / fy * depth, depth], dim=1)
-    pose = cameras.T_world_camera
-    turned = torch.einsum("bij,bjhw->bihw", pose[:, :3, :3], local)
-    return turned + pose[:, :3, 3, None, None]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from scenefw.core.batches import PartViewBatch, PartViewSetup
+from scenefw.core.part_views import PartViewBatch, PartViewSetup
 from scenefw.losses.part_affinity import PartAffinityCrossEntropy, true_affinities
 
 

@@ -1,0 +1,56 @@
+"""Training of affinities: it learns, and the weights that ship tell borders from insides."""
+
+import pytest
+import torch
+
+from scenefw import registry
+from scenefw.core.batches import IndexBatch
+from scenefw.core.types import GridSpec
+from scenefw.data.part_views import PartViews
+from scenefw.learning.checkpoint import load_checkpoint
+from scenefw.losses.part_affinity import PartAffinityCrossEntropy, true_affinities
+from scenefw.models.part_affinity import PartAffinity
+from scenefw.renderers.sphere_tracer import SphereTracer
+from scenefw.scenes.cameras import RandomViewpoints
+
+CPU = torch.device("cpu")
+
+
+def images(size, traced=0.5):
+    """Four validation scenes."""
+    data = PartViews(
+        RandomViewpoints(), SphereTracer(), GridSpec(64), "stacks_v2",
+        validation_limit=4, image_size=size, traced=traced,
+    )  # fmt: skip
+    return data.validation_batch(IndexBatch(0, torch.arange(4)), CPU)
+
+
+@torch.no_grad()
+def right(network, batch):
+    """Shares of insides and of borders that are told right: a constant has 1 and 0, or 0 and 1."""
+    same, counts = true_affinities(batch.owners)
+    said = network.eval()(batch.depth, batch.cameras) > 0
+    return [float((said == same)[counts & which].float().mean()) for which in (same, ~same)]
+
+
+@pytest.mark.parametrize("traced", [0.0, 1.0])
+def test_shipped_weights_tell_borders_from_insides(traced):
+    batch = images((320, 240), traced)
+    network = load_checkpoint("part_affinity", task="part_affinity").model
+    assert min(right(network, batch)) > 0.85
+    torch.manual_seed(0)
+    assert min(right(registry.build("model", "part_affinity"), batch)) < 0.6
+
+
+def test_it_learns_one_batch_by_heart():
+    torch.manual_seed(0)
+    batch, loss = images((80, 60), 0.0), PartAffinityCrossEntropy()
+    network = PartAffinity(widths=(8, 12, 16))
+    optimiser = torch.optim.AdamW(network.parameters(), 1e-2)
+    costs = []
+    for _ in range(60):
+        costs.append(loss(network(batch.depth, batch.cameras), batch))
+        optimiser.zero_grad()
+        costs[-1].backward()
+        optimiser.step()
+    assert float(costs[-1].detach()) < 0.3 * float(costs[0].detach())
