@@ -12,6 +12,7 @@ from scenefw.core.batches import CameraBatch, IndexBatch, SceneParameters
 from scenefw.core.errors import ConfigError
 from scenefw.core.part_views import PartViewBatch
 from scenefw.core.rng import Streams
+from scenefw.data.compounds import compounds
 from scenefw.data.scene_batches import SceneBatches
 from scenefw.kernels.cameras import floor_depths
 from scenefw.kernels.superquadric_rays import first_hits
@@ -38,8 +39,9 @@ class PartViews(SceneBatches):
     """Depth images of superquadrics on the floor, and the owner of each pixel (group `dataset`).
 
     Part of the images are exact, by rays that meet the superquadrics; the others are traced through
-    their TSDF, as images of evaluations are, and have its rounded edges. Camera, size and noise of
-    scene i in epoch e depend on (seed, e, i) alone.
+    their TSDF, as images of evaluations are, and have its rounded edges. In part of the exact ones
+    objects are cups, or have a second piece. Camera, size, changes and noise of scene i in epoch e
+    depend on (seed, e, i) alone.
 
     Args:
         viewpoints: draws cameras.
@@ -54,6 +56,9 @@ class PartViews(SceneBatches):
         image_size: width and height (pixels).
         noise: disturbs the images, applied in the order of the names.
         traced: share of the images that are traced through TSDFs.
+        compound: share of the exact images in which objects are changed.
+        hollow: share of their objects that are cups.
+        pieces: share of their objects with a second piece.
         scale: scenes become up to this factor larger or smaller.
 
     Raises:
@@ -74,18 +79,25 @@ class PartViews(SceneBatches):
         image_size: Sequence[int] = (320, 240),
         noise: Mapping[str, Noise] | None = None,
         traced: float = 0.5,
+        compound: float = 0.0,
+        hollow: float = 0.3,
+        pieces: float = 0.3,
         scale: float = 1.3,
     ) -> None:
         super().__init__(path, limit, validation_limit, batch_size, seed, distinct_batches)
-        if min(image_size) < 1 or not 0 <= traced <= 1 or scale < 1:
+        shares = (traced, compound, hollow, pieces)
+        if min(image_size) < 1 or not all(0 <= one <= 1 for one in shares) or scale < 1:
             raise ConfigError(
-                f"dataset has image_size {list(image_size)}, traced {traced} and scale {scale}; "
-                "expected pixels, a share and a factor from 1"
+                f"dataset has image_size {list(image_size)}, traced {traced}, compound {compound}, "
+                f"hollow {hollow}, pieces {pieces} and scale {scale}; expected pixels, shares and "
+                "a factor from 1"
             )
         self.viewpoints, self.renderer, self.volumes = viewpoints, renderer, grid
         self.lens = viewpoints.camera.resized(*image_size)
         self.image_size = (self.lens.width, self.lens.height)
-        self.noise, self.traced, self.scale = dict(noise or {}), traced, scale
+        self.noise, self.scale = dict(noise or {}), scale
+        self.traced, self.compound = traced, compound
+        self.hollow, self.pieces = hollow, pieces
         self.grid: GridSpec | None = None
 
     @property
@@ -107,8 +119,8 @@ class PartViews(SceneBatches):
         self, scenes: SceneParameters, batch: IndexBatch, stream: int, scale: float
     ) -> PartViewBatch:
         streams = Streams.of(self.seed, stream, batch.epoch, indices=batch.indices.numpy())
-        to_camera, to_scale, to_noise = streams.split(3)
-        chances = to_scale.uniform(2)
+        to_camera, to_scale, to_noise, to_change = streams.split(4)
+        chances = to_scale.uniform(3)
         lens = self.lens
         drawn: list[NDArray[Any]] = [
             np.array([[lens.fx, lens.fy, lens.cx, lens.cy]] * len(streams), np.float32),
@@ -122,21 +134,35 @@ class PartViews(SceneBatches):
             scenes.half_axes * factors, scenes.exponents, scenes.rotations,
             scenes.positions * factors, scenes.present,
         )  # fmt: skip
-        traced = torch.from_numpy(chances[:, 1] < self.traced)
-        depth, owners = self._see(scenes, cameras, traced)
+        traced = chances[:, 1] < self.traced
+        changed = ~traced & (chances[:, 2] < self.compound)
+        depth, owners = self._see(scenes, cameras, traced, changed, to_change)
         for name, row in zip(sorted(self.noise), seeds, strict=True):
             depth = self.noise[name].apply(depth, cameras, row)
         return PartViewBatch(depth, owners, cameras)
 
     def _see(
-        self, scenes: SceneParameters, cameras: CameraBatch, traced: Tensor
+        self,
+        scenes: SceneParameters,
+        cameras: CameraBatch,
+        traced: NDArray[np.bool_],
+        changed: NDArray[np.bool_],
+        to_change: Streams,
     ) -> tuple[Tensor, Tensor]:
-        """Depth with the floor, and owners of pixels; `traced` (B,) says how, on the CPU."""
-        depth, owners = first_hits(scenes, cameras)
+        """Depth with the floor, and owners of pixels.
+
+        Args:
+            scenes: B of them.
+            cameras: one for each.
+            traced: (B,) whose images go through TSDFs.
+            changed: (B,) whose objects are made into cups, or get a second piece.
+            to_change: how.
+        """
+        depth, owners = self._exact(scenes, cameras, changed, to_change)
         floor = floor_depths(cameras).view_as(depth)
         owners = torch.where(depth < floor, owners, 0)
         exact = torch.where(owners > 0, depth, torch.where(floor < _FARTHEST, floor, 0.0))
-        rows = traced.nonzero()[:, 0].to(depth.device)
+        rows = torch.from_numpy(np.flatnonzero(traced)).to(depth.device)
         if not len(rows):
             return exact, owners
         some = SceneParameters(*(getattr(scenes, name)[rows] for name in vars(scenes)))
@@ -146,6 +172,21 @@ class PartViews(SceneBatches):
         near = (seen[0] - exact[rows]).abs() < _SAME
         whose = torch.where(near, owners[rows], seen[1])
         return exact.index_copy(0, rows, seen[0]), owners.index_copy(0, rows, whose)
+
+    def _exact(
+        self,
+        scenes: SceneParameters,
+        cameras: CameraBatch,
+        changed: NDArray[np.bool_],
+        to_change: Streams,
+    ) -> tuple[Tensor, Tensor]:
+        """Depth and owners by rays that meet superquadrics, without the floor."""
+        if not changed.any():
+            return first_hits(scenes, cameras)
+        pieces, holes = compounds(scenes, to_change, changed, self.hollow, self.pieces)
+        depth, owners = first_hits(pieces, cameras, holes)
+        slots = scenes.present.shape[1]
+        return depth, torch.where(owners > slots, owners - slots, owners)
 
     def _trace(self, scenes: SceneParameters, cameras: CameraBatch) -> tuple[Tensor, Tensor]:
         """Depth through TSDFs, and the objects that its voxels are of."""

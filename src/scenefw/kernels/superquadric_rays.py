@@ -1,7 +1,7 @@
 """Which superquadric a ray meets first: one ray per pixel, without a volume.
 
 A ray is cut to the box about an object. There eq. 5.1 minus one, as a function of the way along
-the ray, is convex and at most 2; Newton from the near end is monotone, as it never passes a root.
+the ray, is convex and at most 2; Newton from either end is monotone, as it never passes a root.
 """
 
 # Types are inferred at compilation, and numba ignores annotations.
@@ -44,27 +44,65 @@ def _term(o, d, t, r):
 
 
 @element
-def _hit(ox, oy, oz, dx, dy, dz, rx, ry, rz):
-    """Where a ray meets the surface, in units of its direction; `_FAR` if it doesn't."""
-    near, far = _slab(ox, dx, _ZERO, _FAR)
-    near, far = _slab(oy, dy, near, far)
-    near, far = _slab(oz, dz, near, far)
-    if near >= far:
-        return _FAR
-    t = near
+def _root(o, d, r, start, end):
+    """Where a ray meets the surface on the way from one end of the box to the other.
+
+    Args:
+        o: where the ray starts, in units of half-axes.
+        d: its direction.
+        r: exponents.
+        start: way along the ray to begin at.
+        end: way along the ray to give up at.
+    """
+    t = start
+    onward = _ONE if end > start else -_ONE
     for _ in range(_STEPS):
-        vx, sx = _term(ox, dx, t, rx)
-        vy, sy = _term(oy, dy, t, ry)
-        vz, sz = _term(oz, dz, t, rz)
+        vx, sx = _term(o[0], d[0], t, r[0])
+        vy, sy = _term(o[1], d[1], t, r[1])
+        vz, sz = _term(o[2], d[2], t, r[2])
         above, slope = vx + vy + vz - _ONE, sx + sy + sz
         if above < _SMALL:
             return t
-        if slope >= _ZERO:
+        if slope * onward >= _ZERO:
             return _FAR
         t -= above / slope
-        if t > far:
+        if (t - end) * onward > _ZERO:
             return _FAR
     return t
+
+
+@element
+def _box(o, d):
+    """The part of a ray in the box about an object."""
+    near, far = _slab(o[0], d[0], _ZERO, _FAR)
+    near, far = _slab(o[1], d[1], near, far)
+    return _slab(o[2], d[2], near, far)
+
+
+@element
+def _through(o, d, r):
+    """Where a ray enters and leaves, in units of its direction; `_FAR` twice if it doesn't."""
+    near, far = _box(o, d)
+    if near >= far:
+        return _FAR, _FAR
+    enters = _root(o, d, r, near, far)
+    return (enters, _root(o, d, r, far, near)) if enters < _FAR else (_FAR, _FAR)
+
+
+@element
+def _hit(o, d, r):
+    """Where a ray meets the surface first, in units of its direction; `_FAR` if it doesn't."""
+    near, far = _box(o, d)
+    return _root(o, d, r, near, far) if near < far else _FAR
+
+
+@element
+def _hit_hollow(t, o, d, r, hole_o, hole_d, hole_r):
+    """Where a ray that enters a solid at t meets what a hole leaves of it."""
+    opens, closes = _through(hole_o, hole_d, hole_r)
+    if opens > t or closes <= t:
+        return t
+    return closes if closes < _through(o, d, r)[1] else _FAR
 
 
 @element
@@ -75,31 +113,50 @@ def _along(rotations, b, k, axis, x, y, z):
 
 
 @element
+def _in_units(b, k, x, y, z, axes, rotations):
+    """A direction of the world in an object's frame, in units of its half-axes."""
+    return (
+        _along(rotations, b, k, 0, x, y, z) / axes[b, k, 0],
+        _along(rotations, b, k, 1, x, y, z) / axes[b, k, 1],
+        _along(rotations, b, k, 2, x, y, z) / axes[b, k, 2],
+    )
+
+
+@element
+def _meet(b, k, poses, ray, axes, exponents, rotations, positions):
+    """A ray as an object sees it: its start, its direction, and the exponents."""
+    o = _in_units(
+        b, k, poses[b, 0, 3] - positions[b, k, 0], poses[b, 1, 3] - positions[b, k, 1],
+        poses[b, 2, 3] - positions[b, k, 2], axes, rotations,
+    )  # fmt: skip
+    d = _in_units(b, k, ray[0], ray[1], ray[2], axes, rotations)
+    return o, d, (exponents[b, k, 0], exponents[b, k, 1], exponents[b, k, 2])
+
+
+@element
 def _see(i, pixels, width, objects, intrinsics, poses, axes, exponents, rotations, positions,
-         present, depth, owners):  # fmt: skip
+         hole_axes, hole_exponents, hole_rotations, hole_positions, present, hollow, depth,
+         owners):  # fmt: skip
     b, p = i // pixels, i % pixels
     v, u = p // width, p % width
     x = (np.float32(u) - intrinsics[b, 2]) / intrinsics[b, 0]
     y = (np.float32(v) - intrinsics[b, 3]) / intrinsics[b, 1]
-    wx = poses[b, 0, 0] * x + poses[b, 0, 1] * y + poses[b, 0, 2]
-    wy = poses[b, 1, 0] * x + poses[b, 1, 1] * y + poses[b, 1, 2]
-    wz = poses[b, 2, 0] * x + poses[b, 2, 1] * y + poses[b, 2, 2]
+    ray = (
+        poses[b, 0, 0] * x + poses[b, 0, 1] * y + poses[b, 0, 2],
+        poses[b, 1, 0] * x + poses[b, 1, 1] * y + poses[b, 1, 2],
+        poses[b, 2, 0] * x + poses[b, 2, 1] * y + poses[b, 2, 2],
+    )
     best, owner = _FAR, 0
     for k in range(objects):
         if not present[b, k]:
             continue
-        cx = poses[b, 0, 3] - positions[b, k, 0]
-        cy = poses[b, 1, 3] - positions[b, k, 1]
-        cz = poses[b, 2, 3] - positions[b, k, 2]
-        ax, ay, az = axes[b, k, 0], axes[b, k, 1], axes[b, k, 2]
-        ox = _along(rotations, b, k, 0, cx, cy, cz) / ax
-        oy = _along(rotations, b, k, 1, cx, cy, cz) / ay
-        oz = _along(rotations, b, k, 2, cx, cy, cz) / az
-        dx = _along(rotations, b, k, 0, wx, wy, wz) / ax
-        dy = _along(rotations, b, k, 1, wx, wy, wz) / ay
-        dz = _along(rotations, b, k, 2, wx, wy, wz) / az
-        rx, ry, rz = exponents[b, k, 0], exponents[b, k, 1], exponents[b, k, 2]
-        t = _hit(ox, oy, oz, dx, dy, dz, rx, ry, rz)
+        o, d, r = _meet(b, k, poses, ray, axes, exponents, rotations, positions)
+        t = _hit(o, d, r)
+        if t < best and hollow[b, k]:
+            hole_o, hole_d, hole_r = _meet(
+                b, k, poses, ray, hole_axes, hole_exponents, hole_rotations, hole_positions
+            )
+            t = _hit_hollow(t, o, d, r, hole_o, hole_d, hole_r)
         if t < best:
             best, owner = t, k + 1
     depth[i] = best if owner else _ZERO
@@ -108,21 +165,27 @@ def _see(i, pixels, width, objects, intrinsics, poses, axes, exponents, rotation
 
 @loop
 def _see_all(count, pixels, width, objects, intrinsics, poses, axes, exponents, rotations,
-             positions, present, depth, owners):  # fmt: skip
+             positions, hole_axes, hole_exponents, hole_rotations, hole_positions, present, hollow,
+             depth, owners):  # fmt: skip
     for i in prange(count):
         _see(i, pixels, width, objects, intrinsics, poses, axes, exponents, rotations, positions,
-             present, depth, owners)  # fmt: skip
+             hole_axes, hole_exponents, hole_rotations, hole_positions, present, hollow, depth,
+             owners)  # fmt: skip
 
 
 _seen = Kernel(_see, _see_all)
 
 
-def first_hits(scenes: SceneParameters, cameras: CameraBatch) -> tuple[Tensor, Tensor]:
+def first_hits(
+    scenes: SceneParameters, cameras: CameraBatch, holes: SceneParameters | None = None
+) -> tuple[Tensor, Tensor]:
     """What cameras see of superquadrics, without the floor.
 
     Args:
         scenes: B of up to N superquadrics.
         cameras: one for each.
+        holes: B of N superquadrics; one that is present is cut out of the object of its number.
+            None: all objects are solid.
 
     Returns:
         z-depth (B, H, W) in metres, 0 = nothing, and which object (B, H, W) int32 it is of,
@@ -133,10 +196,16 @@ def first_hits(scenes: SceneParameters, cameras: CameraBatch) -> tuple[Tensor, T
     device = scenes.positions.device
     depth = torch.zeros(batch * pixels, device=device)
     owners = torch.zeros(batch * pixels, dtype=torch.int32, device=device)
-    of_scenes = (scenes.half_axes, scenes.exponents, scenes.rotations, scenes.positions)
+    cut = scenes if holes is None else holes
+    hollow = torch.zeros_like(scenes.present) if holes is None else holes.present
+    solids = [
+        getattr(one, name)
+        for one in (scenes, cut)
+        for name in ("half_axes", "exponents", "rotations", "positions")
+    ]
     of_cameras = (cameras.intrinsics, cameras.T_world_camera)
-    tensors = [one.float().contiguous() for one in (*of_cameras, *of_scenes)]
-    present = scenes.present.contiguous()
-    _seen(batch * pixels, pixels, cameras.width, objects, *tensors, present, depth, owners)
+    tensors = [one.float().contiguous() for one in (*of_cameras, *solids)]
+    there = [one.contiguous() for one in (scenes.present, hollow)]
+    _seen(batch * pixels, pixels, cameras.width, objects, *tensors, *there, depth, owners)
     shape = (batch, cameras.height, cameras.width)
     return depth.view(shape), owners.view(shape)

@@ -73,7 +73,23 @@ def test_scenes_become_larger_and_smaller_in_training_alone(made):
     assert np.ptp([float(area) for area in areas]) > 0.1
 
 
-@pytest.mark.parametrize("wrong", [{"traced": 1.5}, {"scale": 0.9}, {"image_size": (0, 4)}])
+def test_cups_and_handles_belong_to_their_objects(made):
+    plain, changed = (
+        batch_of(made(traced=0.0, scale=1.0, compound=c, hollow=0.5, pieces=0.9), *range(8))
+        for c in (0.0, 1.0)
+    )
+    assert changed.owners.max() <= plain.owners.max()
+    both = (plain.owners > 0) & (changed.owners == plain.owners)
+    assert both.sum() > 0.7 * (plain.owners > 0).sum()
+    assert (both & (changed.depth > plain.depth + 0.01)).sum() > 20  # into cups
+    assert ((changed.owners > 0) & (plain.owners == 0)).sum() > 20  # second pieces stand out
+    traced = [batch_of(made(traced=1.0, compound=c), 0, 1).depth for c in (0.0, 1.0)]
+    assert torch.equal(*traced)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"traced": 1.5}, {"compound": -0.1}, {"scale": 0.9}, {"image_size": (0, 4)}]
+)
 def test_bad_settings(made, wrong):
     with pytest.raises(ConfigError, match="dataset has"):
         made(**wrong)

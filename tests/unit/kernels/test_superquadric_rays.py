@@ -24,13 +24,13 @@ def scene(seed=0, objects=3):
     return SceneParameters(*tensors, torch.ones(1, objects, dtype=torch.bool)), arrays
 
 
-def looking():
-    eye, target = np.array([0.7, -0.4, 0.5]), np.array([0.0, 0.0, 0.1])
-    return Camera().resized(24, 18).moved(look_at(eye, target))
+def looking(size=(24, 18), eye=(0.7, -0.4, 0.5)):
+    eye, target = np.array(eye), np.array([0.0, 0.0, 0.1])
+    return Camera().resized(*size).moved(look_at(eye, target))
 
 
-def marched(arrays, camera, steps=1200, end=1.4):
-    """Depth and owner of the first sample of each ray that lies in an object."""
+def marched(arrays, camera, steps=1200, end=1.4, holes=None):
+    """Depth and owner of the first sample of each ray in an object and in no hole of it."""
     v, u = np.mgrid[: camera.height, : camera.width]
     x, y = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
     rays = np.stack([x, y, np.ones(u.shape)], axis=-1)
@@ -40,6 +40,10 @@ def marched(arrays, camera, steps=1200, end=1.4):
         points = z * rays @ pose[:3, :3].T + pose[:3, 3]
         for k, (axes, exponents, turn, place) in enumerate(zip(*arrays, strict=True)):
             inside = Superquadric(axes, exponents).value((points - place) @ turn) < 1
+            if holes:
+                axes, exponents, turn, place = (one[k] for one in holes)
+                hole = Superquadric(axes, exponents).value((points - place) @ turn) < 1
+                inside &= ~hole
             new = inside & (owner == 0)
             depth[new], owner[new] = z, k + 1
     return depth, owner
@@ -66,3 +70,24 @@ def test_absent_objects_are_not_seen():
     )  # fmt: skip
     _, owners = first_hits(none, stack_cameras([camera]))
     assert not owners.any()
+
+
+def test_a_ray_through_an_opening_meets_the_far_wall():
+    parameters, arrays = scene(seed=2)
+    axes, exponents, turns, places = arrays
+    up = np.abs(turns[:, 2]).argmax(axis=1)
+    ahead = turns[np.arange(3), :, up] * np.sign(turns[np.arange(3), 2, up])[:, None]
+    holes = (0.85 * axes, exponents, turns, places + 0.4 * axes.min(axis=1)[:, None] * ahead)
+    tensors = [torch.from_numpy(one[None].astype(np.float32)) for one in holes]
+    cut = SceneParameters(*tensors, torch.ones(1, 3, dtype=torch.bool))
+    camera = looking((64, 48), (0.3, -0.2, 0.9))
+    cameras = stack_cameras([camera])
+    solid, _ = (one[0].numpy() for one in first_hits(parameters, cameras))
+    wanted, whose = marched(arrays, camera, holes=holes)
+    depth, owners = (one[0].numpy() for one in first_hits(parameters, cameras, cut))
+    same = owners == whose
+    assert same.mean() > 0.97
+    assert np.quantile(np.abs(depth - wanted)[same], 0.99) < 2e-3
+    assert (depth > solid + 0.01).sum() > 30
+    none = SceneParameters(*tensors, torch.zeros(1, 3, dtype=torch.bool))
+    assert torch.equal(first_hits(parameters, cameras, none)[0], first_hits(parameters, cameras)[0])

@@ -1,0 +1,103 @@
+"""Superquadrics made into cups and into things of two pieces."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from scenefw.core.batches import SceneParameters
+from scenefw.kernels.transfer import to_device
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from scenefw.core.rng import Streams
+
+_DRAWS = 16  # numbers of an object
+_WALL, _BOTTOM = (0.04, 0.2), (0.1, 0.45)  # in half-axes: of a cup
+_PIECE, _AWAY, _ASIDE = (0.25, 0.9), (0.5, 1.0), 0.5  # size and place of a second piece, likewise
+_THINNEST = 0.006  # m, half
+_EXPONENTS = (2.0, 40.0)
+
+
+def compounds(
+    scenes: SceneParameters,
+    streams: Streams,
+    changed: NDArray[np.bool_],
+    hollow: float,
+    pieces: float,
+) -> tuple[SceneParameters, SceneParameters]:
+    """Scenes of twice as many slots, and what is cut out of them.
+
+    Slots N to 2 N - 1 are second pieces: each goes through the surface of the object N slots before
+    it. A hole opens upward, or to one side of an object that lies. Objects below don't carry what
+    stands on a hole: only rays look at these scenes.
+
+    Args:
+        scenes: B of up to N objects.
+        streams: one per scene.
+        changed: (B,) which scenes; the others stay as they are.
+        hollow: share of objects with a hole.
+        pieces: share of objects with a second piece.
+    """
+    batch, slots = scenes.present.shape
+    numbers = streams.uniform(_DRAWS * slots).reshape(batch, slots, _DRAWS).astype(np.float32)
+    drawn, those = to_device([numbers, changed[:, None]], scenes.positions.device)
+    second = _second_pieces(scenes, drawn[..., 2:12], those & (drawn[..., 0] < pieces))
+    holes = _holes(scenes, drawn[..., 12:16], those & (drawn[..., 1] < hollow))
+    none = SceneParameters(
+        second.half_axes, second.exponents, second.rotations, second.positions,
+        torch.zeros_like(second.present),
+    )  # fmt: skip
+    return _together(scenes, second), _together(holes, none)
+
+
+def _holes(scenes: SceneParameters, drawn: Tensor, which: Tensor) -> SceneParameters:
+    """What is cut out of objects: themselves, thinner by a wall and moved out."""
+    upward = scenes.rotations[:, :, 2]
+    lying = drawn[..., 3] < 0.2
+    axis = torch.where(lying, (3 * drawn[..., 2]).long().clamp_max(2), upward.abs().argmax(-1))
+    sign = torch.where(upward.gather(2, axis[..., None])[..., 0] < 0, -1.0, 1.0)
+    chosen = torch.nn.functional.one_hot(axis, 3).float()
+    wall = _between(drawn[..., 0], *_WALL)[..., None]
+    moved = sign[..., None] * _between(drawn[..., 1], *_BOTTOM)[..., None] * chosen
+    places = scenes.positions + _turned(scenes, moved * scenes.half_axes)
+    axes = (scenes.half_axes * torch.where(chosen > 0, 1.0, 1 - wall)).clamp_min(1e-3)
+    return SceneParameters(axes, scenes.exponents, scenes.rotations, places, scenes.present & which)
+
+
+def _second_pieces(scenes: SceneParameters, drawn: Tensor, which: Tensor) -> SceneParameters:
+    """A piece of each object that goes through its surface: a handle, a neck, a foot."""
+    axis = (3 * drawn[..., 0]).long().clamp_max(2)
+    chosen = torch.nn.functional.one_hot(axis, 3).float()
+    sign = torch.where(drawn[..., 1] < 0.5, -1.0, 1.0)[..., None]
+    away = sign * _between(drawn[..., 2], *_AWAY)[..., None]
+    aside = _ASIDE * (2 * drawn[..., 3:6] - 1)
+    local = scenes.half_axes * torch.where(chosen > 0, away, aside)
+    low, high = (float(np.log(one)) for one in _EXPONENTS)
+    exponents = _between(drawn[..., 9], low, high).exp()[..., None].expand_as(local)
+    return SceneParameters(
+        (scenes.half_axes * _between(drawn[..., 6:9], *_PIECE)).clamp_min(_THINNEST),
+        exponents,
+        scenes.rotations,
+        scenes.positions + _turned(scenes, local),
+        scenes.present & which,
+    )
+
+
+def _between(chance: Tensor, low: float, high: float) -> Tensor:
+    return low + (high - low) * chance
+
+
+def _turned(scenes: SceneParameters, local: Tensor) -> Tensor:
+    return torch.einsum("bnij,bnj->bni", scenes.rotations, local)
+
+
+def _together(first: SceneParameters, second: SceneParameters) -> SceneParameters:
+    names = ("half_axes", "exponents", "rotations", "positions", "present")
+    return SceneParameters(
+        *(torch.cat([getattr(first, name), getattr(second, name)], dim=1) for name in names)
+    )

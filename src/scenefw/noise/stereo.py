@@ -1,0 +1,128 @@
+"""Noise of an active stereo camera: disparity that waves and is smoothed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from scenefw.core.errors import ConfigError
+from scenefw.core.rng import Streams
+from scenefw.kernels.cameras import finite
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from scenefw.core.batches import CameraBatch
+
+_LEAST = 1e-3  # pixels of disparity
+
+
+class Stereo:
+    """Disturbs depth like a camera that matches windows of two images.
+
+    Windows make neighbours agree: errors are smooth, so that a flat floor waves, and creases are
+    rounded. The disparity, focal length times baseline by depth, is averaged over a window, where
+    the surface is in one piece; then smooth Gaussian fields of several wavelengths are added. In
+    depth they grow with its square. How much of all this an image has is drawn for each.
+
+    Args:
+        baseline: between both cameras (m).
+        waves: standard deviation of the field of each wavelength (pixels of disparity), at most.
+        wavelengths: distance of independent values of each field (pixels).
+        window: pixels to each side that are averaged, at most.
+        jump: pixels of disparity from which neighbours lie on different surfaces.
+        share: share of the images that are disturbed; the others pass as they are.
+
+    Raises:
+        ConfigError: an amount that is negative, or a baseline, wavelength or jump that is 0.
+    """
+
+    def __init__(
+        self,
+        baseline: float = 0.05,
+        waves: float = 0.06,
+        wavelengths: Sequence[float] = (6.0, 16.0, 48.0),
+        window: int = 2,
+        jump: float = 0.3,
+        share: float = 1.0,
+    ) -> None:
+        if min(baseline, jump, *wavelengths) <= 0 or min(waves, window) < 0 or not 0 <= share <= 1:
+            raise ConfigError(
+                f"Stereo noise has baseline {baseline}, waves {waves}, wavelengths "
+                f"{list(wavelengths)}, window {window}, jump {jump} and share {share}; expected "
+                "metres, pixels and a share of the images"
+            )
+        self.baseline, self.waves, self.wavelengths = baseline, waves, tuple(wavelengths)
+        self.window, self.jump, self.share = window, jump, share
+
+    def apply(self, depth: Tensor, cameras: CameraBatch, seeds: Tensor) -> Tensor:
+        """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0, the rest stays positive.
+
+        Args:
+            depth: (B, H, W) metres.
+            cameras: one per image; focal length and baseline make the disparity.
+            seeds: (B,) int64, 0 or more: one per image, on the same device.
+        """
+        depth = finite(depth.float(), 0.0).clamp_min(0.0).contiguous()
+        streams = Streams.of(0, indices=seeds.cpu().numpy())
+        chances = streams.uniform(3)
+        rows = np.flatnonzero(chances[:, 0] < self.share)
+        if not len(rows):
+            return depth
+        picked = torch.from_numpy(rows).to(depth.device)
+        some = depth[picked]
+        known = some > 0
+        scale = self.baseline * cameras.intrinsics[picked, 0, None, None]
+        disparity = torch.where(known, scale / some.clamp_min(1e-6), 0.0)
+        windows = np.floor(chances[rows, 1] * (self.window + 1)).astype(int)
+        disparity = self._smoothed(disparity, known, torch.from_numpy(windows).to(depth.device))
+        amounts = torch.from_numpy((self.waves * chances[rows, 2]).astype(np.float32))
+        field = self._field(Streams(streams.keys[rows]), depth.shape[1], depth.shape[2])
+        disparity = disparity + amounts.to(depth.device)[:, None, None] * field.to(depth.device)
+        noisy = torch.where(known, scale / disparity.clamp_min(_LEAST), 0.0)
+        return depth.index_copy(0, picked, noisy)
+
+    def _smoothed(self, disparity: Tensor, known: Tensor, windows: Tensor) -> Tensor:
+        """Means over windows (B,) of what lies on one surface, one axis after the other."""
+        for axis in (2, 1):
+            total, count = disparity.clone(), torch.ones_like(disparity)
+            for step in range(1, self.window + 1):
+                for way in (step, -step):
+                    other = _shifted(disparity, way, axis)
+                    close = _shifted(known, way, axis) & ((other - disparity).abs() < self.jump)
+                    close &= (windows >= step)[:, None, None]
+                    total += torch.where(close, other, 0.0)
+                    count += close
+            disparity = torch.where(known, total / count, 0.0)
+        return disparity
+
+    def _field(self, streams: Streams, height: int, width: int) -> Tensor:
+        """Smooth Gaussian fields (B, H, W), each wavelength of about unit deviation, on the CPU."""
+        total = torch.zeros(len(streams), height, width)
+        for length, part in zip(
+            self.wavelengths, streams.split(len(self.wavelengths)), strict=True
+        ):
+            rows, columns = (int(np.ceil(size / length)) + 3 for size in (height, width))
+            first, second = np.split(part.uniform(2 * rows * columns), 2, axis=1)
+            normal = np.sqrt(-2 * np.log1p(-first)) * np.cos(2 * np.pi * second)
+            nodes = torch.from_numpy(normal.astype(np.float32)).view(-1, 1, rows, columns)
+            size = (round(rows * length), round(columns * length))
+            field = functional.interpolate(nodes, size, mode="bicubic", align_corners=False)
+            # Half a node off the edge, where the interpolation repeats the last one
+            at = round(length)
+            total += field[:, 0, at : at + height, at : at + width] / _DEVIATION
+        return total
+
+
+_DEVIATION = 0.855  # of unit normals after bicubic interpolation, over all places
+
+
+def _shifted(values: Tensor, step: int, axis: int) -> Tensor:
+    """Values of the neighbours `step` before along an axis, 0 beyond the image."""
+    moved = values.roll(step, axis)
+    moved.narrow(axis, 0 if step > 0 else values.shape[axis] + step, abs(step)).zero_()
+    return moved
