@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from sklearn.manifold import TSNE
 
 from scenefw.evaluation.sets.results import DecompositionResult, SceneCodes
 from scenefw.report.blocks import Drawing
@@ -18,7 +19,7 @@ Array = NDArray[np.floating]
 
 
 def code_blocks(result: DecompositionResult) -> tuple[Drawing, ...]:
-    """Figures 6.8 and 6.9 of the thesis, and principal components; nothing without codes."""
+    """Figures 6.8 and 6.9 of the thesis, and maps of codes; nothing without codes."""
     codes = [one.codes for one in result.scenes if one.codes is not None]
     if not codes:
         return ()
@@ -33,8 +34,10 @@ def code_blocks(result: DecompositionResult) -> tuple[Drawing, ...]:
         "scenes, or those where objects are (thesis fig. 6.9).",
     )
     groups = Drawing(
-        components_figure(codes),
-        "Two principal components of the codes of objects; colours are the cells they come from.",
+        maps_figure(codes),
+        "Codes of objects. Left: their two principal components. Right: t-SNE, where neighbours "
+        "have like codes and distances between groups mean nothing. Colours are the cells they "
+        "come from.",
     )
     return values, where, groups
 
@@ -77,19 +80,37 @@ def cells_figure(codes: list[SceneCodes]) -> str:
         return to_svg(figure)
 
 
-def components_figure(codes: list[SceneCodes]) -> str:
-    """Codes of objects along their two main directions, a colour per cell (SVG)."""
+def maps_figure(codes: list[SceneCodes]) -> str:
+    """Codes of objects in the plane: principal components and t-SNE, a colour per cell (SVG)."""
     rows = np.concatenate([one.codes[one.exists] for one in codes])
     cells = np.concatenate([one.cells[one.exists] for one in codes])
-    points = principal_components(rows)
     _, colours = np.unique(cells, return_inverse=True)
+    chosen = [COLOURS[i % len(COLOURS)] for i in colours]
     with rc_context(STYLE):
-        figure = Figure(figsize=(4.5, 3.5), layout="constrained")
-        axes = figure.add_subplot(1, 1, 1, xlabel="component 1", ylabel="component 2")
-        axes.grid(alpha=0.15, color=INK)
-        chosen = [COLOURS[i % len(COLOURS)] for i in colours]
-        axes.scatter(points[:, 0], points[:, 1], c=chosen or None, s=8)
+        figure = Figure(figsize=(9.0, 3.5), layout="constrained")
+        for number, (name, points) in enumerate(
+            (("component", principal_components(rows)), ("t-SNE", neighbour_map(rows)))
+        ):
+            axes = figure.add_subplot(1, 2, number + 1, xlabel=f"{name} 1", ylabel=f"{name} 2")
+            axes.grid(alpha=0.15, color=INK)
+            axes.scatter(points[:, 0], points[:, 1], c=chosen or None, s=8)
         return to_svg(figure)
+
+
+def neighbour_map(rows: Array) -> Array:
+    """Places (N, 2) of rows (N, C) by t-SNE (van der Maaten and Hinton 2008).
+
+    The same rows give the same places. Perplexity is 30, less for few rows. Four rows or fewer, or
+    equal ones, lie at 0.
+    """
+    if len(rows) < 5 or np.ptp(rows, axis=0).max() == 0:
+        return np.zeros((len(rows), 2))
+    # The quad tree of the approximation overflows the stack where many rows are equal
+    perplexity = min(30.0, (len(rows) - 1) / 3)
+    found: Array = TSNE(
+        perplexity=perplexity, init="pca", random_state=0, method="exact"
+    ).fit_transform(rows.astype(np.float64))
+    return found
 
 
 def principal_components(rows: Array, count: int = 2) -> Array:

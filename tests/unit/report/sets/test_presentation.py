@@ -12,7 +12,7 @@ from scenefw.evaluation.sets.results import (
 )
 from scenefw.evaluation.several import SeveralResults
 from scenefw.report.blocks import Picture
-from scenefw.report.sets.codes import principal_components
+from scenefw.report.sets.codes import neighbour_map, principal_components
 from scenefw.report.sets.examples import distances
 from scenefw.report.sets.presentation import SetResults
 
@@ -85,6 +85,18 @@ def test_components_are_the_directions_of_largest_variance():
     np.testing.assert_allclose(np.abs(found), np.abs(expected), atol=1e-9)
     assert principal_components(rows[:0]).shape == (0, 2)
     assert not principal_components(rows[:1]).any()
+
+
+def test_like_codes_are_neighbours_in_the_map():
+    rng = np.random.default_rng(1)
+    groups = np.repeat(np.arange(3), 20)
+    rows = rng.normal(size=(3, 8))[groups] * 10 + rng.normal(size=(60, 8))
+    found = neighbour_map(rows)
+    gaps = np.linalg.norm(found[:, None] - found, axis=-1) + 1e9 * np.eye(60)
+    assert (groups[gaps.argmin(axis=1)] == groups).all()
+    np.testing.assert_array_equal(neighbour_map(rows), found)
+    assert not neighbour_map(rows[:4]).any()
+    assert np.isfinite(neighbour_map(np.ones((6, 8)))).all()
 
 
 def test_distances_are_signed_and_smooth():
