@@ -18,7 +18,7 @@ from scenefw.data.object_ends import object_ends
 from scenefw.data.scene_batches import SceneBatches
 from scenefw.data.stacks import StackScenes
 from scenefw.data.views import Viewpoints
-from scenefw.kernels.cameras import floor_depths
+from scenefw.kernels.cameras import floor_depths, pixel_places, places_of
 from scenefw.kernels.superquadric_rays import first_hits
 from scenefw.kernels.transfer import to_device
 
@@ -148,7 +148,7 @@ class SeenSets(SceneBatches):
         places = starts[:, 1:, None] + (chances[:, 0] * own).long().minimum((own - 1).clamp_min(0))
         pixels = order.gather(1, places.clamp_max(flat.shape[1] - 1).flatten(1))
         noise = sigmas * _normal(chances[:, 1], chances[:, 2]).flatten(1)
-        points = _points(depth.flatten(1).gather(1, pixels) + noise, pixels, cameras)
+        points = places_of(depth.flatten(1).gather(1, pixels) + noise, pixels, cameras)
         seen = counts[:, 1:] >= self.least
         points = points.view(batch, slots, self.points, 3)
         return in_frame(
@@ -164,10 +164,9 @@ class SeenSets(SceneBatches):
         self, depth: Tensor, owners: Tensor, cameras: CameraBatch, sigmas: Tensor, chances: Tensor
     ) -> Tensor:
         """Where images of objects end, with noise along the rays."""
-        pixels = torch.arange(depth[0].numel(), device=depth.device).expand(len(depth), -1)
         eye = cameras.T_world_camera[:, :3, 3]
-        there = torch.where(owners > 0, depth, floor_depths(cameras)).flatten(1)
-        points = _points(there, pixels, cameras).view(*depth.shape, 3)
+        there = torch.where(owners > 0, depth, floor_depths(cameras))
+        points = pixel_places(there, cameras)
         ends = object_ends(points, owners, eye, chances[:, 0])
         noise = sigmas[..., None] * _normal(chances[:, 1], chances[:, 2])
         ray = torch.nn.functional.normalize(ends[..., :3] - eye[:, None, None], dim=-1)
@@ -244,16 +243,6 @@ def _intrinsics(lens: Any) -> list[float]:
 def _normal(first: Tensor, second: Tensor) -> Tensor:
     """Standard normal numbers of two uniform ones (Box and Muller 1958)."""
     return (-2 * (1 - first).clamp_min(1e-7).log()).sqrt() * (2 * torch.pi * second).cos()
-
-
-def _points(depth: Tensor, pixels: Tensor, cameras: CameraBatch) -> Tensor:
-    """World coordinates (B, P, 3) of pixels with these depths."""
-    fx, fy, cx, cy = cameras.intrinsics[:, :, None].unbind(1)
-    x = (pixels % cameras.width - cx) / fx * depth
-    y = (pixels // cameras.width - cy) / fy * depth
-    local = torch.stack([x, y, depth], dim=-1)
-    pose = cameras.T_world_camera
-    return torch.einsum("bij,bpj->bpi", pose[:, :3, :3], local) + pose[:, None, :3, 3]
 
 
 def _scaled(scenes: SceneParameters, factors: Tensor) -> SceneParameters:

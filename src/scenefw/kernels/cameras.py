@@ -64,12 +64,24 @@ def pixel_places(depth: torch.Tensor, cameras: CameraBatch) -> torch.Tensor:
         depth: (B, H, W) z-depth in metres.
         cameras: one per image.
     """
-    fx, fy, cx, cy = cameras.intrinsics[:, :, None, None].unbind(1)
-    rows = torch.arange(depth.shape[1], device=depth.device)[:, None]
-    columns = torch.arange(depth.shape[2], device=depth.device)
-    local = torch.stack([(columns - cx) / fx * depth, (rows - cy) / fy * depth, depth], dim=-1)
-    pose = cameras.T_world_camera[:, None]
-    return local @ pose[..., :3, :3].transpose(-1, -2) + pose[:, :, None, :3, 3]
+    pixels = torch.arange(depth[0].numel(), device=depth.device).expand(len(depth), -1)
+    return places_of(depth.flatten(1), pixels, cameras).view(*depth.shape, 3)
+
+
+def places_of(depth: torch.Tensor, pixels: torch.Tensor, cameras: CameraBatch) -> torch.Tensor:
+    """World coordinates (B, P, 3) of some pixels (m).
+
+    Args:
+        depth: (B, P) z-depth of them in metres.
+        pixels: (B, P) their numbers, row by row.
+        cameras: one per image.
+    """
+    fx, fy, cx, cy = cameras.intrinsics[:, :, None].unbind(1)
+    x = (pixels % cameras.width - cx) / fx * depth
+    y = (pixels // cameras.width - cy) / fy * depth
+    pose = cameras.T_world_camera
+    local = torch.stack([x, y, depth], dim=-1)
+    return local @ pose[:, :3, :3].transpose(-1, -2) + pose[:, None, :3, 3]
 
 
 def require_depth(depth: torch.Tensor, cameras: CameraBatch) -> torch.Tensor:

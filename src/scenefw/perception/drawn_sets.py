@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import torch
-from scipy.spatial import cKDTree
 
 from scenefw.core.errors import ConfigError
-from scenefw.fitting.placed import shape_of, signed_distance
+from scenefw.fitting.placed import signed_distance
 from scenefw.perception.fitted import Fitted
+from scenefw.perception.supposed import with_supposed
 from scenefw.perception.world_sets import SeenObjects
 
 if TYPE_CHECKING:
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from scenefw.perception.hidden_objects import HiddenObjects
     from scenefw.perception.part_guided import Completing
     from scenefw.postprocessing.confidence import Calibration
-
-_CORNERS = 6  # of meshes that say where a drawn object is
 
 
 class SizedFit(Protocol):
@@ -171,16 +169,7 @@ class DrawnSets(Fitted):
         ]
 
     def _expected(self, evidence: Evidence, drawn: FittedSuperquadric) -> Evidence:
-        """What is seen, with the drawn surface where nothing is."""
-        seen = self._seen(evidence)
-        surface = shape_of(drawn).mesh(_CORNERS).vertices
-        surface = surface @ drawn.pose.rotation.T + drawn.pose.position
-        away = surface[cKDTree(evidence.points[seen]).query(surface)[0] > self.beyond]
-        return replace(
-            evidence,
-            points=np.concatenate([evidence.points[seen], away]),
-            sigmas=np.concatenate([evidence.sigmas[seen], np.full(len(away), self.drawn_sigma)]),
-        )
+        return with_supposed(evidence, self._seen(evidence), drawn, self.drawn_sigma, self.beyond)
 
     def _kept(
         self,

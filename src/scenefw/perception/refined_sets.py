@@ -6,19 +6,17 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from scenefw.core.errors import ConfigError
-from scenefw.fitting.placed import shape_of, signed_distance
+from scenefw.fitting.placed import signed_distance
 from scenefw.perception.hidden_objects import possible
+from scenefw.perception.supposed import with_supposed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from scenefw.core.evidence import Evidence, FittedSuperquadric
     from scenefw.perception.evidence import EvidenceOfView, View
-
-_CORNERS = 6  # of meshes that say where a predicted object is
 
 
 class JoinedFit(Protocol):
@@ -108,13 +106,6 @@ class RefinedSets:
         return np.asarray(evidence.sigmas == self.evidence.seen_sigma)
 
     def _expected(self, evidence: Evidence, predicted: FittedSuperquadric) -> Evidence:
-        """What is seen, with the predicted surface where nothing is."""
-        seen = self._seen(evidence)
-        surface = shape_of(predicted).mesh(_CORNERS).vertices
-        surface = surface @ predicted.pose.rotation.T + predicted.pose.position
-        away = surface[cKDTree(evidence.points[seen]).query(surface)[0] > self.beyond]
-        return replace(
-            evidence,
-            points=np.concatenate([evidence.points[seen], away]),
-            sigmas=np.concatenate([evidence.sigmas[seen], np.full(len(away), self.drawn_sigma)]),
+        return with_supposed(
+            evidence, self._seen(evidence), predicted, self.drawn_sigma, self.beyond
         )
