@@ -91,7 +91,10 @@ class MeshSolids:
 
     def _read(self, name: str) -> SolidMesh | None:
         path = self._files[name]
-        mesh = read_closed(path)
+        try:
+            mesh = read_closed(path)
+        except InputError as error:
+            raise InputError(self._about_all(str(error))) from error
         mesh = TriangleMesh(mesh.vertices * self.scale, mesh.faces)
         size = float(np.ptp(mesh.vertices, axis=0).max())
         if not _SIZES[0] <= size <= _SIZES[1]:
@@ -108,6 +111,17 @@ class MeshSolids:
         vertices = shape.mesh().vertices.astype(np.float32).astype(np.float64)
         found = SolidMesh(vertices, mesh.faces, name=name)
         return replace(found, parts=self._parts(found))
+
+    def _about_all(self, first: str) -> str:
+        """What is wrong with a mesh, and with others, so that one look at the folder is enough."""
+        bad = [name for name, path in self._files.items() if not _is_closed(path)]
+        if len(bad) < 2:
+            return first
+        return (
+            f"{len(bad)} of {len(self._files)} meshes in {self.root} can't be read or are not "
+            f"closed, so they have no inside; close them, or take them out with "
+            f"'shape.leave_out=\"{'|'.join(f'^{re.escape(name)}$' for name in bad)}\"'"
+        )
 
     def _parts(self, found: SolidMesh) -> tuple[Float64, ...]:
         return PartCache(self.parts).of(found.mesh()) if self.parts else ()
@@ -140,6 +154,14 @@ def read_closed(path: Path) -> TriangleMesh:
             f"{_without(path.stem)}"
         )
     return found
+
+
+def _is_closed(path: Path) -> bool:
+    try:
+        read_closed(path)
+    except InputError:
+        return False
+    return True
 
 
 def _without(name: str) -> str:

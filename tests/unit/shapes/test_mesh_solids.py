@@ -1,5 +1,7 @@
 """Solids from a folder of meshes: units, what is left out, and one line for what is wrong."""
 
+import re
+
 import numpy as np
 import pytest
 import trimesh
@@ -55,17 +57,38 @@ def test_faces_that_look_inwards_are_turned(folder):
     assert MeshSolids(str(folder)).solid("box").volume() > 0
 
 
-def test_unusable_meshes_end_in_one_line(folder):
-    mesh = trimesh.creation.box(SIDES)
-    trimesh.Trimesh(mesh.vertices, mesh.faces[1:]).export(folder / "open.ply")
-    (folder / "empty.obj").write_text("")
-    (folder / "damaged.ply").write_bytes(b"ply\nformat")
-    source = MeshSolids(str(folder))
-    for name, words in (("open", "is not closed"), ("empty", "empty.obj"), ("damaged", "damaged")):
-        with pytest.raises(InputError, match=words) as caught:
-            source.solid(name)
-        assert f"shape.leave_out={name}" in str(caught.value)
-        assert "\n" not in str(caught.value)
+@pytest.mark.parametrize(
+    ("name", "words"), [("open", "is not closed"), ("empty", "empty.obj"), ("damaged", "damaged")]
+)
+def test_an_unusable_mesh_ends_in_one_line(folder, name, words):
+    spoil(folder, name)
+    with pytest.raises(InputError, match=words) as caught:
+        MeshSolids(str(folder)).solid(name)
+    assert f"shape.leave_out={name}" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_one_line_names_all_unusable_meshes_and_takes_them_out(folder):
+    names = ("open", "empty", "damaged")
+    for name in names:
+        spoil(folder, name)
+    with pytest.raises(InputError, match="3 of") as caught:
+        MeshSolids(str(folder)).solid("open")
+    pattern = re.search(r'shape\.leave_out="(.*)"', str(caught.value))[1]
+    source = MeshSolids(str(folder), leave_out=pattern)
+    drawn = {source.sample(np.random.default_rng(seed), "test").name for seed in range(20)}
+    assert drawn == {"box", "round/ball"}
+
+
+def spoil(folder, name):
+    """Puts a mesh into the folder that can't be stacked."""
+    if name == "open":
+        mesh = trimesh.creation.box(SIDES)
+        trimesh.Trimesh(mesh.vertices, mesh.faces[1:]).export(folder / "open.ply")
+    elif name == "empty":
+        (folder / "empty.obj").write_text("")
+    else:
+        (folder / "damaged.ply").write_bytes(b"ply\nformat")
 
 
 def test_settings_that_cannot_be_meant(folder):
