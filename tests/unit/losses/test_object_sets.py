@@ -15,6 +15,7 @@ from scenefw.losses.set_cells import SetCells, cells_of_objects
 from scenefw.losses.set_centres import SetCentres
 from scenefw.losses.set_existence import SetExistence
 from scenefw.losses.set_mmd import SetDiscrepancy
+from scenefw.losses.set_overlap import SetOverlap
 from scenefw.losses.set_partial import SetPartial
 from scenefw.matching.object_sets import matched_objects
 
@@ -56,6 +57,29 @@ def test_cross_entropy_is_against_the_matched_object_or_nothing(batch):
     loss.backward()
     step = (found.logits.detach().sigmoid() - truth) / truth.numel()
     torch.testing.assert_close(found.logits.grad, step)
+
+
+def test_overlap_is_one_minus_dice_of_matched_predictions(batch):
+    found = prediction(batch)
+    terms = []
+    for scene, slot in itertools.product(range(2), range(4)):
+        i = int(found.matched[scene, slot])
+        if i < 0:
+            continue
+        truth = (batch.instances[scene] == i + 1).double()
+        shares = found.logits[scene, slot].detach().double().sigmoid()
+        terms.append(1 - (2 * (shares * truth).sum() + 1) / (shares.sum() + truth.sum() + 1))
+    loss = SetOverlap()(found, batch)
+    assert float(loss.detach()) == pytest.approx(float(np.mean(terms)), rel=1e-5)
+    loss.backward()
+    unmatched = found.logits.grad[found.matched < 0]
+    assert len(unmatched)
+    assert not unmatched.any()
+    sure = dataclasses.replace(found, logits=found.logits.detach().clone())
+    for scene, slot in itertools.product(range(2), range(4)):
+        inside = batch.instances[scene] == int(sure.matched[scene, slot]) + 1
+        sure.logits[scene, slot] = torch.where(inside, 50.0, -50.0)
+    assert float(SetOverlap()(sure, batch)) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_existence_is_of_matched_predictions(batch):

@@ -1,0 +1,44 @@
+"""Loss of the overlap of predicted objects with those they are matched to."""
+
+import torch
+from torch import Tensor
+
+from scenefw.core.batches import ObjectSetBatch, ObjectSetPrediction, ObjectSetSetup
+from scenefw.losses.set_targets import matched_of
+
+_VOXELS = 1.0  # added to both sums, so that an object of no voxel is no division by 0
+
+
+class SetOverlap:
+    """One minus the soft Dice coefficient of matched predictions (Milletari et al. 2016).
+
+    An object fills a hundredth of the grid or less, so the cross entropy is small as soon as a
+    prediction is empty. Here it is 1, however small the object.
+
+    Args:
+        weight: factor of this term in the total.
+    """
+
+    needs_draws = False
+
+    def __init__(self, weight: float = 1e-2) -> None:
+        self.weight = weight
+
+    def check(self, setup: ObjectSetSetup) -> None:
+        """Fits any set."""
+
+    def __call__(self, prediction: ObjectSetPrediction, batch: ObjectSetBatch) -> Tensor:
+        """A scalar, the mean over predictions that stand for an object.
+
+        Raises:
+            InputError: predictions are not matched.
+        """
+        objects = matched_of(prediction)
+        there = objects >= 0
+        labels = (objects + 1).masked_fill(~there, -1)[..., None, None, None]
+        inside = batch.instances[:, None] == labels
+        shares = prediction.logits.float().sigmoid()
+        common = torch.where(inside, shares, 0.0).sum(dim=(2, 3, 4))
+        both = shares.sum(dim=(2, 3, 4)) + inside.sum(dim=(2, 3, 4))
+        missed = 1 - (2 * common + _VOXELS) / (both + _VOXELS)
+        return torch.where(there, missed, 0.0).sum() / there.sum().clamp_min(1)
