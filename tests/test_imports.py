@@ -67,6 +67,10 @@ def test_tasks_are_imported_without_them(imported_warm):
     assert not HEAVY & imported_warm(modules("tasks", "evaluation", "report"))
 
 
+def test_predicting_does_not_wait_for_lightning():
+    assert "lightning" not in imported_with([*modules("perception"), "scenefw.tasks.predict"])
+
+
 def test_configs_are_read_without_torch():
     assert "torch" not in imported_with(["scenefw.config", "scenefw.registry", "scenefw.plugins"])
 

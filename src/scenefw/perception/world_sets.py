@@ -13,7 +13,7 @@ from scenefw.core.batches import SceneParameters, SeenSetBatch
 from scenefw.core.evidence import FittedSuperquadric
 from scenefw.core.types import Pose
 from scenefw.data.object_ends import object_ends
-from scenefw.data.seen_sets import in_frame, view_frame
+from scenefw.data.view_frames import in_frame, view_frame
 from scenefw.fitting.placed import signed_distance
 from scenefw.shapes.equal_descriptions import equal_descriptions
 
