@@ -17,6 +17,8 @@ from scenefw.report.palette import Colour
 Picture = NDArray[np.float32]
 
 _SUPERSAMPLING = 2
+_ALIKE_DEPTH, _ALIKE_NORMAL = 0.01, 0.95  # m and cosine: of rays that share their light
+_SKY = -9
 _FLOOR_REACH = 0.8  # m
 _FLOOR_SAMPLES = 224
 _FILLED = 0.8  # of the picture
@@ -54,7 +56,8 @@ def draw(solid: Solid, camera: Camera, *, reach: float = 0.62) -> Picture:
     """RGB (H, W, 3) in [0, 1] of a volume on a light floor that fades into white.
 
     The light comes over the camera's left shoulder. Ambient occlusion and soft shadows are read off
-    the distance field (Evans 2006; Quilez 2010). Edges are averaged over 2 x 2 rays per pixel.
+    the distance field (Evans 2006; Quilez 2010). Edges are averaged over 2 x 2 rays per pixel; rays
+    of a pixel that meet one surface share its light.
 
     Args:
         solid: what to draw.
@@ -77,8 +80,16 @@ def draw(solid: Solid, camera: Camera, *, reach: float = 0.62) -> Picture:
     on_object = hit & ~is_floor
     labels[on_object] = _smooth_labels(solid, points[on_object])
     picture = np.ones((*depth.shape, 3), dtype=np.float32)
+    lender = _lenders(np.where(hit, labels + 1 - 2 * is_floor, _SKY), depth, normals)
+    lit = np.zeros(depth.size, dtype=bool)
+    lit[lender[hit]] = True
+    lit = lit.reshape(depth.shape)
+    number = np.cumsum(lit)[lender[hit]] - 1
+    light = _light(solid, points[lit], normals[lit], is_floor[lit], fine)[number]
     colour = _base_colours(solid, labels[hit], points[hit], is_floor[hit])
-    light = _light(solid, points[hit], normals[hit], is_floor[hit], fine)
+    if solid.seen is not None:
+        share = _seen_share(solid.seen, solid.grid, points[lit])[number]
+        colour = np.where(is_floor[hit, None], colour, _PALE + (colour - _PALE) * share)
     shaded = np.clip(colour * light, 0, 1)
     fade = _fade(points[hit], is_floor[hit], reach)[:, None]
     picture[hit] = shaded * (1 - fade) + fade
@@ -151,14 +162,38 @@ def _base_colours(
 ) -> Float32:
     table = np.vstack([_GREY, np.reshape(solid.colours, (-1, 3))]).astype(np.float32)
     colour = table[np.where(labels < len(table), labels, 0)]
-    if solid.seen is not None:
-        share = np.clip(2 * _sample(solid.seen, solid.grid, points) - 0.5, 0, 1)[:, None]
-        colour = _PALE + (colour - _PALE) * (_HIDDEN + (1 - _HIDDEN) * share)
     colour[is_floor] = _FLOOR
     x, y = np.abs((points[is_floor, :2] + _GRID_LINES) % (2 * _GRID_LINES) - _GRID_LINES).T
     on_lines = np.flatnonzero(is_floor)[np.minimum(x, y) < 0.0011]
     colour[on_lines] *= 0.93
     return colour
+
+
+def _lenders(surfaces: NDArray[np.int64], depth: Float32, normals: Float32) -> NDArray[np.int64]:
+    """The ray (H, W) whose light each ray takes: the first of its block if both are alike.
+
+    Args:
+        surfaces: (H, W) what rays meet, `_SKY` = nothing.
+        depth: (H, W) metres.
+        normals: (H, W, 3).
+    """
+    height, width = depth.shape
+    own = np.arange(height * width).reshape(height, width)
+    n = _SUPERSAMPLING
+    rows, columns = (np.arange(size) // n * n for size in depth.shape)
+    first = np.ix_(rows, columns)
+    alike = (
+        (surfaces == surfaces[first])
+        & (np.abs(depth - depth[first]) < _ALIKE_DEPTH)
+        & (np.einsum("hwc,hwc->hw", normals, normals[first]) > _ALIKE_NORMAL)
+    )
+    return np.where(alike, own[first], own)
+
+
+def _seen_share(seen: Float32, grid: GridSpec, points: Float32) -> Float32:
+    """Share (N, 1) of its colour that a surface keeps, by how much of it is seen."""
+    share = np.clip(2 * _sample(seen, grid, points) - 0.5, 0, 1)[:, None]
+    return (_HIDDEN + (1 - _HIDDEN) * share).astype(np.float32)
 
 
 def _light(
