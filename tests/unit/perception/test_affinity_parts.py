@@ -1,15 +1,23 @@
 """Parts by a network of affinities: one that knows the truth, and one that is trained."""
 
+import os
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from hydra.utils import instantiate
+from tests.composed import option
 from tests.unit.perception.synthetic import camera_at, frame_of
 
 from scenefw.core.errors import ConfigError
+from scenefw.data.readers import read_frames
+from scenefw.learning.checkpoint import load_checkpoint
 from scenefw.losses.part_affinity import true_affinities
+from scenefw.metrics.masks import mask_scores
 from scenefw.perception.affinity_parts import AffinityParts
+from scenefw.perception.floor import FloorFinder
 
 
 class Knowing(torch.nn.Module):
@@ -85,3 +93,32 @@ def test_a_few_likely_pixels_do_not_join_two_objects(seen):
 def test_bad_settings(seen, wrong):
     with pytest.raises(ConfigError, match="parts have sure"):
         AffinityParts(Loaded(Knowing(seen[1], 100.0)), **wrong)
+
+
+@pytest.mark.exhaustive
+def test_shipped_weights_cut_real_images_better_than_creases_do():
+    """Parts alone, before fits join them: labelled images, and ten things on a wavy floor."""
+    beside = Path(__file__).parents[3] / ".." / "shared" / "data"
+    folder = Path(os.environ.get("SCENEFW_DATA", beside)) / "real"
+    if not folder.is_dir():
+        pytest.skip(f"no real images at {folder} (set SCENEFW_DATA)")
+    loaded = load_checkpoint(None, task="part_affinity", shipped="part_affinity")
+    methods = {"network": AffinityParts(loaded), "creases": instantiate(option("parts", "creases"))}
+    floor = FloorFinder()
+
+    def cut(method, frame):
+        pose = floor.find(frame).T_world_camera
+        return method.segment(replace(frame, camera=frame.camera.moved(pose)))
+
+    frames = read_frames(folder / "mosd_learn")
+    scores = {
+        name: [mask_scores(cut(method, frame), frame.labels) for frame in frames]
+        for name, method in methods.items()
+    }
+    for measure in ("overlap_f", "boundary_f"):
+        network, creases = (
+            np.mean([getattr(one, measure) for one in scores[name]]) for name in methods
+        )
+        assert network > creases
+    first = next(iter(read_frames(folder / "realsense_table")))
+    assert 10 <= cut(methods["network"], first).max() <= 20

@@ -10,14 +10,14 @@ def test_methods_that_begin_with_the_same_scenes_ask_one_and_the_same_object():
     methods = Builder(composed).build("evaluation.methods")
     assert isinstance(methods["zero_code"], Remembered)
     assert methods["fitted"].inner.inner is methods["zero_code"]
-    grouped = methods["set_flow"].inner
+    grouped = methods["fitted_hulls"].inner
     assert isinstance(grouped, Remembered)
-    assert methods["fitted_hulls"].inner is grouped
+    assert methods["crease_parts"].inner is grouped
     assert grouped.inner.inner is methods["hull_filling"]
     assert isinstance(methods["hull_filling"], Remembered)
-    learnt = methods["learnt_parts"].inner
-    assert learnt.inner is methods["hull_filling"]
-    assert type(learnt.parts).__name__ == "AffinityParts"
+    learnt = methods["set_flow"].inner
+    assert learnt.inner.inner is methods["hull_filling"]
+    assert type(learnt.inner.parts).__name__ == "AffinityParts"
     assert type(grouped.inner.parts).__name__ == "SeenParts"  # the reference learns nothing
 
 
@@ -26,5 +26,5 @@ def test_the_order_of_methods_is_that_of_random_points_and_of_rows():
     assert list(composed.evaluation.methods) == [
         "scenefw", "zero_code", "set_flow", "fitted", "fitted_hulls", "hull_filling",
         "partial_tsdf", "trained_here", "fully_convolutional", "sscnet", "unconditional",
-        "learnt_parts",
+        "crease_parts",
     ]  # fmt: skip
