@@ -11,7 +11,7 @@ from scenefw.core.batches import CameraBatch
 from scenefw.core.errors import ConfigError
 from scenefw.perception.depth_parts import grown, large_parts, linked_parts, merged
 from scenefw.perception.points import world_points
-from scenefw.perception.seen_parts import high_parts
+from scenefw.perception.seen_parts import floor_noise, high_parts
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -38,6 +38,7 @@ class AffinityParts:
         margin: points up to this height above the floor belong to it (m).
         smallest: parts of fewer pixels (of an image 640 wide) are dropped.
         lowest: parts that rise no higher above the floor (m) are noise of it.
+        noisy: so are parts that rise no higher than so many standard deviations of its heights.
 
     Raises:
         ConfigError: a probability outside 0..1, a negative height, or fewer than 1 pixel.
@@ -52,18 +53,20 @@ class AffinityParts:
         margin: float = 0.005,
         smallest: float = 60.0,
         lowest: float = 0.012,
+        noisy: float = 7.0,
     ) -> None:
         shares = 0 < sure < 1 and 0 < same < 1
-        if not shares or min(margin, lowest) < 0 or min(seed, smallest) < 1:
+        if not shares or min(margin, lowest, noisy) < 0 or min(seed, smallest) < 1:
             raise ConfigError(
                 f"parts have sure {sure}, same {same}, seed {seed}, margin {margin}, smallest "
-                f"{smallest} and lowest {lowest}; expected probabilities, pixels, and heights of "
-                "0 or more"
+                f"{smallest}, lowest {lowest} and noisy {noisy}; expected probabilities, pixels, "
+                "and heights of 0 or more"
             )
         self.model: PartAffinityModel = checkpoint.model
         self.metadata = dict(checkpoint.metadata)
         self.sure, self.same, self.seed = sure, same, seed
-        self.margin, self.smallest, self.lowest = margin, smallest, lowest
+        self.margin, self.smallest = margin, smallest
+        self.lowest, self.noisy = lowest, noisy
 
     def segment(self, frame: Frame) -> Int32:
         """Parts (H, W), 0 = none, of a frame whose camera has its pose (floor z = 0)."""
@@ -76,7 +79,8 @@ class AffinityParts:
         parts = large_parts(joined, max(1, round(fewest / step**2)))
         rows, columns = (np.arange(size) // step for size in frame.depth.shape)
         parts = np.where(above, parts[np.ix_(rows, columns)], 0).astype(np.int32)
-        return high_parts(grown(parts, above, frame.depth), heights, self.lowest)
+        lowest = max(self.lowest, self.noisy * floor_noise(heights))
+        return high_parts(grown(parts, above, frame.depth), heights, lowest)
 
     def _joined(
         self, depth: Float32, camera: Camera, step: int, above: NDArray[np.bool_]

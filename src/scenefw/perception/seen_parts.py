@@ -13,6 +13,8 @@ from scenefw.perception.points import world_points
 if TYPE_CHECKING:
     from scenefw.core.types import Float64, Frame, Int32
 
+_ABOUT = 0.03  # m: heights that may be noise of the floor
+_NORMAL = 1.4826  # from a normal distribution's median deviation to its standard deviation
 _TOP = 0.95  # share of a part below its top, against single pixels
 _WIDTH = 640  # pixels of the image that the numbers of pixels are for
 
@@ -89,3 +91,9 @@ def high_parts(parts: Int32, heights: Float64, lowest: float) -> Int32:
     tops = [np.quantile(heights[parts == k], _TOP) for k in range(1, parts.max(initial=0) + 1)]
     kept = np.array([False, *(top > lowest for top in tops)])
     return (np.cumsum(kept) * kept)[parts].astype(np.int32)
+
+
+def floor_noise(heights: Float64) -> float:
+    """Robust standard deviation (m) of the heights (H, W) of what lies about the floor z = 0."""
+    about = heights[np.abs(heights) < _ABOUT]
+    return float(_NORMAL * np.median(np.abs(about))) if about.size else 0.0

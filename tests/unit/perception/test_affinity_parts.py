@@ -9,7 +9,7 @@ import pytest
 import torch
 from hydra.utils import instantiate
 from tests.composed import option
-from tests.unit.perception.synthetic import camera_at, frame_of
+from tests.unit.perception.synthetic import Box, camera_at, frame_of
 
 from scenefw.core.errors import ConfigError
 from scenefw.data.readers import read_frames
@@ -93,6 +93,21 @@ def test_a_few_likely_pixels_do_not_join_two_objects(seen):
 def test_bad_settings(seen, wrong):
     with pytest.raises(ConfigError, match="parts have sure"):
         AffinityParts(Loaded(Knowing(seen[1], 100.0)), **wrong)
+
+
+def test_parts_as_low_as_the_floor_waves_are_its_noise():
+    flat, box = Box((-0.2, -0.1, 0.0), (-0.05, 0.0, 0.02)), Box((0.05, -0.1, 0.0), (0.2, 0.0, 0.1))
+    camera = camera_at(eye=(0.0, -0.9, 0.5))
+    frame = replace(frame_of(camera, (flat, box)), camera=camera)
+    finder = AffinityParts(Loaded(Knowing(frame.labels, camera.fx)))
+    assert finder.segment(frame).max() == 2
+    rng = np.random.default_rng(0)
+    waves = frame.depth * (1 + 0.006 * rng.normal(size=frame.depth.shape).astype(np.float32))
+    noisy = replace(frame, depth=np.where(frame.labels > 0, frame.depth, waves))
+    found = finder.segment(noisy)
+    assert found.max() >= 1
+    assert not (found[frame.labels == 1] > 0).any()
+    assert (found[frame.labels == 2] > 0).mean() > 0.9
 
 
 @pytest.mark.exhaustive
