@@ -33,7 +33,7 @@ def compounds(
     """Scenes of twice as many slots, and what is cut out of them.
 
     Slots N to 2 N - 1 are second pieces: each goes through the surface of the object N slots before
-    it. A hole opens upward, or to one side of an object that lies. Objects below don't carry what
+    it. A hole opens upward, one in five along any axis. Objects below don't carry what
     stands on a hole: only rays look at these scenes.
 
     Args:
@@ -58,8 +58,8 @@ def compounds(
 def _holes(scenes: SceneParameters, drawn: Tensor, which: Tensor) -> SceneParameters:
     """What is cut out of objects: themselves, thinner by a wall and moved out."""
     upward = scenes.rotations[:, :, 2]
-    lying = drawn[..., 3] < 0.2
-    axis = torch.where(lying, (3 * drawn[..., 2]).long().clamp_max(2), upward.abs().argmax(-1))
+    anywhere = drawn[..., 3] < 0.2
+    axis = torch.where(anywhere, (3 * drawn[..., 2]).long().clamp_max(2), upward.abs().argmax(-1))
     sign = torch.where(upward.gather(2, axis[..., None])[..., 0] < 0, -1.0, 1.0)
     chosen = torch.nn.functional.one_hot(axis, 3).float()
     wall = _between(drawn[..., 0], *_WALL)[..., None]

@@ -64,6 +64,7 @@ def pixel_places(depth: torch.Tensor, cameras: CameraBatch) -> torch.Tensor:
         depth: (B, H, W) z-depth in metres.
         cameras: one per image.
     """
+    depth = require_depth(depth, cameras)
     pixels = torch.arange(depth[0].numel(), device=depth.device).expand(len(depth), -1)
     return places_of(depth.flatten(1), pixels, cameras).view(*depth.shape, 3)
 

@@ -86,7 +86,10 @@ def _through(o, d, r):
     if near >= far:
         return _FAR, _FAR
     enters = _root(o, d, r, near, far)
-    return (enters, _root(o, d, r, far, near)) if enters < _FAR else (_FAR, _FAR)
+    if enters >= _FAR:
+        return _FAR, _FAR
+    leaves = _root(o, d, r, far, near)
+    return enters, leaves if leaves < _FAR else enters  # a ray that only grazes it
 
 
 @element

@@ -13,7 +13,8 @@ from scenefw.perception.points import world_points
 if TYPE_CHECKING:
     from scenefw.core.types import Float64, Frame, Int32
 
-_ABOUT = 0.03  # m: heights that may be noise of the floor
+_ABOUT = 0.03  # m: depth below the floor that may be its noise
+_FEWEST = 200  # pixels below the floor that say how noisy it is
 _NORMAL = 1.4826  # from a normal distribution's median deviation to its standard deviation
 _TOP = 0.95  # share of a part below its top, against single pixels
 _WIDTH = 640  # pixels of the image that the numbers of pixels are for
@@ -94,6 +95,9 @@ def high_parts(parts: Int32, heights: Float64, lowest: float) -> Int32:
 
 
 def floor_noise(heights: Float64) -> float:
-    """Robust standard deviation (m) of the heights (H, W) of what lies about the floor z = 0."""
-    about = heights[np.abs(heights) < _ABOUT]
-    return float(_NORMAL * np.median(np.abs(about))) if about.size else 0.0
+    """Robust standard deviation (m) of the floor's heights (H, W), 0 if little of it is seen.
+
+    Only what lies below z = 0 counts: above it may be objects.
+    """
+    below = heights[(heights < 0) & (heights > -_ABOUT)]
+    return float(_NORMAL * np.median(-below)) if below.size >= _FEWEST else 0.0

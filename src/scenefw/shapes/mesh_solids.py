@@ -117,10 +117,12 @@ class MeshSolids:
         bad = [name for name, path in self._files.items() if not _is_closed(path)]
         if len(bad) < 2:
             return first
+        patterns = [self.leave_out] if self.leave_out else []
+        patterns += [f"^{re.escape(name)}$" for name in bad]
         return (
             f"{len(bad)} of {len(self._files)} meshes in {self.root} can't be read or are not "
             f"closed, so they have no inside; close them, or take them out with "
-            f"'shape.leave_out=\"{'|'.join(f'^{re.escape(name)}$' for name in bad)}\"'"
+            f"'shape.leave_out=\"{'|'.join(patterns)}\"'"
         )
 
     def _parts(self, found: SolidMesh) -> tuple[Float64, ...]:

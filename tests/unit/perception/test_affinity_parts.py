@@ -1,8 +1,6 @@
 """Parts by a network of affinities: one that knows the truth, and one that is trained."""
 
-import os
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +16,7 @@ from scenefw.losses.part_affinity import true_affinities
 from scenefw.metrics.masks import mask_scores
 from scenefw.perception.affinity_parts import AffinityParts
 from scenefw.perception.floor import FloorFinder
+from scenefw.perception.seen_parts import floor_noise
 
 
 class Knowing(torch.nn.Module):
@@ -110,13 +109,20 @@ def test_parts_as_low_as_the_floor_waves_are_its_noise():
     assert (found[frame.labels == 2] > 0).mean() > 0.9
 
 
+def test_things_lower_than_others_are_no_noise_of_the_floor():
+    """Flat things on half of the image, and their noise, are above it."""
+    rng = np.random.default_rng(0)
+    heights = 0.001 * rng.normal(size=(200, 200))
+    heights[:120] += 0.02
+    assert floor_noise(heights) == pytest.approx(0.001, rel=0.1)
+    assert floor_noise(heights[:120]) == 0  # no floor is seen
+    assert floor_noise(np.full((4, 4), np.nan)) == 0
+
+
 @pytest.mark.exhaustive
-def test_shipped_weights_cut_real_images_better_than_creases_do():
+def test_shipped_weights_cut_real_images_better_than_creases_do(real_data):
     """Parts alone, before fits join them: labelled images, and ten things on a wavy floor."""
-    beside = Path(__file__).parents[3] / ".." / "shared" / "data"
-    folder = Path(os.environ.get("SCENEFW_DATA", beside)) / "real"
-    if not folder.is_dir():
-        pytest.skip(f"no real images at {folder} (set SCENEFW_DATA)")
+    folder = real_data / "real"
     loaded = load_checkpoint(None, task="part_affinity", shipped="part_affinity")
     methods = {"network": AffinityParts(loaded), "creases": instantiate(option("parts", "creases"))}
     floor = FloorFinder()

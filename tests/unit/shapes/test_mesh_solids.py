@@ -78,6 +78,9 @@ def test_one_line_names_all_unusable_meshes_and_takes_them_out(folder):
     source = MeshSolids(str(folder), leave_out=pattern)
     drawn = {source.sample(np.random.default_rng(seed), "test").name for seed in range(20)}
     assert drawn == {"box", "round/ball"}
+    with pytest.raises(InputError, match="3 of") as caught:
+        MeshSolids(str(folder), leave_out="box").solid("open")
+    assert 'leave_out="box|' in str(caught.value)
 
 
 def spoil(folder, name):

@@ -126,8 +126,8 @@ _KNOWN = (
     ),
     _method(
         "crease_parts",
-        "the same, parts cut at jumps and creases",
-        samples="the same, parts cut at jumps and creases",
+        "superquadrics fitted to parts cut at creases, hidden parts by a flow of sets",
+        samples="superquadrics fitted to parts cut at creases, then drawn by a flow of sets",
         figure=" of fits to parts cut at creases and a flow of sets",
         draws="drawn by a flow of sets, parts cut at creases",
     ),
