@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from scenefw.core.batches import CameraBatch
 
 _LEAST = 1e-3  # pixels of disparity
+_DEVIATION = 0.855  # of unit normals after bicubic interpolation, over all places
 
 
 class Stereo:
@@ -116,9 +117,6 @@ class Stereo:
             at = round(length)
             total += field[:, 0, at : at + height, at : at + width] / _DEVIATION
         return total
-
-
-_DEVIATION = 0.855  # of unit normals after bicubic interpolation, over all places
 
 
 def _shifted(values: Tensor, step: int, axis: int) -> Tensor:

@@ -105,8 +105,8 @@ def neighbour_map(rows: Array) -> Array:
     """
     if len(rows) < 5 or np.ptp(rows, axis=0).max() == 0:
         return np.zeros((len(rows), 2))
-    # The quad tree of the approximation overflows the stack where many rows are equal
     perplexity = min(30.0, (len(rows) - 1) / 3)
+    # Exact: the quad tree of the approximation overflows the stack where many rows are equal
     found: Array = TSNE(
         perplexity=perplexity, init="pca", random_state=0, method="exact"
     ).fit_transform(rows.astype(np.float64))
