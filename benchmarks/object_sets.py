@@ -24,6 +24,7 @@ from scenefw.learning.object_sets import matched
 from scenefw.losses.set_bce import SetBinaryCrossEntropy
 from scenefw.matching.object_sets import matched_objects
 from scenefw.models.set_autoencoder import SetAutoencoder
+from scenefw.models.set_placed import PlacedSetAutoencoder
 from scenefw.models.set_vae import SetVAE
 from scenefw.representations.volumes import scene_volumes
 
@@ -93,7 +94,7 @@ def views_and_objects() -> ObjectSetBatch:
     return object_set_batch(made, GRID)
 
 
-def step(model: SetAutoencoder | SetVAE) -> Timed:
+def step(model: SetAutoencoder | PlacedSetAutoencoder | SetVAE) -> Timed:
     """A step of a network of sets."""
     batch, loss = views_and_objects(), SetBinaryCrossEntropy()
     model = model.to(DEVICE).to(memory_format=torch.channels_last_3d)
@@ -112,6 +113,11 @@ def autoencoder() -> Timed:
     return step(SetAutoencoder(GRID.resolution))
 
 
+def placed() -> Timed:
+    """Of model=set_placed, with as many predictions."""
+    return step(PlacedSetAutoencoder(GRID.resolution, slots=OBJECTS))
+
+
 def vae() -> Timed:
     """Of model=set_vae."""
     return step(SetVAE(GRID.resolution))
@@ -127,5 +133,11 @@ JOBS = [
         seconds=6.0,
     ),
     Job("step of the autoencoder of sets, 64^3", autoencoder, {_STEP: network}, repeats=5),
+    Job(
+        "step of sets in boxes, 64^3",
+        placed,
+        {"step of the autoencoder of sets": autoencoder},
+        repeats=5,
+    ),
     Job("step of the VAE of sets, 64^3", vae, {_STEP: network}, repeats=5),
 ]

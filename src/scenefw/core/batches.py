@@ -279,8 +279,11 @@ class ObjectSetPrediction:
         features: (B, C, S, S, S), that volume.
         existence: (B, N) logits that there is such an object, or None.
         centres: (B, N, 3) in the cube of the grid, each axis from -1 to 1, or None.
+        boxes: (B, N, 2, 3) centres and half sides of boxes around the objects, in that cube, or
+            None.
         partial: (B, 1, X, Y, Z) reconstruction of the condition's distances, or None.
         latent: (B, C, S, S, S) as drawn from the posterior, or None.
+        divergence: (B,) nats of the posterior from the prior, or None.
         matched: (B, N) int64, the true object that each prediction stands for, -1 = none; None
             before they are matched.
     """
@@ -291,8 +294,10 @@ class ObjectSetPrediction:
     features: Tensor
     existence: Tensor | None = None
     centres: Tensor | None = None
+    boxes: Tensor | None = None
     partial: Tensor | None = None
     latent: Tensor | None = None
+    divergence: Tensor | None = None
     matched: Tensor | None = None
 
 
@@ -303,7 +308,8 @@ class ObjectSetSetup:
     Args:
         grid: the voxel grid.
         slots: objects that the network predicts.
-        gives: what it predicts beside shapes: existence, centres, partial, latent.
+        gives: what it predicts beside shapes: existence, centres, boxes, partial, latent,
+            divergence.
     """
 
     grid: GridSpec

@@ -67,7 +67,10 @@ class ObjectSetLearning(TrainingModule):
 
 def matched(prediction: ObjectSetPrediction, batch: ObjectSetBatch) -> ObjectSetPrediction:
     """The prediction with the true object that each of its objects stands for."""
-    objects = matched_objects(prediction.logits, batch.instances, batch.present)
+    apart = None
+    if prediction.boxes is not None:
+        apart = torch.cdist(prediction.boxes[..., 0, :].float(), batch.centres)
+    objects = matched_objects(prediction.logits, batch.instances, batch.present, apart=apart)
     return dataclasses.replace(prediction, matched=objects)
 
 

@@ -4,11 +4,13 @@ from torch import Tensor
 from torch.nn import functional
 
 from scenefw.core.batches import ObjectSetBatch, ObjectSetPrediction, ObjectSetSetup
-from scenefw.losses.set_targets import matched_of
+from scenefw.losses.set_targets import matched_of, sums_in_own
 
 
 class SetBinaryCrossEntropy:
     """Mean binary cross entropy (nats) of predicted objects and those they are matched to.
+
+    Of a logit x and a target t in {0, 1} it is softplus(x) - t x.
 
     Predictions without an object are compared with an empty grid. The mean is over voxels and
     predictions (thesis 6.2.1). Matching comes before the loss and no gradient passes through it.
@@ -31,8 +33,6 @@ class SetBinaryCrossEntropy:
         Raises:
             InputError: predictions are not matched.
         """
-        labels = matched_of(prediction) + 1
-        labels = labels.masked_fill(labels == 0, -1)[..., None, None, None]
-        inside = batch.instances[:, None] == labels
         logits = prediction.logits.float()
-        return functional.softplus(logits.where(~inside, -logits)).mean()
+        inside, _ = sums_in_own(logits, matched_of(prediction), batch)
+        return functional.softplus(logits).mean() - inside.sum() / logits.numel()

@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 from scenefw.core.batches import ObjectSetBatch, ObjectSetPrediction, ObjectSetSetup
-from scenefw.losses.set_targets import matched_of
+from scenefw.losses.set_targets import matched_of, sums_in_own
 
 _VOXELS = 1.0  # added to both sums, so that an object of no voxel is no division by 0
 
@@ -35,10 +35,8 @@ class SetOverlap:
         """
         objects = matched_of(prediction)
         there = objects >= 0
-        labels = (objects + 1).masked_fill(~there, -1)[..., None, None, None]
-        inside = batch.instances[:, None] == labels
         shares = prediction.logits.float().sigmoid()
-        common = torch.where(inside, shares, 0.0).sum(dim=(2, 3, 4))
-        both = shares.sum(dim=(2, 3, 4)) + inside.sum(dim=(2, 3, 4))
+        common, true = sums_in_own(shares, objects, batch)
+        both = shares.sum(dim=(2, 3, 4)) + true
         missed = 1 - (2 * common + _VOXELS) / (both + _VOXELS)
         return torch.where(there, missed, 0.0).sum() / there.sum().clamp_min(1)

@@ -6,6 +6,8 @@ from torch import Tensor
 from scenefw.core.protocols import Matching
 from scenefw.matching.assignment import Assignment
 
+_APART = 10.0  # logits per half side of the grid
+
 
 def sums_inside(logits: Tensor, instances: Tensor, count: int) -> Tensor:
     """Sums of the logits X of each prediction over the voxels of each true object, X T^t.
@@ -31,7 +33,11 @@ def sums_inside(logits: Tensor, instances: Tensor, count: int) -> Tensor:
 
 @torch.no_grad()
 def matched_objects(
-    logits: Tensor, instances: Tensor, present: Tensor, matching: Matching | None = None
+    logits: Tensor,
+    instances: Tensor,
+    present: Tensor,
+    matching: Matching | None = None,
+    apart: Tensor | None = None,
 ) -> Tensor:
     """The object that each prediction is trained towards, -1 = none, so that it learns to be empty.
 
@@ -45,12 +51,18 @@ def matched_objects(
         instances: (B, X, Y, Z) labels, 0 = no object, i + 1 = object i.
         present: (B, M) bool, which objects there are.
         matching: default is the optimal assignment.
+        apart: (B, N, M) distances of predicted centres from true ones, in half sides of the grid;
+            each counts as 10 logits in every voxel of the object. None: shapes alone decide.
 
     Returns:
         (B, N) int64.
     """
     slots = logits.shape[1]
-    gains = sums_inside(logits, instances, present.shape[1]).cpu()
+    gains = sums_inside(logits, instances, present.shape[1])
+    if apart is not None:
+        ones = torch.ones_like(logits[:, :1])
+        gains = gains - _APART * apart * sums_inside(ones, instances, present.shape[1])
+    gains = gains.cpu()
     gains = gains.nan_to_num(posinf=1e30, neginf=-1e30)  # a training that diverged says so itself
     matched = torch.full(logits.shape[:2], -1)
     matching = matching or Assignment()

@@ -67,6 +67,19 @@ def set_overlaps(predicted: Bool, true: Bool) -> Overlaps:
     )
 
 
+def found_objects(predicted: Bool, true: Bool) -> Bool:
+    """Which true objects (T,) have a prediction with an IoU of 0.25 or more.
+
+    Args:
+        predicted: (P, X, Y, Z), each with a voxel at least.
+        true: (T, X, Y, Z), the same.
+
+    Raises:
+        InputError: volumes are not of the same voxels.
+    """
+    return np.asarray((set_overlaps(predicted, true).iou >= FOUND).any(axis=0))
+
+
 def decomposition_scores(
     predicted: Bool, true: Bool, matching: Matching | None = None
 ) -> DecompositionScores:

@@ -7,7 +7,7 @@ from torch import Tensor, nn
 from scenefw.models.blocks import Conv3d, ConvUnit, UpUnit, depth_to_space
 from scenefw.models.object_codes import SpatialBroadcast
 
-_EMPTY = -4.0  # logit of every voxel at first: objects fill few of them
+_EMPTY = -4.0  # objects fill few voxels of a grid
 
 
 class SetDecoder(nn.Module):
@@ -21,6 +21,7 @@ class SetDecoder(nn.Module):
         sizes: sides of the levels, coarsest first; the last is half the grid's.
         widths: channels of the levels, coarsest first.
         condition_widths: channels of a view's maps at these sizes, or None.
+        empty: logit of every voxel at first.
     """
 
     def __init__(
@@ -29,6 +30,7 @@ class SetDecoder(nn.Module):
         sizes: Sequence[int],
         widths: Sequence[int],
         condition_widths: Sequence[int] | None = None,
+        empty: float = _EMPTY,
     ) -> None:
         super().__init__()
         self.broadcast = SpatialBroadcast(sizes[0])
@@ -43,7 +45,7 @@ class SetDecoder(nn.Module):
             self.views.append(Conv3d(view, width, 3, padding=1))
         self.head = Conv3d(widths[-1], 8, 3, padding=1)
         if self.head.bias is not None:
-            nn.init.constant_(self.head.bias, _EMPTY)
+            nn.init.constant_(self.head.bias, empty)
 
     def forward(self, codes: Tensor, maps: Sequence[Tensor] = ()) -> Tensor:
         """Logits (B, N, X, Y, Z) of codes (B, N, C).

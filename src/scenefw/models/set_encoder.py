@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import torch
 from torch import Tensor, nn
+from torch.nn import functional
 
 from scenefw.core.errors import ConfigError
 from scenefw.models.blocks import Conv3d, ConvUnit, ResidualBlock, space_to_depth
@@ -36,6 +37,30 @@ def level_sizes(resolution: int, side: int, widths: Sequence[int], what: str) ->
             f"model.{what} is {list(widths)}; expected {len(sizes)} positive widths, coarsest first"
         )
     return sizes
+
+
+def block_side(resolution: int, seen: int | None) -> int:
+    """Voxels along each side of the blocks that an encoder of a coarser grid sees as one.
+
+    Args:
+        resolution: voxels per side of the grid.
+        seen: voxels per side that the encoder sees; None: all.
+
+    Raises:
+        ConfigError: blocks don't fill the grid.
+    """
+    seen = resolution if seen is None else seen
+    if seen < 1 or resolution % seen:
+        raise ConfigError(
+            f"model.seen_resolution is {seen}; expected a divisor of the grid's {resolution} "
+            "voxels per side, or null"
+        )
+    return resolution // seen
+
+
+def averaged(volume: Tensor, block: int) -> Tensor:
+    """Means of blocks of a volume (B, C, X, Y, Z)."""
+    return functional.avg_pool3d(volume, block) if block > 1 else volume
 
 
 class SetEncoder(nn.Module):

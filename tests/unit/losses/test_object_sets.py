@@ -4,6 +4,7 @@ import itertools
 import numpy as np
 import pytest
 import torch
+from scipy import ndimage
 from tests.unit.models.sets import boxes
 from torch.nn.functional import binary_cross_entropy, binary_cross_entropy_with_logits
 
@@ -11,8 +12,10 @@ from scenefw.core.batches import ObjectSetPrediction, ObjectSetSetup
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import GridSpec
 from scenefw.losses.set_bce import SetBinaryCrossEntropy
+from scenefw.losses.set_boxes import SetBoxes, boxes_of
 from scenefw.losses.set_cells import SetCells, cells_of_objects
 from scenefw.losses.set_centres import SetCentres
+from scenefw.losses.set_divergence import SetDivergence
 from scenefw.losses.set_existence import SetExistence
 from scenefw.losses.set_mmd import SetDiscrepancy
 from scenefw.losses.set_overlap import SetOverlap
@@ -33,6 +36,7 @@ def prediction(batch, slots=4):
         draw(2, 5, 4, 4, 4),
         existence=draw(2, slots),
         centres=draw(2, slots, 3),
+        boxes=draw(2, slots, 2, 3),
         partial=draw(2, 1, 16, 16, 16),
         latent=draw(2, 5, 4, 4, 4),
     )
@@ -99,6 +103,22 @@ def test_centres_are_those_of_matched_objects(batch):
     assert len(errors) == 3
 
 
+def test_boxes_are_those_of_matched_objects(batch):
+    found = prediction(batch)
+    errors = []
+    for scene, slot in itertools.product(range(2), range(4)):
+        i = int(found.matched[scene, slot])
+        if i < 0:
+            continue
+        sides = ndimage.find_objects(batch.instances[scene].numpy())[i]
+        true = np.array([[side.start, side.stop] for side in sides]).T / 8 - 1
+        centre, half = found.boxes[scene, slot].detach().numpy()
+        errors.append(np.abs(np.stack([centre - half, centre + half]) - true).mean())
+        assert boxes_of(batch.instances, 3)[scene, i].numpy() == pytest.approx(true)
+    assert len(errors) == 3
+    assert float(SetBoxes()(found, batch).detach()) == pytest.approx(np.mean(errors), rel=1e-5)
+
+
 def test_every_object_gets_the_nearest_cell_that_is_left():
     corner = torch.tensor([[-0.75, -0.75, -0.75], [-0.7, -0.75, -0.75], [0.75, 0.75, 0.75]])
     present = torch.tensor([[True, True, False], [True, False, True]])
@@ -130,20 +150,28 @@ def test_volumes_like_the_prior_discrepate_less(batch):
         SetDiscrepancy(bandwidth=0)
 
 
+def test_divergence_is_a_mean_over_scenes(batch):
+    found = dataclasses.replace(prediction(batch), divergence=torch.tensor([1.0, 4.0]))
+    assert float(SetDivergence()(found, batch)) == 2.5
+    with pytest.raises(InputError, match="set_placed_vae"):
+        SetDivergence()(prediction(batch), batch)
+
+
 def test_the_rebuilt_view_is_compared_with_its_distances(batch):
     found = prediction(batch)
     expected = np.abs(found.partial.detach().numpy() - batch.condition[:, :1].numpy()).mean()
     assert float(SetPartial()(found, batch).detach()) == pytest.approx(expected, rel=1e-5)
 
 
-@pytest.mark.parametrize("loss", [SetExistence, SetCentres, SetDiscrepancy, SetPartial])
+@pytest.mark.parametrize(
+    "loss", [SetExistence, SetCentres, SetBoxes, SetDivergence, SetDiscrepancy, SetPartial]
+)
 def test_a_network_without_what_is_compared_is_refused_before_the_work(loss):
     setup = ObjectSetSetup(GridSpec(16), 4, frozenset())
     with pytest.raises(ConfigError, match=r"the loss set_\w+ needs .* choose model"):
         loss().check(setup)
-    loss().check(
-        ObjectSetSetup(setup.grid, 4, frozenset({"existence", "centres", "partial", "latent"}))
-    )
+    names = {"existence", "centres", "boxes", "partial", "latent", "divergence"}
+    loss().check(ObjectSetSetup(setup.grid, 4, frozenset(names)))
 
 
 def test_unmatched_predictions_are_no_loss(batch):

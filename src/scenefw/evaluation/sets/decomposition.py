@@ -23,15 +23,21 @@ from scenefw.evaluation.sets.results import (
 from scenefw.kernels.cameras import camera_of
 from scenefw.losses.set_bce import SetBinaryCrossEntropy
 from scenefw.matching.object_sets import matched_objects
-from scenefw.metrics.decomposition import adjusted_rand_index, decomposition_scores
+from scenefw.metrics.decomposition import (
+    adjusted_rand_index,
+    decomposition_scores,
+    found_objects,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from numpy.typing import NDArray
+
     from scenefw.core.batches import ObjectSetBatch
-    from scenefw.core.protocols import MappingMethod, Matching, Noise, Renderer, Track
+    from scenefw.core.protocols import MappingMethod, Matching, Noise, SurfaceRenderer, Track
     from scenefw.data.stacks import StackScenes
-    from scenefw.data.views import Viewpoints
+    from scenefw.data.views import ViewBatch, Viewpoints
 
 _VIEWS, _DRAWS = 1, 3  # random streams
 _ERRORS = ("missing", "joined", "duplicate", "split")
@@ -51,6 +57,7 @@ class DecompositionEvaluation:
         matching: of predictions to objects by IoU.
         published: which row of the thesis's tables stands beside; None = none.
         examples: scenes that are drawn.
+        enough: pixels from which on an object counts as seen.
         seed: of cameras, noise and draws.
         device: where volumes and views are computed.
 
@@ -63,12 +70,13 @@ class DecompositionEvaluation:
         scenes: StackScenes,
         methods: Mapping[str, Decomposer | None],
         viewpoints: Viewpoints,
-        renderer: Renderer,
+        renderer: SurfaceRenderer,
         mapping: MappingMethod,
         noise: Mapping[str, Noise] | None = None,
         matching: Matching | None = None,
         published: str | None = None,
         examples: int = 4,
+        enough: int = 200,
         seed: int = 0,
         device: str = "cpu",
     ) -> None:
@@ -86,6 +94,7 @@ class DecompositionEvaluation:
         self.grid = grids[0]
         self.scenes, self.matching, self.published = scenes, matching, published
         self.maker = ViewMaker(self.grid, viewpoints, renderer, mapping, noise)
+        self.renderer, self.enough = renderer, enough
         self.examples, self.seed, self.device = examples, seed, device
 
     def run(self, track: Track = lambda items, _: items) -> DecompositionResult:
@@ -111,16 +120,28 @@ class DecompositionEvaluation:
             found[name] = method.decompose(SeenSet(batch, view.partial, self.grid, draws))
         index = int(self.scenes.indices[number])
         codes = _codes(next(iter(found.values())))
-        scores = {name: self._scores(one, batch) for name, one in found.items()}
+        seen = self._seen(view, batch)
+        scores = {name: self._scores(one, batch, seen) for name, one in found.items()}
         labels = {"truth": batch.instances[0].cpu().numpy().astype(np.int64)}
         labels |= {name: one.labels for name, one in found.items()}
+        objects = int(batch.present.sum())
         camera, depth = camera_of(view.cameras, 0), view.depth[0].cpu().numpy()
         return (
-            DecomposedScene(index, int(batch.present.sum()), scores, codes),
+            DecomposedScene(index, objects, scores, codes, hidden=objects - len(seen)),
             SetExample(index, self.grid, camera, depth, labels),
         )
 
-    def _scores(self, found: FoundSet, batch: ObjectSetBatch) -> dict[str, float]:
+    def _seen(self, view: ViewBatch, batch: ObjectSetBatch) -> NDArray[np.int64]:
+        """Labels of objects of which the view shows enough, without noise."""
+        shown = self.renderer.render_surface(
+            view.volumes.tsdf, batch.instances, self.grid, view.cameras
+        ).instances
+        labels, pixels = np.unique(shown.cpu().numpy(), return_counts=True)
+        return np.asarray(labels[(labels > 0) & (pixels >= self.enough)])
+
+    def _scores(
+        self, found: FoundSet, batch: ObjectSetBatch, seen: NDArray[np.int64]
+    ) -> dict[str, float]:
         instances = batch.instances[0].cpu().numpy()
         ids = np.unique(instances[instances > 0])
         true = instances[None] == ids[:, None, None, None]
@@ -133,6 +154,7 @@ class DecompositionEvaluation:
             "missing_or_joined": max(wrong["missing"], wrong["joined"]),
             "duplicate_or_split": max(wrong["duplicate"], wrong["split"]),
             **wrong,
+            "missing_seen": float((~found_objects(found.objects, true)[np.isin(ids, seen)]).any()),
             "count_error": float(abs(one.excess)),
             "count_excess": float(one.excess),
             "occupancy_iou": float((mine & occupied).sum() / max((mine | occupied).sum(), 1)),

@@ -12,6 +12,14 @@ SCORES = {
         "duplicate or split", "scenes with a duplicated or split object", "%", 1, "lower", 100.0
     ),
     "missing": Measure("missing", "scenes with a missing object", "%", 1, "lower", 100.0),
+    "missing_seen": Measure(
+        "missing, though seen",
+        "scenes with a missing object of which enough is seen",
+        "%",
+        1,
+        "lower",
+        100.0,
+    ),
     "joined": Measure("joined", "scenes with joined objects", "%", 1, "lower", 100.0),
     "duplicate": Measure("duplicate", "scenes with a duplicated object", "%", 1, "lower", 100.0),
     "split": Measure("split", "scenes with a split object", "%", 1, "lower", 100.0),
@@ -23,6 +31,9 @@ SCORES = {
 """Of every method, in the order of columns."""
 
 OTHERS = {
+    "hardly_seen": Measure(
+        "hardly seen", "scenes with an object of which little is seen", "%", 1, factor=100.0
+    ),
     "scenes": Measure("scenes", digits=0),
     "objects": Measure("objects per scene", digits=2),
     "mean_gap": Measure("gap", "channel mean of taken cells - that of all others", digits=3),

@@ -87,7 +87,8 @@ class NetworkDecomposer:
         smallest: a prediction of a lower volume above 1/2 is no object (m^3).
         suppress: of predictions that overlap with this IoU or more the surest stays, the one with
             the highest existence score, or without such scores the largest; None: all stay.
-        drawn: the feature volume is drawn from N(0, I), for networks that have such a prior.
+        drawn: the latent volume is drawn given the view alone, for networks that have a prior.
+        draw: which of the draws, from 0.
 
     Raises:
         ConfigError: a number is out of range, or the network draws nothing.
@@ -99,23 +100,26 @@ class NetworkDecomposer:
         device: str = "cpu",
         smallest: float = 3e-5,
         suppress: float | None = None,
+        draw: int = 0,
         *,
         drawn: bool = False,
     ) -> None:
-        if smallest < 0 or not (suppress is None or 0 < suppress <= 1):
+        if smallest < 0 or draw < 0 or not (suppress is None or 0 < suppress <= 1):
             raise ConfigError(
-                f"a method of sets has smallest = {smallest} and suppress = {suppress}; expected "
-                "0 m^3 or more, and an IoU above 0 and up to 1, or null"
+                f"a method of sets has smallest = {smallest}, suppress = {suppress} and draw = "
+                f"{draw}; expected 0 m^3 or more, an IoU above 0 and up to 1, or null, and 0 or "
+                "more"
             )
         self.device = torch.device(device)
         self.model: ObjectSetModel = checkpoint.model.to(self.device).eval()
         if drawn and not self.model.latent_shape:
             raise ConfigError(
                 "this network has no prior to draw from; leave the method out "
-                "(~evaluation.methods.drawn), or give the checkpoint of a model=set_vae"
+                "(~evaluation.methods.drawn), or give the checkpoint of a model=set_placed_vae"
             )
         self.grid, self.metadata = checkpoint.grid, dict(checkpoint.metadata)
-        self.smallest, self.suppress, self.drawn = smallest, suppress, drawn
+        self.smallest, self.suppress = smallest, suppress
+        self.drawn, self.draw = drawn, draw
 
     @torch.no_grad()
     def decompose(self, seen: SeenSet) -> FoundSet:
@@ -137,7 +141,8 @@ class NetworkDecomposer:
     def _predict(self, seen: SeenSet) -> ObjectSetPrediction:
         if not self.drawn:
             return self.model(seen.batch)
-        latent = torch.randn((1, *self.model.latent_shape), generator=seen.draws)
+        latents = torch.randn((self.draw + 1, *self.model.latent_shape), generator=seen.draws)
+        latent = latents[-1:]
         model: Any = self.model
         prediction: ObjectSetPrediction = model.sample(seen.batch.condition, latent.to(self.device))
         return prediction

@@ -52,12 +52,14 @@ class DecomposedScene:
         objects: how many it has.
         scores: by method and name.
         codes: of the main method, or None.
+        hidden: objects of which the view shows little or nothing.
     """
 
     scene: int
     objects: int
     scores: Mapping[str, Mapping[str, float]]
     codes: SceneCodes | None = None
+    hidden: int = 0
 
 
 @dataclass(frozen=True)
@@ -114,6 +116,7 @@ class DecompositionResult:
                     found |= {name + LOW: between.low, name + HIGH: between.high}
         counts = [one.objects for one in self.scenes]
         found |= {"scenes": float(len(counts)), "objects": float(np.mean(counts))}
+        found["hardly_seen"] = float(np.mean([one.hidden > 0 for one in self.scenes]))
         return found | self._of_codes()
 
     @property

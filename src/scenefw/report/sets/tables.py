@@ -17,12 +17,24 @@ _NOTE = (
     "nothing (an empty set, the trivial value of each measure). Set flow: fitted hulls with hidden "
     "parts by a flow of sets."
 )
+_SEEN = (
+    "Of the same scenes. In {hardly_seen:.0%} of them an object is hidden but for a few pixels, or "
+    "wholly; the others are those that one view shows."
+)
 _PUBLISHED = (
     " Thesis: {words}, {n} scenes; it doesn't define its errors, nor what its BCE is a mean over."
 )
 
 
-_ERRORS = ("missing", "joined", "duplicate", "split", "count_excess", "occupancy_iou")
+_ERRORS = (
+    "missing",
+    "missing_seen",
+    "joined",
+    "duplicate",
+    "split",
+    "count_excess",
+    "occupancy_iou",
+)
 
 
 def decomposition_tables(result: DecompositionResult) -> tuple[Table, Table]:
@@ -42,7 +54,7 @@ def decomposition_tables(result: DecompositionResult) -> tuple[Table, Table]:
     single = tuple(column(SCORES[name]) for name in _ERRORS)
     return (
         Table("Decomposition into objects", columns, rows, quoted, note),
-        Table("Single errors", single, _rows(result, _ERRORS), note="Of the same scenes."),
+        Table("Single errors", single, _rows(result, _ERRORS), note=_SEEN.format(**figures)),
     )
 
 

@@ -109,6 +109,27 @@ def test_the_cross_entropy_of_a_constant_is_that_of_its_share(tmp_path):
     assert scene.scores["nothing"]["cross_entropy"] == pytest.approx(expected, rel=1e-4)
 
 
+class AllButFirst(Truth):
+    """The truth without its first object."""
+
+    def decompose(self, seen):
+        found = super().decompose(seen)
+        return FoundSet(found.objects[1:], np.maximum(found.labels - 1, 0))
+
+
+def test_an_object_that_nobody_sees_is_missed_by_nobody(tmp_path):
+    methods = {"truth": Truth(), "all_but_first": AllButFirst()}
+    shown = evaluation(tmp_path, methods, enough=1).run()
+    assert shown.figures["hardly_seen"] == 0.0
+    assert shown.figures["missing_seen"] == 0.0
+    assert shown.figures["all_but_first/missing_seen"] == 1.0
+    hidden = evaluation(tmp_path, methods, enough=10**7).run()
+    assert hidden.figures["hardly_seen"] == 1.0
+    assert hidden.figures["all_but_first/missing_seen"] == 0.0
+    assert hidden.figures["all_but_first/missing"] == 1.0
+    assert [one.hidden for one in hidden.scenes] == [one.objects for one in hidden.scenes]
+
+
 class Recorder:
     grid = GRID
 
@@ -161,6 +182,10 @@ def test_draws_need_a_prior_and_are_the_same_again(tmp_path):
     method = NetworkDecomposer(Checkpoint(model), drawn=True)
     scores = [evaluation(tmp_path, {"drawn": method}).run().figures for _ in range(2)]
     assert scores[0] == scores[1]
+    other = NetworkDecomposer(Checkpoint(model), drawn=True, draw=1)
+    assert evaluation(tmp_path, {"drawn": other}).run().figures != scores[0]
+    with pytest.raises(ConfigError, match="draw = -1"):
+        NetworkDecomposer(Checkpoint(model), drawn=True, draw=-1)
 
 
 def test_mistakes_are_one_line(tmp_path):
