@@ -158,7 +158,7 @@ def _sets(network: Any, metadata: Mapping[str, Any]) -> NamedNetwork:
         inputs["condition"] = (BATCH, 2, *side)
     if network.latent_shape:
         inputs["latent"] = (BATCH, *network.latent_shape)
-    every = {"logits": side, "existence": (), "centres": (3,)}
+    every = {"logits": side, "existence": (), "centres": (3,), "boxes": (2, 3)}
     gives: dict[str, tuple[str | int, ...]] = {
         name: (BATCH, network.slots, *rest)
         for name, rest in every.items()

@@ -23,8 +23,9 @@ class PlacedSetVAE(nn.Module):
     Thesis 6.2.3 compares the feature volume with N(0, I), the same in every cell, so what is drawn
     knows neither where objects are nor what the view shows. Here a network says from the view alone
     how the latent volume is distributed, mean and variance in every cell (Sohn et al. 2015), and
-    the posterior, which also sees the complete scene, is kept near to that. Features of the view
-    and the latent volume together make the volume that codes are taken from.
+    the posterior, which also sees the complete scene, is kept near to that. What the latent volume
+    says is added to the view's features, of which codes are taken. Encoder and head are those of a
+    `PlacedSetAutoencoder` that sees views, so its weights may be where a training starts.
 
     Args:
         resolution: voxels per side.
@@ -78,13 +79,13 @@ class PlacedSetVAE(nn.Module):
         self.resolution, self.slots, self.sees = resolution, slots, "both"
         self.latent_shape = (latent_size, side, side, side)
         self.gives = {"existence", "centres", "boxes", "divergence"}
-        self.view = SetEncoder(CHANNELS["view"], sizes, widths, code_size)
+        self.encoder = SetEncoder(CHANNELS["view"], sizes, widths, code_size)
         self.prior = Conv3d(code_size, 2 * latent_size, 1)
         self.posterior = SetEncoder(1 + CHANNELS["view"], sizes, widths, 2 * latent_size)
+        last = Conv3d(code_size, code_size, 1, bias=False)
+        nn.init.zeros_(last.weight)  # begins with what the view alone says
         self.joint = nn.Sequential(
-            ConvUnit(code_size + latent_size, code_size),
-            ResidualBlock(code_size),
-            Conv3d(code_size, code_size, 1),
+            ConvUnit(code_size + latent_size, code_size), ResidualBlock(code_size), last
         )
         self.head = PlacedHead(
             resolution, slots, code_size, side, decoder_widths, attention=attention
@@ -100,7 +101,7 @@ class PlacedSetVAE(nn.Module):
             generator: of the draw from the posterior, on the CPU; None: its mean.
         """
         condition = averaged(batch.condition, self.block)
-        view = self.view(condition)
+        view = self.encoder(condition)
         prior = _moments(self.prior(view))
         both = torch.cat([averaged(batch.occupancy, self.block), condition], dim=1)
         mean, log_variance = _moments(self.posterior(both))
@@ -119,14 +120,13 @@ class PlacedSetVAE(nn.Module):
 
         The noise becomes a draw from the prior of each view; zeros become its mean.
         """
-        view = self.view(averaged(condition, self.block))
+        view = self.encoder(averaged(condition, self.block))
         mean, log_variance = _moments(self.prior(view))
         return self._objects(view, mean + latent * (0.5 * log_variance).exp())
 
     def _objects(self, view: Tensor, latent: Tensor) -> ObjectSetPrediction:
-        prediction: ObjectSetPrediction = self.head(
-            self.joint(torch.cat([view, latent.to(view.dtype)], dim=1))
-        )
+        both = torch.cat([view, latent.to(view.dtype)], dim=1)
+        prediction: ObjectSetPrediction = self.head(view + self.joint(both))
         return prediction
 
 

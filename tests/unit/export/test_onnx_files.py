@@ -12,6 +12,8 @@ from scenefw.export.networks import NamedNetwork, named_network
 from scenefw.export.onnx_files import compare, facts_of, require_onnx, session, write_onnx
 from scenefw.learning.checkpoint import Checkpoint
 from scenefw.models.fusenet import FuseNet
+from scenefw.models.set_placed import PlacedSetAutoencoder
+from scenefw.models.set_placed_vae import PlacedSetVAE
 from scenefw.models.set_vae import SetVAE
 from scenefw.models.shape_instance_vae import ShapeInstanceVAE
 
@@ -35,6 +37,11 @@ def vae():
 NETWORKS = {
     "vae": (vae, "shape_instance"),
     "labels": (lambda: FuseNet(3, (3, 4), (1, 1), block=2), "segmentation"),
+    "sets_in_boxes": (
+        lambda: PlacedSetAutoencoder(16, 2, "view", 4, 4, (4, 3), (4,), seen_resolution=8),
+        "object_sets",
+    ),
+    "drawn_sets_in_boxes": (lambda: PlacedSetVAE(8, 2, 4, 2, 4, (4,), (4,)), "object_sets"),
     "sets": (
         lambda: SetVAE(8, 2, 4, 2, (4, 3), (4, 3), WIDTHS, 3, existence=True, centres=True),
         "object_sets",
