@@ -75,14 +75,18 @@ def matched(prediction: ObjectSetPrediction, batch: ObjectSetBatch) -> ObjectSet
 
 
 def _scores(prediction: ObjectSetPrediction, batch: ObjectSetBatch) -> dict[str, Tensor]:
-    """Object IoU, and shares of scenes with errors; any voxel above 1/2 makes an object."""
+    """Object IoU, and shares of scenes with errors.
+
+    Any voxel above 1/2 makes an object, unless a score says that it doesn't exist.
+    """
+    inside = prediction.logits > 0
+    if prediction.existence is not None:
+        inside = inside & (prediction.existence > 0)[..., None, None, None]
     rows = []
-    for logits, labels, there in zip(
-        prediction.logits, batch.instances, batch.present, strict=True
-    ):
+    for own, labels, there in zip(inside, batch.instances, batch.present, strict=True):
         objects = torch.arange(len(there), device=labels.device)[there] + 1
         true = (labels[None] == objects[:, None, None, None]).cpu().numpy()
-        mine = (logits > 0).cpu().numpy()
+        mine = own.cpu().numpy()
         one = decomposition_scores(mine[mine.any(axis=(1, 2, 3))], true)
         errors = (one.missing + one.joined > 0, one.duplicate + one.split > 0)
         rows.append([one.object_iou, *map(float, errors)])

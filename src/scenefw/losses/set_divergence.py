@@ -17,7 +17,7 @@ class SetDivergence:
 
     needs_draws = False
 
-    def __init__(self, weight: float = 1e-5) -> None:
+    def __init__(self, weight: float = 1e-6) -> None:
         self.weight = weight
 
     def check(self, setup: ObjectSetSetup) -> None:

@@ -14,7 +14,9 @@ from scenefw.models.set_autoencoder import CHANNELS
 from scenefw.models.set_encoder import SetEncoder, averaged, block_side, level_sizes
 from scenefw.models.set_head import require_slots
 
-_LOGS = -6.0, 2.0  # of variances
+_LOGS = -8.0, 2.0  # of variances
+_PRIOR = 0.99  # share of the divergence's gradient that moves the prior, not the posterior
+_START = -4.0  # log variance at first: so little noise that what is drawn is worth reading
 
 
 class PlacedSetVAE(nn.Module):
@@ -24,8 +26,7 @@ class PlacedSetVAE(nn.Module):
     knows neither where objects are nor what the view shows. Here a network says from the view alone
     how the latent volume is distributed, mean and variance in every cell (Sohn et al. 2015), and
     the posterior, which also sees the complete scene, is kept near to that. What the latent volume
-    says is added to the view's features, of which codes are taken. Encoder and head are those of a
-    `PlacedSetAutoencoder` that sees views, so its weights may be where a training starts.
+    says is added to the view's features, of which codes are taken.
 
     Args:
         resolution: voxels per side.
@@ -82,10 +83,10 @@ class PlacedSetVAE(nn.Module):
         self.encoder = SetEncoder(CHANNELS["view"], sizes, widths, code_size)
         self.prior = Conv3d(code_size, 2 * latent_size, 1)
         self.posterior = SetEncoder(1 + CHANNELS["view"], sizes, widths, 2 * latent_size)
-        last = Conv3d(code_size, code_size, 1, bias=False)
-        nn.init.zeros_(last.weight)  # begins with what the view alone says
         self.joint = nn.Sequential(
-            ConvUnit(code_size + latent_size, code_size), ResidualBlock(code_size), last
+            ConvUnit(code_size + latent_size, code_size),
+            ResidualBlock(code_size),
+            Conv3d(code_size, code_size, 1),
         )
         self.head = PlacedHead(
             resolution, slots, code_size, side, decoder_widths, attention=attention
@@ -112,7 +113,7 @@ class PlacedSetVAE(nn.Module):
         return dataclasses.replace(
             self._objects(view, latent),
             latent=latent,
-            divergence=_divergence((mean, log_variance), prior),
+            divergence=_balanced((mean, log_variance), prior),
         )
 
     def sample(self, condition: Tensor, latent: Tensor) -> ObjectSetPrediction:
@@ -133,7 +134,16 @@ class PlacedSetVAE(nn.Module):
 def _moments(features: Tensor) -> tuple[Tensor, Tensor]:
     """Mean and logarithm of the variance."""
     mean, log_variance = features.float().chunk(2, dim=1)
-    return mean, log_variance.clamp(*_LOGS)
+    return mean, (log_variance + _START).clamp(*_LOGS)
+
+
+def _balanced(of: tuple[Tensor, Tensor], to: tuple[Tensor, Tensor]) -> Tensor:
+    """The divergence, whose gradient rather brings the prior to the posterior than back.
+
+    Else the posterior follows the prior before anything is read from it (Hafner et al. 2021).
+    """
+    still_of, still_to = ((one.detach(), other.detach()) for one, other in (of, to))
+    return _PRIOR * _divergence(still_of, to) + (1 - _PRIOR) * _divergence(of, still_to)
 
 
 def _divergence(of: tuple[Tensor, Tensor], to: tuple[Tensor, Tensor]) -> Tensor:

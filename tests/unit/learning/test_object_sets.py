@@ -78,6 +78,7 @@ LOSSES = {
 OF_BOXES = {
     "set_bce": SetBinaryCrossEntropy(),
     "set_overlap": SetOverlap(),
+    "set_existence": SetExistence(),
     "set_boxes": SetBoxes(),
     "set_cells": SetCells(),
 }
@@ -106,7 +107,7 @@ def test_it_learns_one_batch_by_heart(stacks, kind):
     """Each network with its losses: objects overlap in the end, which at first don't exist."""
     torch.manual_seed(0)
     make, losses = NETWORKS[kind]
-    steps = 2 * STEPS if kind == "placed" else STEPS  # two things to learn: what, and where
+    steps = 3 * STEPS if kind == "placed" else STEPS  # two things to learn: what, and where
     module, totals = learn(make(), losses, stacks, steps=steps)
     assert totals[-1] < (0.5 if "set_overlap" in losses else 0.3) * totals[0]
     made = data(stacks, **ONE_BATCH)
