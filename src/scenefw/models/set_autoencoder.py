@@ -7,13 +7,10 @@ import torch
 from torch import Tensor, nn
 
 from scenefw.core.batches import ObjectSetBatch, ObjectSetPrediction
-from scenefw.core.errors import ConfigError, InputError
+from scenefw.models.seen_volumes import CHANNELS, require_sees, require_volume, seen_volume
 from scenefw.models.set_decoder import SetDecoder
 from scenefw.models.set_encoder import SetEncoder, level_sizes
 from scenefw.models.set_head import SetHead, heads_given, require_slots
-
-CHANNELS = {"occupancy": 1, "view": 2}
-"""Of what a network may see: the complete occupancy, or distances and what was observed."""
 
 
 class SetAutoencoder(nn.Module):
@@ -66,8 +63,7 @@ class SetAutoencoder(nn.Module):
             "centres": centres,
             "attention": attention,
         }
-        if sees not in CHANNELS:
-            raise ConfigError(f"model.sees is {sees!r}; expected {' or '.join(CHANNELS)}")
+        require_sees(sees)
         require_slots(slots, side)
         sizes = level_sizes(resolution, side, encoder_widths, "encoder_widths")
         level_sizes(resolution, side, decoder_widths, "decoder_widths")
@@ -90,7 +86,7 @@ class SetAutoencoder(nn.Module):
         self, batch: ObjectSetBatch, generator: torch.Generator | None = None
     ) -> ObjectSetPrediction:
         """Objects of a batch; nothing is drawn, so the generator is not used."""
-        return self.decompose(batch.occupancy if self.sees == "occupancy" else batch.condition)
+        return self.decompose(seen_volume(batch, self.sees))
 
     def decompose(self, volume: Tensor) -> ObjectSetPrediction:
         """Objects of what the network sees.
@@ -101,11 +97,6 @@ class SetAutoencoder(nn.Module):
         Raises:
             InputError: it has another shape.
         """
-        wanted = (CHANNELS[self.sees], *(self.resolution,) * 3)
-        if tuple(volume.shape[1:]) != wanted:
-            raise InputError(
-                f"the network sees volumes (B, {', '.join(map(str, wanted))}), got "
-                f"{tuple(volume.shape)}; use the grid of the checkpoint"
-            )
+        require_volume(volume, self.sees, self.resolution)
         prediction: ObjectSetPrediction = self.head(self.encoder(volume))
         return prediction

@@ -7,9 +7,8 @@ import torch
 from torch import Tensor, nn
 
 from scenefw.core.batches import ObjectSetBatch, ObjectSetPrediction
-from scenefw.core.errors import ConfigError, InputError
 from scenefw.models.placed_head import PlacedHead
-from scenefw.models.set_autoencoder import CHANNELS
+from scenefw.models.seen_volumes import CHANNELS, require_sees, require_volume, seen_volume
 from scenefw.models.set_encoder import SetEncoder, averaged, block_side, level_sizes
 from scenefw.models.set_head import require_slots
 
@@ -63,8 +62,7 @@ class PlacedSetAutoencoder(nn.Module):
             "seen_resolution": seen_resolution,
             "attention": attention,
         }
-        if sees not in CHANNELS:
-            raise ConfigError(f"model.sees is {sees!r}; expected {' or '.join(CHANNELS)}")
+        require_sees(sees)
         require_slots(slots, side)
         self.block = block_side(resolution, seen_resolution)
         sizes = level_sizes(resolution // self.block, side, encoder_widths, "encoder_widths")
@@ -81,7 +79,7 @@ class PlacedSetAutoencoder(nn.Module):
         self, batch: ObjectSetBatch, generator: torch.Generator | None = None
     ) -> ObjectSetPrediction:
         """Objects of a batch; nothing is drawn, so the generator is not used."""
-        return self.decompose(batch.occupancy if self.sees == "occupancy" else batch.condition)
+        return self.decompose(seen_volume(batch, self.sees))
 
     def decompose(self, volume: Tensor) -> ObjectSetPrediction:
         """Objects of what the network sees.
@@ -92,11 +90,6 @@ class PlacedSetAutoencoder(nn.Module):
         Raises:
             InputError: it has another shape.
         """
-        wanted = (CHANNELS[self.sees], *(self.resolution,) * 3)
-        if tuple(volume.shape[1:]) != wanted:
-            raise InputError(
-                f"the network sees volumes (B, {', '.join(map(str, wanted))}), got "
-                f"{tuple(volume.shape)}; use the grid of the checkpoint"
-            )
+        require_volume(volume, self.sees, self.resolution)
         prediction: ObjectSetPrediction = self.head(self.encoder(averaged(volume, self.block)))
         return prediction

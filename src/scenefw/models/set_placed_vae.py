@@ -10,7 +10,7 @@ from scenefw.core.batches import ObjectSetBatch, ObjectSetPrediction
 from scenefw.core.errors import ConfigError
 from scenefw.models.blocks import Conv3d, ConvUnit, ResidualBlock
 from scenefw.models.placed_head import PlacedHead
-from scenefw.models.set_autoencoder import CHANNELS
+from scenefw.models.seen_volumes import CHANNELS
 from scenefw.models.set_encoder import SetEncoder, averaged, block_side, level_sizes
 from scenefw.models.set_head import require_slots
 

@@ -9,7 +9,7 @@ from torch import Tensor, nn
 from scenefw.core.batches import ObjectSetBatch, ObjectSetPrediction
 from scenefw.core.errors import ConfigError
 from scenefw.models.condition import ConditionAutoencoder
-from scenefw.models.set_autoencoder import CHANNELS
+from scenefw.models.seen_volumes import CHANNELS
 from scenefw.models.set_decoder import SetDecoder
 from scenefw.models.set_encoder import SetEncoder, level_sizes
 from scenefw.models.set_head import SetHead, heads_given, require_slots
