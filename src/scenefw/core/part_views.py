@@ -36,7 +36,9 @@ class PartViewSetup:
     Args:
         width: pixels of the images.
         height: pixels of the images.
+        shown: whether the network says which pixels show objects.
     """
 
     width: int
     height: int
+    shown: bool

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
 
     import torch
     from torch import Tensor
+    from torch.nn import Module
 
     from scenefw.core.batches import (
         CameraBatch,
@@ -166,7 +167,7 @@ class PartAffinityLoss(Loss, Protocol):
         """Raises a ConfigError before the work if it doesn't fit these images."""
 
     def __call__(self, prediction: Tensor, batch: PartViewBatch) -> Tensor:
-        """A scalar from logits (B, 2, H, W)."""
+        """A scalar from logits (B, 2 or 3, H, W)."""
 
 
 class SegmentationLoss(Loss, Protocol):
@@ -322,9 +323,13 @@ class PartAffinityModel(Network, Protocol):
 
     focal: float
     """Focal length (pixels) of the images that it learnt from."""
+    shown: Module | None
+    """Says which pixels show objects; None: it doesn't."""
 
     def forward(self, depth: Tensor, cameras: CameraBatch) -> Tensor:
         """Logits (B, 2, H, W) for the neighbour on the right and the one below.
+
+        A third (B, 3, H, W) says whether the pixel shows an object, if `shown` isn't None.
 
         Args:
             depth: (B, H, W) z-depth in metres, 0 = no measurement.

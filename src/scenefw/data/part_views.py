@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
+from scipy.spatial.transform import Rotation
+from scipy.special import ndtri
 from torch import Tensor
 
 from scenefw.core.batches import CameraBatch, IndexBatch, SceneParameters
@@ -14,7 +16,7 @@ from scenefw.core.part_views import PartViewBatch
 from scenefw.core.rng import Streams
 from scenefw.data.compounds import compounds
 from scenefw.data.scene_batches import SceneBatches
-from scenefw.kernels.cameras import floor_depths
+from scenefw.data.surroundings import surrounding_depths
 from scenefw.kernels.superquadric_rays import first_hits
 from scenefw.kernels.transfer import to_device
 from scenefw.noise.frames import described
@@ -40,8 +42,9 @@ class PartViews(SceneBatches):
 
     Part of the images are exact, by rays that meet the superquadrics; the others are traced through
     their TSDF, as images of evaluations are, and have its rounded edges. In part of the exact ones
-    objects are cups, or have a second piece. Camera, size, changes and noise of scene i in epoch e
-    depend on (seed, e, i) alone.
+    objects are cups, or have a second piece, and in part the floor is a table that ends. The pose
+    that goes with an image is a little off, as one found by RANSAC is. Camera, size, changes and
+    noise of scene i in epoch e depend on (seed, e, i) alone.
 
     Args:
         viewpoints: draws cameras.
@@ -59,10 +62,14 @@ class PartViews(SceneBatches):
         compound: share of the exact images in which objects are changed.
         hollow: share of their objects that are cups.
         pieces: share of their objects with a second piece.
+        ends: share of the exact images in which the floor is a table that ends.
+        tilt: standard deviation of the found floor's slope (degrees), along x and y each.
+        lift: the same of its height (m).
         scale: scenes become up to this factor larger or smaller.
 
     Raises:
-        ConfigError: a size that isn't positive, a share outside 0..1 or a factor below one.
+        ConfigError: a size that isn't positive, a share outside 0..1, a negative deviation or a
+            factor below one.
     """
 
     def __init__(
@@ -82,22 +89,27 @@ class PartViews(SceneBatches):
         compound: float = 0.0,
         hollow: float = 0.3,
         pieces: float = 0.3,
+        ends: float = 0.0,
+        tilt: float = 0.0,
+        lift: float = 0.0,
         scale: float = 1.3,
     ) -> None:
         super().__init__(path, limit, validation_limit, batch_size, seed, distinct_batches)
-        shares = (traced, compound, hollow, pieces)
-        if min(image_size) < 1 or not all(0 <= one <= 1 for one in shares) or scale < 1:
+        shares = (traced, compound, hollow, pieces, ends)
+        right = all(0 <= one <= 1 for one in shares) and min(tilt, lift) >= 0
+        if min(image_size) < 1 or not right or scale < 1:
             raise ConfigError(
                 f"dataset has image_size {list(image_size)}, traced {traced}, compound {compound}, "
-                f"hollow {hollow}, pieces {pieces} and scale {scale}; expected pixels, shares and "
-                "a factor from 1"
+                f"hollow {hollow}, pieces {pieces}, ends {ends}, tilt {tilt}, lift {lift} and "
+                f"scale {scale}; expected pixels, shares, deviations and a factor from 1"
             )
         self.viewpoints, self.renderer, self.volumes = viewpoints, renderer, grid
         self.lens = viewpoints.camera.resized(*image_size)
         self.image_size = (self.lens.width, self.lens.height)
         self.noise, self.scale = dict(noise or {}), scale
         self.traced, self.compound = traced, compound
-        self.hollow, self.pieces = hollow, pieces
+        self.hollow, self.pieces, self.ends = hollow, pieces, ends
+        self.tilt, self.lift = tilt, lift
         self.grid: GridSpec | None = None
 
     @property
@@ -119,16 +131,17 @@ class PartViews(SceneBatches):
         self, scenes: SceneParameters, batch: IndexBatch, stream: int, scale: float
     ) -> PartViewBatch:
         streams = Streams.of(self.seed, stream, batch.epoch, indices=batch.indices.numpy())
-        to_camera, to_scale, to_noise, to_change = streams.split(4)
-        chances = to_scale.uniform(3)
+        to_camera, to_scale, to_noise, to_change, to_end, to_floor = streams.split(6)
+        chances = to_scale.uniform(4)
         lens = self.lens
         drawn: list[NDArray[Any]] = [
             np.array([[lens.fx, lens.fy, lens.cx, lens.cy]] * len(streams), np.float32),
             self.viewpoints.poses(to_camera).astype(np.float32),
             (scale ** (2 * chances[:, :1, None] - 1)).astype(np.float32),
             np.ascontiguousarray(to_noise.seeds(len(self.noise)).T),
+            self._floors(to_floor),
         ]
-        intrinsics, poses, factors, seeds = to_device(drawn, scenes.positions.device)
+        intrinsics, poses, factors, seeds, found = to_device(drawn, scenes.positions.device)
         cameras = CameraBatch(*self.image_size, intrinsics, poses)
         scenes = SceneParameters(
             scenes.half_axes * factors, scenes.exponents, scenes.rotations,
@@ -136,33 +149,35 @@ class PartViews(SceneBatches):
         )  # fmt: skip
         traced = chances[:, 1] < self.traced
         changed = ~traced & (chances[:, 2] < self.compound)
-        depth, owners = self._see(scenes, cameras, traced, changed, to_change)
+        depth, owners = self._exact(scenes, cameras, changed, to_change)
+        around = surrounding_depths(scenes, cameras, to_end, ~traced & (chances[:, 3] < self.ends))
+        owners = torch.where(depth < around, owners, 0)
+        depth = torch.where(owners > 0, depth, torch.where(around < _FARTHEST, around, 0.0))
+        depth, owners = self._traced(scenes, cameras, traced, depth, owners)
         for name, row in zip(sorted(self.noise), seeds, strict=True):
             depth = self.noise[name].apply(depth, cameras, row)
+        cameras = CameraBatch(*self.image_size, intrinsics, found @ poses)
         return PartViewBatch(depth, owners, cameras)
 
-    def _see(
+    def _floors(self, streams: Streams) -> NDArray[np.float32]:
+        """Motions (B, 4, 4) of the world by which a floor is found wrongly."""
+        normal = ndtri(streams.uniform(3))
+        slopes = np.radians(self.tilt) * normal[:, :2]
+        moved = np.tile(np.eye(4), (len(streams), 1, 1))
+        moved[:, :3, :3] = Rotation.from_rotvec(np.pad(slopes, ((0, 0), (0, 1)))).as_matrix()
+        moved[:, 2, 3] = self.lift * normal[:, 2]
+        return moved.astype(np.float32)
+
+    def _traced(
         self,
         scenes: SceneParameters,
         cameras: CameraBatch,
         traced: NDArray[np.bool_],
-        changed: NDArray[np.bool_],
-        to_change: Streams,
+        exact: Tensor,
+        owners: Tensor,
     ) -> tuple[Tensor, Tensor]:
-        """Depth with the floor, and owners of pixels.
-
-        Args:
-            scenes: B of them.
-            cameras: one for each.
-            traced: (B,) whose images go through TSDFs.
-            changed: (B,) whose objects are made into cups, or get a second piece.
-            to_change: how.
-        """
-        depth, owners = self._exact(scenes, cameras, changed, to_change)
-        floor = floor_depths(cameras).view_as(depth)
-        owners = torch.where(depth < floor, owners, 0)
-        exact = torch.where(owners > 0, depth, torch.where(floor < _FARTHEST, floor, 0.0))
-        rows = torch.from_numpy(np.flatnonzero(traced)).to(depth.device)
+        """Depth with the floor, and owners of pixels, some of them (B,) through TSDFs."""
+        rows = torch.from_numpy(np.flatnonzero(traced)).to(exact.device)
         if not len(rows):
             return exact, owners
         some = SceneParameters(*(getattr(scenes, name)[rows] for name in vars(scenes)))

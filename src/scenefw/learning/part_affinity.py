@@ -24,11 +24,11 @@ class PartAffinityLearning(TrainingModule):
     model: PartAffinityModel
 
     def setup_with(self, data: PartViewData) -> PartViewSetup:
-        """The size of the images."""
-        return PartViewSetup(*data.image_size)
+        """The size of the images, and what the network says."""
+        return PartViewSetup(*data.image_size, shown=self.model.shown is not None)
 
     def predict_batch(self, batch: PartViewBatch) -> Tensor:
-        """Logits (B, 2, H, W)."""
+        """Logits (B, 2 or 3, H, W)."""
         return self.model(batch.depth, batch.cameras)
 
     def validation_step(self, batch: IndexBatch, batch_idx: int) -> None:

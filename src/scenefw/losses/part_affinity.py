@@ -28,9 +28,9 @@ class PartAffinityCrossEntropy:
         """Any image has neighbours."""
 
     def __call__(self, prediction: Tensor, batch: PartViewBatch) -> Tensor:
-        """A scalar from logits (B, 2, H, W)."""
+        """A scalar from logits (B, 2 or 3, H, W)."""
         same, counts = true_affinities(batch.owners)
-        errors = binary_cross_entropy_with_logits(prediction, same.float(), reduction="none")
+        errors = binary_cross_entropy_with_logits(prediction[:, :2], same.float(), reduction="none")
         return _mean(errors, counts & same) + _mean(errors, counts & ~same)
 
 

@@ -29,10 +29,12 @@ class PartAffinity(nn.Module):
     It sees how depth changes to neighbours some pixels away, surface normals in the world frame,
     and the height above the floor: absolute coordinates would drown what tells two touching
     objects apart. From a pixel to its right and lower neighbour, it says how likely both show the
-    same object, or both the floor.
+    same object, or both the floor. It also says how likely a pixel shows an object on the floor: a
+    floor that a camera measures badly has waves as high as flat things.
 
     Args:
         widths: channels of the levels; each has half the size of the one before it.
+        shown: whether it says which pixels show objects.
         focal: focal length (pixels) of the images that it learns from; others are thinned to it.
 
     Raises:
@@ -41,7 +43,13 @@ class PartAffinity(nn.Module):
 
     training_only: Sequence[str] = ()
 
-    def __init__(self, widths: Sequence[int] = (24, 40, 64, 96, 128), focal: float = 289.7) -> None:
+    def __init__(
+        self,
+        widths: Sequence[int] = (24, 40, 64, 96, 128),
+        focal: float = 289.7,
+        *,
+        shown: bool = False,
+    ) -> None:
         super().__init__()
         if len(widths) < 2 or min(widths) < 1 or not focal > 0:
             raise ConfigError(
@@ -50,6 +58,7 @@ class PartAffinity(nn.Module):
             )
         self.recipe = {
             "_target_": f"{__name__}.PartAffinity", "widths": list(widths), "focal": focal,
+            "shown": shown,
         }  # fmt: skip
         self.focal, self.stride = focal, 2 ** (len(widths) - 1)
         self.down = nn.ModuleList(
@@ -58,9 +67,12 @@ class PartAffinity(nn.Module):
         pairs = list(pairwise(widths))[::-1]
         self.up = nn.ModuleList(_Level(fine + coarse, fine) for fine, coarse in pairs)
         self.head = nn.Conv2d(widths[0], 2, 1)
+        self.shown = nn.Conv2d(widths[0], 1, 1) if shown else None
 
     def forward(self, depth: Tensor, cameras: CameraBatch) -> Tensor:
-        """Logits (B, 2, H, W) that the right and the lower neighbour show the same object.
+        """Logits that the right and the lower neighbour show the same object, (B, 2, H, W).
+
+        With `shown` a third, (B, 3, H, W): that the pixel shows an object.
 
         Args:
             depth: (B, H, W) z-depth in metres, 0 = no measurement.
@@ -75,8 +87,9 @@ class PartAffinity(nn.Module):
             kept.append(found)
         for level, fine in zip(self.up, kept[-2::-1], strict=True):
             found = level(torch.cat([functional.interpolate(found, scale_factor=2.0), fine], dim=1))
-        logits: Tensor = self.head(found)[..., :height, :width].float()
-        return logits
+        heads = [self.head] if self.shown is None else [self.head, self.shown]
+        logits = torch.cat([head(found) for head in heads], dim=1)
+        return logits[..., :height, :width].float()
 
 
 class _Level(nn.Sequential):

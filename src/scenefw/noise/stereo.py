@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from scenefw.core.batches import CameraBatch
 
 _LEAST = 1e-3  # pixels of disparity
+_AROUND = (2, 4, 6)  # pixels to neighbours that say how much of a window matches
 _DEVIATION = 0.855  # of unit normals after bicubic interpolation, over all places
 
 
@@ -28,7 +29,9 @@ class Stereo:
     Windows make neighbours agree: errors are smooth, so that a flat floor waves, and creases are
     rounded. The disparity, focal length times baseline by depth, is averaged over a window, where
     the surface is in one piece; then smooth Gaussian fields of several wavelengths are added. In
-    depth they grow with its square. How much of all this an image has is drawn for each.
+    depth they grow with its square. Near ends of a surface less of a window matches, so errors are
+    larger there; and what the right one of the two cameras doesn't see has no depth. How much of
+    all this an image has is drawn for each.
 
     Args:
         baseline: between both cameras (m).
@@ -36,6 +39,8 @@ class Stereo:
         wavelengths: distance of independent values of each field (pixels).
         window: pixels to each side that are averaged, at most.
         jump: pixels of disparity from which neighbours lie on different surfaces.
+        edges: by how much of themselves the fields grow where nothing of a window matches.
+        shadows: share of the disturbed images that lose what the other camera doesn't see.
         share: share of the images that are disturbed; the others pass as they are.
 
     Raises:
@@ -49,19 +54,25 @@ class Stereo:
         wavelengths: Sequence[float] = (6.0, 16.0, 48.0),
         window: int = 2,
         jump: float = 0.3,
+        edges: float = 0.0,
+        shadows: float = 0.0,
         share: float = 1.0,
     ) -> None:
-        if min(baseline, jump, *wavelengths) <= 0 or min(waves, window) < 0 or not 0 <= share <= 1:
+        amounts, shares = (waves, window, edges), (shadows, share)
+        positive = min(baseline, jump, *wavelengths) > 0
+        if not positive or min(amounts) < 0 or not all(0 <= one <= 1 for one in shares):
             raise ConfigError(
                 f"Stereo noise has baseline {baseline}, waves {waves}, wavelengths "
-                f"{list(wavelengths)}, window {window}, jump {jump} and share {share}; expected "
-                "metres, pixels and a share of the images"
+                f"{list(wavelengths)}, window {window}, jump {jump}, edges {edges}, shadows "
+                f"{shadows} and share {share}; expected metres, pixels, a factor and shares of "
+                "the images"
             )
         self.baseline, self.waves, self.wavelengths = baseline, waves, tuple(wavelengths)
-        self.window, self.jump, self.share = window, jump, share
+        self.window, self.jump = window, jump
+        self.edges, self.shadows, self.share = edges, shadows, share
 
     def apply(self, depth: Tensor, cameras: CameraBatch, seeds: Tensor) -> Tensor:
-        """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0, the rest stays positive.
+        """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0, the rest is positive or lost.
 
         Args:
             depth: (B, H, W) metres.
@@ -70,7 +81,7 @@ class Stereo:
         """
         depth = finite(depth.float(), 0.0).clamp_min(0.0).contiguous()
         streams = Streams.of(0, indices=seeds.cpu().numpy())
-        chances = streams.uniform(3)
+        chances = streams.uniform(4)
         rows = np.flatnonzero(chances[:, 0] < self.share)
         if not len(rows):
             return depth
@@ -79,13 +90,28 @@ class Stereo:
         known = some > 0
         scale = self.baseline * cameras.intrinsics[picked, 0, None, None]
         disparity = torch.where(known, scale / some.clamp_min(1e-6), 0.0)
+        shadowed = torch.from_numpy(chances[rows, 3] < self.shadows).to(depth.device)
+        known = known & ~(shadowed[:, None, None] & unseen_from_the_right(disparity))
         windows = np.floor(chances[rows, 1] * (self.window + 1)).astype(int)
+        field = self._field(Streams(streams.keys[rows]), depth.shape[1], depth.shape[2])
+        field = field.to(depth.device) * self._growth(disparity, known)
         disparity = self._smoothed(disparity, known, torch.from_numpy(windows).to(depth.device))
         amounts = torch.from_numpy((self.waves * chances[rows, 2]).astype(np.float32))
-        field = self._field(Streams(streams.keys[rows]), depth.shape[1], depth.shape[2])
-        disparity = disparity + amounts.to(depth.device)[:, None, None] * field.to(depth.device)
+        disparity = disparity + amounts.to(depth.device)[:, None, None] * field
         noisy = torch.where(known, scale / disparity.clamp_min(_LEAST), 0.0)
         return depth.index_copy(0, picked, noisy)
+
+    def _growth(self, disparity: Tensor, known: Tensor) -> Tensor:
+        """Factor of the fields (B, H, W): 1 where all of a window matches, more near ends."""
+        if not self.edges:
+            return torch.ones_like(disparity)
+        close = torch.zeros_like(disparity)
+        for axis in (2, 1):
+            for step in _AROUND:
+                for way in (step, -step):
+                    near = (_shifted(disparity, way, axis) - disparity).abs() < self.jump
+                    close += near & _shifted(known, way, axis)
+        return 1 + self.edges * (1 - close / (4 * len(_AROUND)))
 
     def _smoothed(self, disparity: Tensor, known: Tensor, windows: Tensor) -> Tensor:
         """Means over windows (B,) of what lies on one surface, one axis after the other."""
@@ -117,6 +143,22 @@ class Stereo:
             at = round(length)
             total += field[:, 0, at : at + height, at : at + width] / _DEVIATION
         return total
+
+
+def unseen_from_the_right(disparity: Tensor) -> Tensor:
+    """Which pixels (B, H, W) the right one of two cameras doesn't see.
+
+    There a pixel lies its disparity further left. It is hidden if something further right in this
+    image comes to lie on it, or to the left of it: that is nearer.
+
+    Args:
+        disparity: (B, H, W) in pixels, 0 = no measurement.
+    """
+    places = torch.arange(disparity.shape[2], device=disparity.device) - disparity
+    places = torch.where(disparity > 0, places, torch.inf)
+    leftmost = places.flip(2).cummin(dim=2).values.flip(2)
+    after = functional.pad(leftmost[..., 1:], (0, 1), value=torch.inf)
+    return (disparity > 0) & (after <= places)
 
 
 def _shifted(values: Tensor, step: int, axis: int) -> Tensor:

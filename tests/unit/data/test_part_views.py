@@ -9,7 +9,7 @@ from scenefw.core.batches import IndexBatch
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import GridSpec
 from scenefw.data.part_views import PartViews
-from scenefw.kernels.cameras import floor_depths
+from scenefw.kernels.cameras import floor_depths, pixel_places
 from scenefw.noise.gaussian import Gaussian
 from scenefw.renderers.sphere_tracer import SphereTracer
 from scenefw.scenes.cameras import RandomViewpoints
@@ -87,8 +87,45 @@ def test_cups_and_handles_belong_to_their_objects(made):
     assert torch.equal(*traced)
 
 
+def test_tables_end_beyond_objects_and_large_things_are_none(made):
+    plain, ended = (batch_of(made(traced=0.0, scale=1.0, ends=e), *range(8)) for e in (0.0, 1.0))
+    assert torch.equal(ended.depth[plain.owners > 0], plain.depth[plain.owners > 0])
+    seen = ended.owners == plain.owners
+    assert seen.float().mean() > 0.999
+    bare = (plain.owners == 0) & (plain.depth > 0) & (ended.depth > 0)
+    heights = pixel_places(ended.depth, ended.cameras)[..., 2]
+    assert (heights[bare] < -0.1).float().mean() > 0.02  # the floor below
+    assert (heights[bare] > 0.02).sum() > 20  # what stands on it
+    assert (heights[bare].abs() < 1e-3).float().mean() > 0.3  # the table
+    traced = [batch_of(made(traced=1.0, ends=e), 0, 1).depth for e in (0.0, 1.0)]
+    assert torch.equal(*traced)
+
+
+def test_floors_are_found_a_little_wrong(made):
+    data = made(traced=0.0, tilt=0.5, lift=0.004, scale=1.0)
+    batches = [batch_of(data, *range(8), epoch=e) for e in range(12)]
+    true = [batch_of(made(traced=0.0, scale=1.0), *range(8), epoch=e) for e in range(12)]
+    assert all(torch.equal(a.depth, b.depth) for a, b in zip(batches, true, strict=True))
+    moved = torch.cat([
+        a.cameras.T_world_camera @ torch.linalg.inv(b.cameras.T_world_camera)
+        for a, b in zip(batches, true, strict=True)
+    ])  # fmt: skip
+    slopes = torch.rad2deg(moved[:, 2, :2])
+    assert slopes.std().item() == pytest.approx(0.5, rel=0.2)
+    assert moved[:, 2, 3].std().item() == pytest.approx(0.004, rel=0.25)
+    assert torch.allclose(moved[:, :3, :3] @ moved[:, :3, :3].mT, torch.eye(3), atol=1e-5)
+
+
 @pytest.mark.parametrize(
-    "wrong", [{"traced": 1.5}, {"compound": -0.1}, {"scale": 0.9}, {"image_size": (0, 4)}]
+    "wrong",
+    [
+        {"ends": 1.2},
+        {"tilt": -1.0},
+        {"traced": 1.5},
+        {"compound": -0.1},
+        {"scale": 0.9},
+        {"image_size": (0, 4)},
+    ],
 )
 def test_bad_settings(made, wrong):
     with pytest.raises(ConfigError, match="dataset has"):

@@ -29,7 +29,7 @@ def images(size, traced=0.5):
 def right(network, batch):
     """Shares of insides and of borders that are told right: a constant has 1 and 0, or 0 and 1."""
     same, counts = true_affinities(batch.owners)
-    said = network.eval()(batch.depth, batch.cameras) > 0
+    said = network.eval()(batch.depth, batch.cameras)[:, :2] > 0
     return [float((said == same)[counts & which].float().mean()) for which in (same, ~same)]
 
 

@@ -31,7 +31,7 @@ def test_it_is_the_mean_over_inner_pairs_and_over_borders(size):
         costs[bool(same)].append(math.log1p(math.exp(-x if same else x)))
     batch = PartViewBatch(torch.zeros(1, *owners.shape), torch.from_numpy(owners)[None], None)
     loss = PartAffinityCrossEntropy()
-    loss.check(PartViewSetup(8, 6))
+    loss.check(PartViewSetup(8, 6, shown=False))
     found = float(loss(torch.from_numpy(logits)[None], batch))
     assert found == pytest.approx(np.mean(costs[True]) + np.mean(costs[False]), rel=1e-5)
 

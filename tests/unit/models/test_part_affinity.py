@@ -21,12 +21,13 @@ def camera_down(width, height, turn=0.0, far=0.0):
     return CameraBatch(width, height, inner, pose[None])
 
 
+@pytest.mark.parametrize("shown", [False, True])
 @pytest.mark.parametrize("size", [(40, 30), (33, 47)])
-def test_each_pixel_gets_two_logits_at_any_size(size):
+def test_each_pixel_gets_two_or_three_logits_at_any_size(size, shown):
     width, height = size
-    network = PartAffinity(widths=(4, 6, 8)).eval()
+    network = PartAffinity(widths=(4, 6, 8), shown=shown).eval()
     logits = network(torch.full((1, height, width), 0.9), camera_down(width, height))
-    assert logits.shape == (1, 2, height, width)
+    assert logits.shape == (1, 3 if shown else 2, height, width)
     assert logits.isfinite().all()
 
 

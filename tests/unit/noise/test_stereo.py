@@ -64,6 +64,33 @@ def test_windows_round_a_crease_but_no_jump():
     assert torch.allclose(noise.apply(step.contiguous(), cameras(8), seeds(8)), step, atol=1e-5)
 
 
+def test_what_the_right_camera_does_not_see_is_lost():
+    """A board 0.6 m away before a wall at 1.2 m: its shadow is as wide as disparities differ."""
+    u = torch.arange(80)
+    depth = torch.where((u >= 40) & (u < 55), 0.6, 1.2).expand(2, 60, 80).contiguous()
+    noise = Stereo(waves=0.0, window=0, shadows=1.0)
+    lost = noise.apply(depth, cameras(2), seeds(2))[0] == 0
+    width = noise.baseline * cameras(2).intrinsics[0, 0].item() * (1 / 0.6 - 1 / 1.2)
+    columns = torch.nonzero(lost[30])[:, 0]
+    assert len(columns) == pytest.approx(width, abs=1.0)
+    assert columns.max() == 39  # it begins where the board does, on the left
+    kept = Stereo(waves=0.0, window=0).apply(depth, cameras(2), seeds(2))
+    assert torch.allclose(kept, depth, atol=1e-5)
+
+
+def test_waves_grow_where_a_surface_ends():
+    u = torch.arange(80)
+    step = torch.where(u < 40, 1.0, 1.4).expand(60, 60, 80).contiguous()
+    plain, growing = (
+        disparity_errors(Stereo(waves=0.1, window=0, edges=e), step, 60) for e in (0.0, 2.0)
+    )
+    ratio = growing[..., 20:40].abs().mean(dim=(0, 1)) / plain[..., 20:40].abs().mean(dim=(0, 1))
+    middle, end = float(ratio[10]), float(ratio[38 - 20 + 1])
+    assert middle == pytest.approx(1.0, abs=1e-3)
+    # Of the neighbours 2, 4 and 6 pixels along four ways one way lies beyond the end
+    assert end == pytest.approx(1 + 2 / 4, abs=1e-2)
+
+
 @given(seed=st.integers(0, 2**62), count=st.integers(1, 4))
 @settings(max_examples=15, deadline=None)
 def test_an_image_depends_on_its_seed_alone_and_holes_stay(seed, count):
@@ -91,7 +118,15 @@ def test_the_share_of_disturbed_images():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"baseline": 0.0}, {"waves": -1.0}, {"wavelengths": (0.0,)}, {"share": 2.0}]
+    "wrong",
+    [
+        {"baseline": 0.0},
+        {"edges": -1.0},
+        {"shadows": 1.5},
+        {"waves": -1.0},
+        {"wavelengths": (0.0,)},
+        {"share": 2.0},
+    ],
 )
 def test_bad_settings(wrong):
     with pytest.raises(ConfigError, match="Stereo noise has"):

@@ -1,0 +1,43 @@
+"""Loss of networks that say which pixels of a depth image show objects."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+from torch.nn.functional import binary_cross_entropy_with_logits
+
+from scenefw.core.errors import ConfigError
+from scenefw.core.part_views import PartViewBatch, PartViewSetup
+
+
+class PartShownCrossEntropy:
+    """Binary cross entropy of pixels that show objects; all of these count as much as all others.
+
+    Pixels without depth are left out.
+
+    Args:
+        weight: factor of this term in the total.
+    """
+
+    needs_draws = False
+
+    def __init__(self, weight: float = 1.0) -> None:
+        self.weight = weight
+
+    def check(self, setup: PartViewSetup) -> None:
+        """Raises a ConfigError if the network doesn't say which pixels show objects."""
+        if not setup.shown:
+            raise ConfigError(
+                "loss part_shown wants a network that says which pixels show objects; give "
+                "model.shown=true, or leave the loss out with '~loss.part_shown'"
+            )
+
+    def __call__(self, prediction: Tensor, batch: PartViewBatch) -> Tensor:
+        """A scalar from logits (B, 3, H, W), of which the last counts."""
+        true, known = batch.owners > 0, batch.depth > 0
+        errors = binary_cross_entropy_with_logits(prediction[:, 2], true.float(), reduction="none")
+        return _mean(errors, known & true) + _mean(errors, known & ~true)
+
+
+def _mean(errors: Tensor, of: Tensor) -> Tensor:
+    return torch.where(of, errors, 0.0).sum() / of.sum().clamp_min(1)
