@@ -234,8 +234,8 @@ class Scene:
             InputError: what was given is no camera.
         """
         from scenefw.report.overview import by_label, vertices
-        from scenefw.report.shading import Solid, draw, turned
-        from scenefw.report.two_sides import of_objects
+        from scenefw.report.shading import draw, turned
+        from scenefw.report.solids import solid_of
 
         estimate = self.estimate
         camera = camera or estimate.frame.camera
@@ -247,5 +247,5 @@ class Scene:
         if turn:
             camera = turned(camera, vertices(estimate), turn)
         colours = by_label(estimate, colours_of(estimate))
-        solid = Solid(of_objects(estimate), estimate.instances, estimate.grid, colours)
+        solid = solid_of(estimate, colours)
         return np.rint(np.clip(draw(solid, camera), 0, 1) * 255).astype(np.uint8)

@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 
 from scenefw.core.files import write_text
 from scenefw.export.summary import shape_numbers
+from scenefw.shapes.superellipsoid import Superellipsoid
+from scenefw.shapes.superquadric import Superquadric
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from scenefw.core.types import SceneEstimate
+    from scenefw.core.types import PlacedShape, SceneEstimate
     from scenefw.export.meshes import Colour
 
 
@@ -30,8 +32,16 @@ class Superquadrics:
         found = [
             {"id": int(item.id), **shape_numbers(item.placed)}
             for item in estimate.objects
-            if item.placed is not None
+            if item.placed is not None and _convex(item.placed)
         ]
-        others = [int(item.id) for item in estimate.objects if item.placed is None]
+        others = [
+            int(item.id)
+            for item in estimate.objects
+            if item.placed is None or not _convex(item.placed)
+        ]
         content = {"superquadrics": found, "unexplained": others}
         write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
+
+
+def _convex(placed: PlacedShape) -> bool:
+    return isinstance(placed.shape, Superquadric | Superellipsoid)

@@ -9,6 +9,7 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import PlacedShape, SceneObject, TriangleMesh
 from scenefw.shapes.convex_parts import ConvexParts
 from scenefw.shapes.solid_mesh import SolidMesh, solid
+from scenefw.shapes.vessel import Vessel
 
 
 @dataclass(frozen=True)
@@ -39,8 +40,9 @@ class Bodies:
 class BodyMaker:
     """Makes rigid bodies of uniform density.
 
-    An object that a shape explains is that shape; another one is its mesh, which collides as convex
-    parts, or as its convex hull where it nearly fills that or CoACD is not installed.
+    An object that a shape explains is that shape, a vessel as pieces of its wall; another one is
+    its mesh, which collides as convex parts, or as its convex hull where it nearly fills that or
+    CoACD is not installed.
 
     Args:
         density: of all objects (kg/m^3).
@@ -74,4 +76,5 @@ class BodyMaker:
         return solid(mesh, self.parts.of if self.parts else None)
 
     def _body(self, placed: PlacedShape) -> SceneObject:
-        return SceneObject(placed.shape, placed.pose, self.density * placed.shape.volume())
+        shape = placed.shape.solid() if isinstance(placed.shape, Vessel) else placed.shape
+        return SceneObject(shape, placed.pose, self.density * shape.volume())

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from scenefw.perception.evidence import EvidenceOfView, View
     from scenefw.perception.hidden_objects import HiddenObjects
     from scenefw.perception.part_guided import Completing
+    from scenefw.perception.vessels import Vessels
     from scenefw.postprocessing.confidence import Calibration
 
 
@@ -72,6 +73,7 @@ class DrawnSets(Fitted):
         beyond: points of drawn surfaces count that are further than this from all seen ones (m).
         hidden: adds objects of which nothing is seen to drawn scenes; None adds none.
         calibration: from how alike samples are to how right objects are; None: not measured.
+        vessels: says which objects are hollow; None: none are.
         drawn: the first sample is the best, further ones are drawn; without it, all are the best.
 
     Raises:
@@ -94,10 +96,11 @@ class DrawnSets(Fitted):
         beyond: float = 0.01,
         hidden: HiddenObjects | None = None,
         calibration: Calibration | None = None,
+        vessels: Vessels | None = None,
         *,
         drawn: bool = True,
     ) -> None:
-        super().__init__(inner, fit, evidence, near, explained, least, lowest, drawn=drawn)
+        super().__init__(inner, fit, evidence, near, explained, least, lowest, vessels, drawn=drawn)
         if steps < 1 or votes < 0 or not drawn_sigma > evidence.seen_sigma or beyond < 0:
             raise ConfigError(
                 f"drawn sets have steps {steps}, votes {votes}, drawn_sigma {drawn_sigma} and "

@@ -28,11 +28,14 @@ from scenefw.perception.moved import moved_object
 from scenefw.perception.objects import estimate_objects
 from scenefw.shapes.superellipsoid import Superellipsoid
 from scenefw.shapes.superquadric import Superquadric
+from scenefw.shapes.vessel import Vessel
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import ArrayLike
+
+    from scenefw.core.types import Shape
 
 Objects = tuple[ObjectEstimate, ...]
 
@@ -251,12 +254,15 @@ def _holding(grid: GridSpec, objects: Objects) -> GridSpec:
 def _larger(placed: PlacedShape, factor: float, centre: Float64) -> PlacedShape | None:
     """A scaled shape; None of a kind that has no size of its own."""
     shape = placed.shape
-    if not isinstance(shape, Superquadric | Superellipsoid):
+    larger: Shape
+    if isinstance(shape, Vessel):
+        larger = shape.scaled(factor)
+    elif isinstance(shape, Superquadric | Superellipsoid):
+        larger = replace(shape, half_axes=shape.half_axes * factor)
+    else:
         return None
     position = centre + factor * (placed.pose.position - centre)
-    return PlacedShape(
-        replace(shape, half_axes=shape.half_axes * factor), Pose(position, placed.pose.quaternion)
-    )
+    return PlacedShape(larger, Pose(position, placed.pose.quaternion))
 
 
 def _in_place_of(place: ObjectEstimate, shape: ObjectEstimate) -> ObjectEstimate:

@@ -17,6 +17,7 @@ from scenefw.perception.evidence import EvidenceOfView, View, seen_free
 from scenefw.perception.points import world_points
 from scenefw.perception.seen_frames import seen_frames
 from scenefw.perception.seen_instances import seen_instances
+from scenefw.perception.vessels import with_vessels
 from scenefw.representations.volumes import scene_volumes
 
 if TYPE_CHECKING:
@@ -29,7 +30,9 @@ if TYPE_CHECKING:
     from scenefw.core.evidence import Evidence, FittedSuperquadric
     from scenefw.core.protocols import ShapeFit
     from scenefw.core.types import Float32, GridSpec, Int32
+    from scenefw.fitting.vessels import FittedVessel
     from scenefw.perception.part_guided import Completing
+    from scenefw.perception.vessels import Vessels
     from scenefw.postprocessing.confidence import Calibration
 
 _WITHIN = 0.98  # share of seen points in the grid
@@ -43,6 +46,7 @@ class Fitted:
     is hidden, such that it contains nothing that was seen free, no point of another object, and
     nothing below the floor. An object that no superquadric explains keeps its predicted volume.
     Where a part of the image has no prediction, it becomes an object if a superquadric explains it.
+    Objects into which the view sees may become vessels, the same in all samples.
 
     Args:
         inner: makes the scenes.
@@ -52,6 +56,7 @@ class Fitted:
         explained: share of seen points that a superquadric must explain to be taken.
         least: seen points that an object must have to be fitted.
         lowest: how high above the floor what was not predicted must reach to be an object (m).
+        vessels: says which objects are hollow; None: none are.
         drawn: the first sample is the best fit, further ones are drawn; without it, all are best.
 
     Raises:
@@ -69,6 +74,7 @@ class Fitted:
         explained: float = 0.75,
         least: int = 60,
         lowest: float = 0.015,
+        vessels: Vessels | None = None,
         *,
         drawn: bool = True,
     ) -> None:
@@ -79,6 +85,7 @@ class Fitted:
             )
         self.inner, self.fit, self.evidence = inner, fit, evidence
         self.near, self.explained, self.least, self.lowest = near, explained, least, lowest
+        self.vessels = vessels
         self.grid, self.metadata, self.drawn = inner.grid, inner.metadata, drawn
 
     def complete(
@@ -118,6 +125,7 @@ class Fitted:
         """The scene with the best superquadrics, and then with drawn ones."""
         tsdf, instances = scene.tsdf.cpu().numpy(), scene.instances.cpu().numpy()
         drawn: list[list[tuple[View, dict[int, FittedSuperquadric]]]] = [[] for _ in range(count)]
+        hollow = []
         for i, seen in enumerate(points):
             masks = (
                 seen_instances(instances[i], seen, grid, seen[..., 2] > 0)
@@ -125,9 +133,11 @@ class Fitted:
                 else scene.masks[i].cpu().numpy()
             )
             view = View(seen, masks, tsdf[i], instances[i], free[i], grid, eyes[i])
-            for views, found in zip(drawn, self.superquadrics(view, count, random), strict=True):
-                views.append((view, found))
-        return [with_superquadrics(scene, views) for views in drawn]
+            draws = self.superquadrics(view, count, random)
+            hollow.append({} if self.vessels is None else self.vessels.found(view, draws[0]))
+            for views, found in zip(drawn, draws, strict=True):
+                views.append((view, {k: one for k, one in found.items() if k not in hollow[i]}))
+        return [with_superquadrics(scene, views, hollow) for views in drawn]
 
     def superquadrics(
         self, view: View, count: int = 1, random: Generator | None = None
@@ -198,16 +208,32 @@ def each_drawn(
 
 
 def with_superquadrics(
-    scene: Completion, views: Sequence[tuple[View, Mapping[int, FittedSuperquadric]]]
+    scene: Completion,
+    views: Sequence[tuple[View, Mapping[int, FittedSuperquadric]]],
+    vessels: Sequence[Mapping[int, FittedVessel]] | None = None,
 ) -> Completion:
-    """The scene with the superquadrics that were found in each view, by label."""
-    rows = [composed(found, view) for view, found in views]
+    """The scene with the superquadrics that were found in each view, by label.
+
+    Args:
+        scene: of these views.
+        views: each with what was found.
+        vessels: likewise the vessels found in each; None: none were.
+    """
+    vessels = [{} for _ in views] if vessels is None else vessels
+    rows = [
+        with_vessels(hollow, *composed(found, view), view)
+        for (view, found), hollow in zip(views, vessels, strict=True)
+    ]
     device = scene.tsdf.device
     return replace(
         scene,
         tsdf=torch.from_numpy(np.stack([row[0] for row in rows])).to(device),
         instances=torch.from_numpy(np.stack([row[1] for row in rows])).to(device),
-        placed=tuple({label: _placed(one) for label, one in found.items()} for _, found in views),
+        placed=tuple(
+            {label: _placed(one) for label, one in found.items()}
+            | {label: PlacedShape(one.shape, one.pose) for label, one in hollow.items()}
+            for (_, found), hollow in zip(views, vessels, strict=True)
+        ),
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +24,7 @@ from scenefw.perception.editing import with_objects
 from scenefw.shapes.solid_mesh import closed
 from scenefw.shapes.superellipsoid import Superellipsoid
 from scenefw.shapes.superquadric import Superquadric
+from scenefw.shapes.vessel import Vessel
 
 if TYPE_CHECKING:
     from scenefw.core.types import Int32, Shape
@@ -147,6 +148,8 @@ def _placed(told: dict[str, Any] | None) -> PlacedShape | None:
     elif told["kind"] == "superellipsoid":
         axes = _numbers(told["half_axes"], 3)
         shape = Superellipsoid(axes, float(told["e1"]), float(told["e2"]))
+    elif told["kind"] == "vessel":
+        shape = Vessel(**{one.name: float(told[one.name]) for one in fields(Vessel)})
     else:
         return None
     return PlacedShape(shape, _pose(told))

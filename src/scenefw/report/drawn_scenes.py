@@ -6,8 +6,8 @@ from scenefw.core.types import SceneEstimate
 from scenefw.report.overview import cropped, vertices, window
 from scenefw.report.palette import instance_colours
 from scenefw.report.pictures import beside
-from scenefw.report.shading import Picture, Solid, draw, turned
-from scenefw.report.two_sides import of_objects
+from scenefw.report.shading import Picture, draw, turned
+from scenefw.report.solids import solid_of
 
 _SIZE = (320, 240)  # of a tile: width, height (pixels)
 _TURN = 150.0  # degrees
@@ -32,7 +32,7 @@ def draw_scenes(scenes: Sequence[SceneEstimate]) -> Picture:
                     tiles.append(tiles[-1] * 0 + 1)
                     names.append("")
                     continue
-                solid = Solid(of_objects(scene), scene.instances, scene.grid, colours)
+                solid = solid_of(scene, colours)
                 camera = cropped(scene.frame.camera, *window(scene)).resized(*_SIZE)
                 side = turned(camera, vertices(scene), turn) if turn else camera
                 tiles.append(draw(solid, side))

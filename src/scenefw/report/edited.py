@@ -9,9 +9,9 @@ from scenefw.report.layers import size, volume
 from scenefw.report.overview import by_label, cropped, vertices, window
 from scenefw.report.palette import colours_of
 from scenefw.report.pictures import beside
-from scenefw.report.shading import Solid, draw, turned
+from scenefw.report.shading import draw, turned
+from scenefw.report.solids import solid_of
 from scenefw.report.tables import Cell, Column, Table
-from scenefw.report.two_sides import of_objects
 
 if TYPE_CHECKING:
     from scenefw.core.types import SceneEstimate
@@ -29,10 +29,7 @@ def draw_edited(before: SceneEstimate, after: SceneEstimate) -> Picture:
     both = replace(after, objects=(*before.objects, *after.objects))
     camera = cropped(after.frame.camera, *window(both)).resized(*_SIZE)
     sides = (camera, turned(camera, vertices(both), _TURN))
-    solids = [
-        Solid(of_objects(one), one.instances, one.grid, by_label(one, colours_of(one)))
-        for one in (before, after)
-    ]
+    solids = [solid_of(one, by_label(one, colours_of(one))) for one in (before, after)]
     tiles = [draw(solid, side) for side in sides for solid in solids]
     return beside(tiles, ["before", "after", "from behind", "from behind"], columns=2)
 

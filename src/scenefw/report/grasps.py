@@ -11,9 +11,9 @@ from scenefw.core.types import Camera, SceneEstimate
 from scenefw.report.overview import by_label, cropped, vertices, window
 from scenefw.report.palette import instance_colours
 from scenefw.report.pictures import Picture, beside
-from scenefw.report.shading import Solid, draw, turned
+from scenefw.report.shading import draw, turned
+from scenefw.report.solids import solid_of
 from scenefw.report.tables import Column, Table
-from scenefw.report.two_sides import of_objects
 
 _SIZE = (520, 390)  # of a side: width, height (pixels)
 _TURN = 150.0  # degrees
@@ -53,7 +53,7 @@ def draw_ranking(estimate: SceneEstimate, ranking: Ranking) -> Picture:
     grey fails; the first grasps have their number.
     """
     colours = by_label(estimate, instance_colours(len(estimate.objects)))
-    solid = Solid(of_objects(estimate), estimate.instances, estimate.grid, colours)
+    solid = solid_of(estimate, colours)
     camera = cropped(estimate.frame.camera, *window(estimate)).resized(*_SIZE)
     sides = (camera, turned(camera, vertices(estimate), _TURN))
     tiles = [_marked(draw(solid, side), ranking, side) for side in sides]

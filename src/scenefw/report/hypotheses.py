@@ -8,8 +8,8 @@ from scenefw.core.types import SceneEstimate
 from scenefw.report.overview import cropped, vertices, window
 from scenefw.report.palette import instance_colours
 from scenefw.report.pictures import beside
-from scenefw.report.shading import Picture, Solid, draw, turned
-from scenefw.report.two_sides import of_objects
+from scenefw.report.shading import Picture, draw, turned
+from scenefw.report.solids import solid_of
 
 _SIZE = (400, 300)  # of a tile: width, height (pixels)
 _TURN = 150.0  # degrees
@@ -26,7 +26,7 @@ def draw_hypotheses(estimates: Sequence[SceneEstimate]) -> Picture:
     camera = cropped(first.frame.camera, *window(first)).resized(*_SIZE)
     behind = turned(camera, vertices(first), _TURN)
     colours = instance_colours(max(max(int(e.instances.max()) for e in estimates), 1))
-    solids = [Solid(of_objects(e), e.instances, e.grid, colours) for e in estimates]
+    solids = [solid_of(e, colours) for e in estimates]
     tiles = [draw(solid, side) for side in (camera, behind) for solid in solids]
     names = [_name(i, e) for i, e in enumerate(estimates, start=1)]
     return beside(tiles, [*names, *["from behind"] * len(names)], columns=len(estimates))

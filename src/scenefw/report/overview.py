@@ -11,6 +11,7 @@ from scenefw.core.files import replacing
 from scenefw.core.types import Camera, Float32, Frame, GridSpec, SceneEstimate
 from scenefw.report.palette import Colour
 from scenefw.report.shading import Solid, draw, turned
+from scenefw.report.solids import solid_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -95,7 +96,7 @@ def _figure(
     camera = cropped(estimate.frame.camera, rows, columns)
     points = vertices(estimate)
     table = [colours[i] for i in range(len(estimate.objects))]
-    solid = Solid(estimate.tsdf, estimate.instances, estimate.grid, by_label(estimate, table))
+    solid = solid_of(estimate, by_label(estimate, table))
     seen = Solid(
         _above_floor(partial, estimate.grid),
         np.ones(partial.shape, dtype=np.int32),

@@ -1,4 +1,4 @@
-"""Pictures of predicted volumes: sphere-traced surfaces with soft light, shadows and outlines."""
+"""Pictures of predicted objects: traced surfaces with soft light, shadows and outlines."""
 
 from dataclasses import dataclass
 
@@ -13,6 +13,7 @@ from scenefw.core.types import Camera, Float32, GridSpec, Int32
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.renderers.sphere_tracer import SphereTracer
 from scenefw.report.palette import Colour
+from scenefw.report.surfaces import Surfaces
 
 Picture = NDArray[np.float32]
 
@@ -43,6 +44,11 @@ class Solid:
         grid: the voxel grid of both.
         colours: red, green, blue in [0, 1] by label.
         seen: (X, Y, Z) in [0, 1]; surfaces are pale where it is 0. None = nowhere.
+        surfaces: of the objects, which are seen in place of the volume's; shadows are its all the
+            same. None: the volume's are seen.
+        hollow: (X, Y, Z) distances in which hollow objects are so (m), by which these are lit;
+            thin walls cast no shadow in it. None: nothing is hollow.
+        hollow_labels: labels of those objects.
     """
 
     tsdf: Float32
@@ -50,6 +56,9 @@ class Solid:
     grid: GridSpec
     colours: list[Colour]
     seen: Float32 | None = None
+    surfaces: Surfaces | None = None
+    hollow: Float32 | None = None
+    hollow_labels: tuple[int, ...] = ()
 
 
 def draw(solid: Solid, camera: Camera, *, reach: float = 0.62) -> Picture:
@@ -65,27 +74,17 @@ def draw(solid: Solid, camera: Camera, *, reach: float = 0.62) -> Picture:
         reach: the floor fades out this far from the z axis (m).
     """
     fine = camera.resized(camera.width * _SUPERSAMPLING, camera.height * _SUPERSAMPLING)
-    surface = SphereTracer(floor=True).render_surface(
-        torch.from_numpy(np.ascontiguousarray(solid.tsdf))[None, None],
-        torch.from_numpy(np.ascontiguousarray(solid.instances))[None],
-        solid.grid,
-        stack_cameras([fine]),
-    )
-    depth = surface.depth[0].numpy()
-    normals = np.moveaxis(surface.normals[0].numpy(), 0, -1)
+    depth, normals, labels, is_floor = _first_surfaces(solid, fine)
     points = _points(depth, fine)
-    is_floor = (depth > 0) & (points[..., 2] < 1e-3)
     hit = (depth > 0) & ~(is_floor & (np.hypot(points[..., 0], points[..., 1]) > reach))
-    labels = np.zeros(depth.shape, dtype=np.int64)
     on_object = hit & ~is_floor
-    labels[on_object] = _smooth_labels(solid, points[on_object])
     picture = np.ones((*depth.shape, 3), dtype=np.float32)
     lender = _lenders(np.where(hit, labels + 1 - 2 * is_floor, _SKY), depth, normals)
-    lit = np.zeros(depth.size, dtype=bool)
-    lit[lender[hit]] = True
-    lit = lit.reshape(depth.shape)
+    lends = np.zeros(depth.size, dtype=bool)
+    lends[lender[hit]] = True
+    lit = lends.reshape(depth.shape)
     number = np.cumsum(lit)[lender[hit]] - 1
-    light = _light(solid, points[lit], normals[lit], is_floor[lit], fine)[number]
+    light = _light(solid, points[lit], normals[lit], labels[lit], is_floor[lit], fine)[number]
     colour = _base_colours(solid, labels[hit], points[hit], is_floor[hit])
     if solid.seen is not None:
         share = _seen_share(solid.seen, solid.grid, points[lit])[number]
@@ -124,6 +123,29 @@ def turned(camera: Camera, points: NDArray[np.float64], turn: float) -> Camera:
     middle = ((camera.width - 1) / 2, (camera.height - 1) / 2)
     pose = look_at(target + distance * direction, target)
     return Camera(camera.width, camera.height, focal, focal, *middle, pose)
+
+
+def _first_surfaces(
+    solid: Solid, camera: Camera
+) -> tuple[Float32, Float32, NDArray[np.int64], NDArray[np.bool_]]:
+    """Depth (H, W), normals (H, W, 3), labels (H, W) and which pixels (H, W) show the floor."""
+    if solid.surfaces is not None:
+        depth, normals, owners = solid.surfaces.seen_from(camera)
+        labels: NDArray[np.int64] = owners.astype(np.int64)
+        return depth, normals, labels, (depth > 0) & (owners == 0)
+    surface = SphereTracer(floor=True).render_surface(
+        torch.from_numpy(np.ascontiguousarray(solid.tsdf))[None, None],
+        torch.from_numpy(np.ascontiguousarray(solid.instances))[None],
+        solid.grid,
+        stack_cameras([camera]),
+    )
+    depth = surface.depth[0].numpy()
+    points = _points(depth, camera)
+    is_floor = (depth > 0) & (points[..., 2] < 1e-3)
+    labels = np.zeros(depth.shape, dtype=np.int64)
+    on_object = (depth > 0) & ~is_floor
+    labels[on_object] = _smooth_labels(solid, points[on_object])
+    return depth, np.moveaxis(surface.normals[0].numpy(), 0, -1), labels, is_floor
 
 
 def _points(depth: Float32, camera: Camera) -> Float32:
@@ -197,17 +219,26 @@ def _seen_share(seen: Float32, grid: GridSpec, points: Float32) -> Float32:
 
 
 def _light(
-    solid: Solid, points: Float32, normals: Float32, is_floor: NDArray[np.bool_], camera: Camera
+    solid: Solid,
+    points: Float32,
+    normals: Float32,
+    labels: NDArray[np.int64],
+    is_floor: NDArray[np.bool_],
+    camera: Camera,
 ) -> Float32:
     """Brightness (N, 1) of points on objects and floor."""
     right, down, forward = camera.T_world_camera[:3, :3].T
     key = -0.55 * right - 0.5 * down - 0.35 * forward + np.array([0.0, 0.0, 0.9])
     key = (key / np.linalg.norm(key)).astype(np.float32)
-    field = _far_distance(solid)
-    brightness = np.empty(len(points), dtype=np.float32)
-    objects = ~is_floor
-    brightness[objects] = _brightness(field, solid.grid, points[objects], normals[objects], key)
-    brightness[is_floor] = _floor_brightness(field, solid.grid, points[is_floor], key)
+    grid, brightness = solid.grid, np.empty(len(points), dtype=np.float32)
+    field = _far_distance(solid.tsdf, grid)
+    hollow = np.isin(labels, solid.hollow_labels) & ~is_floor
+    objects = ~is_floor & ~hollow
+    brightness[objects] = _brightness(field, grid, points[objects], normals[objects], key)
+    brightness[is_floor] = _floor_brightness(field, grid, points[is_floor], key)
+    if solid.hollow is not None and hollow.any():
+        field = _far_distance(solid.hollow, grid)
+        brightness[hollow] = _brightness(field, grid, points[hollow], normals[hollow], key)
     return brightness[:, None]
 
 
@@ -236,13 +267,13 @@ def _brightness(
     return (ambient + 0.46 * lambert * shadow).astype(np.float32)
 
 
-def _far_distance(solid: Solid) -> Float32:
-    """The TSDF continued beyond its truncation by a distance transform, objects alone."""
-    far = solid.tsdf > 0.9 * solid.grid.truncation
+def _far_distance(tsdf: Float32, grid: GridSpec) -> Float32:
+    """A TSDF continued beyond its truncation by a distance transform, objects alone."""
+    far = tsdf > 0.9 * grid.truncation
     if far.all():
-        return np.full(solid.tsdf.shape, solid.grid.extent, dtype=np.float32)
-    beyond = ndimage.distance_transform_edt(far) * solid.grid.voxel_size
-    return np.where(far, 0.9 * solid.grid.truncation + beyond, solid.tsdf).astype(np.float32)
+        return np.full(tsdf.shape, grid.extent, dtype=np.float32)
+    beyond = ndimage.distance_transform_edt(far) * grid.voxel_size
+    return np.where(far, 0.9 * grid.truncation + beyond, tsdf).astype(np.float32)
 
 
 def _occlusion(field: Float32, grid: GridSpec, points: Float32, normals: Float32) -> Float32:

@@ -10,7 +10,8 @@ from scenefw.kernels.cameras import stack_cameras
 from scenefw.renderers.sphere_tracer import SphereTracer
 from scenefw.report.overview import by_label, cropped, vertices, window
 from scenefw.report.palette import instance_colours
-from scenefw.report.shading import Picture, Solid, draw, turned
+from scenefw.report.shading import Picture, draw, turned
+from scenefw.report.solids import of_objects, solid_of
 
 _SIZE = (440, 330)  # of a side: width, height (pixels)
 _GAP = 8  # pixels
@@ -27,20 +28,10 @@ def draw_two_sides(estimate: SceneEstimate) -> Picture:
     camera = cropped(estimate.frame.camera, *window(estimate)).resized(*_SIZE)
     tsdf = of_objects(estimate)
     seen = seen_share(estimate, tsdf, camera)
-    solid = Solid(tsdf, estimate.instances, estimate.grid, colours, seen)
+    solid = solid_of(estimate, colours, seen)
     tiles = [draw(solid, camera), draw(solid, turned(camera, vertices(estimate), _TURN))]
     gap = np.ones((tiles[0].shape[0], _GAP, 3), dtype=np.float32)
     return np.concatenate([tiles[0], gap, tiles[1]], axis=1)
-
-
-def of_objects(estimate: SceneEstimate) -> Float32:
-    """The signed distances (X, Y, Z) without dips that are not objects, as they cast shadows."""
-    grid = estimate.grid
-    away = ndimage.distance_transform_edt(estimate.instances == 0) - 1.0
-    least = np.minimum(away * grid.voxel_size, grid.truncation)
-    return np.maximum(estimate.tsdf, np.where(estimate.instances == 0, least, -np.inf)).astype(
-        np.float32
-    )
 
 
 def seen_share(estimate: SceneEstimate, tsdf: Float32, camera: Camera) -> Float32:

@@ -10,6 +10,7 @@ from scenefw.core.types import PlacedShape, Pose, TriangleMesh
 from scenefw.perception.bodies import BodyMaker
 from scenefw.shapes.convex_parts import ConvexParts, fills_hull
 from scenefw.shapes.superquadric import Superquadric
+from scenefw.shapes.vessel import Vessel
 
 ALONG = Pose(np.array([0.2, -0.1, 0.3]), np.array([0.8, 0.6, 0, 0]))
 
@@ -42,6 +43,16 @@ def test_a_shape_that_explains_an_object_is_taken_for_its_mesh():
     made = BodyMaker().make({1: elbow()}, {1: PlacedShape(shape, ALONG)})
     assert made.bodies[1].shape is shape
     assert made.collides_as(1) == "superquadric"
+
+
+def test_a_vessel_collides_as_pieces_of_its_wall():
+    vessel = Vessel(0.04, 1.0, 1.0, 0.1, 0.004)
+    made = BodyMaker(300.0).make({1: elbow()}, {1: PlacedShape(vessel, ALONG)})
+    assert made.divided(1)
+    assert made.bodies[1].mass == pytest.approx(300 * vessel.volume())
+    middle = np.zeros(3)  # of the hollow: in no piece
+    hulls = [ConvexHull(part) for part in made.bodies[1].shape.parts]
+    assert not any((h.equations @ [*middle, 1] < 0).all() for h in hulls)
 
 
 def test_what_is_not_closed_or_flat_is_left_out_and_said():

@@ -1,13 +1,18 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from tests.unit.perception.edited_scenes import CAMERA, scene
 
 from scenefw.core.errors import InputError
+from scenefw.core.types import PlacedShape, Pose
 from scenefw.export.scene_folder import write_scene_files
+from scenefw.export.superquadrics import Superquadrics
+from scenefw.perception.editing import scaled
 from scenefw.perception.stored_scenes import read_scene
 from scenefw.report.palette import colours_of
+from scenefw.shapes.vessel import Vessel
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +50,27 @@ def test_a_stored_scene_is_read_as_it_was(known, folder):
     finer = found.grid.resolution == 64  # no grid is told in these details
     assert finer
     assert set(np.unique(found.instances)) == {0, 1, 2, 3}
+
+
+def test_a_vessel_is_stored_by_its_numbers_and_scaled(known, tmp_path):
+    vessel = Vessel(0.04, 0.8, 0.7, 0.1, 0.004)
+    placed = PlacedShape(vessel, Pose(np.array([0.1, 0.2, 0.05]), np.array([1.0, 0, 0, 0])))
+    first = replace(known.objects[0], mesh=placed.mesh(), placed=placed)
+    write_scene_files(tmp_path, replace(known, objects=(first,)), colours_of(known)[:1])
+    read = read_scene(tmp_path)
+    assert vars(read.objects[0].placed.shape)["curve"] == 0.7
+    np.testing.assert_allclose(
+        read.objects[0].placed.mesh().vertices, placed.mesh().vertices, atol=1e-9
+    )
+    larger = scaled(read.objects, first.id, 2.0)[0]
+    assert larger.placed.shape.radius == pytest.approx(0.08)
+    np.testing.assert_allclose(
+        np.ptp(larger.placed.mesh().vertices, axis=0), np.ptp(larger.mesh.vertices, axis=0),
+        atol=1e-3,
+    )  # fmt: skip
+    Superquadrics().write(tmp_path / "s.json", read, [])
+    told = json.loads((tmp_path / "s.json").read_text())
+    assert told == {"superquadrics": [], "unexplained": [first.id]}
 
 
 def test_the_file_alone_will_do_where_shapes_are_told(known, folder):

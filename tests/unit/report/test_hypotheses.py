@@ -13,7 +13,8 @@ from scenefw.report.palette import instance_colours
 def test_each_scene_has_a_column_with_its_objects_in_their_colours():
     one = estimate_of(resolution=32)
     second = np.where(one.instances > 0, 2, 0).astype(np.int32)
-    other = replace(one, instances=second)
+    renamed = tuple(replace(item, id=2) for item in one.objects)
+    other = replace(one, instances=second, objects=renamed)
     picture = draw_hypotheses([one, other, one])
     assert picture.shape[1] == 3 * 400 + 2 * 6
     columns = [picture[:, left : left + 400] for left in (0, 406, 812)]

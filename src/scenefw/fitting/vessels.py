@@ -1,0 +1,151 @@
+"""Vessels fitted to points of their inside and outside."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from scenefw.core.errors import ConfigError
+from scenefw.core.types import Pose
+from scenefw.shapes.vessel import Vessel
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from scenefw.core.types import Float64
+
+_UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
+_STARTS = ((0.9, 1.0), (0.5, 0.5), (0.6, 1.0))  # base and curve
+_LOW, _HIGH = (0.25, 0.25), (1.15, 2.0)  # of these
+_WALLS = (0.0015, 0.015)  # m
+_RIM = 0.9  # quantile of heights above which points are of the rim
+
+
+@dataclass(frozen=True, eq=False)
+class FittedVessel:
+    """A vessel where it stands, and how well it explains what it was fitted to.
+
+    Args:
+        shape: its numbers.
+        pose: from its frame to the world, upright.
+        distances: (N,) of the points to the side of the wall that the camera sees (m), below 0 in
+            the wall.
+        inside: (N,) which of them lie on its inside.
+    """
+
+    shape: Vessel
+    pose: Pose
+    distances: Float64
+    inside: NDArray[np.bool_]
+
+
+class VesselFit:
+    """Fits upright vessels by robust least squares, from the circle of the rim.
+
+    Centre, radius, height, shape of the profile and wall are found together. What looks at the
+    camera decides on which side of the wall a point lies. A wall is as thick as expected unless
+    both of its sides are seen.
+
+    Args:
+        sigma: standard deviation of points from the surface (m).
+        wall: expected thickness (m).
+        wall_sigma: standard deviation of that (m).
+        stands: a vessel whose lowest point is seen no higher stands on the floor (m).
+        steps: evaluations at most, from each start.
+
+    Raises:
+        ConfigError: a number isn't positive.
+    """
+
+    def __init__(
+        self,
+        sigma: float = 0.003,
+        wall: float = 0.004,
+        wall_sigma: float = 0.0005,
+        stands: float = 0.04,
+        steps: int = 30,
+    ) -> None:
+        if min(sigma, wall, wall_sigma, stands, steps) <= 0:
+            raise ConfigError(
+                f"a fit of vessels has sigma {sigma}, wall {wall}, wall_sigma {wall_sigma}, stands "
+                f"{stands} and steps {steps}; expected positive numbers"
+            )
+        self.sigma, self.wall, self.wall_sigma = sigma, wall, wall_sigma
+        self.stands, self.steps = stands, steps
+
+    def fit(self, points: Float64, eye: Float64) -> FittedVessel:
+        """The best vessel.
+
+        Args:
+            points: (N, 3) of the world, the floor at z = 0 (m).
+            eye: (3,) the camera that sees them (m).
+        """
+        lowest = float(np.quantile(points[:, 2], 0.02))
+        bottom = 0.0 if lowest < self.stands else lowest
+        top = float(np.quantile(points[:, 2], 0.99))
+        rim = points[points[:, 2] > np.quantile(points[:, 2], _RIM)]
+        x, y, radius = _circle(rim[:, :2])
+        radius = float(np.clip(radius, 0.02, 0.15))
+        height = max(top - bottom, 0.01)
+        low = [x - 0.1, y - 0.1, 0.012, 0.008, *_LOW, _WALLS[0]]
+        high = [x + 0.1, y + 0.1, 0.3, 0.4, *_HIGH, _WALLS[1]]
+        found = [
+            least_squares(
+                self._residuals, np.clip([x, y, radius, height, *start, self.wall], low, high),
+                bounds=(low, high), x_scale=[0.01, 0.01, 0.01, 0.01, 0.2, 0.2, 0.001],
+                loss="soft_l1", max_nfev=self.steps, args=(points, eye, bottom, top),
+            )
+            for start in _STARTS
+        ]  # fmt: skip
+        best = min(found, key=lambda one: one.cost)
+        return _placed(best.x, points, eye, bottom)
+
+    def _residuals(
+        self, numbers: Float64, points: Float64, eye: Float64, bottom: float, top: float
+    ) -> Float64:
+        # Nothing is seen above the rim, which the points alone don't say
+        rim = (bottom + numbers[3] - top) / self.sigma
+        wall = (numbers[6] - self.wall) / self.wall_sigma
+        weight = np.sqrt(len(points)) / 2
+        distances = _distances(numbers, points, eye, bottom)[0] / self.sigma
+        return np.append(distances, [weight * rim, wall])
+
+
+def _distances(
+    numbers: Float64, points: Float64, eye: Float64, bottom: float
+) -> tuple[Float64, NDArray[np.bool_]]:
+    """Distances to the side of the wall that the camera sees, and which points lie inside."""
+    vessel = _vessel(numbers)
+    away, height = points[:, :2] - numbers[:2], points[:, 2] - bottom
+    flat = np.hypot(away[:, 0], away[:, 1])
+    depth = vessel.depth(flat, height)
+    # The wall looks outward and, where it widens upward, down
+    way = eye - points
+    outward = (away * way[:, :2]).sum(axis=1) / np.maximum(flat, 1e-9)
+    inside = outward < vessel.slope(height) * way[:, 2]
+    return np.where(inside, vessel.wall - depth, -depth), inside
+
+
+def _vessel(numbers: Float64) -> Vessel:
+    radius, height, base, curve, wall = (float(one) for one in numbers[2:])
+    return Vessel(radius, base, curve, height, min(wall, 0.8 * min(radius, height)))
+
+
+def _placed(numbers: Float64, points: Float64, eye: Float64, bottom: float) -> FittedVessel:
+    vessel = _vessel(numbers)
+    place = np.array([numbers[0], numbers[1], bottom - vessel.bottom])
+    distances, inside = _distances(numbers, points, eye, bottom)
+    return FittedVessel(vessel, Pose(place, _UPRIGHT), distances, inside)
+
+
+def _circle(points: Float64) -> tuple[float, float, float]:
+    """Centre and radius of a circle through points (N, 2), by algebraic least squares."""
+    middle = points.mean(axis=0)
+    away = points - middle
+    columns = np.column_stack([2 * away, np.ones(len(away))])
+    solution = np.linalg.lstsq(columns, (away**2).sum(axis=1), rcond=None)[0]
+    radius = np.sqrt(max(solution[2] + (solution[:2] ** 2).sum(), 0.0))
+    return *(middle + solution[:2]).tolist(), float(radius)

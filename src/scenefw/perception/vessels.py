@@ -1,0 +1,162 @@
+"""Objects of a view that are vessels: into which it sees."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from scipy.ndimage import binary_erosion
+
+from scenefw.core.errors import ConfigError
+from scenefw.fitting.placed import signed_distance
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from scenefw.core.evidence import FittedSuperquadric
+    from scenefw.core.types import Float32, Float64, GridSpec, Int32
+    from scenefw.fitting.vessels import FittedVessel
+    from scenefw.perception.evidence import Mask, View
+
+_BEFORE, _WITHIN = 0.02, 0.004  # m: so far before a seen point, nothing is so deep in a solid
+_SECTIONS = 24  # of a surface that is looked up in free space
+_WIDTH = 640  # pixels of the image that numbers of pixels are for
+
+
+class FitsVessels(Protocol):
+    """A fit of a vessel to points."""
+
+    def fit(self, points: Float64, eye: Float64) -> FittedVessel:
+        """The best vessel for points (N, 3) of the world that a camera at (3,) sees (m)."""
+
+
+class Vessels:
+    """Says which objects of a view are vessels, by their inside.
+
+    A vessel has to explain most of what is seen of an object, better than its superquadric does,
+    and enough of that has to lie on its inside, below the rim. So nothing becomes hollow into which
+    the view doesn't see. A superquadric doesn't explain what is seen through it: the far wall of a
+    bowl lies on the surface of an ellipsoid, but on the side that looks away.
+
+    Args:
+        fit: of a vessel to points.
+        points: of an object, at most.
+        edge: pixels (of an image 640 wide) at the ends of an object that don't count.
+        near: points up to this far from the surface are explained (m).
+        explained: share of the points that a vessel must explain.
+        better: by how much more than a superquadric.
+        inside: share of the points that must lie on its inside.
+        below: by how much these lie below its rim (m).
+        through: share of its surface that may lie where the view sees through.
+        least: points that an object must have.
+
+    Raises:
+        ConfigError: a share outside 0..1, or another number that isn't positive.
+    """
+
+    def __init__(
+        self,
+        fit: FitsVessels,
+        points: int = 300,
+        edge: int = 2,
+        near: float = 0.006,
+        explained: float = 0.75,
+        better: float = 0.05,
+        inside: float = 0.1,
+        below: float = 0.008,
+        through: float = 0.15,
+        least: int = 100,
+    ) -> None:
+        shares = all(0 <= one <= 1 for one in (explained, better, inside, through))
+        if not shares or not near > 0 or min(points, least) < 10 or min(edge, below) < 0:
+            raise ConfigError(
+                f"vessels have points {points}, edge {edge}, near {near}, explained {explained}, "
+                f"better {better}, inside {inside}, below {below}, through {through} and least "
+                f"{least}; expected positive numbers, shares and at least 10 points"
+            )
+        self.fit, self.points, self.edge, self.near = fit, points, edge, near
+        self.explained, self.better = explained, better
+        self.inside, self.below, self.through, self.least = inside, below, through, least
+
+    def found(
+        self, view: View, superquadrics: Mapping[int, FittedSuperquadric]
+    ) -> dict[int, FittedVessel]:
+        """The vessels among the objects of a view, by label.
+
+        Args:
+            view: with masks.
+            superquadrics: those that explain objects; `distances` are of their seen points.
+        """
+        kept: dict[int, FittedVessel] = {}
+        if view.eye is None:  # several views: seen from all around
+            return kept
+        free = binary_erosion(view.free)  # so that no wall lies in it by half a voxel
+        for label in np.unique(view.masks[view.masks > 0]).tolist():
+            points = self._points(view, label)
+            if len(points) < self.least:
+                continue
+            known = superquadrics.get(label)
+            reached = 0.0 if known is None else self._reached(known, points, view.eye)
+            wanted = max(self.explained, reached + self.better)
+            if wanted > 1:
+                continue
+            one = self.fit.fit(points, view.eye)
+            if self._share(one.distances) >= wanted and self._open(one, points, view.grid, free):
+                kept[label] = one
+        return kept
+
+    def _points(self, view: View, label: int) -> Float64:
+        """Points of an object, away from where its image ends: there they belong to nothing."""
+        own = view.masks == label
+        edge = round(self.edge * own.shape[1] / _WIDTH)
+        inner = binary_erosion(own, iterations=edge) if edge else own
+        points = view.points[inner & np.isfinite(view.points[..., 2])]
+        chosen = np.linspace(0, len(points) - 1, min(self.points, len(points))).astype(int)
+        return np.asarray(points[chosen], np.float64)
+
+    def _reached(self, known: FittedSuperquadric, points: Float64, eye: Float64) -> float:
+        """Share of the points that a superquadric explains on the side that looks at the camera."""
+        near = np.abs(signed_distance(known, points)) < self.near
+        way = eye - points
+        before = points + _BEFORE * way / np.linalg.norm(way, axis=1, keepdims=True)
+        return float((near & (signed_distance(known, before) > -_WITHIN)).mean())
+
+    def _share(self, distances: Float64) -> float:
+        return float((np.abs(distances) < self.near).mean())
+
+    def _open(self, one: FittedVessel, points: Float64, grid: GridSpec, free: Mask) -> bool:
+        """Whether the view sees into it, and none of its wall where it sees through."""
+        rim = one.pose.position[2] + one.shape.bottom + one.shape.height
+        within = one.inside & (points[:, 2] < rim - self.below)
+        if within.mean() < self.inside:
+            return False
+        corners = one.shape.mesh(_SECTIONS).vertices + one.pose.position
+        voxels = np.round(grid.to_voxels(corners)).astype(int)
+        there = ((voxels >= 0) & (voxels < grid.resolution)).all(axis=1)
+        through = free[tuple(voxels[there].T)]
+        return bool(there.any() and through.mean() < self.through)
+
+
+def with_vessels(
+    vessels: Mapping[int, FittedVessel], tsdf: Float32, instances: Int32, view: View
+) -> tuple[Float32, Int32]:
+    """TSDF and instances (X, Y, Z) with vessels in place of what was there.
+
+    Their walls are thinner than voxels, so volumes have them with a lid on.
+
+    Args:
+        vessels: by label.
+        tsdf: (X, Y, Z) metres.
+        instances: (X, Y, Z) labels.
+        view: whose grid it is.
+    """
+    reach = view.grid.truncation
+    centres = view.grid.centres()
+    for label, one in vessels.items():
+        own = instances == label
+        tsdf, instances = np.where(own, reach, tsdf), np.where(own, 0, instances)
+        distance = one.shape.filled_distance(centres - one.pose.position)
+        closer = distance < tsdf
+        instances = np.where(closer, np.where(distance < 0, label, 0), instances)
+        tsdf = np.minimum(tsdf, distance)
+    return tsdf.astype(np.float32), np.where(tsdf < 0, instances, 0).astype(np.int32)
