@@ -28,13 +28,16 @@ class AffinityParts:
     Pixels that surely show the same object are joined first, and others go to what is nearest along
     the surface. Of two such regions that meet, all pixels along the border are asked: they are
     joined if the mean is high enough, the surest first. So a few likely pixels join no objects.
-    Images are thinned to about the focal length that the network learnt from.
+    Images are thinned to about the focal length that the network learnt from. Pixels that it takes
+    for the floor, or for what lies beyond a table's edge, are in no part, if it says which these
+    are.
 
     Args:
         checkpoint: of a network of affinities.
         sure: probability of the same object from which on pixels are joined first.
         same: mean along a border from which on the regions beside it are joined.
         seed: pixels (of the thinned image) of the smallest region.
+        shown: probability of an object from which on a pixel may be in a part; 0: all may.
         margin: points up to this height above the floor belong to it (m).
         smallest: parts of fewer pixels (of an image 640 wide) are dropped.
         lowest: parts that rise no higher above the floor (m) are noise of it.
@@ -50,50 +53,55 @@ class AffinityParts:
         sure: float = 0.95,
         same: float = 0.7,
         seed: int = 12,
+        shown: float = 0.5,
         margin: float = 0.005,
         smallest: float = 60.0,
         lowest: float = 0.012,
         noisy: float = 7.0,
     ) -> None:
-        shares = 0 < sure < 1 and 0 < same < 1
+        shares = 0 < sure < 1 and 0 < same < 1 and 0 <= shown < 1
         if not shares or min(margin, lowest, noisy) < 0 or min(seed, smallest) < 1:
             raise ConfigError(
-                f"parts have sure {sure}, same {same}, seed {seed}, margin {margin}, smallest "
-                f"{smallest}, lowest {lowest} and noisy {noisy}; expected probabilities, pixels, "
-                "and heights of 0 or more"
+                f"parts have sure {sure}, same {same}, seed {seed}, shown {shown}, margin "
+                f"{margin}, smallest {smallest}, lowest {lowest} and noisy {noisy}; expected "
+                "probabilities, pixels, and heights of 0 or more"
             )
         self.model: PartAffinityModel = checkpoint.model
         self.metadata = dict(checkpoint.metadata)
-        self.sure, self.same, self.seed = sure, same, seed
+        self.sure, self.same, self.seed, self.shown = sure, same, seed, shown
         self.margin, self.smallest = margin, smallest
         self.lowest, self.noisy = lowest, noisy
 
     def segment(self, frame: Frame) -> Int32:
         """Parts (H, W), 0 = none, of a frame whose camera has its pose (floor z = 0)."""
         heights = world_points(frame)[..., 2]
-        above = heights > self.margin  # NaN where no depth: not above
         step = max(1, round(frame.camera.fx / self.model.focal))
+        rows, columns = (np.arange(size) // step for size in frame.depth.shape)
         depth = np.ascontiguousarray(np.nan_to_num(frame.depth[::step, ::step]), np.float32)
-        joined = self._joined(depth, frame.camera, step, above[::step, ::step])
+        across, down, shown = self._said(depth, frame.camera, step)
+        above = heights > self.margin  # NaN where no depth: not above
+        above &= (shown >= self.shown)[np.ix_(rows, columns)]
+        joined = self._joined(depth, across, down, above[::step, ::step])
         fewest = self.smallest * (frame.depth.shape[1] / _WIDTH) ** 2
         parts = large_parts(joined, max(1, round(fewest / step**2)))
-        rows, columns = (np.arange(size) // step for size in frame.depth.shape)
         parts = np.where(above, parts[np.ix_(rows, columns)], 0).astype(np.int32)
         lowest = max(self.lowest, self.noisy * floor_noise(heights))
         return high_parts(grown(parts, above, frame.depth), heights, lowest)
 
     def _joined(
-        self, depth: Float32, camera: Camera, step: int, above: NDArray[np.bool_]
+        self, depth: Float32, across: Float32, down: Float32, above: NDArray[np.bool_]
     ) -> NDArray[np.int64]:
         """Regions (H, W), 0 = none, of the thinned image."""
-        across, down = self._affinities(depth, camera, step)
         sure = linked_parts(above, across > self.sure, down > self.sure)
         regions = grown(large_parts(sure, self.seed), above, depth)
         return merged(regions, across, down, self.same)
 
     @torch.no_grad()
-    def _affinities(self, depth: Float32, camera: Camera, step: int) -> tuple[Float32, Float32]:
-        """Probabilities that a pixel shows what the next one does, on the right and below."""
+    def _said(self, depth: Float32, camera: Camera, step: int) -> tuple[Float32, Float32, Float32]:
+        """Probabilities that a pixel shows what the next one does, on the right and below.
+
+        The third (H, W) is that of showing an object, 1 if the network doesn't say it.
+        """
         device = next(self.model.parameters()).device  # type: ignore[attr-defined]
         inner = np.array([[camera.fx, camera.fy, camera.cx, camera.cy]], np.float32) / step
         cameras = CameraBatch(
@@ -104,4 +112,5 @@ class AffinityParts:
         )
         image = torch.from_numpy(depth)[None].to(device)
         same: Float32 = self.model(image, cameras)[0].sigmoid().cpu().numpy()
-        return same[0, :, :-1], same[1, :-1]
+        shown = same[2] if len(same) > 2 else np.ones_like(depth)
+        return same[0, :, :-1], same[1, :-1], shown
