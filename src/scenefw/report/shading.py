@@ -6,32 +6,28 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from scipy import ndimage
-from torch.nn import functional
 
 from scenefw.core.geometry import look_at
 from scenefw.core.types import Camera, Float32, GridSpec, Int32
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.renderers.sphere_tracer import SphereTracer
+from scenefw.report.light import brightness_of, far_distance, floor_brightness, sample
 from scenefw.report.palette import Colour
-from scenefw.report.surfaces import Surfaces
+from scenefw.report.surfaces import Surfaces, directions
 
 Picture = NDArray[np.float32]
 
 _SUPERSAMPLING = 2
 _ALIKE_DEPTH, _ALIKE_NORMAL = 0.01, 0.95  # m and cosine: of rays that share their light
 _SKY = -9
-_FLOOR_REACH = 0.8  # m
-_FLOOR_SAMPLES = 224
 _FILLED = 0.8  # of the picture
 _BLURRED = 4  # voxels beyond which a blurred instance is 0
 _GREY = (0.62, 0.62, 0.62)
 _PALE = np.array([0.93, 0.93, 0.94], dtype=np.float32)
 _HIDDEN = 0.4  # share of its colour that an unseen surface keeps
 _FLOOR = (0.90, 0.90, 0.91)
-_GRID_LINES = 0.05  # m
-_OCCLUSION_STEPS = (0.008, 0.02, 0.045, 0.08)  # m along the normal
-_SHADOW_STEPS = tuple(np.geomspace(0.012, 0.35, 9).tolist())  # m towards the light
-_SHADOW_SOFTNESS = 9.0
+_GRID_LINES, _LINE = 0.05, 0.0011  # m: half their distance, and half their width
+_JUMP, _OUTLINE = 0.03, 0.45  # m within an object that have an outline; how bright that is
 
 
 @dataclass(frozen=True)
@@ -73,11 +69,23 @@ def draw(solid: Solid, camera: Camera, *, reach: float = 0.62) -> Picture:
         camera: from where.
         reach: the floor fades out this far from the z axis (m).
     """
+    if solid.surfaces is not None:
+        return draw_surfaces(solid, solid.surfaces, camera, reach)
     fine = camera.resized(camera.width * _SUPERSAMPLING, camera.height * _SUPERSAMPLING)
-    depth, normals, labels, is_floor = _first_surfaces(solid, fine)
+    surface = SphereTracer(floor=True).render_surface(
+        torch.from_numpy(np.ascontiguousarray(solid.tsdf))[None, None],
+        torch.from_numpy(np.ascontiguousarray(solid.instances))[None],
+        solid.grid,
+        stack_cameras([fine]),
+    )
+    depth = surface.depth[0].numpy()
+    normals = np.moveaxis(surface.normals[0].numpy(), 0, -1)
     points = _points(depth, fine)
+    is_floor = (depth > 0) & (points[..., 2] < 1e-3)
     hit = (depth > 0) & ~(is_floor & (np.hypot(points[..., 0], points[..., 1]) > reach))
+    labels = np.zeros(depth.shape, dtype=np.int64)
     on_object = hit & ~is_floor
+    labels[on_object] = _smooth_labels(solid, points[on_object])
     picture = np.ones((*depth.shape, 3), dtype=np.float32)
     lender = _lenders(np.where(hit, labels + 1 - 2 * is_floor, _SKY), depth, normals)
     lends = np.zeros(depth.size, dtype=bool)
@@ -89,11 +97,90 @@ def draw(solid: Solid, camera: Camera, *, reach: float = 0.62) -> Picture:
     if solid.seen is not None:
         share = _seen_share(solid.seen, solid.grid, points[lit])[number]
         colour = np.where(is_floor[hit, None], colour, _PALE + (colour - _PALE) * share)
-    shaded = np.clip(colour * light, 0, 1)
-    fade = _fade(points[hit], is_floor[hit], reach)[:, None]
-    picture[hit] = shaded * (1 - fade) + fade
-    picture = _outlined(picture, np.where(on_object, labels + 1, 0), depth)
+    picture[hit] = _faded(np.clip(colour * light, 0, 1), points[hit], is_floor[hit], reach)
+    edge = _outline(np.where(on_object, labels + 1, 0), depth)
+    picture[edge] *= _OUTLINE
     return _reduced(picture)
+
+
+def draw_surfaces(solid: Solid, surfaces: Surfaces, camera: Camera, reach: float) -> Picture:
+    """The same of surfaces: one ray per pixel, and four where neighbours show something else."""
+    depth, normals, labels = surfaces.seen_from(camera)
+    rows, columns = np.nonzero(_varied(depth, normals, labels, camera))
+    ends = (np.arange(_SUPERSAMPLING) + 0.5) / _SUPERSAMPLING - 0.5
+    v, u = (one.ravel().astype(np.float32) for one in np.meshgrid(ends, ends, indexing="ij"))
+    below, right = ((x[:, None] + y).ravel() for x, y in ((rows, v), (columns, u)))
+    finer = surfaces.met(camera, right.astype(np.float32), below.astype(np.float32))
+
+    every_row, every_column = np.indices(depth.shape, dtype=np.float32)
+    places = directions(
+        camera,
+        np.concatenate([every_column.ravel(), right]).astype(np.float32),
+        np.concatenate([every_row.ravel(), below]).astype(np.float32),
+    )
+    flat = [depth.ravel(), normals.reshape(-1, 3), labels.ravel()]
+    far, facing, owners = (np.concatenate(pair) for pair in zip(flat, finer, strict=True))
+    points = (camera.T_world_camera[:3, 3] + far[:, None] * places).astype(np.float32)
+    colours = _coloured(solid, far, facing, owners.astype(np.int64), points, camera, reach)
+
+    count = depth.size
+    picture = colours[:count].reshape(*depth.shape, 3)
+    n = _SUPERSAMPLING
+    blocks = [np.repeat(np.repeat(one, n, axis=0), n, axis=1) for one in (labels, depth)]
+    around = (n * rows[:, None] + np.repeat(np.arange(n), n)).ravel()
+    across = (n * columns[:, None] + np.tile(np.arange(n), n)).ravel()
+    blocks[0][around, across], blocks[1][around, across] = finer[2], finer[0]
+    edge = _outline(blocks[0].astype(np.int64), blocks[1].astype(np.float32))[around, across]
+    parts = colours[count:] * np.where(edge, np.float32(_OUTLINE), 1)[:, None]
+    picture[rows, columns] = parts.reshape(len(rows), -1, 3).mean(axis=1)
+    return picture
+
+
+def _coloured(
+    solid: Solid,
+    depth: Float32,
+    normals: Float32,
+    labels: NDArray[np.int64],
+    points: Float32,
+    camera: Camera,
+    reach: float,
+) -> Float32:
+    """Colours (N, 3) of what rays (N,) meet; white where they meet nothing."""
+    is_floor = (depth > 0) & (labels == 0)
+    hit = (depth > 0) & ~(is_floor & (np.hypot(points[:, 0], points[:, 1]) > reach))
+    found = np.ones((len(depth), 3), dtype=np.float32)
+    points, labels, is_floor = points[hit], labels[hit], is_floor[hit]
+    light = _light(solid, points, normals[hit], labels, is_floor, camera)
+    colour = _base_colours(solid, labels, points, is_floor)
+    if solid.seen is not None:
+        own = ~is_floor
+        share = _seen_share(solid.seen, solid.grid, points[own])
+        colour[own] = _PALE + (colour[own] - _PALE) * share
+    found[hit] = _faded(np.clip(colour * light, 0, 1), points, is_floor, reach)
+    return found
+
+
+def _varied(depth: Float32, normals: Float32, labels: Int32, camera: Camera) -> NDArray[np.bool_]:
+    """Pixels (H, W) beside which something else is seen, or a line of the floor."""
+    varied = np.zeros(depth.shape, dtype=bool)
+    for axis in (0, 1):
+        first, second = (
+            tuple(one if a == axis else slice(None) for a in (0, 1))
+            for one in (slice(None, -1), slice(1, None))
+        )
+        other = labels[first] != labels[second]
+        other |= (depth[first] > 0) != (depth[second] > 0)
+        other |= np.einsum("hwk,hwk->hw", normals[first], normals[second]) < _ALIKE_NORMAL
+        jump = np.abs(depth[first] - depth[second]) > _JUMP
+        other |= jump & (labels[first] > 0) & (labels[second] > 0)
+        varied[first] |= other
+        varied[second] |= other
+    points = _points(depth, camera)
+    near = np.abs((points[..., :2] + _GRID_LINES) % (2 * _GRID_LINES) - _GRID_LINES).min(axis=-1)
+    # A pixel of the floor is longer away from the camera, by the slope of the ray
+    slope = camera.T_world_camera[2, 3] / np.maximum(depth, 1e-6)
+    pixel = depth / camera.fx / np.clip(slope, 0.1, 1)
+    return varied | ((labels == 0) & (depth > 0) & (near < _LINE + pixel))
 
 
 def turned(camera: Camera, points: NDArray[np.float64], turn: float) -> Camera:
@@ -123,29 +210,6 @@ def turned(camera: Camera, points: NDArray[np.float64], turn: float) -> Camera:
     middle = ((camera.width - 1) / 2, (camera.height - 1) / 2)
     pose = look_at(target + distance * direction, target)
     return Camera(camera.width, camera.height, focal, focal, *middle, pose)
-
-
-def _first_surfaces(
-    solid: Solid, camera: Camera
-) -> tuple[Float32, Float32, NDArray[np.int64], NDArray[np.bool_]]:
-    """Depth (H, W), normals (H, W, 3), labels (H, W) and which pixels (H, W) show the floor."""
-    if solid.surfaces is not None:
-        depth, normals, owners = solid.surfaces.seen_from(camera)
-        labels: NDArray[np.int64] = owners.astype(np.int64)
-        return depth, normals, labels, (depth > 0) & (owners == 0)
-    surface = SphereTracer(floor=True).render_surface(
-        torch.from_numpy(np.ascontiguousarray(solid.tsdf))[None, None],
-        torch.from_numpy(np.ascontiguousarray(solid.instances))[None],
-        solid.grid,
-        stack_cameras([camera]),
-    )
-    depth = surface.depth[0].numpy()
-    points = _points(depth, camera)
-    is_floor = (depth > 0) & (points[..., 2] < 1e-3)
-    labels = np.zeros(depth.shape, dtype=np.int64)
-    on_object = (depth > 0) & ~is_floor
-    labels[on_object] = _smooth_labels(solid, points[on_object])
-    return depth, np.moveaxis(surface.normals[0].numpy(), 0, -1), labels, is_floor
 
 
 def _points(depth: Float32, camera: Camera) -> Float32:
@@ -186,7 +250,7 @@ def _base_colours(
     colour = table[np.where(labels < len(table), labels, 0)]
     colour[is_floor] = _FLOOR
     x, y = np.abs((points[is_floor, :2] + _GRID_LINES) % (2 * _GRID_LINES) - _GRID_LINES).T
-    on_lines = np.flatnonzero(is_floor)[np.minimum(x, y) < 0.0011]
+    on_lines = np.flatnonzero(is_floor)[np.minimum(x, y) < _LINE]
     colour[on_lines] *= 0.93
     return colour
 
@@ -214,7 +278,7 @@ def _lenders(surfaces: NDArray[np.int64], depth: Float32, normals: Float32) -> N
 
 def _seen_share(seen: Float32, grid: GridSpec, points: Float32) -> Float32:
     """Share (N, 1) of its colour that a surface keeps, by how much of it is seen."""
-    share = np.clip(2 * _sample(seen, grid, points) - 0.5, 0, 1)[:, None]
+    share = np.clip(2 * sample(seen, grid, points) - 0.5, 0, 1)[:, None]
     return (_HIDDEN + (1 - _HIDDEN) * share).astype(np.float32)
 
 
@@ -231,95 +295,33 @@ def _light(
     key = -0.55 * right - 0.5 * down - 0.35 * forward + np.array([0.0, 0.0, 0.9])
     key = (key / np.linalg.norm(key)).astype(np.float32)
     grid, brightness = solid.grid, np.empty(len(points), dtype=np.float32)
-    field = _far_distance(solid.tsdf, grid)
+    field = far_distance(solid.tsdf, grid)
     hollow = np.isin(labels, solid.hollow_labels) & ~is_floor
     objects = ~is_floor & ~hollow
-    brightness[objects] = _brightness(field, grid, points[objects], normals[objects], key)
-    brightness[is_floor] = _floor_brightness(field, grid, points[is_floor], key)
+    brightness[objects] = brightness_of(field, grid, points[objects], normals[objects], key)
+    brightness[is_floor] = floor_brightness(field, grid, points[is_floor], key)
     if solid.hollow is not None and hollow.any():
-        field = _far_distance(solid.hollow, grid)
-        brightness[hollow] = _brightness(field, grid, points[hollow], normals[hollow], key)
+        field = far_distance(solid.hollow, grid)
+        brightness[hollow] = brightness_of(field, grid, points[hollow], normals[hollow], key)
     return brightness[:, None]
 
 
-def _floor_brightness(field: Float32, grid: GridSpec, points: Float32, key: Float32) -> Float32:
-    """Brightness of floor points (N, 3), read off a map: it varies slowly and pixels are many."""
-    axis = np.linspace(-_FLOOR_REACH, _FLOOR_REACH, _FLOOR_SAMPLES, dtype=np.float32)
-    x, y = np.meshgrid(axis, axis)
-    cells = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
-    up = np.broadcast_to(np.array([0, 0, 1], dtype=np.float32), cells.shape)
-    light = _brightness(field, grid, cells, up, key).reshape(1, 1, len(axis), len(axis))
-    where = torch.from_numpy(points[:, :2] / np.float32(_FLOOR_REACH))[None, :, None]
-    found = functional.grid_sample(
-        torch.from_numpy(light), where, padding_mode="border", align_corners=True
-    )
-    return found.view(-1).numpy()
-
-
-def _brightness(
-    field: Float32, grid: GridSpec, points: Float32, normals: Float32, key: Float32
-) -> Float32:
-    """Brightness (N,) from a key light with shadow, the sky, and the occlusion of both."""
-    lambert = np.clip(normals @ key, 0, 1)
-    shadow = _shadow(field, grid, points + np.float32(0.004) * normals, key)
-    sky = 0.5 + 0.5 * normals[:, 2]
-    ambient = (0.42 + 0.22 * sky) * _occlusion(field, grid, points, normals)
-    return (ambient + 0.46 * lambert * shadow).astype(np.float32)
-
-
-def _far_distance(tsdf: Float32, grid: GridSpec) -> Float32:
-    """A TSDF continued beyond its truncation by a distance transform, objects alone."""
-    far = tsdf > 0.9 * grid.truncation
-    if far.all():
-        return np.full(tsdf.shape, grid.extent, dtype=np.float32)
-    beyond = ndimage.distance_transform_edt(far) * grid.voxel_size
-    return np.where(far, 0.9 * grid.truncation + beyond, tsdf).astype(np.float32)
-
-
-def _occlusion(field: Float32, grid: GridSpec, points: Float32, normals: Float32) -> Float32:
-    blocked = np.zeros(len(points), dtype=np.float32)
-    for i, step in enumerate(_OCCLUSION_STEPS):
-        ahead = points + step * normals
-        free = np.minimum(_sample(field, grid, ahead), np.abs(ahead[:, 2]))
-        blocked += 0.5**i * np.clip(1 - free / step, 0, 1)
-    return np.clip(1 - 0.6 * blocked / 1.3, 0.35, 1)
-
-
-def _shadow(field: Float32, grid: GridSpec, points: Float32, key: Float32) -> Float32:
-    lit = np.ones(len(points), dtype=np.float32)
-    for step in _SHADOW_STEPS:
-        free = _sample(field, grid, points + step * key)
-        lit = np.minimum(lit, np.clip(_SHADOW_SOFTNESS * free / step, 0, 1))
-    return lit
-
-
-def _sample(field: Float32, grid: GridSpec, points: Float32) -> Float32:
-    """Trilinear values at world points (N, 3), the outermost ones beyond the cube."""
-    centre = np.asarray(grid.lower, dtype=np.float32) + np.float32(grid.extent / 2)
-    scaled = torch.from_numpy((points - centre)[:, ::-1] * np.float32(2 / grid.extent))
-    volume = torch.from_numpy(np.ascontiguousarray(field))[None, None]
-    values = functional.grid_sample(
-        volume, scaled[None, :, None, None], padding_mode="border", align_corners=False
-    )
-    return values.view(-1).numpy()
-
-
-def _fade(points: Float32, is_floor: NDArray[np.bool_], reach: float) -> Float32:
+def _faded(colour: Float32, points: Float32, is_floor: NDArray[np.bool_], reach: float) -> Float32:
+    """Colours (N, 3) of which the floor's become white far from the middle."""
     radius = np.hypot(points[:, 0], points[:, 1]) / reach
-    return np.where(is_floor, np.clip((radius - 0.45) / 0.55, 0, 1) ** 1.5, 0.0)
+    fade = np.where(is_floor, np.clip((radius - 0.45) / 0.55, 0, 1) ** 1.5, 0.0)[:, None]
+    return (colour * (1 - fade) + fade).astype(np.float32)
 
 
-def _outlined(picture: Float32, labels: NDArray[np.int64], depth: Float32) -> Float32:
-    """Darkens pixels where the object changes, or where depth jumps within it."""
+def _outline(labels: NDArray[np.int64], depth: Float32) -> NDArray[np.bool_]:
+    """Rays (H, W) after which the object changes, or where depth jumps within it."""
     edge = np.zeros(labels.shape, dtype=bool)
-    jump = 0.03
     for axis in (0, 1):
         change = np.diff(labels, axis=axis) != 0
-        step = (np.abs(np.diff(depth, axis=axis)) > jump) & (np.delete(labels, 0, axis) > 0)
+        step = (np.abs(np.diff(depth, axis=axis)) > _JUMP) & (np.delete(labels, 0, axis) > 0)
         pad = [(0, 1) if a == axis else (0, 0) for a in (0, 1)]
         edge |= np.pad(change | step, pad)
-    picture[edge] *= 0.45
-    return picture
+    return edge
 
 
 def _reduced(picture: Float32) -> Float32:

@@ -41,27 +41,39 @@ class Surfaces:
         Depth 0 is nothing, label 0 the floor z = 0 or nothing. Normals of inner surfaces look at
         the camera.
         """
-        shape = (camera.height, camera.width)
-        u = (np.arange(camera.width, dtype=np.float32) - camera.cx) / camera.fx
-        v = (np.arange(camera.height, dtype=np.float32)[:, None] - camera.cy) / camera.fy
-        ahead = np.stack([*np.broadcast_arrays(u, v), np.ones(shape)], axis=-1)
-        ahead = ahead.reshape(-1, 3) @ camera.T_world_camera[:3, :3].T
-        rays = np.empty((len(ahead), 6), np.float32)
-        rays[:, :3], rays[:, 3:] = camera.T_world_camera[:3, 3], ahead
+        rows, columns = np.indices((camera.height, camera.width), dtype=np.float32)
+        depth, normals, labels = self.met(camera, columns.ravel(), rows.ravel())
+        shape = rows.shape
+        return depth.reshape(shape), normals.reshape(*shape, 3), labels.reshape(shape)
+
+    def met(
+        self, camera: Camera, columns: Float32, rows: Float32
+    ) -> tuple[Float32, Float32, Int32]:
+        """The same (N,), (N, 3), (N,) at places of the image (N,), which may lie between pixels."""
+        rays = np.empty((len(columns), 6), np.float32)
+        rays[:, :3] = camera.T_world_camera[:3, 3]
+        rays[:, 3:] = directions(camera, columns, rows)
         depth, hit, place = (one.numpy() for one in self._tree.cast(torch.from_numpy(rays)))
         normals = np.zeros((len(rays), 3), np.float32)
         normals[hit == TABLE] = (0, 0, 1)
         labels = np.zeros(len(rays), np.int32)
         on = np.flatnonzero(hit >= 0)
         if len(on):
-            rows, (b, c) = hit[on], place[on].T
+            faces, (b, c) = hit[on], place[on].T
             shares = np.stack([1 - b - c, b, c], axis=1)
-            found = np.einsum("nk,nkj->nj", shares, self._normals[rows])
+            found = np.einsum("nk,nkj->nj", shares, self._normals[faces])
             found /= np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-9)
             away = np.einsum("nj,nj->n", found, rays[on, 3:]) > 0
             normals[on] = np.where(away[:, None], -found, found)
-            labels[on] = self._labels[rows]
-        return depth.reshape(shape), normals.reshape(*shape, 3), labels.reshape(shape)
+            labels[on] = self._labels[faces]
+        return depth, normals, labels
+
+
+def directions(camera: Camera, columns: Float32, rows: Float32) -> Float32:
+    """Directions (N, 3) in the world through places of the image (N,), of length 1 in depth."""
+    u, v = (columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy
+    ahead = np.stack([u, v, np.ones_like(u)], axis=1).astype(np.float32)
+    return ahead @ camera.T_world_camera[:3, :3].T.astype(np.float32)
 
 
 def _corner_normals(mesh: TriangleMesh) -> Float64:

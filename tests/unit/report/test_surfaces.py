@@ -8,6 +8,7 @@ from scipy.spatial import ConvexHull
 from tests.unit.report.test_shading import CAMERA, ball
 
 from scenefw.core.types import PlacedShape, Pose, TriangleMesh
+from scenefw.report import shading
 from scenefw.report.shading import draw
 from scenefw.report.surfaces import Surfaces
 from scenefw.shapes.superquadric import Superquadric
@@ -63,6 +64,24 @@ def test_a_picture_of_the_surface_is_nearly_that_of_the_volume(resolution):
     )
     assert np.abs(traced - surface).mean() < 0.02
     assert np.corrcoef(traced.ravel(), surface.ravel())[0, 1] > 0.95
+
+
+def test_four_rays_where_something_changes_are_as_good_as_four_everywhere(monkeypatch):
+    mesh = standing(Superquadric([0.12] * 3, [2] * 3), 0.12)
+    solid = replace(ball(64), surfaces=Surfaces({1: mesh}))
+    some = draw(solid, CAMERA)
+    counted = []
+    varied = shading._varied
+    monkeypatch.setattr(
+        shading, "_varied", lambda depth, *more: counted.append(varied(depth, *more)) or depth >= 0
+    )
+    everywhere = draw(solid, CAMERA)
+    assert 0.01 < counted[0].mean() < 0.5
+    assert np.abs(some - everywhere).mean() < 2e-3
+    assert np.abs(some - everywhere).max() < 0.15
+    monkeypatch.setattr(shading, "_varied", lambda depth, *_: depth < 0)
+    nowhere = draw(solid, CAMERA)
+    assert np.abs(nowhere - everywhere).mean() > 3 * np.abs(some - everywhere).mean()
 
 
 def test_a_scene_without_objects_is_the_floor():
