@@ -67,20 +67,21 @@ def test_a_picture_of_the_surface_is_nearly_that_of_the_volume(resolution):
 
 
 def test_four_rays_where_something_changes_are_as_good_as_four_everywhere(monkeypatch):
+    camera = CAMERA.resized(384, 288)
     mesh = standing(Superquadric([0.12] * 3, [2] * 3), 0.12)
     solid = replace(ball(64), surfaces=Surfaces({1: mesh}))
-    some = draw(solid, CAMERA)
+    some = draw(solid, camera)
     counted = []
     varied = shading._varied
     monkeypatch.setattr(
         shading, "_varied", lambda depth, *more: counted.append(varied(depth, *more)) or depth >= 0
     )
-    everywhere = draw(solid, CAMERA)
+    everywhere = draw(solid, camera)
     assert 0.01 < counted[0].mean() < 0.5
     assert np.abs(some - everywhere).mean() < 2e-3
     assert np.abs(some - everywhere).max() < 0.15
     monkeypatch.setattr(shading, "_varied", lambda depth, *_: depth < 0)
-    nowhere = draw(solid, CAMERA)
+    nowhere = draw(solid, camera)
     assert np.abs(nowhere - everywhere).mean() > 3 * np.abs(some - everywhere).mean()
 
 
