@@ -132,7 +132,7 @@ def draw_surfaces(solid: Solid, surfaces: Surfaces, camera: Camera, reach: float
     blocks[0][around, across], blocks[1][around, across] = finer[2], finer[0]
     edge = _outline(blocks[0].astype(np.int64), blocks[1].astype(np.float32))[around, across]
     parts = colours[count:] * np.where(edge, np.float32(_OUTLINE), 1)[:, None]
-    picture[rows, columns] = parts.reshape(len(rows), -1, 3).mean(axis=1)
+    picture[rows, columns] = parts.reshape(len(rows), n * n, 3).mean(axis=1)
     return picture
 
 
