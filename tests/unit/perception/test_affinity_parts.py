@@ -84,6 +84,7 @@ def test_a_few_likely_pixels_do_not_join_two_objects(seen):
         {"sure": 1.0},
         {"same": 0.0},
         {"seed": 0},
+        {"shown": 1.0},
         {"margin": -0.1},
         {"smallest": 0},
         {"lowest": -1.0},
@@ -92,6 +93,38 @@ def test_a_few_likely_pixels_do_not_join_two_objects(seen):
 def test_bad_settings(seen, wrong):
     with pytest.raises(ConfigError, match="parts have sure"):
         AffinityParts(Loaded(Knowing(seen[1], 100.0)), **wrong)
+
+
+class Showing(Knowing):
+    """The same, and it knows which pixels show the objects of these labels."""
+
+    def __init__(self, owners, focal, *shown):
+        super().__init__(owners, focal)
+        self.which = torch.from_numpy(np.isin(owners, shown))
+
+    def forward(self, depth, cameras):
+        step = round(self.owners.shape[1] / depth.shape[2])
+        third = torch.where(self.which[None, None, ::step, ::step], 3.0, -3.0)
+        return torch.cat([super().forward(depth, cameras), third], dim=1)
+
+
+@pytest.mark.parametrize("thinned", [1, 2])
+def test_what_shows_no_object_is_in_no_part(seen, thinned):
+    frame, owners = seen
+    focal = frame.camera.fx / thinned
+    every, first = (
+        AffinityParts(Loaded(Showing(owners, focal, *shown)), smallest=20).segment(frame)
+        for shown in ((1, 2), (1,))
+    )
+    plain = AffinityParts(Loaded(Knowing(owners, focal)), smallest=20).segment(frame)
+    near = 1.0 if thinned == 1 else 0.97  # the border of thinned pixels
+    assert (every == plain)[plain > 0].mean() >= near
+    assert not every[plain == 0].any()
+    assert first.max() == 1
+    other = (owners == 2) & (first > 0)
+    assert other.sum() < 0.03 * (owners == 2).sum()  # pixels of thinned images on its border
+    anything = AffinityParts(Loaded(Showing(owners, focal)), smallest=20, shown=0.0)
+    assert np.array_equal(anything.segment(frame), plain)
 
 
 def test_parts_as_low_as_the_floor_waves_are_its_noise():
