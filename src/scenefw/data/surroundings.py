@@ -68,9 +68,9 @@ def surrounding_depths(
     beyond = (along > table.reach[:, :, None, None]).any(dim=1) & those[:, None, None]
     above = cameras.T_world_camera[:, 2, 3]
     lower = depth * (1 + table.height / above)[:, None, None]
-    things, _ = first_hits(_things(table, _middles(scenes)), cameras)
-    around = torch.where((things > 0) & (things < lower), things, lower)
-    return torch.where(beyond, around, depth)
+    depth = torch.where(beyond, lower, depth)
+    things, _ = first_hits(_things(table, _middles(scenes), cameras, those), cameras)
+    return torch.where((things > 0) & (things < depth), things, depth)
 
 
 def _drawn_table(scenes: SceneParameters, drawn: Tensor) -> _Table:
@@ -98,8 +98,11 @@ def _middles(scenes: SceneParameters) -> Tensor:
     return places.sum(dim=1) / count
 
 
-def _things(table: _Table, middles: Tensor) -> SceneParameters:
-    """Superquadrics (B, `_THINGS`) that stand on the floor, beyond the first edge."""
+def _things(table: _Table, middles: Tensor, cameras: CameraBatch, those: Tensor) -> SceneParameters:
+    """Superquadrics (B, `_THINGS`) that stand on the floor, beyond the first edge.
+
+    None stands nearer to the camera than its table: it would hide what is on that.
+    """
     drawn = table.things
     half_axes = _between(drawn[..., :3], *_SIZE)
     angle = 2 * np.pi * drawn[..., 3]
@@ -115,12 +118,15 @@ def _things(table: _Table, middles: Tensor) -> SceneParameters:
     places = away[..., None] * outward + aside[..., None] * beside
     levels = half_axes[..., 2:] - table.height[:, None, None]
     exponents = _between(drawn[..., 6:7], 2.0, 12.0).expand_as(half_axes)
+    eyes = cameras.T_world_camera[:, None, :2, 3]
+    nearest = (places - eyes).norm(dim=-1) - radius
+    behind = nearest > (middles[:, None] - eyes).norm(dim=-1)
     return SceneParameters(
         half_axes,
         exponents.contiguous(),
         rotations,
         torch.cat([places, levels], dim=-1),
-        drawn[..., 7] < _PRESENT,
+        (drawn[..., 7] < _PRESENT) & behind & those[:, None],
     )
 
 

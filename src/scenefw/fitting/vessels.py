@@ -68,10 +68,12 @@ class VesselFit:
         stands: float = 0.04,
         steps: int = 30,
     ) -> None:
-        if min(sigma, wall, wall_sigma, stands, steps) <= 0:
+        in_bounds = _WALLS[0] <= wall <= _WALLS[1]
+        if min(sigma, wall_sigma, stands, steps) <= 0 or not in_bounds:
             raise ConfigError(
                 f"a fit of vessels has sigma {sigma}, wall {wall}, wall_sigma {wall_sigma}, stands "
-                f"{stands} and steps {steps}; expected positive numbers"
+                f"{stands} and steps {steps}; expected positive numbers, and a wall of "
+                f"{_WALLS[0]} to {_WALLS[1]} m"
             )
         self.sigma, self.wall, self.wall_sigma = sigma, wall, wall_sigma
         self.stands, self.steps = stands, steps
@@ -86,7 +88,7 @@ class VesselFit:
         lowest = float(np.quantile(points[:, 2], 0.02))
         bottom = 0.0 if lowest < self.stands else lowest
         top = float(np.quantile(points[:, 2], 0.99))
-        rim = points[points[:, 2] > np.quantile(points[:, 2], _RIM)]
+        rim = points[points[:, 2] >= np.quantile(points[:, 2], _RIM)]
         x, y, radius = _circle(rim[:, :2])
         radius = float(np.clip(radius, 0.02, 0.15))
         height = max(top - bottom, 0.01)

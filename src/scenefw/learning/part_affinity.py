@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from scenefw.core.batches import IndexBatch
+from scenefw.core.errors import ConfigError
 from scenefw.core.part_views import PartViewBatch, PartViewSetup
 from scenefw.learning.checkpoint import PART_AFFINITY
 from scenefw.learning.module import TrainingModule
@@ -24,8 +25,19 @@ class PartAffinityLearning(TrainingModule):
     model: PartAffinityModel
 
     def setup_with(self, data: PartViewData) -> PartViewSetup:
-        """The size of the images, and what the network says."""
-        return PartViewSetup(*data.image_size, shown=self.model.shown is not None)
+        """The size of the images, and what the network says.
+
+        Raises:
+            ConfigError: the network says which pixels show objects, and no loss teaches it that.
+        """
+        shown = self.model.shown is not None
+        taught = any(getattr(loss, "teaches_shown", False) for loss in self.losses.values())
+        if shown and not taught:
+            raise ConfigError(
+                "no loss teaches the network which pixels show objects; add 'loss=[part_affinity,"
+                "part_shown]', or give model.shown=false"
+            )
+        return PartViewSetup(*data.image_size, shown=shown)
 
     def predict_batch(self, batch: PartViewBatch) -> Tensor:
         """Logits (B, 2 or 3, H, W)."""

@@ -20,6 +20,8 @@ class PartShownCrossEntropy:
     """
 
     needs_draws = False
+    teaches_shown = True
+    """Whether it teaches which pixels show objects: a network that says it needs such a loss."""
 
     def __init__(self, weight: float = 1.0) -> None:
         self.weight = weight

@@ -29,7 +29,7 @@ class PartAffinity(nn.Module):
     It sees how depth changes to neighbours some pixels away, surface normals in the world frame,
     and the height above the floor: absolute coordinates would drown what tells two touching
     objects apart. From a pixel to its right and lower neighbour, it says how likely both show the
-    same object, or both the floor. It also says how likely a pixel shows an object on the floor: a
+    same object, or both the floor. With `shown` it also says how likely a pixel shows an object: a
     floor that a camera measures badly has waves as high as flat things.
 
     Args:

@@ -112,5 +112,5 @@ class AffinityParts:
         )
         image = torch.from_numpy(depth)[None].to(device)
         same: Float32 = self.model(image, cameras)[0].sigmoid().cpu().numpy()
-        shown = same[2] if len(same) > 2 else np.ones_like(depth)
+        shown = np.ones_like(depth) if self.model.shown is None else same[2]
         return same[0, :, :-1], same[1, :-1], shown

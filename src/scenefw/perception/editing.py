@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from scenefw.core.errors import InputError
-from scenefw.core.geometry import rigid
+from scenefw.core.geometry import rigid, transform_points
 from scenefw.core.types import (
     Float64,
     GridSpec,
@@ -209,6 +209,7 @@ def superquadric(
 def with_objects(estimate: SceneEstimate, objects: Objects) -> SceneEstimate:
     """The scene with other objects: its volumes are made of their meshes.
 
+    Vessels have a lid on there, as in predicted volumes: voxels are thicker than walls.
     The grid grows where objects lie outside; its voxels do only beyond 128 per side. What the image
     shows stays: the frame, and the masks of objects that are still there with their own shapes.
     Volumes of other representations go, and so do details that are of the prediction alone.
@@ -221,7 +222,7 @@ def with_objects(estimate: SceneEstimate, objects: Objects) -> SceneEstimate:
     if len(objects) == len(before) and all(map(operator.is_, objects, before)):
         return estimate
     grid = _holding(estimate.grid, objects)
-    tsdf, instances = mesh_volumes([(item.id, item.mesh) for item in objects], grid)
+    tsdf, instances = mesh_volumes([(item.id, _with_a_lid(item)) for item in objects], grid)
     masks = estimate.masks
     if masks is not None:
         faces = {item.id: item.mesh.faces for item in before}  # a new object may have an old id
@@ -232,6 +233,14 @@ def with_objects(estimate: SceneEstimate, objects: Objects) -> SceneEstimate:
         "resolution": grid.resolution, "extent": grid.extent, "lower": list(grid.lower)
     }  # fmt: skip
     return SceneEstimate(objects, grid, tsdf, instances, estimate.frame, details, {}, masks)
+
+
+def _with_a_lid(item: ObjectEstimate) -> TriangleMesh:
+    """What a volume holds of an object."""
+    if item.placed is None or not isinstance(item.placed.shape, Vessel):
+        return item.mesh
+    own = item.placed.shape.filled_mesh()
+    return TriangleMesh(transform_points(item.placed.pose.matrix, own.vertices), own.faces)
 
 
 def _holding(grid: GridSpec, objects: Objects) -> GridSpec:

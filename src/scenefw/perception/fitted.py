@@ -134,7 +134,7 @@ class Fitted:
             )
             view = View(seen, masks, tsdf[i], instances[i], free[i], grid, eyes[i])
             draws = self.superquadrics(view, count, random)
-            hollow.append({} if self.vessels is None else self.vessels.found(view, draws[0]))
+            hollow.append(self._hollow(view, draws[0]))
             for views, found in zip(drawn, draws, strict=True):
                 views.append((view, {k: one for k, one in found.items() if k not in hollow[i]}))
         return [with_superquadrics(scene, views, hollow) for views in drawn]
@@ -156,6 +156,13 @@ class Fitted:
             {k: one for k, one in zip(enough, draw, strict=True) if self._explains(one, enough[k])}
             for draw in draws
         ]
+
+    def _hollow(
+        self, view: View, found: Mapping[int, FittedSuperquadric]
+    ) -> dict[int, FittedVessel]:
+        if self.vessels is None:
+            return {}
+        return self.vessels.found(view, self._enough(view), found)
 
     def _enough(self, view: View) -> dict[int, Evidence]:
         """Evidence of objects of which enough is seen, by label."""

@@ -96,7 +96,12 @@ def _read(path: Path) -> dict[str, Any]:
 
 def _object(told: dict[str, Any], path: Path) -> ObjectEstimate:
     label = int(told["id"])
-    placed = _placed(told.get("shape"))
+    try:
+        placed = _placed(told.get("shape"))
+    except InputError as error:
+        raise InputError(
+            f"the shape of object {label} in {path} is none ({error}); predict the scene again"
+        ) from error
     if told.get("mesh") is not None:
         mesh = _mesh(str(told["mesh"]), path, label)
     elif placed is not None:

@@ -11,7 +11,7 @@ from scenefw.core.errors import ConfigError
 from scenefw.fitting.placed import signed_distance
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     from scenefw.core.evidence import FittedSuperquadric
     from scenefw.core.types import Float32, Float64, GridSpec, Int32
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from scenefw.perception.evidence import Mask, View
 
 _BEFORE, _WITHIN = 0.02, 0.004  # m: so far before a seen point, nothing is so deep in a solid
+_THERE = 0.98  # share of a vessel in the grid
 _SECTIONS = 24  # of a surface that is looked up in free space
 _WIDTH = 640  # pixels of the image that numbers of pixels are for
 
@@ -79,19 +80,23 @@ class Vessels:
         self.inside, self.below, self.through, self.least = inside, below, through, least
 
     def found(
-        self, view: View, superquadrics: Mapping[int, FittedSuperquadric]
+        self,
+        view: View,
+        labels: Iterable[int],
+        superquadrics: Mapping[int, FittedSuperquadric],
     ) -> dict[int, FittedVessel]:
-        """The vessels among the objects of a view, by label.
+        """The vessels among some objects of a view, by label.
 
         Args:
             view: with masks.
+            labels: of objects that are in the grid.
             superquadrics: those that explain objects; `distances` are of their seen points.
         """
         kept: dict[int, FittedVessel] = {}
         if view.eye is None:  # several views: seen from all around
             return kept
         free = binary_erosion(view.free)  # so that no wall lies in it by half a voxel
-        for label in np.unique(view.masks[view.masks > 0]).tolist():
+        for label in labels:
             points = self._points(view, label)
             if len(points) < self.least:
                 continue
@@ -134,7 +139,7 @@ class Vessels:
         voxels = np.round(grid.to_voxels(corners)).astype(int)
         there = ((voxels >= 0) & (voxels < grid.resolution)).all(axis=1)
         through = free[tuple(voxels[there].T)]
-        return bool(there.any() and through.mean() < self.through)
+        return bool(there.mean() > _THERE and through.mean() < self.through)
 
 
 def with_vessels(
@@ -142,7 +147,8 @@ def with_vessels(
 ) -> tuple[Float32, Int32]:
     """TSDF and instances (X, Y, Z) with vessels in place of what was there.
 
-    Their walls are thinner than voxels, so volumes have them with a lid on.
+    Their walls are thinner than voxels, so volumes have them with a lid on. What lies in a vessel
+    keeps its voxels.
 
     Args:
         vessels: by label.
@@ -150,13 +156,21 @@ def with_vessels(
         instances: (X, Y, Z) labels.
         view: whose grid it is.
     """
-    reach = view.grid.truncation
-    centres = view.grid.centres()
     for label, one in vessels.items():
         own = instances == label
-        tsdf, instances = np.where(own, reach, tsdf), np.where(own, 0, instances)
-        distance = one.shape.filled_distance(centres - one.pose.position)
-        closer = distance < tsdf
-        instances = np.where(closer, np.where(distance < 0, label, 0), instances)
-        tsdf = np.minimum(tsdf, distance)
+        tsdf = np.where(own, np.float32(view.grid.truncation), tsdf)
+        instances = np.where(own, 0, instances)
+        box = _about(one, view.grid)
+        distance = one.shape.filled_distance(view.grid.centres()[box] - one.pose.position)
+        closer = (instances[box] == 0) & (distance < tsdf[box])
+        instances[box] = np.where(closer & (distance < 0), label, instances[box])
+        tsdf[box] = np.where(closer, distance, tsdf[box])
     return tsdf.astype(np.float32), np.where(tsdf < 0, instances, 0).astype(np.int32)
+
+
+def _about(one: FittedVessel, grid: GridSpec) -> tuple[slice, ...]:
+    """Voxels about a vessel, as far as distances are told."""
+    corners = one.shape.mesh(_SECTIONS).vertices + one.pose.position
+    ends = corners.min(axis=0) - grid.truncation, corners.max(axis=0) + grid.truncation
+    low, high = (np.clip(np.round(grid.to_voxels(end)), 0, grid.resolution) for end in ends)
+    return tuple(slice(int(a), int(b)) for a, b in zip(low, high, strict=True))

@@ -42,9 +42,9 @@ class Solid:
         seen: (X, Y, Z) in [0, 1]; surfaces are pale where it is 0. None = nowhere.
         surfaces: of the objects, which are seen in place of the volume's; shadows are its all the
             same. None: the volume's are seen.
-        hollow: (X, Y, Z) distances in which hollow objects are so (m), by which these are lit;
-            thin walls cast no shadow in it. None: nothing is hollow.
-        hollow_labels: labels of those objects.
+        hollow: (X, Y, Z) distances in which hollow objects are so (m), by which objects are lit:
+            light falls into them, but thin walls cast no shadow. The floor is lit by `tsdf`, in
+            which they have a lid on. None: nothing is hollow.
     """
 
     tsdf: Float32
@@ -54,7 +54,6 @@ class Solid:
     seen: Float32 | None = None
     surfaces: Surfaces | None = None
     hollow: Float32 | None = None
-    hollow_labels: tuple[int, ...] = ()
 
 
 def draw(solid: Solid, camera: Camera, *, reach: float = 0.62) -> Picture:
@@ -92,7 +91,7 @@ def draw(solid: Solid, camera: Camera, *, reach: float = 0.62) -> Picture:
     lends[lender[hit]] = True
     lit = lends.reshape(depth.shape)
     number = np.cumsum(lit)[lender[hit]] - 1
-    light = _light(solid, points[lit], normals[lit], labels[lit], is_floor[lit], fine)[number]
+    light = _light(solid, points[lit], normals[lit], is_floor[lit], fine)[number]
     colour = _base_colours(solid, labels[hit], points[hit], is_floor[hit])
     if solid.seen is not None:
         share = _seen_share(solid.seen, solid.grid, points[lit])[number]
@@ -150,7 +149,7 @@ def _coloured(
     hit = (depth > 0) & ~(is_floor & (np.hypot(points[:, 0], points[:, 1]) > reach))
     found = np.ones((len(depth), 3), dtype=np.float32)
     points, labels, is_floor = points[hit], labels[hit], is_floor[hit]
-    light = _light(solid, points, normals[hit], labels, is_floor, camera)
+    light = _light(solid, points, normals[hit], is_floor, camera)
     colour = _base_colours(solid, labels, points, is_floor)
     if solid.seen is not None:
         own = ~is_floor
@@ -286,7 +285,6 @@ def _light(
     solid: Solid,
     points: Float32,
     normals: Float32,
-    labels: NDArray[np.int64],
     is_floor: NDArray[np.bool_],
     camera: Camera,
 ) -> Float32:
@@ -296,13 +294,11 @@ def _light(
     key = (key / np.linalg.norm(key)).astype(np.float32)
     grid, brightness = solid.grid, np.empty(len(points), dtype=np.float32)
     field = far_distance(solid.tsdf, grid)
-    hollow = np.isin(labels, solid.hollow_labels) & ~is_floor
-    objects = ~is_floor & ~hollow
-    brightness[objects] = brightness_of(field, grid, points[objects], normals[objects], key)
     brightness[is_floor] = floor_brightness(field, grid, points[is_floor], key)
-    if solid.hollow is not None and hollow.any():
+    if solid.hollow is not None:
         field = far_distance(solid.hollow, grid)
-        brightness[hollow] = brightness_of(field, grid, points[hollow], normals[hollow], key)
+    objects = ~is_floor
+    brightness[objects] = brightness_of(field, grid, points[objects], normals[objects], key)
     return brightness[:, None]
 
 

@@ -35,12 +35,13 @@ def solid_of(
         box = _about(estimate, label)
         local = (estimate.grid.centres()[box] - pose.position) @ pose.rotation
         filled = shape.filled_distance(local)
-        hollow[box] = np.where(filled < 0, shape.wall_distance(local), hollow[box])
+        others = np.where(estimate.instances[box] == label, np.inf, estimate.tsdf[box])
+        open_ = np.minimum(shape.wall_distance(local), others)
+        hollow[box] = np.where(filled < 0, open_, hollow[box])
         field[box] = np.minimum(field[box], filled)
     return Solid(
         field, estimate.instances, estimate.grid, list(colours), seen, surfaces,
         hollow if vessels else None,
-        tuple(vessels),
     )  # fmt: skip
 
 

@@ -1,17 +1,15 @@
 """Predicted objects from two sides, without the image: a picture for documents."""
 
 import numpy as np
-import torch
 from scipy import ndimage
 
 from scenefw.core.geometry import inverse, transform_points
 from scenefw.core.types import Camera, Float32, SceneEstimate
-from scenefw.kernels.cameras import stack_cameras
-from scenefw.renderers.sphere_tracer import SphereTracer
 from scenefw.report.overview import by_label, cropped, vertices, window
 from scenefw.report.palette import instance_colours
 from scenefw.report.shading import Picture, draw, turned
 from scenefw.report.solids import of_objects, solid_of
+from scenefw.report.surfaces import Surfaces
 
 _SIZE = (440, 330)  # of a side: width, height (pixels)
 _GAP = 8  # pixels
@@ -26,28 +24,28 @@ def draw_two_sides(estimate: SceneEstimate) -> Picture:
     """
     colours = by_label(estimate, instance_colours(len(estimate.objects)))
     camera = cropped(estimate.frame.camera, *window(estimate)).resized(*_SIZE)
-    tsdf = of_objects(estimate)
-    seen = seen_share(estimate, tsdf, camera)
+    surfaces = Surfaces({item.id: item.mesh for item in estimate.objects})
+    seen = seen_share(estimate, of_objects(estimate), surfaces, camera)
     solid = solid_of(estimate, colours, seen)
     tiles = [draw(solid, camera), draw(solid, turned(camera, vertices(estimate), _TURN))]
     gap = np.ones((tiles[0].shape[0], _GAP, 3), dtype=np.float32)
     return np.concatenate([tiles[0], gap, tiles[1]], axis=1)
 
 
-def seen_share(estimate: SceneEstimate, tsdf: Float32, camera: Camera) -> Float32:
+def seen_share(
+    estimate: SceneEstimate, tsdf: Float32, surfaces: Surfaces, camera: Camera
+) -> Float32:
     """How much of the surface around each voxel no other surface hides, (X, Y, Z) in [0, 1].
 
     Args:
         estimate: gives the grid.
         tsdf: (X, Y, Z) with the surface (m).
+        surfaces: that hide what lies behind.
         camera: from where.
     """
     grid = estimate.grid
     surface = np.abs(tsdf) < 1.5 * grid.voxel_size
-    first = SphereTracer(floor=False).render(
-        torch.from_numpy(tsdf)[None, None], grid, stack_cameras([camera])
-    )
-    depth = first[0].numpy()
+    depth = surfaces.seen_from(camera)[0]
     points = transform_points(inverse(camera.T_world_camera), grid.centres()[surface])
     z = np.maximum(points[:, 2], 1e-6)
     u = np.rint(points[:, 0] / z * camera.fx + camera.cx).astype(int)

@@ -86,6 +86,11 @@ class Vessel:
         found = _turned(np.concatenate([self.outside, self.inside]), sections)
         return TriangleMesh(found.vertices + [0.0, 0.0, self.bottom], found.faces)
 
+    def filled_mesh(self) -> TriangleMesh:
+        """Its surface with a lid on."""
+        found = _turned(np.concatenate([self.outside, [[0.0, self.height]]]), _AROUND * _SECTORS)
+        return TriangleMesh(found.vertices + [0.0, 0.0, self.bottom], found.faces)
+
     def volume(self) -> float:
         """Volume of its walls and bottom (m^3)."""
         return self._moments.volume
@@ -93,7 +98,7 @@ class Vessel:
     def solid(self) -> SolidMesh:
         """The same as a mesh that collides as convex pieces of its wall and bottom."""
         mesh = self.mesh()
-        return SolidMesh(mesh.vertices, mesh.faces, self._pieces(), "vessel")
+        return _VesselSolid(mesh.vertices, mesh.faces, self._pieces(), "vessel")
 
     def scaled(self, factor: float) -> Self:
         """The same shape, larger or smaller."""
@@ -156,6 +161,16 @@ class Vessel:
                     for i in (k, k + 1) for radius in (inner[i], outer[i])
                 ]))  # fmt: skip
         return tuple(piece + [0.0, 0.0, self.bottom] for piece in pieces)
+
+
+@dataclass(frozen=True, eq=False)
+class _VesselSolid(SolidMesh):
+    """A solid about the z axis, which need not be its longest."""
+
+    def inertia(self) -> Float64:
+        """Moments of inertia (3,) about x, y, z per unit mass (m^2)."""
+        spread = np.diag(moments(self.mesh()).covariance)
+        return np.asarray(spread.sum() - spread)
 
 
 def profile_distance(profile: Float64, flat: Float64, height: Float64) -> Float64:

@@ -50,6 +50,13 @@ def test_a_handle_does_not_mislead_it():
     assert one.shape.radius == pytest.approx(CUP.radius, rel=0.1)
 
 
-def test_bad_settings():
+def test_points_of_one_height_have_a_fit_too():
+    x, y = np.meshgrid(np.linspace(-0.05, 0.05, 20), np.linspace(-0.05, 0.05, 20))
+    flat = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 0.08)])
+    assert np.isfinite(VesselFit().fit(flat, EYE).distances).all()
+
+
+@pytest.mark.parametrize("wrong", [{"sigma": 0.0}, {"wall": 0.05}, {"steps": 0}])
+def test_bad_settings(wrong):
     with pytest.raises(ConfigError, match="a fit of vessels has"):
-        VesselFit(sigma=0.0)
+        VesselFit(**wrong)

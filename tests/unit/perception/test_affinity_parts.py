@@ -22,6 +22,8 @@ from scenefw.perception.seen_parts import floor_noise
 class Knowing(torch.nn.Module):
     """Says of pixels whether their owners, an image (H, W), are the same."""
 
+    shown = None
+
     def __init__(self, owners, focal):
         super().__init__()
         self.owners, self.focal = torch.from_numpy(owners.astype(np.int32)), focal
@@ -97,6 +99,8 @@ def test_bad_settings(seen, wrong):
 
 class Showing(Knowing):
     """The same, and it knows which pixels show the objects of these labels."""
+
+    shown = True
 
     def __init__(self, owners, focal, *shown):
         super().__init__(owners, focal)

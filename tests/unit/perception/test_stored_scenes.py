@@ -62,6 +62,9 @@ def test_a_vessel_is_stored_by_its_numbers_and_scaled(known, tmp_path):
     np.testing.assert_allclose(
         read.objects[0].placed.mesh().vertices, placed.mesh().vertices, atol=1e-9
     )
+    voxels = (read.instances == first.id).sum() * read.grid.voxel_size**3
+    outside = np.pi * (0.04 * 0.9) ** 2 * 0.1  # about: walls alone would be a sixth
+    assert voxels == pytest.approx(outside, rel=0.25)
     larger = scaled(read.objects, first.id, 2.0)[0]
     assert larger.placed.shape.radius == pytest.approx(0.08)
     np.testing.assert_allclose(
@@ -71,6 +74,16 @@ def test_a_vessel_is_stored_by_its_numbers_and_scaled(known, tmp_path):
     Superquadrics().write(tmp_path / "s.json", read, [])
     told = json.loads((tmp_path / "s.json").read_text())
     assert told == {"superquadrics": [], "unexplained": [first.id]}
+
+
+def test_an_impossible_vessel_is_told_with_its_file(known, tmp_path):
+    vessel = Vessel(0.04, 0.8, 0.7, 0.1, 0.004)
+    placed = PlacedShape(vessel, Pose(np.array([0.1, 0.2, 0.05]), np.array([1.0, 0, 0, 0])))
+    first = replace(known.objects[0], mesh=placed.mesh(), placed=placed)
+    write_scene_files(tmp_path, replace(known, objects=(first,)), colours_of(known)[:1])
+    change(tmp_path, lambda told: told["objects"][0]["shape"].update(wall=-1.0))
+    with pytest.raises(InputError, match=r"scene\.json"):
+        read_scene(tmp_path)
 
 
 def test_the_file_alone_will_do_where_shapes_are_told(known, folder):

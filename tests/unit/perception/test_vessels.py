@@ -83,43 +83,61 @@ EYES = [(0.1, -0.7, 0.55), (-0.4, 0.4, 0.6)]
 @pytest.mark.parametrize("vessel", [MUG, BOWL])
 def test_what_one_sees_into_becomes_hollow(vessel, eye, size):
     view = view_of(vessel.mesh(), eye, size=size)
-    found = Vessels(VesselFit()).found(view, {})
+    found = Vessels(VesselFit()).found(view, [1], {})
     assert list(found) == [1]
     assert found[1].shape.radius == pytest.approx(vessel.radius, rel=0.06)
     # A superquadric about it all is no better, as the far wall is seen through it
     about = Superquadric([vessel.radius] * 2 + [vessel.height / 2], [2, 2, 40])
     known = {1: upright(about, vessel.height / 2)}
-    assert list(Vessels(VesselFit()).found(view, known)) == [1]
+    assert list(Vessels(VesselFit()).found(view, [1], known)) == [1]
 
 
 @pytest.mark.parametrize("eye", EYES)
 def test_a_can_stays_solid_with_a_superquadric_and_without(eye):
     view = view_of(CAN.mesh(24), eye)
-    assert Vessels(VesselFit()).found(view, {1: upright(CAN, 0.05)}) == {}
-    assert Vessels(VesselFit()).found(view, {}) == {}
+    assert Vessels(VesselFit()).found(view, [1], {1: upright(CAN, 0.05)}) == {}
+    assert Vessels(VesselFit()).found(view, [1], {}) == {}
 
 
 def test_a_mug_from_the_side_stays_solid():
     view = view_of(MUG.mesh(), (0.0, -0.9, 0.06))
-    assert Vessels(VesselFit()).found(view, {}) == {}
+    assert Vessels(VesselFit()).found(view, [1], {}) == {}
 
 
 def test_without_one_eye_and_with_few_points_nothing_is_hollow():
     view = view_of(MUG.mesh(), EYES[0])
-    assert Vessels(VesselFit()).found(replace(view, eye=None), {}) == {}
-    assert Vessels(VesselFit(), least=10**6).found(view, {}) == {}
+    assert Vessels(VesselFit()).found(replace(view, eye=None), [1], {}) == {}
+    assert Vessels(VesselFit(), least=10**6).found(view, [1], {}) == {}
 
 
 def test_a_wall_where_the_view_sees_through_is_none():
     view = view_of(MUG.mesh(), EYES[0])
     everything = np.ones_like(view.free)
-    assert Vessels(VesselFit()).found(replace(view, free=everything), {}) == {}
+    assert Vessels(VesselFit()).found(replace(view, free=everything), [1], {}) == {}
+
+
+def test_what_lies_in_a_vessel_keeps_its_voxels():
+    view = view_of(BOWL.mesh(), EYES[0])
+    found = Vessels(VesselFit()).found(view, [1], {})
+    ball = np.linalg.norm(view.grid.centres() - [*PLACE, 0.035], axis=-1) - 0.03
+    tsdf = np.minimum(ball, view.grid.truncation).astype(np.float32)
+    instances = np.where(ball < 0, 2, 0).astype(np.int32)
+    _, labels = with_vessels(found, tsdf, instances, view)
+    assert np.array_equal(labels == 2, instances == 2)
+    assert (labels == 1).sum() > 100
+
+
+def test_a_vessel_that_ends_beyond_the_grid_is_none():
+    view = view_of(MUG.mesh(), EYES[0])
+    small = GridSpec(resolution=64, extent=0.2, lower=(PLACE[0] - 0.2, PLACE[1] - 0.1, -0.02))
+    free = np.zeros(small.shape, bool)
+    assert Vessels(VesselFit()).found(replace(view, grid=small, free=free), [1], {}) == {}
 
 
 @pytest.mark.parametrize("resolution", [64, 96])
 def test_volumes_have_a_lid_and_others_stay(resolution):
     view = view_of(BOWL.mesh(), EYES[0], resolution)
-    found = Vessels(VesselFit()).found(view, {})
+    found = Vessels(VesselFit()).found(view, [1], {})
     other = np.linalg.norm(view.grid.centres() - [-0.2, 0.1, 0.05], axis=-1) - 0.05
     tsdf = np.minimum(other, view.grid.truncation).astype(np.float32)
     instances = np.where(tsdf < 0, 2, 0).astype(np.int32)

@@ -101,7 +101,7 @@ def test_light_falls_into_what_is_hollow():
     surfaces = Surfaces({1: standing(vessel, -vessel.bottom)})
     tsdf, inside = np.clip(filled, -limit, limit).astype(np.float32), (filled < 0).astype(np.int32)
     shut = replace(solid, tsdf=tsdf, instances=inside, surfaces=surfaces)
-    lit = replace(shut, hollow=np.minimum(opened, limit).astype(np.float32), hollow_labels=(1,))
+    lit = replace(shut, hollow=np.minimum(opened, limit).astype(np.float32))
     pictures = [draw(one, CAMERA) for one in (shut, lit)]
     red = pictures[1][..., 0] - pictures[1][..., 2] > 0.1
     assert pictures[1][red].mean() > 1.1 * pictures[0][red].mean()

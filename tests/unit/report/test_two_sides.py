@@ -4,6 +4,7 @@ from tests.unit.report.test_overview import estimate_of
 
 from scenefw.core.geometry import look_at
 from scenefw.core.types import Camera
+from scenefw.report.surfaces import Surfaces
 from scenefw.report.two_sides import draw_two_sides, of_objects, seen_share
 
 
@@ -12,7 +13,8 @@ def test_of_a_ball_the_half_before_the_camera_is_seen(eye):
     estimate = estimate_of(resolution=48)
     grid = estimate.grid
     camera = Camera(320, 240, 360.0, 360.0, 159.5, 119.5, look_at(eye, (0, 0, 0.1)))
-    share = seen_share(estimate, estimate.tsdf, camera)
+    surfaces = Surfaces({item.id: item.mesh for item in estimate.objects})
+    share = seen_share(estimate, estimate.tsdf, surfaces, camera)
     outward = grid.centres() - (0, 0, 0.12)
     to_eye = np.array(eye) - grid.centres()
     cosine = (outward * to_eye).sum(axis=-1) / np.maximum(

@@ -68,6 +68,14 @@ def test_distances_are_those_to_a_fine_mesh(vessel):
     assert (vessel.wall_distance(places[filled > 0]) > -1e-9).all()
 
 
+@pytest.mark.parametrize("vessel", [MUG, BOWL])
+def test_its_moments_of_inertia_are_those_about_its_own_axes(vessel):
+    points = np.random.default_rng(0).uniform(-0.1, 0.1, (400_000, 3))
+    points = points[vessel.wall_distance(points) < 0]
+    squares = (points**2).mean(axis=0)
+    np.testing.assert_allclose(vessel.solid().inertia(), squares.sum() - squares, rtol=0.08)
+
+
 def sampled(mesh):
     rng = np.random.default_rng(1)
     corners = mesh.vertices[mesh.faces]
