@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from scenefw.core.training_protocols import PartAffinityModel, TrainedPartAffinity
-    from scenefw.core.types import Camera, Float32, Frame, Int32
+    from scenefw.core.types import Camera, Float32, Float64, Frame, Int32
 
 _WIDTH = 640  # pixels of the image that `smallest` is for
 
@@ -28,16 +28,16 @@ class AffinityParts:
     Pixels that surely show the same object are joined first, and others go to what is nearest along
     the surface. Of two such regions that meet, all pixels along the border are asked: they are
     joined if the mean is high enough, the surest first. So a few likely pixels join no objects.
-    Images are thinned to about the focal length that the network learnt from. Pixels that it takes
-    for the floor, or for what lies beyond a table's edge, are in no part, if it says which these
-    are.
+    Images are thinned to about the focal length that the network learnt from. Parts that it takes
+    for waves of the floor, or for what lies beyond a table's edge, are dropped, if it says which
+    pixels show objects.
 
     Args:
         checkpoint: of a network of affinities.
         sure: probability of the same object from which on pixels are joined first.
         same: mean along a border from which on the regions beside it are joined.
         seed: pixels (of the thinned image) of the smallest region.
-        shown: probability of an object from which on a pixel may be in a part; 0: all may.
+        shown: parts whose pixels show an object less probably, on average, are dropped.
         margin: points up to this height above the floor belong to it (m).
         smallest: parts of fewer pixels (of an image 640 wide) are dropped.
         lowest: parts that rise no higher above the floor (m) are noise of it.
@@ -80,10 +80,12 @@ class AffinityParts:
         depth = np.ascontiguousarray(np.nan_to_num(frame.depth[::step, ::step]), np.float32)
         across, down, shown = self._said(depth, frame.camera, step)
         above = heights > self.margin  # NaN where no depth: not above
-        above &= (shown >= self.shown)[np.ix_(rows, columns)]
         joined = self._joined(depth, across, down, above[::step, ::step])
         fewest = self.smallest * (frame.depth.shape[1] / _WIDTH) ** 2
         parts = large_parts(joined, max(1, round(fewest / step**2)))
+        unlikely = (parts > 0) & (_means(shown, parts) < self.shown)
+        parts = large_parts(np.where(unlikely, 0, parts).astype(np.int64), 1)
+        above &= ~unlikely[np.ix_(rows, columns)]
         parts = np.where(above, parts[np.ix_(rows, columns)], 0).astype(np.int32)
         lowest = max(self.lowest, self.noisy * floor_noise(heights))
         return high_parts(grown(parts, above, frame.depth), heights, lowest)
@@ -114,3 +116,9 @@ class AffinityParts:
         same: Float32 = self.model(image, cameras)[0].sigmoid().cpu().numpy()
         shown = np.ones_like(depth) if self.model.shown is None else same[2]
         return same[0, :, :-1], same[1, :-1], shown
+
+
+def _means(values: Float32, parts: Int32) -> Float64:
+    """Of each pixel (H, W), the mean of `values` (H, W) over its part."""
+    sums = np.bincount(parts.ravel(), values.ravel())
+    return np.asarray((sums / np.maximum(np.bincount(parts.ravel()), 1))[parts])
