@@ -53,7 +53,7 @@ class AffinityParts:
         sure: float = 0.95,
         same: float = 0.7,
         seed: int = 12,
-        shown: float = 0.5,
+        shown: float = 0.3,
         margin: float = 0.005,
         smallest: float = 60.0,
         lowest: float = 0.012,
