@@ -37,7 +37,8 @@ class Vessels:
     A vessel has to explain most of what is seen of an object, better than its superquadric does,
     and enough of that has to lie on its inside, below the rim. So nothing becomes hollow into which
     the view doesn't see. A superquadric doesn't explain what is seen through it: the far wall of a
-    bowl lies on the surface of an ellipsoid, but on the side that looks away.
+    bowl lies on the surface of an ellipsoid, but on the side that looks away. Most of a vessel's
+    width has to be seen, and it must not be flat, so that no wave of the floor becomes a plate.
 
     Args:
         fit: of a vessel to points.
@@ -48,6 +49,8 @@ class Vessels:
         better: by how much more than a superquadric.
         inside: share of the points that must lie on its inside.
         below: by how much these lie below its rim (m).
+        width: share of its diameter over which points must lie.
+        flattest: height that it must have (m).
         through: share of its surface that may lie where the view sees through.
         least: points that an object must have.
 
@@ -65,19 +68,23 @@ class Vessels:
         better: float = 0.05,
         inside: float = 0.1,
         below: float = 0.008,
+        width: float = 0.75,
+        flattest: float = 0.015,
         through: float = 0.15,
         least: int = 100,
     ) -> None:
-        shares = all(0 <= one <= 1 for one in (explained, better, inside, through))
-        if not shares or not near > 0 or min(points, least) < 10 or min(edge, below) < 0:
+        shares = all(0 <= one <= 1 for one in (explained, better, inside, width, through))
+        if not shares or not near > 0 or min(points, least) < 10 or min(edge, below, flattest) < 0:
             raise ConfigError(
                 f"vessels have points {points}, edge {edge}, near {near}, explained {explained}, "
-                f"better {better}, inside {inside}, below {below}, through {through} and least "
-                f"{least}; expected positive numbers, shares and at least 10 points"
+                f"better {better}, inside {inside}, below {below}, width {width}, flattest "
+                f"{flattest}, through {through} and least {least}; expected positive numbers, "
+                "shares and at least 10 points"
             )
         self.fit, self.points, self.edge, self.near = fit, points, edge, near
         self.explained, self.better = explained, better
         self.inside, self.below, self.through, self.least = inside, below, through, least
+        self.width, self.flattest = width, flattest
 
     def found(
         self,
@@ -133,7 +140,9 @@ class Vessels:
         """Whether the view sees into it, and none of its wall where it sees through."""
         rim = one.pose.position[2] + one.shape.bottom + one.shape.height
         within = one.inside & (points[:, 2] < rim - self.below)
-        if within.mean() < self.inside:
+        seen = np.ptp(points[:, :2], axis=0).max()
+        narrow = seen < self.width * 2 * one.shape.radius
+        if within.mean() < self.inside or narrow or one.shape.height < self.flattest:
             return False
         corners = one.shape.mesh(_SECTIONS).vertices + one.pose.position
         voxels = np.round(grid.to_voxels(corners)).astype(int)

@@ -11,7 +11,7 @@ from scenefw.report.pictures import save_picture
 from scenefw.report.two_sides import draw_two_sides
 from scenefw.tasks.predict import Predict
 
-_LARGEST = 150_000  # bytes
+_LARGEST = 200_000  # bytes
 _COLUMNS = 2
 _MARKER = "pictures"
 

@@ -127,6 +127,14 @@ def test_what_lies_in_a_vessel_keeps_its_voxels():
     assert (labels == 1).sum() > 100
 
 
+def test_a_piece_of_a_large_or_a_flat_one_is_none():
+    view = view_of(BOWL.mesh(), EYES[0])
+    narrow = replace(view, masks=view.masks * (np.abs(view.points[..., 0] - PLACE[0]) < 0.02))
+    narrow = replace(narrow, masks=narrow.masks * (view.points[..., 1] > PLACE[1]))
+    assert Vessels(VesselFit()).found(narrow, [1], {}) == {}
+    assert Vessels(VesselFit(), flattest=0.07).found(view, [1], {}) == {}
+
+
 def test_a_vessel_that_ends_beyond_the_grid_is_none():
     view = view_of(MUG.mesh(), EYES[0])
     small = GridSpec(resolution=64, extent=0.2, lower=(PLACE[0] - 0.2, PLACE[1] - 0.1, -0.02))
