@@ -163,6 +163,9 @@ class SetFlowLoss(Loss, Protocol):
 class PartAffinityLoss(Loss, Protocol):
     """A term of the loss of networks that cut images into parts (group `loss`)."""
 
+    teaches_shown: bool
+    """Whether it teaches which pixels show objects: a network that says so needs one such loss."""
+
     def check(self, setup: PartViewSetup) -> None:
         """Raises a ConfigError before the work if it doesn't fit these images."""
 

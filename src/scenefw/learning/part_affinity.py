@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import torch
 from torch import Tensor
@@ -14,7 +14,9 @@ from scenefw.learning.checkpoint import PART_AFFINITY
 from scenefw.learning.module import TrainingModule
 
 if TYPE_CHECKING:
-    from scenefw.core.training_protocols import PartAffinityModel, PartViewData
+    from collections.abc import Mapping
+
+    from scenefw.core.training_protocols import PartAffinityLoss, PartAffinityModel, PartViewData
 
 
 class PartAffinityLearning(TrainingModule):
@@ -31,7 +33,8 @@ class PartAffinityLearning(TrainingModule):
             ConfigError: the network says which pixels show objects, and no loss teaches it that.
         """
         shown = self.model.shown is not None
-        taught = any(getattr(loss, "teaches_shown", False) for loss in self.losses.values())
+        losses = cast("Mapping[str, PartAffinityLoss]", self.losses)
+        taught = any(loss.teaches_shown for loss in losses.values())
         if shown and not taught:
             raise ConfigError(
                 "no loss teaches the network which pixels show objects; add 'loss=[part_affinity,"

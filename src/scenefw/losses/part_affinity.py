@@ -19,7 +19,7 @@ class PartAffinityCrossEntropy:
         weight: factor of this term in the total.
     """
 
-    needs_draws = False
+    needs_draws, teaches_shown = False, False
 
     def __init__(self, weight: float = 1.0) -> None:
         self.weight = weight

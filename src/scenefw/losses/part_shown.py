@@ -19,9 +19,7 @@ class PartShownCrossEntropy:
         weight: factor of this term in the total.
     """
 
-    needs_draws = False
-    teaches_shown = True
-    """Whether it teaches which pixels show objects: a network that says it needs such a loss."""
+    needs_draws, teaches_shown = False, True
 
     def __init__(self, weight: float = 1.0) -> None:
         self.weight = weight

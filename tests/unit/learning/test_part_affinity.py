@@ -1,14 +1,19 @@
 """Training of affinities: it learns, and the weights that ship tell borders from insides."""
 
+from types import SimpleNamespace
+
 import pytest
 import torch
 
 from scenefw import registry
 from scenefw.core.batches import IndexBatch
+from scenefw.core.errors import ConfigError
 from scenefw.core.types import GridSpec
 from scenefw.data.part_views import PartViews
 from scenefw.learning.checkpoint import load_checkpoint
+from scenefw.learning.part_affinity import PartAffinityLearning
 from scenefw.losses.part_affinity import PartAffinityCrossEntropy, true_affinities
+from scenefw.losses.part_shown import PartShownCrossEntropy
 from scenefw.models.part_affinity import PartAffinity
 from scenefw.renderers.sphere_tracer import SphereTracer
 from scenefw.scenes.cameras import RandomViewpoints
@@ -54,3 +59,14 @@ def test_it_learns_one_batch_by_heart():
         costs[-1].backward()
         optimiser.step()
     assert float(costs[-1].detach()) < 0.3 * float(costs[0].detach())
+
+
+def test_a_network_of_shown_pixels_needs_a_loss_that_teaches_it():
+    alone = {"part_affinity": PartAffinityCrossEntropy()}
+    both = {**alone, "part_shown": PartShownCrossEntropy()}
+    data = SimpleNamespace(image_size=(32, 24))
+    network = PartAffinity((4, 8), shown=True)
+    assert PartAffinityLearning(network, both).setup_with(data).shown
+    with pytest.raises(ConfigError, match="no loss teaches"):
+        PartAffinityLearning(network, alone).setup_with(data)
+    assert not PartAffinityLearning(PartAffinity((4, 8)), alone).setup_with(data).shown
