@@ -15,6 +15,7 @@ from scenefw.core import (
     batches,
     height_maps,
     labelling_protocols,
+    part_protocols,
     part_views,
     protocols,
     queried_sets,
@@ -36,7 +37,7 @@ _CROSSING = frozenset(
 
 PROTOCOLS: dict[str, Any] = {
     **vars(protocols), **vars(labelling_protocols), **vars(training_protocols),
-    **vars(query_protocols),
+    **vars(query_protocols), **vars(part_protocols),
 }  # fmt: skip
 """What stands in the modules of `core` that hold protocols, by name."""
 

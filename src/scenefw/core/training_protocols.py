@@ -10,10 +10,8 @@ if TYPE_CHECKING:
 
     import torch
     from torch import Tensor
-    from torch.nn import Module
 
     from scenefw.core.batches import (
-        CameraBatch,
         IndexBatch,
         ObjectSetBatch,
         ObjectSetPrediction,
@@ -27,7 +25,6 @@ if TYPE_CHECKING:
         ShapeInstancePrediction,
         ShapeInstanceSetup,
     )
-    from scenefw.core.part_views import PartViewBatch, PartViewSetup
     from scenefw.core.protocols import Representation
     from scenefw.core.types import GridSpec
 
@@ -91,19 +88,6 @@ class SeenSetData(TrainingData, Protocol):
         """The same views in every epoch."""
 
 
-class PartViewData(TrainingData, Protocol):
-    """Depth images and which object each pixel shows (group `dataset`, option `part_views`)."""
-
-    image_size: tuple[int, int]
-    """Width and height (pixels)."""
-
-    def training_batch(self, batch: IndexBatch, device: torch.device) -> PartViewBatch:
-        """Images of an epoch, each a function of only (seed, epoch, index)."""
-
-    def validation_batch(self, batch: IndexBatch, device: torch.device) -> PartViewBatch:
-        """The same images in every epoch."""
-
-
 class SegmentationTrainingData(TrainingData, Protocol):
     """Labelled views or crops of maps (group `dataset`, options `tabletop*`)."""
 
@@ -158,19 +142,6 @@ class SetFlowLoss(Loss, Protocol):
 
     def __call__(self, prediction: SetFlowPrediction, batch: SeenSetBatch) -> Tensor:
         """A scalar."""
-
-
-class PartAffinityLoss(Loss, Protocol):
-    """A term of the loss of networks that cut images into parts (group `loss`)."""
-
-    teaches_shown: bool
-    """Whether it teaches which pixels show objects: a network that says so needs one such loss."""
-
-    def check(self, setup: PartViewSetup) -> None:
-        """Raises a ConfigError before the work if it doesn't fit these images."""
-
-    def __call__(self, prediction: Tensor, batch: PartViewBatch) -> Tensor:
-        """A scalar from logits (B, 2 or 3, H, W)."""
 
 
 class SegmentationLoss(Loss, Protocol):
@@ -319,35 +290,6 @@ class WholeSetFlowModel(SetFlowModel, Protocol):
         self, batch: SeenSetBatch, count: int, generator: torch.Generator, steps: int = 20
     ) -> SeenSetBatch:
         """Draws `count` sets of hidden objects beside those of the first view, which are known."""
-
-
-class PartAffinityModel(Network, Protocol):
-    """A network that says which neighbouring pixels of a depth image show one object."""
-
-    focal: float
-    """Focal length (pixels) of the images that it learnt from."""
-    shown: Module | None
-    """Says which pixels show objects; None: it doesn't."""
-
-    def forward(self, depth: Tensor, cameras: CameraBatch) -> Tensor:
-        """Logits (B, 2, H, W) for the neighbour on the right and the one below.
-
-        A third (B, 3, H, W) says whether the pixel shows an object, if `shown` isn't None.
-
-        Args:
-            depth: (B, H, W) z-depth in metres, 0 = no measurement.
-            cameras: one per image, the floor at z = 0.
-        """
-
-    def __call__(self, depth: Tensor, cameras: CameraBatch) -> Tensor:
-        """Calls `forward`, as torch does."""
-
-
-class TrainedPartAffinity(Protocol):
-    """What a loaded checkpoint of such a network provides (`learning.checkpoint`)."""
-
-    model: PartAffinityModel
-    metadata: Mapping[str, Any]
 
 
 class TrainedSetFlow(Protocol):

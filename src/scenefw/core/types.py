@@ -136,6 +136,18 @@ class GridSpec:
         """Continuous voxel coordinates (..., 3): 0 is the centre of the first voxel."""
         return (np.asarray(points) - self.lower) / self.voxel_size - 0.5
 
+    def box_about(self, points: Float64) -> tuple[slice, slice, slice]:
+        """Voxels of the box about points (N, 3), wider by the truncation distance.
+
+        Args:
+            points: world coordinates (m).
+        """
+        ends = points.min(axis=0) - self.truncation, points.max(axis=0) + self.truncation
+        low = np.clip(np.floor(self.to_voxels(ends[0])), 0, self.resolution).astype(int)
+        high = np.clip(np.ceil(self.to_voxels(ends[1])) + 1, 0, self.resolution).astype(int)
+        x, y, z = (slice(a, b) for a, b in zip(low.tolist(), high.tolist(), strict=True))
+        return x, y, z
+
     def to_world(self, voxels: Float64) -> Float64:
         """World coordinates (..., 3) of continuous voxel coordinates."""
         return (np.asarray(voxels) + 0.5) * self.voxel_size + self.lower

@@ -16,7 +16,7 @@ from scenefw.learning.module import TrainingModule
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from scenefw.core.training_protocols import PartAffinityLoss, PartAffinityModel, PartViewData
+    from scenefw.core.part_protocols import PartAffinityLoss, PartAffinityModel, PartViewData
 
 
 class PartAffinityLearning(TrainingModule):

@@ -31,7 +31,7 @@ class PartAffinityCrossEntropy:
         """A scalar from logits (B, 2 or 3, H, W)."""
         same, counts = true_affinities(batch.owners)
         errors = binary_cross_entropy_with_logits(prediction[:, :2], same.float(), reduction="none")
-        return _mean(errors, counts & same) + _mean(errors, counts & ~same)
+        return mean_over(errors, counts & same) + mean_over(errors, counts & ~same)
 
 
 def true_affinities(owners: Tensor) -> tuple[Tensor, Tensor]:
@@ -51,5 +51,6 @@ def true_affinities(owners: Tensor) -> tuple[Tensor, Tensor]:
     return same, counts
 
 
-def _mean(errors: Tensor, of: Tensor) -> Tensor:
+def mean_over(errors: Tensor, of: Tensor) -> Tensor:
+    """Mean of errors where `of` is true, 0 where it is nowhere."""
     return torch.where(of, errors, 0.0).sum() / of.sum().clamp_min(1)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import torch
 from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.part_views import PartViewBatch, PartViewSetup
+from scenefw.losses.part_affinity import mean_over
 
 
 class PartShownCrossEntropy:
@@ -36,8 +36,4 @@ class PartShownCrossEntropy:
         """A scalar from logits (B, 3, H, W), of which the last counts."""
         true, known = batch.owners > 0, batch.depth > 0
         errors = binary_cross_entropy_with_logits(prediction[:, 2], true.float(), reduction="none")
-        return _mean(errors, known & true) + _mean(errors, known & ~true)
-
-
-def _mean(errors: Tensor, of: Tensor) -> Tensor:
-    return torch.where(of, errors, 0.0).sum() / of.sum().clamp_min(1)
+        return mean_over(errors, known & true) + mean_over(errors, known & ~true)

@@ -16,7 +16,7 @@ from scenefw.perception.seen_parts import floor_noise, high_parts
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from scenefw.core.training_protocols import PartAffinityModel, TrainedPartAffinity
+    from scenefw.core.part_protocols import PartAffinityModel, TrainedPartAffinity
     from scenefw.core.types import Camera, Float32, Float64, Frame, Int32
 
 _WIDTH = 640  # pixels of the image that `smallest` is for

@@ -169,17 +169,10 @@ def with_vessels(
         own = instances == label
         tsdf = np.where(own, np.float32(view.grid.truncation), tsdf)
         instances = np.where(own, 0, instances)
-        box = _about(one, view.grid)
+        corners = one.shape.mesh(_SECTIONS).vertices + one.pose.position
+        box = view.grid.box_about(corners)
         distance = one.shape.filled_distance(view.grid.centres()[box] - one.pose.position)
         closer = (instances[box] == 0) & (distance < tsdf[box])
         instances[box] = np.where(closer & (distance < 0), label, instances[box])
         tsdf[box] = np.where(closer, distance, tsdf[box])
     return tsdf.astype(np.float32), np.where(tsdf < 0, instances, 0).astype(np.int32)
-
-
-def _about(one: FittedVessel, grid: GridSpec) -> tuple[slice, ...]:
-    """Voxels about a vessel, as far as distances are told."""
-    corners = one.shape.mesh(_SECTIONS).vertices + one.pose.position
-    ends = corners.min(axis=0) - grid.truncation, corners.max(axis=0) + grid.truncation
-    low, high = (np.clip(np.round(grid.to_voxels(end)), 0, grid.resolution) for end in ends)
-    return tuple(slice(int(a), int(b)) for a, b in zip(low, high, strict=True))

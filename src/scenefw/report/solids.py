@@ -14,7 +14,7 @@ from scenefw.shapes.vessel import Vessel
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from scenefw.core.types import Float32, Pose, SceneEstimate
+    from scenefw.core.types import Float32, SceneEstimate
     from scenefw.report.palette import Colour
 
 
@@ -29,20 +29,20 @@ def solid_of(
         seen: (X, Y, Z) in [0, 1]; surfaces are pale where it is 0. None = nowhere.
     """
     surfaces = Surfaces({item.id: item.mesh for item in estimate.objects})
-    field, vessels = of_objects(estimate), _vessels(estimate)
-    hollow = field.copy()
-    for label, (shape, pose) in vessels.items():
-        box = _about(estimate, label)
+    field, hollow = of_objects(estimate), None
+    for item in estimate.objects:
+        if item.placed is None or not isinstance(item.placed.shape, Vessel):
+            continue
+        shape, pose = item.placed.shape, item.placed.pose
+        hollow = field.copy() if hollow is None else hollow
+        box = estimate.grid.box_about(item.mesh.vertices)
         local = (estimate.grid.centres()[box] - pose.position) @ pose.rotation
         filled = shape.filled_distance(local)
-        others = np.where(estimate.instances[box] == label, np.inf, estimate.tsdf[box])
-        open_ = np.minimum(shape.wall_distance(local), others)
-        hollow[box] = np.where(filled < 0, open_, hollow[box])
+        others = np.where(estimate.instances[box] == item.id, np.inf, estimate.tsdf[box])
+        opened = np.minimum(shape.wall_distance(local), others)
+        hollow[box] = np.where(filled < 0, opened, hollow[box])
         field[box] = np.minimum(field[box], filled)
-    return Solid(
-        field, estimate.instances, estimate.grid, list(colours), seen, surfaces,
-        hollow if vessels else None,
-    )  # fmt: skip
+    return Solid(field, estimate.instances, estimate.grid, list(colours), seen, surfaces, hollow)
 
 
 def of_objects(estimate: SceneEstimate) -> Float32:
@@ -53,23 +53,3 @@ def of_objects(estimate: SceneEstimate) -> Float32:
     return np.maximum(estimate.tsdf, np.where(estimate.instances == 0, least, -np.inf)).astype(
         np.float32
     )
-
-
-def _vessels(estimate: SceneEstimate) -> dict[int, tuple[Vessel, Pose]]:
-    return {
-        item.id: (item.placed.shape, item.placed.pose)
-        for item in estimate.objects
-        if item.placed is not None and isinstance(item.placed.shape, Vessel)
-    }
-
-
-def _about(estimate: SceneEstimate, label: int) -> tuple[slice, ...]:
-    """Voxels about an object."""
-    grid = estimate.grid
-    mesh = next(item.mesh for item in estimate.objects if item.id == label)
-    ends = [
-        mesh.vertices.min(axis=0) - grid.truncation,
-        mesh.vertices.max(axis=0) + grid.truncation,
-    ]
-    low, high = (np.clip(np.round(grid.to_voxels(end)), 0, grid.resolution) for end in ends)
-    return tuple(slice(int(a), int(b)) for a, b in zip(low, high, strict=True))

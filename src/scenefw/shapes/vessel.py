@@ -110,9 +110,7 @@ class Vessel:
         """Distances (...) of points (..., 3) in its frame to it with a lid on (m), inside < 0."""
         flat, height = _in_profile(points - [0.0, 0.0, self.bottom])
         away = profile_distance(np.concatenate([self.outside, [[0.0, self.height]]]), flat, height)
-        inside = (height > 0) & (height < self.height)
-        inside &= flat < np.interp(height, *self.outside[1:, ::-1].T)
-        return np.where(inside, -away, away)
+        return np.where(self._within(flat, height), -away, away)
 
     def wall_distance(self, points: Float64) -> Float64:
         """Distances (...) of points (..., 3) in its frame to its surface (m), below 0 in walls."""
@@ -128,9 +126,11 @@ class Vessel:
             height: (...) above the bottom (m).
         """
         away = profile_distance(self.outside, flat, height)
-        within = (height > 0) & (height < self.height)
-        within &= flat < np.interp(height, *self.outside[1:, ::-1].T)
-        return np.where(within, away, -away)
+        return np.where(self._within(flat, height), away, -away)
+
+    def _within(self, flat: Float64, height: Float64) -> NDArray[np.bool_]:
+        low = (height > 0) & (height < self.height)
+        return np.asarray(low & (flat < np.interp(height, *self.outside[1:, ::-1].T)))
 
     def slope(self, height: Float64) -> Float64:
         """By how much the outside widens upward (...), at heights (...) above the bottom (m)."""

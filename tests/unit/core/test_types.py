@@ -76,3 +76,17 @@ def test_the_default_camera_has_45_degrees_of_height():
 def test_a_frame_of_another_size_than_its_camera_is_refused():
     with pytest.raises(InputError, match="480 x 640"):
         Frame(np.zeros((10, 10), np.float32), Camera())
+
+
+@given(middle=st.floats(-0.8, 0.8), size=st.floats(0.0, 0.4), resolution=st.sampled_from([32, 64]))
+def test_a_box_about_points_holds_all_voxels_within_the_truncation(middle, size, resolution):
+    grid = GridSpec(resolution=resolution)
+    ends = np.array([[middle - size, -0.1, 0.0], [middle + size, 0.1, 0.1]])
+    inside = np.zeros(grid.shape, bool)
+    inside[grid.box_about(ends)] = True
+    reach = grid.truncation
+    near = ((grid.centres() > ends[0] - reach) & (grid.centres() < ends[1] + reach)).all(axis=-1)
+    assert inside[near].all()
+    wider = reach + 2 * grid.voxel_size
+    far = ((grid.centres() < ends[0] - wider) | (grid.centres() > ends[1] + wider)).any(axis=-1)
+    assert not inside[far].any()
