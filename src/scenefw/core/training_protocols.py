@@ -268,9 +268,11 @@ class SetFlowModel(Network, Protocol):
         generator: torch.Generator,
         steps: int = 20,
     ) -> SeenSetBatch:
-        """Draws `count` sets for the first view.
+        """Draws `count` sets for one view.
 
-        The view's objects are what was fitted to it: a network may take their rotations as known.
+        Rows of the batch are this view, each with other points of it. Draw k sees row k, and those
+        after the last begin with the first again. The view's objects are what was fitted to it: a
+        network may take their rotations as known.
         """
 
 

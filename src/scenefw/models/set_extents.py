@@ -208,19 +208,24 @@ class SetExtents(nn.Module):
         """Draws sets for one view, with the axes that its objects have.
 
         Args:
-            batch: one view; of its objects the rotations are taken, nothing else.
+            batch: one view, in rows that show other points of it; draw k sees row k, and those
+                after the last begin with the first again. Of its objects the rotations are taken,
+                nothing else.
             count: of draws, S.
             generator: of noise, on the CPU.
             steps: of Euler's method.
 
         Returns:
-            The view S times.
+            The rows that draws saw, S of them.
         """
         device = batch.points.device
-        one = replace(batch, **{name: value[:1] for name, value in vars(batch).items()})
-        axes, low, high, order = seen_in_axes(one, one.rotations)
-        memory = self.encode(one, axes, low, high).expand(count, -1, -1)
-        seen = one.seen.expand(count, -1)
+        rows = torch.arange(count, device=device) % len(batch.points)
+        axes, low, high, order = seen_in_axes(batch, batch.rotations)
+        memory = self.encode(batch, axes, low, high)[rows]
+        axes, low, high, order = axes[rows], low[rows], high[rows], order[rows]
+        fields: dict[str, Tensor] = vars(batch)
+        views = SeenSetBatch(**{name: value[rows] for name, value in fields.items()})
+        seen = views.seen
         now = torch.randn(count, seen.shape[1], SIZE, generator=generator).to(device)
         for step in range(steps):
             time = torch.full((count,), step / steps, device=device)
@@ -229,12 +234,11 @@ class SetExtents(nn.Module):
         towards = _length(now[..., 3:6], _TOWARDS)
         first, last = low - away, high + towards
         half_axes = ((last - first) / 2).clamp_min(_LEAST)
-        centres = torch.einsum("bnki,bnk->bni", axes.expand(count, -1, -1, -1), (first + last) / 2)
+        centres = torch.einsum("bnki,bnk->bni", axes, (first + last) / 2)
         exponents = (now[..., 6:] * _EXPONENT[1] + _EXPONENT[0]).exp().clamp(*_RANGE)
-        back = order.argsort(dim=-1).expand(count, -1, -1)
-        views = {n: value.expand(count, *value.shape[1:]) for n, value in vars(one).items()}
+        back = order.argsort(dim=-1)
         return replace(
-            SeenSetBatch(**views),
+            views,
             half_axes=half_axes.gather(-1, back),
             exponents=exponents.gather(-1, back),
             positions=centres,

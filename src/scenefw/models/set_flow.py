@@ -174,15 +174,16 @@ class SetFlow(nn.Module):
         """Draws sets for one view.
 
         Args:
-            batch: one view; its objects are those that are seen.
+            batch: one view, in rows that show other points of it; draw k sees row k, and those
+                after the last begin with the first again. Its objects are those that are seen.
             count: of draws, S.
             generator: of noise, on the CPU.
             steps: of Euler's method.
 
         Returns:
-            The view S times, in slots those that are seen and then those that aren't.
+            The rows that draws saw, in slots those that are seen and then those that aren't.
         """
-        view = _first(batch)
+        view = _seen_alone(batch)
         memory, hidden = self._hidden(view, count, generator, given=True)
         return self._draw(view, memory, hidden, generator, steps)
 
@@ -195,15 +196,16 @@ class SetFlow(nn.Module):
         Known objects are led from noise to where they are, and the others are drawn beside them.
 
         Args:
-            batch: one view, and what its seen objects are.
+            batch: one view, in rows as for `sample`, and what its seen objects are.
             count: of draws, S.
             generator: of noise, on the CPU.
             steps: of Euler's method.
 
         Returns:
-            The view S times, in slots those that are seen, as they are, and then those that aren't.
+            The rows that draws saw, in slots those that are seen, as they are, and then those that
+            aren't.
         """
-        view = _first(batch)
+        view = _seen_alone(batch)
         memory, hidden = self._hidden(view, count, generator, given=True)
         return self._draw(view, memory, hidden, generator, steps, known=True)
 
@@ -234,10 +236,12 @@ class SetFlow(nn.Module):
     def _hidden(
         self, view: SeenSetBatch, count: int, generator: torch.Generator, *, given: bool
     ) -> tuple[Tensor, Tensor]:
-        """Tokens of one view, and how many hidden objects (S,) there are in each draw."""
-        memory, logits = self.encode(view, torch.full((1,), given, device=view.points.device))
-        chances = logits[0].softmax(dim=-1).cpu()
-        return memory, torch.multinomial(chances, count, replacement=True, generator=generator)
+        """Tokens of each draw of one view, and how many hidden objects (S,) there are in it."""
+        device, views = view.points.device, len(view.points)
+        memory, logits = self.encode(view, torch.full((views,), given, device=device))
+        rows = torch.arange(count, device=device) % views
+        chances = logits[rows].softmax(dim=-1).cpu()
+        return memory[rows], torch.multinomial(chances, 1, generator=generator)[:, 0]
 
     def _draw(
         self,
@@ -257,7 +261,7 @@ class SetFlow(nn.Module):
         views = _with_hidden(view, there.to(device))
         seen, present, points = views.seen, views.present, views.points
         empty = memory.new_zeros(count, extra, memory.shape[-1])
-        memory = torch.cat([memory.expand(count, -1, -1), empty], dim=1)
+        memory = torch.cat([memory, empty], dim=1)
         anchors = _anchors(points, seen)
         objects = encode(
             views.positions, views.rotations, views.half_axes, views.exponents, anchors
@@ -284,21 +288,22 @@ def _with_hidden(view: SeenSetBatch, there: Tensor) -> SeenSetBatch:
     """A view with slots for hidden objects.
 
     Args:
-        view: one, of N objects.
+        view: one, of N objects, in one or more rows.
         there: (S, H) which hidden objects there are in S draws.
 
     Returns:
-        The view S times, with N + H slots.
+        The rows that draws see, with N + H slots.
     """
     count, extra = there.shape
+    rows = torch.arange(count, device=there.device) % len(view.points)
 
     def longer(values: Tensor) -> Tensor:
         shape = count, extra, *values.shape[2:]
-        return torch.cat([values.expand(count, *values.shape[1:]), values.new_zeros(shape)], dim=1)
+        return torch.cat([values[rows], values.new_zeros(shape)], dim=1)
 
     fields: dict[str, Tensor] = vars(view)
     slots = {name: longer(value) for name, value in fields.items() if name != "camera"}
-    made = SeenSetBatch(camera=view.camera.expand(count, 3), **slots)
+    made = SeenSetBatch(camera=view.camera[rows], **slots)
     some = torch.full_like(made.half_axes, _SOME)
     empty = ~made.seen[..., None]
     return replace(
@@ -346,12 +351,12 @@ def coupled(objects: Tensor, noise: Tensor, present: Tensor, seen: Tensor) -> Te
     return ways.gather(2, best[..., None, None].expand(-1, -1, 1, SIZE))[:, :, 0]
 
 
-def _first(batch: SeenSetBatch) -> SeenSetBatch:
-    """The first view with its seen objects alone."""
+def _seen_alone(batch: SeenSetBatch) -> SeenSetBatch:
+    """One view, in one or more rows, with its seen objects alone."""
     kept = batch.seen[0]
     fields: dict[str, Tensor] = vars(batch)
-    of_objects = {name: value[:1, kept] for name, value in fields.items() if name != "camera"}
-    return SeenSetBatch(camera=batch.camera[:1], **of_objects)
+    of_objects = {name: value[:, kept] for name, value in fields.items() if name != "camera"}
+    return SeenSetBatch(camera=batch.camera, **of_objects)
 
 
 def _nothing(device: torch.device) -> SeenSetBatch:

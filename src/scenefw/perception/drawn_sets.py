@@ -52,11 +52,12 @@ class SizedFit(Protocol):
 class DrawnSets(Fitted):
     """Superquadrics fitted to the view, and to draws of a network where nothing is seen.
 
-    Objects that the image shows are fitted (`Fitted`). The network sees their points and draws how
-    far each of them goes on. Points of a drawn surface that lie away from all that is seen of its
-    object are evidence about it as well. All are fitted again, from what was drawn, so that what is
-    seen decides where it speaks. For the first sample the faces of objects are in the middle of
-    several draws. Objects of which nothing is seen are drawn by `hidden`.
+    Objects that the image shows are fitted (`Fitted`). The network sees their points, for each draw
+    others, and draws how far each of them goes on. Points of a drawn surface that lie away from all
+    that is seen of its object are evidence about it as well. All are fitted again, from what was
+    drawn, so that what is seen decides where it speaks. For the first sample the faces and
+    exponents of objects are in the middle of several draws. Objects of which nothing is seen are
+    drawn by `hidden`.
 
     Args:
         inner: makes the scenes.
@@ -129,8 +130,9 @@ class DrawnSets(Fitted):
             return [{} for _ in range(count)]
         given = list(enough.values())
         alone = self.sized.alone(given)
-        seen = SeenObjects(view, list(enough), alone, random)
-        draws = seen.in_world(self._draw(seen, alone, self.votes + count - 1, random))
+        drawn = max(self.votes + count - 1, 1)
+        seen = SeenObjects(view, list(enough), alone, random, drawn)  # each draw sees other points
+        draws = seen.in_world(self._draw(seen, alone, drawn, random))
         results = []
         for number in range(count):
             row = self.votes + number - 1

@@ -41,6 +41,7 @@ class SeenObjects:
         labels: of the objects in its masks, one slot each.
         fitted: superquadrics that explain them.
         random: says which points are taken.
+        rows: how often they are shown, each time by other points.
     """
 
     def __init__(
@@ -49,34 +50,38 @@ class SeenObjects:
         labels: Sequence[int],
         fitted: Sequence[FittedSuperquadric],
         random: Generator,
+        rows: int = 1,
     ) -> None:
-        points = torch.zeros(1, len(labels), _POINTS, 3)
-        sizes = torch.zeros(1, len(labels))
+        points = torch.zeros(rows, len(labels), _POINTS, 3)
+        sizes = torch.zeros(rows, len(labels))
         for slot, label in enumerate(labels):
             own = view.points[view.masks == label]
             explained = own[np.abs(signed_distance(fitted[slot], own)) < _NEAR]
             own = explained if len(explained) else own
-            points[0, slot] = torch.from_numpy(own[random.integers(len(own), size=_POINTS)])
-            sizes[0, slot] = (view.masks == label).mean()
-        eye = torch.from_numpy(np.asarray(view.eye, dtype=np.float32))[None]
-        seen = torch.ones(1, len(labels), dtype=torch.bool)
+            points[:, slot] = torch.from_numpy(own[random.integers(len(own), size=(rows, _POINTS))])
+            sizes[:, slot] = (view.masks == label).mean()
+        eye = torch.from_numpy(np.asarray(view.eye, dtype=np.float32)).expand(rows, 3)
+        seen = torch.ones(rows, len(labels), dtype=torch.bool)
         self._seen = points, seen, sizes, _ends(view, labels, eye, random), eye
         self._turn, self._origin = view_frame(points, seen, eye)
 
     def batch(self, objects: Sequence[FittedSuperquadric], device: torch.device) -> SeenSetBatch:
-        """The view, and what its objects are taken to be.
+        """The view in its rows, and what its objects are taken to be.
 
         Args:
             objects: one for each label.
             device: where the batch goes.
         """
-        fields: dict[str, Tensor] = vars(in_frame(*self._seen, _scene_of(objects)))
+        scenes = _scenes_of(objects, len(self._origin))
+        fields: dict[str, Tensor] = vars(in_frame(*self._seen, scenes))
         return SeenSetBatch(**{name: value.to(device) for name, value in fields.items()})
 
     def in_world(self, drawn: SeenSetBatch) -> WorldSets:
-        """Sets that a network drew for this view."""
-        back = self._turn[0].T.double()
-        positions = drawn.positions.double().cpu() @ back.T + self._origin[0].double()
+        """Sets that a network drew for this view, set k for row k, then for the first again."""
+        rows = torch.arange(len(drawn.positions)) % len(self._origin)
+        back = self._turn[rows].transpose(-1, -2).double()[:, None]
+        turned = (back @ drawn.positions.double().cpu()[..., None])[..., 0]
+        positions = turned + self._origin[rows].double()[:, None]
         return WorldSets(
             drawn.half_axes.double().cpu().numpy(),
             drawn.exponents.double().cpu().numpy(),
@@ -127,38 +132,42 @@ class WorldSets:
         ]
 
     def middle(self, rows: slice, fitted: Sequence[FittedSuperquadric]) -> list[FittedSuperquadric]:
-        """Seen objects with faces in the middle of those of some draws.
+        """Seen objects with faces and exponents in the middle of those of some draws.
 
         Args:
             rows: the draws.
-            fitted: superquadrics whose axes and exponents they have.
+            fitted: superquadrics whose axes they have.
         """
         return [self._middle_of(k, rows, one) for k, one in enumerate(fitted)]
 
     def _middle_of(self, k: int, rows: slice, fitted: FittedSuperquadric) -> FittedSuperquadric:
         axes = fitted.pose.rotation
         middles = self.positions[rows, k] @ axes
-        pairs = zip(self.rotations[rows, k], self.half_axes[rows, k], strict=True)
-        halves = np.array([along(axes, *pair) for pair in pairs])
+        halves, exponents = (
+            np.array(
+                [along(axes, *pair) for pair in zip(self.rotations[rows, k], own, strict=True)]
+            )
+            for own in (self.half_axes[rows, k], self.exponents[rows, k])
+        )
         low, high = np.median(middles - halves, axis=0), np.median(middles + halves, axis=0)
         pose = Pose(axes @ (low + high) / 2, fitted.pose.quaternion)
         half_axes = np.maximum((high - low) / 2, _LEAST)
-        return FittedSuperquadric(half_axes, fitted.exponents, pose, 0.0, np.empty(0))
+        return FittedSuperquadric(half_axes, np.median(exponents, axis=0), pose, 0.0, np.empty(0))
 
 
 _WAYS = equal_descriptions().numpy().astype(np.float64)
 
 
-def along(axes: Float64, rotation: Float64, half_axes: Float64) -> Float64:
-    """Half-axes (3,) of an object, in the order of other axes that are nearly its own.
+def along(axes: Float64, rotation: Float64, numbers: Float64) -> Float64:
+    """Numbers (3,) of an object's axes, in the order of other axes that are nearly its own.
 
     Args:
         axes: (3, 3), columns are the axes.
         rotation: (3, 3) of the object.
-        half_axes: (3,) of the object.
+        numbers: (3,) half-axes or exponents of the object.
     """
     agreement = np.einsum("ij,ik,wkj->w", axes, rotation, _WAYS)
-    return np.asarray(np.abs(_WAYS[agreement.argmax()]).T @ half_axes)
+    return np.asarray(np.abs(_WAYS[agreement.argmax()]).T @ numbers)
 
 
 def _ends(view: View, labels: Sequence[int], eye: Tensor, random: Generator) -> Tensor:
@@ -168,21 +177,25 @@ def _ends(view: View, labels: Sequence[int], eye: Tensor, random: Generator) -> 
     owners = np.zeros(masks.shape, np.int64)
     for slot, label in enumerate(labels):
         owners[masks == label] = slot + 1
-    points = torch.from_numpy(view.points[::step, ::step].astype(np.float32))[None]
-    chances = torch.from_numpy(random.random((1, len(labels), _ENDS)).astype(np.float32))
-    return object_ends(points, torch.from_numpy(owners)[None], eye, chances)
+    points = torch.from_numpy(view.points[::step, ::step].astype(np.float32))
+    chances = torch.from_numpy(random.random((len(eye), len(labels), _ENDS)).astype(np.float32))
+    rows = (len(eye), -1, -1)
+    return object_ends(
+        points.expand(*rows, -1), torch.from_numpy(owners).expand(rows), eye, chances
+    )
 
 
-def _scene_of(fitted: Sequence[FittedSuperquadric]) -> SceneParameters:
-    """One scene (1, N) of fitted superquadrics."""
+def _scenes_of(fitted: Sequence[FittedSuperquadric], rows: int) -> SceneParameters:
+    """One scene of fitted superquadrics, so many times (rows, N)."""
 
     def stacked(values: Sequence[Any], *shape: int) -> Tensor:
-        return torch.from_numpy(np.array(values, dtype=np.float32).reshape(1, len(fitted), *shape))
+        one = torch.from_numpy(np.array(values, dtype=np.float32).reshape(len(fitted), *shape))
+        return one.expand(rows, *one.shape)
 
     return SceneParameters(
         stacked([one.half_axes for one in fitted], 3),
         stacked([one.exponents for one in fitted], 3),
         stacked([one.pose.rotation for one in fitted], 3, 3),
         stacked([one.pose.position for one in fitted], 3),
-        torch.ones(1, len(fitted), dtype=torch.bool),
+        torch.ones(rows, len(fitted), dtype=torch.bool),
     )

@@ -121,6 +121,24 @@ def test_it_learns_hidden_faces_of_a_view():
     assert torch.equal(drawn.present, batch.seen.expand(8, -1))
 
 
+def test_each_draw_sees_its_own_row_of_the_view():
+    torch.manual_seed(0)
+    model, one = SetExtents(**SMALL).eval(), boxes(1)
+    same = replace(
+        one, **{name: value.repeat_interleave(2, 0) for name, value in vars(one).items()}
+    )
+    other = same.points.clone()
+    other[1, one.seen[0]] += 0.01 * torch.randn(other[1, one.seen[0]].shape)
+
+    def drawn(batch):
+        return model.sample(batch, 3, torch.Generator().manual_seed(0), steps=4).half_axes
+
+    first, second = drawn(same), drawn(replace(same, points=other))
+    moved = [not torch.equal(a, b) for a, b in zip(first, second, strict=True)]
+    assert moved == [False, True, False]  # the third sees the first row again
+    assert torch.allclose(first, drawn(one), atol=1e-6)
+
+
 def test_what_it_does_not_draw_is_refused():
     model = SetExtents(**SMALL)
     with pytest.raises(ConfigError, match="flow_velocity"):

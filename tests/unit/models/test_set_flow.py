@@ -150,6 +150,25 @@ def test_scenes_without_a_view_have_as_many_objects_as_one_asks_for():
     assert two.positions.shape == (3, 2, 3)
 
 
+def test_each_draw_sees_its_own_row_of_the_view():
+    torch.manual_seed(0)
+    model, one = SetFlow(**SMALL).eval(), batch_of(1)
+    same = SeenSetBatch(
+        **{name: value.repeat_interleave(2, 0) for name, value in vars(one).items()}
+    )
+    other = same.points.clone()
+    other[1] += 0.02 * torch.randn(other[1].shape)
+
+    def drawn(batch):
+        found = model.sample(batch, 3, torch.Generator().manual_seed(0), steps=4)
+        return found.half_axes * found.present[..., None]
+
+    first, second = drawn(same), drawn(replace(same, points=other))
+    moved = [not torch.equal(a, b) for a, b in zip(first, second, strict=True)]
+    assert moved == [False, True, False]  # the third sees the first row again
+    assert torch.allclose(first, drawn(one), atol=1e-6)
+
+
 def test_sizes_below_one_are_refused():
     with pytest.raises(ConfigError, match="slots 0"):
         SetFlow(slots=0)
@@ -158,7 +177,7 @@ def test_sizes_below_one_are_refused():
 def test_hidden_objects_are_drawn_beside_known_ones():
     """Slots of seen objects end where they are; those of the others differ from draw to draw."""
     torch.manual_seed(0)
-    model, batch = SetFlow(**SMALL).eval(), batch_of()
+    model, batch = SetFlow(**SMALL).eval(), batch_of(1)
     torch.nn.init.zeros_(model.counts[2].weight)
     with torch.no_grad():
         model.counts[2].bias.copy_(torch.tensor([-9.0, 9.0, -9.0, -9.0, -9.0])[: model.slots + 1])

@@ -11,13 +11,14 @@ from tests.unit.perception.test_evidence import view_of
 from scenefw import registry
 from scenefw.core.batches import SeenSetBatch
 from scenefw.core.errors import ConfigError
+from scenefw.core.evidence import FittedSuperquadric
 from scenefw.fitting.joint import JointFit
 from scenefw.fitting.placed import shape_of, signed_distance
 from scenefw.fitting.superquadrics import SuperquadricFit
 from scenefw.perception.drawn_sets import DrawnSets
 from scenefw.perception.evidence import EvidenceOfView
 from scenefw.perception.hidden_objects import HiddenObjects
-from scenefw.perception.world_sets import along
+from scenefw.perception.world_sets import SeenObjects, along
 from scenefw.shapes.equal_descriptions import equal_descriptions
 
 
@@ -41,7 +42,7 @@ class Told(torch.nn.Module):
             torch.zeros(count, slots, 4, 3), torch.ones(count, slots, dtype=torch.bool),
             torch.zeros(count, slots), torch.zeros(count, slots, 4, 7), torch.zeros(count, 3),
             boxes[:, :, 1],
-            torch.full((count, slots, 3), 4.0), torch.eye(3).expand(count, slots, 3, 3),
+            torch.full((count, slots, 3), 20.0), torch.eye(3).expand(count, slots, 3, 3),
             boxes[:, :, 0], torch.ones(count, slots, dtype=torch.bool),
         )  # fmt: skip
 
@@ -134,6 +135,30 @@ def test_without_votes_the_first_sample_is_the_fit_without_a_network():
     for k in (1, 2):
         assert np.array_equal(found[0][0][k].half_axes, found[1][0][k].half_axes)
         assert back_of(found[0][1][k]) < back_of(found[1][1][k]) - 0.03
+
+
+def test_sets_of_all_rows_are_where_they_are_in_the_world():
+    """Each row of a view has other points, so another frame; objects come back from all of them."""
+    view = seen()
+    fitted = [
+        FittedSuperquadric(
+            np.array([0.02, 0.03, 0.05]), np.array([2.0, 4.0, 8.0]), one.pose, 0.0, np.empty(0)
+        )
+        for one in method([boxes_that_end_at(view, 0.08)]).superquadrics(view, 1)[0].values()
+    ]
+    objects = SeenObjects(view, [1, 2], fitted, np.random.default_rng(0), rows=3)
+    batch = objects.batch(fitted, torch.device("cpu"))
+    assert batch.points.shape[0] == 3
+    assert not torch.allclose(batch.positions[0], batch.positions[1], atol=1e-5)
+    again = replace(batch, **{n: torch.cat([x, x[:1]]) for n, x in vars(batch).items()})
+    world = objects.in_world(again)
+    for row in range(4):
+        for one, true in zip(world.objects(row), fitted, strict=True):
+            assert np.allclose(one.pose.matrix, true.pose.matrix, atol=1e-5)
+    middles = world.middle(slice(4), fitted)
+    for one, true in zip(middles, fitted, strict=True):
+        assert np.allclose(one.half_axes, true.half_axes, atol=1e-5)
+        assert np.allclose(one.exponents, true.exponents, rtol=1e-4)
 
 
 def test_a_view_of_nothing_is_an_empty_set():
