@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from scenefw.core.types import Camera, Float32, Float64, Frame, Int32
 
 _WIDTH = 640  # pixels of the image that `smallest` is for
+_JUMP = 0.01  # m: what is so much nearer or further than its thinned pixel is something else
 
 
 class AffinityParts:
@@ -85,8 +86,10 @@ class AffinityParts:
         parts = large_parts(joined, max(1, round(fewest / step**2)))
         unlikely = (parts > 0) & (_means(shown, parts) < self.shown)
         parts = large_parts(np.where(unlikely, 0, parts).astype(np.int64), 1)
-        above &= ~unlikely[np.ix_(rows, columns)]
-        parts = np.where(above, parts[np.ix_(rows, columns)], 0).astype(np.int32)
+        every = np.ix_(rows, columns)
+        above &= ~unlikely[every]
+        near = np.abs(frame.depth - depth[every]) < _JUMP
+        parts = np.where(above & near, parts[every], 0).astype(np.int32)
         lowest = max(self.lowest, self.noisy * floor_noise(heights))
         return high_parts(grown(parts, above, frame.depth), heights, lowest)
 

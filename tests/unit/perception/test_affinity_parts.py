@@ -61,6 +61,22 @@ def test_true_affinities_give_true_parts(seen, thinned):
     assert parts.max() == len(np.unique(owners[owners > 0]))
 
 
+@pytest.mark.parametrize("thinned", [2, 3])
+def test_pixels_beside_a_jump_go_to_what_they_show(thinned):
+    """A sliver behind a box: a few pixels of the box, taken for it, would stretch it up to there."""
+    front, back = Box((-0.1, -0.2, 0.0), (0.1, -0.1, 0.15)), Box((0.08, 0.2, 0.0), (0.13, 0.3, 0.1))
+    camera = camera_at(eye=(0.0, -0.85, 0.35))
+    frame = replace(frame_of(camera, (front, back)), camera=camera)
+    owners = frame.labels
+    finder = AffinityParts(Loaded(Knowing(owners, camera.fx / thinned)), smallest=10, seed=4)
+    parts = finder.segment(frame)
+    assert parts.max() == 2
+    names = [np.bincount(owners[parts == part]).argmax() for part in (1, 2)]
+    assert sorted(names) == [1, 2]
+    for part, owner in zip((1, 2), names, strict=True):
+        assert not ((parts == part) & (owners == 3 - owner)).any()
+
+
 def test_images_without_objects_have_no_parts(seen):
     frame, owners = seen
     finder = AffinityParts(Loaded(Knowing(0 * owners, frame.camera.fx)))
