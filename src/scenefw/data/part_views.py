@@ -65,11 +65,11 @@ class PartViews(SceneBatches):
         ends: share of the exact images in which the floor is a table that ends.
         tilt: standard deviation of the found floor's slope (degrees), along x and y each.
         lift: the same of its height (m).
-        scale: scenes become up to this factor larger or smaller.
+        scale: least and greatest factor by which scenes become smaller or larger.
 
     Raises:
-        ConfigError: a size that isn't positive, a share outside 0..1, a negative deviation or a
-            factor below one.
+        ConfigError: a size or factor that isn't positive, a share outside 0..1, a negative
+            deviation, or a least factor above the greatest.
     """
 
     def __init__(
@@ -92,21 +92,22 @@ class PartViews(SceneBatches):
         ends: float = 0.0,
         tilt: float = 0.0,
         lift: float = 0.0,
-        scale: float = 1.3,
+        scale: Sequence[float] = (0.5, 1.3),
     ) -> None:
         super().__init__(path, limit, validation_limit, batch_size, seed, distinct_batches)
         shares = (traced, compound, hollow, pieces, ends)
         right = all(0 <= one <= 1 for one in shares) and min(tilt, lift) >= 0
-        if min(image_size) < 1 or not right or scale < 1:
+        if min(image_size) < 1 or not right or len(scale) != 2 or not 0 < scale[0] <= scale[1]:
             raise ConfigError(
                 f"dataset has image_size {list(image_size)}, traced {traced}, compound {compound}, "
                 f"hollow {hollow}, pieces {pieces}, ends {ends}, tilt {tilt}, lift {lift} and "
-                f"scale {scale}; expected pixels, shares, deviations and a factor from 1"
+                f"scale {list(scale)}; expected pixels, shares, deviations and two factors, the "
+                "smaller first"
             )
         self.viewpoints, self.renderer, self.volumes = viewpoints, renderer, grid
         self.lens = viewpoints.camera.resized(*image_size)
         self.image_size = (self.lens.width, self.lens.height)
-        self.noise, self.scale = dict(noise or {}), scale
+        self.noise, self.scale = dict(noise or {}), (float(scale[0]), float(scale[1]))
         self.traced, self.compound = traced, compound
         self.hollow, self.pieces, self.ends = hollow, pieces, ends
         self.tilt, self.lift = tilt, lift
@@ -124,20 +125,21 @@ class PartViews(SceneBatches):
     def validation_batch(self, batch: IndexBatch, device: torch.device) -> PartViewBatch:
         """The same images every time, of scenes as they are."""
         scenes = self.validation_scenes.parameters(batch.indices, device)
-        return self._make(scenes, batch, _VALIDATION, 1.0)
+        return self._make(scenes, batch, _VALIDATION, (1.0, 1.0))
 
     @torch.no_grad()
     def _make(
-        self, scenes: SceneParameters, batch: IndexBatch, stream: int, scale: float
+        self, scenes: SceneParameters, batch: IndexBatch, stream: int, scale: tuple[float, float]
     ) -> PartViewBatch:
         streams = Streams.of(self.seed, stream, batch.epoch, indices=batch.indices.numpy())
         to_camera, to_scale, to_noise, to_change, to_end, to_floor = streams.split(6)
         chances = to_scale.uniform(4)
+        least, most = scale
         lens = self.lens
         drawn: list[NDArray[Any]] = [
             np.array([[lens.fx, lens.fy, lens.cx, lens.cy]] * len(streams), np.float32),
             self.viewpoints.poses(to_camera).astype(np.float32),
-            (scale ** (2 * chances[:, :1, None] - 1)).astype(np.float32),
+            (least * (most / least) ** chances[:, :1, None]).astype(np.float32),
             np.ascontiguousarray(to_noise.seeds(len(self.noise)).T),
             self._floors(to_floor),
         ]
