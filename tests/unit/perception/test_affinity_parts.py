@@ -63,7 +63,7 @@ def test_true_affinities_give_true_parts(seen, thinned):
 
 @pytest.mark.parametrize("thinned", [2, 3])
 def test_pixels_beside_a_jump_go_to_what_they_show(thinned):
-    """A sliver behind a box: a few pixels of the box, taken for it, would stretch it up to there."""
+    """A sliver behind a box: a few pixels of the box, taken for it, would stretch it there."""
     front, back = Box((-0.1, -0.2, 0.0), (0.1, -0.1, 0.15)), Box((0.08, 0.2, 0.0), (0.13, 0.3, 0.1))
     camera = camera_at(eye=(0.0, -0.85, 0.35))
     frame = replace(frame_of(camera, (front, back)), camera=camera)
