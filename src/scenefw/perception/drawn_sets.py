@@ -11,6 +11,7 @@ import torch
 from scenefw.core.errors import ConfigError
 from scenefw.fitting.placed import signed_distance
 from scenefw.perception.fitted import Fitted
+from scenefw.perception.standing import standing
 from scenefw.perception.supposed import with_supposed
 from scenefw.perception.world_sets import SeenObjects
 
@@ -53,11 +54,12 @@ class DrawnSets(Fitted):
     """Superquadrics fitted to the view, and to draws of a network where nothing is seen.
 
     Objects that the image shows are fitted (`Fitted`). The network sees their points, for each draw
-    others, and draws how far each of them goes on. Points of a drawn surface that lie away from all
-    that is seen of its object are evidence about it as well. All are fitted again, from what was
-    drawn, so that what is seen decides where it speaks. For the first sample the faces and
-    exponents of objects are in the middle of several draws. Objects of which nothing is seen are
-    drawn by `hidden`.
+    others, and draws how far each of them goes on. What would hang in the air goes on to what is
+    below it, and what would sink into the floor ends there (`standing`). Points of a drawn surface
+    that lie away from all that is seen of its object are evidence about it as well. All are fitted
+    again, from what was drawn, so that what is seen decides where it speaks. For the first sample
+    the faces and exponents of objects are in the middle of several draws. Objects of which nothing
+    is seen are drawn by `hidden`.
 
     Args:
         inner: makes the scenes.
@@ -130,18 +132,17 @@ class DrawnSets(Fitted):
             return [{} for _ in range(count)]
         given = list(enough.values())
         alone = self.sized.alone(given)
-        drawn = max(self.votes + count - 1, 1)
-        seen = SeenObjects(view, list(enough), alone, random, drawn)  # each draw sees other points
-        draws = seen.in_world(self._draw(seen, alone, drawn, random))
+        rows = max(self.votes + count - 1, 1)
+        seen = SeenObjects(view, list(enough), alone, random, rows)  # each draw sees other points
+        draws = seen.in_world(self._draw(seen, alone, rows, random))
         results = []
         for number in range(count):
             row = self.votes + number - 1
-            if number > 0:
-                found = self._near(draws.middle(slice(row, row + 1), alone), given)
-            elif self.votes:
-                found = self._near(draws.middle(slice(self.votes), alone), given)
-            else:
+            if number == 0 and not self.votes:
                 found = self.sized.together(given, alone)
+            else:
+                taken = slice(row, row + 1) if number else slice(self.votes)
+                found = self._near(standing(draws.middle(taken, alone), view), given)
             kept = self._kept(found, alone, enough)
             if self.hidden is not None and number > 0:
                 known = [kept.get(label, one) for label, one in zip(enough, found, strict=True)]
