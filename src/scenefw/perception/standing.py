@@ -26,7 +26,7 @@ _THROUGH = 0.1  # share of what is added that may lie where the view sees throug
 
 
 def standing(objects: Sequence[FittedSuperquadric], view: View) -> list[FittedSuperquadric]:
-    """Objects, of which those that hang in the air go on to what is below, and none is in the floor.
+    """Objects, of which those that hang in the air go on to what is below; none is in the floor.
 
     A view from above shows the top of a box and no side, and how high it is nobody sees. Whatever
     is below it, another object or the floor (z = 0), carries it. Objects of which no axis is nearly
