@@ -126,9 +126,10 @@ def as_thesis(result: ReconstructionResult) -> Table:
 
 def sizes(result: ReconstructionResult) -> str:
     """One line: of how many scenes, views and samples, with which seed."""
+    samples = "1 sample" if result.samples == 1 else f"{result.samples} samples"
     return (
-        f"Means over {len(result.views)} views of {result.scenes} test scenes, {result.samples} "
-        f"samples per view, seed {result.seed}; {result.visibility.mean():.0%} of the true surface "
+        f"Means over {len(result.views)} views of {result.scenes} test scenes, {samples} "
+        f"per view, seed {result.seed}; {result.visibility.mean():.0%} of the true surface "
         "is visible on average."
     )
 
