@@ -136,6 +136,11 @@ class GridSpec:
         """Continuous voxel coordinates (..., 3): 0 is the centre of the first voxel."""
         return (np.asarray(points) - self.lower) / self.voxel_size - 0.5
 
+    def nearest_voxels(self, points: Float64) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """Voxels (..., 3) that points (..., 3) are in, and whether (...) these are of the grid."""
+        voxels = np.rint(self.to_voxels(points)).astype(np.int64)
+        return voxels, np.asarray(((voxels >= 0) & (voxels < self.resolution)).all(axis=-1))
+
     def box_about(self, points: Float64) -> tuple[slice, slice, slice]:
         """Voxels of the box about points (N, 3), wider by the truncation distance.
 

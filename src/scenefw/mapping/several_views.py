@@ -99,8 +99,8 @@ def _object_points(view: PartialTSDF, grid: GridSpec) -> np.ndarray:
     points = _world(view)
     points = points[points[:, 2] > _FLOOR]
     points = points[:: max(1, len(points) // _POINTS)]
-    voxels = np.rint(grid.to_voxels(points)).astype(int)
-    return voxels[((voxels >= 0) & (voxels < grid.resolution)).all(axis=1)]
+    voxels, there = grid.nearest_voxels(points)
+    return voxels[there]
 
 
 def _world(view: PartialTSDF) -> Float64:

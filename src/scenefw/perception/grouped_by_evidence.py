@@ -153,8 +153,7 @@ def _may_be_one(group: Group, points: dict[int, Float64], view: View) -> bool:
         first, second = (points[part][rng.integers(len(points[part]), size=_SEGMENTS)]
                          for part in (a, b))  # fmt: skip
         share = np.linspace(0.2, 0.8, 4)[:, None, None]
-        voxels = np.rint(view.grid.to_voxels(first + share * (second - first))).astype(int)
-        inside = ((voxels >= 0) & (voxels < view.grid.resolution)).all(axis=-1)
+        voxels, inside = view.grid.nearest_voxels(first + share * (second - first))
         x, y, z = np.moveaxis(np.clip(voxels, 0, view.grid.resolution - 1), -1, 0)
         through = (view.free[x, y, z] & inside).any(axis=0)
         if through.mean() > _THROUGH_FREE:

@@ -94,8 +94,7 @@ def possible(
         corners = shape_of(one).mesh(_CORNERS).vertices
         inner = np.concatenate([corners, 0.6 * corners, 0.2 * corners])
         places = inner @ one.pose.rotation.T + one.pose.position
-        voxels = np.rint(view.grid.to_voxels(places)).astype(int)
-        inside = ((voxels >= 0) & (voxels < view.grid.resolution)).all(axis=1)
+        voxels, inside = view.grid.nearest_voxels(places)
         if not inside.all():
             return False
         x, y, z = voxels.T

@@ -89,6 +89,5 @@ def _footprint(one: FittedSuperquadric, axis: int) -> Float64:
 
 def _seen_through(places: Float64, view: View) -> float:
     """Share of places (..., 3) in the grid that the view shows to be free."""
-    voxels = np.round(view.grid.to_voxels(places.reshape(-1, 3))).astype(int)
-    there = ((voxels >= 0) & (voxels < view.grid.resolution)).all(axis=1)
+    voxels, there = view.grid.nearest_voxels(places)
     return float(view.free[tuple(voxels[there].T)].mean()) if there.any() else 0.0

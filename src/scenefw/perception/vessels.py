@@ -145,8 +145,7 @@ class Vessels:
         if within.mean() < self.inside or narrow or one.shape.height < self.flattest:
             return False
         corners = one.shape.mesh(_SECTIONS).vertices + one.pose.position
-        voxels = np.round(grid.to_voxels(corners)).astype(int)
-        there = ((voxels >= 0) & (voxels < grid.resolution)).all(axis=1)
+        voxels, there = grid.nearest_voxels(corners)
         through = free[tuple(voxels[there].T)]
         return bool(there.mean() > _THERE and through.mean() < self.through)
 

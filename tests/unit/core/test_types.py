@@ -18,6 +18,17 @@ def test_voxels_and_world_are_inverse(resolution, extent):
     np.testing.assert_allclose(grid.to_voxels(grid.centres()), indices, atol=1e-9)
 
 
+def test_the_nearest_voxel_of_a_point_is_the_one_that_it_is_in():
+    grid = GridSpec(resolution=8)
+    indices = np.stack(np.meshgrid(*[np.arange(8)] * 3, indexing="ij"), axis=-1)
+    moved = grid.centres() + 0.4 * grid.voxel_size * np.array([1.0, -1.0, 1.0])
+    voxels, there = grid.nearest_voxels(moved)
+    assert np.array_equal(voxels, indices)
+    assert there.all()
+    outside = np.array([[0.0, 0.0, 99.0], np.array(grid.lower) - grid.voxel_size])
+    assert not grid.nearest_voxels(outside)[1].any()
+
+
 @given(resolutions)
 def test_centres_fill_the_cube_evenly(resolution):
     grid = GridSpec(resolution)
