@@ -28,7 +28,9 @@ others, code is compiled in a child process, and this process only ever reads it
 import hashlib
 import inspect
 import os
+import signal
 import threading
+import time
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -37,7 +39,9 @@ from typing import Any, TypeAlias
 import numba
 import numpy as np
 import torch
+from llvmlite.binding import ffi
 from numba import cuda
+from numba.core.compiler_lock import global_compiler_lock
 from numba.extending import overload
 from torch import Tensor
 
@@ -45,6 +49,7 @@ from scenefw.core.errors import MissingDependencyError
 
 Argument: TypeAlias = Tensor | float | bool | np.number | tuple[Any, ...]
 
+_PATIENCE = 300.0  # s, in which a loop is compiled on the slowest machine
 _THREADS_PER_BLOCK = 128
 _NO_TOOLKIT = ("DynamicLibNotFoundError", "DynamicLibNotAvailableError")
 """Errors of the finder of CUDA's libraries; numba's own are ImportErrors."""
@@ -72,7 +77,7 @@ vectorised = numba.njit(inline="always", **_MATHS)
 
 
 _simulated = threading.Lock()  # numba's CUDA simulator runs Python threads
-_compiling = threading.Lock()  # a copy of this process must not inherit numba's lock from others
+_compiling = threading.Lock()  # one thread compiles, others wait for what it makes
 
 
 def atomic_add(array: Any, index: Any, value: Any) -> None:
@@ -182,9 +187,7 @@ def _compile_in_child(function: Any, types: tuple[Any, ...]) -> None:
     """
     if not hasattr(os, "fork") or not hasattr(function, "compile") or _in_cache(function, types):
         return
-    with warnings.catch_warnings():  # Python 3.12 warns of threads, which the child never uses
-        warnings.simplefilter("ignore", DeprecationWarning)
-        child = os.fork()
+    child = _copy_of_this_process()
     if child == 0:
         status = 1
         try:
@@ -192,6 +195,29 @@ def _compile_in_child(function: Any, types: tuple[Any, ...]) -> None:
             status = 0
         finally:
             os._exit(status)
+    _wait(child)
+
+
+def _copy_of_this_process() -> int:
+    """Its number; 0 in the copy.
+
+    Only this thread lives on in the copy. What another one has locked at this moment stays locked
+    there for ever, so this thread takes the locks of numba and LLVM before.
+    """
+    with warnings.catch_warnings(), global_compiler_lock, ffi.lib._lock:
+        warnings.simplefilter("ignore", DeprecationWarning)  # Python 3.12 warns of threads
+        return os.fork()
+
+
+def _wait(child: int) -> None:
+    """Until a process ends; one that takes too long is killed."""
+    until, pause = time.monotonic() + _PATIENCE, 0.001
+    while time.monotonic() < until:
+        if os.waitpid(child, os.WNOHANG)[0]:
+            return
+        time.sleep(pause)
+        pause = min(2 * pause, 0.05)
+    os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
 
 

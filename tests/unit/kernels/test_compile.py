@@ -1,11 +1,15 @@
 import importlib.util
 import os
 import sys
+import threading
+import time
 
 import numba
 import pytest
 import torch
+from numba.core.compiler_lock import global_compiler_lock
 
+from scenefw.kernels import compile as compiling
 from scenefw.kernels.compile import Kernel, lacks_toolkit
 
 DOUBLE = """
@@ -72,3 +76,41 @@ def test_a_process_is_copied_only_for_what_is_not_in_the_cache(double, tmp_path,
         file.unlink()
     double()(3, torch.ones(3), target)
     assert len(copies) == 3
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes can't be copied here")
+def test_a_process_is_copied_while_no_other_thread_compiles(double, monkeypatch):
+    held, killed, kill = threading.Event(), [], os.kill
+
+    def compile_something():
+        with global_compiler_lock:
+            held.set()
+            time.sleep(0.5)
+
+    monkeypatch.setattr(compiling, "_PATIENCE", 60.0)  # a copy that waits for ever is killed
+    monkeypatch.setattr(os, "kill", lambda *of: (killed.append(of), kill(*of)))
+    kernel, target = double(), torch.zeros(3)
+    other = threading.Thread(target=compile_something)
+    other.start()
+    held.wait()
+    kernel(3, torch.ones(3), target)
+    other.join()
+    assert target.tolist() == [2, 2, 2]
+    assert not killed
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes can't be copied here")
+def test_a_copy_that_never_ends_is_killed(double, monkeypatch):
+    fork = os.fork
+
+    def stuck():
+        child = fork()
+        if child == 0:
+            time.sleep(600)
+        return child
+
+    monkeypatch.setattr(os, "fork", stuck)
+    monkeypatch.setattr(compiling, "_PATIENCE", 0.3)
+    target = torch.zeros(3)
+    double()(3, torch.ones(3), target)
+    assert target.tolist() == [2, 2, 2]
