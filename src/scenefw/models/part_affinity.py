@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from scenefw.core.batches import CameraBatch
 
 _STEPS, _NORMAL_STEPS = (1, 2, 4), (1, 3)  # pixels to neighbours that a pixel is compared with
+_FAR = 4.0  # m: the images that it learns from show nothing beyond; 1 km would drown all else
 _RISE, _BEND, _HEIGHT = 0.005, 0.002, 0.01  # m: logarithmic above, linear below
 CHANNELS = 6 * len(_STEPS) + 3 * len(_NORMAL_STEPS) + 3
 """Of `pixel_features`."""
@@ -111,9 +112,11 @@ def pixel_features(depth: Tensor, cameras: CameraBatch) -> Tensor:
     """Local geometry (B, `CHANNELS`, H, W) of depth images, 0 where it is not known.
 
     Args:
-        depth: (B, H, W) z-depth in metres, 0 = no measurement.
+        depth: (B, H, W) z-depth in metres, 0 = no measurement; nor is what is beyond 4 m, as the
+            floor of a traced image just below its horizon.
         cameras: one per image, the floor at z = 0.
     """
+    depth = torch.where(depth <= _FAR, depth, 0.0)
     known, points = depth > 0, pixel_places(depth, cameras).permute(0, 3, 1, 2)
     channels: list[Tensor] = []
     for step in _STEPS:

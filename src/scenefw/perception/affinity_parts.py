@@ -9,7 +9,7 @@ import torch
 
 from scenefw.core.batches import CameraBatch
 from scenefw.core.errors import ConfigError
-from scenefw.perception.depth_parts import grown, large_parts, linked_parts, merged
+from scenefw.perception.depth_parts import EDGE, grown, large_parts, linked_parts, merged
 from scenefw.perception.points import world_points
 from scenefw.perception.seen_parts import floor_noise, high_parts
 
@@ -27,7 +27,8 @@ class AffinityParts:
     """Cuts a depth image above the floor where a network finds different objects.
 
     Pixels that surely show the same object are joined first, and others go to what is nearest along
-    the surface. Of two such regions that meet, all pixels along the border are asked: they are
+    the surface, but not across a jump of depth; where none is sure, those are joined that likely
+    show the same. Of two such regions that meet, all pixels along the border are asked: they are
     joined if the mean is high enough, the surest first. So a few likely pixels join no objects.
     Images are thinned to about the focal length that the network learnt from. Parts that it takes
     for waves of the floor, or for what lies beyond a table's edge, are dropped, if it says which
@@ -91,15 +92,19 @@ class AffinityParts:
         near = np.abs(frame.depth - depth[every]) < _JUMP
         parts = np.where(above & near, parts[every], 0).astype(np.int32)
         lowest = max(self.lowest, self.noisy * floor_noise(heights))
-        return high_parts(grown(parts, above, frame.depth), heights, lowest)
+        return high_parts(grown(parts, above, frame.depth, EDGE), heights, lowest)
 
     def _joined(
         self, depth: Float32, across: Float32, down: Float32, above: NDArray[np.bool_]
     ) -> NDArray[np.int64]:
         """Regions (H, W), 0 = none, of the thinned image."""
         sure = linked_parts(above, across > self.sure, down > self.sure)
-        regions = grown(large_parts(sure, self.seed), above, depth)
-        return merged(regions, across, down, self.same)
+        regions = large_parts(sure, self.seed)
+        likely = linked_parts(above, across > self.same, down > self.same)
+        alone = ~np.isin(likely, likely[regions > 0])  # slivers, of which no few pixels are sure
+        further = large_parts(np.where(alone, likely, 0), self.seed)
+        regions = np.where(further > 0, further + regions.max(initial=0), regions)
+        return merged(grown(regions, above, depth, EDGE), across, down, self.same)
 
     @torch.no_grad()
     def _said(self, depth: Float32, camera: Camera, step: int) -> tuple[Float32, Float32, Float32]:

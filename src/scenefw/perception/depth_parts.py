@@ -1,5 +1,7 @@
 """Parts of a depth image: neighbouring pixels of similar depth belong together."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
@@ -10,6 +12,9 @@ from scenefw.core.types import Float32, Float64, Frame, Int32
 from scenefw.perception.points import camera_points
 
 _NOISE = 0.002  # m between neighbouring pixels of one surface
+EDGE = 0.03
+"""m: where depth jumps as far from one pixel to the next, another object begins."""
+
 _NEIGHBOURS = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]))
 
 
@@ -58,16 +63,8 @@ def merged(regions: Int32, across: Float32, down: Float32, least: float) -> NDAr
         down: (H - 1, W) the same for the one below.
         least: mean along the border of two regions from which on they are joined.
     """
-    count = int(regions.max(initial=0)) + 1
-    sums, borders = np.zeros((2, count, count))
-    values = iter((across, down))
-    for a, b in _NEIGHBOURS:
-        value, first, second = next(values), regions[a], regions[b]
-        meet = (first != second) & (first > 0) & (second > 0)
-        for rows, columns in ((first, second), (second, first)):
-            np.add.at(sums, (rows[meet], columns[meet]), value[meet])
-            np.add.at(borders, (rows[meet], columns[meet]), 1)
-    owner = np.arange(count)
+    sums, borders = along_borders(regions, across, down)
+    owner = np.arange(len(sums))
     while True:
         means = np.divide(sums, borders, out=np.zeros_like(sums), where=borders > 0)
         kept, gone = np.unravel_index(means.argmax(), means.shape)
@@ -78,6 +75,47 @@ def merged(regions: Int32, across: Float32, down: Float32, least: float) -> NDAr
             table[kept] += table[gone]
             table[:, kept] += table[:, gone]
             table[gone] = table[:, gone] = table[kept, kept] = 0
+
+
+def hiding(parts: Int32, depth: Float32, share: float = 0.9) -> NDArray[np.bool_]:
+    """Which parts (P + 1, P + 1) border on each other where one hides the other.
+
+    No convex object has such borders between two parts of its own.
+
+    Args:
+        parts: (H, W), 0 = none.
+        depth: (H, W) metres.
+        share: of a border's pixels at which depth must jump (`EDGE`).
+    """
+    across, down = (np.abs(depth[a] - depth[b]) > EDGE for a, b in _NEIGHBOURS)
+    jumps, borders = along_borders(parts, across, down)
+    found: NDArray[np.bool_] = (borders > 0) & (jumps >= share * borders)
+    return found
+
+
+def along_borders(
+    parts: Int32, across: NDArray[Any], down: NDArray[Any]
+) -> tuple[Float64, Float64]:
+    """Sums of values along the borders between parts, and the lengths of these borders (pixels).
+
+    Args:
+        parts: (H, W), 0 = none.
+        across: (H, W - 1) values between a pixel and its right neighbour.
+        down: (H - 1, W) the same for the one below.
+
+    Returns:
+        Two tables (P + 1, P + 1), symmetric.
+    """
+    count = int(parts.max(initial=0)) + 1
+    sums, lengths = np.zeros((2, count, count))
+    values = iter((across, down))
+    for a, b in _NEIGHBOURS:
+        value, first, second = next(values), parts[a], parts[b]
+        meet = (first != second) & (first > 0) & (second > 0)
+        for rows, columns in ((first, second), (second, first)):
+            np.add.at(sums, (rows[meet], columns[meet]), value[meet])
+            np.add.at(lengths, (rows[meet], columns[meet]), 1)
+    return sums, lengths
 
 
 def large_parts(components: NDArray[np.int64], smallest: int) -> NDArray[np.int32]:
@@ -127,7 +165,9 @@ def _dot(a: Float64, b: Float64) -> Float64:
     return np.einsum("...i,...i->...", a, b)
 
 
-def grown(labels: Int32, among: NDArray[np.bool_], depth: Float32) -> Int32:
+def grown(
+    labels: Int32, among: NDArray[np.bool_], depth: Float32, furthest: float = np.inf
+) -> Int32:
     """Labels (H, W) that also cover the pixels `among` that can be reached through others.
 
     Each takes the label that is nearest along the image, where a step costs a pixel and each
@@ -137,13 +177,14 @@ def grown(labels: Int32, among: NDArray[np.bool_], depth: Float32) -> Int32:
         labels: (H, W), 0 = none.
         among: (H, W) pixels that may get one.
         depth: (H, W) metres.
+        furthest: no step goes across a jump of depth above this (m).
     """
     todo = among & (labels == 0)
     seeds = (labels > 0) & binary_dilation(todo)
     if not todo.any() or not seeds.any():
         return labels
     number = np.cumsum((todo | seeds).ravel()).reshape(labels.shape) - 1
-    steps = _steps(depth, todo | seeds, number)
+    steps = _steps(depth, todo | seeds, number, furthest)
     _, _, source = dijkstra(
         steps, directed=False, indices=number[seeds], return_predecessors=True, min_only=True
     )
@@ -153,11 +194,13 @@ def grown(labels: Int32, among: NDArray[np.bool_], depth: Float32) -> Int32:
     return filled
 
 
-def _steps(depth: Float32, among: NDArray[np.bool_], number: NDArray[np.intp]) -> csr_matrix:
+def _steps(
+    depth: Float32, among: NDArray[np.bool_], number: NDArray[np.intp], furthest: float
+) -> csr_matrix:
     """Costs between neighbours, by their numbers."""
     rows, columns, costs = [], [], []
     for a, b in _NEIGHBOURS:
-        both = among[a] & among[b]
+        both = among[a] & among[b] & (np.abs(depth[a] - depth[b]) <= furthest)
         rise = np.abs(depth[a][both] - depth[b][both])
         rows.append(number[a][both])
         columns.append(number[b][both])

@@ -10,10 +10,13 @@ import numpy as np
 
 from scenefw.core.errors import ConfigError
 from scenefw.fitting.placed import OUTLIERS, robust_deviation, signed_distance
+from scenefw.perception.depth_parts import hiding
 from scenefw.perception.grouped_by_network import divide
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+
+    from numpy.typing import NDArray
 
     from scenefw.core.evidence import Evidence, FittedSuperquadric
     from scenefw.core.protocols import ShapeFit
@@ -36,8 +39,9 @@ class GroupedByEvidence:
     the network is wrong, they are joined again.
 
     What hides the middle of an object leaves two parts of it, and one superquadric goes on behind
-    what hides it. Two objects have none in common: their points are off its surface, or it covers
-    places that are seen to be free. The pair that is explained best is joined first.
+    what hides it. Two objects have none in common: their points are off its surface, it covers
+    places that are seen to be free, or one hides the other where they meet in the image. The pair
+    that is explained best is joined first.
 
     Args:
         fit: of superquadrics, each by itself.
@@ -85,7 +89,10 @@ class GroupedByEvidence:
         large = [part for part in range(1, len(sizes)) if sizes[part] >= self.least]
         points = {part: view.points[parts == part] for part in large}
         groups: list[Group] = [frozenset([part]) for part in large]
-        pairs = [(a, b) for a, b in combinations(groups, 2) if _may_be_one(a | b, points, view)]
+        hide = hiding(parts, depth)
+        pairs = [
+            (a, b) for a, b in combinations(groups, 2) if _may_be_one(a | b, points, view, hide)
+        ]
         single = self._fits(groups, parts, alone)
         apart = {part: self._robust(single[frozenset([part])][0], points[part]) for part in large}
         costs = self._costs([a | b for a, b in pairs], parts, points, alone, apart)
@@ -95,7 +102,9 @@ class GroupedByEvidence:
                 break
             groups = [group for group in groups if not group <= joined]
             costs = {pair: cost for pair, cost in costs.items() if not pair & joined}
-            further = [joined | one for one in groups if _may_be_one(joined | one, points, view)]
+            further = [
+                joined | one for one in groups if _may_be_one(joined | one, points, view, hide)
+            ]
             costs |= self._costs(further, parts, points, alone, apart)
             groups.append(joined)
         return _relabelled(parts, groups)
@@ -146,9 +155,16 @@ def _inside(fitted: FittedSuperquadric, evidence: Evidence) -> float:
     return float(np.minimum(depth**2, OUTLIERS**2).sum() / len(evidence.points))
 
 
-def _may_be_one(group: Group, points: dict[int, Float64], view: View) -> bool:
-    """Whether the segments between parts, which a convex object contains, miss what is free."""
+def _may_be_one(
+    group: Group, points: dict[int, Float64], view: View, hide: NDArray[np.bool_]
+) -> bool:
+    """Whether segments between parts, which a convex object contains, miss what is free.
+
+    And whether none hides another (P + 1, P + 1).
+    """
     for a, b in combinations(group, 2):
+        if hide[a, b]:
+            return False
         rng = np.random.default_rng(0)
         first, second = (points[part][rng.integers(len(points[part]), size=_SEGMENTS)]
                          for part in (a, b))  # fmt: skip

@@ -10,7 +10,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from scenefw.core.errors import ConfigError
-from scenefw.perception.depth_parts import grown
+from scenefw.perception.depth_parts import along_borders, grown
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -53,16 +53,16 @@ class GroupedByNetwork:
 
     def join(self, parts: Int32, shown: Int32) -> Int32:
         """Parts (H, W) joined to objects, 0 = none, by the instances (H, W) that they show."""
-        count = int(parts.max(initial=0)) + 1
         sizes, main = np.bincount(parts.ravel()), shown_instances(parts, shown, self.share)
-        touching = borders(parts, count) >= self.border
+        _, lengths = along_borders(parts, parts[:, 1:], parts[1:])
+        touching = lengths >= self.border
         same = [
             (a, b)
             for a, b in combinations(np.flatnonzero(main), 2)
             if main[a] == main[b]
             and (not touching[a, b] or _ratio(sizes[a], sizes[b]) < self.fragment)
         ]
-        links = coo_matrix((np.ones(len(same)), np.reshape(same, (-1, 2)).T), (count, count))
+        links = coo_matrix((np.ones(len(same)), np.reshape(same, (-1, 2)).T), lengths.shape)
         joined = connected_components(links, directed=False)[1]
         return np.searchsorted(np.unique(joined), joined)[parts].astype(np.int32)
 
@@ -107,12 +107,3 @@ def divide(objects: Int32, shown: Int32, share: float, depth: Float32) -> Int32:
 
 def _ratio(first: int, second: int) -> float:
     return min(first, second) / max(first, second)
-
-
-def borders(parts: Int32, count: int) -> NDArray[np.int64]:
-    """Lengths (count, count) of the borders between parts (pixels), symmetric."""
-    lengths = np.zeros((count, count), np.int64)
-    for a, b in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
-        differ = parts[a] != parts[b]
-        np.add.at(lengths, (parts[a][differ], parts[b][differ]), 1)
-    return lengths + lengths.T

@@ -40,6 +40,17 @@ def test_what_has_no_depth_has_no_features():
     assert found.isfinite().all()
 
 
+@pytest.mark.parametrize("far", [5.0, 5000.0, float("inf")])
+def test_what_is_far_away_is_as_if_it_were_not_measured(far):
+    """The floor of a traced image goes on for kilometres below its horizon."""
+    near = torch.full((1, 12, 16), 0.8)
+    seen, nothing = near.clone(), near.clone()
+    seen[0, :4], nothing[0, :4] = far, 0.0
+    here, there = (pixel_features(depth, camera_down(16, 12)) for depth in (seen, nothing))
+    assert torch.equal(here, there)
+    assert not torch.equal(here, pixel_features(near, camera_down(16, 12)))
+
+
 def test_features_of_a_plane_are_its_normal_and_its_height():
     found = pixel_features(torch.full((1, 12, 16), 0.8), camera_down(16, 12))[0, :, 5:7, 5:7]
     inner = found.permute(1, 2, 0).flatten(0, 1)

@@ -85,6 +85,34 @@ def test_pixels_beside_a_jump_go_to_what_they_show(monkeypatch):
     assert astray() > 0  # the image has such pixels
 
 
+@pytest.mark.parametrize("thinned", [1, 2])
+def test_a_sliver_behind_an_object_is_no_part_of_it(monkeypatch, thinned):
+    """Of what shows a few pixels behind a box, no neighbours surely are the same object."""
+    front, back = (
+        Box((-0.1, -0.2, 0.0), (0.1, -0.1, 0.15)),
+        Box((0.083, 0.2, 0.0), (0.13, 0.3, 0.1)),
+    )
+    camera = camera_at(eye=(0.0, -0.85, 0.35))
+    frame = replace(frame_of(camera, (front, back)), camera=camera)
+    owners = frame.labels
+    network = Knowing(owners, camera.fx / thinned)
+
+    def forward(depth, cameras):
+        logits = Knowing.forward(network, depth, cameras)
+        behind = torch.from_numpy(owners[::thinned, ::thinned] == 2)
+        return torch.where(behind & (logits > 0), 2.0, logits)  # likely, not surely
+
+    network.forward = forward
+    few = (owners == 2).sum() // thinned**2
+    for smallest, parts in ((1, 2), (4 * few, 1)):
+        finder = AffinityParts(Loaded(network), smallest=4 * smallest * thinned**2, seed=4)
+        found = finder.segment(frame)
+        assert found.max() == parts
+        assert len(np.unique(found[(owners == 1) & (found > 0)])) == 1
+        shared = np.unique(found[owners == 1]).tolist()
+        assert not np.isin(found[owners == 2], [one for one in shared if one > 0]).any()
+
+
 def test_images_without_objects_have_no_parts(seen):
     frame, owners = seen
     finder = AffinityParts(Loaded(Knowing(0 * owners, frame.camera.fx)))

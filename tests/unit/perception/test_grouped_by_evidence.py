@@ -113,6 +113,20 @@ def test_a_small_part_is_rather_joined_than_an_object():
     assert len(np.unique(joined)) == 2
 
 
+def test_a_sliver_of_what_an_object_hides_stays_apart():
+    """However much an object more costs: no convex object hides a part of itself."""
+    high, behind = (
+        Box((-0.1, -0.1, 0.0), (0.1, 0.0, 0.3)),
+        Box((0.06, 0.1, 0.0), (0.135, 0.2, 0.25)),
+    )
+    view, labels, depth = seen((high, behind))
+    assert 30 <= (labels == 2).sum() < 0.1 * (labels == 1).sum()
+    found = grouping(price=1e6, tolerance=100.0).objects(labels, view, depth)
+    assert (found == labels).all()
+    level = np.ones_like(depth)  # an image that does not say it
+    assert found.max() > grouping(price=1e6, tolerance=100.0).objects(labels, view, level).max()
+
+
 @pytest.mark.parametrize("wrong", [{"tolerance": 0}, {"least": 0}, {"divided": 0}, {"price": -1}])
 def test_wrong_numbers_are_refused(wrong):
     with pytest.raises(ConfigError, match=next(iter(wrong))):

@@ -16,7 +16,7 @@ from scenefw.core.types import GridSpec
 from scenefw.data.readers import read_frame
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.metrics.masks import mask_scores
-from scenefw.perception.grouped_by_network import GroupedByNetwork, borders, divide
+from scenefw.perception.grouped_by_network import GroupedByNetwork, divide
 from scenefw.perception.part_guided import PartGuided, reassigned
 from scenefw.perception.seen_parts import SeenParts
 
@@ -79,12 +79,6 @@ def test_a_part_of_several_instances_is_divided(rows, expected):
     objects = np.ones_like(shown)
     found = divide(objects, shown, 0.3, np.ones(objects.shape, np.float32))
     assert same(found, drawn(*expected, scale=6))
-
-
-def test_borders_are_counted_once():
-    lengths = borders(drawn("12", "32", scale=5), 4)
-    assert lengths[1, 2] == lengths[2, 1] == 5
-    assert lengths[2, 3] == lengths[1, 3] == 5
 
 
 @pytest.mark.parametrize("resolution", [16, 32])
