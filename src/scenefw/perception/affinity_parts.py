@@ -55,7 +55,7 @@ class AffinityParts:
         sure: float = 0.95,
         same: float = 0.7,
         seed: int = 12,
-        shown: float = 0.3,
+        shown: float = 0.6,
         margin: float = 0.005,
         smallest: float = 60.0,
         lowest: float = 0.012,
