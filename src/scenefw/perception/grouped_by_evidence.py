@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
     Group = frozenset[int]
 
-_WIDTH = 640  # pixels of the image that the price is for
 _POINTS = 200  # of a part, enough to say how well a shape explains it
 _SEGMENTS = 200  # between two parts
 _THROUGH_FREE = 0.2  # share of them that may be seen through, at borders of voxels
@@ -49,8 +48,6 @@ class GroupedByEvidence:
         tolerance: how much more squared deviation, robust, of any part's points than with a
             superquadric of its own, plus that of the places outside, is still one object.
         least: parts of fewer pixels stay alone.
-        price: squared deviations, over all pixels of a part (of an image 640 wide), that one
-            object more must save: what is small is joined rather than an object of its own.
         divided: share of a part's pixels from which on an instance is large; above 0.5 none is.
         split: cuts parts that no superquadric explains before any are joined; None = nothing does.
 
@@ -65,7 +62,6 @@ class GroupedByEvidence:
         tolerance: float = 0.3,
         least: int = 30,
         divided: float = 0.3,
-        price: float = 2000.0,
         split: SplitByEvidence | None = None,
     ) -> None:
         if not tolerance > 0 or least < 4:
@@ -73,12 +69,10 @@ class GroupedByEvidence:
                 f"tolerance is {tolerance} and least {least}; expected a positive number and at "
                 "least 4 pixels"
             )
-        if not 0 < divided <= 1 or price < 0:
-            raise ConfigError(
-                f"divided is {divided} and price {price}; expected a share above 0 and at least 0"
-            )
+        if not 0 < divided <= 1:
+            raise ConfigError(f"divided is {divided}; expected a share above 0, at most 1")
         self.fit, self.evidence, self.tolerance, self.least = fit, evidence, tolerance, least
-        self.divided, self.price, self.split = divided, price, split
+        self.divided, self.split = divided, split
 
     def objects(self, parts: Int32, view: View, depth: Float32) -> Int32:
         """Objects (H, W), 0 = none, of parts (H, W) and a view whose masks are the network's."""
@@ -126,15 +120,9 @@ class GroupedByEvidence:
         apart: dict[int, float],
     ) -> dict[Group, float]:
         """How much worse one superquadric explains each group than one for each part."""
-        scale = (_WIDTH / parts.shape[1]) ** 2
         found = {}
         for group, (fitted, evidence) in self._fits(groups, parts, view).items():
-            worse = [
-                self._robust(fitted, points[part])
-                - apart[part]
-                - self.price / (scale * len(points[part]))
-                for part in group
-            ]
+            worse = [self._robust(fitted, points[part]) - apart[part] for part in group]
             found[group] = max(*worse, 0.0) + _inside(fitted, evidence)
         return found
 
