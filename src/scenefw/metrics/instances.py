@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from scenefw.core.protocols import Matching
 from scenefw.matching.assignment import Assignment
-from scenefw.matching.costs import iou_matrix
+from scenefw.matching.costs import iou_matrix, overlaps
 
 Float64 = NDArray[np.float64]
 
@@ -54,6 +54,23 @@ def scores_of(iou: Float64, matching: Matching | None = None) -> InstanceScores:
         float(abs(iou.shape[0] - iou.shape[1])),
         float(iou.shape[0] - iou.shape[1]),
     )
+
+
+def object_ious(
+    predicted: NDArray[np.integer], true: NDArray[np.integer], matching: Matching | None = None
+) -> dict[int, float]:
+    """IoU of each true object, by its label, with the instance matched to it; 0 where none is.
+
+    Args:
+        predicted: labels, 0 = no object.
+        true: labels of the same shape.
+        matching: default is the optimal assignment.
+    """
+    found = overlaps(predicted, true)
+    ious = dict.fromkeys(found.true.tolist(), 0.0)
+    for row, column in (matching or Assignment()).assign(-found.iou):
+        ious[int(found.true[column])] = float(found.iou[row, column])
+    return ious
 
 
 def mean_iou(matched: Float64, objects: int) -> float:

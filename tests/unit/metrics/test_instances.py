@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from scenefw.metrics.instances import instance_scores
+from scenefw.metrics.instances import instance_scores, object_ious
 
 labellings = arrays.arrays(np.int32, (4, 5), elements=st.integers(0, 3))
 
@@ -63,3 +63,18 @@ def test_one_instance_for_two_objects():
     assert found.panoptic_quality == pytest.approx(0.6 / 1.5)
     assert found.recall == 0.5
     assert found.excess == -1
+
+
+@given(labellings, labellings)
+def test_ious_of_single_objects_add_up(predicted, true):
+    found = object_ious(predicted, true)
+    assert list(found) == np.unique(true[true > 0]).tolist()
+    if found:
+        scores = instance_scores(predicted, true)
+        assert np.mean(list(found.values())) == pytest.approx(scores.iou)
+        assert np.mean([iou > 0.5 for iou in found.values()]) == pytest.approx(scores.recall)
+
+
+def test_an_object_without_a_partner_has_no_iou():
+    true = np.array([[7, 7, 0, 2]])
+    assert object_ious(np.array([[1, 1, 0, 0]]), true) == {2: 0.0, 7: 1.0}

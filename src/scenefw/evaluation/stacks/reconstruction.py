@@ -17,7 +17,7 @@ from scenefw.core.protocols import (
     Matching,
     Noise,
     Reconstructor,
-    Renderer,
+    SurfaceRenderer,
     Track,
     Workers,
 )
@@ -35,8 +35,8 @@ from scenefw.evaluation.stacks.results import ReconstructionResult, ViewScores
 from scenefw.evaluation.stacks.seen_scenes import Sample, SceneViews, SeenScene, Streams
 from scenefw.evaluation.stacks.surface_scores import Surfaces, SurfaceScoring, TruePoints
 from scenefw.evaluation.stacks.training_mean import TrainingMean
-from scenefw.evaluation.stacks.visibility import VisibleSurface
-from scenefw.metrics.instances import instance_scores
+from scenefw.evaluation.stacks.visibility import VisibleSurface, shown_pixels
+from scenefw.metrics.instances import instance_scores, object_ious
 from scenefw.metrics.occupancy import (
     binary_cross_entropy,
     coverage,
@@ -92,7 +92,7 @@ class ReconstructionEvaluation:
         scenes: SceneSet,
         methods: Mapping[str, Reconstructor | None],
         viewpoints: Viewpoints,
-        renderer: Renderer,
+        renderer: SurfaceRenderer,
         mapping: MappingMethod,
         noise: Mapping[str, Noise] | None = None,
         extractors: Mapping[str, InstanceExtractor | None] | None = None,
@@ -135,7 +135,7 @@ class ReconstructionEvaluation:
         self.views = views
         self.samples = samples
         self.surfaces = surfaces or SurfaceScoring()
-        self.visible = VisibleSurface(renderer)
+        self.renderer, self.visible = renderer, VisibleSurface(renderer)
         self.matching = matching
         self.seed = seed
         self.seeing = SceneViews(makers, self.visible, seed, device)
@@ -170,7 +170,7 @@ class ReconstructionEvaluation:
                 lambda pair: self.score(*pair), some, track, "test views", done
             ),
             asdict,
-            lambda row: ViewScores(**row),
+            ViewScores.restored,
         )
         return ReconstructionResult(
             tuple(views), self.names, self.samples, self.seed, published=self.published
@@ -194,11 +194,15 @@ class ReconstructionEvaluation:
     def _scores(
         self, seen: SeenScene, samples: Mapping[str, list[Sample]], truth: TruePoints
     ) -> ViewScores:
-        scores = {}
+        scores, objects = {}, {}
+        true = seen.batches[seen.finest]
+        pixels = shown_pixels(self.renderer, true.volumes, seen.finest, true.cameras)
         for name, pairs in samples.items():
             grid, main = self.grids[name], name == next(iter(samples))
             batch = seen.batches[grid]
             scores[name] = self._volume_scores(pairs, batch, grid)
+            ious = self._object_ious([instances for _, instances in pairs], batch)
+            objects[name] = tuple(ious.get(label, 0.0) for label in pixels)
             shapes = [
                 self.surfaces.compare(self._surfaces(tsdf, grid, seen.camera), truth, seen.points)
                 for tsdf, _ in pairs
@@ -206,7 +210,15 @@ class ReconstructionEvaluation:
             scores[name] |= _means(shapes)
             if main:
                 scores |= self._relabelled(pairs, batch, grid) | self._without_image(batch, grid)
-        return ViewScores(seen.index, seen.view, truth.visibility, truth.floors, scores)
+        return ViewScores(
+            seen.index,
+            seen.view,
+            truth.visibility,
+            truth.floors,
+            scores,
+            tuple(pixels.values()),
+            objects,
+        )
 
     def _calibration(self, track: Track) -> tuple[DrawView, ...]:
         """Outcomes of samples of validation scenes."""
@@ -281,6 +293,12 @@ class ReconstructionEvaluation:
             "hidden_coverage": coverage(shapes, truth, hidden),
             **self._instance_scores([instances for _, instances in pairs], batch),
         }
+
+    def _object_ious(self, samples: Sequence[Tensor], batch: ViewBatch) -> dict[int, float]:
+        """Mean over samples of each true object's IoU, by its label."""
+        true = batch.volumes.instances[0].cpu().numpy()
+        rows = [object_ious(one.cpu().numpy(), true, self.matching) for one in samples]
+        return {label: float(np.mean([row[label] for row in rows])) for label in rows[0]}
 
     def _instance_scores(self, samples: Sequence[Tensor], batch: ViewBatch) -> dict[str, float]:
         true = batch.volumes.instances[0].cpu().numpy()

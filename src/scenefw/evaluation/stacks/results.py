@@ -1,8 +1,9 @@
 """Results of an evaluation of reconstructions, view by view, and their summaries."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from scenefw.evaluation.stacks.measures import of_scores
 from scenefw.evaluation.statistics import Interval, bootstrap_interval
 
 VISIBILITY_EDGES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 1.0)
+PIXEL_EDGES = (0, 1, 100, 300, 1000, 10_000, np.inf)
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,8 @@ class ViewScores:
         visibility: visible area of the true surface over its whole area.
         floors: what the Chamfer distances of the truth to itself are, by name.
         methods: scores by method and name, means over the samples of the view.
+        pixels: how many show each true object.
+        objects: IoU of each true object by method, likewise.
     """
 
     scene: int
@@ -32,6 +36,14 @@ class ViewScores:
     visibility: float
     floors: Mapping[str, float]
     methods: Mapping[str, Mapping[str, float]]
+    pixels: Sequence[int] = ()
+    objects: Mapping[str, Sequence[float]] = field(default_factory=dict)
+
+    @classmethod
+    def restored(cls, row: Mapping[str, Any]) -> Self:
+        """Those of a row of JSON, as `dataclasses.asdict` makes it."""
+        objects = {method: tuple(ious) for method, ious in row["objects"].items()}
+        return cls(**{**row, "pixels": tuple(row["pixels"]), "objects": objects})
 
 
 @dataclass(frozen=True)
@@ -41,6 +53,25 @@ class Summary:
     mean: float
     sigma: float
     count: int
+
+
+@dataclass(frozen=True)
+class SeenObjects:
+    """True objects of which about as much is seen.
+
+    Args:
+        low: pixels that show each, at least.
+        high: fewer than so many do.
+        count: of objects.
+        found: share of them with an IoU above 1/2, by method.
+        iou: mean IoU, by method.
+    """
+
+    low: float
+    high: float
+    count: int
+    found: Mapping[str, float]
+    iou: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -123,6 +154,25 @@ class ReconstructionResult:
             (low, high, self.summary(method, name, (low, high))) for low, high in pairwise(edges)
         ]
         return tuple(row for row in bins if row[2].count)
+
+    def by_pixels(self, edges: Sequence[float] = PIXEL_EDGES) -> tuple[SeenObjects, ...]:
+        """True objects by the number of pixels that show them; bins without any are left out."""
+        views = [view for view in self.views if view.objects]
+        if not views:
+            return ()
+        pixels = np.concatenate([view.pixels for view in views])
+        ious = {
+            method: np.concatenate([view.objects[method] for view in views])
+            for method in views[0].objects
+        }
+        bins = []
+        for low, high in pairwise(edges):
+            own = (pixels >= low) & (pixels < high)
+            if own.any():
+                found = {name: float((one[own] > 0.5).mean()) for name, one in ious.items()}
+                means = {name: float(one[own].mean()) for name, one in ious.items()}
+                bins.append(SeenObjects(low, high, int(own.sum()), found, means))
+        return tuple(bins)
 
     @property
     def figures(self) -> dict[str, float]:

@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from scenefw.core.protocols import Renderer
+from scenefw.core.batches import CameraBatch, SceneVolumes
+from scenefw.core.protocols import Renderer, SurfaceRenderer
 from scenefw.core.types import Camera, GridSpec, TriangleMesh
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.metrics.sampling import face_areas, faces_of
@@ -43,6 +44,24 @@ class VisibleSurface:
 def visible_share(mesh: TriangleMesh, visible: TriangleMesh) -> float:
     """Area of the visible part over the whole area."""
     return float(face_areas(visible).sum() / face_areas(mesh).sum())
+
+
+def shown_pixels(
+    renderer: SurfaceRenderer, volumes: SceneVolumes, grid: GridSpec, cameras: CameraBatch
+) -> dict[int, int]:
+    """How many pixels of an image show each object of one scene, by its label.
+
+    Args:
+        renderer: says whose surface a pixel shows.
+        volumes: of the scene.
+        grid: of these.
+        cameras: one, that takes the image.
+    """
+    seen = renderer.render_surface(volumes.tsdf, volumes.instances, grid, cameras)
+    shown = seen.instances.clamp_min(0).cpu().numpy()
+    labels = volumes.instances.cpu().numpy()
+    counts = np.bincount(shown.ravel(), minlength=int(labels.max(initial=0)) + 1)
+    return {int(label): int(counts[label]) for label in np.unique(labels[labels > 0])}
 
 
 def _visible(

@@ -3,6 +3,8 @@
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
+import numpy as np
+
 from scenefw.evaluation.stacks import published
 from scenefw.evaluation.stacks.measures import DRAWS
 from scenefw.evaluation.stacks.methods import BASE_RATE, TRAINING_MEAN, described
@@ -45,7 +47,7 @@ def reconstruction_sections(result: ReconstructionResult) -> tuple[Section, ...]
     return (
         Section("What it is worth", (headline(result),)),
         Section("Beside the thesis", beside),
-        Section("Instances", (_instances(result),)),
+        Section("Instances", (_instances(result), *_by_pixels(result))),
         *drawn,
         Section("By visibility", _by_visibility(result)),
     )
@@ -173,6 +175,37 @@ def _instances(result: ReconstructionResult) -> Table:
         "found: share of true objects with IoU > 0.5; count error: objects too many or too few."
     )
     return _table(result, "Instances after matching", _INSTANCES, f"{sizes(result)} {note}")
+
+
+def _by_pixels(result: ReconstructionResult) -> tuple[Table, ...]:
+    """Objects by how much of them the image shows: which a method can find at all."""
+    bins = result.by_pixels()
+    if not bins:
+        return ()
+    columns = tuple(Column(_pixels(one.low, one.high), 2) for one in bins)
+    total = sum(one.count for one in bins)
+    rows: list[tuple[str, tuple[Cell, ...]]] = []
+    for method in bins[0].found:
+        name = described(method).row
+        rows.append((f"{name}: found", tuple(one.found[method] for one in bins)))
+        rows.append((f"{name}: IoU", tuple(one.iou[method] for one in bins)))
+    share = "share of all objects (%)"
+    rows.append((share, tuple(f"{100 * one.count / total:.1f}" for one in bins)))
+    note = (
+        f"{total} objects, by how many pixels of the image show them; IoU is the mean over "
+        "samples. An object that no pixel shows can be guessed, not found."
+    )
+    return (
+        Table(
+            "Objects by the pixels that show them", columns, tuple(rows), frozenset({share}), note
+        ),
+    )
+
+
+def _pixels(low: float, high: float) -> str:
+    if high <= 1:
+        return "none"
+    return f"{low:,.0f} or more" if np.isinf(high) else f"{low:,.0f} to {high - 1:,.0f}"
 
 
 def _table(result: ReconstructionResult, title: str, names: Sequence[str], note: str) -> Table:

@@ -11,8 +11,11 @@ from scenefw.data.stacks import StackScenes, shipped_scenes
 from scenefw.evaluation.kept_rows import KeptRows
 from scenefw.evaluation.stacks.reconstruction import ReconstructionEvaluation
 from scenefw.evaluation.stacks.references import PartialSurface
+from scenefw.evaluation.stacks.seen_scenes import Streams
 from scenefw.evaluation.stacks.surface_scores import SurfaceScoring
 from scenefw.evaluation.stacks.training_mean import TrainingMean
+from scenefw.evaluation.stacks.visibility import shown_pixels
+from scenefw.kernels.superquadric_rays import first_hits
 from scenefw.mapping.projective import Projective
 from scenefw.parallel.local import Local
 from scenefw.postprocessing.connected_components import ConnectedComponents
@@ -230,3 +233,31 @@ def test_figures_of_the_thesis_are_of_the_data_set(tmp_path):
     assert rows == {"superquadrics": 0.028, "ycb": 0.062, None: None}
     with pytest.raises(ConfigError, match="superquadrics, ycb"):
         evaluation({"scenefw": Nothing()}, scenes, **settings, published="kitchen")
+
+
+def test_objects_by_the_pixels_that_show_them(result):
+    edges = (0, 1, 20, 100, np.inf)  # of 160 x 120
+    bins = result.by_pixels(edges)
+    objects = [iou for view in result.views for iou in view.objects["oracle"]]
+    assert sum(one.count for one in bins) == len(objects) >= 2 * SCENES
+    for method in ("oracle", "nothing"):
+        mean = sum(one.count * one.iou[method] for one in bins) / len(objects)
+        right = method == "oracle"
+        assert mean > 0.95 if right else mean == 0
+        assert all(one.found[method] == float(right) for one in bins)
+    assert bins[-1].low == 100
+    assert bins[-1].count > 0.5 * len(objects)
+    assert all(sum(view.pixels) < 160 * 120 for view in result.views)
+
+
+def test_pixels_are_those_of_exact_rays():
+    scenes, grid = StackScenes(split="test", limit=SCENES), GridSpec(resolution=96)
+    seeing = evaluation({"nothing": Nothing()}, scenes, grid=grid, views=1).seeing
+    for row in range(SCENES):
+        batch = seeing.see(scenes, row, 0, Streams(1, 2, 3)).batches[grid]
+        _, owners = first_hits(scenes.parameters([row], "cpu"), batch.cameras)
+        exact = np.bincount(owners.numpy().ravel())
+        shown = shown_pixels(SphereTracer(), batch.volumes, grid, batch.cameras)
+        assert len(shown) > 1
+        for label, pixels in shown.items():
+            assert pixels == pytest.approx(exact[label], rel=0.1, abs=15)

@@ -121,6 +121,21 @@ def test_reconstruction_beside_the_thesis(tmp_path):
     assert dict(bins.rows)[OURS] == pytest.approx((6.0, np.mean([26.0, 6.0])))
 
 
+def test_objects_by_pixels_stand_beside_instances(tmp_path):
+    views = [
+        replace(_view(0, 0.25), pixels=(0, 40), objects={"scenefw": (0.0, 0.4)}),
+        replace(_view(1, 0.25), pixels=(70, 20_000), objects={"scenefw": (0.8, 0.9)}),
+    ]
+    result = ReconstructionResult(tuple(views), ("scenefw",), samples=3, seed=7)
+    _, _, instances, _ = sections(result, tmp_path)
+    table = instances.blocks[1]
+    assert [column.name for column in table.columns] == ["none", "1 to 99", "10,000 or more"]
+    assert dict(table.rows)[f"{OURS}: found"] == pytest.approx((0, 0.5, 1))
+    assert dict(table.rows)[f"{OURS}: IoU"] == pytest.approx((0, 0.6, 0.9))
+    assert dict(table.rows)["share of all objects (%)"] == ("25.0", "50.0", "25.0")
+    assert "4 objects" in table.note
+
+
 def test_a_forecast_without_an_image_comes_with_a_word_on_the_measure(tmp_path):
     view = _view(0, 0.25)
     blind = replace(view, methods=view.methods | {BASE_RATE: {"occupancy_bce": 0.07}})
