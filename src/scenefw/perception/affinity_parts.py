@@ -43,7 +43,8 @@ class AffinityParts:
         margin: points up to this height above the floor belong to it (m).
         smallest: parts of fewer pixels (of an image 640 wide) are dropped.
         lowest: parts that rise no higher above the floor (m) are noise of it.
-        noisy: so are parts that rise no higher than so many standard deviations of its heights.
+        noisy: so are parts that rise no higher than so many standard deviations of its heights at
+            the same depth.
 
     Raises:
         ConfigError: a probability outside 0..1, a negative height, or fewer than 1 pixel.
@@ -91,7 +92,8 @@ class AffinityParts:
         above &= ~unlikely[every]
         near = np.abs(frame.depth - depth[every]) < _JUMP
         parts = np.where(above & near, parts[every], 0).astype(np.int32)
-        lowest = max(self.lowest, self.noisy * floor_noise(heights))
+        noise = floor_noise(heights, frame.depth) * frame.depth.astype(np.float64) ** 2
+        lowest = np.maximum(self.lowest, self.noisy * noise)
         return high_parts(grown(parts, above, frame.depth, EDGE), heights, lowest)
 
     def _joined(

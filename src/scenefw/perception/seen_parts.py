@@ -11,9 +11,10 @@ from scenefw.perception.depth_parts import concave_creases, depth_parts, grown, 
 from scenefw.perception.points import world_points
 
 if TYPE_CHECKING:
-    from scenefw.core.types import Float64, Frame, Int32
+    from scenefw.core.types import Float32, Float64, Frame, Int32
 
 _ABOUT = 0.03  # m: depth below the floor that may be its noise
+_EXACT = 1e-5  # m: no measurement is as close to the floor, over many pixels
 _FEWEST = 200  # pixels below the floor that say how noisy it is
 _NORMAL = 1.4826  # from a normal distribution's median deviation to its standard deviation
 _TOP = 0.95  # share of a part below its top, against single pixels
@@ -87,17 +88,26 @@ class SeenParts:
         return high_parts(parts, heights, self.lowest)
 
 
-def high_parts(parts: Int32, heights: Float64, lowest: float) -> Int32:
-    """Parts (H, W) that rise above `lowest` (m), numbered from 1 on."""
-    tops = [np.quantile(heights[parts == k], _TOP) for k in range(1, parts.max(initial=0) + 1)]
-    kept = np.array([False, *(top > lowest for top in tops)])
+def high_parts(parts: Int32, heights: Float64, lowest: float | Float64) -> Int32:
+    """Parts (H, W) that rise above `lowest` (m, of all pixels or of each), numbered from 1 on."""
+    above = heights - lowest
+    tops = [np.quantile(above[parts == k], _TOP) for k in range(1, parts.max(initial=0) + 1)]
+    kept = np.array([False, *(top > 0 for top in tops)])
     return (np.cumsum(kept) * kept)[parts].astype(np.int32)
 
 
-def floor_noise(heights: Float64) -> float:
-    """Robust standard deviation (m) of the floor's heights (H, W), 0 if little of it is seen.
+def floor_noise(heights: Float64, depth: Float32) -> float:
+    """Robust standard deviation (m) of the floor's heights at a depth of 1 m; 0 if little is seen.
 
-    Only what lies below z = 0 counts: above it may be objects.
+    It grows with the square of depth, as errors of triangulation do. Only what lies below z = 0
+    counts: above it may be objects. What lies on it exactly has been moved there, from beyond the
+    table.
+
+    Args:
+        heights: (H, W) metres, NaN = no depth.
+        depth: (H, W) metres.
     """
-    below = heights[(heights < 0) & (heights > -_ABOUT)]
-    return float(_NORMAL * np.median(-below)) if below.size >= _FEWEST else 0.0
+    below = (heights < -_EXACT) & (heights > -_ABOUT)
+    if below.sum() < _FEWEST:
+        return 0.0
+    return float(_NORMAL * np.median(-heights[below] / depth[below] ** 2))

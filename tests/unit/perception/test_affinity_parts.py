@@ -184,13 +184,14 @@ def test_what_shows_no_object_is_in_no_part(seen, thinned):
 
 
 def test_parts_as_low_as_the_floor_waves_are_its_noise():
-    flat, box = Box((-0.2, -0.1, 0.0), (-0.05, 0.0, 0.02)), Box((0.05, -0.1, 0.0), (0.2, 0.0, 0.1))
+    flat, box = Box((-0.2, -0.1, 0.0), (-0.05, 0.0, 0.015)), Box((0.05, -0.1, 0.0), (0.2, 0.0, 0.1))
     camera = camera_at(eye=(0.0, -0.9, 0.5))
     frame = replace(frame_of(camera, (flat, box)), camera=camera)
     finder = AffinityParts(Loaded(Knowing(frame.labels, camera.fx)))
     assert finder.segment(frame).max() == 2
     rng = np.random.default_rng(0)
-    waves = frame.depth * (1 + 0.006 * rng.normal(size=frame.depth.shape).astype(np.float32))
+    normal = rng.normal(size=frame.depth.shape).astype(np.float32)
+    waves = frame.depth + 0.007 * frame.depth**2 * normal
     noisy = replace(frame, depth=np.where(frame.labels > 0, frame.depth, waves))
     found = finder.segment(noisy)
     assert found.max() >= 1
@@ -203,9 +204,20 @@ def test_things_lower_than_others_are_no_noise_of_the_floor():
     rng = np.random.default_rng(0)
     heights = 0.001 * rng.normal(size=(200, 200))
     heights[:120] += 0.02
-    assert floor_noise(heights) == pytest.approx(0.001, rel=0.1)
-    assert floor_noise(heights[:120]) == 0  # no floor is seen
-    assert floor_noise(np.full((4, 4), np.nan)) == 0
+    near, far = (np.full(heights.shape, z, np.float32) for z in (1.0, 2.0))
+    assert floor_noise(heights, near) == pytest.approx(0.001, rel=0.1)
+    assert floor_noise(heights, far) == pytest.approx(0.00025, rel=0.1)  # at 1 m
+    assert floor_noise(heights[:120], near[:120]) == 0  # no floor is seen
+    assert floor_noise(np.full((4, 4), np.nan), near[:4, :4]) == 0
+
+
+def test_what_was_moved_onto_the_floor_says_nothing_about_its_noise():
+    """Most of the image lies beyond the table, where depth is that of the floor."""
+    rng = np.random.default_rng(0)
+    heights = 0.002 * rng.normal(size=(200, 200))
+    heights[:160] = 1e-8 * rng.normal(size=(160, 200))
+    depth = np.ones(heights.shape, np.float32)
+    assert floor_noise(heights, depth) == pytest.approx(0.002, rel=0.1)
 
 
 @pytest.mark.exhaustive
