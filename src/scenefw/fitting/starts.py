@@ -16,13 +16,26 @@ if TYPE_CHECKING:
 _TAILS = (4, 96)  # percentiles that say how far a cloud extends
 
 
-def box_starts(points: Float64) -> list[tuple[Pose, Float64]]:
-    """Poses and half-axes to start a fit from: upright at two angles, and along principal axes."""
-    _, axes = np.linalg.eigh(np.cov(points.T))
-    axes[:, 2] *= np.sign(np.linalg.det(axes))
+def box_starts(points: Float64, sure: Float64 | None = None) -> list[tuple[Pose, Float64]]:
+    """Poses and half-axes to start a fit from: upright at two angles, and along principal axes.
+
+    Args:
+        points: (N, 3) of the surface (m).
+        sure: (M, 3) those of them that are sure, if not all are: one more box about these alone.
+    """
     turn = _least_rectangle(points[:, :2])
     upright = [Rotation.from_euler("z", angle).as_matrix() for angle in (turn, turn + np.pi / 4)]
-    return [_box(points, rotation) for rotation in (*upright, axes)]
+    boxes = [_box(points, rotation) for rotation in (*upright, _principal(points))]
+    if sure is None or not 3 < len(sure) < len(points):
+        return boxes
+    return [*boxes, _box(sure, _principal(sure))]
+
+
+def _principal(points: Float64) -> Float64:
+    """The rotation (3, 3) to the principal axes of points (N, 3), the least one first."""
+    _, axes = np.linalg.eigh(np.cov(points.T))
+    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    return np.asarray(axes)
 
 
 def _box(points: Float64, rotation: Float64) -> tuple[Pose, Float64]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -95,7 +95,8 @@ class SuperquadricFit:
     def fit(self, evidence: Sequence[Evidence]) -> list[FittedSuperquadric]:
         """The best superquadric for each, from boxes about its points."""
         starts = [
-            np.stack([self._state(*box) for box in box_starts(one.points)]) for one in evidence
+            np.stack([self._state(*box) for box in box_starts(one.points, _sure(one))])
+            for one in evidence
         ]
         return self._best(evidence, starts, _WIDENED, self.stiffness) if evidence else []
 
@@ -212,6 +213,11 @@ class SuperquadricFit:
         return FittedSuperquadric(shape.half_axes, shape.exponents, pose, cost, distances)
 
 
+def _sure(evidence: Evidence) -> Float64:
+    """The surest points (N, 3): those that were seen, where others are supposed."""
+    return evidence.points[evidence.sigmas <= evidence.sigmas.min()]
+
+
 @dataclass
 class _Problem:
     """All starts of all objects, as the kernel takes them."""
@@ -254,10 +260,9 @@ class _Problem:
             rows = np.flatnonzero(owners == owner)
             kept.extend(rows[np.argsort(costs[rows])][: max(1, len(rows) // 3)])
         chosen = torch.as_tensor(kept, device=self.states.device)
-        return _Problem(
-            self.places,
-            self.sigmas,
-            self.objects[chosen].contiguous(),
-            self.states[chosen].contiguous(),
-            self.owners[chosen].contiguous(),
+        return replace(
+            self,
+            objects=self.objects[chosen].contiguous(),
+            states=self.states[chosen].contiguous(),
+            owners=self.owners[chosen].contiguous(),
         )

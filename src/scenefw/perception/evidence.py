@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.evidence import Evidence
+from scenefw.perception.silhouettes import passed_places
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -70,6 +71,7 @@ class EvidenceOfView:
         outside: places of each kind outside.
         border: pixels (of an image 640 wide) beside those of another object that don't count as
             seen: some belong to it, and a few are enough to mislead the fit of a thin object.
+        beside: places outside on rays that pass the object closely, where the camera is known.
 
     Raises:
         ConfigError: a number isn't positive, or hidden points are as certain as seen ones.
@@ -84,14 +86,18 @@ class EvidenceOfView:
         hidden: int = 200,
         outside: int = 200,
         border: int = 0,
+        beside: int = 0,
     ) -> None:
         if min(seen_sigma, hidden_sigma, outside_sigma, seen, hidden, outside) <= 0:
             raise ConfigError(
                 f"evidence has deviations {seen_sigma}, {hidden_sigma}, {outside_sigma} and "
                 f"numbers {seen}, {hidden}, {outside}; expected positive ones"
             )
-        if border < 0:
-            raise ConfigError(f"evidence has a border of {border} pixels; expected 0 or more")
+        if border < 0 or beside < 0:
+            raise ConfigError(
+                f"evidence has a border of {border} pixels and {beside} places beside; expected 0 "
+                "or more"
+            )
         if hidden_sigma <= seen_sigma:
             raise ConfigError(
                 f"hidden_sigma is {hidden_sigma} and seen_sigma {seen_sigma}; what is seen must be "
@@ -100,7 +106,7 @@ class EvidenceOfView:
         self.seen_sigma, self.hidden_sigma = seen_sigma, hidden_sigma
         self.outside_sigma = outside_sigma
         self.seen, self.hidden, self.outside = seen, hidden, outside
-        self.border = border
+        self.border, self.beside = border, beside
 
     def of(self, label: int, view: View) -> Evidence:
         """The evidence about the object with this label; it may have no points."""
@@ -148,7 +154,10 @@ class EvidenceOfView:
         beside = _thinned(_within(others, low, high), self.outside)
         x, y = np.meshgrid(*np.linspace(low[:2], high[:2], 10).T)
         below = np.stack([x, y, np.full_like(x, -_BELOW)], axis=-1).reshape(-1, 3)
-        return np.concatenate([free, beside, below])
+        passed = np.empty((0, 3))
+        if view.eye is not None:
+            passed = passed_places(view.masks == label, view.points, view.eye, self.beside)
+        return np.concatenate([free, beside, below, passed])
 
 
 def _thinned(points: Float64, most: int) -> Float64:

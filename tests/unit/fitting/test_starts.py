@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from scenefw.fitting.starts import box_starts
 
@@ -25,3 +26,24 @@ def test_a_start_is_the_box_itself(angle):
 def test_points_on_a_line_are_no_crash():
     line = np.linspace(0, 1, 20)[:, None] * (0.1, 0.0, 0.0)
     assert all(np.isfinite(half_axes).all() for _, half_axes in box_starts(line))
+
+
+def test_one_more_start_is_about_the_sure_points_alone():
+    """A leaning slab, of which a wrong guess goes down to the floor."""
+    slab = leaning_slab()
+    guess = np.concatenate([slab, slab * (1, 1, 0.0), slab * (1, 1, 0.5)])
+    boxes = box_starts(guess, slab)
+    assert len(boxes) == len(box_starts(guess)) + 1 == len(box_starts(slab)) + 1
+    thinnest = [half_axes.min() for _, half_axes in boxes]
+    assert thinnest[-1] < 0.012 < min(thinnest[:-1])
+    assert len(box_starts(slab, slab)) == 3  # all are sure
+
+
+def leaning_slab(count=400):
+    """Points of the upper and of one narrow side of a slab 2 cm thick."""
+    rng = np.random.default_rng(1)
+    local = rng.uniform(-1, 1, (count, 3)) * (0.12, 0.1, 0.01)
+    side = np.arange(count) < count // 4
+    local[~side, 2], local[side, 0] = 0.01, 0.12
+    turn = Rotation.from_euler("xy", (25, 20), degrees=True).as_matrix()
+    return local @ turn.T + (0.1, 0.0, 0.2)
