@@ -1,4 +1,4 @@
-"""Superquadrics made into cups and into things of two or three pieces."""
+"""Superquadrics made into cups and into things of two pieces."""
 
 from __future__ import annotations
 
@@ -16,10 +16,9 @@ if TYPE_CHECKING:
 
     from scenefw.core.rng import Streams
 
-_DRAWS = 27  # numbers of an object
-_THIRD = 0.5  # share of the objects of two pieces that have a third
+_DRAWS = 16  # numbers of an object
 _WALL, _BOTTOM = (0.04, 0.2), (0.1, 0.45)  # in half-axes: of a cup
-_PIECE, _AWAY, _ASIDE = (0.25, 0.9), (0.5, 1.0), 0.5  # size and place of a piece, likewise
+_PIECE, _AWAY, _ASIDE = (0.25, 0.9), (0.5, 1.0), 0.5  # size and place of a second piece, likewise
 _THINNEST = 0.006  # m, half
 _EXPONENTS = (2.0, 40.0)
 
@@ -31,26 +30,29 @@ def compounds(
     hollow: float,
     pieces: float,
 ) -> tuple[SceneParameters, SceneParameters]:
-    """Scenes of three times as many slots, and what is cut out of them.
+    """Scenes of twice as many slots, and what is cut out of them.
 
-    Slots N to 2 N - 1 are second pieces, and the following ones third: each goes through the
-    surface of the object N or 2 N slots before it. A hole opens upward, one in five along any axis.
-    Objects below don't carry what stands on a hole: only rays look at these scenes.
+    Slots N to 2 N - 1 are second pieces: each goes through the surface of the object N slots before
+    it. A hole opens upward, one in five along any axis. Objects below don't carry what
+    stands on a hole: only rays look at these scenes.
 
     Args:
         scenes: B of up to N objects.
         streams: one per scene.
         changed: (B,) which scenes; the others stay as they are.
         hollow: share of objects with a hole.
-        pieces: share of objects with a second piece; half of these have a third.
+        pieces: share of objects with a second piece.
     """
     batch, slots = scenes.present.shape
     numbers = streams.uniform(_DRAWS * slots).reshape(batch, slots, _DRAWS).astype(np.float32)
     drawn, those = to_device([numbers, changed[:, None]], scenes.positions.device)
-    second = _pieces(scenes, drawn[..., 2:12], those & (drawn[..., 0] < pieces))
+    second = _second_pieces(scenes, drawn[..., 2:12], those & (drawn[..., 0] < pieces))
     holes = _holes(scenes, drawn[..., 12:16], those & (drawn[..., 1] < hollow))
-    third = _pieces(scenes, drawn[..., 16:26], second.present & (drawn[..., 26] < _THIRD))
-    return _together(scenes, second, third), _together(holes, _absent(second), _absent(third))
+    none = SceneParameters(
+        second.half_axes, second.exponents, second.rotations, second.positions,
+        torch.zeros_like(second.present),
+    )  # fmt: skip
+    return _together(scenes, second), _together(holes, none)
 
 
 def _holes(scenes: SceneParameters, drawn: Tensor, which: Tensor) -> SceneParameters:
@@ -67,8 +69,8 @@ def _holes(scenes: SceneParameters, drawn: Tensor, which: Tensor) -> SceneParame
     return SceneParameters(axes, scenes.exponents, scenes.rotations, places, scenes.present & which)
 
 
-def _pieces(scenes: SceneParameters, drawn: Tensor, which: Tensor) -> SceneParameters:
-    """One more piece of objects, which goes through their surface: a handle, a neck, a foot."""
+def _second_pieces(scenes: SceneParameters, drawn: Tensor, which: Tensor) -> SceneParameters:
+    """A piece of each object that goes through its surface: a handle, a neck, a foot."""
     axis = (3 * drawn[..., 0]).long().clamp_max(2)
     chosen = torch.nn.functional.one_hot(axis, 3).float()
     sign = torch.where(drawn[..., 1] < 0.5, -1.0, 1.0)[..., None]
@@ -94,15 +96,8 @@ def _turned(scenes: SceneParameters, local: Tensor) -> Tensor:
     return torch.einsum("bnij,bnj->bni", scenes.rotations, local)
 
 
-def _absent(solids: SceneParameters) -> SceneParameters:
-    return SceneParameters(
-        solids.half_axes, solids.exponents, solids.rotations, solids.positions,
-        torch.zeros_like(solids.present),
-    )  # fmt: skip
-
-
-def _together(*several: SceneParameters) -> SceneParameters:
+def _together(first: SceneParameters, second: SceneParameters) -> SceneParameters:
     names = ("half_axes", "exponents", "rotations", "positions", "present")
     return SceneParameters(
-        *(torch.cat([getattr(one, name) for one in several], dim=1) for name in names)
+        *(torch.cat([getattr(first, name), getattr(second, name)], dim=1) for name in names)
     )
