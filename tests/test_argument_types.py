@@ -142,7 +142,10 @@ def test_settings_of_a_training(words, expected):
         ("run=train loss=[cross_entropy]", r"^loss\.cross_entropy is a CrossEntropy, which takes"),
         ("run=train model=fusenet", r"^model is a FuseNet, which .* expected a ShapeInstanceModel"),
         ("run=generate scene=tabletop", r"^scene is a DeskGenerator, which gives TabletopScene"),
-        ("run=evaluate renderer=mesh_raycaster", r"^renderer is a MeshRaycaster, .* a Renderer"),
+        (
+            "run=evaluate renderer=mesh_raycaster",
+            r"^renderer is a MeshRaycaster, .* a SurfaceRenderer",
+        ),
         ("run=train dataset=tabletop", r"^dataset is a TabletopScenes, .* expected a TrainingData"),
         ("run=evaluate evaluation=labelling", r"^dataset is a StackData, .* a FrameSource"),
     ],
