@@ -34,7 +34,7 @@ def passed_places(own: NDArray[np.bool_], points: Float64, eye: Float64, count: 
     if not own.any() or count < 1:
         return np.empty((0, 3))
     nearest, farthest = (pixels * own.shape[1] / _WIDTH for pixels in (_NEAREST, _FARTHEST))
-    box = _about(own, int(np.ceil(farthest)) + 1)
+    box = box_about(own, int(np.ceil(farthest)) + 1)
     away, (row, column) = distance_transform_edt(~own[box], return_indices=True)
     ring = (away >= max(nearest, 1)) & (away <= max(farthest, 2))
     rays = points[box][ring] - eye
@@ -48,8 +48,8 @@ def passed_places(own: NDArray[np.bool_], points: Float64, eye: Float64, count: 
     return np.asarray(eye + rays[some] * (far / seen[some])[:, None], dtype=np.float64)
 
 
-def _about(own: NDArray[np.bool_], room: int) -> tuple[slice, slice]:
-    """Rows and columns of what is marked, and so many pixels beside."""
+def box_about(own: NDArray[np.bool_], room: int) -> tuple[slice, slice]:
+    """Rows and columns of what is marked (H, W), which is something, and `room` pixels beside."""
     rows, columns = (np.flatnonzero(own.any(axis=axis)) for axis in (1, 0))
     return (
         slice(max(rows[0] - room, 0), rows[-1] + room + 1),

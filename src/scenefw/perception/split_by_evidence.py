@@ -11,6 +11,7 @@ from scipy.ndimage import median_filter
 
 from scenefw.core.errors import ConfigError
 from scenefw.fitting.placed import robust_deviation, signed_distance
+from scenefw.perception.silhouettes import box_about
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -134,7 +135,7 @@ class SplitByEvidence:
         both = [self._deviations(f, view, own) for f in self._fitted([part, new], parts, view)]
         side = np.zeros(own.shape, dtype=np.int32)
         side[own] = np.where(both[0] <= both[1], 1, 2)
-        about = _box(own, _BLUR // 2)
+        about = box_about(own, _BLUR // 2)
         even = np.zeros_like(side)
         even[about] = median_filter(side[about], _BLUR)
         side = np.where(own & (even > 0), even, side)
@@ -159,12 +160,3 @@ class SplitByEvidence:
         self, fitted: FittedSuperquadric, view: View, own: NDArray[np.bool_]
     ) -> NDArray[np.float64]:
         return robust_deviation(fitted, view.points[own], self.evidence.seen_sigma)
-
-
-def _box(own: NDArray[np.bool_], margin: int) -> tuple[slice, slice]:
-    """Rows and columns of what is marked, and so many beside."""
-    rows, columns = (np.flatnonzero(own.any(axis=axis)) for axis in (1, 0))
-    return (
-        slice(max(rows[0] - margin, 0), rows[-1] + margin + 1),
-        slice(max(columns[0] - margin, 0), columns[-1] + margin + 1),
-    )

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from scenefw.core.evidence import Evidence
+from scenefw.fitting import superquadrics
 from scenefw.fitting.starts import box_starts
 
 
@@ -37,6 +39,18 @@ def test_one_more_start_is_about_the_sure_points_alone():
     thinnest = [half_axes.min() for _, half_axes in boxes]
     assert thinnest[-1] < 0.012 < min(thinnest[:-1])
     assert len(box_starts(slab, slab)) == 3  # all are sure
+
+
+def test_fits_start_from_seen_points_too(monkeypatch):
+    slab = leaning_slab()
+    given = np.concatenate([slab, slab * (1, 1, 0.0)])
+    asked = []
+    monkeypatch.setattr(
+        superquadrics, "box_starts", lambda *some: asked.append(some) or box_starts(*some)
+    )
+    superquadrics.SuperquadricFit().fit([Evidence(given, np.repeat([0.003, 0.3], len(slab)))])
+    assert np.array_equal(asked[0][0], given)
+    assert np.array_equal(asked[0][1], slab)
 
 
 def leaning_slab(count=400):

@@ -1,5 +1,7 @@
 """What a view says about an object: boxes whose surfaces are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.unit.perception.synthetic import STACK, camera_at, frame_of
@@ -95,3 +97,16 @@ def test_pixels_beside_another_object_are_left_out(width):
 def test_a_negative_border_is_told():
     with pytest.raises(ConfigError, match="border of -1"):
         EvidenceOfView(border=-1)
+
+
+def test_places_that_rays_pass_are_outside_if_the_camera_is_known():
+    view, box = view_of(64), STACK[0]
+    known = replace(view, eye=np.array([0.0, -0.85, 0.6]))
+    gathered, plain = EvidenceOfView(beside=100), EvidenceOfView()
+    before = len(plain.of(1, known).outside)
+    assert len(gathered.of(1, view).outside) == before  # nobody knows where the camera is
+    more = gathered.of(1, known).outside[before:]
+    assert 50 < len(more) <= 100
+    assert distance(more, box).min() > 0
+    with pytest.raises(ConfigError, match="beside"):
+        EvidenceOfView(beside=-1)
