@@ -106,6 +106,12 @@ class SceneBatch(Protocol):
     def volumes(self) -> SceneVolumes:
         """Their exact distances, votes and instances, computed once, when first read."""
 
+    def depth(self, cameras: CameraBatch) -> Tensor:
+        """Z-depth (B, H, W) in metres of the shapes themselves, without floor; 0 = nothing hit."""
+
+    def chosen(self, rows: Tensor) -> SceneBatch:
+        """Some of the scenes, by their numbers (N,); volumes aren't computed again."""
+
 
 class Representation(Protocol):
     """A volume that describes a scene and that networks predict (group `representation`)."""
@@ -127,6 +133,9 @@ class Renderer(Protocol):
 
     def render(self, tsdf: Tensor, grid: GridSpec, cameras: CameraBatch) -> Tensor:
         """Z-depth (B, H, W) in metres of TSDFs (B, 1, X, Y, Z) in metres; 0 = nothing hit."""
+
+    def render_scenes(self, scenes: SceneBatch, cameras: CameraBatch) -> Tensor:
+        """Z-depth (B, H, W) in metres of known scenes, one camera each; 0 = nothing hit."""
 
 
 class SurfaceRenderer(Renderer, Protocol):

@@ -61,7 +61,7 @@ class ViewMaker:
     Args:
         grid: the voxel grid.
         viewpoints: draws cameras.
-        renderer: makes depth images of the complete TSDF.
+        renderer: makes depth images of the complete scenes.
         mapping: fuses them into partial TSDFs.
         noise: disturbs the depth images, applied in the order of the names.
         augmentation: moves whole scenes first; None leaves them where they are.
@@ -157,14 +157,14 @@ class ViewMaker:
     ) -> ViewBatch:
         """Views with noise of seeds (N, B), one row per noise."""
         scenes = exact_scenes(parameters, self.grid)
-        depth = self._depth(scenes.volumes.tsdf, cameras, seeds)
+        depth = self._depth(scenes, cameras, seeds)
         return ViewBatch(scenes, depth, cameras, self.mapping.fuse(depth, self.grid, cameras))
 
     def _seen_again(
         self, made: ViewBatch, rows: Tensor, cameras: CameraBatch, seeds: Tensor
     ) -> ViewBatch:
         """The same scenes, of which those in `rows` have a further view."""
-        depth = self._depth(made.volumes.tsdf[rows], cameras, seeds)
+        depth = self._depth(made.scenes.chosen(rows), cameras, seeds)
         further = self.mapping.fuse(depth, self.grid, cameras)
         known = made.partial
         both = PartialTSDF(known.distance[rows], known.observed[rows]).joined(further)
@@ -172,8 +172,8 @@ class ViewMaker:
         observed = known.observed.index_copy(0, rows, both.observed)
         return replace(made, partial=PartialTSDF(distance, observed))
 
-    def _depth(self, tsdf: Tensor, cameras: CameraBatch, seeds: Tensor) -> Tensor:
-        depth = self.renderer.render(tsdf, self.grid, cameras)
+    def _depth(self, scenes: SceneBatch, cameras: CameraBatch, seeds: Tensor) -> Tensor:
+        depth = self.renderer.render_scenes(scenes, cameras)
         for name, row in zip(sorted(self.noise), seeds, strict=True):
             depth = self.noise[name].apply(depth, cameras, row)
         return depth

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from scenefw.core.batches import CameraBatch
+    from scenefw.core.protocols import SceneBatch
     from scenefw.core.types import GridSpec
 
 _SLOTS = 2  # private grids per view on a CPU; fixed, so that sums don't vary with threads
@@ -63,6 +64,10 @@ class Differentiable:
     def render(self, tsdf: Tensor, grid: GridSpec, cameras: CameraBatch) -> Tensor:
         """Z-depth (B, H, W) in metres of TSDFs (B, 1, X, Y, Z) in metres; 0 = nothing hit."""
         return self.tracer.render(tsdf, grid, cameras)
+
+    def render_scenes(self, scenes: SceneBatch, cameras: CameraBatch) -> Tensor:
+        """Z-depth (B, H, W) in metres of the volumes of known scenes; 0 = nothing hit."""
+        return self.tracer.render_scenes(scenes, cameras)
 
     def costs(
         self, tsdf: Tensor, grid: GridSpec, depth: Tensor, cameras: CameraBatch

@@ -5,6 +5,7 @@ from torch import Tensor
 
 from scenefw.core.batches import CameraBatch, SeenSurface
 from scenefw.core.errors import InputError
+from scenefw.core.protocols import SceneBatch
 from scenefw.core.types import GridSpec
 from scenefw.kernels import rays
 from scenefw.kernels.cameras import finite
@@ -34,6 +35,10 @@ class SphereTracer:
     def render(self, tsdf: Tensor, grid: GridSpec, cameras: CameraBatch) -> Tensor:
         """Z-depth (B, H, W) in metres of TSDFs (B, 1, X, Y, Z) in metres; 0 = nothing hit."""
         return self._trace(_flat(tsdf, grid, cameras, "TSDF"), grid, cameras)[0]
+
+    def render_scenes(self, scenes: SceneBatch, cameras: CameraBatch) -> Tensor:
+        """Z-depth (B, H, W) in metres of the volumes of known scenes; 0 = nothing hit."""
+        return self.render(scenes.volumes.tsdf, scenes.grid, cameras)
 
     def render_surface(
         self, tsdf: Tensor, instances: Tensor, grid: GridSpec, cameras: CameraBatch

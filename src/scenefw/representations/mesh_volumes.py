@@ -5,16 +5,17 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from scenefw.core.batches import SceneVolumes
+from scenefw.core.batches import CameraBatch, SceneVolumes
 from scenefw.core.errors import MissingDependencyError
 from scenefw.core.types import Float32, GridSpec, Int32, PlacedShape, SceneObject
+from scenefw.kernels.cameras import pixel_places
+from scenefw.kernels.meshes import Tree
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +31,10 @@ class SolidScenes:
     objects: tuple[tuple[SceneObject, ...], ...]
     positions: Tensor
 
+    def chosen(self, rows: Tensor) -> SolidScenes:
+        """Some of the scenes, by their numbers (N,)."""
+        return SolidScenes(tuple(self.objects[i] for i in rows.tolist()), self.positions[rows])
+
 
 class ExactSolids:
     """B scenes whose volumes several representations share, computed in one pass.
@@ -37,14 +42,43 @@ class ExactSolids:
     Args:
         parameters: the scenes.
         grid: the voxel grid, world frame.
+        volumes: of the scenes, if they are known.
     """
 
-    def __init__(self, parameters: SolidScenes, grid: GridSpec) -> None:
-        self.parameters, self.grid = parameters, grid
+    def __init__(
+        self, parameters: SolidScenes, grid: GridSpec, volumes: SceneVolumes | None = None
+    ) -> None:
+        self.parameters, self.grid, self._volumes = parameters, grid, volumes
 
-    @cached_property
+    @property
     def volumes(self) -> SceneVolumes:
-        """Exact distances, votes and instances; see `representations.volumes.scene_volumes`."""
+        """Exact distances, votes and instances, as of `volumes.scene_volumes`; computed once."""
+        if self._volumes is None:
+            self._volumes = self._made()
+        return self._volumes
+
+    def depth(self, cameras: CameraBatch) -> Tensor:
+        """Z-depth (B, H, W) in metres by rays that meet the triangles; 0 = nothing hit."""
+        ones = torch.ones(
+            len(cameras.intrinsics),
+            cameras.height,
+            cameras.width,
+            device=cameras.intrinsics.device,
+        )
+        eyes = cameras.T_world_camera[:, None, None, :3, 3].expand(*ones.shape, 3)
+        rays = torch.cat([eyes, pixel_places(ones, cameras) - eyes], dim=-1).flatten(1, 2)
+        trees = [Tree(_corners(objects), rays.device) for objects in self.parameters.objects]
+        hits = [
+            tree.cast(own.contiguous(), table=False)[0]
+            for tree, own in zip(trees, rays, strict=True)
+        ]
+        return torch.stack(hits).view(ones.shape)
+
+    def chosen(self, rows: Tensor) -> ExactSolids:
+        """Some of the scenes, by their numbers (N,), with their volumes."""
+        return ExactSolids(self.parameters.chosen(rows), self.grid, self.volumes.chosen(rows))
+
+    def _made(self) -> SceneVolumes:
         found = [_volumes(objects, self.grid) for objects in self.parameters.objects]
         tsdf, votes, instances = (np.stack(volumes) for volumes in zip(*found, strict=True))
         device = self.parameters.positions.device
@@ -53,6 +87,13 @@ class ExactSolids:
             torch.from_numpy(votes).to(device),
             torch.from_numpy(instances).to(device),
         )
+
+
+def _corners(objects: Sequence[SceneObject]) -> Float32:
+    """Triangles (F, 3, 3) of all objects, in the world (m)."""
+    meshes = [PlacedShape(item.shape, item.pose).mesh() for item in objects]
+    corners = [mesh.vertices[mesh.faces] for mesh in meshes]
+    return np.concatenate([np.empty((0, 3, 3)), *corners]).astype(np.float32)
 
 
 def _volumes(objects: Sequence[SceneObject], grid: GridSpec) -> tuple[Float32, Float32, Int32]:

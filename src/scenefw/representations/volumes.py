@@ -1,16 +1,17 @@
 """Exact volumes of scenes of superquadrics, from parameters, on the device that holds them."""
 
-from functools import cached_property
+from __future__ import annotations
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from scenefw.core.batches import SceneParameters, SceneVolumes
+from scenefw.core.batches import CameraBatch, SceneParameters, SceneVolumes
 from scenefw.core.errors import InputError
 from scenefw.core.types import GridSpec
 from scenefw.kernels.compile import float32
 from scenefw.kernels.scenes import object_voxels, scene_voxels
+from scenefw.kernels.superquadric_rays import first_hits
 
 
 class ExactScenes:
@@ -19,15 +20,33 @@ class ExactScenes:
     Args:
         parameters: the scenes.
         grid: the voxel grid, world frame.
+        volumes: of the scenes, if they are known.
     """
 
-    def __init__(self, parameters: SceneParameters, grid: GridSpec) -> None:
-        self.parameters, self.grid = parameters, grid
+    def __init__(
+        self, parameters: SceneParameters, grid: GridSpec, volumes: SceneVolumes | None = None
+    ) -> None:
+        self.parameters, self.grid, self._volumes = parameters, grid, volumes
 
-    @cached_property
+    @property
     def volumes(self) -> SceneVolumes:
-        """Exact distances, votes and instances, see `scene_volumes`."""
-        return scene_volumes(self.parameters, self.grid)
+        """Exact distances, votes and instances, see `scene_volumes`; computed once."""
+        if self._volumes is None:
+            self._volumes = scene_volumes(self.parameters, self.grid)
+        return self._volumes
+
+    def depth(self, cameras: CameraBatch) -> Tensor:
+        """Z-depth (B, H, W) in metres by rays that meet the superquadrics; 0 = nothing hit.
+
+        Raises:
+            InputError: as of `scene_volumes`.
+        """
+        _require_usable(self.parameters)
+        return first_hits(self.parameters, cameras)[0]
+
+    def chosen(self, rows: Tensor) -> ExactScenes:
+        """Some of the scenes, by their numbers (N,), with their volumes."""
+        return ExactScenes(self.parameters.chosen(rows), self.grid, self.volumes.chosen(rows))
 
 
 def scene_volumes(parameters: SceneParameters, grid: GridSpec) -> SceneVolumes:
@@ -78,14 +97,18 @@ def object_occupancy(parameters: SceneParameters, grid: GridSpec) -> Tensor:
 
 def _table(p: SceneParameters) -> Tensor:
     """All objects as rows (B, N, 19); the bounding radius of an absent one is 0."""
-    _require_shapes(p)
-    if p.present.device.type == "cpu":  # elsewhere, reading values would wait for the device
-        require_solids(p)
+    _require_usable(p)
     rotations = p.rotations.flatten(2)
     radius = torch.linalg.vector_norm(p.half_axes, dim=-1)
     columns = [p.half_axes, p.exponents, p.positions, rotations, radius[..., None]]
     table = torch.cat([column.float() for column in columns], dim=-1)
     return torch.where(p.present[..., None], table, torch.zeros_like(table)).contiguous()
+
+
+def _require_usable(p: SceneParameters) -> None:
+    _require_shapes(p)
+    if p.present.device.type == "cpu":  # elsewhere, reading values would wait for the device
+        require_solids(p)
 
 
 def _require_shapes(p: SceneParameters) -> None:
