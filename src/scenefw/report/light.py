@@ -1,4 +1,4 @@
-"""Soft light for pictures, read off a distance field (Evans 2006; Quilez 2010)."""
+"""Soft light for pictures, read off a distance field."""
 
 import numpy as np
 import torch
@@ -6,24 +6,20 @@ from scipy import ndimage
 from torch.nn import functional
 
 from scenefw.core.types import Float32, GridSpec
+from scenefw.kernels import soft_light
 
 _FLOOR_REACH = 0.8  # m
-_FLOOR_SAMPLES = 224
-_OCCLUSION_STEPS = (0.008, 0.02, 0.045, 0.08)  # m along the normal
-_SHADOW_STEPS = tuple(np.geomspace(0.012, 0.35, 9).tolist())  # m towards the light
-_SHADOW_SOFTNESS = 9.0
+_FLOOR_SAMPLES = 160  # of 1 cm, a voxel of the finest usual grid
 
 
 def floor_brightness(field: Float32, grid: GridSpec, points: Float32, key: Float32) -> Float32:
     """Brightness of floor points (N, 3), read off a map: it varies slowly and pixels are many."""
-    axis = np.linspace(-_FLOOR_REACH, _FLOOR_REACH, _FLOOR_SAMPLES, dtype=np.float32)
-    x, y = np.meshgrid(axis, axis)
-    cells = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
-    up = np.broadcast_to(np.array([0, 0, 1], dtype=np.float32), cells.shape)
-    light = brightness_of(field, grid, cells, up, key).reshape(1, 1, len(axis), len(axis))
+    volume = torch.from_numpy(np.ascontiguousarray(field))
+    direction = (float(key[0]), float(key[1]), float(key[2]))
+    light = soft_light.floor_map(volume, grid, _FLOOR_REACH, _FLOOR_SAMPLES, direction)
     where = torch.from_numpy(points[:, :2] / np.float32(_FLOOR_REACH))[None, :, None]
     found = functional.grid_sample(
-        torch.from_numpy(light), where, padding_mode="border", align_corners=True
+        light[None, None], where, padding_mode="border", align_corners=True
     )
     return found.view(-1).numpy()
 
@@ -31,12 +27,12 @@ def floor_brightness(field: Float32, grid: GridSpec, points: Float32, key: Float
 def brightness_of(
     field: Float32, grid: GridSpec, points: Float32, normals: Float32, key: Float32
 ) -> Float32:
-    """Brightness (N,) from a key light with shadow, the sky, and the occlusion of both."""
-    lambert = np.clip(normals @ key, 0, 1)
-    shadow = _shadow(field, grid, points + np.float32(0.004) * normals, key)
-    sky = 0.5 + 0.5 * normals[:, 2]
-    ambient = (0.42 + 0.22 * sky) * _occlusion(field, grid, points, normals)
-    return (ambient + 0.46 * lambert * shadow).astype(np.float32)
+    """Brightness (N,) of points (N, 3) with normals (N, 3), see `soft_light.brightness_of`."""
+    volume, places, facing = (
+        torch.from_numpy(np.ascontiguousarray(one)) for one in (field, points, normals)
+    )
+    direction = (float(key[0]), float(key[1]), float(key[2]))
+    return soft_light.brightness_of(volume, grid, places, facing, direction).numpy()
 
 
 def far_distance(tsdf: Float32, grid: GridSpec) -> Float32:
@@ -46,23 +42,6 @@ def far_distance(tsdf: Float32, grid: GridSpec) -> Float32:
         return np.full(tsdf.shape, grid.extent, dtype=np.float32)
     beyond = ndimage.distance_transform_edt(far) * grid.voxel_size
     return np.where(far, 0.9 * grid.truncation + beyond, tsdf).astype(np.float32)
-
-
-def _occlusion(field: Float32, grid: GridSpec, points: Float32, normals: Float32) -> Float32:
-    blocked = np.zeros(len(points), dtype=np.float32)
-    for i, step in enumerate(_OCCLUSION_STEPS):
-        ahead = points + step * normals
-        free = np.minimum(sample(field, grid, ahead), np.abs(ahead[:, 2]))
-        blocked += 0.5**i * np.clip(1 - free / step, 0, 1)
-    return np.clip(1 - 0.6 * blocked / 1.3, 0.35, 1)
-
-
-def _shadow(field: Float32, grid: GridSpec, points: Float32, key: Float32) -> Float32:
-    lit = np.ones(len(points), dtype=np.float32)
-    for step in _SHADOW_STEPS:
-        free = sample(field, grid, points + step * key)
-        lit = np.minimum(lit, np.clip(_SHADOW_SOFTNESS * free / step, 0, 1))
-    return lit
 
 
 def sample(field: Float32, grid: GridSpec, points: Float32) -> Float32:

@@ -1,6 +1,7 @@
 """Pictures of predicted objects: traced surfaces with soft light, shadows and outlines."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -54,6 +55,12 @@ class Solid:
     seen: Float32 | None = None
     surfaces: Surfaces | None = None
     hollow: Float32 | None = None
+
+    @cached_property
+    def far(self) -> tuple[Float32, Float32]:
+        """Distances (X, Y, Z) by which the floor and objects are lit (m), for all its pictures."""
+        floor = far_distance(self.tsdf, self.grid)
+        return floor, floor if self.hollow is None else far_distance(self.hollow, self.grid)
 
 
 def draw(solid: Solid, camera: Camera, *, reach: float = 0.62) -> Picture:
@@ -293,12 +300,10 @@ def _light(
     key = -0.55 * right - 0.5 * down - 0.35 * forward + np.array([0.0, 0.0, 0.9])
     key = (key / np.linalg.norm(key)).astype(np.float32)
     grid, brightness = solid.grid, np.empty(len(points), dtype=np.float32)
-    field = far_distance(solid.tsdf, grid)
-    brightness[is_floor] = floor_brightness(field, grid, points[is_floor], key)
-    if solid.hollow is not None:
-        field = far_distance(solid.hollow, grid)
+    of_floor, of_objects = solid.far
+    brightness[is_floor] = floor_brightness(of_floor, grid, points[is_floor], key)
     objects = ~is_floor
-    brightness[objects] = brightness_of(field, grid, points[objects], normals[objects], key)
+    brightness[objects] = brightness_of(of_objects, grid, points[objects], normals[objects], key)
     return brightness[:, None]
 
 
