@@ -53,7 +53,7 @@ groups (group=option):"""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Runs the command line; ends the process with 2 after an error that the user can mend."""
+    """Runs the command line; ends the process with 2 after an error that the user can fix."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     if "-v" in words or os.environ.get("HYDRA_FULL_ERROR") == "1":
         os.environ[_TRACEBACK] = "1"

@@ -72,7 +72,7 @@ class Predictor:
             name: of the image, for messages and files.
 
         Raises:
-            InputError: the image is unusable; the message says how to mend it.
+            InputError: the image is unusable; the message says how to fix it.
         """
         frame = _frame(depth, intrinsics, color, depth_scale, name)
         known = None if mask is None else mask_of(mask, frame.depth.shape, frame.name)

@@ -1,4 +1,4 @@
-"""Errors whose message is one line for the user: the value, what was expected, how to mend it."""
+"""Errors whose message is one line for the user: the value, what was expected, how to fix it."""
 
 
 class SceneFWError(Exception):

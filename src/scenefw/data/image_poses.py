@@ -100,7 +100,7 @@ def _named(file: Path, lines: Sequence[Sequence[str]], images: Sequence[Path]) -
                 "of an image; give a name in each line or in none"
             )
         if found.setdefault(_key(words[0]), words) is not words:
-            raise InputError(f"{file} has two poses of image {words[0]}; leave one")
+            raise InputError(f"{file} has two poses of image {words[0]}; keep one")
     missing = [image for image in images if _key(image.name) not in found]
     if missing:
         raise InputError(

@@ -65,7 +65,7 @@ def intrinsic_matrix(given: Intrinsics, name: str) -> NDArray[np.float64]:
         return _from_content(dict(given) if isinstance(given, Mapping) else given, name)
     except (ValueError, TypeError) as error:
         reason = str(error).splitlines()[0]
-        raise InputError(f"intrinsics of {name} are no numbers ({reason}); {_EXPECTED}") from error
+        raise InputError(f"intrinsics of {name} aren't numbers ({reason}); {_EXPECTED}") from error
 
 
 def camera_from_matrix(K: ArrayLike, height: int, width: int, name: str) -> Camera:  # noqa: N803

@@ -94,5 +94,5 @@ def _tum_colour(path: Path, root: Path) -> Path | None:
         return root / colours[nearest][1]
     except (ValueError, IndexError) as error:
         raise InputError(
-            f"depth.txt or rgb.txt of {root} has a line that is no 'time file' ({error}); mend it"
+            f"depth.txt or rgb.txt of {root} has a line that isn't 'time file' ({error}); fix it"
         ) from error

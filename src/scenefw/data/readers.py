@@ -97,7 +97,7 @@ def read_frame(
         recording: also look for colour in the recording that the image is of, if it has none.
 
     Raises:
-        InputError: a missing, damaged or unusable file; the message says how to mend it.
+        InputError: a missing, damaged or unusable file; the message says how to fix it.
     """
     path = Path(path)
     if not path.is_file():

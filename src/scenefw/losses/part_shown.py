@@ -28,7 +28,7 @@ class PartShownCrossEntropy:
         """Raises a ConfigError if the network doesn't say which pixels show objects."""
         if not setup.shown:
             raise ConfigError(
-                "loss part_shown wants a network that says which pixels show objects; give "
+                "loss part_shown needs a network that says which pixels show objects; give "
                 "model.shown=true, or leave the loss out with '~loss.part_shown'"
             )
 

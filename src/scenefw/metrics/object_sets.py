@@ -24,7 +24,7 @@ class LabelSets:
     def __init__(self, labellings: Sequence[NDArray[np.integer]]) -> None:
         arrays = [np.asarray(one) for one in labellings]
         if not arrays or any(one.shape != arrays[0].shape for one in arrays):
-            raise InputError("give labellings of the same voxels, at least one")
+            raise InputError("give at least one labelling, all of the same voxels")
         flat = np.stack([one.ravel() for one in arrays])
         flat = flat[:, flat.any(axis=0)]
         members = [row == label for row in flat for label in np.unique(row[row > 0])]

@@ -31,19 +31,19 @@ class Check:
         name: of what was looked at, one word or two.
         verdict: `GOOD`, `ODD` or `UNUSABLE`.
         found: what is there, in words.
-        mend: what helps, in words; empty if it is good.
+        fix: what helps, in words; empty if it is good.
     """
 
     name: str
     verdict: str
     found: str
-    mend: str = ""
+    fix: str = ""
 
     @property
     def line(self) -> str:
         """What is there and what helps, as one line."""
         mark = " " if self.found.endswith("?") else "; "
-        return f"{self.found}{mark}{self.mend}" if self.mend else self.found
+        return f"{self.found}{mark}{self.fix}" if self.fix else self.found
 
 
 class Doctor:
@@ -110,8 +110,8 @@ class Doctor:
             f"the camera is {floor.height:.2f} m above the floor, looking {down:.0f} degrees down"
         )
         flat = down < self.flattest
-        mend = "look at the table from higher up, or check the intrinsics" if flat else ""
-        return [even, Check("tilt", ODD if flat else GOOD, where, mend)]
+        fix = "look at the table from higher up, or check the intrinsics" if flat else ""
+        return [even, Check("tilt", ODD if flat else GOOD, where, fix)]
 
     def check_workspace(self, workspace: Workspace) -> list[Check]:
         """Distance and size of the objects, and what is left out."""
@@ -161,8 +161,8 @@ def _check_intrinsics(frame: Frame) -> list[Check]:
             f"intrinsics of {frame.name} give a view of {angles} with fx = {camera.fx:g} at "
             f"{camera.width} x {camera.height} pixels"
         )
-        mend = "give fx, fy, cx, cy in pixels of this image size"
-        return [Check("intrinsics", UNUSABLE, found, mend)]
+        fix = "give fx, fy, cx, cy in pixels of this image size"
+        return [Check("intrinsics", UNUSABLE, found, fix)]
     square = 1 / _FOCAL_RATIO < camera.fx / camera.fy < _FOCAL_RATIO
     off = (camera.cx / camera.width - 0.5, camera.cy / camera.height - 0.5)
     central = max(np.abs(off)) <= _OFF_CENTRE

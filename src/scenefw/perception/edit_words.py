@@ -47,8 +47,8 @@ def edited(objects: Objects, words: str, read: Read) -> Objects:
         name, rest = "", []
     if name not in USAGES:
         near = get_close_matches(name, USAGES, 1)
-        mend = f"did you mean {near[0]}?" if near else f"give one of {', '.join(USAGES)}"
-        raise InputError(f"there is no edit '{words}'; {mend}")
+        fix = f"did you mean {near[0]}?" if near else f"give one of {', '.join(USAGES)}"
+        raise InputError(f"there is no edit '{words}'; {fix}")
     try:
         return _MADE[name](objects, _Words(tuple(rest)), read)
     except _MisfitError as error:

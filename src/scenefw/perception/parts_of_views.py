@@ -102,7 +102,7 @@ class PartsOfViews:
                 return result
         scene = self.inner.complete(view, grid, 1, generator)[0]
         if scene.masks is None:
-            raise InputError("the method of single views says not which pixels show its objects")
+            raise InputError("the method of single views doesn't say which pixels show its objects")
         result = (scene.instances[0].cpu().numpy(), scene.masks[0].cpu().numpy())
         last[:] = [*last, (view, grid, result)][-_REMEMBERED:]
         return result

@@ -126,7 +126,7 @@ class Pipeline:
         """The complete scene of a frame, whose camera needs no pose.
 
         Raises:
-            InputError: the image is unusable; the message says how to mend it.
+            InputError: the image is unusable; the message says how to fix it.
         """
         return self.complete(self.prepare(frame))
 

@@ -59,7 +59,7 @@ def read_scene(path: str | Path) -> SceneEstimate:
         name, grid = str(told["name"]), _grid(told.get("grid", {}))
     except (KeyError, TypeError, ValueError, AttributeError, ConfigError) as error:
         raise InputError(
-            f"{path} is no scene of scenefw, or damaged ({type(error).__name__}: {error}); give a "
+            f"{path} isn't a scenefw scene, or damaged ({type(error).__name__}: {error}); give a "
             "scene.json that run=predict wrote"
         ) from error
     ids = [item.id for item in objects]
@@ -100,7 +100,7 @@ def _object(told: dict[str, Any], path: Path) -> ObjectEstimate:
         placed = _placed(told.get("shape"))
     except InputError as error:
         raise InputError(
-            f"the shape of object {label} in {path} is none ({error}); predict the scene again"
+            f"the shape of object {label} in {path} is invalid ({error}); predict the scene again"
         ) from error
     if told.get("mesh") is not None:
         mesh = _mesh(str(told["mesh"]), path, label)
@@ -197,9 +197,7 @@ def _masks(path: Path, camera: Camera) -> Int32 | None:
         with Image.open(file, formats=["PNG"]) as image:
             masks = np.asarray(image).astype(np.int32)
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        raise InputError(
-            f"{file} can't be read ({error}); take it away, or predict again"
-        ) from error
+        raise InputError(f"{file} can't be read ({error}); remove it, or predict again") from error
     return masks if masks.shape == (camera.height, camera.width) else None
 
 

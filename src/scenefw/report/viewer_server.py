@@ -35,7 +35,7 @@ def require_free(host: str, port: int) -> int:
         raise ConfigError(f"run.host = {host}: no such host; give run.host=127.0.0.1") from error
     except PermissionError as error:
         raise ConfigError(
-            f"port {port} is for the system alone; give one above 1023, such as run.port=8080"
+            f"port {port} is reserved for the system; give one above 1023, such as run.port=8080"
         ) from error
     except OSError as error:
         if error.errno == socket.errno.EADDRINUSE:  # type: ignore[attr-defined]

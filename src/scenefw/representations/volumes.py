@@ -144,7 +144,7 @@ def require_solids(p: SceneParameters) -> None:
             f"object {item} of scene {scene} has half-axes {p.half_axes[scene, item].tolist()}, "
             f"exponents {p.exponents[scene, item].tolist()}, position "
             f"{p.positions[scene, item].tolist()}; expected finite numbers, half-axes > 0 (m) and "
-            "exponents >= 1.1: mend it, or mark the object as not present"
+            "exponents >= 1.1: fix it, or mark the object as not present"
         )
 
 

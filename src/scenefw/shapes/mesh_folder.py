@@ -109,9 +109,11 @@ def read_mesh(entry: Mapping[str, Any], faces: int, rng: np.random.Generator) ->
     try:
         mesh = trimesh.load(path, force="mesh")
     except Exception as error:  # trimesh passes on whatever its readers raise
-        raise InputError(f"mesh {path} can't be read ({error}); take it from the index") from error
+        raise InputError(
+            f"mesh {path} can't be read ({error}); remove it from the index"
+        ) from error
     if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
-        raise InputError(f"mesh {path} holds no triangles; take it from the index")
+        raise InputError(f"mesh {path} holds no triangles; remove it from the index")
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
     vertices = _laid(vertices * _unit(np.ptp(vertices, axis=0), entry["extents_m"], path))
     colour = _colours(mesh, rng)

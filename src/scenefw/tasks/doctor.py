@@ -1,4 +1,4 @@
-"""Checks depth images as a prediction would, and says what to mend."""
+"""Checks depth images as a prediction would, and suggests fixes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Examine:
-    """Prints a verdict per check of each image, with the mend, and draws what is seen of it.
+    """Prints a verdict per check of each image, with a fix, and draws what is seen of it.
 
     The pictures are `NAME.png` in the output folder.
 
@@ -90,5 +90,5 @@ def _tell(name: str, found: Examination) -> None:
     print(f"{name}: {verdict}")
     for check in found.checks:
         print(f"  {check.verdict:<9} {check.name:<11} {check.found}")
-        if check.mend:
-            print(f"  {'':<9} {'mend':<11} {check.mend}")
+        if check.fix:
+            print(f"  {'':<9} {'fix':<11} {check.fix}")

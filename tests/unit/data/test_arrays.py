@@ -64,7 +64,7 @@ def colour(*shape):
         (DEPTH, [1, 2, 3], {}, "hold 3 numbers"),
         (DEPTH, "K.txt", {}, "no intrinsics file K.txt"),
         (DEPTH, {"f": 3}, {}, r"no intrinsics in image \(keys: f\)"),
-        (DEPTH, [["x"] * 3] * 3, {}, "are no numbers"),
+        (DEPTH, [["x"] * 3] * 3, {}, "aren't numbers"),
         (DEPTH, K * 10, {}, "outside the image of 80 x 60"),
         (DEPTH, np.full((3, 3), np.nan), {}, "fx = nan"),
         (DEPTH, K, {"colour": colour(60, 80)}, "colour with 3 channels"),

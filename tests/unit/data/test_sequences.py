@@ -266,7 +266,7 @@ def test_poses_may_lie_in_files_of_their_own(tmp_path):
     [
         (lambda lines: lines[:2] + lines[3:], r"has no pose for .*2\.png \(1 of 4 images"),
         (lambda lines: [f"frame{line}" for line in lines], r"\(4 of 4 images .*leave names out"),
-        (lambda lines: [*lines, lines[1]], "two poses of image 1; leave one"),
+        (lambda lines: [*lines, lines[1]], "two poses of image 1; keep one"),
         (lambda lines: [lines[0], *(line[2:] for line in lines[1:])], "line 2 .* in each line or"),
         (lambda lines: [f"{line} 1" for line in lines], "18 numbers; expected"),
     ],

@@ -85,7 +85,7 @@ def test_a_camera_that_looks_along_the_table_is_odd(degrees, verdict):
     angle = np.radians(degrees)
     floor = Floor(np.array([0.0, -np.cos(angle), -np.sin(angle)]), 0.5, 0.5, 0.002)
     _, tilt = Doctor().check_floor(floor)
-    assert (tilt.verdict, bool(tilt.mend)) == (verdict, verdict == "odd")
+    assert (tilt.verdict, bool(tilt.fix)) == (verdict, verdict == "odd")
     assert f"looking {degrees} degrees down" in tilt.found
 
 
@@ -95,4 +95,4 @@ def test_every_check_that_is_not_good_says_what_helps(frame):
     checks = Doctor().check_frame(replace(odd, depth=few))
     assert [check.name for check in checks] == ["unit", "intrinsics", "centre", "measured"]
     assert [check.verdict for check in checks] == ["good", "odd", "odd", "odd"]
-    assert all(bool(check.mend) == (check.verdict != "good") for check in checks)
+    assert all(bool(check.fix) == (check.verdict != "good") for check in checks)

@@ -44,7 +44,7 @@ def test_an_unusable_image_ends_with_what_stops_it(frame, last, words, floor):
     assert not found.usable
     assert (found.checks[-1].name, found.checks[-1].verdict) == (last, "unusable")
     assert words in found.checks[-1].found
-    assert found.checks[-1].mend
+    assert found.checks[-1].fix
     assert (found.floor is not None) == floor
     assert found.workspace is None
 

@@ -112,14 +112,14 @@ def set_item(number, key, value):
         (set_item(2, "mesh", "bad.ply"), "bad.ply"),
         (set_item(2, "id", 1), r"objects \[1, 2, 1\]; expected different ids"),
         (set_item(2, "id", 10**9), "expected different ids"),
-        (set_item(2, "id", "x"), "no scene of scenefw, or damaged"),
+        (set_item(2, "id", "x"), "isn't a scenefw scene, or damaged"),
         (set_item(2, "extents", [1, 2]), "are not 3 numbers"),
         (set_item(2, "pose", {"position": [0, 0, 0], "quaternion": [9, 0, 0, 0]}), "length 1"),
         (set_item(0, "shape", {"kind": "superquadric"}), "half_axes"),
         (lambda told: told.pop("camera"), "lacks name, objects or camera"),
         (lambda told: told["camera"].update(width=0), "0 x 48 pixels"),
         (lambda told: told.update(grid={"resolution": 10**6}), "voxels per side"),
-        (lambda told: told.update(objects=3), "no scene of scenefw, or damaged"),
+        (lambda told: told.update(objects=3), "isn't a scenefw scene, or damaged"),
     ],
 )
 def test_damaged_scenes_are_refused_in_one_line(folder, damage, said):
