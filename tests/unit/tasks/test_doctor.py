@@ -29,7 +29,7 @@ def test_each_image_gets_verdicts_and_a_picture(tmp_path, capsys):
     ]  # fmt: skip
     odd = next(i for i, line in enumerate(said) if line.split()[0] == "odd")
     assert "only 25% of the pixels have a depth" in said[odd]
-    assert said[odd + 1].split()[0] == "mend"
+    assert said[odd + 1].split()[0] == "fix"
     assert any("millimetres given as metres?" in line for line in said)
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
         "a.png", "b.png", "d.png"
