@@ -66,8 +66,11 @@ def replacing(target: Path | str) -> Iterator[Path]:
 def replacing_folder(target: Path) -> Iterator[Path]:
     """Yields a temporary folder beside `target` which takes its place when the block ends well.
 
+    A folder that is there goes only if it looks like an earlier version: if it is empty, or shares
+    a name with the new one. Otherwise a wrong path would cost a folder of somebody's own files.
+
     Raises:
-        StorageError: the folder can't be written.
+        StorageError: the folder can't be written, or it holds other files.
     """
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -79,12 +82,22 @@ def replacing_folder(target: Path) -> Iterator[Path]:
         new.mkdir()
         yield new
         if target.exists():
+            _require_replaceable(target, new)
             target.rename(temporary / "old")
         new.rename(target)
     except OSError as error:
         raise _unwritable(target, error) from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _require_replaceable(target: Path, new: Path) -> None:
+    there, made = ({one.name for one in folder.iterdir()} for folder in (target, new))
+    if there and made and not there & made:
+        raise StorageError(
+            f"{target} holds other files, such as {min(there)}, which would be lost; give another "
+            "folder, or move them away"
+        )
 
 
 def write_text(target: Path | str, text: str) -> None:

@@ -7,7 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefw.core.errors import StorageError
-from scenefw.core.files import append_text, in_order, replacing, require_writable, write_text
+from scenefw.core.files import (
+    append_text,
+    in_order,
+    replacing,
+    replacing_folder,
+    require_writable,
+    write_text,
+)
 
 
 def test_a_block_that_ends_well_replaces_the_file(tmp_path):
@@ -164,3 +171,25 @@ def test_text_is_added_whole_or_not_at_all(tmp_path, full_disk):
     assert target.read_bytes() == before
     with pytest.raises(StorageError, match="none"):
         append_text(tmp_path / "none" / "rows.csv", "a")
+
+
+def test_a_folder_of_other_files_is_not_replaced(tmp_path):
+    target = tmp_path / "scan"
+    target.mkdir()
+    (target / "view.npz").write_text("mine")
+    words = r"scan holds other files, such as view\.npz"
+    with pytest.raises(StorageError, match=words), replacing_folder(target) as folder:
+        (folder / "scene.json").write_text("{}")
+    assert [one.name for one in target.iterdir()] == ["view.npz"]
+    assert (target / "view.npz").read_text() == "mine"
+    assert [one.name for one in tmp_path.iterdir()] == ["scan"]
+
+
+def test_an_earlier_version_or_an_empty_folder_is_replaced(tmp_path):
+    target = tmp_path / "scan"
+    target.mkdir()
+    for names in (["scene.json", "object_02.ply"], ["scene.json"]):
+        with replacing_folder(target) as folder:
+            for name in names:
+                (folder / name).write_text("{}")
+        assert sorted(one.name for one in target.iterdir()) == sorted(names)
