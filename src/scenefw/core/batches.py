@@ -6,7 +6,7 @@ torch is imported for type checkers only, so that these can be named without it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -49,10 +49,6 @@ class SceneParameters:
     positions: Tensor
     present: Tensor
 
-    def chosen(self, rows: Tensor) -> SceneParameters:
-        """Some of the scenes, by their numbers (N,)."""
-        return SceneParameters(**{one.name: getattr(self, one.name)[rows] for one in fields(self)})
-
 
 @dataclass(frozen=True)
 class SceneVolumes:
@@ -67,10 +63,6 @@ class SceneVolumes:
     tsdf: Tensor
     votes: Tensor
     instances: Tensor
-
-    def chosen(self, rows: Tensor) -> SceneVolumes:
-        """Those of some of the scenes, by their numbers (N,)."""
-        return SceneVolumes(self.tsdf[rows], self.votes[rows], self.instances[rows])
 
 
 @dataclass(frozen=True)

@@ -84,7 +84,12 @@ def replacing_folder(target: Path) -> Iterator[Path]:
         if target.exists():
             _require_replaceable(target, new)
             target.rename(temporary / "old")
-        new.rename(target)
+        try:
+            new.rename(target)
+        except OSError:
+            if (temporary / "old").exists():
+                (temporary / "old").rename(target)
+            raise
     except OSError as error:
         raise _unwritable(target, error) from error
     finally:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from scenefw.core.protocols import SceneBatch, SurfaceRenderer
     from scenefw.core.types import GridSpec
 
-_FAR = 1e4  # m; rays that meet the floor beyond it see nothing
+_LEAST_SLOPE = 1e-4  # metres of descent per metre of depth; flatter rays see no floor
 
 
 class ExactShapes:
@@ -47,7 +47,8 @@ class ExactShapes:
         depth = scenes.depth(cameras)
         if not self.floor:
             return depth
-        ground = floor_depths(cameras, 1e-6)
-        ground = torch.where((ground > 0) & (ground < _FAR), ground, 0)
+        ground = floor_depths(cameras, _LEAST_SLOPE / 2)
+        height = cameras.T_world_camera[:, 2, 3, None, None]
+        ground = torch.where((ground > 0) & (ground * _LEAST_SLOPE < height), ground, 0)
         nearer = (ground > 0) & ((depth == 0) | (ground < depth))
         return torch.where(nearer, ground, depth)

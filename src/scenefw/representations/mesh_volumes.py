@@ -16,6 +16,7 @@ from scenefw.core.errors import MissingDependencyError
 from scenefw.core.types import Float32, GridSpec, Int32, PlacedShape, SceneObject
 from scenefw.kernels.cameras import pixel_places
 from scenefw.kernels.meshes import Tree
+from scenefw.representations.known_scenes import KnownScenes
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,31 +32,9 @@ class SolidScenes:
     objects: tuple[tuple[SceneObject, ...], ...]
     positions: Tensor
 
-    def chosen(self, rows: Tensor) -> SolidScenes:
-        """Some of the scenes, by their numbers (N,)."""
-        return SolidScenes(tuple(self.objects[i] for i in rows.tolist()), self.positions[rows])
 
-
-class ExactSolids:
-    """B scenes whose volumes several representations share, computed in one pass.
-
-    Args:
-        parameters: the scenes.
-        grid: the voxel grid, world frame.
-        volumes: of the scenes, if they are known.
-    """
-
-    def __init__(
-        self, parameters: SolidScenes, grid: GridSpec, volumes: SceneVolumes | None = None
-    ) -> None:
-        self.parameters, self.grid, self._volumes = parameters, grid, volumes
-
-    @property
-    def volumes(self) -> SceneVolumes:
-        """Exact distances, votes and instances, as of `volumes.scene_volumes`; computed once."""
-        if self._volumes is None:
-            self._volumes = self._made()
-        return self._volumes
+class ExactSolids(KnownScenes[SolidScenes]):
+    """B scenes of any closed meshes."""
 
     def depth(self, cameras: CameraBatch) -> Tensor:
         """Z-depth (B, H, W) in metres by rays that meet the triangles; 0 = nothing hit."""
@@ -74,11 +53,13 @@ class ExactSolids:
         ]
         return torch.stack(hits).view(ones.shape)
 
-    def chosen(self, rows: Tensor) -> ExactSolids:
-        """Some of the scenes, by their numbers (N,), with their volumes."""
-        return ExactSolids(self.parameters.chosen(rows), self.grid, self.volumes.chosen(rows))
+    def parameters_of(self, rows: Tensor) -> SolidScenes:
+        """Parameters of some of the scenes, by their numbers (N,)."""
+        objects = tuple(self.parameters.objects[row] for row in rows.tolist())
+        return SolidScenes(objects, self.parameters.positions[rows])
 
-    def _made(self) -> SceneVolumes:
+    def computed(self) -> SceneVolumes:
+        """Exact distances, votes and instances, as of `volumes.scene_volumes`."""
         found = [_volumes(objects, self.grid) for objects in self.parameters.objects]
         tsdf, votes, instances = (np.stack(volumes) for volumes in zip(*found, strict=True))
         device = self.parameters.positions.device

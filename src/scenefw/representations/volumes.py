@@ -12,28 +12,20 @@ from scenefw.core.types import GridSpec
 from scenefw.kernels.compile import float32
 from scenefw.kernels.scenes import object_voxels, scene_voxels
 from scenefw.kernels.superquadric_rays import first_hits
+from scenefw.representations.known_scenes import KnownScenes, rows_of
 
 
-class ExactScenes:
-    """B scenes whose volumes several representations share, computed in one pass.
+class ExactScenes(KnownScenes[SceneParameters]):
+    """B scenes of superquadrics."""
 
-    Args:
-        parameters: the scenes.
-        grid: the voxel grid, world frame.
-        volumes: of the scenes, if they are known.
-    """
+    def computed(self) -> SceneVolumes:
+        """Exact distances, votes and instances, see `scene_volumes`."""
+        return scene_volumes(self.parameters, self.grid)
 
-    def __init__(
-        self, parameters: SceneParameters, grid: GridSpec, volumes: SceneVolumes | None = None
-    ) -> None:
-        self.parameters, self.grid, self._volumes = parameters, grid, volumes
-
-    @property
-    def volumes(self) -> SceneVolumes:
-        """Exact distances, votes and instances, see `scene_volumes`; computed once."""
-        if self._volumes is None:
-            self._volumes = scene_volumes(self.parameters, self.grid)
-        return self._volumes
+    def parameters_of(self, rows: Tensor) -> SceneParameters:
+        """Parameters of some of the scenes, by their numbers (N,)."""
+        found: SceneParameters = rows_of(self.parameters, rows)
+        return found
 
     def depth(self, cameras: CameraBatch) -> Tensor:
         """Z-depth (B, H, W) in metres by rays that meet the superquadrics; 0 = nothing hit.
@@ -43,10 +35,6 @@ class ExactScenes:
         """
         _require_usable(self.parameters)
         return first_hits(self.parameters, cameras)[0]
-
-    def chosen(self, rows: Tensor) -> ExactScenes:
-        """Some of the scenes, by their numbers (N,), with their volumes."""
-        return ExactScenes(self.parameters.chosen(rows), self.grid, self.volumes.chosen(rows))
 
 
 def scene_volumes(parameters: SceneParameters, grid: GridSpec) -> SceneVolumes:

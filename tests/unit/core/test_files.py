@@ -185,6 +185,23 @@ def test_a_folder_of_other_files_is_not_replaced(tmp_path):
     assert [one.name for one in tmp_path.iterdir()] == ["scan"]
 
 
+def test_what_was_there_comes_back_if_the_new_folder_cannot_take_its_place(tmp_path, monkeypatch):
+    target = tmp_path / "scan"
+    target.mkdir()
+    (target / "scene.json").write_text("old")
+    rename = Path.rename
+
+    def failing(self, to):
+        if self.parent.name.startswith(".scan.") and self.name == "scan":
+            raise OSError("no")
+        return rename(self, to)
+
+    monkeypatch.setattr(Path, "rename", failing)
+    with pytest.raises(StorageError), replacing_folder(target) as folder:
+        (folder / "scene.json").write_text("new")
+    assert (target / "scene.json").read_text() == "old"
+
+
 def test_an_earlier_version_or_an_empty_folder_is_replaced(tmp_path):
     target = tmp_path / "scan"
     target.mkdir()

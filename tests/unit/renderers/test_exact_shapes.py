@@ -72,6 +72,18 @@ def test_a_floor_is_seen_below_the_horizon_or_left_out():
     assert set(np.unique(alone[root <= 0])) <= {0.0}
 
 
+@pytest.mark.parametrize("height", [0.005, 0.6])
+def test_sky_is_sky_from_any_height(height):
+    pose = look_at((0.5, -0.4, height), (0, 0, height))
+    low = Camera(64, 48, 50.0, 50.0, 31.5, 23.5, pose)
+    scenes = ExactScenes(BALL, GridSpec(16))
+    found = ExactShapes(SphereTracer()).render_scenes(scenes, stack_cameras([low]))[0].numpy()
+    beside = found[:, :8]  # the ball is in the middle
+    assert (beside[:24] == 0).all()
+    rows = np.arange(25, 48)
+    np.testing.assert_allclose(beside[25:, 0], height * 50 / (rows - 23.5), rtol=1e-3)
+
+
 def test_volumes_come_nearer_as_they_become_finer():
     cameras = stack_cameras([camera(120)])
     box = SceneParameters(
