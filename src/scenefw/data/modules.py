@@ -108,8 +108,5 @@ class StackData(SceneBatches):
     ) -> ShapeInstanceBatch:
         parameters = scenes.parameters(batch.indices, device)
         streams = Streams.of(self.seed, stream, batch.epoch, indices=batch.indices.numpy())
-        with torch.autocast(torch.device(device).type, enabled=False):
-            made = self.views.make(parameters, streams, counts)
-            return shape_instance_batch(
-                made.partial, made.scenes, self.representations, truths=truths
-            )
+        made = self.views.make(parameters, streams, counts)
+        return shape_instance_batch(made.partial, made.scenes, self.representations, truths=truths)

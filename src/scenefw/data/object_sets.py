@@ -69,8 +69,7 @@ class ObjectSetViews(SceneBatches):
     ) -> ObjectSetBatch:
         parameters = scenes.parameters(batch.indices, device)
         streams = Streams.of(self.seed, stream, batch.epoch, indices=batch.indices.numpy())
-        with torch.autocast(torch.device(device).type, enabled=False):
-            return object_set_batch(self.views.make(parameters, streams), self.grid)
+        return object_set_batch(self.views.make(parameters, streams), self.grid)
 
 
 def object_set_batch(made: ViewBatch, grid: GridSpec) -> ObjectSetBatch:

@@ -122,8 +122,7 @@ class SegmentationData(lightning.LightningDataModule):
 def _make(
     samples: Samples, batch: IndexBatch, epoch: int | None, device: torch.device
 ) -> SegmentationBatch:
-    with torch.autocast(device.type, enabled=False):
-        return samples.batch(batch.indices.numpy(), epoch, device)
+    return samples.batch(batch.indices.numpy(), epoch, device)
 
 
 def image_tensor(colour: NDArray[np.uint8]) -> Tensor:

@@ -107,13 +107,12 @@ class ViewedSets(SceneBatches):
             to_places.uniform(slots * self.places * _CHANCES).astype(np.float32),
         ]
         at_points, at_places = to_device(drawn, device)
-        with torch.autocast(torch.device(device).type, enabled=False):
-            made = self.views.make(parameters, to_view)
-            moved = made.scenes.parameters
-            points, seen = seen_points(made.depth, made.cameras, self.grid, at_points)
-            chances = at_places.view(len(points), slots, self.places, _CHANCES)
-            places, distances = placed_about(moved, chances, self.near)
-            view = condition(made.partial, self.grid)
+        made = self.views.make(parameters, to_view)
+        moved = made.scenes.parameters
+        points, seen = seen_points(made.depth, made.cameras, self.grid, at_points)
+        chances = at_places.view(len(points), slots, self.places, _CHANCES)
+        places, distances = placed_about(moved, chances, self.near)
+        view = condition(made.partial, self.grid)
         return ViewedSetBatch(view, points, seen, moved, places, distances)
 
 

@@ -12,6 +12,7 @@ from torch import Tensor, nn
 from scenefw.core.batches import IndexBatch
 from scenefw.core.errors import ConfigError
 from scenefw.core.training_protocols import Loss, Network
+from scenefw.kernels.precision import full_precision
 from scenefw.learning.costs import SideStream
 from scenefw.learning.initial import start_from
 from scenefw.learning.optimizers import Optimizer
@@ -121,8 +122,7 @@ class TrainingModule(ResumableModule, ABC):
         from the number of batches seen.
         """
         batch = self.trainer.train_dataloader.batch(self.batches_seen)
-        data = self.trainer.datamodule
-        made = self._side.run(self.device, lambda: data.training_batch(batch, self.device))
+        made = self._side.run(self.device, lambda: self._training_batch(batch))
         self.times.drawn(self.device)
         prediction = self.predict_batch(made)
         terms = {name: loss(prediction, made) for name, loss in self.losses_now().items()}
@@ -131,6 +131,15 @@ class TrainingModule(ResumableModule, ABC):
         self.log_dict({"train/total": total.detach(), **values}, batch_size=len(batch.indices))
         self.count_batch()
         return total
+
+    @full_precision()
+    def _training_batch(self, batch: IndexBatch) -> Any:
+        return self.trainer.datamodule.training_batch(batch, self.device)
+
+    @full_precision()
+    def validation_batch(self, batch: IndexBatch) -> Any:
+        """The validation samples of the data module; coordinates keep their precision."""
+        return self.trainer.datamodule.validation_batch(batch, self.device)
 
 
 def _require_setup(name: str, loss: Loss, setup: Any) -> None:

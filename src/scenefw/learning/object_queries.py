@@ -128,7 +128,7 @@ class ObjectQueryLearning(TrainingModule):
 
     def validation_step(self, batch: IndexBatch, batch_idx: int) -> None:
         """All losses and figures of the last layer, of the same views every time."""
-        made = self.trainer.datamodule.validation_batch(batch, self.device)
+        made = self.validation_batch(batch)
         found = matched(self.model(made), made, self.matching)
         terms = {f"val/{name}": loss(found, made) for name, loss in self.losses.items()}
         values = {**terms, **figures(found.layers[-1], made)}

@@ -59,7 +59,7 @@ class ObjectSetLearning(TrainingModule):
 
     def validation_step(self, batch: IndexBatch, batch_idx: int) -> None:
         """Scores predictions of the same views every time; nothing is drawn."""
-        made = self.trainer.datamodule.validation_batch(batch, self.device)
+        made = self.validation_batch(batch)
         found = matched(self.model(made), made)
         values = {"val/set_bce": SetBinaryCrossEntropy()(found, made), **_scores(found, made)}
         self.log_dict(values, batch_size=len(batch.indices), on_epoch=True, sync_dist=True)

@@ -48,7 +48,7 @@ class PartAffinityLearning(TrainingModule):
 
     def validation_step(self, batch: IndexBatch, batch_idx: int) -> None:
         """The losses on the same images every time."""
-        made = self.trainer.datamodule.validation_batch(batch, self.device)
+        made = self.validation_batch(batch)
         found = self.predict_batch(made)
         values = {f"val/{name}": float(loss(found, made)) for name, loss in self.losses.items()}
         self.log_dict(values, batch_size=len(batch.indices), on_epoch=True, sync_dist=True)

@@ -98,7 +98,7 @@ class SegmentationLearning(TrainingModule):
 
     def validation_step(self, batch: IndexBatch, batch_idx: int) -> None:
         """Counts predicted labels; the samples are the same every time."""
-        images = self.trainer.datamodule.validation_batch(batch, self.device)
+        images = self.validation_batch(batch)
         predicted = self.model(images.colour, images.distance).argmax(dim=1)
         self._counts += count_classes(
             predicted.cpu().numpy(), images.labels.cpu().numpy(), self.model.classes

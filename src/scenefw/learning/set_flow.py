@@ -46,7 +46,7 @@ class SetFlowLearning(TrainingModule):
 
     def validation_step(self, batch: IndexBatch, batch_idx: int) -> None:
         """The losses with the same views, noise and times every time."""
-        made = self.trainer.datamodule.validation_batch(batch, self.device)
+        made = self.validation_batch(batch)
         draws = torch.Generator().manual_seed(torch_seed(self.seed, _NOISE, 2**32 + batch_idx))
         totals = dict.fromkeys(self.losses, 0.0)
         for _ in range(_REPEATS):

@@ -129,7 +129,7 @@ class ShapeInstanceLearning(TrainingModule):
 
     def validation_step(self, batch: IndexBatch, batch_idx: int) -> None:
         """Scores predictions of the same views every time: of the zero code, and of drawn ones."""
-        made = self.trainer.datamodule.validation_batch(batch, self.device)
+        made = self.validation_batch(batch)
         grid = self.trainer.datamodule.grid
         predicted = {False: self._volumes(self.model.predict(made.condition))}
         if any(metric.of_samples for metric in self.metrics.values()):

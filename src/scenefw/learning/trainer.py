@@ -3,7 +3,8 @@
 import logging
 import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -163,11 +164,26 @@ class TrainerSettings:
                 file=sys.stderr,
                 flush=True,
             )
-        if kind == "cuda":
-            torch.set_float32_matmul_precision("high" if self.tf32 else "highest")
-            torch.backends.cudnn.allow_tf32 = self.tf32
-            torch.backends.cudnn.benchmark = self.benchmark
         return trainer
+
+    @contextmanager
+    def faster(self, device: torch.device) -> Iterator[None]:
+        """Within the block, networks on CUDA take the shortcuts of `tf32` and `benchmark`.
+
+        They hold for a whole process, and what follows a training measures geometry.
+        """
+        if device.type != "cuda":
+            yield
+            return
+        cudnn = torch.backends.cudnn
+        before = torch.get_float32_matmul_precision(), cudnn.allow_tf32, cudnn.benchmark
+        torch.set_float32_matmul_precision("high" if self.tf32 else "highest")
+        cudnn.allow_tf32, cudnn.benchmark = self.tf32, self.benchmark
+        try:
+            yield
+        finally:
+            torch.set_float32_matmul_precision(before[0])
+            cudnn.allow_tf32, cudnn.benchmark = before[1:]
 
 
 def _multiplies_bfloat16() -> bool:

@@ -10,6 +10,7 @@ from scenefw.core.queried_sets import (
     QueriedSet,
     ViewedSetBatch,
 )
+from scenefw.kernels.precision import full_precision
 from scenefw.losses.query_targets import taught_pairs
 from scenefw.shapes.radial_distance import in_frame, radial_distance
 
@@ -56,6 +57,7 @@ class QueryDistance:
         return (distances - batch.distances[views, objects]).abs().mean()
 
 
+@full_precision()
 def distances_of(found: QueriedSet, views: Tensor, queries: Tensor, places: Tensor) -> Tensor:
     """Signed distances (K, Q) of places (K, Q, 3) to the superquadrics of K queries (m)."""
     rotations, positions, axes, exponents = (

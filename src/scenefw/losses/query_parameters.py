@@ -11,6 +11,7 @@ from scenefw.core.queried_sets import (
     QueriedSet,
     ViewedSetBatch,
 )
+from scenefw.kernels.precision import full_precision
 from scenefw.losses.query_targets import taught_pairs
 from scenefw.shapes.equal_descriptions import equal_descriptions
 
@@ -58,6 +59,7 @@ def _of(found: QueriedSet, batch: ViewedSetBatch) -> Tensor:
     ).mean()
 
 
+@full_precision()
 def least_difference(mine: Sequence[Tensor], true: Sequence[Tensor]) -> Tensor:
     """Differences (K,) of superquadrics, the least over 24 descriptions of the true ones.
 

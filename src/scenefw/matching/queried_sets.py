@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import torch
 
+from scenefw.kernels.precision import full_precision
 from scenefw.matching.assignment import Assignment
 from scenefw.shapes.radial_distance import in_frame, radial_distance
 
@@ -49,6 +50,7 @@ def matched_queries(
 
 
 @torch.no_grad()
+@full_precision()
 def owners_of(found: QueriedSet, batch: ViewedSetBatch) -> Tensor:
     """The object (B, N) at whose surface each query starts, -1 = none."""
     scenes = batch.scenes
@@ -61,6 +63,7 @@ def owners_of(found: QueriedSet, batch: ViewedSetBatch) -> Tensor:
     return torch.where(gap < _AT, owner, -1)
 
 
+@full_precision()
 def pair_costs(found: QueriedSet, batch: ViewedSetBatch) -> Tensor:
     """Costs (B, N, M) that queries stand for objects: chance of existence, centres, distances."""
     scenes = batch.scenes

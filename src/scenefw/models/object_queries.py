@@ -11,6 +11,7 @@ from torch import Tensor, nn
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.queried_sets import ObjectQueryPrediction, QueriedSet, ViewedSetBatch
+from scenefw.kernels.precision import full_precision
 from scenefw.models.relative_attention import RelativeAttention
 from scenefw.models.view_tokens import Tokens, TrainedEncoder, ViewTokens
 from scenefw.shapes.radial_distance import radial_distance
@@ -218,6 +219,7 @@ def bounded(queries: _Queries, existence: Tensor | None = None) -> QueriedSet:
 
 
 @torch.no_grad()
+@full_precision()
 def seen_from(objects: QueriedSet, places: Tensor) -> Tensor:
     """Where places (B, T, 3) lie for each object: offsets (B, N, T, 7), bounded softly.
 

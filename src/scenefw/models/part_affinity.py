@@ -11,6 +11,7 @@ from torch.nn import functional
 
 from scenefw.core.errors import ConfigError
 from scenefw.kernels.cameras import pixel_places
+from scenefw.kernels.precision import full_precision
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -108,6 +109,7 @@ class _Level(nn.Sequential):
 
 
 @torch.no_grad()
+@full_precision()
 def pixel_features(depth: Tensor, cameras: CameraBatch) -> Tensor:
     """Local geometry (B, `CHANNELS`, H, W) of depth images, 0 where it is not known.
 

@@ -11,6 +11,7 @@ from torch import Tensor, nn
 
 from scenefw.core.batches import SeenSetBatch, SetFlowPrediction
 from scenefw.core.errors import ConfigError
+from scenefw.kernels.precision import full_precision
 from scenefw.models.set_attention import attention, time_waves
 
 if TYPE_CHECKING:
@@ -115,7 +116,7 @@ class SetExtents(nn.Module):
         angles = self.turn * torch.randn(rows, slots, 3, generator=generator)
         time = torch.rand(rows * self.repeats, generator=generator).to(device)
         noise = torch.randn(rows * self.repeats, slots, SIZE, generator=generator).to(device)
-        turned = batch.rotations @ _turns(angles).to(device)
+        turned = _product("bnij,bnjk->bnik", batch.rotations, _turns(angles).to(device))
         axes, low, high, order = seen_in_axes(batch, turned)
         extents = _encoded(batch, axes, low, high, order)
         memory = self.encode(batch, axes, low, high)
@@ -138,11 +139,11 @@ class SetExtents(nn.Module):
         """
         count = batch.points.shape[1]
         seen = batch.seen
-        corner = torch.einsum("bnki,bnk->bni", axes, high)
+        corner = _product("bnki,bnk->bni", axes, high)
         own = _along(axes, batch.points) - high[:, :, None]
         points = self.point(torch.cat([own / _NEAR, _close(own)], dim=-1))
         some = batch.points[:, :, : self.others].flatten(1, 2)
-        far = torch.einsum("bnki,bpi->bnpk", axes, some) - high[:, :, None]
+        far = _product("bnki,bpi->bnpk", axes, some) - high[:, :, None]
         others = self.other(torch.cat([far / _NEAR, _close(far)], dim=-1))
         of = torch.arange(count, device=seen.device).repeat_interleave(
             min(self.others, batch.points.shape[2])
@@ -150,7 +151,7 @@ class SetExtents(nn.Module):
         alien = seen[:, None, of] & (of != torch.arange(count, device=of.device)[:, None])
         others = others.masked_fill(~alien[..., None], -1.0).amax(dim=2)
         size = high - low
-        eye = torch.einsum("bnki,bni->bnk", axes, batch.camera[:, None] - corner)
+        eye = _product("bnki,bni->bnk", axes, batch.camera[:, None] - corner)
         down = axes[..., 2]  # how steeply it goes down away from the camera
         floor = ((corner[..., 2:] - size * axes[..., 2]) / down.clamp_min(0.05)).clamp(-1.0, 1.0)
         scalars = torch.cat(
@@ -234,7 +235,7 @@ class SetExtents(nn.Module):
         towards = _length(now[..., 3:6], _TOWARDS)
         first, last = low - away, high + towards
         half_axes = ((last - first) / 2).clamp_min(_LEAST)
-        centres = torch.einsum("bnki,bnk->bni", axes, (first + last) / 2)
+        centres = _product("bnki,bnk->bni", axes, (first + last) / 2)
         exponents = (now[..., 6:] * _EXPONENT[1] + _EXPONENT[0]).exp().clamp(*_RANGE)
         back = order.argsort(dim=-1)
         return replace(
@@ -258,7 +259,7 @@ def seen_in_axes(batch: SeenSetBatch, rotations: Tensor) -> tuple[Tensor, Tensor
         seen points begin and end along each (B, N, 3) m; which column each was (B, N, 3).
     """
     ahead = batch.camera[:, None] - batch.points.mean(dim=2)
-    along = torch.einsum("bnik,bni->bnk", rotations, ahead)
+    along = _product("bnik,bni->bnk", rotations, ahead)
     order = along.abs().argsort(dim=-1, descending=True)
     signs = torch.where(along < 0, -1.0, 1.0).gather(-1, order)
     rows = rotations.transpose(-1, -2).gather(-2, order[..., None].expand(-1, -1, -1, 3))
@@ -269,7 +270,7 @@ def seen_in_axes(batch: SeenSetBatch, rotations: Tensor) -> tuple[Tensor, Tensor
 
 def _encoded(batch: SeenSetBatch, axes: Tensor, low: Tensor, high: Tensor, order: Tensor) -> Tensor:
     """True extents and exponents (B, N, 9) of seen objects, about zero."""
-    middle = torch.einsum("bnki,bni->bnk", axes, batch.positions)
+    middle = _product("bnki,bni->bnk", axes, batch.positions)
     half = batch.half_axes.gather(-1, order)
     away = _number(low - (middle - half), _AWAY)
     towards = _number(middle + half - high, _TOWARDS)
@@ -293,9 +294,16 @@ def _close(length: Tensor) -> Tensor:
 
 def _along(axes: Tensor, points: Tensor) -> Tensor:
     """Coordinates (B, N, P, 3) of points along axes."""
-    return torch.einsum("bnki,bnpi->bnpk", axes, points)
+    return _product("bnki,bnpi->bnpk", axes, points)
 
 
+@full_precision()
+def _product(equation: str, first: Tensor, second: Tensor) -> Tensor:
+    product: Tensor = torch.einsum(equation, first, second)
+    return product
+
+
+@full_precision()
 def _turns(angles: Tensor) -> Tensor:
     """Rotations (..., 3, 3) by the lengths of vectors, about them (Rodrigues)."""
     x, y, z = angles.unbind(dim=-1)

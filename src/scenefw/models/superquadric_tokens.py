@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from scenefw.kernels.precision import full_precision
 from scenefw.shapes.equal_descriptions import equal_descriptions
 
 SIZE = 15
@@ -52,6 +53,7 @@ def decode(numbers: Tensor, anchors: Tensor) -> tuple[Tensor, Tensor, Tensor, Te
     return centres, rotations, half_axes, exponents
 
 
+@full_precision()
 def described_in_all_ways(numbers: Tensor) -> Tensor:
     """The same objects (..., 15) in all 24 ways, (..., 24, 15)."""
     ways = equal_descriptions().to(numbers)

@@ -118,7 +118,8 @@ class Train:
         """The work of one process."""
         resumed = self._state.exists() and not self.fresh
         trainer = self.trainer.build(self.folder, self._callbacks())
-        trainer.fit(self.learning, self.data, ckpt_path=str(self._state) if resumed else None)
+        with self.trainer.faster(trainer.strategy.root_device):
+            trainer.fit(self.learning, self.data, ckpt_path=str(self._state) if resumed else None)
         if trainer.interrupted:
             raise KeyboardInterrupt
         self.learning.times.finish()

@@ -103,3 +103,12 @@ def test_what_is_not_matched_or_means_nothing_is_refused():
             loss(plain, batch)
     with pytest.raises(ConfigError, match=r"loss\.query_distance\.unit is 0"):
         QueryDistance(unit=0.0)
+
+
+def test_the_truth_costs_nothing_in_mixed_precision():
+    """Axes of the truth that are rounded to 8 bits are another object."""
+    batch = batch_of()
+    found = prediction(batch, exact(batch, torch.arange(3)))
+    with torch.autocast("cpu", torch.bfloat16):
+        for loss in GEOMETRIC:
+            assert float(loss(found, batch)) < 1e-3

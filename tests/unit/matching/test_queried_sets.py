@@ -60,3 +60,12 @@ def test_without_objects_nothing_is_matched():
     nothing = replace(batch.scenes, present=torch.zeros_like(batch.scenes.present))
     found = matched_queries(exact(batch, torch.arange(3)), replace(batch, scenes=nothing))
     assert (found == -1).all()
+
+
+def test_costs_are_the_same_in_mixed_precision():
+    batch = batch_of()
+    found = exact(batch, torch.arange(3))
+    with torch.autocast("cpu", torch.bfloat16):
+        mixed = pair_costs(found, batch), owners_of(found, batch)
+    assert torch.equal(mixed[0], pair_costs(found, batch))
+    assert torch.equal(mixed[1], owners_of(found, batch))

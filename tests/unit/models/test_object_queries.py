@@ -8,7 +8,7 @@ from tests.unit.models.queries import SIZES, batch_of, encoder, queries
 
 from scenefw.core.errors import ConfigError
 from scenefw.models.farthest_points import farthest_points
-from scenefw.models.object_queries import ObjectQueries
+from scenefw.models.object_queries import ObjectQueries, seen_from
 
 GEOMETRY = ("existence", "half_axes", "exponents", "rotations", "positions")
 
@@ -127,3 +127,11 @@ def test_what_means_nothing_is_refused_in_one_line():
         with pytest.raises(ConfigError, match=words) as caught:
             ObjectQueries(**{"encoder": encoder(), **SIZES, "heads": 2, **changed})
         assert "\n" not in str(caught.value)
+
+
+def test_places_are_told_exactly_in_mixed_precision():
+    batch = batch_of()
+    objects = queries()(batch).layers[0]
+    exact = seen_from(objects, batch.points)
+    with torch.autocast("cpu", torch.bfloat16):
+        assert torch.equal(seen_from(objects, batch.points), exact)

@@ -80,3 +80,10 @@ def test_a_turn_of_the_camera_turns_normals_alone():
 def test_bad_settings(wrong):
     with pytest.raises(ConfigError, match="part_affinity has"):
         PartAffinity(**wrong)
+
+
+def test_features_keep_their_millimetres_in_mixed_precision():
+    depth, camera = 0.7 + 0.2 * torch.rand(1, 12, 16), camera_down(16, 12, turn=0.3, far=1.3)
+    exact = pixel_features(depth, camera)
+    with torch.autocast("cpu", torch.bfloat16):
+        assert torch.equal(pixel_features(depth, camera), exact)

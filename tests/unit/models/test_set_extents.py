@@ -167,3 +167,12 @@ def test_ends_of_images_add_nothing_before_training_and_count_after_it():
     order = torch.randperm(batch.ends.shape[2])
     again = replace(batch, ends=batch.ends[:, :, order])
     assert torch.allclose(tokens(model, batch), tokens(model, again), atol=1e-5)
+
+
+def test_what_is_learnt_keeps_its_millimetres_in_mixed_precision():
+    batch, model = boxes(), SetExtents(**{**SMALL, "turn": 5.0})
+    aims = []
+    for mixed in (False, True):
+        with torch.autocast("cpu", torch.bfloat16, enabled=mixed):
+            aims.append(model(batch, torch.Generator().manual_seed(0)).target)
+    assert torch.equal(*aims)

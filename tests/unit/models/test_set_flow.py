@@ -217,3 +217,10 @@ def test_absent_objects_need_no_size():
     loss.backward()
     assert torch.isfinite(loss)
     assert all(torch.isfinite(one.grad).all() for one in model.parameters() if one.grad is not None)
+
+
+def test_descriptions_are_exact_in_mixed_precision():
+    numbers = torch.randn(4, 15, generator=torch.Generator().manual_seed(0))
+    with torch.autocast("cpu", torch.bfloat16):
+        mixed = described_in_all_ways(numbers)
+    assert torch.equal(mixed, described_in_all_ways(numbers))

@@ -39,7 +39,7 @@ class CountLearning(TrainingModule):
 
     def validation_step(self, batch: IndexBatch, batch_idx: int) -> None:
         """Scores predictions of the same views every time."""
-        made = self.trainer.datamodule.validation_batch(batch, self.device)
+        made = self.validation_batch(batch)
         scores = self.model(made.condition)
         right = scores.argmax(dim=1) + 1 == made.counts
         values = {

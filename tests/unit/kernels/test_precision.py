@@ -1,0 +1,34 @@
+"""Products of coordinates round to float32, whatever surrounds them."""
+
+import pytest
+import torch
+
+from scenefw.kernels.precision import full_precision
+
+
+def products(seed=0):
+    random = torch.Generator().manual_seed(seed)
+    one, other = (torch.randn(3, 3, generator=random) for _ in range(2))
+    return one, other, (one.double() @ other.double()).float()
+
+
+def test_inside_a_mixed_precision_products_are_those_of_doubles():
+    one, other, exact = products()
+    with torch.autocast("cpu", torch.bfloat16):
+        assert not torch.allclose((one @ other).float(), exact, atol=1e-4)
+        with full_precision():
+            assert torch.allclose(one @ other, exact, atol=1e-6)
+        assert (one @ other).dtype == torch.bfloat16
+
+
+@pytest.mark.parametrize("before", ["high", "highest"])
+def test_settings_of_the_process_come_back(before):
+    kept = torch.get_float32_matmul_precision()
+    try:
+        torch.set_float32_matmul_precision(before)
+        with pytest.raises(ZeroDivisionError), full_precision():
+            assert torch.get_float32_matmul_precision() == "highest"
+            raise ZeroDivisionError
+        assert torch.get_float32_matmul_precision() == before
+    finally:
+        torch.set_float32_matmul_precision(kept)
