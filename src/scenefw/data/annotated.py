@@ -19,6 +19,7 @@ from scenefw.data.stacks import SceneSet
 from scenefw.data.tabletop import TabletopScenes
 from scenefw.data.views import Viewpoints
 from scenefw.kernels.cameras import stack_cameras
+from scenefw.noise.frames import depth_noises
 from scenefw.renderers.silhouettes import SolidViews
 from scenefw.scenes.tabletop import rotation_of
 from scenefw.shapes.solid_mesh import SolidMesh
@@ -43,7 +44,7 @@ class StackViews:
         detail: squares per side of the six faces that superquadrics are drawn with.
 
     Raises:
-        ConfigError: a detail below 2.
+        ConfigError: a detail below 2, or noise of poses.
     """
 
     def __init__(
@@ -58,7 +59,8 @@ class StackViews:
         if detail < 2:
             raise ConfigError(f"views.detail = {detail}: expected at least 2 squares per side")
         self.scenes, self.viewpoints, self.split = scenes, viewpoints, split
-        self.noise, self.seed, self.detail = dict(noise or {}), seed, detail
+        self.noise = depth_noises(noise, "annotated views")
+        self.seed, self.detail = seed, detail
         every = (item.shape for i in range(len(scenes)) for item in scenes.objects(i))
         names = {name for shape in every if (name := _name(shape))}
         self.categories = tuple(sorted(names)) or ("object",)
@@ -124,8 +126,8 @@ class StackViews:
     def _disturbed(self, depth: Float32, camera: Camera, random: np.random.Generator) -> Float32:
         seeds = random.integers(2**63 - 1, size=(len(self.noise), 1))
         seen, cameras = torch.from_numpy(depth)[None], stack_cameras([camera])
-        for name, row in zip(sorted(self.noise), seeds, strict=True):
-            seen = self.noise[name].apply(seen, cameras, torch.from_numpy(row))
+        for one, row in zip(self.noise.values(), seeds, strict=True):
+            seen = one.apply(seen, cameras, torch.from_numpy(row))
         return seen[0].numpy()
 
 

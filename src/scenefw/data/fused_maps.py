@@ -5,6 +5,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from scenefw.core.errors import ConfigError
 from scenefw.core.height_maps import HeightMap
 from scenefw.core.labelling_protocols import FrameSource, HeightMapping
@@ -17,8 +19,8 @@ from scenefw.noise.frames import described, disturb, in_turns
 class FusedMaps:
     """Fuses views to the maps that a map network learns from (thesis 4.6.1).
 
-    Files are named by the first view and by all settings of the fusion, so that a folder may serve
-    any number of data sets.
+    Files are named by all that the first view shows, and by all settings of the fusion, so that a
+    folder may serve any number of data sets.
 
     Args:
         source: the scenes.
@@ -74,9 +76,13 @@ class FusedMaps:
     def _key(self, first: Frame, noise: Mapping[str, Noise]) -> str:
         settings = f"{self.frames} {_settings(self.heights)}"
         if noise:
-            settings += f" {self.seed} {[(name, _settings(one)) for name, one in noise.items()]}"
+            every = [(name, _settings(one)) for name, one in sorted(noise.items())]
+            settings += f" {self.seed} {every}"
         digest = hashlib.sha256(settings.encode())
-        digest.update(first.camera.T_world_camera.tobytes() + first.depth.tobytes())
+        lens = first.camera
+        digest.update(repr((lens.width, lens.height)).encode() + lens.matrix.tobytes())
+        for part in (lens.T_world_camera, first.depth, first.colour, first.labels):
+            digest.update(b"none" if part is None else np.ascontiguousarray(part).tobytes())
         return f"{first.name.replace('/', '_')}_{digest.hexdigest()[:16]}"
 
 

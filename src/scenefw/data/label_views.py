@@ -30,6 +30,7 @@ from scenefw.renderers.mesh_raycaster import image
 from scenefw.renderers.tables import Pictures, camera_lenses
 
 _VIEW, _CAMERA = 5, 9  # random streams
+_NEVER = -1
 _ARRAYS = ("colour", "depth", "labels")  # of stored views
 
 
@@ -234,7 +235,7 @@ class RenderedViews:
         self.classes = tuple(source.classes)
         self._scenes = ResidentScenes(source, workers)
         self._cached: Pictures | None = None
-        self._rounds = np.full(len(self), -1)  # of the views that are kept
+        self._rounds = np.full(len(self), _NEVER)  # of the views that are kept
 
     def __len__(self) -> int:
         """Views of all scenes."""
@@ -293,12 +294,12 @@ class RenderedViews:
         device: torch.device,
     ) -> tuple[Pictures, Tensor, Tensor]:
         """Kept views, of which those of another round are rendered first; intrinsics and poses."""
+        kept = self._pool(device)
         rounds = self._round(indices, epoch)
         new = np.flatnonzero(self._rounds[indices] != rounds)
         self._rounds[indices] = rounds
         moved = to_device([indices, *drawn, indices[new], *(a[new] for a in drawn[:2])], device)
         places, _, _, intrinsics, poses, targets, *where = moved
-        kept = self._pool(device)
         if len(new):
             seen = self._look(where, device)
             kept.distance[targets] = seen.distance
@@ -308,7 +309,10 @@ class RenderedViews:
         return chosen, intrinsics, poses
 
     def _pool(self, device: torch.device) -> Pictures:
+        """All views on a device; on another one than before none is rendered yet."""
+        device = torch.empty(0, device=device).device  # cuda becomes cuda:0
         if self._cached is None or self._cached.labels.device != device:
+            self._rounds[:] = _NEVER
             lens = self.source.lens
             size = (len(self), lens.height, lens.width)
             self._cached = Pictures(

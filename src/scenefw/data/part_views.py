@@ -19,7 +19,7 @@ from scenefw.data.scene_batches import SceneBatches
 from scenefw.data.surroundings import surrounding_depths
 from scenefw.kernels.superquadric_rays import first_hits
 from scenefw.kernels.transfer import to_device
-from scenefw.noise.frames import described
+from scenefw.noise.frames import depth_noises, described
 from scenefw.representations.volumes import scene_volumes
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class PartViews(SceneBatches):
 
     Raises:
         ConfigError: a size or factor that isn't positive, a share outside 0..1, a negative
-            deviation, or a least factor above the greatest.
+            deviation, a least factor above the greatest, or noise of poses.
     """
 
     def __init__(
@@ -107,7 +107,8 @@ class PartViews(SceneBatches):
         self.viewpoints, self.renderer, self.volumes = viewpoints, renderer, grid
         self.lens = viewpoints.camera.resized(*image_size)
         self.image_size = (self.lens.width, self.lens.height)
-        self.noise, self.scale = dict(noise or {}), (float(scale[0]), float(scale[1]))
+        self.noise = depth_noises(noise, "views of stacks")
+        self.scale = (float(scale[0]), float(scale[1]))
         self.traced, self.compound = traced, compound
         self.hollow, self.pieces, self.ends = hollow, pieces, ends
         self.tilt, self.lift = tilt, lift
@@ -156,8 +157,8 @@ class PartViews(SceneBatches):
         owners = torch.where(depth < around, owners, 0)
         depth = torch.where(owners > 0, depth, torch.where(around < _FARTHEST, around, 0.0))
         depth, owners = self._traced(scenes, cameras, traced, depth, owners)
-        for name, row in zip(sorted(self.noise), seeds, strict=True):
-            depth = self.noise[name].apply(depth, cameras, row)
+        for one, row in zip(self.noise.values(), seeds, strict=True):
+            depth = one.apply(depth, cameras, row)
         cameras = CameraBatch(*self.image_size, intrinsics, found @ poses)
         return PartViewBatch(depth, owners, cameras)
 

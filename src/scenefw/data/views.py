@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from scenefw.core.batches import CameraBatch, PartialTSDF, SceneParameters, SceneVolumes
-from scenefw.core.errors import ConfigError
-from scenefw.core.protocols import MappingMethod, Noise, PoseNoise, Renderer, SceneBatch
+from scenefw.core.protocols import MappingMethod, Noise, Renderer, SceneBatch
 from scenefw.core.rng import Streams
 from scenefw.core.types import Camera, Float64, GridSpec
 from scenefw.data.augmentation import RigidAugmentation
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.kernels.transfer import to_device
+from scenefw.noise.frames import depth_noises
 from scenefw.representations.mesh_volumes import ExactSolids, SolidScenes
 from scenefw.representations.volumes import ExactScenes
 
@@ -85,12 +85,7 @@ class ViewMaker:
         self.viewpoints = viewpoints
         self.renderer = renderer
         self.mapping = mapping
-        self.noise = dict(noise or {})
-        moving = [name for name, one in self.noise.items() if isinstance(one, PoseNoise)]
-        if moving:
-            raise ConfigError(
-                f"views of stacks have exact poses; leave out the pose noise {', '.join(moving)}"
-            )
+        self.noise = depth_noises(noise, "views of stacks")
         self.augmentation = augmentation
         self.image_size = tuple(image_size) if image_size else None
 
@@ -174,8 +169,8 @@ class ViewMaker:
 
     def _depth(self, scenes: SceneBatch, cameras: CameraBatch, seeds: Tensor) -> Tensor:
         depth = self.renderer.render_scenes(scenes, cameras)
-        for name, row in zip(sorted(self.noise), seeds, strict=True):
-            depth = self.noise[name].apply(depth, cameras, row)
+        for one, row in zip(self.noise.values(), seeds, strict=True):
+            depth = one.apply(depth, cameras, row)
         return depth
 
 

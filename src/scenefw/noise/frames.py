@@ -7,6 +7,7 @@ from dataclasses import replace
 import torch
 
 from scenefw.core import rng
+from scenefw.core.errors import ConfigError
 from scenefw.core.protocols import Noise, PoseNoise
 from scenefw.core.types import Frame
 from scenefw.kernels.cameras import stack_cameras
@@ -20,12 +21,12 @@ def disturb(frame: Frame, noises: Mapping[str, Noise], seed: int, scene: int, in
 
     Args:
         frame: with true depth and pose.
-        noises: by name, applied in their order.
+        noises: by name, applied in the order of the names.
         seed: of the data set.
         scene: number of the scene.
         index: number of the frame in it.
     """
-    for name, noise in noises.items():
+    for name, noise in sorted(noises.items()):
         stream = (scene, index, zlib.crc32(name.encode()))
         drawn = rng.torch_seed(seed, *stream)
         if isinstance(noise, PoseNoise):
@@ -46,6 +47,22 @@ def in_turns(noises: Mapping[str, Mapping[str, Noise]], scene: int) -> Mapping[s
         scene: takes the setting number scene modulo their number.
     """
     return list(noises.values())[scene % len(noises)] if noises else {}
+
+
+def depth_noises(noises: Mapping[str, Noise] | None, views: str) -> dict[str, Noise]:
+    """The noises of depth images, in the order in which they are applied: that of the names.
+
+    Args:
+        noises: by name; None: none.
+        views: what they disturb, whose poses are exact, for the message.
+
+    Raises:
+        ConfigError: noise of poses, which would do nothing.
+    """
+    moving = [name for name, one in (noises or {}).items() if isinstance(one, PoseNoise)]
+    if moving:
+        raise ConfigError(f"{views} have exact poses; leave out the pose noise {', '.join(moving)}")
+    return dict(sorted((noises or {}).items()))
 
 
 def described(noises: Mapping[str, Noise]) -> list[str]:

@@ -8,6 +8,7 @@ from scenefw.data.annotated import StackViews, TabletopViews
 from scenefw.data.stacks import StackScenes
 from scenefw.data.tabletop import TabletopScenes
 from scenefw.noise.gaussian import Gaussian
+from scenefw.noise.pose import Jitter
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
 from scenefw.scenes.cameras import RandomViewpoints
 from scenefw.scenes.tabletop import TabletopGenerator
@@ -102,3 +103,8 @@ def test_masks_of_table_tops_agree_with_the_labels_of_the_renderer():
 def test_a_detail_that_makes_no_mesh_is_refused():
     with pytest.raises(ConfigError, match=r"views\.detail = 1"):
         stacks(detail=1)
+
+
+def test_noise_of_poses_is_refused():
+    with pytest.raises(ConfigError, match="leave out the pose noise tracking"):
+        stacks(noise={"tracking": Jitter()})

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.unit.data.rectangles import Rectangles
@@ -112,3 +114,26 @@ def test_other_noise_is_another_file(tmp_path):
     assert make({"b": {}, **one}) == 2  # scene 1 has the same noise
     assert make(one, seed=1) == 3
     assert make({"a": {"gaussian": Gaussian(0.002)}}) == 4
+
+
+class Repainted(Rectangles):
+    """The same geometry in other colours, with other labels, or through another lens."""
+
+    def __init__(self, **changed):
+        super().__init__()
+        self.changed = changed
+
+    def frames(self, scene, count, start=0):
+        for frame in super().frames(scene, count, start):
+            yield replace(frame, **{name: make(frame) for name, make in self.changed.items()})
+
+
+def test_all_that_the_first_view_shows_names_the_file(tmp_path):
+    for changed in (
+        {},
+        {"colour": lambda frame: 255 - frame.colour},
+        {"labels": lambda frame: 2 - frame.labels},
+        {"camera": lambda frame: replace(frame.camera, fx=70.0)},
+    ):
+        FusedMaps(Repainted(**changed), LastView(), 2, tmp_path)(0)
+    assert len(list(tmp_path.glob("*.npz"))) == 4

@@ -17,6 +17,7 @@ from scenefw.noise.gaussian import Gaussian
 from scenefw.noise.kinect import Kinect
 from scenefw.noise.pose import Jitter
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
+from scenefw.renderers.tables import Pictures
 from scenefw.scenes.tabletop import TabletopGenerator
 from scenefw.shapes.tabletop.library import ProceduralModels
 
@@ -234,3 +235,16 @@ def test_another_renderer_makes_no_batches():
         RenderedViews(source)
     with pytest.raises(ConfigError, match="workers = 0"):
         RenderedViews(tables(), workers=0)
+
+
+def test_kept_views_are_rendered_again_on_another_device():
+    """Those of a device that is gone are lost, and one device may have two names."""
+    views = RenderedViews(tables(), 4, renew=3, workers=1)
+    every = np.arange(12)
+    first = views.render(every, 0, CPU)
+    elsewhere = (first.depth, first.labels, first.colour)
+    views._cached = Pictures(*(one.to("meta") for one in elsewhere))
+    for device in (CPU, torch.device("cpu:0"), torch.device("cpu:0")):
+        again = views.render(every, 0, device)
+        assert torch.equal(first.labels, again.labels)
+        assert torch.equal(first.colour, again.colour)

@@ -11,6 +11,7 @@ from scenefw.core.types import GridSpec
 from scenefw.data.part_views import PartViews
 from scenefw.kernels.cameras import floor_depths, pixel_places
 from scenefw.noise.gaussian import Gaussian
+from scenefw.noise.pose import Jitter
 from scenefw.renderers.sphere_tracer import SphereTracer
 from scenefw.scenes.cameras import RandomViewpoints
 
@@ -132,3 +133,8 @@ def test_floors_are_found_a_little_wrong(made):
 def test_bad_settings(made, wrong):
     with pytest.raises(ConfigError, match="dataset has"):
         made(**wrong)
+
+
+def test_noise_of_poses_is_refused(made):
+    with pytest.raises(ConfigError, match="leave out the pose noise tracking"):
+        made(noise={"tracking": Jitter()})

@@ -21,14 +21,19 @@ def test_inside_a_mixed_precision_products_are_those_of_doubles():
         assert (one @ other).dtype == torch.bfloat16
 
 
+@full_precision()
+def interrupted():
+    assert torch.get_float32_matmul_precision() == "highest"
+    raise ZeroDivisionError
+
+
 @pytest.mark.parametrize("before", ["high", "highest"])
 def test_settings_of_the_process_come_back(before):
     kept = torch.get_float32_matmul_precision()
     try:
         torch.set_float32_matmul_precision(before)
-        with pytest.raises(ZeroDivisionError), full_precision():
-            assert torch.get_float32_matmul_precision() == "highest"
-            raise ZeroDivisionError
+        with pytest.raises(ZeroDivisionError):
+            interrupted()
         assert torch.get_float32_matmul_precision() == before
     finally:
         torch.set_float32_matmul_precision(kept)

@@ -3,7 +3,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from scenefw.core.types import Camera, Frame
-from scenefw.noise.frames import described, disturb, in_turns
+from scenefw.noise.frames import depth_noises, described, disturb, in_turns
 from scenefw.noise.gaussian import Gaussian
 from scenefw.noise.pose import Jitter
 
@@ -70,3 +70,21 @@ def test_noise_is_told_with_its_amounts():
     assert described({}) == []
     own = SimpleNamespace(model="speckle", strength=0.12345, size=None)  # one of a plugin
     assert described({"own": own}) == ["own model=speckle strength=0.1235 size=None"]
+
+
+class Scaled:
+    """Multiplies depth, then adds to it: not the same in another order."""
+
+    def __init__(self, factor, more):
+        self.factor, self.more = factor, more
+
+    def apply(self, depth, cameras, seeds):
+        return depth * self.factor + self.more
+
+
+def test_noises_are_applied_in_the_order_of_their_names():
+    first, second = Scaled(2.0, 0.0), Scaled(1.0, 1.0)
+    for noises in ({"a": first, "b": second}, {"b": second, "a": first}):
+        seen = disturb(frame(), noises, 0, 0, 0).depth
+        np.testing.assert_allclose(seen, 2 * frame().depth + 1)
+        assert list(depth_noises(noises, "views")) == ["a", "b"]
