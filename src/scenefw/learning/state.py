@@ -3,7 +3,7 @@
 import io
 import warnings
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from pickle import UnpicklingError
 from typing import Any
@@ -17,6 +17,17 @@ from scenefw.core.files import replacing
 
 _PLAIN = (dict, OrderedDict, list, tuple, str, bytes, int, float, bool, type(None))
 _TENSORS = (Tensor, nn.Parameter)
+_PARTS: Mapping[str, Any] = {
+    "state_dict": Mapping, "optimizer_states": list, "loops": Mapping, "global_step": int,
+}  # fmt: skip
+_PROGRESS: Mapping[str, Any] = {
+    "recipe": Mapping, "facts": Mapping, "batches_seen": int, "samples_seen": int,
+    "seconds": int | float, "batches_per_epoch": int,
+}  # fmt: skip
+OUTCOMES = frozenset(
+    ("steps", "samples", "seconds", "epochs", "device", "precision", "command", "commit")
+) | {"started_from"}
+"""Facts about a training that say what came of it, and where; what it learns from is the rest."""
 
 
 class StateFiles(CheckpointIO):
@@ -100,20 +111,18 @@ def state_to_go_on(
         CheckpointError: it is damaged, of another network, or of a training with other settings.
     """
     state = read_state(path, mapped=True)
-    try:
-        found, facts = dict(state["scenefw"]["recipe"]), dict(state["scenefw"]["facts"])
-    except (KeyError, TypeError, ValueError) as error:
-        raise CheckpointError(_damaged(f"the state {path}", type(error).__name__)) from error
-    different = [k for k in recipe if recipe[k] != found.get(k)]
+    found, facts = _progress(state, path)
+    different = [name for name, _, _ in _differences(found, recipe)]
     if different:
         raise CheckpointError(
             f"the training in {path} had a different network ({', '.join(different)}); start over "
             "with run.fresh=true, or give another paths.training"
         )
+    learnt = {name: value for name, value in facts.items() if name not in OUTCOMES}
     changed = [
-        f"{name} {facts.get(name)} instead of {value}"
-        for name, value in settings.items()
-        if not name.startswith("validation_") and facts.get(name) != value
+        f"{name} {before} instead of {now}"
+        for name, before, now in _differences(learnt, settings)
+        if not name.startswith("validation_")
     ]
     if changed:
         raise CheckpointError(
@@ -121,6 +130,26 @@ def state_to_go_on(
             "with run.fresh=true, or keep this one in its own folder, paths.training=FOLDER"
         )
     return state
+
+
+def _progress(state: Mapping[str, Any], path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The network's recipe and the facts of a training that can be resumed."""
+    missing = [name for name, kind in _PARTS.items() if not isinstance(state.get(name), kind)]
+    own = state.get("scenefw")
+    own = own if isinstance(own, Mapping) else {}
+    missing += [name for name, kind in _PROGRESS.items() if not isinstance(own.get(name), kind)]
+    if missing:
+        raise CheckpointError(_damaged(f"the state {path}", f"no {', '.join(missing)}"))
+    return dict(own["recipe"]), dict(own["facts"])
+
+
+def _differences(
+    before: Mapping[str, Any], now: Mapping[str, Any]
+) -> Iterator[tuple[str, Any, Any]]:
+    """Names of what is not the same, in either, with both values; None: it is not there."""
+    for name in {**now, **before}:
+        if before.get(name) != now.get(name):
+            yield name, before.get(name), now.get(name)
 
 
 def _damaged(where: str, kind: str) -> str:

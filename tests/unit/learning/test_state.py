@@ -142,3 +142,35 @@ def test_a_training_on_a_full_disk_keeps_its_last_snapshot(tmp_path, full_disk):
     with full_disk(room - 200), pytest.raises(StorageError, match=r"losses\.csv: File too large"):
         plain.task(tmp_path, steps=4).run()
     assert plain.task(tmp_path, steps=4).run()["train/steps"] == 4
+
+
+def whole(recipe, facts):
+    own = {"batches_seen": 1, "samples_seen": 2, "seconds": 1.0, "batches_per_epoch": 3}
+    parts = {"state_dict": {}, "optimizer_states": [], "loops": {}, "global_step": 1}
+    return {**parts, "scenefw": {**own, "recipe": recipe, "facts": facts}}
+
+
+def test_a_setting_that_is_left_out_now_is_another_setting(tmp_path):
+    """A training on a few batches says so; one on all of them says nothing."""
+    kept = whole({"width": 8}, {"seed": 0, "distinct_batches": 2, "steps": 1, "commit": "abc"})
+    write_state(tmp_path / "state", kept)
+    assert state_to_go_on(
+        tmp_path / "state", {"width": 8}, {"seed": 0, "distinct_batches": 2}
+    )["global_step"] == 1  # fmt: skip
+    with pytest.raises(CheckpointError, match="distinct_batches 2 instead of None"):
+        state_to_go_on(tmp_path / "state", {"width": 8}, {"seed": 0})
+    with pytest.raises(CheckpointError, match=r"different network \(width\)"):
+        state_to_go_on(tmp_path / "state", {}, {"seed": 0, "distinct_batches": 2})
+
+
+@pytest.mark.parametrize(
+    "part", ["state_dict", "optimizer_states", "loops", "global_step", "scenefw", "seconds"]
+)
+def test_a_state_without_a_part_is_damaged(tmp_path, part):
+    kept = whole({}, {})
+    kept["scenefw"].pop(part, None)
+    kept.pop(part, None)
+    write_state(tmp_path / "state", kept)
+    with pytest.raises(CheckpointError, match=r"state is damaged .*run\.fresh=true") as caught:
+        state_to_go_on(tmp_path / "state", {}, {})
+    assert "\n" not in str(caught.value)
