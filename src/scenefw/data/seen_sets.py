@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -22,9 +21,18 @@ from scenefw.data.views import Viewpoints
 from scenefw.kernels.cameras import floor_depths, pixel_places, places_of
 from scenefw.kernels.superquadric_rays import first_hits
 from scenefw.kernels.transfer import to_device
+from scenefw.noise.frames import depth_noises, described
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from scenefw.core.protocols import Noise
 
 # Random streams, beside that of the order of scenes
 _VIEWS, _VALIDATION = 2, 3
+_SAME = 0.02  # m: what reads a depth further off shows something else
 
 
 class SeenSets(SceneBatches):
@@ -45,7 +53,8 @@ class SeenSets(SceneBatches):
         points: of each object, drawn from its pixels.
         ends: of the image of each object, drawn from the pixels beside which something else is.
         least: pixels of an object that is seen.
-        noise: standard deviation of points and ends along their ray (m), at most: views differ.
+        noise: disturbs the images as depth cameras do, applied in the order of the names.
+        along: standard deviation of points and ends along their ray (m), at most: views differ.
         scale: scenes become up to this factor larger or smaller; a pile still stands then.
 
     Raises:
@@ -65,26 +74,28 @@ class SeenSets(SceneBatches):
         points: int = 192,
         ends: int = 48,
         least: int = 2,
-        noise: float = 0.0015,
+        noise: Mapping[str, Noise] | None = None,
+        along: float = 0.0015,
         scale: float = 1.15,
     ) -> None:
         super().__init__(path, limit, validation_limit, batch_size, seed, distinct_batches)
-        if min(*image_size, points, ends, least) < 1 or noise < 0 or scale < 1:
+        if min(*image_size, points, ends, least) < 1 or along < 0 or scale < 1:
             raise ConfigError(
                 f"dataset has image_size {list(image_size)}, points {points}, ends {ends}, least "
-                f"{least}, noise {noise} and scale {scale}; expected positive numbers and a factor "
+                f"{least}, along {along} and scale {scale}; expected positive numbers and a factor "
                 "from 1"
             )
         self.viewpoints = viewpoints
         self.lens = viewpoints.camera.resized(*image_size)
         self.points, self.ends, self.least = points, ends, least
-        self.noise, self.scale = noise, scale
+        self.noise = depth_noises(noise, "sets of seen objects")
+        self.along, self.scale = along, scale
         self.grid: GridSpec | None = None
 
     @property
     def noise_words(self) -> str | list[str]:
         """What disturbs the views."""
-        return f"up to {self.noise} m along rays"
+        return [*described(self.noise), f"up to {self.along} m along rays"]
 
     def training_batch(self, batch: IndexBatch, device: torch.device) -> SeenSetBatch:
         """Views of scenes in an epoch, scaled and half of them mirrored."""
@@ -111,33 +122,54 @@ class SeenSets(SceneBatches):
     ) -> SeenSetBatch:
         parameters = scenes.parameters(batch.indices, device)
         streams = Streams.of(self.seed, stream, batch.epoch, indices=batch.indices.numpy())
-        to_camera, to_change, to_points, to_ends = streams.split(4)
+        to_camera, to_change, to_points, to_ends, to_noise = streams.split(5)
         change = to_change.uniform(3) if changed else np.full((len(streams), 3), 0.5)
         scale = self.scale ** (2 * change[:, :1] - 1)
         slots = parameters.present.shape[1]
-        drawn = [
+        drawn: list[NDArray[Any]] = [
             np.array([_intrinsics(self.lens)] * len(streams), np.float32),
             self.viewpoints.poses(to_camera).astype(np.float32),
             scale.astype(np.float32),
             (change[:, 1] < 0.5).astype(np.float32),
-            (self.noise * change[:, 2:]).astype(np.float32),
+            (self.along * change[:, 2:]).astype(np.float32),
             to_points.uniform(3 * slots * self.points).astype(np.float32),
             to_ends.uniform(3 * slots * self.ends).astype(np.float32),
+            np.ascontiguousarray(to_noise.seeds(len(self.noise)).T),
         ]
-        intrinsics, poses, factors, mirrored, noise, *random = to_device(drawn, device)
+        intrinsics, poses, factors, mirrored, sigmas, *random, seeds = to_device(drawn, device)
         cameras = CameraBatch(self.lens.width, self.lens.height, intrinsics, poses)
-        made = self._see(_scaled(parameters, factors), cameras, noise, *random)
+        parameters = _scaled(parameters, factors)
+        depth, owners = self._image(parameters, cameras, seeds)
+        made = self._seen(parameters, cameras, depth, owners, sigmas, *random)
         return _mirrored(made, mirrored > 0)
 
-    def _see(
+    def _image(
+        self, scenes: SceneParameters, cameras: CameraBatch, seeds: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """Depth (B, H, W) with the floor, NaN = unknown, and whose each pixel is: 0 = nobody's.
+
+        A pixel that reads the depth of something else, as at edges, is nobody's.
+        """
+        depth, owners = first_hits(scenes, cameras)
+        depth = torch.where(owners > 0, depth, floor_depths(cameras))
+        if not self.noise:
+            return depth, owners
+        noisy = depth
+        for noise, row in zip(self.noise.values(), seeds, strict=True):
+            noisy = noise.apply(noisy, cameras, row)
+        own = (noisy > 0) & ((noisy - depth).abs() < _SAME)
+        return torch.where(noisy > 0, noisy, torch.nan), torch.where(own, owners, 0)
+
+    def _seen(
         self,
         scenes: SceneParameters,
         cameras: CameraBatch,
+        depth: Tensor,
+        owners: Tensor,
         sigmas: Tensor,
         random: Tensor,
         at_ends: Tensor,
     ) -> SeenSetBatch:
-        depth, owners = first_hits(scenes, cameras)
         batch, slots = scenes.present.shape
         flat = owners.flatten(1).long()
         counts = torch.zeros(batch, slots + 1, dtype=torch.int64, device=flat.device)
@@ -166,8 +198,7 @@ class SeenSets(SceneBatches):
     ) -> Tensor:
         """Where images of objects end, with noise along the rays."""
         eye = cameras.T_world_camera[:, :3, 3]
-        there = torch.where(owners > 0, depth, floor_depths(cameras))
-        points = pixel_places(there, cameras)
+        points = torch.where(depth.isnan()[..., None], torch.nan, pixel_places(depth, cameras))
         ends = object_ends(points, owners, eye, chances[:, 0])
         noise = sigmas[..., None] * _normal(chances[:, 1], chances[:, 2])
         ray = torch.nn.functional.normalize(ends[..., :3] - eye[:, None, None], dim=-1)

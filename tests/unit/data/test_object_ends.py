@@ -77,7 +77,7 @@ def test_ends_in_training_lie_on_objects_and_point_out_of_them(tmp_path):
     write_stacks(tmp_path / "stacks.npz")
     data = SeenSets(
         RandomViewpoints(), str(tmp_path / "stacks.npz"), validation_limit=2, batch_size=4,
-        image_size=(96, 72), points=64, ends=32, noise=0.0,
+        image_size=(96, 72), points=64, ends=32, along=0.0,
     )  # fmt: skip
     batch = data.training_batch(IndexBatch(0, torch.arange(6)), torch.device("cpu"))
     place, outward, further = (one[batch.seen] for one in batch.ends.split([3, 3, 1], dim=-1))

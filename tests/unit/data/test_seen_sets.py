@@ -1,5 +1,7 @@
 """Views of superquadrics as seen points, made on the fly."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -8,6 +10,8 @@ from tests.unit.data.stacks_file import write_stacks
 from scenefw.core.batches import IndexBatch
 from scenefw.core.errors import ConfigError
 from scenefw.data.seen_sets import SeenSets
+from scenefw.noise.kinect import Kinect
+from scenefw.noise.pose import Jitter
 from scenefw.scenes.cameras import RandomViewpoints
 
 CPU = torch.device("cpu")
@@ -18,7 +22,7 @@ def data(tmp_path):
     write_stacks(tmp_path / "stacks.npz")
     return SeenSets(
         RandomViewpoints(), str(tmp_path / "stacks.npz"), validation_limit=2, batch_size=4,
-        image_size=(48, 36), points=16, noise=0.0,
+        image_size=(48, 36), points=16, along=0.0,
     )  # fmt: skip
 
 
@@ -68,3 +72,39 @@ def test_numbers_that_mean_nothing_are_refused(tmp_path):
     write_stacks(tmp_path / "stacks.npz")
     with pytest.raises(ConfigError, match=r"scale 0\.5"):
         SeenSets(RandomViewpoints(), str(tmp_path / "stacks.npz"), scale=0.5)
+
+
+def noisy(tmp_path, **settings):
+    write_stacks(tmp_path / "stacks.npz")
+    return SeenSets(
+        RandomViewpoints(), str(tmp_path / "stacks.npz"), validation_limit=2, batch_size=4,
+        image_size=(96, 72), points=256, along=0.0, **settings,
+    )  # fmt: skip
+
+
+def test_a_depth_camera_moves_points_along_their_rays_and_loses_what_it_sees_at_a_slant(tmp_path):
+    plain, disturbed = noisy(tmp_path), noisy(tmp_path, noise={"kinect": Kinect(axial=3.0)})
+    rows = IndexBatch(0, torch.arange(6))
+    clean, found = (one.training_batch(rows, CPU) for one in (plain, disturbed))
+    assert torch.equal(clean.half_axes, found.half_axes)
+    assert found.sizes.sum() < clean.sizes.sum()
+    both = clean.seen & found.seen
+    off = [on_surface(replace(one, seen=both)) for one in (clean, found)]
+    assert off[0].sub(1).abs().max() < 0.05
+    assert off[1].sub(1).abs().quantile(0.9) > 0.05
+    assert torch.isfinite(found.ends).all()
+
+
+def test_pixels_at_edges_that_read_what_is_behind_are_of_no_object(tmp_path):
+    """However far they are shifted, points stay within 2 cm of the surface along their ray."""
+    shifted = noisy(tmp_path, noise={"kinect": Kinect(lateral=3.0, axial=0.0, dropout=0.0)})
+    batch = shifted.training_batch(IndexBatch(0, torch.arange(6)), CPU)
+    local = torch.einsum("bnji,bnpj->bnpi", batch.rotations,
+                         batch.points - batch.positions[:, :, None])  # fmt: skip
+    outside = (local.abs() - batch.half_axes[:, :, None]).clamp_min(0).norm(dim=-1)
+    assert outside[batch.seen].max() < 0.021
+
+
+def test_poses_are_exact(tmp_path):
+    with pytest.raises(ConfigError, match="exact poses"):
+        noisy(tmp_path, noise={"pose": Jitter()})
