@@ -11,6 +11,7 @@ import torch
 from scenefw.core.errors import ConfigError
 from scenefw.fitting.placed import signed_distance
 from scenefw.perception.fitted import Fitted
+from scenefw.perception.free_space import surely_free
 from scenefw.perception.standing import standing
 from scenefw.perception.supposed import with_supposed
 from scenefw.perception.world_sets import SeenObjects
@@ -57,7 +58,8 @@ class DrawnSets(Fitted):
     others, and draws how far each of them goes on. What would hang in the air goes on to what is
     below it, and what would sink into the floor ends there (`standing`). Points of a drawn surface
     that lie away from all that is seen of its object are evidence about it as well. All are fitted
-    again, from what was drawn, so that what is seen decides where it speaks. For the first sample
+    again, from what was drawn, so that what is seen decides where it speaks; an object that then
+    lies where the view sees through is taken as it was fitted alone. For the first sample
     the faces and exponents of objects are in the middle of several draws. Objects of which nothing
     is seen are drawn by `hidden`.
 
@@ -135,15 +137,17 @@ class DrawnSets(Fitted):
         rows = max(self.votes + count - 1, 1)
         seen = SeenObjects(view, list(enough), alone, random, rows)  # each draw sees other points
         draws = seen.in_world(self._draw(seen, alone, rows, random))
-        results = []
+        clear = surely_free(view)
+        plain, results = self._standing(alone, given, clear), []
         for number in range(count):
             row = self.votes + number - 1
             if number == 0 and not self.votes:
                 found = self.sized.together(given, alone)
             else:
                 taken = slice(row, row + 1) if number else slice(self.votes)
-                found = self._near(standing(draws.middle(taken, alone), view), given)
-            kept = self._kept(found, alone, enough)
+                found = self._near(standing(draws.middle(taken, alone), clear), given)
+            found = self._standing(found, given, clear)
+            kept = self._kept(found, plain, enough, clear)
             if self.hidden is not None and number > 0:
                 known = [kept.get(label, one) for label, one in zip(enough, found, strict=True)]
                 first = int(max(view.instances.max(initial=0), view.masks.max(initial=0))) + 1
@@ -168,10 +172,16 @@ class DrawnSets(Fitted):
     ) -> list[FittedSuperquadric]:
         """Superquadrics that explain what is seen, and are as drawn where nothing is."""
         expected = [self._expected(*both) for both in zip(evidence, drawn, strict=True)]
-        found = self.sized.together(expected, drawn)
+        return self.sized.together(expected, drawn)
+
+    @staticmethod
+    def _standing(
+        objects: Sequence[FittedSuperquadric], evidence: Sequence[Evidence], view: View
+    ) -> list[FittedSuperquadric]:
+        """Objects that stand, with their distances from what is seen of them."""
         return [
             replace(one, distances=signed_distance(one, given.points))
-            for one, given in zip(found, evidence, strict=True)
+            for one, given in zip(standing(objects, view), evidence, strict=True)
         ]
 
     def _expected(self, evidence: Evidence, drawn: FittedSuperquadric) -> Evidence:
@@ -182,12 +192,13 @@ class DrawnSets(Fitted):
         found: Sequence[FittedSuperquadric],
         alone: Sequence[FittedSuperquadric],
         enough: Mapping[int, Evidence],
+        view: View,
     ) -> dict[int, FittedSuperquadric]:
-        """Each object as it was drawn, else as fitted alone, if that explains what is seen."""
+        """Each object as it was drawn, else as fitted alone, if that agrees with what is seen."""
         kept = {}
         for label, one, plain in zip(enough, found, alone, strict=True):
-            if self._explains(one, enough[label]):
+            if self._agrees(one, enough[label], view):
                 kept[label] = one
-            elif self._explains(plain, enough[label]):
+            elif self._agrees(plain, enough[label], view):
                 kept[label] = plain
         return kept

@@ -14,6 +14,7 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.types import PlacedShape
 from scenefw.fitting.placed import shape_of
 from scenefw.perception.evidence import EvidenceOfView, View, seen_free
+from scenefw.perception.free_space import places_in, seen_through, surely_free
 from scenefw.perception.points import world_points
 from scenefw.perception.seen_frames import seen_frames
 from scenefw.perception.seen_instances import seen_instances
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from scenefw.postprocessing.confidence import Calibration
 
 _WITHIN = 0.98  # share of seen points in the grid
+_SEEN_THROUGH = 0.05  # share of an object that may lie where the view shows free space
 _REACH = 4  # voxels around what stays whose distances stay too
 
 
@@ -44,7 +46,8 @@ class Fitted:
 
     Each object is fitted to its seen points, with the predicted surface as a weak hint where it
     is hidden, such that it contains nothing that was seen free, no point of another object, and
-    nothing below the floor. An object that no superquadric explains keeps its predicted volume.
+    nothing below the floor. An object that no superquadric explains, or only one that lies where
+    the view sees through, keeps its predicted volume.
     Where a part of the image has no prediction, it becomes an object if a superquadric explains it.
     Objects into which the view sees may become vessels, the same in all samples.
 
@@ -152,8 +155,13 @@ class Fitted:
         enough = self._enough(view)
         given = list(enough.values())
         draws = [self.fit.fit(given)] if random is None else self.fit.draws(given, count, random)
+        clear = surely_free(view)
         return [
-            {k: one for k, one in zip(enough, draw, strict=True) if self._explains(one, enough[k])}
+            {
+                label: one
+                for (label, seen), one in zip(enough.items(), draw, strict=True)
+                if self._agrees(one, seen, clear)
+            }
             for draw in draws
         ]
 
@@ -184,9 +192,12 @@ class Fitted:
     def _seen(self, evidence: Evidence) -> Any:
         return evidence.sigmas == self.evidence.seen_sigma
 
-    def _explains(self, fitted: FittedSuperquadric, evidence: Evidence) -> bool:
+    def _agrees(self, fitted: FittedSuperquadric, evidence: Evidence, view: View) -> bool:
+        """Whether it explains what is seen of the object, and isn't where the view sees through."""
         close = np.abs(fitted.distances[self._seen(evidence)]) < self.near
-        return bool(close.mean() >= self.explained)
+        if close.mean() < self.explained:
+            return False
+        return seen_through(places_in(fitted), view) <= _SEEN_THROUGH
 
 
 def each_drawn(

@@ -9,6 +9,7 @@ import torch
 
 from scenefw.core.errors import ConfigError
 from scenefw.fitting.placed import in_frame_of, shape_of
+from scenefw.perception.free_space import places_in, seen_through
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from scenefw.perception.evidence import View
     from scenefw.perception.world_sets import SeenObjects
 
-_CORNERS = 6  # of meshes that say where a drawn object is
 _SEEN_THROUGH = 0.05  # share of a hidden object that may lie where the view shows free space
 _INSIDE = 0.2  # share of a hidden object that may lie in others
 
@@ -91,14 +91,10 @@ def possible(
     """
     beside = list(others)
     for one in hidden:
-        corners = shape_of(one).mesh(_CORNERS).vertices
-        inner = np.concatenate([corners, 0.6 * corners, 0.2 * corners])
-        places = inner @ one.pose.rotation.T + one.pose.position
-        voxels, inside = view.grid.nearest_voxels(places)
-        if not inside.all():
+        places = places_in(one)
+        if not view.grid.nearest_voxels(places)[1].all():
             return False
-        x, y, z = voxels.T
-        if view.free[x, y, z].mean() > _SEEN_THROUGH:
+        if seen_through(places, view) > _SEEN_THROUGH:
             return False
         solid = [shape_of(other).value(in_frame_of(other, places)) < 1 for other in beside]
         if solid and np.any(solid, axis=0).mean() > _INSIDE:

@@ -9,6 +9,7 @@ import numpy as np
 
 from scenefw.core.types import Pose
 from scenefw.fitting.placed import in_frame_of, shape_of
+from scenefw.perception.free_space import seen_through
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -60,7 +61,7 @@ def _let_down(
         carried |= inside.any(axis=1)
     there = int(carried.argmax()) if carried.any() else len(heights)
     gap = lowest - (heights[there] if carried.any() else 0.0)
-    if gap <= _GAP or _seen_through(below[:there], view) > _THROUGH:
+    if gap <= _GAP or seen_through(below[:there], view) > _THROUGH:
         return one
     return _longer(one, axis, gap)
 
@@ -85,9 +86,3 @@ def _footprint(one: FittedSuperquadric, axis: int) -> Float64:
         one_side.ravel() for one_side in np.meshgrid(places, places)
     )
     return np.asarray((local * one.half_axes) @ one.pose.rotation.T + one.pose.position)
-
-
-def _seen_through(places: Float64, view: View) -> float:
-    """Share of places (..., 3) in the grid that the view shows to be free."""
-    voxels, there = view.grid.nearest_voxels(places)
-    return float(view.free[tuple(voxels[there].T)].mean()) if there.any() else 0.0

@@ -12,11 +12,13 @@ from scenefw import registry
 from scenefw.core.batches import SeenSetBatch
 from scenefw.core.errors import ConfigError
 from scenefw.core.evidence import FittedSuperquadric
+from scenefw.core.types import Pose
 from scenefw.fitting.joint import JointFit
 from scenefw.fitting.placed import shape_of, signed_distance
 from scenefw.fitting.superquadrics import SuperquadricFit
 from scenefw.perception.drawn_sets import DrawnSets
 from scenefw.perception.evidence import EvidenceOfView
+from scenefw.perception.free_space import places_in, seen_through, surely_free
 from scenefw.perception.hidden_objects import HiddenObjects
 from scenefw.perception.world_sets import SeenObjects, along
 from scenefw.shapes.equal_descriptions import equal_descriptions
@@ -181,6 +183,60 @@ def test_what_is_drawn_where_something_else_is_seen_gives_way():
     best = method(boxes).superquadrics(view, 1, np.random.default_rng(0))[0]
     points = view.points[view.masks == 1]
     assert np.abs(signed_distance(best[1], points)).mean() < 0.003
+
+
+def wider(told, view, label, by):
+    """The same boxes, of which one goes further to its right by so much (m)."""
+    ahead = turn_of(view)[:, 0]
+    changed = [[list(part) for part in one] for one in told]
+    centre, half = (np.array(part) for part in changed[label - 1])
+    changed[label - 1] = [
+        (centre + ahead * by / 2).tolist(),
+        (half + np.abs(ahead) * by / 2).tolist(),
+    ]
+    return changed
+
+
+@pytest.mark.parametrize("by", [0.15, 0.25])
+def test_a_draw_through_seen_free_space_gives_way_to_the_fit(by):
+    """No face decides how far the end goes, but what is beside the boxes is seen to be free."""
+    view = seen()
+    view = replace(view, free=np.abs(view.grid.centres()[..., 0]) > 0.12)
+    told = boxes_that_end_at(view, 0.08)
+    found = method([wider(told, view, 2, by)]).superquadrics(view, 2, np.random.default_rng(0))
+    for scene in found:
+        assert set(scene) == {1, 2}
+        for one in scene.values():
+            assert seen_through(places_in(one), surely_free(view)) <= 0.05
+
+
+class Sinking(JointFit):
+    """Fits that end 8 mm below the floor, as noise of thin objects lets them."""
+
+    def together(self, evidence, start):
+        return [
+            replace(
+                one,
+                half_axes=one.half_axes + np.abs(one.pose.rotation[2]) * 0.004,
+                pose=Pose(one.pose.position - np.array([0, 0, 0.004]), one.pose.quaternion),
+            )
+            for one in super().together(evidence, start)
+        ]
+
+
+def test_no_object_ends_below_the_floor_after_the_last_fit():
+    view = seen()
+    sinking = DrawnSets(
+        Inner(),
+        Sinking(SuperquadricFit()),
+        EvidenceOfView(),
+        Loaded(Told([boxes_that_end_at(view, 0.08)])),
+    )
+    lower = sinking.superquadrics(view, 1, np.random.default_rng(0))[0][1]
+    corners = shape_of(lower).mesh(8).vertices @ lower.pose.rotation.T + lower.pose.position
+    assert abs(corners[:, 2].min()) < 0.002
+    points = view.points[view.masks == 1]
+    assert np.abs(signed_distance(lower, points)).mean() < 0.003
 
 
 def test_settings_out_of_range_are_told():

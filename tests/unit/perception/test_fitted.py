@@ -10,6 +10,7 @@ from tests.unit.perception.test_evidence import distance, view_of
 
 from scenefw.core.batches import Completion, PartialTSDF
 from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.types import Pose
 from scenefw.fitting.superquadrics import SuperquadricFit
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.perception.evidence import EvidenceOfView, View
@@ -117,6 +118,34 @@ def test_what_no_superquadric_explains_stays_as_it_was():
     tsdf, instances = composed({}, whole)
     np.testing.assert_array_equal(instances, whole.instances)
     assert ((tsdf < 0) == (whole.tsdf < 0)).all()
+
+
+class Elongated(SuperquadricFit):
+    """Fits that go on to the right, as a face that nobody sees may do."""
+
+    def fit(self, evidence):
+        return [
+            replace(
+                one,
+                half_axes=one.half_axes + np.abs(one.pose.rotation.T @ RIGHT) * 0.1,
+                pose=Pose(one.pose.position + 0.1 * RIGHT, one.pose.quaternion),
+            )
+            for one in super().fit(evidence)
+        ]
+
+
+RIGHT = np.array([1.0, 0.0, 0.0])
+
+
+def test_a_fit_through_seen_free_space_is_not_taken():
+    """Its distances say that it explains what is seen, but beside the object the floor is seen."""
+    view = view_of(48)
+    view = replace(view, free=np.abs(view.grid.centres()[..., 0]) > 0.12)
+    found = Fitted(Rough(view), SuperquadricFit(), EvidenceOfView()).superquadrics(view)[0]
+    assert set(found) == {1, 2}
+    assert Fitted(Rough(view), Elongated(), EvidenceOfView()).superquadrics(view) == [{}]
+    blind = replace(view, free=np.zeros_like(view.free))
+    assert Fitted(Rough(view), Elongated(), EvidenceOfView()).superquadrics(blind) != [{}]
 
 
 def test_one_sharp_object_beside_one_that_stays():
