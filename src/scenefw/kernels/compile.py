@@ -15,7 +15,8 @@ A kernel file holds a per-element function, a CPU loop over it and a `Kernel` of
     double(n, source, target)          # torch tensors of one device, or numbers
 
 The loop is spelled out because numba caches compiled code of module-level functions only. That
-code lies in a folder named by the sources of all kernels: an edit anywhere never meets old code.
+code lies in a folder named by the sources of all kernels and of what they import: an edit there never
+meets old code.
 
 Kernels meet neither NaN nor infinity: fast maths on CUDA takes for granted that there are none.
 Their callers say in large numbers what is unseen or far.
@@ -28,6 +29,7 @@ others, code is compiled in a child process, and this process only ever reads it
 import hashlib
 import inspect
 import os
+import re
 import signal
 import threading
 import time
@@ -49,15 +51,28 @@ from scenefw.core.errors import MissingDependencyError
 
 Argument: TypeAlias = Tensor | float | bool | np.number | tuple[Any, ...]
 
+_IMPORT = re.compile(r"^from scenefw\.([\w.]+) import", re.MULTILINE)
 _PATIENCE = 300.0  # s, in which a loop is compiled on the slowest machine
 _THREADS_PER_BLOCK = 128
 _NO_TOOLKIT = ("DynamicLibNotFoundError", "DynamicLibNotAvailableError")
 """Errors of the finder of CUDA's libraries; numba's own are ImportErrors."""
 
 
+def sources(package: Path) -> list[Path]:
+    """Files of all kernels of scenefw in a folder, and of the modules whose constants they read."""
+    found = set((package / "kernels").glob("*.py"))
+    new = found
+    while new:
+        modules = {name for file in new for name in _IMPORT.findall(file.read_text("utf-8"))}
+        files = {package.joinpath(*name.split(".")).with_suffix(".py") for name in modules}
+        new = {file for file in files if file.is_file()} - found
+        found |= new
+    return sorted(found)
+
+
 def _cache_folder() -> Path:
     digest = hashlib.sha256(f"{numba.__version__}".encode())
-    for source in sorted(Path(__file__).parent.glob("*.py")):
+    for source in sources(Path(__file__).parents[1]):
         digest.update(source.read_bytes())
     root = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
     return root / "scenefw" / "kernels" / digest.hexdigest()[:16]
@@ -146,6 +161,8 @@ class Kernel:
 
     def __call__(self, count: int, *arguments: Argument) -> None:
         """Runs all elements; tensors are passed without copies and must be contiguous."""
+        if count == 0:  # CUDA refuses a grid without threads
+            return
         device = next(a.device for a in arguments if isinstance(a, Tensor))
         if device.type == "cuda":
             with torch.cuda.device(device):
@@ -171,6 +188,8 @@ class Kernel:
 
     def simulate(self, count: int, *arguments: Argument) -> None:
         """Runs the CUDA grid on CPU tensors in the simulator (NUMBA_ENABLE_CUDASIM=1)."""
+        if count == 0:
+            return
         blocks = -(-count // _THREADS_PER_BLOCK)
         self._compiled()[blocks, _THREADS_PER_BLOCK](count, *[_on_cpu(a) for a in arguments])
 

@@ -3,6 +3,7 @@ import os
 import sys
 import threading
 import time
+from pathlib import Path
 
 import numba
 import pytest
@@ -114,3 +115,27 @@ def test_a_copy_that_never_ends_is_killed(double, monkeypatch):
     target = torch.zeros(3)
     double()(3, torch.ones(3), target)
     assert target.tolist() == [2, 2, 2]
+
+
+def test_no_element_is_no_launch():
+    """CUDA refuses a grid without threads."""
+    kernel = Kernel(None, None)
+    kernel(0, torch.zeros(0))
+    kernel.simulate(0, torch.zeros(0))
+
+
+def test_compiled_code_is_of_all_sources_that_its_kernels_read(tmp_path):
+    for folder in ("kernels", "core"):
+        (tmp_path / folder).mkdir()
+    files = {
+        "kernels/a.py": "import math\nfrom scenefw.core.sizes import (\n    SIDE,\n)\n",
+        "core/sizes.py": "from scenefw.core.deeper import BASE\n",
+        "core/deeper.py": "BASE = 1\nif False:\n    from scenefw.core.types import X\n",
+        "core/types.py": "",
+    }
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    found = [str(path.relative_to(tmp_path)) for path in compiling.sources(tmp_path)]
+    assert found == ["core/deeper.py", "core/sizes.py", "kernels/a.py"]
+    own = [path.name for path in compiling.sources(Path(compiling.__file__).parents[1])]
+    assert {"tabletop.py", "compile.py", "votes.py"} <= set(own)
