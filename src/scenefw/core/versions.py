@@ -1,5 +1,6 @@
 """Versions of installed packages, and the commit of a checkout."""
 
+import hashlib
 import platform
 import subprocess
 import tomllib
@@ -7,6 +8,7 @@ from collections.abc import Iterable
 from importlib import metadata
 from pathlib import Path
 
+_PACKAGE = Path(__file__).parents[1]
 _PROJECT = Path(__file__).parents[3] / "pyproject.toml"
 _RECORDED = ("scenefw", "torch", "lightning", "numpy", "numba", "hydra-core")
 
@@ -31,6 +33,19 @@ def versions() -> dict[str, str]:
     found = {"python": platform.python_version()} | installed(_RECORDED)
     commit = _commit(_PROJECT.parent)
     return found | ({"commit": commit} if commit else {})
+
+
+def sources() -> str:
+    """SHA-256 of the code of scenefw, and of the plugins of its checkout, as it lies on the disk.
+
+    The commit of a checkout doesn't tell what was changed since.
+    """
+    digest = hashlib.sha256()
+    plugins = [_PROJECT.parent / "plugins"] if _PROJECT.is_file() else []
+    for folder in (_PACKAGE, *plugins):
+        for file in sorted(folder.rglob("*.py")):
+            digest.update(str(file.relative_to(folder)).encode() + b"\0" + file.read_bytes())
+    return digest.hexdigest()
 
 
 def _commit(root: Path) -> str | None:

@@ -11,6 +11,7 @@ from typing import Any
 
 from scenefw.core.errors import StorageError
 from scenefw.core.files import append_text, write_text
+from scenefw.core.versions import sources
 
 Rows = dict[str, Any]
 
@@ -20,8 +21,8 @@ _SETTINGS, _RECORD = "config.yaml", "run.json"  # of the run, written before its
 class KeptRows:
     """A line of JSON for each finished part, in the folder of a run.
 
-    The first line says what they are of: SHA-256 of the run's `config.yaml`, and of the weights,
-    versions and commit in its `run.json`. Rows of others are not used: the file starts anew.
+    The first line says what they are of: SHA-256 of the run's `config.yaml`, of the weights and
+    versions in its `run.json`, and of the code. Rows of others are not used: the file starts anew.
 
     Args:
         folder: of the run.
@@ -80,7 +81,8 @@ class KeptRows:
         if record.is_file():
             known = json.loads(record.read_text(encoding="utf-8"))
             weights = [known.get("weights"), known.get("versions")]
-        return hashlib.sha256(text + json.dumps(weights, sort_keys=True).encode()).hexdigest()
+        known = [weights, sources()]
+        return hashlib.sha256(text + json.dumps(known, sort_keys=True).encode()).hexdigest()
 
 
 def kept_or_made(

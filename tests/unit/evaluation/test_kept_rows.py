@@ -3,6 +3,7 @@ import json
 import pytest
 
 from scenefw.core.errors import StorageError
+from scenefw.evaluation import kept_rows
 from scenefw.evaluation.kept_rows import KeptRows, kept_or_made
 
 
@@ -92,3 +93,13 @@ def test_a_file_that_is_none_of_ours_starts_anew_or_is_one_line(folder):
 
 def test_nothing_is_kept_without_a_place():
     assert run(None) == EXPECTED
+
+
+def test_rows_of_other_code_are_not_used(folder, monkeypatch):
+    """A commit says nothing of what was changed since."""
+    with pytest.raises(KeyboardInterrupt):
+        run(KeptRows(folder), stop_at=3)
+    monkeypatch.setattr(kept_rows, "sources", lambda: "edited")
+    made = []
+    assert run(KeptRows(folder), made=made) == EXPECTED
+    assert len(made) == 5
