@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,11 @@ def torch_seed(seed: int, *stream: int) -> int:
     """Returns a 63-bit seed of one stream for a `torch.Generator`."""
     state = np.random.SeedSequence(entropy=seed, spawn_key=stream).generate_state(1, np.uint64)
     return int(state[0] >> np.uint64(1))
+
+
+def number_of(name: str) -> int:
+    """A number that stands for a name in a stream, the same in every process."""
+    return zlib.crc32(name.encode())
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,5 @@
 """Noise applied to whole frames: depth as a sensor reads it, poses as tracking estimates them."""
 
-import zlib
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -27,7 +26,7 @@ def disturb(frame: Frame, noises: Mapping[str, Noise], seed: int, scene: int, in
         index: number of the frame in it.
     """
     for name, noise in sorted(noises.items()):
-        stream = (scene, index, zlib.crc32(name.encode()))
+        stream = (scene, index, rng.number_of(name))
         drawn = rng.torch_seed(seed, *stream)
         if isinstance(noise, PoseNoise):
             generator = torch.Generator().manual_seed(drawn)

@@ -8,10 +8,27 @@ from scenefw.core import rng
 numbers = st.integers(0, 2**31)
 
 
-@given(numbers, numbers)
-def test_a_stream_depends_on_seed_and_number_alone(seed, index):
-    assert rng.generator(seed, index).random() == rng.generator(seed, index).random()
-    assert rng.torch_seed(seed, index) == rng.torch_seed(seed, index)
+@given(numbers, st.lists(numbers, max_size=3))
+def test_streams_are_those_that_numpy_spawns(seed, stream):
+    """Data sets are told by their seeds: another generator would be other data."""
+    expected = np.random.SeedSequence(seed, spawn_key=stream)
+    ours, theirs = rng.generator(seed, *stream), np.random.Generator(np.random.PCG64(expected))
+    assert ours.random(3).tolist() == theirs.random(3).tolist()
+    (word,) = np.random.SeedSequence(seed, spawn_key=stream).generate_state(1, np.uint64)
+    assert rng.torch_seed(seed, *stream) == int(word) // 2
+
+
+def test_streams_stay_what_they_were():
+    drawn = rng.generator(7, 1, 2).integers(2**63 - 1, size=2)
+    assert drawn.tolist() == [4417028105319979876, 1302322531125184220]
+    assert rng.torch_seed(7, 1, 2) == 5274635825266628681
+    keys = rng.Streams.of(7, 2, indices=[0, 5]).keys
+    assert keys.tolist() == [6325400318320623387, 12502797309547234021]
+
+
+def test_numbers_of_names_are_their_check_sums():
+    assert rng.number_of("123456789") == 0xCBF43926  # the published check value of CRC-32
+    assert rng.number_of("") == 0
 
 
 @given(numbers, st.lists(numbers, min_size=2, max_size=2, unique=True))
@@ -22,9 +39,10 @@ def test_streams_differ(seed, pair):
     assert rng.torch_seed(seed, first) != rng.torch_seed(seed, second)
 
 
-@given(numbers)
-def test_torch_seeds_fit_a_signed_integer(seed):
-    assert 0 <= rng.torch_seed(seed, 3) < 2**63
+def test_torch_seeds_fill_the_positive_signed_integers():
+    seeds = [rng.torch_seed(seed, 3) for seed in range(1000)]
+    assert min(seeds) >= 0
+    assert 2**62 < max(seeds) < 2**63
 
 
 def splitmix(state, count):

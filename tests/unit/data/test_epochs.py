@@ -18,6 +18,27 @@ def test_an_epoch_takes_every_scene_once(scenes, size, epoch):
     assert set(taken.tolist()) <= set(range(scenes))
 
 
+@pytest.mark.parametrize("epoch", [0, 3])
+def test_the_order_of_an_epoch_is_a_permutation_of_its_own_stream(epoch):
+    batches = EpochBatches(11, 3, seed=5)
+    order = np.random.default_rng(np.random.SeedSequence(5, spawn_key=(1, epoch))).permutation(11)
+    for position in range(3):
+        found = batches.batch(3 * epoch + position).indices.tolist()
+        assert found == order[3 * position : 3 * position + 3].tolist()
+
+
+def test_a_few_batches_come_again_as_they_were():
+    """Their epoch too, as views are drawn by it."""
+    few, plain = EpochBatches(8, 2, 0, distinct=5), EpochBatches(8, 2, 0)
+    made = [few.batch(number) for number in range(12)]
+    for number, batch in enumerate(made):
+        first = plain.batch(number % 5)
+        assert (batch.epoch, batch.indices.tolist()) == (first.epoch, first.indices.tolist())
+    assert [batch.epoch for batch in made[:6]] == [0, 0, 0, 0, 1, 0]
+    with pytest.raises(ConfigError, match=r"distinct_batches is 0"):
+        EpochBatches(8, 2, 0, distinct=0)
+
+
 def test_order_depends_on_seed_and_epoch():
     def order(seed, epoch):
         batches = EpochBatches(40, 4, seed)
@@ -38,6 +59,16 @@ def test_processes_share_an_epoch():
     assert len(parts[0]) == len(parts[1]) == 2
     taken = [i for p in parts for b in p for i in b.indices.tolist()]
     assert len(taken) == len(set(taken)) == 20
+    alone = EpochBatches(21, 21, 0).batch(0).indices.tolist()
+    for rank, part in enumerate(parts):
+        own = [i for batch in part for i in batch.indices.tolist()]
+        assert own == alone[rank::2][:10]
+
+
+def test_processes_validate_every_sample_once():
+    parts = [EpochBatches(5, 2, None, rank, 2) for rank in range(2)]
+    taken = [[b.indices.tolist() for b in part] for part in parts]
+    assert taken == [[[0, 2], [4]], [[1, 3]]]
 
 
 def test_batch_larger_than_the_data_is_refused():
