@@ -203,9 +203,10 @@ class ReconstructionEvaluation:
             scores[name] = self._volume_scores(pairs, batch, grid)
             ious = self._object_ious([instances for _, instances in pairs], batch)
             objects[name] = tuple(ious.get(label, 0.0) for label in pixels)
+            surfaces = [self._surfaces(tsdf, grid, seen.camera) for tsdf, _ in pairs]
             shapes = [
-                self.surfaces.compare(self._surfaces(tsdf, grid, seen.camera), truth, seen.points)
-                for tsdf, _ in pairs
+                self.surfaces.compare(one, truth, seen.points_of(name, draw))
+                for draw, one in enumerate(surfaces)
             ]
             scores[name] |= _means(shapes)
             if main:

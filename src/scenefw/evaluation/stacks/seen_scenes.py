@@ -42,7 +42,9 @@ class SeenScene:
         finest: the grid of the true surface.
         camera: that saw it.
         surfaces: the true ones.
-        points: generator of points on surfaces.
+        points: generator of points on the true surfaces.
+        points_of: makes the generator of points on what a method draws, by its name and the
+            number of the draw: figures of one don't depend on what others are scored beside it.
         codes: makes the generator of codes, the same one each time.
     """
 
@@ -53,6 +55,7 @@ class SeenScene:
     camera: Camera
     surfaces: Surfaces | None
     points: np.random.Generator
+    points_of: Callable[[str, int], np.random.Generator]
     codes: Callable[[], torch.Generator]
 
     def samples(self, method: Reconstructor, grid: GridSpec, count: int) -> list[Sample]:
@@ -116,6 +119,7 @@ class SceneViews:
         finest = max(self.makers, key=lambda grid: grid.resolution)
         camera = camera_of(batches[finest].cameras, 0)
         true = batches[finest].volumes.tsdf[0, 0]
+        of_points = streams.points, row, view
         code_seed = rng.torch_seed(self.seed, streams.codes, row, view)
         return SeenScene(
             int(scenes.indices[row]),
@@ -124,7 +128,8 @@ class SceneViews:
             finest,
             camera,
             Surfaces.of(true, finest, camera, self.visible),
-            rng.generator(self.seed, streams.points, row, view),
+            rng.generator(self.seed, *of_points),
+            lambda name, draw: rng.generator(self.seed, *of_points, rng.number_of(name), draw),
             lambda: torch.Generator().manual_seed(code_seed),
         )
 

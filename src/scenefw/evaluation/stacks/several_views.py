@@ -183,13 +183,16 @@ class SeveralViewsEvaluation:
         """All methods on all numbers of views of one scene."""
         seen = self.see(row)
         first = seen.batches[0]
-        points = rng.generator(self.seed, _POINTS, row)
         true = first.volumes.tsdf[0, 0]
         surfaces = Surfaces.of(true, self.grid, camera_of(first.cameras, 0), self.visible)
-        truth = self.surfaces.truth(surfaces, points)
+        truth = self.surfaces.truth(surfaces, rng.generator(self.seed, _POINTS, row))
         scores: dict[str, dict[int, dict[str, float]]] = {}
         for name, count, scenes in self.made(seen):
-            found = [self._scores(one, first, truth, points) for one in scenes]
+            of = _POINTS, row, rng.number_of(name), count
+            found = [
+                self._scores(one, first, truth, rng.generator(self.seed, *of, draw))
+                for draw, one in enumerate(scenes)
+            ]
             means = {key: float(np.mean([one[key] for one in found])) for key in found[0]}
             scores.setdefault(name, {})[count] = means
         return SceneScores(seen.index, truth.floors["chamfer_full"], scores)

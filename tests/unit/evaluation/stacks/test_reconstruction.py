@@ -156,6 +156,23 @@ def test_a_seed_gives_the_same_figures_and_another_others():
     assert runs[0].visibility != runs[2].visibility
 
 
+def test_figures_of_a_method_do_not_depend_on_others_beside_it():
+    scenes, grid = StackScenes(split="test", limit=1), GridSpec(resolution=16)
+    both = {"coin": Coin(), "other": Coin()}
+    runs = [
+        evaluation(methods, scenes, grid=grid, samples=samples).score(0, 0)
+        for methods, samples in (
+            ({"coin": Coin()}, 2),
+            (dict(reversed(both.items())), 2),
+            (both, 2),
+        )
+    ]
+    alone, *beside = (run.methods["coin"] for run in runs)
+    for figures in beside:
+        assert figures == {name: alone[name] for name in figures}
+    assert runs[0].floors == runs[1].floors
+
+
 def test_views_side_by_side_give_the_same_figures():
     scenes = StackScenes(split="test", limit=3)
     coin = {"coin": Coin(), "partial_tsdf": PartialSurface(ConnectedComponents())}
