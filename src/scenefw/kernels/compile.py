@@ -15,8 +15,8 @@ A kernel file holds a per-element function, a CPU loop over it and a `Kernel` of
     double(n, source, target)          # torch tensors of one device, or numbers
 
 The loop is spelled out because numba caches compiled code of module-level functions only. That
-code lies in a folder named by the sources of all kernels and of what they import: an edit there never
-meets old code.
+code lies in a folder named by the sources of all kernels and of what they import: an edit there
+never meets old code.
 
 Kernels meet neither NaN nor infinity: fast maths on CUDA takes for granted that there are none.
 Their callers say in large numbers what is unseen or far.
