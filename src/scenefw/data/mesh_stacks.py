@@ -8,12 +8,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from scenefw.core.errors import ConfigError, StorageError
+from scenefw.core.errors import StorageError
 from scenefw.core.types import SceneObject
-from scenefw.data.stacks import SceneSet, StackScenes, data_file
+from scenefw.data.stacks import SceneSet, StackScenes, data_file, require_open, rows_of
 from scenefw.representations.mesh_volumes import SolidScenes
 from scenefw.scenes.mesh_storage import StoredMeshScenes
-from scenefw.scenes.splits import SPLITS
 from scenefw.scenes.storage import load_scenes
 
 
@@ -27,20 +26,16 @@ class MeshStacks:
 
     Raises:
         StorageError: the file is missing, damaged or holds no meshes.
-        ConfigError: it holds no scene of the split.
+        ConfigError: no such split, it holds no scene, a limit below 1, or final is not open.
     """
 
     def __init__(self, path: Path | str, split: str = "test", limit: int | None = None) -> None:
+        require_open(Path(path), split)
         stored = load_scenes(path)
         if not isinstance(stored, StoredMeshScenes):
             raise StorageError(f"{path} holds no scenes of meshes; give one of scene=mesh_stacks")
-        rows = np.arange(len(stored))
-        if split != "all":
-            rows = rows[stored.split == SPLITS.index(split)]
-        if not len(rows):
-            raise ConfigError(f"{path} holds no scene of the split {split}; its scenes are of test")
         self.split = split
-        self._rows = rows[:limit]
+        self._rows = rows_of(stored.split, split, limit, Path(path))
         self._stored = stored
         self.indices = stored.index[self._rows]
 

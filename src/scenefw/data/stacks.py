@@ -3,6 +3,7 @@
 import dataclasses
 import hashlib
 import json
+from collections import Counter
 from collections.abc import Callable, Sequence
 from importlib import resources
 from pathlib import Path
@@ -81,7 +82,7 @@ class StackScenes:
         several = path if isinstance(path, Sequence) and not isinstance(path, str) else [path]
         self.paths = [data_file(entry, split) for entry in several]
         parts = [_split(file, split, limit) for file in self.paths]
-        self.sizes = {_name(p): len(a["index"]) for p, a in zip(self.paths, parts, strict=True)}
+        self.sizes = _sizes(self.paths, [len(arrays["index"]) for arrays in parts])
         arrays = _joined(parts)
         self.split = split
         self.indices = arrays["index"]
@@ -165,12 +166,21 @@ def _name(path: Path) -> str:
     return next((name for name, file in SHIPPED.items() if path.name == file), path.stem)
 
 
+def _sizes(paths: Sequence[Path], counts: Sequence[int]) -> dict[str, int]:
+    """Scenes by the name of their data set; files of one name are told apart by their paths."""
+    files = Counter(_name(path) for path in {*paths})
+    sizes: Counter[str] = Counter()
+    for path, count in zip(paths, counts, strict=True):
+        name = _name(path)
+        sizes[name if files[name] == 1 else str(path)] += count
+    return dict(sizes)
+
+
 def _split(path: Path, split: str, limit: int | None) -> dict[str, np.ndarray]:
     """The arrays of a data set, one row per scene of a split."""
-    if split == FINAL:
-        look(path.stem, hashlib.sha256(_bytes(path)).hexdigest())
+    require_open(path, split)
     arrays = _read(path)
-    rows = _rows(arrays["split"], split, limit, path)
+    rows = rows_of(arrays["split"], split, limit, path)
     return {name: array[rows] for name, array in arrays.items()}
 
 
@@ -209,6 +219,16 @@ def _parameters(arrays: dict[str, np.ndarray]) -> SceneParameters:
 def _each(parameters: SceneParameters, change: Callable[[Tensor], Tensor]) -> SceneParameters:
     names = (field.name for field in dataclasses.fields(parameters))
     return SceneParameters(*(change(getattr(parameters, name)) for name in names))
+
+
+def require_open(path: Path, split: str) -> None:
+    """Notes that the final part of a file is about to be read.
+
+    Raises:
+        ConfigError: it is the final split, and that is not open.
+    """
+    if split == FINAL:
+        look(path.stem, hashlib.sha256(_bytes(path)).hexdigest())
 
 
 def _bytes(path: Path) -> bytes:
@@ -251,7 +271,18 @@ def _require_arrays(arrays: dict[str, np.ndarray], path: Path) -> None:
             )
 
 
-def _rows(splits: np.ndarray, split: str, limit: int | None, path: Path) -> np.ndarray:
+def rows_of(splits: np.ndarray, split: str, limit: int | None, path: Path) -> np.ndarray:
+    """The first `limit` scenes of a split, as rows of a file; `all` leaves out the final ones.
+
+    Args:
+        splits: (S,) of each scene, position in `SPLITS`.
+        split: train, val, test, final or all.
+        limit: None means all.
+        path: of the file, for messages.
+
+    Raises:
+        ConfigError: no such split, it holds no scene, or a limit below 1.
+    """
     if split != "all" and split not in SPLITS:
         raise ConfigError(f"split is {split!r}, expected one of all, {', '.join(SPLITS)}")
     if limit is not None and limit < 1:

@@ -137,3 +137,19 @@ def test_generated_stacks_of_meshes_stand(tmp_path):
         np.testing.assert_array_equal(item.shape.vertices, source.solid(item.shape.name).vertices)
         lowest.append(PlacedShape(item.shape, item.pose).mesh().vertices[:, 2].min())
     assert min(lowest) == pytest.approx(0, abs=5e-4)
+
+
+@pytest.mark.parametrize(
+    ("split", "limit", "said"),
+    [
+        ("tests", None, "split is 'tests', expected one of"),
+        ("test", 0, "limit of scenes is 0"),
+        ("test", -1, "limit of scenes is -1"),
+        ("val", None, "no scene of the split val"),
+        ("final", None, "final split of solids is for releases"),
+    ],
+)
+def test_wrong_arguments_are_one_line(file, split, limit, said):
+    with pytest.raises(ConfigError, match=said) as raised:
+        MeshStacks(file, split, limit)
+    assert "\n" not in str(raised.value)

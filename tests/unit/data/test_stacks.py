@@ -160,3 +160,12 @@ def test_the_final_part_is_a_file_of_its_own_and_v1_has_none():
         shipped_scenes("heaps")
     with pytest.raises(StorageError, match="also by name: stacks_v2"):
         StackScenes("heaps")
+
+
+def test_sizes_of_files_of_one_name_are_told_apart(tmp_path):
+    files = [tmp_path / "a" / "stacks.npz", tmp_path / "b" / "stacks.npz", tmp_path / "other.npz"]
+    for number, file in enumerate(files, start=1):
+        file.parent.mkdir(exist_ok=True)
+        write_stacks(file, 10 * number)
+    found = StackScenes([*files, files[2]], "all").sizes
+    assert found == {str(files[0]): 10, str(files[1]): 20, "other": 60}
