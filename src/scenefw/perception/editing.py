@@ -6,7 +6,7 @@ Objects never change: each function returns new ones. Ids stay, and new objects 
 from __future__ import annotations
 
 import operator
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -229,9 +229,7 @@ def with_objects(estimate: SceneEstimate, objects: Objects) -> SceneEstimate:
         kept = [item.id for item in objects if faces.get(item.id) is item.mesh.faces]
         masks = np.where(np.isin(masks, kept), masks, 0).astype(np.int32)
     details = {key: estimate.details[key] for key in _FROM_IMAGE if key in estimate.details}
-    details["grid"] = {
-        "resolution": grid.resolution, "extent": grid.extent, "lower": list(grid.lower)
-    }  # fmt: skip
+    details["grid"] = asdict(grid)
     return SceneEstimate(objects, grid, tsdf, instances, estimate.frame, details, {}, masks)
 
 

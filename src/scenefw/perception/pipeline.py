@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -186,11 +186,7 @@ class Pipeline:
                 "share": floor.share,
                 "deviation": floor.deviation,
             },
-            "grid": {
-                "resolution": self.grid.resolution,
-                "extent": self.grid.extent,
-                "lower": list(self.grid.lower),
-            },
+            "grid": asdict(self.grid),
             "samples": self.samples,
             "seed": self.seed,
             "checkpoint": self.reconstructor.metadata,

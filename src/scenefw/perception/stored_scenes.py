@@ -156,7 +156,8 @@ def _placed(told: dict[str, Any] | None) -> PlacedShape | None:
     elif told["kind"] == "vessel":
         shape = Vessel(**{one.name: float(told[one.name]) for one in fields(Vessel)})
     else:
-        return None
+        kinds = "superquadric, superellipsoid and vessel"
+        raise InputError(f"its kind is {told['kind']!r}; this version reads {kinds}")
     return PlacedShape(shape, _pose(told))
 
 
@@ -171,17 +172,20 @@ def _pose(told: dict[str, Any]) -> Pose:
 def _camera(told: dict[str, Any]) -> Camera:
     pose = np.array(told["T_world_camera"], dtype=np.float64)
     rotation = pose[:3, :3] if pose.shape == (4, 4) else np.zeros((3, 3))
-    if not np.allclose(rotation @ rotation.T, np.eye(3), atol=_ORTHONORMAL):
+    rigid = np.allclose(rotation @ rotation.T, np.eye(3), atol=_ORTHONORMAL)
+    if not rigid or not np.isfinite(pose).all() or not np.allclose(pose[3], (0, 0, 0, 1)):
         raise ValueError("T_world_camera is no rigid 4 x 4 matrix")
     width, height = int(told["width"]), int(told["height"])
     if not (0 < width <= 20000 and 0 < height <= 20000):
         raise ValueError(f"the camera has {width} x {height} pixels")
     lens = [float(told[name]) for name in ("fx", "fy", "cx", "cy")]
+    if not np.isfinite(lens).all() or min(lens[:2]) <= 0:
+        raise ValueError(f"the camera has fx, fy, cx, cy = {lens}")
     return Camera(width, height, lens[0], lens[1], lens[2], lens[3], pose)
 
 
 def _grid(told: dict[str, Any]) -> GridSpec:
-    known = {key: told[key] for key in ("resolution", "extent", "lower") if key in told}
+    known = {one.name: told[one.name] for one in fields(GridSpec) if one.name in told}
     if not 2 <= int(known.get("resolution", 64)) <= 512:
         raise ValueError(f"the grid has {known['resolution']} voxels per side")
     return GridSpec(**known)

@@ -1,15 +1,15 @@
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 from tests.unit.perception.edited_scenes import CAMERA, scene
 
 from scenefw.core.errors import InputError
-from scenefw.core.types import PlacedShape, Pose
+from scenefw.core.types import GridSpec, PlacedShape, Pose
 from scenefw.export.scene_folder import write_scene_files
 from scenefw.export.superquadrics import Superquadrics
-from scenefw.perception.editing import scaled
+from scenefw.perception.editing import removed, scaled, with_objects
 from scenefw.perception.stored_scenes import read_scene
 from scenefw.report.palette import colours_of
 from scenefw.shapes.vessel import Vessel
@@ -98,6 +98,10 @@ def test_the_file_alone_will_do_where_shapes_are_told(known, folder):
         np.testing.assert_allclose(now.mesh.vertices, was.mesh.vertices, atol=1e-9)
 
 
+def set_pose(row, column, value):
+    return lambda told: told["camera"]["T_world_camera"][row].__setitem__(column, value)
+
+
 def set_item(number, key, value):
     return lambda told: told["objects"][number].update({key: value})
 
@@ -117,7 +121,12 @@ def set_item(number, key, value):
         (set_item(2, "pose", {"position": [0, 0, 0], "quaternion": [9, 0, 0, 0]}), "length 1"),
         (set_item(0, "shape", {"kind": "superquadric"}), "half_axes"),
         (lambda told: told.pop("camera"), "lacks name, objects or camera"),
+        (set_item(0, "shape", {"kind": "torus"}), "its kind is 'torus'; this version reads super"),
         (lambda told: told["camera"].update(width=0), "0 x 48 pixels"),
+        (lambda told: told["camera"].update(fx=float("nan")), "the camera has fx, fy, cx, cy"),
+        (lambda told: told["camera"].update(fy=-5.0), "the camera has fx, fy, cx, cy"),
+        (set_pose(2, 3, float("nan")), "no rigid 4 x 4 matrix"),
+        (set_pose(3, 0, 1.0), "no rigid 4 x 4 matrix"),
         (lambda told: told.update(grid={"resolution": 10**6}), "voxels per side"),
         (lambda told: told.update(objects=3), "isn't a scenefw scene, or damaged"),
     ],
@@ -142,3 +151,14 @@ def test_files_that_are_no_scene(tmp_path):
         other.write_text(text)
         with pytest.raises(InputError, match=said):
             read_scene(other)
+
+
+def test_the_grid_comes_back_whole(known, tmp_path):
+    """Edited scenes have it among their details; its truncation decides what their volumes hold."""
+    grid = replace(known.grid, truncation_voxels=3.5)
+    changed = replace(known, grid=grid, details={**known.details, "grid": asdict(grid)})
+    write_scene_files(tmp_path, changed, colours_of(known))
+    assert read_scene(tmp_path).grid == grid
+    edited = with_objects(changed, removed(changed.objects, 3))
+    assert GridSpec(**edited.details["grid"]) == edited.grid
+    assert edited.grid.truncation_voxels == 3.5
