@@ -1,12 +1,16 @@
 """Files: the order of their names, and atomic writing, so that no file is ever half-written."""
 
 import io
+import lzma
 import os
 import re
 import secrets
 import shutil
 import stat
+import struct
 import tempfile
+import zipfile
+import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,6 +21,16 @@ _NUMBER = re.compile(r"(?<![0-9])(?<![0-9]\.)[0-9]+")
 """A whole number, or what comes before a decimal point; digits after one sort well as text."""
 
 _LONGEST_NAME = 255
+
+DAMAGED = (
+    OSError, ValueError, EOFError, LookupError, SyntaxError, OverflowError, MemoryError,
+    RuntimeError, struct.error, zipfile.BadZipFile, zlib.error, lzma.LZMAError,
+)  # fmt: skip
+"""What numpy, zipfile and PIL raise for files that are damaged, or written as they don't read.
+
+A header may ask for more memory than there is, an archive for a password, and PIL calls a broken
+PNG a SyntaxError.
+"""
 
 
 def in_order(paths: Iterable[Path]) -> list[Path]:
@@ -145,10 +159,19 @@ def require_writable(folder: Path | str) -> Path:
     return folder
 
 
-def unreadable(error: Exception) -> str:
-    """Why a file of arrays can't be read, in a few words; numpy takes other files for pickles."""
+def unreadable(error: Exception, advice: str = "") -> str:
+    """Why a file of arrays or a picture can't be read, in a few words, and what to do about it.
+
+    Args:
+        error: one of `DAMAGED`; numpy takes files of other kinds for pickles.
+        advice: what to do if the file is damaged.
+    """
     words = str(error).splitlines()[0] if str(error) else type(error).__name__
-    return "it is not a file of NumPy arrays" if "pickle" in words else words
+    if words.startswith("Object arrays"):
+        return "it holds pickled objects, which are never loaded; store plain arrays of numbers"
+    if "pickle" in words:
+        words = "it is not a file of NumPy arrays"
+    return f"{words}; {advice}" if advice else words
 
 
 def _mode(file: Path, given: Path) -> int | None:

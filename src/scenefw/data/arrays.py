@@ -7,14 +7,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import unreadable
 from scenefw.core.types import Float32, Frame, Int32
 from scenefw.data.intrinsics import Intrinsics, camera_from_matrix, intrinsic_matrix
+from scenefw.data.pictures import DAMAGED_PICTURE
 from scenefw.data.poses import pose_of
-from scenefw.data.readers import check_depth
+from scenefw.data.readers import check_colour, check_depth, metres
 
 
 def frame_of(
@@ -95,24 +96,17 @@ def read_mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_] | Int32:
                     "bits, 0 = no object"
                 )
             values = np.array(image)
-    except (OSError, UnidentifiedImageError) as error:
-        raise InputError(f"cannot read mask {path}: {unreadable(error)}; give a PNG") from error
+    except DAMAGED_PICTURE as error:
+        raise InputError(f"cannot read mask {path}: {unreadable(error, 'give a PNG')}") from error
     several = len(np.unique(values[values > 0])) > 1
     return mask_of(values if several else values > 0, shape, path.name)
 
 
 def _metres(depth: ArrayLike, scale: float, name: str) -> Float32:
     values = _array(depth, "depth", name)
-    if values.dtype.kind == "f":
-        return values.astype(np.float32)
-    if values.dtype.kind not in "ui":
-        raise InputError(
-            f"depth of {name} is of {values.dtype}; give floats in metres, or whole numbers with "
-            "depth_scale"
-        )
     if not scale > 0:
         raise ConfigError(f"depth_scale = {scale}: expected metres per unit, above 0")
-    return values * np.float32(scale)
+    return metres(values, scale, name)
 
 
 def colour_of(colour: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray[np.uint8]:
@@ -121,15 +115,7 @@ def colour_of(colour: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray[n
     Raises:
         InputError: another shape or type.
     """
-    values = _array(colour, "colour", name)
-    if values.shape != (*shape, 3):
-        raise InputError(
-            f"colour of {name} has shape {values.shape}, its depth {tuple(shape)}; both must be "
-            "aligned images of the same size, colour with 3 channels"
-        )
-    if values.dtype != np.uint8:
-        raise InputError(f"colour of {name} is of {values.dtype}; give uint8, 0 to 255")
-    return values
+    return check_colour(_array(colour, "colour", name), shape, name)
 
 
 def _rigid(pose: ArrayLike, name: str) -> NDArray[np.float64]:

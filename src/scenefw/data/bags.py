@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
 from scenefw.core.errors import InputError, MissingDependencyError
 from scenefw.core.files import unreadable
+from scenefw.data.pictures import DAMAGED_PICTURE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -264,7 +265,7 @@ def _decoded(data: bytes, topic: str, header: int = 0) -> NDArray[Any]:
     try:
         with Image.open(io.BytesIO(data[header:])) as image:
             return np.array(image if header else image.convert("RGB"))
-    except (OSError, ValueError, UnidentifiedImageError) as error:
+    except DAMAGED_PICTURE as error:
         raise InputError(f"an image of {topic} is damaged: {unreadable(error)}") from error
 
 

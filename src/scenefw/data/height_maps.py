@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.core.files import replacing, unreadable
+from scenefw.core.files import DAMAGED, replacing, unreadable
 from scenefw.core.height_maps import HeightGrid, HeightMap
 
 VERSION = 1
@@ -66,7 +66,7 @@ def is_map(path: Path | str) -> bool:
     try:
         with zipfile.ZipFile(path) as file:
             return {"grid.npy", "heights.npy"} <= set(file.namelist())
-    except (OSError, zipfile.BadZipFile):
+    except DAMAGED:
         return False
 
 
@@ -86,11 +86,10 @@ def load_map(path: Path | str, grid: HeightGrid | None = None) -> SavedMap:
     try:
         with np.load(path, allow_pickle=False) as file:
             content = {name: file[name] for name in file.files}
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
-        raise InputError(
-            f"cannot read map {path}: {unreadable(error)}; is the file complete? save the map again"
-        ) from error
-    return _saved(content, path, grid)
+        return _saved(content, path, grid)
+    except (*DAMAGED, TypeError) as error:
+        reason = unreadable(error, "is the file complete? save the map again")
+        raise InputError(f"cannot read map {path}: {reason}") from error
 
 
 def _content(height_map: HeightMap) -> dict[str, NDArray[Any]]:

@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from scenefw.core.errors import ConfigError, StorageError
-from scenefw.core.files import replacing
+from scenefw.core.files import DAMAGED, replacing, unreadable
 from scenefw.core.labels import UNKNOWN
 from scenefw.data.map_crops import LabelledMaps, stacked
+from scenefw.data.pictures import DAMAGED_PICTURE
 
 STEP = 1e-4
 """Heights are multiples of this (m)."""
@@ -87,7 +88,7 @@ class PackedMaps:
                 contents = (file[name].tobytes() for name in names)
                 with ThreadPoolExecutor() as threads:  # decoding leaves Python to itself
                     return stacked(threads.map(unpacked, contents), device)
-        except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
+        except DAMAGED_PICTURE as error:
             raise _damaged(self.path, error) from error
 
 
@@ -161,8 +162,10 @@ def _facts(path: Path) -> Mapping[str, Any]:
             f"no packed maps at {path}; make them with `python -m scenefw run=pack_maps "
             "dataset=tabletop_fused_maps`"
         ) from error
-    except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
+    except DAMAGED as error:
         raise _damaged(path, error) from error
+    if not isinstance(facts, dict) or not {"classes", "maps", "made"} <= facts.keys():
+        raise _damaged(path, ValueError("it does not say what it holds"))
     if facts.get("format") != _FORMAT:
         raise StorageError(
             f"{path} has format {facts.get('format')}, expected {_FORMAT}; pack it again"
@@ -171,7 +174,8 @@ def _facts(path: Path) -> Mapping[str, Any]:
 
 
 def _damaged(path: Path, error: Exception) -> StorageError:
-    return StorageError(f"{path} holds no packed maps or is damaged ({error}); pack them again")
+    reason = unreadable(error)
+    return StorageError(f"{path} holds no packed maps or is damaged ({reason}); pack them again")
 
 
 def _encoded(image: NDArray[np.uint8], **options: Any) -> bytes:

@@ -7,14 +7,15 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, UnidentifiedImageError
+from PIL import Image, ImageDraw
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.core.files import replacing, write_text
+from scenefw.core.files import replacing, unreadable, write_text
 from scenefw.core.height_maps import HeightMap
 from scenefw.core.labels import UNKNOWN
 from scenefw.core.types import Camera, Frame
+from scenefw.data.pictures import DAMAGED_PICTURE
 from scenefw.data.sequences import write_sequence
 from scenefw.representations.height_map import view
 
@@ -202,8 +203,9 @@ def _picture(path: Path, height_map: HeightMap) -> NDArray[np.uint8]:
     try:
         with Image.open(path) as image:
             painted = np.array(image.convert("RGB"))
-    except (OSError, UnidentifiedImageError) as error:
-        raise InputError(f"cannot read painting {path}: {error}; give a PNG picture") from error
+    except DAMAGED_PICTURE as error:
+        reason = unreadable(error, "give a PNG picture")
+        raise InputError(f"cannot read painting {path}: {reason}") from error
     if painted.shape[:2] != height_map.grid.shape:
         rows, columns = painted.shape[:2]
         n = height_map.grid.vertices

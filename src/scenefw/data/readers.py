@@ -1,6 +1,5 @@
 """Frames from files: .npz, or a depth image (.png, .npy) with an intrinsics file beside it."""
 
-import zipfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -8,14 +7,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
 from scenefw.core.errors import EmptyImageError, InputError
-from scenefw.core.files import in_order, unreadable
+from scenefw.core.files import DAMAGED, in_order, unreadable
 from scenefw.core.types import Frame
 from scenefw.data.exr import read_exr
 from scenefw.data.intrinsics import Intrinsics, camera_from_matrix, intrinsic_matrix
 from scenefw.data.layouts import surroundings
+from scenefw.data.pictures import DAMAGED_PICTURE
 
 Array = NDArray[Any]
 
@@ -30,6 +30,7 @@ _INTRINSICS_SUFFIXES = (".json", ".yaml", ".yml", ".txt")
 _INTRINSICS_STEMS = ("intrinsics", "camera", "K")
 _COLOUR_SUFFIXES = (".rgb.jpg", ".rgb.png", ".rgb.jpeg", "_rgb.png", "_rgb.jpg", ".jpg", ".jpeg")
 _COLOUR_WORDS = ("rgb", "color", "colour")
+_COMPLETE = "is the file complete?"
 
 
 def read_frames(
@@ -59,6 +60,8 @@ def find_images(path: Path | str) -> list[Path]:
         raise InputError(f"no file or folder {path}; give input=PATH of a depth image or a folder")
     if path.is_file():
         return [path]
+    if not path.is_dir():
+        raise InputError(f"{path} is neither a file nor a folder; give a depth image or a folder")
     images = [entry for entry in in_order(path.iterdir()) if _is_depth_image(entry)]
     images = images or [entry for entry in in_order(path.rglob("*")) if _is_depth_image(entry)]
     if not images:
@@ -115,10 +118,8 @@ def read_frame(
         if not recording or frame.colour is not None:
             return frame
         return replace(frame, colour=_picture(surroundings(path).colour, frame.depth.shape))
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, UnidentifiedImageError) as error:
-        raise InputError(
-            f"cannot read {path}: {unreadable(error)}; is the file complete?"
-        ) from error
+    except DAMAGED_PICTURE as error:
+        raise InputError(f"cannot read {path}: {unreadable(error, _COMPLETE)}") from error
 
 
 def read_labels(path: Path | str) -> NDArray[np.int32] | None:
@@ -133,10 +134,8 @@ def read_labels(path: Path | str) -> NDArray[np.int32] | None:
     try:
         with np.load(path, allow_pickle=False) as file:
             return _npz_labels({k: file[k] for k in ("instances", "label") if k in file.files})
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(
-            f"cannot read {path}: {unreadable(error)}; is the file complete?"
-        ) from error
+    except DAMAGED as error:
+        raise InputError(f"cannot read {path}: {unreadable(error, _COMPLETE)}") from error
 
 
 def decode_labels(coded: Array) -> NDArray[np.int32]:
@@ -167,8 +166,8 @@ def check_depth(depth: Array, name: str) -> NDArray[np.float32]:
     valid = clean[clean > 0]
     if valid.size == 0:
         raise EmptyImageError(
-            f"depth of {name} has no measurements (all {depth.size} pixels are 0 or NaN); "
-            "record it again or check the file"
+            f"depth of {name} has no measurements ({_unusable(depth)}); record it again or check "
+            "the file"
         )
     median = float(np.median(valid))
     if median > FARTHEST_MEDIAN:
@@ -182,6 +181,50 @@ def check_depth(depth: Array, name: str) -> NDArray[np.float32]:
             "store it as depth in metres, or give the run.depth_scale of whole numbers"
         )
     return clean
+
+
+def metres(values: Array, scale: float, name: str) -> NDArray[np.float32]:
+    """Depth in metres as float32: floats are metres, whole numbers are multiplied by `scale`.
+
+    Raises:
+        InputError: values of another kind.
+    """
+    if values.dtype.kind == "f":
+        return values.astype(np.float32)
+    if values.dtype.kind not in "ui":
+        raise InputError(
+            f"depth of {name} is of {values.dtype}; give floats in metres, or whole numbers with "
+            "depth_scale"
+        )
+    return (values * np.float64(scale)).astype(np.float32)
+
+
+def check_colour(colour: Array, shape: tuple[int, ...], name: str) -> NDArray[np.uint8]:
+    """Colour (H, W, 3) uint8 of an image.
+
+    Raises:
+        InputError: another shape or type.
+    """
+    if colour.shape != (*shape, 3):
+        raise InputError(
+            f"colour of {name} has shape {colour.shape}, its depth {tuple(shape)}; both must be "
+            "aligned images of the same size, colour with 3 channels"
+        )
+    if colour.dtype != np.uint8:
+        raise InputError(f"colour of {name} is of {colour.dtype}; give uint8, 0 to 255")
+    return colour
+
+
+def _unusable(depth: Array) -> str:
+    """How many pixels of an image without measurements have which value."""
+    counts = {
+        "0": (depth == 0).sum(),
+        "NaN": np.isnan(depth).sum(),
+        "infinite": np.isinf(depth).sum(),
+        "negative": (np.isfinite(depth) & (depth < 0)).sum(),
+    }
+    found = [f"{count} {what}" for what, count in counts.items() if count]
+    return f"of {depth.size} pixels {', '.join(found)}"
 
 
 def _read_npz(path: Path, intrinsics: Intrinsics | None, depth_scale: float | None) -> Frame:
@@ -198,9 +241,9 @@ def _read_npz(path: Path, intrinsics: Intrinsics | None, depth_scale: float | No
 
 def _npz_depth(content: dict[str, Array], path: Path) -> Array:
     if "depth_mm" in content:
-        return content["depth_mm"].astype(np.float32) / np.float32(1000)
+        return metres(content["depth_mm"], 1.0, path.name) / np.float32(1000)
     if "depth" in content:
-        return content["depth"]
+        return metres(content["depth"], 1.0, path.name)
     keys = ", ".join(content) or "nothing"
     raise InputError(
         f"{path} holds {keys}, no depth; store depth_mm (millimetres) or depth (metres)"
@@ -220,13 +263,13 @@ def _read_png(path: Path, intrinsics: Intrinsics | None, depth_scale: float | No
                 f"{path} is a picture of mode {image.mode}; a depth image has one 16-bit channel"
             )
         values = np.array(image)
-    return _frame(values * _scale(path, depth_scale), _matrix(path, intrinsics), path)
+    return _frame(
+        metres(values, _scale(path, depth_scale), path.name), _matrix(path, intrinsics), path
+    )
 
 
 def _read_npy(path: Path, intrinsics: Intrinsics | None, depth_scale: float | None) -> Frame:
-    values = np.load(path, allow_pickle=False)
-    if not np.issubdtype(values.dtype, np.floating):
-        values = values * _scale(path, depth_scale)
+    values = metres(np.load(path, allow_pickle=False), _scale(path, depth_scale), path.name)
     return _frame(values, _matrix(path, intrinsics), path)
 
 
@@ -242,8 +285,8 @@ _READERS: dict[str, Callable[[Path, Intrinsics | None, float | None], Frame]] = 
 }
 
 
-def _scale(path: Path, given: float | None) -> np.float32:
-    return np.float32(surroundings(path).scale if given is None else given)
+def _scale(path: Path, given: float | None) -> float:
+    return float(surroundings(path).scale if given is None else given)
 
 
 def _frame(
@@ -258,12 +301,13 @@ def _frame(
     camera = camera_from_matrix(matrix, height, width, path.name)
     if colour is None:
         colour = _read_colour(path, depth.shape)
-    for what, image in (("colour", colour), ("labels", labels)):
-        if image is not None and image.shape[:2] != depth.shape:
-            raise InputError(
-                f"{what} of {path.name} has shape {image.shape}, its depth {depth.shape}; "
-                "both must be aligned images of the same size"
-            )
+    if colour is not None:
+        check_colour(colour, depth.shape, path.name)
+    if labels is not None and labels.shape != depth.shape:
+        raise InputError(
+            f"labels of {path.name} has shape {labels.shape}, its depth {depth.shape}; "
+            "both must be aligned images of the same size"
+        )
     return Frame(depth, camera, colour, labels, path.stem)
 
 
@@ -316,5 +360,5 @@ def _is_depth_image(path: Path) -> bool:
     try:
         with Image.open(path) as image:
             return image.mode.startswith("I")
-    except (OSError, UnidentifiedImageError):
+    except DAMAGED_PICTURE:
         return False

@@ -11,15 +11,16 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
 from scenefw.core.errors import InputError
-from scenefw.core.files import in_order, replacing, write_text
+from scenefw.core.files import in_order, replacing, unreadable, write_text
 from scenefw.core.labels import UNKNOWN
 from scenefw.core.types import Frame
 from scenefw.data import poses as pose_files
 from scenefw.data.image_poses import folder_poses, no_poses, require_times
 from scenefw.data.intrinsics import read_intrinsics
+from scenefw.data.pictures import DAMAGED_PICTURE
 from scenefw.data.readers import read_frame
 
 IGNORED = 255
@@ -327,12 +328,15 @@ def _nearest(
 
 def _size(path: Path) -> tuple[int, int]:
     """Width and height of a depth image, from its header if it has one."""
-    if path.suffix == ".npy":
-        height, width = np.load(path, mmap_mode="r", allow_pickle=False).shape[:2]
-        return int(width), int(height)
-    with Image.open(path) as image:
-        width, height = image.size
-    return width, height
+    try:
+        if path.suffix == ".npy":
+            height, width = np.load(path, mmap_mode="r", allow_pickle=False).shape[:2]
+            return int(width), int(height)
+        with Image.open(path) as image:
+            return image.size
+    except DAMAGED_PICTURE as error:
+        reason = unreadable(error, "is the file complete?")
+        raise InputError(f"cannot read {path}: {reason}") from error
 
 
 def _require_size(frame: Frame, width: int, height: int) -> None:
@@ -348,8 +352,9 @@ def _image(path: Path, mode: str, frame: Frame) -> NDArray[np.uint8]:
     try:
         with Image.open(path) as image:
             values = np.array(image.convert(mode))
-    except (OSError, UnidentifiedImageError) as error:
-        raise InputError(f"cannot read {path}: {error}; is the file complete?") from error
+    except DAMAGED_PICTURE as error:
+        reason = unreadable(error, "is the file complete?")
+        raise InputError(f"cannot read {path}: {reason}") from error
     if values.shape[:2] != frame.depth.shape:
         raise InputError(
             f"{path} has shape {values.shape[:2]}, its depth image {frame.depth.shape}; both must "

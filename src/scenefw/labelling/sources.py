@@ -17,6 +17,7 @@ from scenefw.core.height_maps import HeightMap
 from scenefw.core.rng import generator
 from scenefw.core.types import Frame
 from scenefw.data.distances import DEPTH, distance_image
+from scenefw.data.pictures import DAMAGED_PICTURE
 from scenefw.data.segmentation import image_tensor
 from scenefw.labelling.sliding_window import SlidingWindow
 
@@ -278,12 +279,12 @@ def _ready(model: nn.Module, device: torch.device) -> nn.Module:
 
 
 def _read_mask(path: Path) -> Labels:
-    from PIL import Image, UnidentifiedImageError
+    from PIL import Image
 
     try:
         with Image.open(path) as image:
             return np.asarray(image)
-    except (OSError, UnidentifiedImageError) as error:
+    except DAMAGED_PICTURE as error:
         reason = getattr(error, "strerror", None) or "no image"
         raise InputError(
             f"cannot read the mask {path} ({reason}); there must be one PNG per frame "

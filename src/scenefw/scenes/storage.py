@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import zipfile
-import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -15,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenefw.core.errors import StorageError
-from scenefw.core.files import replacing, write_text
+from scenefw.core.files import DAMAGED, replacing, unreadable, write_text
 from scenefw.core.types import Float32, Int32, Pose, Scene, SceneObject
 from scenefw.scenes.mesh_storage import StoredMeshScenes, concatenate_meshes, pack_meshes
 from scenefw.scenes.splits import SPLITS, split_of
@@ -82,7 +80,7 @@ class StoredScenes:
             )
             for i in range(self.count[row])
         )
-        return Scene(objects, int(self.index[row]), seed)
+        return Scene(objects, int(self.index[row]), seed, SPLITS[self.split[row]])
 
 
 Stored = StoredScenes | StoredMeshScenes
@@ -188,9 +186,10 @@ def load_scenes(path: Path | str) -> Stored:
         raise StorageError(f"no scenes at {path}; make them with run=generate") from error
     except KeyError as error:
         raise StorageError(f"{path} holds no scenes: {error.args[0]}") from error
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+    except DAMAGED as error:
         raise StorageError(
-            f"{path} is damaged or not an .npz file ({error}); regenerate it with run=generate"
+            f"{path} is damaged or not an .npz file ({unreadable(error)}); regenerate it with "
+            "run=generate"
         ) from error
     if kind is StoredScenes:
         _check_layout(path, found)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import os
-import zipfile
 from pathlib import Path
 
 import numpy as np
 
 from scenefw.core.errors import StorageError
-from scenefw.core.files import replacing
+from scenefw.core.files import DAMAGED, replacing
 from scenefw.core.types import Float64, TriangleMesh
 from scenefw.shapes.convex_parts import ConvexParts
 
@@ -53,7 +52,7 @@ def _read(path: Path) -> tuple[Float64, ...] | None:
     try:
         with np.load(path, allow_pickle=False) as file:
             return tuple(file[name].astype(np.float64) for name in sorted(file.files))
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+    except DAMAGED:
         return None  # none yet, or damaged: found anew
 
 

@@ -1,3 +1,5 @@
+from functools import partial
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -23,6 +25,34 @@ def test_an_array_is_the_frame_of_its_file(tmp_path, dtype):
     np.testing.assert_array_equal(read.depth, given.depth)
     assert given.depth.dtype == np.float32
     np.testing.assert_array_equal(read.camera.matrix, given.camera.matrix)
+
+
+def test_whole_millimetres_are_the_same_from_every_source(tmp_path):
+    depth = np.arange(500, 500 + 60 * 80, dtype=np.uint16).reshape(60, 80)
+    np.savez(tmp_path / "image.npz", depth_mm=depth, K=K)
+    np.save(tmp_path / "image.npy", depth)
+    Image.fromarray(depth).save(tmp_path / "image.png")
+    np.savetxt(tmp_path / "K.txt", K)
+    given = frame_of(depth, K).depth
+    np.testing.assert_array_equal(given, (depth / 1000).astype(np.float32))
+    for suffix in ("npz", "npy", "png"):
+        np.testing.assert_array_equal(read_frame(tmp_path / f"image.{suffix}").depth, given)
+
+
+@pytest.mark.parametrize("dtype", [bool, np.complex64, "<U5"])
+def test_depth_of_no_numbers_is_refused_from_every_source(tmp_path, dtype):
+    depth = DEPTH.astype(dtype)
+    np.savez(tmp_path / "metres.npz", depth=depth, K=K)
+    np.savez(tmp_path / "millimetres.npz", depth_mm=depth, K=K)
+    np.save(tmp_path / "image.npy", depth)
+    np.savetxt(tmp_path / "K.txt", K)
+    reads = [lambda: frame_of(depth, K)] + [
+        partial(read_frame, tmp_path / name)
+        for name in ("metres.npz", "millimetres.npz", "image.npy")
+    ]
+    for read in reads:
+        with pytest.raises(InputError, match="; give floats in metres, or whole numbers"):
+            read()
 
 
 def test_nan_and_infinity_are_no_measurement():

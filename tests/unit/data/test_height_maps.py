@@ -2,11 +2,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.unit.data import damaged
 from tests.unit.mapping import tables
 
 from scenefw.core.errors import InputError
 from scenefw.core.height_maps import HeightGrid, HeightMap
-from scenefw.data.height_maps import load_map, save_map
+from scenefw.data.height_maps import is_map, load_map, save_map
 from scenefw.mapping.height_fusion import HeightFusion
 from scenefw.mapping.semantic_fusion import SemanticFusion
 
@@ -125,3 +126,23 @@ def test_fusion_goes_on_from_a_file_as_if_never_interrupted(tmp_path):
             running.add(said, frame)
     np.testing.assert_array_equal(resumed.height_map().heights, heights.height_map().heights)
     np.testing.assert_array_equal(relabelled.probabilities(), labels.probabilities())
+
+
+@pytest.mark.parametrize("kind", damaged.KINDS)
+def test_damaged_archives_are_one_line(tmp_path, kind):
+    content = {"grid": np.zeros(6), "heights": np.zeros((3, 3))}
+    path = damaged.write(tmp_path / "one.npz", kind, content)
+    is_map(path)
+    with pytest.raises(InputError, match=r"cannot read map .*one\.npz") as raised:
+        load_map(path)
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    "values", [{"heights": np.full((65, 65), "x")}, {"version": np.array("one")}]
+)
+def test_parts_of_another_kind_are_one_line(tmp_path, values):
+    path = changed(save_map(tmp_path / "one.npz", example()), **values)
+    with pytest.raises(InputError, match=r"map .*one\.npz") as raised:
+        load_map(path)
+    assert "\n" not in str(raised.value)

@@ -1,8 +1,11 @@
 """Packed maps against the maps that went in; damaged files and limits."""
 
+import zipfile
+
 import numpy as np
 import pytest
 import torch
+from tests.unit.data import damaged
 from tests.unit.data.rectangles import Rectangles
 
 from scenefw.core.errors import ConfigError, StorageError
@@ -100,3 +103,32 @@ def test_missing_damaged_and_wrong_files(tmp_path):
     path.write_bytes(path.read_bytes()[:500])
     with pytest.raises(StorageError, match="damaged"):
         PackedMaps(path)
+
+
+@pytest.mark.parametrize("kind", damaged.KINDS)
+def test_damaged_archives_are_one_line(tmp_path, kind):
+    path = damaged.write(tmp_path / "maps.npz", kind, {"facts": np.zeros(3, np.uint8)})
+    with pytest.raises(StorageError, match="damaged") as raised:
+        PackedMaps(path)
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("facts", [b"[]", b"{}", b'{"format": 2}'])
+def test_facts_that_say_nothing_are_damaged(tmp_path, facts):
+    np.savez(tmp_path / "maps.npz", facts=np.frombuffer(facts, np.uint8))
+    with pytest.raises(StorageError, match="damaged"):
+        PackedMaps(tmp_path / "maps.npz")
+
+
+def test_a_map_that_is_no_picture_is_damaged(tmp_path):
+    path = tmp_path / "maps.npz"
+    write(path)
+    maps = PackedMaps(path)
+    with zipfile.ZipFile(path) as file:
+        content = {name: file.read(name) for name in file.namelist()}
+    with zipfile.ZipFile(path, "w") as file:
+        for name, data in content.items():
+            cut = name != "facts.npy"
+            file.writestr(name, data[:200] + b"\0" * (len(data) - 200) if cut else data)
+    with pytest.raises(StorageError, match="damaged"):
+        maps.load(torch.device("cpu"))

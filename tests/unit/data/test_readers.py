@@ -5,10 +5,18 @@ import pytest
 from hypothesis import given
 from hypothesis.extra.numpy import arrays
 from PIL import Image
+from tests.unit.data import damaged
 
-from scenefw.core.errors import InputError
+from scenefw.core.errors import EmptyImageError, InputError
 from scenefw.data.intrinsics import read_intrinsics
-from scenefw.data.readers import check_depth, decode_labels, find_images, read_frame, read_frames
+from scenefw.data.readers import (
+    check_depth,
+    decode_labels,
+    find_images,
+    read_frame,
+    read_frames,
+    read_labels,
+)
 
 K = np.array([[60.0, 0, 19.5], [0, 61.0, 14.5], [0, 0, 1]])
 DEPTH = np.linspace(600, 900, 30 * 40).reshape(30, 40).astype(np.uint16)
@@ -254,3 +262,54 @@ def test_images_come_in_the_order_of_their_numbers(tmp_path):
         save_npz(tmp_path, f"view_{number}.npz")
     assert [path.stem for path in find_images(tmp_path)] == ["view_1", "view_2", "view_10"]
     assert [frame.name for frame in read_frames(tmp_path)] == ["view_1", "view_2", "view_10"]
+
+
+@pytest.mark.parametrize("kind", damaged.KINDS)
+def test_damaged_archives_are_one_line(tmp_path, kind):
+    path = damaged.write(tmp_path / "view.npz", kind, {"depth_mm": DEPTH, "K": K, "label": DEPTH})
+    for read in (read_frame, read_labels):
+        with pytest.raises(InputError, match="cannot read") as error:
+            read(path)
+        said = one_line(error)
+        pickled = kind == "pickled"
+        assert ("pickled objects, which are never loaded" in said) == pickled
+        assert ("is the file complete?" in said) != pickled
+
+
+def test_pictures_too_large_to_be_true_are_one_line(tmp_path, monkeypatch):
+    save_png(tmp_path)
+    (tmp_path / "intrinsics.txt").write_text("\n".join(" ".join(map(str, row)) for row in K))
+    Image.fromarray(np.zeros((30, 40, 3), np.uint8)).save(tmp_path / "depth.rgb.png")
+    assert find_images(tmp_path) == [tmp_path / "depth.png"]
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 100)
+    with pytest.raises(InputError, match=r"cannot read .*depth\.png") as error:
+        read_frame(tmp_path / "depth.png")
+    one_line(error)
+    with pytest.raises(InputError, match="no depth image in"):
+        find_images(tmp_path)
+
+
+def test_a_device_is_no_image():
+    with pytest.raises(InputError, match="/dev/null is neither a file nor a folder"):
+        read_frames("/dev/null")
+
+
+def test_messages_say_what_pixels_hold():
+    depth = np.zeros((3, 4))
+    depth[0] = -1.0
+    depth[1, :2], depth[1, 2:] = np.inf, np.nan
+    with pytest.raises(EmptyImageError, match="of 12 pixels 4 0, 2 NaN, 2 infinite, 4 negative"):
+        check_depth(depth, "view")
+
+
+@pytest.mark.parametrize(
+    ("colour", "said"),
+    [
+        (np.zeros((30, 40, 4), np.uint8), r"colour of view\.npz has shape \(30, 40, 4\)"),
+        (np.zeros((30, 40, 3)), r"colour of view\.npz is of float64"),
+        (np.zeros((30, 40), np.uint8), r"colour of view\.npz has shape \(30, 40\)"),
+    ],
+)
+def test_colour_of_an_archive_is_checked_as_that_of_an_array(tmp_path, colour, said):
+    with pytest.raises(InputError, match=said):
+        read_frame(save_npz(tmp_path, rgb=colour))

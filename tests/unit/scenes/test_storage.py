@@ -5,11 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.unit.data import damaged
 
 from scenefw.core.errors import StorageError
 from scenefw.core.geometry import random_quaternion
 from scenefw.core.types import Pose, Scene, SceneObject
 from scenefw.scenes import storage
+from scenefw.scenes.splits import SPLITS
 from scenefw.shapes.library import SuperquadricLibrary
 
 
@@ -175,3 +177,20 @@ def test_shapes_of_another_kind_are_refused():
     item = scenes(1)[0].objects[0]
     with pytest.raises(StorageError, match="superquadrics alone"):
         storage.pack([Scene((SceneObject(object(), item.pose, 1.0),))])
+
+
+@pytest.mark.parametrize("kind", damaged.KINDS)
+def test_damaged_archives_are_one_line(tmp_path, kind):
+    content = storage.pack(scenes(2)).arrays()
+    path = damaged.write(tmp_path / "a.npz", kind, content)
+    with pytest.raises(StorageError, match="damaged") as caught:
+        storage.load_scenes(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_scenes_that_are_packed_again_stay_in_their_split():
+    made = [replace(scene, split=SPLITS[i % 4]) for i, scene in enumerate(scenes(8))]
+    stored = storage.pack(made)
+    again = storage.pack([stored.scene(row, seed=77) for row in range(8)])
+    np.testing.assert_array_equal(again.split, stored.split)
+    assert len(set(stored.split.tolist())) == 4

@@ -1,10 +1,12 @@
 """Solids from a folder of meshes: units, what is left out, and one line for what is wrong."""
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import trimesh
+from tests.unit.data import damaged
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import TriangleMesh
@@ -122,3 +124,15 @@ def test_parts_are_found_once(tmp_path, monkeypatch):
     np.testing.assert_array_equal(first, again)
     PartCache(ConvexParts(threshold=0.5), tmp_path).of(mesh)
     assert len(calls) == 2
+
+
+@pytest.mark.parametrize("kind", damaged.KINDS)
+def test_damaged_parts_are_found_anew(tmp_path, kind):
+    corners = np.random.default_rng(0).random((4, 3))
+    cache = PartCache(ConvexParts(), tmp_path)
+    cache.parts = SimpleNamespace(of=lambda mesh: (corners,))
+    mesh = TriangleMesh(corners, np.array([[0, 1, 2]]))
+    first = cache.of(mesh)
+    (path,) = tmp_path.glob("*.npz")
+    damaged.write(path, kind, {"part_000": corners})
+    np.testing.assert_array_equal(cache.of(mesh), first)
