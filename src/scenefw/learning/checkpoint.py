@@ -16,7 +16,7 @@ from safetensors.torch import save
 from torch import nn
 
 from scenefw.core import assets
-from scenefw.core.errors import CheckpointError
+from scenefw.core.errors import CheckpointError, ConfigError
 from scenefw.core.files import replacing
 from scenefw.core.types import GridSpec
 from scenefw.core.versions import installed
@@ -149,7 +149,7 @@ def load_checkpoint(
 
     Raises:
         CheckpointError: the file is missing, truncated, from elsewhere, from another version or
-            for another task.
+            for another task, or weights are not finite.
     """
     path = weights_file(path, shipped)
     header, tensors = _read(path)
@@ -162,6 +162,7 @@ def load_checkpoint(
     model = _build(header["recipe"], path)
     for name in header.get("omitted", ()):
         setattr(model, name, None)
+    _require_finite(tensors, path)
     weights = {n: v.float() if v.dtype == torch.float16 else v for n, v in tensors.items()}
     try:
         model.load_state_dict(weights)
@@ -196,8 +197,8 @@ def _opened(path: Path) -> Iterator[tuple[dict[str, Any], Any]]:
     """The header of a file and its tensors, not yet read."""
     if not path.is_file():
         raise CheckpointError(
-            f"no checkpoint at {path}; train one with `python -m scenefw run=train` and give its "
-            "path as checkpoint=..."
+            f"no checkpoint at {path}; train one with `python -m scenefw run=train`, or give "
+            "another file by the setting that names this one (checkpoint=, checkpoints.NAME=)"
         )
     try:
         with safe_open(str(path), framework="pt") as stored:
@@ -214,6 +215,15 @@ def _opened(path: Path) -> Iterator[tuple[dict[str, Any], Any]]:
         ) from error
 
 
+def _require_finite(tensors: Mapping[str, torch.Tensor], path: Path) -> None:
+    for name, value in tensors.items():
+        if value.is_floating_point() and not bool(value.isfinite().all()):
+            raise CheckpointError(
+                f"{name} in {path} holds values that are not finite; its training diverged or the "
+                "file is damaged: copy or train it again"
+            )
+
+
 def _header(text: str, path: Path) -> dict[str, Any]:
     try:
         header = json.loads(text)
@@ -223,7 +233,7 @@ def _header(text: str, path: Path) -> dict[str, Any]:
             if grid is not None:
                 header["grid"] = GridSpec(**{**grid, "lower": tuple(grid["lower"])})
             header["recipe"], header["metadata"]
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, ConfigError) as error:
         raise CheckpointError(
             f"the header of {path} is damaged ({error}); copy or train it again"
         ) from error

@@ -199,3 +199,19 @@ def test_names_and_files_of_weights(tmp_path, monkeypatch):
     (tmp_path / "label_maps").touch()  # a file of the user's goes before
     assert weights_file("label_maps") == Path("label_maps")
     assert load_checkpoint("simstack").model is not None
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_weights_that_are_not_finite_are_named_with_their_file(path, model, value):
+    name, weights = next(iter(model.named_parameters()))
+    with torch.no_grad():
+        weights.view(-1)[3] = value
+    save_checkpoint(path, model, model.recipe, GRID)
+    with pytest.raises(CheckpointError, match=rf"{name} in .*net\.safetensors holds .*finite"):
+        load_checkpoint(path)
+
+
+def test_a_header_of_no_grid_is_damaged(path, model):
+    rewrite(path, model, grid={"resolution": 1, "extent": 1.0, "lower": [0, 0, 0]})
+    with pytest.raises(CheckpointError, match=r"header of .*net\.safetensors is damaged"):
+        load_checkpoint(path)
