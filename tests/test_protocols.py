@@ -19,8 +19,8 @@ SOURCES = [
 ]
 # What is looked at there is no component: arrays, C extensions, annotations, data of a library.
 PROBED = {
-    "argument_types.py", "contracts.py", "compile.py", "pybullet_engine.py", "receptive_field.py",
-    "shapenet.py", "shared_parts.py", "sources.py", "build.py",
+    "argument_types.py", "contracts.py", "compile.py", "receptive_field.py", "shapenet.py",
+    "build.py",
 }  # fmt: skip
 
 

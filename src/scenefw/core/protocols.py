@@ -20,7 +20,6 @@ if TYPE_CHECKING:
         CameraBatch,
         Completion,
         PartialTSDF,
-        SceneParameters,
         SceneVolumes,
         SeenSurface,
     )
@@ -97,9 +96,8 @@ class Workers(Protocol):
 
 
 class SceneBatch(Protocol):
-    """B scenes on one device, to make volumes of."""
+    """B scenes on one device, to make volumes of: of superquadrics or of meshes."""
 
-    parameters: SceneParameters
     grid: GridSpec
 
     @property

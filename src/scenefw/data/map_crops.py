@@ -183,7 +183,8 @@ class MapCrops:
     def _noisy(self, heights: Tensor, seeds: Tensor) -> Tensor:
         if self.height_noise == 0:
             return heights
-        lifted, noisy = heights.contiguous() + _LIFT, torch.empty_like(heights)
+        lifted = torch.nan_to_num(heights, nan=-_LIFT).contiguous() + _LIFT  # kernels bear no NaN
+        noisy = torch.empty_like(lifted)
         flat = (lifted.view(-1), seeds, noisy.view(-1))
         add_noise(
             heights.numel(),

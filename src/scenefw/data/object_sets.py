@@ -77,7 +77,7 @@ def object_set_batch(made: ViewBatch, grid: GridSpec) -> ObjectSetBatch:
 
     A voxel belongs to the object in which it lies deepest, so objects share none.
     """
-    instances, parameters = made.volumes.instances, made.scenes.parameters
+    instances, parameters = made.volumes.instances, made.superquadrics
     batch, most = parameters.present.shape
     present = torch.zeros(batch, most + 1, dtype=torch.bool, device=instances.device)
     present.scatter_(1, instances.flatten(1).long(), value=True)

@@ -108,7 +108,7 @@ class ViewedSets(SceneBatches):
         ]
         at_points, at_places = to_device(drawn, device)
         made = self.views.make(parameters, to_view)
-        moved = made.scenes.parameters
+        moved = made.superquadrics
         points, seen = seen_points(made.depth, made.cameras, self.grid, at_points)
         chances = at_places.view(len(points), slots, self.places, _CHANCES)
         places, distances = placed_about(moved, chances, self.near)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, cast
+from typing import Any, Protocol
 
 import numpy as np
 import torch
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from scenefw.core.batches import CameraBatch, PartialTSDF, SceneParameters, SceneVolumes
+from scenefw.core.errors import InputError
 from scenefw.core.protocols import MappingMethod, Noise, Renderer, SceneBatch
 from scenefw.core.rng import Streams
 from scenefw.core.types import Camera, Float64, GridSpec
@@ -53,6 +54,20 @@ class ViewBatch:
     def volumes(self) -> SceneVolumes:
         """The complete scenes, metres."""
         return self.scenes.volumes
+
+    @property
+    def superquadrics(self) -> SceneParameters:
+        """The objects of the scenes.
+
+        Raises:
+            InputError: they are meshes.
+        """
+        if not isinstance(self.scenes, ExactScenes):
+            raise InputError(
+                f"views of {type(self.scenes).__name__} show no superquadrics; give scenes of "
+                "run=generate scene=stacks"
+            )
+        return self.scenes.parameters
 
 
 class ViewMaker:
@@ -177,5 +192,5 @@ class ViewMaker:
 def exact_scenes(parameters: SceneParameters | SolidScenes, grid: GridSpec) -> SceneBatch:
     """Scenes of superquadrics or of meshes, to make volumes of."""
     if isinstance(parameters, SolidScenes):
-        return cast("SceneBatch", ExactSolids(parameters, grid))  # without superquadrics
+        return ExactSolids(parameters, grid)
     return ExactScenes(parameters, grid)

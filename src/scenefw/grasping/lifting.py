@@ -118,7 +118,8 @@ class LiftSimulation:
         approach, taking = self._poses(grasp, meeting.distance)
         joints = self._path(grasp, approach, taking)
         if joints is None:
-            return Lift(label, "the arm doesn't reach it", dict.fromkeys(objects, 0.0))
+            still = {other: 0.0 for other in objects if other != label}
+            return Lift(label, "the arm doesn't reach it", still)
         shots = _Shots(arm, handles, self.engine) if film else None
         arm.place(joints[0])
         self._drive(arm, approach, joints[: len(approach)], shots)

@@ -151,7 +151,8 @@ def _look_at(row, column, heights, depth, labels, intrinsics, poses, logits, siz
         u >= _ZERO and v >= _ZERO and u <= np.float32(width - 1) and v <= np.float32(height - 1)
     ):
         return
-    iu, iv = min(int(u), width - 2), min(int(v), height - 2)
+    iu, iv = max(min(int(u), width - 2), 0), max(min(int(v), height - 2), 0)
+    right_of, below = min(1, width - 1), min(1, height - 1) * width  # of a single pixel: itself
     nearest = int(v + _HALF) * width + int(u + _HALF)
     if not (depth[nearest] > _ZERO and abs(depth[nearest] - ahead) <= tolerance):
         return
@@ -161,8 +162,8 @@ def _look_at(row, column, heights, depth, labels, intrinsics, poses, logits, siz
     share = _ONE - np.float32(classes) * floor
     for k in range(classes):
         at = (k * height + iv) * width + iu
-        value = a * labels[at] + b * labels[at + 1]
-        value += c * labels[at + width] + d * labels[at + width + 1]
+        value = a * labels[at] + b * labels[at + right_of]
+        value += c * labels[at + below] + d * labels[at + below + right_of]
         logits[vertex * classes + k] += weight * log(share * value + floor)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
@@ -13,8 +12,9 @@ from numpy.typing import NDArray
 from torch import nn
 
 from scenefw.core.errors import CheckpointError, ConfigError, InputError
+from scenefw.core.files import unreadable
 from scenefw.core.height_maps import HeightMap
-from scenefw.core.rng import generator
+from scenefw.core.rng import generator, number_of
 from scenefw.core.types import Frame
 from scenefw.data.distances import DEPTH, distance_image
 from scenefw.data.pictures import DAMAGED_PICTURE
@@ -136,7 +136,7 @@ class TrueLabels:
             raise InputError(f"frame {frame.name} has no true labels; give another label_source")
         labels, count = frame.labels, len(self.classes)
         if self.error_rate:
-            rng = generator(self.seed, zlib.crc32(frame.name.encode()))
+            rng = generator(self.seed, number_of(frame.name))
             wrong = (rng.random(labels.shape) < self.error_rate) & (labels >= 0)
             other = (labels + rng.integers(1, count, labels.shape)) % count
             labels = np.where(wrong, other, labels)
@@ -285,8 +285,7 @@ def _read_mask(path: Path) -> Labels:
         with Image.open(path) as image:
             return np.asarray(image)
     except DAMAGED_PICTURE as error:
-        reason = getattr(error, "strerror", None) or "no image"
         raise InputError(
-            f"cannot read the mask {path} ({reason}); there must be one PNG per frame "
+            f"cannot read the mask {path} ({unreadable(error)}); there must be one PNG per frame "
             "with the same name"
         ) from error

@@ -30,7 +30,7 @@ def require_settings(floor: float, angle_power: float, classes: int = 2) -> None
 
 
 def require_labels(probabilities: NDArray[np.float32], frame: Frame, classes: int) -> Tensor:
-    """Returns per-pixel distributions (C, H, W) as contiguous float32.
+    """Returns per-pixel distributions (C, H, W) as contiguous float32, nothing below 0.
 
     Raises:
         InputError: another shape, not finite, or no probabilities that add up to 1.
@@ -53,7 +53,7 @@ def require_labels(probabilities: NDArray[np.float32], frame: Frame, classes: in
             f"{values.max():.3g} and add up to {sums.min():.3g} to {sums.max():.3g}; expected 0 to "
             "1 that add up to 1 (scores need a softmax, percent a division by 100)"
         )
-    return torch.from_numpy(values)
+    return torch.from_numpy(np.maximum(values, 0))  # fusion takes logarithms
 
 
 def start_logits(
@@ -85,7 +85,7 @@ def initial_logits(previous: NDArray[np.float32], grid: HeightGrid, classes: int
     """Log-probabilities (V * V, C) of an earlier map's (C, V, V).
 
     Raises:
-        InputError: another shape.
+        InputError: another shape, or not finite.
     """
     expected = (classes, *grid.shape)
     if previous.shape != expected:
@@ -93,6 +93,8 @@ def initial_logits(previous: NDArray[np.float32], grid: HeightGrid, classes: int
             f"probabilities of the earlier map have shape {previous.shape}, expected {expected}; "
             "resume with the grid and the classes that it was saved with"
         )
+    if not np.isfinite(previous).all():
+        raise InputError("probabilities of the earlier map are not all finite; fuse it again")
     values = torch.from_numpy(np.asarray(previous, dtype=np.float32)).flatten(1)
     logits = values.clamp(min=_LEAST).log()
     return (logits - logits.mean(dim=0)).T.contiguous()
@@ -102,7 +104,7 @@ def restored_logits(state: State, shape: Sequence[int]) -> Tensor:
     """The sums of a state.
 
     Raises:
-        InputError: they are of another grid or other classes, or missing.
+        InputError: they are of another grid or other classes, missing or not finite.
     """
     logits = np.asarray(state.get("logits", ()), dtype=np.float32)
     if logits.shape != tuple(shape):
@@ -110,4 +112,6 @@ def restored_logits(state: State, shape: Sequence[int]) -> Tensor:
             f"state of a label fusion has logits of shape {logits.shape}, expected {tuple(shape)}; "
             "resume with the grid, the classes and the method that it was saved with"
         )
+    if not np.isfinite(logits).all():
+        raise InputError("logits of the state of a label fusion are not all finite; fuse it again")
     return torch.from_numpy(logits)

@@ -10,6 +10,7 @@ import torch
 
 from scenefw.core import geometry
 from scenefw.core.batches import SceneParameters, SeenSetBatch
+from scenefw.core.errors import InputError
 from scenefw.core.evidence import FittedSuperquadric
 from scenefw.core.types import Pose
 from scenefw.data.object_ends import object_ends
@@ -52,6 +53,11 @@ class SeenObjects:
         random: Generator,
         rows: int = 1,
     ) -> None:
+        if view.eye is None:
+            raise InputError(
+                "a flow of sets draws what one camera sees, and this view has no camera; complete "
+                "several views by several_views=fitted_parts"
+            )
         points = torch.zeros(rows, len(labels), _POINTS, 3)
         sizes = torch.zeros(rows, len(labels))
         for slot, label in enumerate(labels):

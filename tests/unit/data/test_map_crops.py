@@ -11,6 +11,7 @@ from tests.unit.data.rectangles import COLOURS, HEIGHTS, Rectangles
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.height_maps import HeightGrid
+from scenefw.data import map_crops
 from scenefw.data.light import ColourJitter
 from scenefw.data.map_crops import MapCrops, RenderedMaps, StoredMaps
 from scenefw.data.tabletop import TabletopScenes
@@ -151,3 +152,26 @@ def test_the_grid_of_the_fake_source_is_one():
 def test_settings_of_crops_are_checked(wrong):
     with pytest.raises(ConfigError, match=next(iter(wrong))):
         MapCrops(StoredMaps(Rectangles()), **wrong)
+
+
+def test_kernels_of_noise_meet_no_nan(monkeypatch):
+    """Their fast maths takes for granted that there is none."""
+    seen = []
+
+    def checked(count, heights, *others):
+        seen.append(bool(heights.isfinite().all()))
+        add_noise(count, heights, *others)
+
+    add_noise = map_crops.add_noise
+    monkeypatch.setattr(map_crops, "add_noise", checked)
+    source = Rectangles()
+
+    def fused(scene):
+        truth = source.truth(scene)
+        truth.heights[::3] = np.nan
+        return truth
+
+    found = batch(crops(StoredMaps(source, fused), height_noise=0.002, jitter=None), range(6), 0)
+    assert seen == [True]
+    assert torch.equal(found.distance[:, 0].isnan(), found.labels == -1)
+    assert found.distance.isnan().any()

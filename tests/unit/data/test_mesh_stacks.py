@@ -5,7 +5,7 @@ import pytest
 import torch
 import trimesh
 
-from scenefw.core.errors import ConfigError, StorageError
+from scenefw.core.errors import ConfigError, InputError, StorageError
 from scenefw.core.types import GridSpec, PlacedShape, Pose, Scene, SceneObject
 from scenefw.data.mesh_stacks import MeshStacks, scene_set
 from scenefw.data.stacks import StackScenes
@@ -153,3 +153,10 @@ def test_wrong_arguments_are_one_line(file, split, limit, said):
     with pytest.raises(ConfigError, match=said) as raised:
         MeshStacks(file, split, limit)
     assert "\n" not in str(raised.value)
+
+
+def test_views_of_meshes_have_no_superquadrics(file):
+    views = ViewMaker(GRID, RandomViewpoints(width=40, height=30), SphereTracer(), Projective(), {})
+    made = views.make_one(MeshStacks(file, "test", 1).parameters([0]), np.random.default_rng(0))
+    with pytest.raises(InputError, match="views of ExactSolids show no superquadrics"):
+        _ = made.superquadrics

@@ -65,6 +65,13 @@ def test_failures_are_told(objects, point, failure, label):
     assert not lift.lifted
 
 
+def test_an_object_that_the_arm_does_not_reach_is_none_of_the_others():
+    objects = {1: box([0.1] * 3, (2, 0, 0.05)), 2: box([0.1] * 3, (0, 0, 0.05))}
+    lift = lifted(objects, from_above(1, (2, 0, 0.1)))
+    assert lift.failure == "the arm doesn't reach it"
+    assert set(lift.shifts) == {2}
+
+
 def test_a_tower_is_taken_from_the_top_and_always_the_same_way():
     ranker = grasping(hidden=True)
     ranking = ranker.rank(TOWER, EYE)

@@ -8,6 +8,7 @@ from tests.unit.mapping.test_semantic_fusion import certain, distributions
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.geometry import inverse, transform_points
 from scenefw.core.height_maps import HeightMap
+from scenefw.core.types import Camera, Frame
 from scenefw.mapping.image_space_fusion import ImageSpaceFusion
 
 
@@ -126,3 +127,48 @@ def test_mistakes_are_named():
         running.add(distributions(frame, 4), frame, table)
     with pytest.raises(ConfigError, match="tolerance"):
         ImageSpaceFusion(tolerance=0)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 2), (2, 1)])
+def test_an_image_of_one_pixel_says_what_that_pixel_says(size):
+    """There is no neighbour to mix it with; what follows in memory is another class."""
+    grid = tables.SMALL
+    known = height_map(np.zeros(grid.shape))
+    pose = np.diag([1.0, -1.0, -1.0, 1.0])
+    pose[:3, 3] = grid.lower[0], grid.lower[1] + grid.extent, 0.5
+    camera = Camera(*size, 50.0, 50.0, 0.0, 0.0, pose)  # straight down at the first vertex
+    width, height = size
+    frame = Frame(np.full((height, width), 0.5, np.float32), camera)
+    given = np.array([0.1, 0.7, 0.2], np.float32)
+    labels = np.full((3, height, width), 1 / 3, np.float32)
+    labels[:, 0, 0] = given
+    running = ImageSpaceFusion(0.01, 0.02).begin(grid, 3)
+    running.add(labels, frame, known)
+    expected = 0.01 + 0.97 * given
+    found = running.probabilities()[:, 0, 0]
+    np.testing.assert_allclose(found, expected / expected.sum(), atol=1e-5)
+
+
+def test_probabilities_a_little_below_zero_count_as_zero():
+    """As resampling leaves them; their logarithm would be a vote beyond all others."""
+    frame, known = tables.boxes(tables.views(1)[0]), height_map(tables.box_heights(tables.SMALL)[0])
+    found = []
+    for least in (0.0, -0.015):
+        labels = np.zeros((3, *frame.depth.shape), np.float32)
+        labels[1], labels[2] = 1 - least, least
+        running = ImageSpaceFusion(0.001, 0.02).begin(tables.SMALL, 3)
+        for _ in range(3):
+            running.add(labels, frame, known)
+        found.append(running.state()["logits"])
+    np.testing.assert_allclose(found[1], found[0], atol=0.1)
+
+
+@pytest.mark.parametrize("kind", ["previous", "state"])
+def test_what_it_goes_on_from_must_be_finite(kind):
+    broken = np.full((3, *tables.SMALL.shape), np.nan, np.float32)
+    given = {
+        "previous": {"previous": broken},
+        "state": {"state": {"logits": broken.reshape(3, -1).T}},
+    }[kind]
+    with pytest.raises(InputError, match="not all finite; fuse it again"):
+        ImageSpaceFusion().begin(tables.SMALL, 3, **given)

@@ -10,7 +10,7 @@ from tests.unit.perception.test_evidence import view_of
 
 from scenefw import registry
 from scenefw.core.batches import SeenSetBatch
-from scenefw.core.errors import ConfigError
+from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.evidence import FittedSuperquadric
 from scenefw.core.types import Pose
 from scenefw.fitting.joint import JointFit
@@ -291,3 +291,10 @@ def turn_of(view):
     middle = np.mean([view.points[view.masks == k].mean(axis=0) for k in (1, 2)], axis=0)
     ahead = (middle - view.eye)[:2] / np.linalg.norm((middle - view.eye)[:2])
     return np.array([[*ahead, 0], [-ahead[1], ahead[0], 0], [0, 0, 1]])
+
+
+def test_a_view_without_a_camera_is_told():
+    view = replace(seen(), eye=None)
+    boxes = boxes_that_end_at(seen(), 0.1)
+    with pytest.raises(InputError, match="what one camera sees, and this view has no camera"):
+        method(boxes).superquadrics(view, 1, np.random.default_rng(0))

@@ -40,6 +40,8 @@ class PyBulletEngine:
         check_every: steps between two checks of speeds.
     """
 
+    _bullet: Any = None  # here, as `__del__` also follows an `__init__` that refuses its settings
+
     def __init__(
         self,
         time_step: float = 1 / 240,
@@ -65,7 +67,6 @@ class PyBulletEngine:
         self.angular_speed = angular_speed
         self.quiet_steps = quiet_steps
         self.check_every = check_every
-        self._bullet: Any = None
         self._client = -1
         self._floor = -1
         self._objects: list[int] = []
@@ -184,7 +185,7 @@ class PyBulletEngine:
 
     def close(self) -> None:
         """Ends the simulation; the next `reset` starts another."""
-        if getattr(self, "_bullet", None) is not None and self._bullet.isConnected(self._client):
+        if self._bullet is not None and self._bullet.isConnected(self._client):
             self._bullet.disconnect(physicsClientId=self._client)
         self._bullet = None
 
