@@ -28,11 +28,12 @@ class OccupancyOverlap:
     def __call__(
         self, predicted: Mapping[str, Tensor], true: Mapping[str, Tensor], grid: GridSpec
     ) -> Tensor:
-        """A share from 0 to 1; 0 if both are empty."""
+        """A share from 0 to 1; 1 if both are empty, as of `metrics.occupancy`."""
         mine, truth = predicted[self.target] < 0, true[self.target] < 0
         samples = mine if self.of_samples else mine[None]
         return torch.stack([_iou(sample, truth) for sample in samples]).mean()
 
 
 def _iou(predicted: Tensor, truth: Tensor) -> Tensor:
-    return (predicted & truth).sum() / (predicted | truth).sum().clamp(min=1)
+    union = (predicted | truth).sum()
+    return torch.where(union > 0, (predicted & truth).sum() / union.clamp(min=1), 1.0)

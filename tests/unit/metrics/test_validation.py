@@ -55,3 +55,9 @@ def test_a_missing_volume_is_found_before_the_work(metric):
     with pytest.raises(ConfigError, match="but the representations are mine") as caught:
         metric.check(ShapeInstanceSetup(GRID, {"mine": 1}, 2, 0))
     assert "\n" not in str(caught.value)
+
+
+def test_two_empty_scenes_overlap_as_everywhere_else():
+    empty = {"tsdf": torch.ones(1, 1, 2, 2, 2)}
+    assert float(OccupancyOverlap()(empty, empty, GRID)) == 1
+    assert occupancy_iou(empty["tsdf"].numpy() < 0, empty["tsdf"].numpy() < 0) == 1
