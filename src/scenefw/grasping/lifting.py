@@ -22,7 +22,6 @@ from scenefw.shapes.superquadric import Superquadric
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-_GRAVITY = 9.81
 _UP = np.array([0.0, 0.0, 1.0])
 _SPACING = 0.05  # m between poses whose joints are solved
 _TOLERATED = 12  # steps for which the cup bears too much
@@ -231,7 +230,7 @@ class LiftSimulation:
         if not meeting.seal:
             return "the cup doesn't seal"
         item = objects[meeting.label]
-        if not self.cup.carries(tip, item.pose.position, item.mass * _GRAVITY):
+        if not self.cup.carries(tip, item.pose.position, item.mass * self.engine.gravity):
             return "the object is too heavy for the cup there"
         return ""
 

@@ -10,6 +10,7 @@ import torch
 from scenefw.core.batches import CameraBatch
 from scenefw.core.errors import ConfigError
 from scenefw.perception.depth_parts import EDGE, grown, large_parts, linked_parts, merged
+from scenefw.perception.pixels import WIDTH
 from scenefw.perception.points import world_points
 from scenefw.perception.seen_parts import floor_noise, high_parts
 
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from scenefw.core.part_protocols import PartAffinityModel, TrainedPartAffinity
     from scenefw.core.types import Camera, Float32, Float64, Frame, Int32
 
-_WIDTH = 640  # pixels of the image that `smallest` is for
 _JUMP = 0.01  # m: what is so much nearer or further than its thinned pixel is something else
 
 
@@ -84,7 +84,7 @@ class AffinityParts:
         across, down, shown = self._said(depth, frame.camera, step)
         above = heights > self.margin  # NaN where no depth: not above
         joined = self._joined(depth, across, down, above[::step, ::step])
-        fewest = self.smallest * (frame.depth.shape[1] / _WIDTH) ** 2
+        fewest = self.smallest * (frame.depth.shape[1] / WIDTH) ** 2
         parts = large_parts(joined, max(1, round(fewest / step**2)))
         unlikely = (parts > 0) & (_means(shown, parts) < self.shown)
         parts = large_parts(np.where(unlikely, 0, parts).astype(np.int64), 1)

@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.evidence import Evidence
+from scenefw.perception.pixels import WIDTH
 from scenefw.perception.silhouettes import passed_places
 
 if TYPE_CHECKING:
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     Mask = NDArray[np.bool_]
 
 _BELOW = 0.006  # m: of points under the floor
-_WIDTH = 640  # pixels of the image that numbers of pixels are for
 _LEFT = 0.25  # of an object's pixels: if borders take more, all count
 
 
@@ -120,7 +120,7 @@ class EvidenceOfView:
     def _inner(self, label: int, view: View) -> Mask:
         """Pixels that show the object, those at borders with others left out if enough remain."""
         own: Mask = view.masks == label
-        reach = round(self.border * own.shape[1] / _WIDTH)
+        reach = round(self.border * own.shape[1] / WIDTH)
         if reach == 0 or not own.any():
             return own
         box = tuple(slice(max(k - reach, 0), m + reach + 1) for k, m in _ends(own))

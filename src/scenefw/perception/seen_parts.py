@@ -8,6 +8,7 @@ import numpy as np
 
 from scenefw.core.errors import ConfigError
 from scenefw.perception.depth_parts import concave_creases, depth_parts, grown, large_parts
+from scenefw.perception.pixels import WIDTH
 from scenefw.perception.points import world_points
 
 if TYPE_CHECKING:
@@ -18,7 +19,6 @@ _EXACT = 1e-5  # m: no measurement is as close to the floor, over many pixels
 _FEWEST = 200  # pixels below the floor that say how noisy it is
 _NORMAL = 1.4826  # from a normal distribution's median deviation to its standard deviation
 _TOP = 0.95  # share of a part below its top, against single pixels
-_WIDTH = 640  # pixels of the image that the numbers of pixels are for
 
 
 class SeenParts:
@@ -76,7 +76,7 @@ class SeenParts:
 
     def segment(self, frame: Frame) -> Int32:
         """Parts (H, W), 0 = none, of a frame whose camera has its pose (floor z = 0)."""
-        scale = frame.depth.shape[1] / _WIDTH
+        scale = frame.depth.shape[1] / WIDTH
         heights = world_points(frame)[..., 2]
         above = heights > self.margin  # NaN where no depth: not above
         reach = max(1, round(self.reach * scale))

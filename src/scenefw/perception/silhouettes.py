@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
+from scenefw.perception.pixels import WIDTH
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from scenefw.core.types import Float64
 
-_WIDTH = 640  # pixels of the image that numbers of pixels are for
 _NEAREST, _FARTHEST = 3, 12  # pixels from the object
 _BEHIND = 0.15  # m behind the object's edge: as far as places lie
 _GAP = 0.01  # m before what is seen there
@@ -33,7 +34,7 @@ def passed_places(own: NDArray[np.bool_], points: Float64, eye: Float64, count: 
     """
     if not own.any() or count < 1:
         return np.empty((0, 3))
-    nearest, farthest = (pixels * own.shape[1] / _WIDTH for pixels in (_NEAREST, _FARTHEST))
+    nearest, farthest = (pixels * own.shape[1] / WIDTH for pixels in (_NEAREST, _FARTHEST))
     box = box_about(own, int(np.ceil(farthest)) + 1)
     away, (row, column) = distance_transform_edt(~own[box], return_indices=True)
     ring = (away >= max(nearest, 1)) & (away <= max(farthest, 2))

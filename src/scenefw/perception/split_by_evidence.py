@@ -11,6 +11,7 @@ from scipy.ndimage import median_filter
 
 from scenefw.core.errors import ConfigError
 from scenefw.fitting.placed import robust_deviation, signed_distance
+from scenefw.perception.pixels import WIDTH
 from scenefw.perception.silhouettes import box_about
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from scenefw.core.types import Int32
     from scenefw.perception.evidence import EvidenceOfView, View
 
-_WIDTH = 640  # pixels of the image that numbers of pixels are for
 _FAR = 2.0  # deviations of pixels that the second superquadric starts from
 _POOR = 0.3  # squared deviation of a part that one superquadric doesn't explain
 _BLUR = 7  # pixels over which sides are evened out
@@ -110,7 +110,7 @@ class SplitByEvidence:
                 break  # further rounds give the same
         if trial is None or trial.deviations.mean() > self.left:
             return None
-        saved = (before - trial.deviations).sum() * (_WIDTH / parts.shape[1]) ** 2
+        saved = (before - trial.deviations).sum() * (WIDTH / parts.shape[1]) ** 2
         return trial.parts if saved > self.gain else None
 
     def _started(
@@ -150,7 +150,7 @@ class SplitByEvidence:
         return bool(min(sizes) >= self._smallest(parts))
 
     def _smallest(self, parts: Int32) -> float:
-        return self.smallest * (parts.shape[1] / _WIDTH) ** 2
+        return self.smallest * (parts.shape[1] / WIDTH) ** 2
 
     def _fitted(self, labels: Sequence[int], parts: Int32, view: View) -> list[FittedSuperquadric]:
         masked = replace(view, masks=parts)

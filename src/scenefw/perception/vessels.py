@@ -9,6 +9,7 @@ from scipy.ndimage import binary_erosion
 
 from scenefw.core.errors import ConfigError
 from scenefw.fitting.placed import signed_distance
+from scenefw.perception.pixels import WIDTH
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 _BEFORE, _WITHIN = 0.02, 0.004  # m: so far before a seen point, nothing is so deep in a solid
 _THERE = 0.98  # share of a vessel in the grid
 _SECTIONS = 24  # of a surface that is looked up in free space
-_WIDTH = 640  # pixels of the image that numbers of pixels are for
 
 
 class FitsVessels(Protocol):
@@ -120,7 +120,7 @@ class Vessels:
     def _points(self, view: View, label: int) -> Float64:
         """Points of an object, away from where its image ends: there they belong to nothing."""
         own = view.masks == label
-        edge = round(self.edge * own.shape[1] / _WIDTH)
+        edge = round(self.edge * own.shape[1] / WIDTH)
         inner = binary_erosion(own, iterations=edge) if edge else own
         points = view.points[inner & np.isfinite(view.points[..., 2])]
         chosen = np.linspace(0, len(points) - 1, min(self.points, len(points))).astype(int)
