@@ -15,12 +15,10 @@ if TYPE_CHECKING:
         IndexBatch,
         ObjectSetBatch,
         ObjectSetPrediction,
-        ObjectSetSetup,
         SeenSetBatch,
         SegmentationBatch,
         SegmentationSetup,
         SetFlowPrediction,
-        SetFlowSetup,
         ShapeInstanceBatch,
         ShapeInstancePrediction,
         ShapeInstanceSetup,
@@ -121,26 +119,6 @@ class ShapeInstanceLoss(Loss, Protocol):
         """Raises a ConfigError before the work if it doesn't fit these volumes."""
 
     def __call__(self, prediction: ShapeInstancePrediction, batch: ShapeInstanceBatch) -> Tensor:
-        """A scalar."""
-
-
-class ObjectSetLoss(Loss, Protocol):
-    """A term of the loss of networks of sets (group `loss`, options `set_*`)."""
-
-    def check(self, setup: ObjectSetSetup) -> None:
-        """Raises a ConfigError before the work if it doesn't fit these sets."""
-
-    def __call__(self, prediction: ObjectSetPrediction, batch: ObjectSetBatch) -> Tensor:
-        """A scalar from predictions that are matched to objects."""
-
-
-class SetFlowLoss(Loss, Protocol):
-    """A term of the loss of flows of sets (group `loss`, options `flow_*` and `hidden_count`)."""
-
-    def check(self, setup: SetFlowSetup) -> None:
-        """Raises a ConfigError before the work if it doesn't fit these sets."""
-
-    def __call__(self, prediction: SetFlowPrediction, batch: SeenSetBatch) -> Tensor:
         """A scalar."""
 
 

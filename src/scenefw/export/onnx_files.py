@@ -86,16 +86,6 @@ def session(file: Path | bytes, threads: int | None = None) -> Any:
     return runtime.InferenceSession(given, options, providers=["CPUExecutionProvider"])
 
 
-def facts_of(file: Path | str) -> dict[str, Any]:
-    """The metadata that `write_onnx` wrote, by name."""
-    found = session(Path(file), 1).get_modelmeta().custom_metadata_map
-    return {
-        key.removeprefix(_PREFIX): json.loads(value)
-        for key, value in found.items()
-        if key.startswith(_PREFIX)
-    }
-
-
 def compare(content: bytes, network: NamedNetwork, tolerance: float, seed: int = 0) -> float:
     """The largest difference between onnxruntime and torch, of all outputs and example sizes.
 

@@ -19,12 +19,6 @@ def render(name: str, **values: Any) -> str:
     return _environment().get_template(name).render(values)
 
 
-def block_html(block: Block) -> str:
-    """A block as one element."""
-    macros = _environment().get_template("blocks.html.j2").module
-    return str(getattr(macros, _kind(block))(block))
-
-
 @cache
 def _environment() -> Environment:
     made = Environment(

@@ -42,23 +42,6 @@ class Superquadric:
             array.flags.writeable = False
             object.__setattr__(self, name, array)
 
-    @classmethod
-    def from_superellipsoid(cls, half_axes: ArrayLike, e1: float, e2: float) -> "Superquadric":
-        """The superquadric of a superellipsoid (eq. 5.4, 2/e exponents): there is one if e1 = e2.
-
-        Eq. 5.5 is no identity (it makes a sphere, e1 = e2 = 1, one of exponents 3, 3, 2): the
-        cross-section z = 0 of eq. 5.4 needs r = s = 2/e2 and y = 0 needs r = t = 2/e1.
-
-        Raises:
-            InputError: e1 and e2 differ; `scenefw.shapes.superellipsoid` holds those shapes.
-        """
-        if not np.isclose(e1, e2):
-            raise InputError(
-                f"superellipsoid e1 = {e1}, e2 = {e2}: only e1 = e2 is a superquadric of eq. 5.1; "
-                "use scenefw.shapes.superellipsoid.Superellipsoid"
-            )
-        return cls(np.asarray(half_axes, dtype=np.float64), np.full(3, 2.0 / e1))
-
     def value(self, points: ArrayLike) -> Array:
         """Left side of eq. 5.1 for points (..., 3) in metres: < 1 inside, 1 on the surface."""
         ratio = np.abs(np.asarray(points, dtype=np.float64)) / self.half_axes

@@ -1,4 +1,5 @@
 import builtins
+import json
 
 import numpy as np
 import onnx
@@ -9,7 +10,7 @@ from torch import nn
 from scenefw.core.errors import CheckpointError, InputError, MissingDependencyError
 from scenefw.export import onnx_files
 from scenefw.export.networks import NamedNetwork, named_network
-from scenefw.export.onnx_files import compare, facts_of, require_onnx, session, write_onnx
+from scenefw.export.onnx_files import compare, require_onnx, session, write_onnx
 from scenefw.learning.checkpoint import Checkpoint
 from scenefw.models.fusenet import FuseNet
 from scenefw.models.set_placed import PlacedSetAutoencoder
@@ -47,6 +48,16 @@ NETWORKS = {
         "object_sets",
     ),
 }
+
+
+def facts_of(file):
+    """The metadata that `write_onnx` wrote, by name."""
+    found = session(file, 1).get_modelmeta().custom_metadata_map
+    return {
+        key.removeprefix("scenefw."): json.loads(value)
+        for key, value in found.items()
+        if key.startswith("scenefw.")
+    }
 
 
 def network(kind):

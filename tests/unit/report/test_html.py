@@ -5,7 +5,7 @@ from typing import get_args
 import pytest
 
 from scenefw.report.blocks import Block, Code, Drawing, Picture, Points, Scenes, Section, Text
-from scenefw.report.html import block_html, render
+from scenefw.report.html import render
 from scenefw.report.tables import Column, Table
 
 BLOCKS = {
@@ -19,26 +19,29 @@ BLOCKS = {
 }
 
 
-@pytest.mark.parametrize("kind", get_args(Block))
-def test_a_block_is_drawn_and_escaped(kind):
-    block, expected = BLOCKS[kind]
-    assert expected in block_html(block)
-
-
-def test_pictures_that_follow_each_other_share_a_gallery():
-    one = Picture("a.png")
-    section = Section("S", (one, one, Text("between"), one))
-    page = render(
+def page_of(*blocks):
+    return render(
         "page.html.j2",
         title="T",
         style="",
         facts=[],
         command="",
-        sections=[section],
+        sections=[Section("S", blocks)],
         libraries=(),
         figures={},
         settings=None,
         versions=None,
     )
+
+
+@pytest.mark.parametrize("kind", get_args(Block))
+def test_a_block_is_drawn_and_escaped(kind):
+    block, expected = BLOCKS[kind]
+    assert expected in page_of(block)
+
+
+def test_pictures_that_follow_each_other_share_a_gallery():
+    one = Picture("a.png")
+    page = page_of(one, one, Text("between"), one)
     galleries = [part.split("</div>")[0] for part in page.split("<div class=gallery>")[1:]]
     assert [gallery.count("<img") for gallery in galleries] == [2, 1]

@@ -5,8 +5,8 @@ from html.parser import HTMLParser
 
 import pytest
 from rich.console import Console
+from tests.unit.report.test_html import page_of
 
-from scenefw.report.html import block_html
 from scenefw.report.tables import Column, Table, to_console, to_markdown
 
 TABLE = Table(
@@ -44,14 +44,15 @@ class _Cells(HTMLParser):
 
 def test_html_holds_every_figure_and_marks_the_best():
     reader = _Cells()
-    reader.feed(block_html(TABLE))
+    page = page_of(TABLE)
+    reader.feed(page[page.index("<table") : page.index("</table>") + len("</table>")])
     assert reader.rows == [
         ["", "visible (m) ↓", "IoU ↑", "views"],
         ["ours", "*0.0161", "*0.50", "30"],  # 0.5 and 0.504 print alike: both win
         ["partial | alone", "0.0402", "*0.50", "30"],
         ["thesis", "0.0001", "–", "4257"],  # quoted figures win nothing
     ]
-    assert "Chamfer &lt;distance&gt;" in block_html(TABLE)
+    assert "Chamfer &lt;distance&gt;" in page
 
 
 def test_markdown_is_a_table_github_reads():

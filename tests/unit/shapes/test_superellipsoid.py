@@ -46,7 +46,7 @@ def test_mesh_is_closed_and_has_the_volume(e1, e2):
 
 def test_is_a_superquadric_where_both_parameters_are_equal():
     points = np.random.default_rng(0).uniform(-0.1, 0.1, (100, 3))
-    ours, other = Superellipsoid(AXES, 0.4, 0.4), Superquadric.from_superellipsoid(AXES, 0.4, 0.4)
+    ours, other = Superellipsoid(AXES, 0.4, 0.4), Superquadric(AXES, np.full(3, 2 / 0.4))
     np.testing.assert_allclose(ours.value(points), other.value(points), rtol=1e-9)
     assert ours.volume() == pytest.approx(other.volume())
 

@@ -2,10 +2,11 @@ import hashlib
 
 import pytest
 import torch
+from tests.unit.export.test_onnx_files import facts_of
 
 from scenefw.core.errors import CheckpointError, ConfigError
 from scenefw.core.types import GridSpec
-from scenefw.export.onnx_files import facts_of, session
+from scenefw.export.onnx_files import session
 from scenefw.learning.checkpoint import load_checkpoint, save_checkpoint
 from scenefw.models.fully_convolutional import FullyConvolutional
 from scenefw.tasks.export_onnx import ExportONNX
