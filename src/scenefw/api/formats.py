@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+import pkgutil
 from typing import TYPE_CHECKING, Any
 
+from scenefw import plugins, registry
 from scenefw.core.errors import InputError
-from scenefw.export.mjcf import MJCF
-from scenefw.export.scene_files import GLB, OBJ, PLY, Summary
-from scenefw.export.superquadrics import Superquadrics
-from scenefw.export.urdf import URDF
+from scenefw.export.scene_files import GLB, Summary
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from scenefw.core.protocols import SceneFormat
 
-_FORMATS: dict[str, type[Any]] = {
-    one.suffix: one for one in (GLB, PLY, OBJ, Superquadrics, Summary, URDF, MJCF)
-}
+_GROUP = "export"
+_ALWAYS = (GLB, Summary)  # what predictions write without being asked
 
 
 def writer(path: Path, settings: dict[str, Any]) -> SceneFormat:
@@ -29,13 +28,37 @@ def writer(path: Path, settings: dict[str, Any]) -> SceneFormat:
     Raises:
         InputError: an unknown suffix or setting.
     """
-    named = [made for suffix, made in _FORMATS.items() if path.name.lower().endswith(suffix)]
+    known, broken = _formats()
+    named = [suffix for suffix in known if path.name.lower().endswith(suffix)]
     if not named:
+        others = f" ({'; '.join(broken)})" if broken else ""
         raise InputError(
-            f"no format writes '{path.suffix}' of {path}; give one of {', '.join(_FORMATS)}"
+            f"no format writes '{path.suffix}' of {path}; give one of {', '.join(known)}{others}"
         )
     try:
-        written: SceneFormat = named[0](**settings)
+        written: SceneFormat = known[max(named, key=len)](**settings)
     except TypeError as error:
         raise InputError(f"{path.suffix} files: {error}; see docs/api.md") from error
     return written
+
+
+def _formats() -> tuple[dict[str, type[Any]], list[str]]:
+    """Classes by suffix, of the group `export` too, and which of its options can't be loaded.
+
+    A plugin that is broken must not hurt those who write another format.
+    """
+    plugins.activate()
+    known: dict[str, type[Any]] = {made.suffix: made for made in _ALWAYS}
+    broken = []
+    for name, file in registry.options(_GROUP).items():
+        for node in registry.settings(file).values():
+            if not isinstance(node, dict) or "_target_" not in node:
+                continue
+            module, _, attribute = node["_target_"].rpartition(".")
+            try:
+                made = pkgutil.resolve_name(f"{module}:{attribute}")
+            except (ImportError, AttributeError, SyntaxError, NameError) as error:
+                broken.append(f"export={name} can't be loaded: {error}")
+                continue
+            known[made.suffix] = made
+    return known, broken

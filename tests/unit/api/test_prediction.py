@@ -7,6 +7,7 @@ import trimesh
 from tests.unit.perception.synthetic import camera_at, frame_of
 from tests.unit.perception.test_pipeline import KnownBoxes
 
+from scenefw import registry
 from scenefw.api.predictor import Predictor
 from scenefw.core.errors import InputError, StorageError
 from scenefw.core.types import GridSpec
@@ -97,7 +98,7 @@ def test_pictures_show_objects_from_any_side(prediction):
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
-        (lambda p, f: p.save(f / "scene.stl"), r"no format writes '.stl' .*\.glb, \.ply"),
+        (lambda p, f: p.save(f / "scene.stl"), r"no format writes '.stl' .*\.glb, \.json, .*\.ply"),
         (
             lambda p, f: p.save(f / "scene.glb", density=3),
             r"GLB\(\) takes no arguments",
@@ -116,3 +117,28 @@ def test_a_place_that_cannot_be_written(prediction, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(StorageError, match="cannot write"):
         prediction.save(tmp_path / "file" / "scene.glb")
+
+
+PLUGIN = """
+class Names:
+    suffix = ".names"
+
+    def write(self, path, estimate, colours):
+        path.write_text(" ".join(str(item.id) for item in estimate.objects))
+"""
+
+
+def test_formats_are_those_of_the_group_export(prediction, tmp_path, monkeypatch):
+    """A plugin's too; one that can't be loaded is told only where nothing else would do."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+    options = registry.options("export")
+    for name, code in (("names", PLUGIN), ("broken", "import nothing_of_this_name")):
+        (tmp_path / f"format_of_{name}.py").write_text(code)
+        text = f"# A format\n{name}:\n  _target_: format_of_{name}.Names\n"
+        (tmp_path / f"{name}.yaml").write_text(text)
+        options[name] = tmp_path / f"{name}.yaml"
+    monkeypatch.setattr(registry, "options", {"export": options}.get)
+    path = prediction.save(tmp_path / "scene.names")
+    assert path.read_text().split() == [str(item.id) for item in prediction.objects]
+    with pytest.raises(InputError, match=r"\.names \(export=broken can't be loaded: No module"):
+        prediction.save(tmp_path / "scene.stl")
