@@ -12,7 +12,7 @@ import numpy as np
 from scenefw.api.formats import writer
 from scenefw.api.settings import Settings
 from scenefw.core.errors import InputError
-from scenefw.core.files import replacing_folder
+from scenefw.core.folders import replacing_folder
 from scenefw.core.types import Camera
 from scenefw.export.scene_folder import write_scene_files
 from scenefw.perception import editing

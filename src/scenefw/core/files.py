@@ -5,10 +5,8 @@ import lzma
 import os
 import re
 import secrets
-import shutil
 import stat
 import struct
-import tempfile
 import zipfile
 import zlib
 from collections.abc import Iterable, Iterator
@@ -64,59 +62,16 @@ def replacing(target: Path | str) -> Iterator[Path]:
         mode = _mode(file, target)
         temporary = _beside(file, target.suffix, 0o666 if mode is None else 0o600)
     except OSError as error:
-        raise _unwritable(target, error) from error
+        raise unwritable(target, error) from error
     try:
         yield temporary
         if mode is not None:
             temporary.chmod(mode)
         temporary.replace(file)
     except OSError as error:
-        raise _unwritable(target, error) from error
+        raise unwritable(target, error) from error
     finally:
         temporary.unlink(missing_ok=True)
-
-
-@contextmanager
-def replacing_folder(target: Path) -> Iterator[Path]:
-    """Yields a temporary folder beside `target` which takes its place when the block ends well.
-
-    A folder that is there goes only if it looks like an earlier version: if it is empty, or shares
-    a name with the new one. Otherwise a wrong path would cost a folder of somebody's own files.
-
-    Raises:
-        StorageError: the folder can't be written, or it holds other files.
-    """
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
-    except OSError as error:
-        raise _unwritable(target, error) from error
-    try:
-        new = temporary / target.name
-        new.mkdir()
-        yield new
-        if target.exists():
-            _require_replaceable(target, new)
-            target.rename(temporary / "old")
-        try:
-            new.rename(target)
-        except OSError:
-            if (temporary / "old").exists():
-                (temporary / "old").rename(target)
-            raise
-    except OSError as error:
-        raise _unwritable(target, error) from error
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
-
-
-def _require_replaceable(target: Path, new: Path) -> None:
-    there, made = ({one.name for one in folder.iterdir()} for folder in (target, new))
-    if there and made and not there & made:
-        raise StorageError(
-            f"{target} holds other files, such as {min(there)}, which would be lost; give another "
-            "folder, or move them away"
-        )
 
 
 def write_text(target: Path | str, text: str) -> None:
@@ -141,7 +96,7 @@ def append_text(target: Path | str, text: str) -> None:
                 file.truncate(before)
                 raise
     except OSError as error:
-        raise _unwritable(target, error) from error
+        raise unwritable(target, error) from error
 
 
 def _write_all(file: io.RawIOBase, content: bytes) -> None:
@@ -157,6 +112,15 @@ def require_writable(folder: Path | str) -> Path:
         pass
     (folder / ".writable").unlink(missing_ok=True)
     return folder
+
+
+def unwritable(target: Path | str, error: OSError) -> StorageError:
+    """What to tell about a file or folder that can't be written."""
+    reason = error.strerror or str(error)
+    return StorageError(
+        f"cannot write {target}: {reason}; "
+        "choose a writable folder with free space (paths.output=...)"
+    )
 
 
 def unreadable(error: Exception, advice: str = "") -> str:
@@ -195,11 +159,3 @@ def _beside(file: Path, suffix: str, mode: int) -> Path:
         except FileExistsError:
             continue
         return name
-
-
-def _unwritable(target: Path, error: OSError) -> StorageError:
-    reason = error.strerror or str(error)
-    return StorageError(
-        f"cannot write {target}: {reason}; "
-        "choose a writable folder with free space (paths.output=...)"
-    )

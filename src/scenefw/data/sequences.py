@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from scenefw.core.errors import InputError
-from scenefw.core.files import in_order, replacing, unreadable, write_text
+from scenefw.core.files import in_order, unreadable, write_text
+from scenefw.core.folders import replacing_folder
 from scenefw.core.labels import UNKNOWN
 from scenefw.core.types import Frame
 from scenefw.data import poses as pose_files
@@ -197,7 +198,7 @@ def write_sequence(
     """Writes frames as a folder that `RGBDFolder` reads; depth in millimetres, 16 bits.
 
     Args:
-        folder: where to; files of an earlier sequence are overwritten.
+        folder: where to; appears when all is written, in the place of an earlier sequence.
         frames: of one camera; labels, where they are, as class ids.
         classes: names by id, written to classes.json.
         ordered: the frames are a video, so that poses must not jump.
@@ -206,34 +207,31 @@ def write_sequence(
         InputError: no frame, or frames of several image sizes.
         StorageError: the folder can't be written, or the disk is full.
     """
-    folder, poses, camera = Path(folder), [], None
-    for index, frame in enumerate(frames):
-        camera = camera or frame.camera
-        _require_size(frame, camera.width, camera.height)
-        millimetres = np.rint(np.clip(frame.depth * 1000, 0, 65535)).astype(np.uint16)
-        _write_image(folder / "depth" / f"{index:06d}.png", millimetres)
-        if frame.colour is not None:
-            _write_image(folder / "rgb" / f"{index:06d}.png", frame.colour)
-        if frame.labels is not None:
-            known = np.where(frame.labels == UNKNOWN, IGNORED, frame.labels).astype(np.uint8)
-            _write_image(folder / "labels" / f"{index:06d}.png", known)
-        poses.append(frame.camera.T_world_camera)
-    if camera is None:
-        raise InputError(f"no frame to write to {folder}; give one or more")
-    _remove_from(folder, len(poses))
-    pose_files.write_poses(folder / "poses.txt", poses, ordered=ordered)
-    values = {key: getattr(camera, key) for key in ("fx", "fy", "cx", "cy")}
-    write_text(folder / "intrinsics.json", json.dumps(values, indent=1) + "\n")
-    if classes:
-        write_text(folder / "classes.json", json.dumps(list(classes), indent=1) + "\n")
-    return folder
+    poses, camera = [], None
+    with replacing_folder(folder) as new:
+        for index, frame in enumerate(frames):
+            camera = camera or frame.camera
+            _require_size(frame, camera.width, camera.height)
+            _write_frame(new, index, frame)
+            poses.append(frame.camera.T_world_camera)
+        if camera is None:
+            raise InputError(f"no frame to write to {folder}; give one or more")
+        pose_files.write_poses(new / "poses.txt", poses, ordered=ordered)
+        values = {key: getattr(camera, key) for key in ("fx", "fy", "cx", "cy")}
+        write_text(new / "intrinsics.json", json.dumps(values, indent=1) + "\n")
+        if classes:
+            write_text(new / "classes.json", json.dumps(list(classes), indent=1) + "\n")
+    return Path(folder)
 
 
-def _remove_from(folder: Path, first: int) -> None:
-    """Images of an earlier, longer sequence would have no poses."""
-    for file in folder.glob("*/[0-9][0-9][0-9][0-9][0-9][0-9].png"):
-        if file.parent.name in ("depth", "rgb", "labels") and int(file.stem) >= first:
-            file.unlink()
+def _write_frame(folder: Path, index: int, frame: Frame) -> None:
+    millimetres = np.rint(np.clip(frame.depth * 1000, 0, 65535)).astype(np.uint16)
+    _write_image(folder / "depth" / f"{index:06d}.png", millimetres)
+    if frame.colour is not None:
+        _write_image(folder / "rgb" / f"{index:06d}.png", frame.colour)
+    if frame.labels is not None:
+        known = np.where(frame.labels == UNKNOWN, IGNORED, frame.labels).astype(np.uint8)
+        _write_image(folder / "labels" / f"{index:06d}.png", known)
 
 
 @dataclass(frozen=True)
@@ -364,5 +362,5 @@ def _image(path: Path, mode: str, frame: Frame) -> NDArray[np.uint8]:
 
 
 def _write_image(path: Path, values: NDArray[Any]) -> None:
-    with replacing(path) as temporary:
-        Image.fromarray(np.ascontiguousarray(values)).save(temporary)
+    path.parent.mkdir(exist_ok=True)
+    Image.fromarray(np.ascontiguousarray(values)).save(path)

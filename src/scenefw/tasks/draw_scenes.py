@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from scenefw.core.errors import ConfigError
-from scenefw.core.files import replacing_folder, require_writable
+from scenefw.core.files import require_writable
+from scenefw.core.folders import replacing_folder
 from scenefw.core.protocols import SceneFormat
 from scenefw.core.types import SceneEstimate
 from scenefw.export.scene_folder import write_scene_files

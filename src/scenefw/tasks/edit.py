@@ -8,7 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from scenefw.core.errors import ConfigError
-from scenefw.core.files import replacing_folder, require_writable
+from scenefw.core.files import require_writable
+from scenefw.core.folders import replacing_folder, require_replaceable
 from scenefw.core.protocols import SceneFormat, Settling
 from scenefw.core.types import SceneEstimate
 from scenefw.export.scene_folder import write_scene_files
@@ -84,11 +85,12 @@ class Edit:
             print(self.input)
             return {"objects": float(len(before.objects))}
         require_writable(self.output)
+        folder = self.output / f"{_name(before, self.input)}{_END}"
+        require_replaceable(folder)
         after, warnings = self.edit(before)
         print_tables([Section("", (object_table(after),))])
         for warning in warnings:
             print(f"warning: {warning}", file=sys.stderr)
-        folder = self.output / f"{_name(before, self.input)}{_END}"
         with replacing_folder(folder) as temporary:
             self._write(temporary, before, after)
         print(folder)

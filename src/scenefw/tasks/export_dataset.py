@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenefw.core.errors import ConfigError
-from scenefw.core.files import replacing_folder, require_writable, write_text
+from scenefw.core.files import require_writable, write_text
+from scenefw.core.folders import replacing_folder
 from scenefw.core.versions import versions
 
 if TYPE_CHECKING:
@@ -123,5 +124,6 @@ def _write(
 ) -> None:
     """Renders and writes one scene."""
     scene, folder, numbers = job
-    with replacing_folder(folder) as temporary:
+    # Programs that read such data sets look at all files; a scene there is never replaced
+    with replacing_folder(folder, listed=False) as temporary:
         form.write_scene(temporary, views.views(scene, count), numbers)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from scenefw.core.files import write_text
+from scenefw.core.folders import adding_to_folder
 from scenefw.core.geometry import inverse
 from scenefw.core.grasps import RankedGrasp, Ranking
 from scenefw.core.protocols import Grasping
@@ -77,10 +78,11 @@ class Grasp:
         if not ranking.grasps:
             print(f"{estimate.frame.name}: no grasp: {_reason(ranking)}")
         text = json.dumps(summarise_grasps(estimate, ranking), indent=2, allow_nan=False)
-        write_text(folder / "grasps.json", text + "\n")
-        save_picture(draw_ranking(estimate, ranking), folder / "grasps.png")
-        if self.film and ranking.grasps:
-            self._film(estimate, ranking, folder / "grasp.gif")
+        with adding_to_folder(folder) as temporary:
+            write_text(temporary / "grasps.json", text + "\n")
+            save_picture(draw_ranking(estimate, ranking), temporary / "grasps.png")
+            if self.film and ranking.grasps:
+                self._film(estimate, ranking, temporary / "grasp.gif")
         print(folder / "grasps.json")
         return ranking
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.files import require_writable
+from scenefw.core.folders import require_replaceable
 from scenefw.data.height_maps import load_map, save_map
 from scenefw.data.painting import (
     export_painting,
@@ -26,6 +27,7 @@ from scenefw.report.pictures import save_picture
 if TYPE_CHECKING:
     from scenefw.core.height_maps import HeightMap
 
+_VIEWS = "views"
 _CHECKED = 8  # views checked against the map, as their poses may be in another world frame
 
 
@@ -111,6 +113,8 @@ class PaintImport:
             InputError: the picture, the map or the sequence can't be used.
         """
         require_writable(self.output)
+        if self.views is not None:
+            require_replaceable(self.output / _VIEWS)
         saved = load_map(self.map)
         painted = load_painting(self.input, saved.height_map, background=self.background)
         save_map(self.output / "labelled.npz", painted)
@@ -132,5 +136,5 @@ class PaintImport:
         checked = MeasuredFrames(sequence, chosen[:: max(1, len(chosen) // _CHECKED)])
         require_agreement(painted, recording.in_map(checked), str(folder))
         frames = recording.in_map(MeasuredFrames(sequence, track(chosen, "views")))
-        written = write_views(self.output / "views", painted, frames, self.border)
+        written = write_views(self.output / _VIEWS, painted, frames, self.border)
         return len(list((written / "depth").iterdir()))

@@ -9,7 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from scenefw.core.errors import InputError
-from scenefw.core.files import replacing_folder, require_writable
+from scenefw.core.files import require_writable
+from scenefw.core.folders import replacing_folder, require_replaceable
 from scenefw.core.protocols import SceneFormat, Settling
 from scenefw.core.types import SceneEstimate
 from scenefw.export.scene_folder import write_scene_files
@@ -103,11 +104,14 @@ class Predict:
 
         images = self.images.find()
         require_writable(self.output)
+        folders = [self.output / folder for folder in self._folders(images)]
+        for folder in folders:
+            require_replaceable(folder)
         failures = {}
-        steps = list(zip(images, self._folders(images), strict=True))
+        steps = list(zip(images, folders, strict=True))
         for image, folder in track(steps, "images", disable=len(images) == 1):
             try:
-                work(image, self.output / folder)
+                work(image, folder)
             except InputError as error:
                 failures[image] = error
         if len(failures) == len(images):

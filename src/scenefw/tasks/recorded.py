@@ -10,7 +10,8 @@ from PIL import Image
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from scenefw.core.errors import StorageError
-from scenefw.core.files import replacing_folder, require_writable
+from scenefw.core.files import require_writable
+from scenefw.core.folders import replacing_folder
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -11,7 +11,6 @@ from scenefw.core.files import (
     append_text,
     in_order,
     replacing,
-    replacing_folder,
     require_writable,
     write_text,
 )
@@ -171,42 +170,3 @@ def test_text_is_added_whole_or_not_at_all(tmp_path, full_disk):
     assert target.read_bytes() == before
     with pytest.raises(StorageError, match="none"):
         append_text(tmp_path / "none" / "rows.csv", "a")
-
-
-def test_a_folder_of_other_files_is_not_replaced(tmp_path):
-    target = tmp_path / "scan"
-    target.mkdir()
-    (target / "view.npz").write_text("mine")
-    words = r"scan holds other files, such as view\.npz"
-    with pytest.raises(StorageError, match=words), replacing_folder(target) as folder:
-        (folder / "scene.json").write_text("{}")
-    assert [one.name for one in target.iterdir()] == ["view.npz"]
-    assert (target / "view.npz").read_text() == "mine"
-    assert [one.name for one in tmp_path.iterdir()] == ["scan"]
-
-
-def test_what_was_there_comes_back_if_the_new_folder_cannot_take_its_place(tmp_path, monkeypatch):
-    target = tmp_path / "scan"
-    target.mkdir()
-    (target / "scene.json").write_text("old")
-    rename = Path.rename
-
-    def failing(self, to):
-        if self.parent.name.startswith(".scan.") and self.name == "scan":
-            raise OSError("no")
-        return rename(self, to)
-
-    monkeypatch.setattr(Path, "rename", failing)
-    with pytest.raises(StorageError), replacing_folder(target) as folder:
-        (folder / "scene.json").write_text("new")
-    assert (target / "scene.json").read_text() == "old"
-
-
-def test_an_earlier_version_or_an_empty_folder_is_replaced(tmp_path):
-    target = tmp_path / "scan"
-    target.mkdir()
-    for names in (["scene.json", "object_02.ply"], ["scene.json"]):
-        with replacing_folder(target) as folder:
-            for name in names:
-                (folder / name).write_text("{}")
-        assert sorted(one.name for one in target.iterdir()) == sorted(names)

@@ -30,7 +30,7 @@ def test_each_scene_gets_a_folder_and_all_a_picture_and_a_page(prior, tmp_path, 
     assert figures == {"scenes": 5, "draws_per_scene": 1, "objects_per_scene": 2}
     folder = tmp_path / "drawn"
     assert capsys.readouterr().out.splitlines()[-1] == str(folder)
-    made = {path.name for path in folder.iterdir()}
+    made = {path.name for path in folder.glob("[!.]*")}
     assert made == {"drawn.png", "drawn.html", *(f"scene_00{i}" for i in range(1, 6))}
     assert (folder / "scene_003" / "scene.obj").is_file()
     again = read_scene(folder / "scene_002")

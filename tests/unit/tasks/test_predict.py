@@ -38,7 +38,7 @@ def save(path, scale=1000.0, **changes):
 
 
 def names(folder):
-    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("[!.]*") if path.is_file())
 
 
 def test_one_image_gives_all_files(tmp_path, pipeline):
@@ -152,10 +152,22 @@ def test_a_rerun_replaces_the_folder(tmp_path, pipeline):
     image = save(tmp_path / "view.npz")
     task = Predict(image, pipeline, tmp_path / "out", overview=False, hypotheses=False)
     task.run()
-    (tmp_path / "out" / "view" / "object_09.ply").write_text("of an earlier run")
-    task.run()
-    assert "object_09.ply" not in {path.name for path in (tmp_path / "out" / "view").iterdir()}
+    before = names(tmp_path / "out")
+    (tmp_path / "out" / "view" / "notes.txt").write_text("mine")
+    Predict(image, pipeline, tmp_path / "out", page=False, hypotheses=False).run()
+    after = {*before, "view/notes.txt", "view/overview.png"} - {"view/scene.html"}
+    assert set(names(tmp_path / "out")) == after
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["view"]
+
+
+def test_a_folder_of_somebody_else_ends_the_run_before_any_image(tmp_path, pipeline):
+    for name in ("a", "b"):
+        save(tmp_path / "in" / f"{name}.npz")
+    (tmp_path / "out" / "b").mkdir(parents=True)
+    (tmp_path / "out" / "b" / "notes.txt").write_text("mine")
+    with pytest.raises(StorageError, match=r"out/b is no folder of results: .* notes\.txt"):
+        Predict(tmp_path / "in", pipeline, tmp_path / "out").run()
+    assert names(tmp_path / "out") == ["b/notes.txt"]
 
 
 def test_a_failure_half_way_leaves_nothing(tmp_path, pipeline, monkeypatch):
