@@ -36,6 +36,12 @@ class Task:
             raise ZeroDivisionError("a fault of the program")
         if self.trouble == "interrupt":
             raise KeyboardInterrupt
+        if self.trouble == "terminate":
+            from pathlib import Path
+            from scenefw.core.folders import replacing_folder
+
+            with replacing_folder(Path(self.output) / "result"):
+                os.kill(os.getpid(), 15)
         return {"extent": self.grid.extent, "seed": self.seed, "garbage": gc.isenabled()}
 """
 CONFIG = """# A run that does nothing
@@ -284,6 +290,26 @@ def test_an_interrupt_is_quiet(nil):
     done = nil("run=nil", "run.trouble=interrupt", "device=cpu")
     assert done.returncode == 130
     assert "Traceback" not in done.stderr
+
+
+def test_an_end_from_outside_leaves_no_temporary_folder(nil, tmp_path):
+    done = nil("run=nil", "run.trouble=terminate", "device=cpu", "paths.output=out")
+    assert done.returncode == 143
+    assert done.stderr == "terminated\n"
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"config.yaml", "run.json"}
+
+
+@pytest.mark.parametrize("word", ["paths.output=", "run.trouble="])
+def test_a_setting_without_a_value_is_one_line(nil, tmp_path, word):
+    assert_one_line(nil("run=nil", word), f"error: {word} has no value; give {word}VALUE")
+    assert not list(tmp_path.rglob("run.json"))
+
+
+def test_a_config_of_somebody_else_is_not_lost(nil, tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "config.yaml").write_text("mine")
+    assert_one_line(nil("run=nil", "paths.output=out"), "config.yaml is not of a run of scenefw")
+    assert (tmp_path / "out" / "config.yaml").read_text() == "mine"
 
 
 def test_a_run_that_makes_nothing_leaves_the_folder_as_it_was(nil, tmp_path):

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from scenefw import config, plugins, registry
 from scenefw.core.errors import ConfigError, SceneFWError
+from scenefw.core.signals import Terminated, raise_on_sigterm
 from scenefw.core.streams import end_if_unread, ending_quietly
 from scenefw.core.versions import installed
 
@@ -59,6 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         os.environ[_TRACEBACK] = "1"
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra hands errors on instead of printing and exiting
     sys.argv[1:] = [word for word in words if word != "-v"]
+    raise_on_sigterm()
     gc.disable()  # till the work begins: imports and settings leave none, and take a fifth longer
     try:
         with ending_quietly():
@@ -72,9 +74,13 @@ def _guarded(words: list[str]) -> None:
         _dispatch(words)
         if sys.stdout is not None:
             sys.stdout.flush()  # here, where an error is one line
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        sys.exit(130)
+    except KeyboardInterrupt as stop:
+        terminated = isinstance(stop, Terminated)
+        words = [
+            word for word in ("terminated" if terminated else "interrupted", str(stop)) if word
+        ]
+        print(": ".join(words), file=sys.stderr)
+        sys.exit(143 if terminated else 130)
     except Exception as error:
         _stop(error, composing=True)
         raise

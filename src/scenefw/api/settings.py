@@ -11,6 +11,7 @@ from scenefw.argument_types import check_types
 from scenefw.core.errors import ConfigError, SceneFWError
 from scenefw.execution.build import Builder
 from scenefw.execution.modifiers import make_deterministic
+from scenefw.execution.places import require_values
 from scenefw.execution.reads import require_read
 from scenefw.execution.run import pick_device, require_seed
 from scenefw.execution.threads import require_threads, threads
@@ -28,6 +29,7 @@ class Settings:
 
     def __init__(self, words: Sequence[str]) -> None:
         self.words = list(words)
+        require_values(self.words)
         plugins.activate()
         try:
             self.config = config.compose(self.words)

@@ -35,3 +35,18 @@ class WorkerError(SceneFWError):
 
 class MissingDependencyError(SceneFWError):
     """An optional library is needed for this; the message names the install line."""
+
+
+def require_at_least(least: int, **settings: int | None) -> None:
+    """Checks settings of a run before the work; None stands for no limit.
+
+    Args:
+        least: that each may be.
+        settings: by name.
+
+    Raises:
+        ConfigError: one is below.
+    """
+    for name, value in settings.items():
+        if value is not None and value < least:
+            raise ConfigError(f"run.{name} is {value}; expected {least} or more")

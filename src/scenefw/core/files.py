@@ -13,12 +13,14 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from scenefw.core.errors import StorageError
+from scenefw.core.errors import ConfigError, StorageError
 
 _NUMBER = re.compile(r"(?<![0-9])(?<![0-9]\.)[0-9]+")
 """A whole number, or what comes before a decimal point; digits after one sort well as text."""
 
 _LONGEST_NAME = 255
+_SUFFIXES = 40
+"""Left for suffixes and what a temporary name adds (bytes)."""
 
 DAMAGED = (
     OSError, ValueError, EOFError, LookupError, SyntaxError, OverflowError, MemoryError,
@@ -112,6 +114,40 @@ def require_writable(folder: Path | str) -> Path:
         pass
     (folder / ".writable").unlink(missing_ok=True)
     return folder
+
+
+def require_name(name: str, setting: str) -> str:
+    """Returns a plain file name.
+
+    Args:
+        name: without suffix.
+        setting: that holds it.
+
+    Raises:
+        ConfigError: it is empty, or a path, which would leave the output folder.
+    """
+    plain = bool(name) and name not in (".", "..") and not set(name) & set("/\\\0")
+    if not plain or len(name.encode()) > _LONGEST_NAME - _SUFFIXES:
+        raise ConfigError(
+            f"{setting} is '{name}'; expected a plain file name, such as {setting}=mine (the "
+            "folder is paths.output)"
+        )
+    return name
+
+
+def require_apart(output: Path | str, given: Path | str) -> None:
+    """Finds out before the work whether results would get among the images they are made of.
+
+    Raises:
+        ConfigError: the output is the folder of the input, or one of its folders of images.
+    """
+    folder, target = Path(given).resolve(), Path(output).resolve()
+    images = [folder / name for name in ("", "depth", "rgb", "labels", "poses")]
+    if folder.is_dir() and target in images:
+        raise ConfigError(
+            f"paths.output={output} is the folder of the input, whose images results would mix "
+            f"with; give another, such as paths.output={folder / 'results'}"
+        )
 
 
 def unwritable(target: Path | str, error: OSError) -> StorageError:

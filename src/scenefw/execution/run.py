@@ -21,6 +21,7 @@ from scenefw.execution import final_split
 from scenefw.execution.build import Builder
 from scenefw.execution.leftovers import FIGURES, RECORD, SETTINGS, Leftovers
 from scenefw.execution.modifiers import make_deterministic, profiled
+from scenefw.execution.places import require_no_strangers, require_values
 from scenefw.execution.reads import require_read
 from scenefw.execution.threads import require_threads, threads
 from scenefw.execution.weights import used_weights
@@ -55,6 +56,7 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
         overrides = [str(override) for override in cast("list[Any]", task)]
         choices = HydraConfig.get().runtime.choices
     try:
+        require_values(overrides)
         require_seed(config.seed)
         require_threads(config.threads)
         plugins.activate()
@@ -79,6 +81,7 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
 def _own_folder(output: Path) -> Path:
     """The folder given by name, else one that no other run has."""
     if any(word.startswith("paths.output=") for word in sys.argv[1:]):
+        require_no_strangers(output)
         return require_writable(output)
     return claim(output)
 

@@ -9,6 +9,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from scenefw.core.files import write_text
+from scenefw.core.folders import replacing_folder
 from scenefw.export.bodies import DENSITY, Body, BodyMaker
 from scenefw.export.scene_files import obj_lines
 from scenefw.export.xml_files import numbers, rgba, written
@@ -48,21 +49,25 @@ class URDF:
             InputError: an object has no volume.
             StorageError: a file can't be written.
         """
-        folder = path.with_name(f"{path.stem}_urdf")
         scene = ET.Element("robot", name=path.stem)
         ET.SubElement(scene, "link", name="world")
-        for body, colour in zip(self._maker.bodies(estimate), colours, strict=True):
-            _write_meshes(folder, body)
-            alone = ET.Element("robot", name=body.name)
-            _add_link(alone, body, colour, "")
-            write_text(folder / f"{body.name}.urdf", written(alone))
-            _add_link(scene, body, colour, f"{folder.name}/")
-            joint = ET.SubElement(scene, "joint", name=f"world_to_{body.name}", type="floating")
-            xyz, rpy = numbers(body.pose.position), numbers(_roll_pitch_yaw(body.pose.rotation))
-            ET.SubElement(joint, "origin", xyz=xyz, rpy=rpy)
-            ET.SubElement(joint, "parent", link="world")
-            ET.SubElement(joint, "child", link=body.name)
+        with replacing_folder(path.with_name(f"{path.stem}_urdf")) as folder:
+            for body, colour in zip(self._maker.bodies(estimate), colours, strict=True):
+                _write_meshes(folder, body)
+                alone = ET.Element("robot", name=body.name)
+                _add_link(alone, body, colour, "")
+                write_text(folder / f"{body.name}.urdf", written(alone))
+                _add_link(scene, body, colour, f"{folder.name}/")
+                _add_joint(scene, body)
         write_text(path, written(scene))
+
+
+def _add_joint(scene: ET.Element, body: Body) -> None:
+    joint = ET.SubElement(scene, "joint", name=f"world_to_{body.name}", type="floating")
+    xyz, rpy = numbers(body.pose.position), numbers(_roll_pitch_yaw(body.pose.rotation))
+    ET.SubElement(joint, "origin", xyz=xyz, rpy=rpy)
+    ET.SubElement(joint, "parent", link="world")
+    ET.SubElement(joint, "child", link=body.name)
 
 
 def _write_meshes(folder: Path, body: Body) -> None:

@@ -11,7 +11,7 @@ from scenefw.core.final_split import Ledger
 from scenefw.report.blocks import Scenes, Section
 from scenefw.report.html import render
 from scenefw.report.publication import publish
-from scenefw.report.record import command_line, read_record
+from scenefw.report.record import PAGE, command_line, read_record
 from scenefw.report.threejs import three_js
 
 _STYLE = Path(__file__).with_name("page.css")
@@ -64,7 +64,7 @@ class Page:
             settings=settings.read_text(encoding="utf-8") if settings.is_file() else None,
             versions=record.get("versions"),
         )
-        target = folder / "report.html"
+        target = folder / PAGE
         write_text(target, text)
         if self.publish:
             if self.ledger and final_split.looks():

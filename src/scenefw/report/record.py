@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+PAGE = "report.html"
 _ABSOLUTE = re.compile(r"(^|[=\[,'\"])/(?:[^\s,=\[\]]*/)?([^/\s,=\[\]]+)")
 
 

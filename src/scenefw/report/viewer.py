@@ -173,7 +173,7 @@ class Viewer:
             form.write(path, scene, [_colour(item.id) for item in scene.objects])
         print(path)
         below = folder / f"scene_{form.suffix.lstrip('.')}"
-        parts = sorted(p for p in below.rglob("*") if p.is_file()) if below.is_dir() else []
+        parts = sorted(p for p in below.rglob("[!.]*") if p.is_file()) if below.is_dir() else []
         return (path, *parts)
 
     # What is shown

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenefw.core.errors import ConfigError
+from scenefw.core.files import require_apart
 from scenefw.data.arrays import read_mask
 from scenefw.data.readers import find_images, read_frame
 
@@ -23,9 +24,11 @@ class DepthImages:
         depth_scale: metres per unit of integer depth; None = that of the format, else millimetres.
         masks: folder of masks of objects, NAME.png for each image, or such a file (see
             `data.arrays.read_mask`); None = none are known.
+        output: where results go, not among the images; None = nowhere.
 
     Raises:
-        ConfigError: no path is given, or the depth scale is not positive.
+        ConfigError: no path is given, the depth scale is not positive, or results would go among
+            the images.
     """
 
     def __init__(
@@ -35,11 +38,14 @@ class DepthImages:
         intrinsics: str | Path | None = None,
         depth_scale: float | None = None,
         masks: str | Path | None = None,
+        output: str | Path | None = None,
     ) -> None:
         if path is None:
             raise ConfigError(f"run={verb} needs input=PATH of a depth image or a folder of them")
         if depth_scale is not None and not depth_scale > 0:
             raise ConfigError(f"run.depth_scale = {depth_scale}: expected metres per unit, above 0")
+        if output is not None:
+            require_apart(output, path)
         self.path = Path(path)
         self._options: dict[str, Any] = {"intrinsics": intrinsics, "depth_scale": depth_scale}
         self._masks = None if masks is None else Path(masks)

@@ -43,7 +43,7 @@ class Examine:
         depth_scale: float | None = None,
         masks: str | Path | None = None,
     ) -> None:
-        self.images = DepthImages("doctor", input, intrinsics, depth_scale, masks)
+        self.images = DepthImages("doctor", input, intrinsics, depth_scale, masks, output)
         self.output, self.examiner = Path(output), examiner
 
     def run(self) -> dict[str, float]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from scenefw.core.errors import ConfigError, StorageError
-from scenefw.core.files import require_writable
+from scenefw.core.files import require_name, require_writable
 from scenefw.core.protocols import SceneSource, Workers
 from scenefw.core.versions import installed, versions
 from scenefw.scenes import statistics
@@ -64,7 +64,7 @@ class Generate:
         self.shard_size = shard_size
         self.shards = shards
         self.output = output
-        self.name = name
+        self.name = require_name(name, "run.name")
 
     def run(self) -> dict[str, float]:
         """Generates missing shards and merges all; returns the numbers of scenes and objects."""

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from scenefw.core.errors import ConfigError, InputError
-from scenefw.core.files import require_writable
+from scenefw.core.errors import ConfigError, InputError, require_at_least
+from scenefw.core.files import require_apart, require_writable
+from scenefw.core.folders import adding_to_folder
 from scenefw.data.height_maps import load_map, save_map
 from scenefw.data.readers import find_images, read_frame
 from scenefw.data.recordings import STATE, MeasuredFrames, Recording
@@ -105,6 +106,9 @@ class Label:
             )
         if depth_scale is not None and not depth_scale > 0:
             raise ConfigError(f"run.depth_scale = {depth_scale}: expected metres per unit, above 0")
+        require_at_least(0, start=start, picture_every=picture_every)
+        require_at_least(1, frames=frames, save_every=save_every)
+        require_apart(output, input)
         self.input = Path(input)
         self.strategy = next(iter(strategies.values()))
         self.grid = grid
@@ -230,8 +234,9 @@ class Label:
         running = self.strategy.begin()
         running.add(replace(frame, labels=None))
         height_map = running.height_map()
-        save_map(folder / MAP, height_map, running.states())
-        save_picture(map_picture(height_map), folder / PICTURE)
+        with adding_to_folder(folder) as temporary:
+            save_map(temporary / MAP, height_map, running.states())
+            save_picture(map_picture(height_map), temporary / PICTURE)
         return frame, height_map
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.core.files import require_writable
+from scenefw.core.files import require_name, require_writable
 from scenefw.report.markers import fill, read
 from scenefw.report.pictures import save_picture
 from scenefw.report.two_sides import draw_two_sides
@@ -57,6 +57,8 @@ class Pictures:
             self.images = {name: Shown(**entry) for name, entry in images.items() if entry}
         except TypeError as error:
             raise ConfigError(f"an entry of run.images is invalid: {error}") from error
+        for name in self.images:
+            require_name(name, "run.images")
         if not self.images:
             raise ConfigError("run.images names no image to show")
 

@@ -67,7 +67,7 @@ class Predict:
         exports: Mapping[str, SceneFormat] | None = None,
         masks: str | Path | None = None,
     ) -> None:
-        self.images = DepthImages("predict", input, intrinsics, depth_scale, masks)
+        self.images = DepthImages("predict", input, intrinsics, depth_scale, masks, output)
         self.pipeline, self.output, self.settling = pipeline, Path(output), settling
         self.overview, self.page = overview, page
         self.hypotheses = hypotheses

@@ -8,17 +8,19 @@ from typing import Any
 
 import lightning
 
-from scenefw.core.files import replacing, require_writable
+from scenefw.core.files import replacing, require_name, require_writable
+from scenefw.core.signals import stop_of
 from scenefw.core.training_protocols import TrainingData, TrainingLogger
 from scenefw.learning.callbacks import ProgressBar, Snapshots
 from scenefw.learning.checkpoint import save_checkpoint
 from scenefw.learning.divergence import Divergence
+from scenefw.learning.interruption import Interruption
 from scenefw.learning.limits import finished
 from scenefw.learning.loggers import LossTable
 from scenefw.learning.module import TrainingModule
 from scenefw.learning.processes import processes
 from scenefw.learning.recording import Recording
-from scenefw.learning.state import state_to_go_on
+from scenefw.learning.state import read_state, state_to_go_on
 from scenefw.learning.trainer import TrainerSettings
 from scenefw.report.record import command_line, read_record
 
@@ -67,7 +69,7 @@ class Train:
         self.learning, self.data, self.trainer = learning, data, trainer
         self.output, self.folder = Path(output), Path(folder)
         self.snapshot_minutes, self.snapshot_steps = snapshot_minutes, snapshot_steps
-        self.weights = f"{name}.safetensors"
+        self.weights = f"{require_name(name, 'run.name')}.safetensors"
         if callbacks is None:
             callbacks = {"progress": ProgressBar(), "divergence": Divergence()}
         self.callbacks = dict(callbacks)
@@ -117,13 +119,28 @@ class Train:
     def _fit(self) -> Any:
         """The work of one process."""
         resumed = self._state.exists() and not self.fresh
-        trainer = self.trainer.build(self.folder, self._callbacks())
-        with self.trainer.faster(trainer.strategy.root_device):
-            trainer.fit(self.learning, self.data, ckpt_path=str(self._state) if resumed else None)
-        if trainer.interrupted:
-            raise KeyboardInterrupt
+        with Interruption() as interruption:
+            trainer = self.trainer.build(self.folder, [interruption, *self._callbacks()])
+            state = str(self._state) if resumed else None
+            try:
+                with self.trainer.faster(trainer.strategy.root_device):
+                    trainer.fit(self.learning, self.data, ckpt_path=state)
+            except SystemExit as stop:  # what Lightning makes of Ctrl-C
+                if not isinstance(stop.__context__, KeyboardInterrupt):
+                    raise
+                raise type(stop.__context__)(self._kept()) from stop
+        if interruption.number is not None:
+            raise stop_of(interruption.number)(self._kept())
         self.learning.times.finish()
         return trainer
+
+    def _kept(self) -> str:
+        """Where a training that was stopped goes on."""
+        if not self._state.exists():
+            return "the training has no snapshot yet"
+        steps = read_state(self._state, mapped=True)["scenefw"]["batches_seen"]
+        command = "this command without run.fresh=true" if self.fresh else "the same command"
+        return f"the training is kept in {self._state}, at step {steps}; {command} resumes it"
 
     def _again(self, state: dict[str, Any]) -> Mapping[str, Any]:
         """The weights of a finished training, and its figures."""

@@ -65,7 +65,7 @@ class View:
         port: int = 8080,
         seconds: float | None = None,
     ) -> None:
-        self.images = DepthImages("view", input, intrinsics, depth_scale, masks)
+        self.images = DepthImages("view", input, intrinsics, depth_scale, masks, output)
         if seconds is not None and not seconds > 0:
             raise ConfigError(f"run.seconds = {seconds}: expected seconds above 0, or null")
         self.output, self.pipeline, self.settling = Path(output), pipeline, settling

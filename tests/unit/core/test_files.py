@@ -6,11 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenefw.core.errors import StorageError
+from scenefw.core.errors import ConfigError, StorageError
 from scenefw.core.files import (
     append_text,
     in_order,
     replacing,
+    require_apart,
+    require_name,
     require_writable,
     write_text,
 )
@@ -170,3 +172,26 @@ def test_text_is_added_whole_or_not_at_all(tmp_path, full_disk):
     assert target.read_bytes() == before
     with pytest.raises(StorageError, match="none"):
         append_text(tmp_path / "none" / "rows.csv", "a")
+
+
+@pytest.mark.parametrize("name", ["", ".", "..", "../x", "/x", "a/b", "a\\b", "a\0", 250 * "a"])
+def test_a_name_is_no_path(name):
+    with pytest.raises(ConfigError, match=r"^run\.name is .*expected a plain file name"):
+        require_name(name, "run.name")
+
+
+@pytest.mark.parametrize("name", ["simstack", "a.b", "...", "Tür 3", "-1"])
+def test_a_plain_name_comes_back(name):
+    assert require_name(name, "run.name") == name
+
+
+def test_results_do_not_go_among_the_images(tmp_path):
+    (tmp_path / "in" / "depth").mkdir(parents=True)
+    (tmp_path / "link").symlink_to(tmp_path / "in")
+    for output in ("in", "in/depth", "in/../in", "link", "link/depth"):
+        with pytest.raises(ConfigError, match=r"is the folder of the input.*in/results$"):
+            require_apart(tmp_path / output, tmp_path / "in")
+    for output in ("in/results", "out", "."):
+        require_apart(tmp_path / output, tmp_path / "in")
+    (tmp_path / "image.png").touch()
+    require_apart(tmp_path, tmp_path / "image.png")  # a folder for this image is made beside it

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -72,6 +73,17 @@ def test_masses_and_inertias_are_those_of_boxes(tmp_path, bullet):
         a, b, c = sorted(size)
         expected = mass / 12 * np.array([a * a + b * b, a * a + c * c, b * b + c * c])
         np.testing.assert_allclose(sorted(diagonal), expected, rtol=1e-5)
+
+
+def test_a_scene_of_fewer_objects_leaves_no_file_of_the_others(tmp_path):
+    whole = stack()
+    written(tmp_path, whole)
+    one = replace(whole, objects=whole.objects[:1])
+    URDF().write(tmp_path / "scene.urdf", one, COLOURS[:1])
+    assert {path.name.partition(".")[0] for path in (tmp_path / "scene_urdf").glob("[!.]*")} == {
+        "object_01",
+        "object_01_collision_1",
+    }
 
 
 def test_files_lie_together_and_hold_the_shapes(tmp_path):

@@ -119,6 +119,18 @@ class Killer(lightning.Callback):
             os.kill(os.getpid(), signal.SIGKILL)
 
 
+class Signals(lightning.Callback):
+    """Sends itself signals in the step after so many batches."""
+
+    def __init__(self, after, *signals):
+        self.after, self.signals = after, signals
+
+    def on_train_batch_start(self, trainer, module, *_):
+        if module.batches_seen == self.after:
+            for number in self.signals:
+                os.kill(os.getpid(), number)
+
+
 if __name__ == "__main__":
     doomed = {"callbacks": {"killer": Killer(5)}} if "kill" in sys.argv[3:] else {}
     task(*sys.argv[1:3], steps=9, **doomed).run()

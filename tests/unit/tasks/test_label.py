@@ -273,6 +273,26 @@ def test_views_are_labelled_where_the_map_has_them(request, world, sequence, tmp
         assert not (tmp_path / "lost" / "views").exists()
 
 
+@pytest.mark.parametrize(
+    ("setting", "value"),
+    [("start", -1), ("frames", 0), ("picture_every", -1), ("save_every", 0), ("save_every", -2)],
+)
+def test_numbers_of_frames_that_are_none_are_named(sequence, tmp_path, setting, value):
+    with pytest.raises(ConfigError, match=rf"^run\.{setting} is {value}; expected [01] or more"):
+        label(sequence, tmp_path, **{setting: value})
+
+
+@pytest.mark.parametrize(("setting", "value"), [("every", 0), ("every", -1), ("border", -1)])
+def test_numbers_of_views_that_are_none_are_named(tmp_path, setting, value):
+    with pytest.raises(ConfigError, match=rf"^run\.{setting} is {value}; expected"):
+        PaintImport("painted.png", "map.npz", tmp_path, "recording", **{setting: value})
+
+
+def test_results_are_not_mixed_with_the_recording(sequence):
+    with pytest.raises(ConfigError, match="is the folder of the input"):
+        label(sequence, sequence)
+
+
 def test_labels_by_hand_there_and_back(sequence, tmp_path):
     whole = table()
     save_map(tmp_path / "map.npz", whole)

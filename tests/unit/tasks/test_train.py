@@ -9,6 +9,7 @@ from tests.unit.data.stacks_file import write_stacks
 from tests.unit.learning import tiny
 
 from scenefw.core.errors import CheckpointError, ConfigError, StorageError, TrainingError
+from scenefw.core.signals import stop_of
 from scenefw.data.stacks import StackScenes
 from scenefw.learning.checkpoint import load_checkpoint
 from scenefw.learning.optimizers import Muon
@@ -62,6 +63,38 @@ def test_a_killed_training_goes_on_as_if_never_stopped(stacks, tmp_path, run_els
     assert losses(whole) == losses(killed)
 
 
+@pytest.mark.parametrize(
+    ("signals", "step"),
+    [
+        ([signal.SIGINT], 5),
+        ([signal.SIGTERM], 5),
+        ([signal.SIGINT, signal.SIGINT], 4),  # the second one cuts the step short
+        ([signal.SIGINT, signal.SIGTERM], 4),
+    ],
+)
+def test_a_training_that_is_stopped_keeps_its_state_and_says_where(
+    stacks, tmp_path, signals, step, capsys
+):
+    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+    stop = tiny.Signals(4, *signals)
+    words = rf"kept in .*state/last\.ckpt, at step {step}; the same command resumes it$"
+    with pytest.raises(stop_of(signals[-1]), match=words):
+        tiny.task(stacks, tmp_path, steps=9, callbacks={"stop": stop}).run()
+    assert state(tmp_path)["scenefw"]["batches_seen"] == step
+    assert capsys.readouterr().err == "stopping after this step (Ctrl-C again: at once)\n"
+    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
+    assert tiny.task(stacks, tmp_path, steps=9).run()["train/steps"] == 9
+
+
+def test_a_training_that_is_stopped_says_what_not_to_repeat(stacks, tmp_path):
+    stop = {"stop": tiny.Signals(2, signal.SIGINT)}
+    with pytest.raises(KeyboardInterrupt, match=r"this command without run\.fresh=true resumes"):
+        tiny.task(stacks, tmp_path, steps=9, callbacks=stop, fresh=True).run()
+    stop = {"stop": tiny.Signals(0, signal.SIGINT, signal.SIGINT)}
+    with pytest.raises(KeyboardInterrupt, match="the training has no snapshot yet"):
+        tiny.task(stacks, tmp_path / "new", steps=9, callbacks=stop).run()
+
+
 def test_it_stops_and_goes_on_with_more_steps(stacks, tmp_path):
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     tiny.task(stacks, whole, steps=7).run()
@@ -110,6 +143,11 @@ def test_the_export_says_how_it_was_made_and_from_what(stacks, tmp_path):
     after = load_checkpoint(second / "out" / "simstack.safetensors").metadata
     assert after["steps"] == 3
     assert after["started_from"] == {"file": "simstack.safetensors", "sha256": digest, **before}
+
+
+def test_the_name_of_the_weights_is_no_path(stacks, tmp_path):
+    with pytest.raises(ConfigError, match=r"^run\.name is '\.\./x'; expected a plain file name"):
+        tiny.task(stacks, tmp_path, steps=2, name="../x")
 
 
 def test_fresh_starts_anew(stacks, tmp_path):

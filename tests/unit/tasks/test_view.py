@@ -86,7 +86,7 @@ def test_missing_images_are_said(tmp_path, pipeline):
 
 
 def test_a_prediction_keeps_image_truth_and_partial_volume(tmp_path, pipeline):
-    known = View(tmp_path, pipeline, tmp_path).predict(save(tmp_path / "boxes.npz"))
+    known = View(tmp_path, pipeline, tmp_path / "out").predict(save(tmp_path / "boxes.npz"))
     assert len(known.scenes) == 2
     assert known.partial.shape == (32, 32, 32)
     assert known.frame.labels.max() == 2

@@ -1,0 +1,40 @@
+"""Where a run reads and writes: what can only be a slip is an error before anything is lost."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from scenefw.core.errors import ConfigError, StorageError
+from scenefw.core.measures import MEASURES_FILE
+from scenefw.execution.leftovers import FIGURES, RECORD, SETTINGS
+from scenefw.report.record import PAGE
+
+_WRITTEN = (SETTINGS, FIGURES, MEASURES_FILE, PAGE)
+
+
+def require_values(overrides: Sequence[str]) -> None:
+    """Refuses settings without a value: an empty path would mean the current folder.
+
+    Raises:
+        ConfigError: a word ends with its equals sign, as `paths.output=$FOLDER` of a shell where
+            that is not set.
+    """
+    for word in overrides:
+        key, equals, value = word.partition("=")
+        if equals and value.strip() in ("", "''", '""') and not key.startswith("hydra"):
+            raise ConfigError(f"{key}= has no value; give {key}=VALUE, or leave it out")
+
+
+def require_no_strangers(output: Path) -> None:
+    """Refuses a folder that is no run's but holds a file of a name that runs write.
+
+    Raises:
+        StorageError: it does.
+    """
+    if (output / RECORD).exists():
+        return
+    found = next((name for name in _WRITTEN if (output / name).exists()), None)
+    if found is not None:
+        raise StorageError(
+            f"{output / found} is not of a run of scenefw (there is no {RECORD}), and would be "
+            "lost; give another paths.output, or move it away"
+        )
