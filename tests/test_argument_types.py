@@ -16,12 +16,13 @@ from scenefw.core.errors import ConfigError
 COMPONENT = """
 {future}
 from collections.abc import Sequence
+from pathlib import Path
 
 class Component:
     def __init__(
         self, rate: float = 0.5, count: int = 3, flag: bool = False, limit: int | None = None,
         size: tuple[int, int] = (4, 3), levels: Sequence[float] | None = None, name: str = "",
-        words: Sequence[str] = (),
+        words: Sequence[str] = (), file: str | Path | None = None,
         both: float | Sequence[float] = 1.0, part: object = None, **more: float,
     ): ...
 """
@@ -57,6 +58,14 @@ def settings(**values):
         ("size", [64, None], "run.part.size"),
         ("levels", [0.1, "b"], "run.part.levels .* expected a list of numbers"),
         ("words", 3, "run.part.words is 3; expected a list of words"),
+        (
+            "file",
+            7,
+            "run.part.file is 7; expected a path or .* quotes: \"run.part.file='7'\"",
+        ),
+        ("file", 0.5, "run.part.file is 0.5; expected a path"),
+        ("file", True, "run.part.file is true; expected a path or null; a name"),
+        ("file", ["a"], "run.part.file .* expected a path"),
         ("name", ["a"], "run.part.name .* expected text"),
     ],
 )
@@ -77,6 +86,7 @@ def test_a_value_of_another_kind_is_one_line(name, value, expected):
             "size": st.lists(st.integers(), max_size=3),
             "levels": st.none() | st.lists(st.floats() | st.integers(), max_size=3),
             "name": st.integers() | st.text("abc/._", max_size=9),
+            "file": st.none() | st.text("abc/._", max_size=9),
             "both": st.sampled_from(["left to the component", 3, [1.0]]),
             "part": st.sampled_from(["left to the component", None, 3]),
             "other": st.sampled_from(["left to the component", None, 3]),
@@ -147,6 +157,8 @@ def test_settings_of_a_training(words, expected):
             r"^renderer is a MeshRaycaster, .* a SurfaceRenderer",
         ),
         ("run=train dataset=tabletop", r"^dataset is a TabletopScenes, .* expected a TrainingData"),
+        ("run=predict run.pipeline=3", r"^run\.pipeline is 3; expected a part \(Pipeline\), whose"),
+        ("run=predict run.settling=at_rest", r"^run\.settling is at_rest; .* \(Settling\)"),
         ("run=evaluate evaluation=labelling", r"^dataset is a StackData, .* a FrameSource"),
     ],
 )

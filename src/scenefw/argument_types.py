@@ -23,12 +23,13 @@ _WORDS = {
     "int": "a whole number",
     "bool": "true or false",
     "str": "text",
+    "Path": "a path",
     "None": "null",
 }
 
 
 class _Part(NamedTuple):
-    """A component that one argument takes, by its protocol; several by name."""
+    """A component that one argument takes, by its protocol or class; several by name."""
 
     protocol: type
     several: bool
@@ -61,13 +62,21 @@ def check_types(config: DictConfig, key: str) -> None:
         if isinstance(argument, _Part):
             _require_methods(setting, value, argument)
         elif not _fits(value, argument):
-            raise ConfigError(f"{setting} is {_as_typed(value)}; expected {_expectation(argument)}")
+            raise ConfigError(
+                f"{setting} is {_as_typed(value)}; expected {_expectation(argument)}"
+                + _quotes(setting, value, argument)
+            )
 
 
 def _require_methods(setting: str, node: Any, part: _Part) -> None:
     """Checks only classes: what functions return is not known in advance."""
     from omegaconf import DictConfig
 
+    if isinstance(node, int | float | str):
+        raise ConfigError(
+            f"{setting} is {_as_typed(node)}; expected a part ({part.protocol.__name__}), whose "
+            f"own settings are {setting}.NAME=..."
+        )
     if not isinstance(node, DictConfig):
         return
     if part.several and "_target_" not in node:
@@ -75,8 +84,10 @@ def _require_methods(setting: str, node: Any, part: _Part) -> None:
             _require_methods(f"{setting}.{name!s}", each, part._replace(several=False))
         return
     built = None if node.get("_partial_") else _imported(node.get("_target_"))
-    wrong = next(wrong_methods(built, part.protocol), None) if inspect.isclass(built) else None
-    if built is not None and wrong is not None:
+    if not inspect.isclass(built) or not _is_protocol(part.protocol):
+        return
+    wrong = next(wrong_methods(built, part.protocol), None)
+    if wrong is not None:
         raise ConfigError(
             f"{setting} is a {built.__name__}, which {wrong}; expected a {part.protocol.__name__}: "
             f"another option of {setting.partition('.')[0]} (--list shows them)"
@@ -166,21 +177,29 @@ def _argument(annotation: Any, default: Any) -> _Argument | None:
 
 
 def _part(annotation: Any, names: Mapping[str, Any]) -> _Part | None:
-    """The protocol that an annotation names, alone or in a mapping."""
+    """The protocol or class of ours that an annotation names, alone or in a mapping."""
     words = [word for word in _written(annotation).split(" | ") if word != "None"]
     found = _MAPPING.fullmatch(words[0]) if len(words) == 1 else None
     name = (found[1] if found else words[0] if len(words) == 1 else "").rpartition(".")[2]
     protocol: Any = names.get(name)
-    if not getattr(protocol, "_is_protocol", False):
+    ours = inspect.isclass(protocol) and protocol.__module__.partition(".")[0] == "scenefw"
+    if not (_is_protocol(protocol) or ours):
         return None
     return _Part(protocol, found is not None)
+
+
+def _is_protocol(known: Any) -> bool:
+    return bool(getattr(known, "_is_protocol", False))
 
 
 def _written(annotation: Any) -> str:
     """An annotation as written, whether or not it has been evaluated."""
     if isinstance(annotation, type) and not hasattr(annotation, "__args__"):
         return annotation.__name__
-    return str(annotation).replace("collections.abc.", "").replace("typing.", "")
+    text = str(annotation)
+    for module in ("collections.abc.", "typing.", "pathlib."):
+        text = text.replace(module, "")
+    return text
 
 
 def _fits(value: Any, argument: _Argument) -> bool:
@@ -191,15 +210,16 @@ def _fits(value: Any, argument: _Argument) -> bool:
         return "None" in argument.kinds
     if isinstance(value, bool):
         return "bool" in argument.kinds
-    if isinstance(value, int):
-        return bool(argument.kinds & {"int", "float", "str"})
-    if isinstance(value, float):
-        return bool(argument.kinds & {"float", "str"})
-    return isinstance(value, str) and "str" in argument.kinds
+    words = argument.kinds & {"str", "Path"}
+    if isinstance(value, int | float) and "Path" not in words:  # as a name, 007 would be lost
+        numbers = {"int", "float"} if isinstance(value, int) else {"float"}
+        return bool(argument.kinds & (numbers | words))
+    return isinstance(value, str) and bool(words)
 
 
 def _expectation(argument: _Argument) -> str:
-    words = [word for kind, word in _WORDS.items() if kind in argument.kinds]
+    kinds = argument.kinds - {"str"} if "Path" in argument.kinds else argument.kinds
+    words = [word for kind, word in _WORDS.items() if kind in kinds]
     if argument.sequence and argument.default:
         return f"a list such as {_as_typed(list(argument.default))}"
     if argument.sequence:
@@ -207,6 +227,12 @@ def _expectation(argument: _Argument) -> str:
     example = argument.default
     numeric = isinstance(example, int | float) and not isinstance(example, bool)
     return " or ".join(words) + (f", such as {example}" if numeric else "")
+
+
+def _quotes(setting: str, value: Any, argument: _Argument) -> str:
+    if "Path" not in argument.kinds or not isinstance(value, int | float):
+        return ""
+    return f"; a name like this needs quotes: \"{setting}='{_as_typed(value)}'\""
 
 
 def _as_typed(value: Any) -> str:

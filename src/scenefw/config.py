@@ -6,6 +6,7 @@ import difflib
 import functools
 import importlib.util
 import re
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,11 +14,14 @@ from typing import TYPE_CHECKING, Any
 from scenefw.core.errors import ConfigError
 
 if TYPE_CHECKING:
+    from hydra.core.override_parser.overrides_parser import OverridesParser
     from hydra.core.override_parser.types import Override
     from omegaconf import DictConfig
 
 ROOT_CONFIG = "config"
 _ABSENT = re.compile(r"Interpolation key '(\w+)[\w.]*' not found|Key '(\w+)' is not in struct")
+_BEFORE_QUOTE = re.compile(r"(\\*)('|\Z)")  # where backslashes count
+_AMBIGUOUS = re.compile(r"Ambiguous value for argument '([^=]+)=(.*)'")
 _search_path: list[Path] = []  # folders of plugins, read whenever Hydra starts
 
 
@@ -153,10 +157,50 @@ def explain(
         try:
             parsed.append(parser.parse_override(text))
         except HydraException:
-            return ConfigError(f"'{text}' is not understood; overrides look like key=value")
+            return ConfigError(f"'{text}' is not understood; {_as_understood(text, parser)}")
     complaints = (_unknown_option(override, options) for override in parsed)
     wrong = next(filter(None, complaints), None) or _unknown_key(parsed, options)
-    return ConfigError(wrong or _unchosen(error, options) or squash(error))
+    return ConfigError(wrong or _ambiguous(error) or _unchosen(error, options) or squash(error))
+
+
+def quoted(text: str) -> str:
+    """Any text in the grammar of overrides."""
+    escaped = _BEFORE_QUOTE.sub(lambda found: 2 * found[1] + found[2].replace("'", "\\'"), text)
+    return f"'{escaped}'"
+
+
+def _as_understood(text: str, parser: OverridesParser) -> str:
+    """How an override with special characters is typed in a shell."""
+    from hydra.errors import HydraException
+
+    key, equals, value = text.partition("=")
+    word = f"{key}={quoted(value)}"
+    try:
+        parser.parse_override(word)
+    except HydraException:
+        equals = ""
+    if not equals or value[:1] in ("", "[", "{", "(", "$"):
+        return "overrides look like key=value"
+    return (
+        "a value with other characters than a-z, 0-9 and ._-/ needs quotes of its own: "
+        f"{_for_shell(word)}"
+    )
+
+
+def _for_shell(word: str) -> str:
+    return shlex.quote(word) if set(word) & set('"$`\\!') else f'"{word}"'
+
+
+def _ambiguous(error: Exception) -> str | None:
+    found = _AMBIGUOUS.search(str(error))
+    if found is None:
+        return None
+    key, value = found[1], found[2]
+    return (
+        f"{key}={value} has a comma; a value with one needs quotes of its own, "
+        f"{_for_shell(f'{key}={quoted(value)}')}, several values are '{key}=[{value}]', and a "
+        "sweep over them has -m"
+    )
 
 
 def squash(error: BaseException) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 from scenefw.api.settings import Settings
-from scenefw.config import near_misses
+from scenefw.config import near_misses, quoted
 from scenefw.core.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 _PLAIN = re.compile(r"[A-Za-z_][\w./-]*", re.ASCII)
 _NO_TEXT = {"null", "true", "false", "inf", "nan"}
-_BEFORE_QUOTE = re.compile(r"(\\*)('|\Z)")  # where backslashes count
 
 Setting = str | int | float | bool | Path | None | list[Any] | tuple[Any, ...]
 
@@ -83,7 +82,4 @@ def _written(value: Setting) -> str:
     if isinstance(value, int | float):
         return repr(value)
     text = str(value)
-    if _PLAIN.fullmatch(text) and text.lower() not in _NO_TEXT:
-        return text
-    escaped = _BEFORE_QUOTE.sub(lambda found: 2 * found[1] + found[2].replace("'", "\\'"), text)
-    return f"'{escaped}'"
+    return text if _PLAIN.fullmatch(text) and text.lower() not in _NO_TEXT else quoted(text)

@@ -89,6 +89,9 @@ class Camera:
         return Camera(self.width, self.height, self.fx, self.fy, self.cx, self.cy, T_world_camera)
 
 
+_FINEST = 1024  # voxels per side
+
+
 @dataclass(frozen=True)
 class GridSpec:
     """A cubic voxel grid; samples sit at voxel centres, index order (x, y, z).
@@ -109,6 +112,11 @@ class GridSpec:
         if self.resolution < 2 or not self.extent > 0 or not self.truncation_voxels > 0:
             raise ConfigError(
                 f"{self} is not a voxel grid; give 2 voxels or more and positive lengths"
+            )
+        if self.resolution > _FINEST:
+            raise ConfigError(
+                f"a voxel grid of {self.resolution} voxels per side doesn't fit into memory; give "
+                f"at most {_FINEST}, each volume of which takes 4 GB"
             )
         object.__setattr__(self, "lower", tuple(float(x) for x in self.lower))  # configs hold lists
 

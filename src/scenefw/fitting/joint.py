@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 _GROWTH = 0.03  # m, of half-axes in one round
 _SHELLS = (0.95, 0.7, 0.4)  # of sizes: objects that coincide have no surface inside each other
+_FINEST = 64  # points along an edge of the cube about each object
 
 
 class JointFit:
@@ -47,6 +48,11 @@ class JointFit:
             raise ConfigError(
                 f"a joint fit has rounds {rounds}, resolution {resolution} and sigma {sigma}; "
                 "expected 1 or more and a positive deviation"
+            )
+        if resolution > _FINEST:
+            raise ConfigError(
+                f"fit.resolution is {resolution} points along an edge, which no memory holds for "
+                f"all objects; give at most {_FINEST} (6 is enough for what a camera sees)"
             )
         self.inner, self.rounds, self.resolution, self.sigma = inner, rounds, resolution, sigma
 

@@ -21,18 +21,20 @@ Number = TypeVar("Number", int, float)
 
 
 def limit(amount: Number | None, name: str) -> Number | None:
-    """A limit of a training; None or below 0 means no limit.
+    """A limit of a training; None or -1 means no limit.
 
     Args:
         amount: steps, epochs or minutes.
         name: the setting that holds it.
 
     Raises:
-        ConfigError: it is 0.
+        ConfigError: it is 0, or another negative number.
     """
-    if amount == 0:
-        raise ConfigError(f"{name} is 0; expected more, or -1 for no limit")
-    return None if amount is None or amount < 0 else amount
+    if amount is None or amount == -1:
+        return None
+    if not amount > 0:
+        raise ConfigError(f"{name} is {amount}; expected more than 0, or -1 for no limit")
+    return amount
 
 
 class Schedule(Protocol):

@@ -85,6 +85,11 @@ class TrainerSettings:
         }
 
     @property
+    def endless(self) -> bool:
+        """Whether nothing ends a training but whoever stops it."""
+        return self.budget == Budget() and self.call is None
+
+    @property
     def precision(self) -> str:
         """Lightning's name of it."""
         return str(self._options["precision"])

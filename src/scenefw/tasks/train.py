@@ -98,6 +98,12 @@ class Train:
         if found and over:
             print(f"{over} ({self._state})", flush=True)
             return self._again(found)
+        if self.trainer.endless:
+            print(
+                "this training has no limit: it goes on until Ctrl-C, which saves it "
+                "(trainer.max_steps=N ends it)",
+                flush=True,
+            )
         with processes(self.trainer.processes if self.trainer.nodes == 1 else 1, self._fit):
             trainer = self._fit()
         if trainer.is_global_zero:

@@ -101,3 +101,9 @@ def test_a_box_about_points_holds_all_voxels_within_the_truncation(middle, size,
     wider = reach + 2 * grid.voxel_size
     far = ((grid.centres() < ends[0] - wider) | (grid.centres() > ends[1] + wider)).any(axis=-1)
     assert not inside[far].any()
+
+
+def test_a_grid_that_no_memory_holds_is_refused():
+    assert GridSpec(resolution=1024).shape == (1024, 1024, 1024)
+    with pytest.raises(ConfigError, match=r"100000 voxels per side .* at most 1024"):
+        GridSpec(resolution=100_000)

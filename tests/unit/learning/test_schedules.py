@@ -59,19 +59,23 @@ def test_how_much_of_a_budget_is_done():
     )
 
 
-def test_limits_below_zero_are_none_and_zero_is_an_error():
+def test_limits_of_minus_one_are_none_and_zero_is_an_error():
     with pytest.raises(ConfigError, match="budget"):
         CosineDecay(minutes=-1)
     assert CosineDecay(steps=10, minutes=-1).done(Progress(5, 0, 1e6)) == 0.5
     for name in ("steps", "minutes", "epochs"):
-        with pytest.raises(ConfigError, match=f"schedule.{name} is 0"):
-            CosineDecay(**{name: 0})
+        for wrong in (0, -2):
+            with pytest.raises(
+                ConfigError, match=f"schedule.{name} is {wrong}; expected more than"
+            ):
+                CosineDecay(**{name: wrong})
     with pytest.raises(ConfigError, match="schedule of steps"):
         StepDecay(every=0)
 
 
-def test_limits_of_a_training_below_zero_are_none_and_zero_is_an_error():
+def test_limits_of_a_training_of_minus_one_are_none_and_zero_is_an_error():
     assert TrainerSettings("cpu", max_epochs=-1, max_minutes=-1).budget == Budget()
     for name in ("max_steps", "max_minutes", "max_epochs"):
-        with pytest.raises(ConfigError, match=f"trainer.{name} is 0"):
-            TrainerSettings("cpu", **{name: 0})
+        for wrong in (0, -2):
+            with pytest.raises(ConfigError, match=f"trainer.{name} is {wrong}; .* -1 for no limit"):
+                TrainerSettings("cpu", **{name: wrong})

@@ -95,6 +95,14 @@ def test_a_training_that_is_stopped_says_what_not_to_repeat(stacks, tmp_path):
         tiny.task(stacks, tmp_path / "new", steps=9, callbacks=stop).run()
 
 
+@pytest.mark.parametrize(("steps", "said"), [(-1, True), (9, False)])
+def test_a_training_without_a_limit_says_so(stacks, tmp_path, steps, said, capsys):
+    stop = {"stop": tiny.Signals(1, signal.SIGINT)}
+    with pytest.raises(KeyboardInterrupt):
+        tiny.task(stacks, tmp_path, steps, callbacks=stop).run()
+    assert ("this training has no limit" in capsys.readouterr().out) == said
+
+
 def test_it_stops_and_goes_on_with_more_steps(stacks, tmp_path):
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     tiny.task(stacks, whole, steps=7).run()
