@@ -11,7 +11,7 @@ import pytest
 TASK = """
 import gc
 import os
-from scenefw.core.errors import InputError
+from scenefw.core.errors import IncompleteError, InputError
 
 class Task:
     def __init__(self, grid, output, seed: int = 0, trouble=""):
@@ -36,6 +36,8 @@ class Task:
             raise ZeroDivisionError("a fault of the program")
         if self.trouble == "interrupt":
             raise KeyboardInterrupt
+        if self.trouble == "partly":
+            raise IncompleteError("1 of 2 images is unusable", {"images": 2})
         if self.trouble == "terminate":
             from pathlib import Path
             from scenefw.core.folders import replacing_folder
@@ -274,8 +276,22 @@ def test_an_error_of_ours_is_one_line(nil, when):
 
 
 def test_an_error_in_a_sweep_is_one_line(nil):
-    done = nil("-m", "run=nil", "run.trouble=running", "seed=1,2", "device=cpu")
-    assert_one_line(done, "error: a value of 5")
+    words = ("seed=1,2,3", "device=cpu,cpu")
+    done = nil("-m", "run=nil", "run.trouble=running", *words)
+    assert_one_line(done, "a value of 5", "(run 1 of 6 of the sweep, ", "seed=1; not started: 5)")
+
+
+def test_what_could_be_done_is_kept_beside_an_error(nil, tmp_path):
+    done = nil("run=nil", "run.trouble=partly", "paths.output=out")
+    assert_one_line(done, "error: 1 of 2 images is unusable")
+    assert done.stdout.splitlines()[-1] == str(tmp_path / "out")
+    assert json.loads((tmp_path / "out" / "metrics.json").read_text()) == {"images": 2}
+
+
+def test_a_sweep_goes_on_after_a_run_that_is_incomplete(nil, tmp_path):
+    done = nil("-m", "run=nil", "run.trouble=partly,none", "device=cpu", "paths.output=out")
+    assert_one_line(done, "error: 1 of 2 images is unusable")
+    assert len(list((tmp_path / "out").glob("*/metrics.json"))) == 2
 
 
 def test_v_shows_the_traceback(nil):

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from scenefw import config, plugins, registry
-from scenefw.core.errors import ConfigError, SceneFWError
+from scenefw.core.errors import ConfigError, IncompleteError, SceneFWError
 from scenefw.core.signals import Terminated, raise_on_sigterm
 from scenefw.core.streams import end_if_unread, ending_quietly
 from scenefw.core.versions import installed
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 _WITH_VALUE = {"--cfg", "-c", "--package", "-p", "--config-path", "-cp", "--config-name", "-cn"}
 _NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO}
 _COMPLETION = {"-sc", "--shell-completion"}
+_incomplete: list[IncompleteError] = []
 _TRACEBACK = "SCENEFW_TRACEBACK"  # set to 1 by -v; runs of a sweep in other processes see it too
 
 USAGE = """\
@@ -144,6 +145,8 @@ def _run() -> None:
         version_base="1.3", config_path=str(config.conf_dir()), config_name=config.ROOT_CONFIG
     )
     start(_task)()
+    if _incomplete:
+        sys.exit(2)
 
 
 def _task(settings: DictConfig) -> Mapping[str, Any]:
@@ -152,6 +155,10 @@ def _task(settings: DictConfig) -> Mapping[str, Any]:
 
     try:
         return execute(settings)
+    except IncompleteError as error:  # further runs of a sweep may be whole
+        print(f"error: {error}", file=sys.stderr)
+        _incomplete.append(error)
+        return error.figures
     except Exception as error:  # noqa: BLE001 - the end of the line for every error
         _stop(error)
         traceback.print_exception(error)
@@ -163,8 +170,23 @@ def _stop(error: Exception, *, composing: bool = False) -> None:
     end_if_unread(error)
     line = None if os.environ.get(_TRACEBACK) == "1" else _complaint(error, composing)
     if line is not None:
-        print(f"error: {line}", file=sys.stderr)
+        print(f"error: {line}{_place_in_sweep()}", file=sys.stderr)
         sys.exit(2)
+
+
+def _place_in_sweep() -> str:
+    """Which run of a sweep it was that failed, and how many are left."""
+    from hydra.core.hydra_config import HydraConfig
+    from hydra.types import RunMode
+
+    if not HydraConfig.initialized() or HydraConfig.get().mode != RunMode.MULTIRUN:
+        return ""
+    known, count = HydraConfig.get(), config.runs_of_sweep(sys.argv[1:])
+    number = int(known.job.num) + 1
+    place = f"run {number} of {count} of the sweep, {known.job.override_dirname}"
+    one_by_one = str(known.launcher.get("_target_")).endswith("BasicLauncher")
+    left = f"; not started: {count - number}" if one_by_one else ""
+    return f" ({place}{left})"
 
 
 def _complaint(error: Exception, composing: bool) -> str | None:

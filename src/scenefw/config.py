@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import functools
 import importlib.util
+import math
 import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
@@ -201,6 +202,19 @@ def _ambiguous(error: Exception) -> str | None:
         f"{_for_shell(f'{key}={quoted(value)}')}, several values are '{key}=[{value}]', and a "
         "sweep over them has -m"
     )
+
+
+def runs_of_sweep(words: Sequence[str]) -> int:
+    """How many runs a command line asks for with `-m`: the product of the numbers of values."""
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+
+    overrides = [word for word in words if not word.startswith("-")]
+    counts = [
+        len(list(override.sweep_string_iterator()))
+        for override in OverridesParser.create().parse_overrides(overrides)
+        if override.is_sweep_override()
+    ]
+    return math.prod(counts)
 
 
 def squash(error: BaseException) -> str:

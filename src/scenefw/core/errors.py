@@ -1,8 +1,24 @@
 """Errors whose message is one line for the user: the value, what was expected, how to fix it."""
 
+from collections.abc import Mapping
+from typing import Any
+
 
 class SceneFWError(Exception):
     """Base of every error raised on purpose; the command line prints it and exits with 2."""
+
+
+class IncompleteError(SceneFWError):
+    """Part of the work could not be done; the rest is, and its figures are kept.
+
+    Args:
+        message: what could not.
+        figures: of the rest.
+    """
+
+    def __init__(self, message: str, figures: Mapping[str, Any]) -> None:
+        super().__init__(message)
+        self.figures = dict(figures)
 
 
 class InputError(SceneFWError):

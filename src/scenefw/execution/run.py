@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from scenefw import plugins, registry
 from scenefw.argument_types import check_types
-from scenefw.core.errors import ConfigError
+from scenefw.core.errors import ConfigError, IncompleteError
 from scenefw.core.files import require_writable, write_text
 from scenefw.core.rng import torch_seed
 from scenefw.core.versions import versions
@@ -43,6 +43,7 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
     Raises:
         StorageError: the output folder can't be written.
         ConfigError: a setting is wrong.
+        IncompleteError: part of the work could not be done; the figures of the rest are written.
     """
     from hydra.core.hydra_config import HydraConfig
     from omegaconf import OmegaConf
@@ -71,6 +72,9 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
     before = Leftovers(output)
     try:
         figures = _work(config, output, overrides)
+    except IncompleteError:
+        print(output)
+        raise
     except Exception:
         before.restore()
         raise
@@ -110,12 +114,23 @@ def _work(config: DictConfig, output: Path, overrides: list[str]) -> dict[str, A
         write_text(output / RECORD, json.dumps(record, indent=2) + "\n")
         _collect_garbage()
         with threads(config.threads, yields=config.yielding):
-            figures = dict(profiled(task.run, output) if config.get("profile") else task.run())
+            figures, failure = _figures(task, output, profile=bool(config.get("profile")))
     if used_weights(plain) != record["weights"]:  # the run itself trained some of them
         record["weights"] = used_weights(plain)
         write_text(output / RECORD, json.dumps(record, indent=2) + "\n")
     write_text(output / FIGURES, json.dumps(figures, indent=2) + "\n")
+    if failure is not None:
+        raise failure
     return figures
+
+
+def _figures(
+    task: Any, output: Path, *, profile: bool
+) -> tuple[dict[str, Any], IncompleteError | None]:
+    try:
+        return dict(profiled(task.run, output) if profile else task.run()), None
+    except IncompleteError as failure:
+        return failure.figures, failure
 
 
 def _collect_garbage() -> None:

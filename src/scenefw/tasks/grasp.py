@@ -23,6 +23,7 @@ from scenefw.report.grasps import draw_ranking, grasp_table
 from scenefw.report.pictures import save_picture
 from scenefw.report.tables import Table, to_console
 from scenefw.tasks.predict import Predict
+from scenefw.tasks.several_images import finished
 
 _UP = np.array([0.0, 0.0, 1.0])
 
@@ -51,6 +52,7 @@ class Grasp:
 
         Raises:
             InputError: there is no image, or none is usable.
+            IncompleteError: some are unusable.
             StorageError: the output folder can't be written.
         """
         grasps = 0
@@ -59,8 +61,9 @@ class Grasp:
             nonlocal grasps
             grasps += len(self.grasp(self.predict.predict(image, folder), folder).grasps)
 
-        figures = self.predict.each(work)
-        return figures | {"grasps_per_image": grasps / (figures["images"] - figures["failed"])}
+        count, failures = self.predict.each(work)
+        figures = {"grasps_per_image": grasps / (count - len(failures))}
+        return finished(figures, failures, count)
 
     def grasp(self, estimate: SceneEstimate, folder: Path) -> Ranking:
         """Ranks the grasps of a predicted scene and writes them into the folder of its image.

@@ -24,6 +24,7 @@ from scenefw.report.console import track
 from scenefw.report.labelling.growth import Growth
 from scenefw.report.labelling.pictures import map_picture
 from scenefw.report.pictures import save_picture
+from scenefw.tasks.several_images import finished, require_some
 
 if TYPE_CHECKING:
     from scenefw.core.height_maps import HeightGrid, HeightMap
@@ -132,6 +133,7 @@ class Label:
 
         Raises:
             InputError: the input or the saved map is unusable.
+            IncompleteError: some of several images are unusable.
             StorageError: the output folder can't be written.
         """
         require_writable(self.output)
@@ -206,7 +208,8 @@ class Label:
     def _images(self, watcher: MapWatcher | None) -> dict[str, float]:
         """A map of each image."""
         images = find_images(self.input)
-        began, failures, coverage = time.perf_counter(), {}, []
+        began, coverage = time.perf_counter(), []
+        failures: dict[Path, InputError] = {}
         base = self.input if self.input.is_dir() else self.input.parent
         for image in track(images, "images"):
             folder = self.output / image.relative_to(base).with_suffix("")
@@ -217,16 +220,12 @@ class Label:
                     watcher.show(height_map, image.stem, frame)
             except InputError as error:
                 failures[image] = error
-        if len(failures) == len(images):
-            raise next(iter(failures.values()))
-        for image, reason in failures.items():
-            print(f"skipped {image}: {reason}", file=sys.stderr)
-        return {
-            "images": float(len(images)),
-            "failed": float(len(failures)),
+        require_some(failures, len(images))
+        figures = {
             "coverage": float(np.mean(coverage)),
             "seconds_per_image": (time.perf_counter() - began) / len(images),
         }
+        return finished(figures, failures, len(images))
 
     def _image(self, image: Path, folder: Path) -> tuple[Frame, HeightMap]:
         options = {k: v for k, v in self.options.items() if k != "largest_jump"}

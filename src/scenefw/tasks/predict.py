@@ -23,6 +23,7 @@ from scenefw.report.palette import Colour, colours_of
 from scenefw.report.pictures import save_picture
 from scenefw.report.scenes3d import Scene3D, layer, packed
 from scenefw.tasks.depth_images import DepthImages
+from scenefw.tasks.several_images import finished, require_some
 
 
 class Predict:
@@ -32,7 +33,7 @@ class Predict:
     to turn all hypotheses in. What other codes make of the image is in `hypothesis_2` ... and
     `hypotheses.png`. The folder appears when all of them are written. Volumes of further
     representations are in `volumes.npz`, by name. An unusable image doesn't lose the others: it is
-    reported at the end. Only if every image is unusable does the task fail.
+    reported at the end, and the command ends with status 2.
 
     Args:
         input: a depth image or a folder of them.
@@ -78,6 +79,7 @@ class Predict:
 
         Raises:
             InputError: there is no image, or none is usable.
+            IncompleteError: some are unusable.
             StorageError: the output folder can't be written.
         """
         objects = 0
@@ -87,14 +89,15 @@ class Predict:
             nonlocal objects
             objects += len(self.predict(image, folder).objects)
 
-        figures = self.each(predict)
-        return figures | {
-            "objects_per_image": objects / (figures["images"] - figures["failed"]),
-            "seconds_per_image": (time.perf_counter() - start) / figures["images"],
+        count, failures = self.each(predict)
+        figures = {
+            "objects_per_image": objects / (count - len(failures)),
+            "seconds_per_image": (time.perf_counter() - start) / count,
         }
+        return finished(figures, failures, count)
 
-    def each(self, work: Callable[[Path, Path], object]) -> dict[str, float]:
-        """Does something with each image and its folder; returns how many, and how many failed.
+    def each(self, work: Callable[[Path, Path], object]) -> tuple[int, dict[Path, InputError]]:
+        """Does something with each image and its folder; returns how many, and which failed.
 
         Raises:
             InputError: there is no image, or none is usable.
@@ -107,18 +110,15 @@ class Predict:
         folders = [self.output / folder for folder in self._folders(images)]
         for folder in folders:
             require_replaceable(folder)
-        failures = {}
+        failures: dict[Path, InputError] = {}
         steps = list(zip(images, folders, strict=True))
         for image, folder in track(steps, "images", disable=len(images) == 1):
             try:
                 work(image, folder)
             except InputError as error:
                 failures[image] = error
-        if len(failures) == len(images):
-            raise _all_failed(failures)
-        for image, reason in failures.items():
-            print(f"skipped {image}: {reason}", file=sys.stderr)
-        return {"images": float(len(images)), "failed": float(len(failures))}
+        require_some(failures, len(images))
+        return len(images), failures
 
     def predict(self, image: Path, folder: Path) -> SceneEstimate:
         """Predicts one image and writes its folder, which appears whole or not at all.
@@ -175,10 +175,3 @@ class Predict:
             name.with_name(image.name.replace(".", "_")) if shared[name] > 1 else name
             for name, image in zip(names, images, strict=True)
         ]
-
-
-def _all_failed(failures: dict[Path, InputError]) -> InputError:
-    if len(failures) == 1:
-        return next(iter(failures.values()))
-    image, error = next(iter(failures.items()))
-    return InputError(f"none of {len(failures)} images is usable; the first, {image}: {error}")

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 from tests.unit.tasks.recordings import CLASSES, GRID, frames, table
 
-from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.errors import ConfigError, IncompleteError, InputError
 from scenefw.core.geometry import inverse, rigid
 from scenefw.core.height_maps import HeightGrid
 from scenefw.data.height_maps import load_map, save_map
@@ -204,8 +204,9 @@ def test_single_images_become_maps_of_their_own(sequence, tmp_path, capsys):
         Image.fromarray(frame.colour).save(folder / f"view{i}.rgb.png")
     np.save(folder / "view9.npy", np.zeros((60, 80), np.float32))
     maps = {"map_based": MapBased(HeightFusion(GRID), ByHeight(CLASSES, "keyboard"))}
-    figures = label(folder, tmp_path / "out", maps).run()
-    assert (figures["images"], figures["failed"]) == (3, 1)
+    with pytest.raises(IncompleteError, match=r"^1 of 3 images is unusable") as end:
+        label(folder, tmp_path / "out", maps).run()
+    assert (end.value.figures["images"], end.value.figures["failed"]) == (3, 1)
     assert "skipped" in capsys.readouterr().err
     found = load_map(tmp_path / "out" / "view1" / "map.npz").height_map
     assert np.nanpercentile(found.heights, 99) == pytest.approx(0.03, abs=0.003)

@@ -8,7 +8,7 @@ from PIL import Image
 from tests.unit.perception.synthetic import camera_at, frame_of
 from tests.unit.perception.test_pipeline import KnownBoxes
 
-from scenefw.core.errors import ConfigError, InputError, StorageError
+from scenefw.core.errors import ConfigError, IncompleteError, InputError, StorageError
 from scenefw.core.types import GridSpec
 from scenefw.export.superquadrics import Superquadrics
 from scenefw.export.urdf import URDF
@@ -128,10 +128,12 @@ def test_a_bad_image_does_not_lose_the_others(tmp_path, pipeline, capsys):
         save(tmp_path / "in" / f"{name}.npz")
     save(tmp_path / "in" / "b.npz", depth_mm=np.zeros((120, 160)))
     (tmp_path / "in" / "d.npz").write_bytes(b"PK")
-    figures = Predict(
-        tmp_path / "in", pipeline, tmp_path / "out", overview=False, hypotheses=False
-    ).run()
+    task = Predict(tmp_path / "in", pipeline, tmp_path / "out", overview=False, hypotheses=False)
+    with pytest.raises(IncompleteError, match=r"^2 of 4 images are unusable and skipped") as end:
+        task.run()
+    figures = end.value.figures
     assert (figures["images"], figures["failed"]) == (4, 2)
+    assert figures["objects_per_image"] == 2
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["a", "c"]
     told = capsys.readouterr().err
     assert "b.npz: depth of b.npz has no measurement" in told
