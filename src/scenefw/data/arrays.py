@@ -12,7 +12,12 @@ from PIL import Image
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import unreadable
 from scenefw.core.types import Float32, Frame, Int32
-from scenefw.data.intrinsics import Intrinsics, camera_from_matrix, intrinsic_matrix
+from scenefw.data.intrinsics import (
+    Intrinsics,
+    camera_from_matrix,
+    intrinsic_matrix,
+    require_size,
+)
 from scenefw.data.pictures import DAMAGED_PICTURE
 from scenefw.data.poses import pose_of
 from scenefw.data.readers import check_colour, check_depth, metres
@@ -45,6 +50,7 @@ def frame_of(
     clean = check_depth(_metres(depth, depth_scale, name), name)
     height, width = clean.shape
     camera = camera_from_matrix(intrinsic_matrix(intrinsics, name), height, width, name)
+    require_size(intrinsics, height, width, name)
     if pose is not None:
         camera = camera.moved(_rigid(pose, name))
     return Frame(

@@ -13,6 +13,7 @@ from scenefw.core.errors import InputError
 from scenefw.core.types import Camera
 
 _KEYS = ("K", "camera_matrix", "intrinsic_matrix", "intrinsics", "cam_K", "data")
+_STRUCTURED = {".json", ".yaml", ".yml"}
 _EXPECTED = "give a 3 x 3 matrix K, or fx, fy, cx, cy"
 
 Intrinsics: TypeAlias = ArrayLike | Camera | Mapping[str, Any] | str | Path
@@ -33,11 +34,9 @@ def read_intrinsics(path: Path) -> NDArray[np.float64]:
         raise InputError(f"no intrinsics file {path}; {_EXPECTED} in a .json, .yaml or .txt file")
     suffix = path.suffix.lower()
     try:
-        text = path.read_text(encoding="utf-8")
-        if suffix == ".json":
-            return _from_content(json.loads(text), path)
-        if suffix in {".yaml", ".yml"}:
-            return _from_content(yaml.safe_load(text), path)
+        if suffix in _STRUCTURED:
+            return _from_content(_structured(path), path)
+        text = path.read_text(encoding="utf-8-sig")
         if suffix == ".txt":
             return _from_numbers(text.replace(",", " ").split(), path)
     except (ValueError, TypeError, yaml.YAMLError) as error:
@@ -68,6 +67,49 @@ def intrinsic_matrix(given: Intrinsics, name: str) -> NDArray[np.float64]:
         raise InputError(f"intrinsics of {name} aren't numbers ({reason}); {_EXPECTED}") from error
 
 
+def require_size(given: Intrinsics, height: int, width: int, name: str) -> None:
+    """Checks intrinsics that say what size of image they are of.
+
+    Args:
+        given: as `intrinsic_matrix` takes them: a camera, or a file or dict with `width` and
+            `height`; all else is of any size.
+        height: of the image.
+        width: of the image.
+        name: of the image, for messages.
+
+    Raises:
+        InputError: they are of another size.
+    """
+    size = _size(given)
+    if size is None or size == (width, height):
+        return
+    turned = size == (height, width)
+    raise InputError(
+        f"{name} has {width} x {height} pixels, but its intrinsics are of {size[0]} x {size[1]}; "
+        + ("is the depth transposed?" if turned else "give the intrinsics of this image size")
+    )
+
+
+def _size(given: Intrinsics) -> tuple[int, int] | None:
+    """Width and height of the image that intrinsics are of, where they say it."""
+    if isinstance(given, Camera):
+        return given.width, given.height
+    if isinstance(given, str | Path):
+        path = Path(given)
+        content = _structured(path) if path.suffix.lower() in _STRUCTURED else None
+    else:
+        content = given
+    if not isinstance(content, Mapping):
+        return None
+    width, height = content.get("width"), content.get("height")
+    return (width, height) if isinstance(width, int) and isinstance(height, int) else None
+
+
+def _structured(path: Path) -> Any:
+    text = path.read_text(encoding="utf-8-sig")
+    return json.loads(text) if path.suffix.lower() == ".json" else yaml.safe_load(text)
+
+
 def camera_from_matrix(K: ArrayLike, height: int, width: int, name: str) -> Camera:  # noqa: N803
     """A camera at the origin with intrinsics K (3, 3) for an image of this size.
 
@@ -86,6 +128,12 @@ def camera_from_matrix(K: ArrayLike, height: int, width: int, name: str) -> Came
         raise InputError(
             f"intrinsics of {name} have their centre at ({cx:g}, {cy:g}), outside the image of "
             f"{width} x {height} pixels; give the intrinsics of this image size"
+        )
+    if not np.allclose(matrix[2], (0, 0, 1), atol=1e-6):
+        transposed = np.allclose(matrix[:2, 2], 0, atol=1e-6)
+        raise InputError(
+            f"intrinsics of {name} have {matrix[2].tolist()} as their last row, not 0 0 1; "
+            + ("K looks transposed: give fx 0 cx, 0 fy cy, 0 0 1" if transposed else _EXPECTED)
         )
     return Camera(width, height, float(fx), float(fy), float(cx), float(cy))
 

@@ -25,7 +25,7 @@ def read_numbers(path: Path) -> list[list[str]]:
         InputError: the file is missing or no text.
     """
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read {path}: {error}; expected a text file") from error
     words = (line.partition("#")[0].replace(",", " ").split() for line in lines)
@@ -72,6 +72,11 @@ def pose_of(words: Sequence[str], where: str) -> Array:
         rotation @ rotation.T, np.eye(3), atol=1e-3
     ):
         raise InputError(f"{where} is not a rigid motion; expected a rotation and metres, no scale")
+    if np.linalg.det(rotation) < 0:
+        raise InputError(
+            f"{where} is a mirror image (determinant -1), not a rotation; was an axis turned "
+            "around, as between OpenGL and OpenCV? turn two of them"
+        )
     return matrix
 
 

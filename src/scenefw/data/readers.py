@@ -13,7 +13,12 @@ from scenefw.core.errors import EmptyImageError, InputError
 from scenefw.core.files import DAMAGED, in_order, unreadable
 from scenefw.core.types import Frame
 from scenefw.data.exr import read_exr
-from scenefw.data.intrinsics import Intrinsics, camera_from_matrix, intrinsic_matrix
+from scenefw.data.intrinsics import (
+    Intrinsics,
+    camera_from_matrix,
+    intrinsic_matrix,
+    require_size,
+)
 from scenefw.data.layouts import surroundings
 from scenefw.data.pictures import DAMAGED_PICTURE
 
@@ -230,16 +235,24 @@ def _unusable(depth: Array) -> str:
 def _read_npz(path: Path, intrinsics: Intrinsics | None, depth_scale: float | None) -> Frame:
     with np.load(path, allow_pickle=False) as file:
         content = {key: file[key] for key in file.files}
-    depth = _npz_depth(content, path)
+    depth = _npz_depth(content, path, depth_scale)
     if "K" not in content and intrinsics is None:
         raise InputError(
             f"{path} has no intrinsics K (3, 3); store them in it or give run.intrinsics=PATH"
         )
-    matrix = content["K"] if intrinsics is None else intrinsic_matrix(intrinsics, path.name)
+    matrix = content["K"] if intrinsics is None else _given(intrinsics, path, depth.shape)
     return _frame(depth, matrix, path, colour=content.get("rgb"), labels=_npz_labels(content))
 
 
-def _npz_depth(content: dict[str, Array], path: Path) -> Array:
+def _npz_depth(content: dict[str, Array], path: Path, depth_scale: float | None) -> Array:
+    whole = "depth" in content and content["depth"].dtype.kind in "ui"
+    if depth_scale is not None and whole and "depth_mm" not in content:
+        return metres(content["depth"], depth_scale, path.name)
+    if depth_scale is not None:
+        raise InputError(
+            f"run.depth_scale = {depth_scale} changes nothing for {path}: depth_mm there are "
+            "millimetres, and depth in floats is metres; leave it out"
+        )
     if "depth_mm" in content:
         return metres(content["depth_mm"], 1.0, path.name) / np.float32(1000)
     if "depth" in content:
@@ -263,18 +276,19 @@ def _read_png(path: Path, intrinsics: Intrinsics | None, depth_scale: float | No
                 f"{path} is a picture of mode {image.mode}; a depth image has one 16-bit channel"
             )
         values = np.array(image)
-    return _frame(
-        metres(values, _scale(path, depth_scale), path.name), _matrix(path, intrinsics), path
-    )
+    matrix = _matrix(path, intrinsics, values.shape)
+    return _frame(metres(values, _scale(path, depth_scale), path.name), matrix, path)
 
 
 def _read_npy(path: Path, intrinsics: Intrinsics | None, depth_scale: float | None) -> Frame:
-    values = metres(np.load(path, allow_pickle=False), _scale(path, depth_scale), path.name)
-    return _frame(values, _matrix(path, intrinsics), path)
+    values = np.load(path, allow_pickle=False)
+    depth = metres(values, _scale(path, depth_scale), path.name)
+    return _frame(depth, _matrix(path, intrinsics, values.shape), path)
 
 
 def _read_exr(path: Path, intrinsics: Intrinsics | None, depth_scale: float | None) -> Frame:
-    return _frame(read_exr(path), _matrix(path, intrinsics), path)
+    values = read_exr(path)
+    return _frame(values, _matrix(path, intrinsics, values.shape), path)
 
 
 _READERS: dict[str, Callable[[Path, Intrinsics | None, float | None], Frame]] = {
@@ -311,9 +325,16 @@ def _frame(
     return Frame(depth, camera, colour, labels, path.stem)
 
 
-def _matrix(path: Path, intrinsics: Intrinsics | None) -> Array:
+def _given(intrinsics: Intrinsics, path: Path, shape: tuple[int, ...]) -> Array:
+    matrix = intrinsic_matrix(intrinsics, path.name)
+    if len(shape) == 2:
+        require_size(intrinsics, *shape, path.name)
+    return matrix
+
+
+def _matrix(path: Path, intrinsics: Intrinsics | None, shape: tuple[int, ...]) -> Array:
     if intrinsics is not None:
-        return intrinsic_matrix(intrinsics, path.name)
+        return _given(intrinsics, path, shape)
     around = surroundings(path)
     if around.matrix is not None:
         return around.matrix
@@ -323,7 +344,7 @@ def _matrix(path: Path, intrinsics: Intrinsics | None) -> Array:
             for suffix in _INTRINSICS_SUFFIXES:
                 candidate = folder / (stem + suffix)
                 if candidate.is_file():
-                    return intrinsic_matrix(candidate, path.name)
+                    return _given(candidate, path, shape)
     raise InputError(
         f"no intrinsics for {path}; put {path.stem}.json or intrinsics.json with fx, fy, cx, cy "
         "beside it, or give run.intrinsics=PATH"

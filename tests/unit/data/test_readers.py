@@ -112,6 +112,16 @@ def test_given_intrinsics_and_depth_scale(tmp_path):
     np.testing.assert_allclose(frame.depth, DEPTH / 1000, rtol=1e-5)
 
 
+def test_the_depth_scale_of_npz_counts_for_whole_numbers_alone(tmp_path):
+    path = tmp_path / "view.npz"
+    np.savez(path, depth=(DEPTH * 5).astype(np.uint16), K=K)
+    np.testing.assert_allclose(read_frame(path, depth_scale=0.0002).depth, DEPTH / 1000, rtol=1e-5)
+    for content in ({"depth_mm": DEPTH}, {"depth": (DEPTH / 1000).astype(np.float32)}):
+        np.savez(path, K=K, **content)
+        with pytest.raises(InputError, match=r"run\.depth_scale = 0\.0002 changes nothing for"):
+            read_frame(path, depth_scale=0.0002)
+
+
 @pytest.mark.parametrize("values", [DEPTH, (DEPTH / 1000).astype(np.float32)])
 def test_npy(tmp_path, values):
     np.save(tmp_path / "scan.npy", values)
