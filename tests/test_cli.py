@@ -325,6 +325,19 @@ def test_a_setting_without_a_value_is_one_line(nil, tmp_path, word):
     assert not list(tmp_path.rglob("run.json"))
 
 
+def test_a_missing_input_is_told_before_torch_is_imported(tmp_path):
+    code = (
+        "import sys\nfrom scenefw.__main__ import main\ntry: main(sys.argv[1:])\n"
+        "except SystemExit as end: print(end.code, 'torch' in sys.modules)"
+    )
+    words = (sys.executable, "-c", code, "run=predict", "input=none.png")
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert (
+        done.stderr == "error: no file or folder none.png; give input=PATH of one that is there\n"
+    )
+    assert done.stdout.split() == ["2", "False"]
+
+
 def test_a_config_of_somebody_else_is_not_lost(nil, tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "config.yaml").write_text("mine")

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.errors import ConfigError, InputError, require_number
 from scenefw.data.arrays import frame_of
 from scenefw.data.height_maps import save_map
 from scenefw.data.recordings import STATE, Recording
@@ -98,6 +98,7 @@ class Labeller:
         Raises:
             InputError: the frame is unusable, or a second one has no pose.
         """
+        require_number(depth_scale, "depth_scale", "metres per unit of integer depth")
         name = f"{self._number:06d}" if name is None else name
         if self._number and (pose is None or not self._posed):
             raise InputError(

@@ -54,6 +54,12 @@ def load(
         ConfigError: no such name, option or setting, or one that changes nothing.
         CheckpointError: weights are missing or damaged.
     """
+    for word in (name, *overrides):
+        if not isinstance(word, str):
+            raise ConfigError(
+                f"scenefw.load takes words, got {word!r} ({type(word).__name__}); give a name and "
+                'settings, such as scenefw.load("simstack", device="cpu")'
+            )
     words = [*overrides, *(f"{key}={_written(value)}" for key, value in settings.items())]
     if name == "simstack":
         from scenefw.api.predictor import Predictor

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenefw.api.prediction import Prediction
-from scenefw.core.errors import InputError
+from scenefw.core.errors import InputError, require_number
 from scenefw.data.arrays import colour_of, frame_of, mask_of
 from scenefw.data.layouts import MILLIMETRES
 from scenefw.data.readers import read_frame
@@ -74,6 +74,7 @@ class Predictor:
         Raises:
             InputError: the image is unusable; the message says how to fix it.
         """
+        require_number(depth_scale, "depth_scale", "metres per unit of integer depth, or None")
         frame = _frame(depth, intrinsics, color, depth_scale, name)
         known = None if mask is None else mask_of(mask, frame.depth.shape, frame.name)
         with self._computing():

@@ -178,8 +178,13 @@ class Scene:
             by: where it goes (m).
 
         Raises:
-            InputError: numbers are wrong.
+            InputError: it is no scene, or numbers are wrong.
         """
+        if not isinstance(other, Scene):
+            raise InputError(
+                f"join takes a Scene, got a {type(other).__name__}; give Scene.read(PATH), or "
+                "scene() of a prediction"
+            )
         return replace(self, objects=editing.joined(self.objects, other.objects, by))
 
     def settle(self, *overrides: str) -> Scene:

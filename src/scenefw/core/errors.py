@@ -1,6 +1,7 @@
 """Errors whose message is one line for the user: the value, what was expected, how to fix it."""
 
 from collections.abc import Mapping
+from numbers import Real
 from typing import Any
 
 
@@ -66,3 +67,13 @@ def require_at_least(least: int, **settings: int | None) -> None:
     for name, value in settings.items():
         if value is not None and value < least:
             raise ConfigError(f"run.{name} is {value}; expected {least} or more")
+
+
+def require_number(value: Any, name: str, expected: str) -> None:
+    """Checks what Python code was given; None stands for a default.
+
+    Raises:
+        InputError: it is no number.
+    """
+    if value is not None and (isinstance(value, bool) or not isinstance(value, Real)):
+        raise InputError(f"{name} is {value!r} ({type(value).__name__}); expected {expected}")

@@ -1,12 +1,18 @@
 """Where a run reads and writes: what can only be a slip is an error before anything is lost."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from scenefw.core.errors import ConfigError, StorageError
+from scenefw.core.errors import ConfigError, InputError, StorageError
 from scenefw.core.measures import MEASURES_FILE
 from scenefw.execution.leftovers import FIGURES, RECORD, SETTINGS
 from scenefw.report.record import PAGE
+
+if TYPE_CHECKING:
+    from omegaconf import DictConfig
 
 _WRITTEN = (SETTINGS, FIGURES, MEASURES_FILE, PAGE)
 
@@ -22,6 +28,18 @@ def require_values(overrides: Sequence[str]) -> None:
         key, equals, value = word.partition("=")
         if equals and value.strip() in ("", "''", '""') and not key.startswith("hydra"):
             raise ConfigError(f"{key}= has no value; give {key}=VALUE, or leave it out")
+
+
+def require_input(config: DictConfig) -> None:
+    """Looks for the input before anything heavy is imported, which takes seconds.
+
+    Raises:
+        InputError: it is not there.
+    """
+    given = config.get("input")
+    ours = str(config.run.get("_target_")).startswith("scenefw.")  # a plugin may mean no path
+    if ours and isinstance(given, str) and not Path(given).exists():
+        raise InputError(f"no file or folder {given}; give input=PATH of one that is there")
 
 
 def require_no_strangers(output: Path) -> None:

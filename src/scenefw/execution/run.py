@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from scenefw import plugins, registry
 from scenefw.argument_types import check_types
-from scenefw.core.errors import ConfigError, IncompleteError
+from scenefw.core.errors import ConfigError, IncompleteError, InputError
 from scenefw.core.files import require_writable, write_text
 from scenefw.core.rng import torch_seed
 from scenefw.core.versions import versions
@@ -21,7 +21,7 @@ from scenefw.execution import final_split
 from scenefw.execution.build import Builder
 from scenefw.execution.leftovers import FIGURES, RECORD, SETTINGS, Leftovers
 from scenefw.execution.modifiers import make_deterministic, profiled
-from scenefw.execution.places import require_no_strangers, require_values
+from scenefw.execution.places import require_input, require_no_strangers, require_values
 from scenefw.execution.reads import require_read
 from scenefw.execution.threads import require_threads, threads
 from scenefw.execution.weights import used_weights
@@ -62,9 +62,10 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
         require_threads(config.threads)
         plugins.activate()
         require_read(config, overrides, registry.catalogue(), choices)
+        require_input(config)
         check_types(config, "run")
         output = _own_folder(Path(config.paths.output).absolute())
-    except ConfigError:
+    except (ConfigError, InputError):
         with suppress(OSError):  # made by Hydra, still empty
             Path(config.paths.output).rmdir()
         raise

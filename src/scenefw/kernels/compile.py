@@ -26,11 +26,13 @@ cache (the bodies of parallel loops are optimised once more there). So that the 
 others, code is compiled in a child process, and this process only ever reads it.
 """
 
+import functools
 import hashlib
 import inspect
 import os
 import re
 import signal
+import sys
 import threading
 import time
 import warnings
@@ -206,6 +208,7 @@ def _compile_in_child(function: Any, types: tuple[Any, ...]) -> None:
     """
     if not hasattr(os, "fork") or not hasattr(function, "compile") or _in_cache(function, types):
         return
+    _announce()
     child = _copy_of_this_process()
     if child == 0:
         status = 1
@@ -215,6 +218,17 @@ def _compile_in_child(function: Any, types: tuple[Any, ...]) -> None:
         finally:
             os._exit(status)
     _wait(child)
+
+
+@functools.cache
+def _announce() -> None:
+    """Says once, to whoever waits at a terminal, why nothing seems to happen."""
+    if sys.stderr is not None and sys.stderr.isatty():
+        print(
+            "compiling kernels, once per machine and version: tens of seconds ...",
+            file=sys.stderr,
+            flush=True,
+        )
 
 
 def _copy_of_this_process() -> int:

@@ -20,6 +20,8 @@ _FOCAL_RATIO = 1.2
 _OFF_CENTRE = 0.25
 _STACK_HEIGHT = 0.1  # where the middle of a stack is assumed, for its distance (m)
 _UNEVEN = 0.01  # m
+_MANY, _ENOUGH = 4_000_000, 1_000_000  # pixels
+_MEMORY = 200.0  # bytes per pixel, as measured with 48 megapixels
 _MEND = re.compile(r"; |(?<=\?) ")
 
 
@@ -91,7 +93,8 @@ class Doctor:
             return [Check("unit", UNUSABLE, *_parted(error))]
         median = float(np.median(frame.depth[frame.depth > 0]))
         unit = Check("unit", GOOD, f"the median depth is {median:.2f} m")
-        return [unit, *_check_intrinsics(frame), self._check_measured(frame)]
+        checks = [unit, *_check_intrinsics(frame), self._check_measured(frame)]
+        return [*checks, *_check_pixels(frame)]
 
     def check_floor(self, floor: Floor) -> list[Check]:
         """Evenness of the floor, and how the camera stands over it."""
@@ -149,6 +152,18 @@ class Doctor:
             f"{'only ' if few else ''}{measured:.0%} of the pixels have a depth",
             "shiny, black or near things have none: change the view or the light" if few else "",
         )
+
+
+def _check_pixels(frame: Frame) -> list[Check]:
+    """Time and memory grow with the pixels, accuracy hardly does beyond a megapixel or so."""
+    if frame.depth.size <= _MANY:
+        return []
+    height, width = frame.depth.shape
+    every = int(np.ceil(np.sqrt(frame.depth.size / _ENOUGH)))
+    memory = frame.depth.size * _MEMORY / 1e9
+    found = f"{width} x {height} pixels take minutes and about {memory:.0f} GB of memory"
+    fix = f"give depth[::{every}, ::{every}] (masks too), and fx, fy, cx, cy divided by {every}"
+    return [Check("pixels", ODD, found, fix)]
 
 
 def _check_intrinsics(frame: Frame) -> list[Check]:

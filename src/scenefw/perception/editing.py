@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from scenefw.core.errors import InputError
+from scenefw.core.errors import InputError, require_number
 from scenefw.core.geometry import rigid, transform_points
 from scenefw.core.types import (
     Float64,
@@ -91,6 +91,7 @@ def moved_by(
     """
     item, way = named(objects, label), _three(by, "the move")
     around = _three(axis, "the axis")
+    require_number(turn, "turn", "degrees")
     length = float(np.linalg.norm(around))
     if length < _ROUND or not np.isfinite(turn):
         raise InputError(f"turn {turn} about {list(around)}: expected degrees and an axis, not 0")
@@ -111,6 +112,7 @@ def scaled(objects: Objects, label: int, factor: float) -> Objects:
     Raises:
         InputError: there is no such object, or the factor is not positive.
     """
+    require_number(factor, "factor", "a number above 0, such as 2")
     if not 1 / _LARGEST <= factor <= _LARGEST:
         raise InputError(f"factor {factor} of object {label}: expected a number above 0, such as 2")
     item = named(objects, label)
@@ -156,6 +158,11 @@ def added(
         InputError: numbers are wrong.
     """
     label = _next(objects)
+    if not isinstance(item, PlacedShape | ObjectEstimate):
+        raise InputError(
+            f"what is added is a {type(item).__name__}; give an object of a scene, such as "
+            "scene[1], or a PlacedShape"
+        )
     if isinstance(item, PlacedShape):
         (made,) = estimate_objects({label: item.mesh()}, {label: _SURE}, {label: item})
     else:

@@ -85,6 +85,8 @@ def load(*words, **settings):
     ("words", "settings", "error", "said"),
     [
         (["simstak"], {}, ConfigError, "did you mean simstack"),
+        ([3], {}, ConfigError, r"takes words, got 3 \(int\)"),
+        (["simstack", 3], {}, ConfigError, r"takes words, got 3 \(int\)"),
         (["simstack"], {"fitt": 1}, ConfigError, "there is no key 'fitt'; did you mean fit?"),
         (["simstack"], {"labelling": "rule"}, ConfigError, "changes nothing"),
         (["simstack", "run.overview=false"], {}, ConfigError, "does not read run.overview"),
@@ -111,6 +113,8 @@ def test_an_image_needs_intrinsics_and_a_file_to_be_there(simstack):
         simstack.predict(DEPTH)
     with pytest.raises(InputError, match=r"no file missing\.npz"):
         simstack.predict("missing.npz")
+    with pytest.raises(InputError, match=r"^depth_scale is 'a' \(str\); expected metres per unit"):
+        simstack.predict(DEPTH, CAMERA.matrix, depth_scale="a")
 
 
 def test_odd_images_are_warned_of(simstack):

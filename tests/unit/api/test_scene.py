@@ -59,3 +59,14 @@ def test_objects_come_to_rest(known):
     assert settled[2].mesh.vertices[:, 2].min() == pytest.approx(0, abs=0.004)
     assert settled.warnings == ()
     assert settled.estimate.details["settled"]["stable"]
+
+
+def test_what_is_no_scene_object_or_number_is_named(known):
+    with pytest.raises(InputError, match="join takes a Scene, got a int"):
+        known.join(3)
+    with pytest.raises(InputError, match="what is added is a int"):
+        known.add(3)
+    with pytest.raises(InputError, match=r"^factor is '2' \(str\)"):
+        known.scale(1, "2")
+    with pytest.raises(InputError, match=r"^turn is '90' \(str\); expected degrees"):
+        known.move(1, turn="90")

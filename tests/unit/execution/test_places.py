@@ -1,7 +1,8 @@
 import pytest
+from omegaconf import OmegaConf
 
-from scenefw.core.errors import ConfigError, StorageError
-from scenefw.execution.places import require_no_strangers, require_values
+from scenefw.core.errors import ConfigError, InputError, StorageError
+from scenefw.execution.places import require_input, require_no_strangers, require_values
 
 
 @pytest.mark.parametrize("word", ["paths.output=", "input=", "input=''", "+run.note= "])
@@ -24,3 +25,14 @@ def test_a_file_of_somebody_else_in_the_place_of_a_runs_is_refused(tmp_path, nam
         require_no_strangers(tmp_path)
     (tmp_path / "run.json").touch()
     require_no_strangers(tmp_path)
+
+
+def test_a_missing_input_is_named_unless_a_plugin_may_mean_something_else(tmp_path):
+    def given(value, target="scenefw.tasks.predict.Predict"):
+        require_input(OmegaConf.create({"input": value, "run": {"_target_": target}}))
+
+    for fine in (None, 3, str(tmp_path), str(tmp_path.parent)):
+        given(fine)
+    given("camera:0", "scenefw_camera.Watch")
+    with pytest.raises(InputError, match=r"^no file or folder .*none\.png; give input=PATH"):
+        given(str(tmp_path / "none.png"))

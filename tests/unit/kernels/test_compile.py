@@ -57,6 +57,20 @@ def double(tmp_path, monkeypatch):
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes can't be copied here")
+@pytest.mark.parametrize("terminal", [True, False])
+def test_who_waits_at_a_terminal_is_told_once_why(double, monkeypatch, capsys, terminal):
+    compiling._announce.cache_clear()
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal, raising=False)
+    kernel, target = double(), torch.zeros(3)
+    for kind in (torch.float32, torch.float64):
+        kernel(3, torch.ones(3, dtype=kind), target)
+    double()(3, torch.ones(3), target)  # is in the cache
+    told = capsys.readouterr().err
+    assert told.startswith("compiling kernels, once per machine") == terminal
+    assert len(told.splitlines()) == terminal
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes can't be copied here")
 def test_a_process_is_copied_only_for_what_is_not_in_the_cache(double, tmp_path, monkeypatch):
     copies, fork = [], os.fork
 
