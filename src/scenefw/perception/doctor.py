@@ -21,7 +21,7 @@ _OFF_CENTRE = 0.25
 _STACK_HEIGHT = 0.1  # where the middle of a stack is assumed, for its distance (m)
 _UNEVEN = 0.01  # m
 _MANY, _ENOUGH = 4_000_000, 1_000_000  # pixels
-_MEMORY = 200.0  # bytes per pixel, as measured with 48 megapixels
+_MEMORY = 200.0  # bytes per pixel, as measured with 5 megapixels
 _MEND = re.compile(r"; |(?<=\?) ")
 
 
@@ -161,7 +161,7 @@ def _check_pixels(frame: Frame) -> list[Check]:
     height, width = frame.depth.shape
     every = int(np.ceil(np.sqrt(frame.depth.size / _ENOUGH)))
     memory = frame.depth.size * _MEMORY / 1e9
-    found = f"{width} x {height} pixels take minutes and about {memory:.0f} GB of memory"
+    found = f"{width} x {height} pixels take long and about {memory:.0f} GB of memory"
     fix = f"give depth[::{every}, ::{every}] (masks too), and fx, fy, cx, cy divided by {every}"
     return [Check("pixels", ODD, found, fix)]
 

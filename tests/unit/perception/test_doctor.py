@@ -62,7 +62,7 @@ def test_many_pixels_are_warned_of_with_a_remedy_that_helps(frame):
     large = Camera(**{name: getattr(camera, name) * 30 for name in names})
     (warning,) = Doctor().examine_frame(replace(frame, depth=many, camera=large))
     megapixels = many.size / 1e6
-    assert f"{large.width} x {large.height} pixels take minutes and about" in warning
+    assert f"{large.width} x {large.height} pixels take long and about" in warning
     every = int(warning.partition("::")[2].partition(",")[0])
     assert megapixels / every**2 <= 1 < megapixels / (every - 1) ** 2
     assert warning.endswith(f"fx, fy, cx, cy divided by {every}")
