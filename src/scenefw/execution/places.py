@@ -22,11 +22,12 @@ def require_values(overrides: Sequence[str]) -> None:
 
     Raises:
         ConfigError: a word ends with its equals sign, as `paths.output=$FOLDER` of a shell where
-            that is not set.
+            that is not set; or a path is a quoted empty text, which other settings may be.
     """
     for word in overrides:
         key, equals, value = word.partition("=")
-        if equals and value.strip() in ("", "''", '""') and not key.startswith("hydra"):
+        quoted = value.strip() in ("''", '""') and key.partition(".")[0] in ("input", "paths")
+        if equals and (quoted or not value.strip()) and not key.startswith("hydra"):
             raise ConfigError(f"{key}= has no value; give {key}=VALUE, or leave it out")
 
 

@@ -5,7 +5,9 @@ from scenefw.core.errors import ConfigError, InputError, StorageError
 from scenefw.execution.places import require_input, require_no_strangers, require_values
 
 
-@pytest.mark.parametrize("word", ["paths.output=", "input=", "input=''", "+run.note= "])
+@pytest.mark.parametrize(
+    "word", ["paths.output=", "input=", "input=''", 'paths.output=""', "+run.note= "]
+)
 def test_a_setting_without_a_value_is_refused(word):
     key = word.partition("=")[0]
     with pytest.raises(ConfigError, match=rf"^{key.replace('+', '.')}= has no value; give"):
@@ -13,7 +15,9 @@ def test_a_setting_without_a_value_is_refused(word):
 
 
 def test_settings_with_values_and_groups_that_are_left_out_are_fine():
-    require_values(["~settling", "input=a=b", "run.note=null", "seed=0", "hydra.job.name="])
+    require_values(
+        ["~settling", "input=a=b", "run.note=null", "seed=0", "hydra.job.name=", "run.note=''"]
+    )
 
 
 @pytest.mark.parametrize("name", ["config.yaml", "metrics.json", "measures.json", "report.html"])
