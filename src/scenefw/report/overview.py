@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 _WIDTH, _HEIGHT = 520, 390  # of drawn pictures (pixels)
 _SMALL = (360, 270)
 _DPI = 200
+_INCHES, _ABOVE, _TITLED = 9.4, 6.8, 0.515  # width, height without the legend, height of the title
+_ROW, _COLUMNS = 0.22, 5  # inches of a row of the legend, objects in it
 _INK = "#333333"
 _TURN_OF_PARTIAL = 70.0
 _TURN_BEHIND = 165.0
@@ -104,10 +106,12 @@ def _figure(
         [_SEEN],
     )
 
-    figure = Figure(figsize=(9.4, 7.35))
+    below = _ROW * (2 + -(-len(estimate.objects) // _COLUMNS))  # the legend and its title
+    height = _ABOVE + below
+    figure = Figure(figsize=(_INCHES, height))
     grid = figure.add_gridspec(
-        2, 6, height_ratios=(2, 3.0), left=0.01, right=0.99, top=0.93, bottom=0.075,
-        wspace=0.04, hspace=0.09,
+        2, 6, height_ratios=(2, 3.0), left=0.01, right=0.99,
+        top=1 - _TITLED / height, bottom=below / height, wspace=0.04, hspace=0.09,
     )  # fmt: skip
     top = [figure.add_subplot(grid[0, 2 * i : 2 * i + 2]) for i in range(3)]
     bottom = [figure.add_subplot(grid[1, 3 * i : 3 * i + 3]) for i in range(2)]
@@ -208,14 +212,21 @@ def _title(figure: "Figure", estimate: SceneEstimate) -> None:
     count = len(estimate.objects)
     name = estimate.frame.name or "scene"
     text = f"{name}: {count} object{'' if count == 1 else 's'}"
-    figure.text(0.01, 0.972, text, fontsize=14, color=_INK, weight="bold", va="center")
+    y = 1 - 0.4 * _TITLED / figure.get_figheight()
+    figure.text(0.01, y, text, fontsize=14, color=_INK, weight="bold", va="center")
 
 
 def _legend(figure: "Figure", estimate: SceneEstimate, colours: Sequence[Colour]) -> None:
-    """A chip per object with its number, size and confidence; ten at most."""
-    shown = list(zip(estimate.objects, colours, strict=True))[:10]
-    for index, (item, colour) in enumerate(shown):
-        x, y = 0.012 + index % 5 * 0.198, 0.05 - index // 5 * 0.03
+    """A chip per object with its number, size and confidence, in rows below a title."""
+    if not estimate.objects:
+        return
+    rows = -(-len(estimate.objects) // _COLUMNS)
+    row = _ROW / figure.get_figheight()
+    title = "objects: number, size, confidence"
+    figure.text(0.01, (rows + 0.8) * row, title, fontsize=9.5, color=_INK, va="center")
+    for index, (item, colour) in enumerate(zip(estimate.objects, colours, strict=True)):
+        x = 0.012 + index % _COLUMNS * 0.198
+        y = (rows - 0.3 - index // _COLUMNS) * row
         size = " x ".join(f"{100 * side:.0f}" for side in item.extents)
         figure.text(x, y, "\u25a0", fontsize=12, color=colour, va="center")
         text = f"{item.id}   {size} cm   {item.confidence:.0%}"

@@ -1,6 +1,6 @@
 """Pictures as arrays: depth in colour, tiles side by side, files."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ Picture = NDArray[np.float32]
 
 _TITLE = 22  # pixels above a tile
 _GAP = 6
+_LINE, _MARGIN, _CHIP, _APART = 22, 4, 17, 18  # pixels of a legend
 
 
 def depth_picture(depth: Float32) -> Picture:
@@ -41,6 +42,36 @@ def beside(tiles: Sequence[Picture], titles: Sequence[str], columns: int = 3) ->
         pixels = np.rint(np.clip(tile, 0, 1) * 255).astype(np.uint8)
         sheet.paste(Image.fromarray(pixels), (x, y + _TITLE))
     return np.asarray(sheet, dtype=np.float32) / np.float32(255)
+
+
+def stacked(top: Picture, bottom: Picture) -> Picture:
+    """One picture above another of the same width."""
+    return np.concatenate([top, bottom])
+
+
+def legend(colours: Mapping[str, Sequence[float]], width: int) -> Picture:
+    """RGB (22 per line, width, 3): a square of each colour with its name; wrapped, not cut off.
+
+    Args:
+        colours: red, green, blue in [0, 1] by name.
+        width: pixels.
+    """
+    font = ImageFont.load_default(13)
+    places: list[tuple[int, int]] = []
+    x, line = _MARGIN, 0
+    for name in colours:
+        needed = _CHIP + int(font.getlength(name))
+        if x > _MARGIN and x + needed + _MARGIN > width:
+            x, line = _MARGIN, line + 1
+        places.append((x, line * _LINE))
+        x += needed + _APART
+    strip = Image.new("RGB", (width, (line + 1) * _LINE), "white")
+    pen = ImageDraw.Draw(strip)
+    for (x, y), (name, colour) in zip(places, colours.items(), strict=True):
+        red, green, blue = (round(255 * part) for part in colour)
+        pen.rectangle((x, y + 5, x + 12, y + 17), fill=(red, green, blue))
+        pen.text((x + _CHIP, y + 3), name, fill="#444444", font=font)
+    return np.asarray(strip, dtype=np.float32) / np.float32(255)
 
 
 def save_picture(picture: Picture, path: Path) -> None:

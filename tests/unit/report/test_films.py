@@ -1,12 +1,10 @@
 import numpy as np
-import pytest
 from PIL import Image
 
 from scenefw.core.geometry import look_at, rigid
-from scenefw.core.grasps import Film, Grasp, Lift, RankedGrasp, Ranking
+from scenefw.core.grasps import Film
 from scenefw.core.types import Camera
 from scenefw.report.films import film_camera, film_picture, film_pictures, save_film
-from scenefw.report.grasps import grasp_table
 from scenefw.report.palette import instance_colours
 from scenefw.shapes.superquadric import Superquadric
 
@@ -65,14 +63,3 @@ def test_films_are_written_as_gif(tmp_path):
         assert made.n_frames == 3
         assert made.size == pictures[0].shape[1::-1]
         assert made.info["loop"] == 0
-
-
-def test_a_table_says_why_an_object_has_no_grasp():
-    grasp = Grasp(4, rigid(np.diag([1.0, -1, -1]), (0.1, 0.2, 0.3)), seal=0.5)
-    lift = Lift(4, "", {1: 0.002, 2: 0.004})
-    table = grasp_table(Ranking((RankedGrasp(grasp, grasp, lift),), {1: "it is too heavy"}, {}))
-    ((name, cells),) = table.rows
-    assert (name, cells[0]) == ("1", "4")
-    assert cells[1] == pytest.approx(3)
-    assert cells[2:] == ("yes", "up", 50, "10.0, 20.0, 30.0")
-    assert table.note == "object 1 has none: it is too heavy"

@@ -75,3 +75,12 @@ def test_window_shows_the_objects_in_the_pictures_proportions():
 
 def test_window_without_objects_is_the_image():
     assert window(estimate_of(objects=0)) == (slice(0, 120), slice(0, 160))
+
+
+def test_the_legend_has_every_object(tmp_path):
+    estimate = estimate_of(objects=13)
+    colours = [(0.5, 0.5, 0.5)] * 12 + [(1.0, 0.0, 0.0)]
+    write_overview(tmp_path / "o.png", estimate, estimate.tsdf, colours)
+    picture = np.asarray(Image.open(tmp_path / "o.png").convert("RGB")).astype(int)
+    red = (picture[..., 0] > 250) & (picture[..., 1:].max(axis=-1) < 5)
+    assert red[-100:].sum() > 100

@@ -14,7 +14,7 @@ from scenefw.kernels.cameras import stack_cameras
 from scenefw.mapping.inverse_ray_tracing import InverseRayTracing
 from scenefw.renderers.sphere_tracer import SphereTracer
 from scenefw.report.palette import instance_colours
-from scenefw.report.pictures import beside, depth_picture, save_picture
+from scenefw.report.pictures import beside, depth_picture, legend, save_picture
 from scenefw.report.stacks.examples import draw_example
 
 
@@ -91,3 +91,15 @@ def test_tiles_in_rows(tmp_path):
     save_picture(sheet, path)
     with Image.open(path) as image:
         assert image.size == sheet.shape[1::-1] == (26, 66)
+
+
+@pytest.mark.parametrize("width", [160, 300, 2000])
+def test_a_legend_shows_every_colour_whatever_its_width(width):
+    colours = dict(
+        zip([f"name of class {i}" for i in range(12)], instance_colours(12), strict=True)
+    )
+    strip = legend(colours, width)
+    assert strip.shape[1] == width
+    for colour in colours.values():
+        assert (np.abs(strip - np.float32(colour)).max(axis=-1) < 0.003).sum() >= 13 * 13
+    assert (strip[:, -2:] == 1).all()  # nothing is cut off

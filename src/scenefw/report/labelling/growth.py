@@ -16,9 +16,8 @@ from scenefw.report.labelling.pictures import (
     label_picture,
     resized,
     source_picture,
-    stacked,
 )
-from scenefw.report.pictures import beside, save_picture
+from scenefw.report.pictures import beside, save_picture, stacked
 
 
 class Growth:

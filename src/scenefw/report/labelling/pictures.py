@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
 
 from scenefw.core.height_maps import HeightMap
 from scenefw.core.labels import FROM_BOTH, FROM_MAP, FROM_VIEWS
 from scenefw.evaluation.labelling.results import Example
 from scenefw.report.palette import class_colours
-from scenefw.report.pictures import beside
+from scenefw.report.pictures import beside, legend, stacked
 
 Picture = NDArray[np.float32]
 
@@ -26,7 +26,7 @@ SOURCES = {
 """Value and colour of each origin of a label."""
 _RIGHT, _WRONG, _MISSED = (0.93, 0.93, 0.92), (0.80, 0.15, 0.12), (0.35, 0.35, 0.40)
 _SIDE = 256  # pixels of a tile
-_LINE = 22
+_TOP = 0.06  # m: heights from here on have one colour
 
 
 def label_picture(labels: NDArray[Any], classes: int) -> Picture:
@@ -50,7 +50,7 @@ def source_picture(sources: NDArray[np.uint8]) -> Picture:
     return picture
 
 
-def height_picture(height_map: HeightMap, top: float = 0.06) -> Picture:
+def height_picture(height_map: HeightMap, top: float = _TOP) -> Picture:
     """RGB (V, V, 3) of heights: the table dark, `top` (m) and higher light, unseen grey."""
     from matplotlib import colormaps
 
@@ -64,7 +64,9 @@ def map_picture(height_map: HeightMap) -> Picture:
     labels, sources = height_map.labels, height_map.sources
     shown = {
         "colour": colour_picture(height_map),
-        "height": height_picture(height_map),
+        f"height: dark 0, light {100 * _TOP:.0f} cm or more, grey not seen": height_picture(
+            height_map
+        ),
     }
     if labels is not None:
         shown["labels"] = label_picture(labels, len(height_map.classes))
@@ -81,9 +83,9 @@ def colour_picture(height_map: HeightMap) -> Picture:
 
 
 def class_legend(classes: Sequence[str], width: int) -> Picture:
-    """RGB (22, width, 3): the colours of classes and of where labels come from."""
+    """RGB (H, width, 3): the colours of classes and of where labels come from."""
     names = dict(zip(classes, class_colours(len(classes)), strict=True))
-    return legend(names | _source_names(), width)
+    return legend(names | _source_names() | {"not seen": UNSEEN}, width)
 
 
 def example_picture(example: Example, classes: Sequence[str], strategies: Sequence[str]) -> Picture:
@@ -117,29 +119,11 @@ def example_picture(example: Example, classes: Sequence[str], strategies: Sequen
     return stacked(sheet, legend(names | marks, sheet.shape[1]))
 
 
-def legend(colours: Mapping[str, Sequence[float]], width: int) -> Picture:
-    """RGB (22, width, 3): a square of each colour with its name."""
-    strip = Image.new("RGB", (width, _LINE), "white")
-    pen, font = ImageDraw.Draw(strip), ImageFont.load_default(13)
-    x = 4
-    for name, colour in colours.items():
-        fill = tuple(round(255 * part) for part in colour)
-        pen.rectangle((x, 5, x + 12, 17), fill=fill)  # type: ignore[arg-type]
-        pen.text((x + 17, 3), name, fill="#444444", font=font)
-        x += 17 + int(pen.textlength(name, font=font)) + 18
-    return np.asarray(strip, dtype=np.float32) / np.float32(255)
-
-
 def resized(picture: Picture, side: int) -> Picture:
     """The picture at `side` x `side` pixels, nearest pixel."""
     image = Image.fromarray(np.rint(np.clip(picture, 0, 1) * 255).astype(np.uint8))
     scaled = image.resize((side, side), Image.Resampling.NEAREST)
     return np.asarray(scaled, dtype=np.float32) / np.float32(255)
-
-
-def stacked(top: Picture, bottom: Picture) -> Picture:
-    """One picture above another of the same width."""
-    return np.concatenate([top, bottom])
 
 
 def _colour(colour: NDArray[np.uint8], seen: NDArray[np.bool_]) -> Picture:
