@@ -385,3 +385,14 @@ def test_an_unwritable_output_folder_is_named_before_work_starts(nil, tmp_path, 
 @pytest.mark.parametrize("device", ["tpu", "cuda:99"])
 def test_an_unknown_device_is_named(nil, device):
     assert_one_line(nil("run=nil", f"device={device}"), device)
+
+
+@pytest.mark.parametrize(("word", "said", "unsaid"), [
+    ("foo=1", "--cfg job lists all keys", "floor"),
+    ("seeed=1", "did you mean seed?", "--cfg"),
+    ("batch=1", "did you mean size.batch", "--cfg"),
+])  # fmt: skip
+def test_an_unknown_key_gets_hints_that_are_close(scenefw, word, said, unsaid):
+    done = scenefw(word)
+    assert_one_line(done, f"no key '{word.partition('=')[0]}'", said)
+    assert unsaid not in done.stderr

@@ -267,9 +267,20 @@ def _unknown_key(overrides: Sequence[Override], options: Mapping[str, Sequence[s
         key = override.key_or_group
         if key.startswith("hydra") or override.is_add() or override.is_force_add() or key in keys:
             continue
-        known = [k for k in keys if k.count(".") <= key.count(".")]
-        return f"there is no key '{key}'; {near_misses(key, known)} (+{key}=... adds a new one)"
+        return f"there is no key '{key}'; {_near_keys(key, keys)} (+{key}=... adds a new one)"
     return None
+
+
+def _near_keys(key: str, keys: Sequence[str]) -> str:
+    """Asks for keys that end in the same name or are spelled alike; else says how to see all."""
+    leaf = key.rpartition(".")[2]
+    same = [k for k in keys if k.rpartition(".")[2] == leaf]
+    shallow = [k for k in keys if k.count(".") <= key.count(".")]
+    alike = difflib.get_close_matches(key, shallow, n=2, cutoff=0.76)
+    close = [*difflib.get_close_matches(key, same, n=2, cutoff=0.5), *alike]
+    if close:
+        return f"did you mean {' or '.join(dict.fromkeys(close))}?"
+    return "--cfg job lists all keys"
 
 
 def _keys(config: DictConfig, prefix: str = "") -> Iterator[str]:

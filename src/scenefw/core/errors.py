@@ -34,6 +34,25 @@ class ConfigError(SceneFWError):
     """An option, a key or a combination of settings is wrong."""
 
 
+class SettingError(ConfigError):
+    """The value of one setting is out of its range.
+
+    Args:
+        name: of the argument; whoever knows its key in the config puts that in its place.
+        value: as given.
+        expected: the range in words.
+    """
+
+    def __init__(self, name: str, value: object, expected: str) -> None:
+        super().__init__(name, value, expected)
+        self.name, self.value, self.expected = name, value, expected
+
+    def __str__(self) -> str:
+        shown = list(self.value) if isinstance(self.value, tuple) else self.value
+        shown = "null" if shown is None else shown
+        return f"{self.name} = {shown}: expected {self.expected}"
+
+
 class CheckpointError(SceneFWError):
     """A checkpoint is missing, truncated, of another version or for another task."""
 
@@ -52,21 +71,6 @@ class WorkerError(SceneFWError):
 
 class MissingDependencyError(SceneFWError):
     """An optional library is needed for this; the message names the install line."""
-
-
-def require_at_least(least: int, **settings: int | None) -> None:
-    """Checks settings of a run before the work; None stands for no limit.
-
-    Args:
-        least: that each may be.
-        settings: by name.
-
-    Raises:
-        ConfigError: one is below.
-    """
-    for name, value in settings.items():
-        if value is not None and value < least:
-            raise ConfigError(f"run.{name} is {value}; expected {least} or more")
 
 
 def require_number(value: Any, name: str, expected: str) -> None:

@@ -166,6 +166,8 @@ def unreadable(error: Exception, advice: str = "") -> str:
         error: one of `DAMAGED`; numpy takes files of other kinds for pickles.
         advice: what to do if the file is damaged.
     """
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror.lower()  # without its number, and the path, which the message has
     words = str(error).splitlines()[0] if str(error) else type(error).__name__
     if words.startswith("Object arrays"):
         return "it holds pickled objects, which are never loaded; store plain arrays of numbers"

@@ -8,6 +8,7 @@ import torch
 from scenefw.core.batches import IndexBatch
 from scenefw.core.errors import ConfigError
 from scenefw.core.rng import generator
+from scenefw.core.settings import COUNT
 
 _ORDER = 1  # random stream
 
@@ -36,15 +37,13 @@ class EpochBatches:
         world: int = 1,
         distinct: int | None = None,
     ) -> None:
-        if distinct is not None and distinct < 1:
-            raise ConfigError(
-                f"dataset.distinct_batches is {distinct}; expected 1 or more, or null"
-            )
+        COUNT.require(distinct_batches=distinct)
         share = scenes // world if seed is not None else len(range(rank, scenes, world))
         if batch_size < 1 or share < (batch_size if seed is not None else 1):
+            each = f" of each of {world} processes" if world > 1 else ""
             raise ConfigError(
-                f"batch size {batch_size} does not fit {scenes} scenes on {world} processes; "
-                "lower dataset.batch_size or raise dataset.limit"
+                f"dataset.batch_size = {batch_size}: expected 1 to {share}, the number of "
+                f"scenes{each}; lower it or raise dataset.limit"
             )
         self.scenes, self.batch_size, self.seed = scenes, batch_size, seed
         self.rank, self.world, self.distinct = rank, world, distinct

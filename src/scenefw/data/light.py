@@ -3,8 +3,8 @@
 import torch
 from torch import Tensor
 
-from scenefw.core.errors import ConfigError
 from scenefw.core.rng import Streams
+from scenefw.core.settings import below
 from scenefw.core.types import Float64
 
 
@@ -18,11 +18,7 @@ class ColourJitter:
     """
 
     def __init__(self, brightness: float = 0.2, contrast: float = 0.2, tint: float = 0.05) -> None:
-        if not all(0 <= value < 1 for value in (brightness, contrast, tint)):
-            raise ConfigError(
-                f"colour jitter has brightness = {brightness}, contrast = {contrast}, tint = "
-                f"{tint}; expected shares from 0 to below 1"
-            )
+        below(1).require(brightness=brightness, contrast=contrast, tint=tint)
         self.brightness, self.contrast, self.tint = brightness, contrast, tint
 
     def draw(self, streams: Streams) -> Float64:

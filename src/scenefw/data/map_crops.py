@@ -18,6 +18,7 @@ from scenefw.core.height_maps import HeightMap
 from scenefw.core.labelling_protocols import FrameSource
 from scenefw.core.labels import UNKNOWN
 from scenefw.core.rng import Streams
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, SHARE
 from scenefw.core.types import Float64
 from scenefw.data.distances import HEIGHT
 from scenefw.data.light import ColourJitter
@@ -97,12 +98,9 @@ class MapCrops:
         *,
         flips: bool = True,
     ) -> None:
-        if crops < 1 or min(size) < 1 or height_noise < 0 or not 0 <= unseen <= 1:
-            raise ConfigError(
-                f"crops of maps have crops = {crops}, size = {list(size)}, height_noise = "
-                f"{height_noise}, unseen = {unseen}; expected numbers of at least 1, metres of at "
-                "least 0 and a share from 0 to 1"
-            )
+        COUNT.require(crops=crops, size=size)
+        NOT_NEGATIVE.require(height_noise=height_noise)
+        SHARE.require(unseen=unseen)
         self.maps, self.crops, self.jitter = maps, crops, jitter
         self.size = (int(size[0]), int(size[1]))
         self.height_noise, self.unseen, self.seed, self.flips = height_noise, unseen, seed, flips

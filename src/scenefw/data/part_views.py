@@ -11,9 +11,10 @@ from scipy.special import ndtri
 from torch import Tensor
 
 from scenefw.core.batches import CameraBatch, IndexBatch, SceneParameters
-from scenefw.core.errors import ConfigError
+from scenefw.core.errors import SettingError
 from scenefw.core.part_views import PartViewBatch
 from scenefw.core.rng import Streams
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, SHARE
 from scenefw.data.compounds import compounds
 from scenefw.data.scene_batches import SceneBatches
 from scenefw.data.surroundings import surrounding_depths
@@ -95,15 +96,11 @@ class PartViews(SceneBatches):
         scale: Sequence[float] = (0.5, 1.3),
     ) -> None:
         super().__init__(path, limit, validation_limit, batch_size, seed, distinct_batches)
-        shares = (traced, compound, hollow, pieces, ends)
-        right = all(0 <= one <= 1 for one in shares) and min(tilt, lift) >= 0
-        if min(image_size) < 1 or not right or len(scale) != 2 or not 0 < scale[0] <= scale[1]:
-            raise ConfigError(
-                f"dataset has image_size {list(image_size)}, traced {traced}, compound {compound}, "
-                f"hollow {hollow}, pieces {pieces}, ends {ends}, tilt {tilt}, lift {lift} and "
-                f"scale {list(scale)}; expected pixels, shares, deviations and two factors, the "
-                "smaller first"
-            )
+        SHARE.require(traced=traced, compound=compound, hollow=hollow, pieces=pieces, ends=ends)
+        NOT_NEGATIVE.require(tilt=tilt, lift=lift)
+        COUNT.require(image_size=image_size)
+        if len(scale) != 2 or not 0 < scale[0] <= scale[1]:
+            raise SettingError("scale", scale, "two factors above 0, the smaller first")
         self.viewpoints, self.renderer, self.volumes = viewpoints, renderer, grid
         self.lens = viewpoints.camera.resized(*image_size)
         self.image_size = (self.lens.width, self.lens.height)

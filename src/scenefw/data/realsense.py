@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from scenefw.core.errors import ConfigError, InputError, MissingDependencyError
+from scenefw.core.settings import COUNT, NOT_NEGATIVE
 from scenefw.data.bags import CHANNELS, RecordedFrame
 
 if TYPE_CHECKING:
@@ -44,11 +45,8 @@ class RealSense:
     ) -> None:
         if align not in ("depth", "colour", "none"):
             raise ConfigError(f"run.align = {align}: expected depth, colour or none")
-        if warm_up < 0 or (rate is not None and rate < 1) or (size is not None and min(size) < 1):
-            raise ConfigError(
-                f"run.warm_up is {warm_up}, run.rate {rate} and run.size {size}; expected at "
-                "least 0 images, 1 per second and sizes of 1"
-            )
+        NOT_NEGATIVE.require(warm_up=warm_up)
+        COUNT.require(rate=rate, size=size)
         self.recording, self.size, self.rate = recording, size, rate
         self.align, self.warm_up = align, warm_up
 

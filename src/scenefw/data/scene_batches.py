@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import lightning
 import torch
 
+from scenefw.core.settings import COUNT
 from scenefw.data.epochs import EpochBatches
 from scenefw.data.stacks import StackScenes
 
@@ -36,6 +37,7 @@ class SceneBatches(lightning.LightningDataModule):
         distinct_batches: int | None,
     ) -> None:
         super().__init__()
+        COUNT.require(batch_size=batch_size, distinct_batches=distinct_batches)
         self.scenes = StackScenes(path, "train", limit)
         self.validation_scenes = StackScenes(path, "val", validation_limit)
         self.batch_size, self.seed = batch_size, seed

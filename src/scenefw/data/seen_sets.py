@@ -10,8 +10,8 @@ import torch
 from torch import Tensor
 
 from scenefw.core.batches import CameraBatch, IndexBatch, SceneParameters, SeenSetBatch
-from scenefw.core.errors import ConfigError
 from scenefw.core.rng import Streams
+from scenefw.core.settings import COUNT, NOT_NEGATIVE
 from scenefw.core.types import GridSpec
 from scenefw.data.object_ends import object_ends
 from scenefw.data.scene_batches import SceneBatches
@@ -79,12 +79,8 @@ class SeenSets(SceneBatches):
         scale: float = 1.15,
     ) -> None:
         super().__init__(path, limit, validation_limit, batch_size, seed, distinct_batches)
-        if min(*image_size, points, ends, least) < 1 or along < 0 or scale < 1:
-            raise ConfigError(
-                f"dataset has image_size {list(image_size)}, points {points}, ends {ends}, least "
-                f"{least}, along {along} and scale {scale}; expected positive numbers and a factor "
-                "from 1"
-            )
+        COUNT.require(image_size=image_size, points=points, ends=ends, least=least, scale=scale)
+        NOT_NEGATIVE.require(along=along)
         self.viewpoints = viewpoints
         self.lens = viewpoints.camera.resized(*image_size)
         self.points, self.ends, self.least = points, ends, least

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from scenefw.core.batches import IndexBatch, SegmentationBatch
 from scenefw.core.errors import ConfigError
+from scenefw.core.settings import COUNT
 from scenefw.data.epochs import EpochBatches
 
 
@@ -58,6 +59,7 @@ class SegmentationData(lightning.LightningDataModule):
         distinct_batches: int | None = None,
     ) -> None:
         super().__init__()
+        COUNT.require(batch_size=batch_size, distinct_batches=distinct_batches)
         if tuple(train.classes) != tuple(validation.classes):
             raise ConfigError(
                 f"classes of training {list(train.classes)} and of validation "

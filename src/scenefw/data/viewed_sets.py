@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from scenefw.core.errors import ConfigError
+from scenefw.core.errors import SettingError
 from scenefw.core.queried_sets import ViewedSetBatch
 from scenefw.core.rng import Streams
+from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.data.conditioning import condition
 from scenefw.data.scene_batches import SceneBatches
 from scenefw.data.seen_points import seen_points
@@ -68,11 +69,10 @@ class ViewedSets(SceneBatches):
         near: float = 0.01,
     ) -> None:
         super().__init__(path, limit, validation_limit, batch_size, seed, distinct_batches)
-        if points < 1 or places < 2 or places % 2 or not near > 0:
-            raise ConfigError(
-                f"dataset has points {points}, places {places} and near {near}; expected positive "
-                "numbers, and an even one of places"
-            )
+        COUNT.require(points=points)
+        POSITIVE.require(near=near)
+        if places < 2 or places % 2:
+            raise SettingError("places", places, "an even number of 2 or more")
         self.views = views
         self.points, self.places, self.near = points, places, near
 

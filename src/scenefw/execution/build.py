@@ -5,11 +5,12 @@ from __future__ import annotations
 import functools
 import inspect
 import pkgutil
+import re
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from scenefw.config import near_misses
-from scenefw.core.errors import ConfigError, SceneFWError
+from scenefw.core.errors import ConfigError, SceneFWError, SettingError
 
 if TYPE_CHECKING:
     from omegaconf import DictConfig, ListConfig
@@ -81,12 +82,26 @@ class Builder:
         _require_arguments(made, arguments, key)
         try:
             return made(**arguments)
+        except SettingError as error:
+            if error.name not in arguments:  # of a part that the class makes by itself
+                raise
+            where = _typed(node, error.name, key)
+            raise SettingError(where, error.value, error.expected) from error
         except (SceneFWError, OSError):
             raise
         except Exception as error:
             raise ConfigError(
                 f"{key} cannot be built: {_name(made)} says {type(error).__name__}: {error}"
             ) from error
+
+
+def _typed(node: DictConfig, name: str, key: str) -> str:
+    """The key to type for an argument: that which it takes its value from, or else its own."""
+    from omegaconf import OmegaConf
+
+    raw: Any = OmegaConf.to_container(node, resolve=False)
+    taken = re.fullmatch(r"\$\{([a-z]\w*(?:\.\w+)*)\}", str(raw[name]))
+    return taken[1] if taken else f"{key}.{name}"
 
 
 def _imported(target: str, key: str) -> Callable[..., Any]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import COUNT, POSITIVE, between
 from scenefw.fitting.placed import in_frame_of, shape_of
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _GROWTH = 0.03  # m, of half-axes in one round
 _SHELLS = (0.95, 0.7, 0.4)  # of sizes: objects that coincide have no surface inside each other
-_FINEST = 64  # points along an edge of the cube about each object
+_EDGE = between(1, 64)  # points along it: more of all objects fill the memory
 
 
 class JointFit:
@@ -44,16 +44,9 @@ class JointFit:
     def __init__(
         self, inner: SuperquadricFit, rounds: int = 2, resolution: int = 6, sigma: float = 0.02
     ) -> None:
-        if rounds < 1 or resolution < 1 or not sigma > 0:
-            raise ConfigError(
-                f"a joint fit has rounds {rounds}, resolution {resolution} and sigma {sigma}; "
-                "expected 1 or more and a positive deviation"
-            )
-        if resolution > _FINEST:
-            raise ConfigError(
-                f"fit.resolution is {resolution} points along an edge, which no memory holds for "
-                f"all objects; give at most {_FINEST} (6 is enough for what a camera sees)"
-            )
+        COUNT.require(rounds=rounds)
+        _EDGE.require(resolution=resolution)
+        POSITIVE.require(sigma=sigma)
         self.inner, self.rounds, self.resolution, self.sigma = inner, rounds, resolution, sigma
 
     def fit(self, evidence: Sequence[Evidence]) -> list[FittedSuperquadric]:

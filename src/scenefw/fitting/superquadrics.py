@@ -9,8 +9,9 @@ import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
-from scenefw.core.errors import ConfigError
+from scenefw.core.errors import SettingError
 from scenefw.core.evidence import FittedSuperquadric
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
 from scenefw.core.types import Pose
 from scenefw.fitting.starts import box_starts
 from scenefw.kernels.superquadric_fit import COST, DAMPING, STATE, TYPICAL, WORK, advance
@@ -79,14 +80,12 @@ class SuperquadricFit:
     ) -> None:
         for name, (low, high) in (("exponents", exponents), ("half_axes", half_axes)):
             if not 0 < low < high:
-                raise ConfigError(f"{name} = {low}, {high}: expected two positive numbers in order")
-        positive = min(steps, rounds, outliers, typical, spread) > 0 and stiffness >= 0
-        if exponents[0] < 1 or not positive:
-            raise ConfigError(
-                f"exponents from {exponents[0]}, steps {steps}, rounds {rounds}, "
-                f"outliers {outliers}, typical {typical}, stiffness {stiffness}, spread {spread}: "
-                "expected exponents from 1 (convex), and positive numbers"
-            )
+                raise SettingError(name, (low, high), "two numbers above 0, the smaller first")
+        if exponents[0] < 1:
+            raise SettingError("exponents", exponents, "1 or more (below 1: not convex)")
+        POSITIVE.require(outliers=outliers, typical=typical, spread=spread)
+        COUNT.require(steps=steps, rounds=rounds)
+        NOT_NEGATIVE.require(stiffness=stiffness)
         self.exponents, self.half_axes = exponents, half_axes
         self.steps, self.outliers, self.rounds = steps, outliers, rounds
         self.typical, self.stiffness, self.spread = typical, stiffness, spread

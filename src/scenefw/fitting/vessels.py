@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import least_squares
 
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import COUNT, POSITIVE, between
 from scenefw.core.types import Pose
 from scenefw.shapes.vessel import Vessel
 
@@ -68,13 +68,9 @@ class VesselFit:
         stands: float = 0.04,
         steps: int = 30,
     ) -> None:
-        in_bounds = _WALLS[0] <= wall <= _WALLS[1]
-        if min(sigma, wall_sigma, stands, steps) <= 0 or not in_bounds:
-            raise ConfigError(
-                f"a fit of vessels has sigma {sigma}, wall {wall}, wall_sigma {wall_sigma}, stands "
-                f"{stands} and steps {steps}; expected positive numbers, and a wall of "
-                f"{_WALLS[0]} to {_WALLS[1]} m"
-            )
+        POSITIVE.require(sigma=sigma, wall_sigma=wall_sigma, stands=stands)
+        COUNT.require(steps=steps)
+        between(*_WALLS).require(wall=wall)
         self.sigma, self.wall, self.wall_sigma = sigma, wall, wall_sigma
         self.stands, self.steps = stands, steps
 

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from scenefw.core import rng
-from scenefw.core.errors import ConfigError
 from scenefw.core.grasps import Grasp
+from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.core.types import Float64, SceneObject
 from scenefw.grasping.suction import SuctionCup, frame_along
 from scenefw.grasping.surfaces import Surfaces
@@ -53,12 +53,8 @@ class SuctionCandidates:
         hidden: bool = False,
         seed: int = 0,
     ) -> None:
-        if not (payload > 0 and safety > 0 and steepest > 0 and min(points, most) >= 1):
-            raise ConfigError(
-                f"grasping.candidates has payload {payload}, safety {safety}, steepest "
-                f"{steepest}, points {points} and most {most}; expected "
-                "positive numbers (kg, degrees)"
-            )
+        POSITIVE.require(payload=payload, safety=safety, steepest=steepest)
+        COUNT.require(points=points, most=most)
         self.cup, self.payload, self.safety = cup, payload, safety
         self.steepest, self.aside = steepest, aside
         self.points, self.most = points, most

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import inverse
 from scenefw.core.grasps import Film, Grasp, Lift
+from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.core.types import Float64, SceneObject, Shape, TriangleMesh
 from scenefw.grasping.panda import Arm, PandaArm
 from scenefw.grasping.suction import Meeting, SuctionCup
@@ -74,11 +75,8 @@ class LiftSimulation:
             raise ConfigError(
                 f"grasping needs engine=pybullet, in which its arm is; got {type(engine).__name__}"
             )
-        if min(before, out, up, speed) <= 0 or min(rest, turns) < 1:
-            raise ConfigError(
-                f"grasping.lifting has before {before}, out {out}, up {up}, speed {speed}, rest "
-                f"{rest} and turns {turns}; expected positive numbers"
-            )
+        POSITIVE.require(before=before, out=out, up=up, speed=speed)
+        COUNT.require(rest=rest, turns=turns)
         self.engine, self.arm, self.cup = engine, arm, cup
         self.before, self.beyond, self.out, self.up = before, beyond, out, up
         self.speed, self.rest, self.clearance, self.turns = speed, rest, clearance, turns

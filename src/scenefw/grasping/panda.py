@@ -15,8 +15,9 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from scenefw.core.errors import ConfigError, MissingDependencyError
+from scenefw.core.errors import MissingDependencyError
 from scenefw.core.geometry import inverse, quaternion_from_rotation, rigid, rotation_from_quaternion
+from scenefw.core.settings import POSITIVE, above
 from scenefw.core.types import Float64, TriangleMesh
 from scenefw.grasping.reach import Chain, read_chain
 
@@ -70,11 +71,8 @@ class PandaArm:
         rod: float = 0.012,
         cup: float = 0.02,
     ) -> None:
-        if not (0 < bellows < tool - 0.03 and rod > 0 and cup > 0):
-            raise ConfigError(
-                f"grasping.lifting.arm has tool {tool}, bellows {bellows}, rod {rod} and cup {cup};"
-                " expected positive lengths (m), the tool at least 3 cm longer than the bellows"
-            )
+        POSITIVE.require(bellows=bellows, rod=rod, cup=cup)
+        above(bellows + 0.03, "3 cm longer than the bellows").require(tool=tool)
         _folder()
         self.base, self.turn = tuple(float(x) for x in base), float(turn)
         self.tool, self.bellows, self.rod, self.cup = tool, bellows, rod, cup

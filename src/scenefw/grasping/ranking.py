@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import inverse
 from scenefw.core.grasps import Grasp, Lift, RankedGrasp, Ranking
+from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.core.types import Float64, SceneObject
 from scenefw.grasping.candidates import SuctionCandidates
 from scenefw.grasping.lifting import LiftSimulation
@@ -41,11 +41,8 @@ class SuctionGrasping:
         settle: int = 2400,
         alike: float = 0.001,
     ) -> None:
-        if min(contacts, settle) < 1 or not alike > 0:
-            raise ConfigError(
-                f"grasping has contacts {contacts}, settle {settle} and alike {alike}; expected "
-                "positive numbers"
-            )
+        COUNT.require(contacts=contacts, settle=settle)
+        POSITIVE.require(alike=alike)
         self.candidates, self.lifting = candidates, lifting
         self.contacts, self.settle, self.alike = contacts, settle, alike
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import POSITIVE
 from scenefw.core.types import Float64
 from scenefw.grasping.surfaces import Surfaces
 
@@ -54,11 +54,7 @@ class SuctionCup:
         vacuum: float = 70e3,
         friction: float = 0.5,
     ) -> None:
-        if not min(radius, give, vacuum, friction) > 0:
-            raise ConfigError(
-                f"grasping.cup has radius {radius}, give {give}, vacuum {vacuum} and friction "
-                f"{friction}; expected positive numbers (m, m, Pa)"
-            )
+        POSITIVE.require(radius=radius, give=give, vacuum=vacuum, friction=friction)
         self.radius, self.give, self.vacuum, self.friction = radius, give, vacuum, friction
 
     @property

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import uniform_filter
 
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import COUNT, POSITIVE
 
 if TYPE_CHECKING:
     from scenefw.core.height_maps import HeightMap
@@ -28,11 +28,8 @@ class Reconstruction:
     """
 
     def __init__(self, confidence: float = 1.0, deviation: float = 0.003, window: int = 91) -> None:
-        if not (confidence > 0 and deviation > 0 and window >= 1):
-            raise ConfigError(
-                f"confidence = {confidence}, deviation = {deviation}, window = {window}; expected "
-                "values above 0"
-            )
+        POSITIVE.require(confidence=confidence, deviation=deviation)
+        COUNT.require(window=window)
         self.confidence = confidence
         self.deviation = deviation
         self.window = window

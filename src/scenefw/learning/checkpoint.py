@@ -16,7 +16,7 @@ from safetensors.torch import save
 from torch import nn
 
 from scenefw.core import assets
-from scenefw.core.errors import CheckpointError, ConfigError
+from scenefw.core.errors import CheckpointError, ConfigError, SettingError
 from scenefw.core.files import replacing
 from scenefw.core.types import GridSpec
 from scenefw.core.versions import installed
@@ -150,7 +150,14 @@ def load_checkpoint(
     Raises:
         CheckpointError: the file is missing, truncated, from elsewhere, from another version or
             for another task, or weights are not finite.
+        ConfigError: no path is given, and no weights of this name ship.
     """
+    if path is None and shipped not in assets.weights():
+        known = ", ".join(sorted(assets.weights()))
+        expected = (
+            f"a file, as no weights '{shipped}' come with scenefw or its plugins ({known} do)"
+        )
+        raise SettingError("path", None, expected)
     path = weights_file(path, shipped)
     header, tensors = _read(path)
     found = header.get("task", SHAPE_INSTANCE)

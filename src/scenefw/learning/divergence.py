@@ -42,7 +42,7 @@ def require_finite(module: TrainingModule) -> None:
     if values and not bool(_all_finite(values)):
         raise TrainingError(
             f"the training diverged: weights are NaN or infinite after step {module.batches_seen}; "
-            "its last snapshot is kept: resume it with a lower learning.learning_rate, or with "
+            "start over (run.fresh=true) with a lower learning.learning_rate, or with "
             "trainer.precision=32-true"
         )
 

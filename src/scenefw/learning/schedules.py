@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
-from scenefw.core.errors import ConfigError
+from scenefw.core.errors import ConfigError, SettingError
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ def limit(amount: Number | None, name: str) -> Number | None:
     if amount is None or amount == -1:
         return None
     if not amount > 0:
-        raise ConfigError(f"{name} is {amount}; expected more than 0, or -1 for no limit")
+        raise SettingError(name, amount, "more than 0, or -1 for no limit")
     return amount
 
 
@@ -117,9 +117,9 @@ class CosineDecay:
         lowest: float = 0.01,
         epochs: int | None = None,
     ) -> None:
-        self.steps = limit(steps, "learning.schedule.steps")
-        self.epochs = limit(epochs, "learning.schedule.epochs")
-        self.minutes = limit(minutes, "learning.schedule.minutes")
+        self.steps = limit(steps, "steps")
+        self.epochs = limit(epochs, "epochs")
+        self.minutes = limit(minutes, "minutes")
         if not self.steps and not self.minutes and not self.epochs:
             raise ConfigError(
                 "a cosine schedule needs a budget: learning.schedule.steps, .minutes or .epochs; "

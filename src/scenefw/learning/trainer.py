@@ -67,9 +67,9 @@ class TrainerSettings:
         benchmark: bool = True,
     ) -> None:
         self.budget = Budget(
-            limit(max_steps, "trainer.max_steps"),
-            limit(max_epochs, "trainer.max_epochs"),
-            limit(max_minutes, "trainer.max_minutes"),
+            limit(max_steps, "max_steps"),
+            limit(max_epochs, "max_epochs"),
+            limit(max_minutes, "max_minutes"),
         )
         self.call = seconds_of(max_time)
         self.validate_every, self.tf32, self.benchmark = validate_every, tf32, benchmark

@@ -6,9 +6,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.errors import InputError
 from scenefw.core.height_maps import HeightGrid, HeightMap
 from scenefw.core.labelling_protocols import State
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
 from scenefw.core.types import Frame
 from scenefw.kernels import heights as kernels
 from scenefw.kernels import rivals
@@ -55,11 +56,9 @@ class HeightFusion:
         damping: float = 1.0,
         device: str = "cpu",
     ) -> None:
-        if iterations < 1 or prior < 0 or damping < 0 or (outlier is not None and not outlier > 0):
-            raise ConfigError(
-                f"height fusion has iterations = {iterations}, outlier = {outlier}, prior = "
-                f"{prior}, damping = {damping}; expected 1 or more, metres > 0 or null, >= 0, >= 0"
-            )
+        COUNT.require(iterations=iterations)
+        POSITIVE.require(outlier=outlier)
+        NOT_NEGATIVE.require(prior=prior, damping=damping)
         self.grid = grid or HeightGrid()
         self.a, self.iterations, self.outlier = a, iterations, outlier
         self.prior, self.damping, self.device = prior, damping, device

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from scenefw.core.batches import SeenSetBatch, SetFlowPrediction
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import COUNT, NOT_NEGATIVE
 from scenefw.kernels.precision import full_precision
 from scenefw.models.set_attention import attention, time_waves
 
@@ -71,12 +71,10 @@ class SetExtents(nn.Module):
         ends: bool = False,
     ) -> None:
         super().__init__()
-        if min(slots, width, layers, heads, repeats, others) < 1 or turn < 0:
-            raise ConfigError(
-                f"set_extents has slots {slots}, width {width}, layers {layers}, heads {heads}, "
-                f"repeats {repeats}, others {others} and turn {turn}; expected 1 or more, and an "
-                "angle of 0 or more"
-            )
+        COUNT.require(
+            slots=slots, width=width, layers=layers, heads=heads, repeats=repeats, others=others
+        )
+        NOT_NEGATIVE.require(turn=turn)
         self.recipe = {
             "_target_": f"{__name__}.SetExtents",
             "slots": slots,

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from scenefw.core.batches import SeenSetBatch, SetFlowPrediction
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import COUNT, SHARE
 from scenefw.matching.assignment import Assignment
 from scenefw.models.set_attention import attention, time_waves
 from scenefw.models.superquadric_tokens import SIZE, decode, described_in_all_ways, encode
@@ -58,11 +58,9 @@ class SetFlow(nn.Module):
         repeats: int = 4,
     ) -> None:
         super().__init__()
-        if min(slots, width, layers, view_layers, heads, repeats) < 1 or not 0 <= share <= 1:
-            raise ConfigError(
-                f"set_flow has slots {slots}, width {width}, layers {layers} and {view_layers}, "
-                f"heads {heads}, repeats {repeats}, share {share}; expected 1 or more, and a share"
-            )
+        COUNT.require(slots=slots, width=width, layers=layers, heads=heads, repeats=repeats)
+        COUNT.require(view_layers=view_layers)
+        SHARE.require(share=share)
         self.recipe = {
             "_target_": f"{__name__}.SetFlow",
             "slots": slots,

@@ -9,8 +9,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from scenefw.core.errors import ConfigError
 from scenefw.core.rng import Streams
+from scenefw.core.settings import NOT_NEGATIVE, POSITIVE, SHARE
 from scenefw.kernels.cameras import finite
 
 if TYPE_CHECKING:
@@ -58,15 +58,9 @@ class Stereo:
         shadows: float = 0.0,
         share: float = 1.0,
     ) -> None:
-        amounts, shares = (waves, window, edges), (shadows, share)
-        positive = min(baseline, jump, *wavelengths) > 0
-        if not positive or min(amounts) < 0 or not all(0 <= one <= 1 for one in shares):
-            raise ConfigError(
-                f"Stereo noise has baseline {baseline}, waves {waves}, wavelengths "
-                f"{list(wavelengths)}, window {window}, jump {jump}, edges {edges}, shadows "
-                f"{shadows} and share {share}; expected metres, pixels, a factor and shares of "
-                "the images"
-            )
+        POSITIVE.require(baseline=baseline, jump=jump, wavelengths=wavelengths)
+        NOT_NEGATIVE.require(waves=waves, window=window, edges=edges)
+        SHARE.require(shadows=shadows, share=share)
         self.baseline, self.waves, self.wavelengths = baseline, waves, tuple(wavelengths)
         self.window, self.jump = window, jump
         self.edges, self.shadows, self.share = edges, shadows, share

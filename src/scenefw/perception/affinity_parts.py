@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from scenefw.core.batches import CameraBatch
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, PROBABILITY, below
 from scenefw.perception.depth_parts import EDGE, grown, large_parts, linked_parts, merged
 from scenefw.perception.pixels import WIDTH
 from scenefw.perception.points import world_points
@@ -62,13 +62,10 @@ class AffinityParts:
         lowest: float = 0.012,
         noisy: float = 7.0,
     ) -> None:
-        shares = 0 < sure < 1 and 0 < same < 1 and 0 <= shown < 1
-        if not shares or min(margin, lowest, noisy) < 0 or min(seed, smallest) < 1:
-            raise ConfigError(
-                f"parts have sure {sure}, same {same}, seed {seed}, shown {shown}, margin "
-                f"{margin}, smallest {smallest}, lowest {lowest} and noisy {noisy}; expected "
-                "probabilities, pixels, and heights of 0 or more"
-            )
+        PROBABILITY.require(sure=sure, same=same)
+        below(1).require(shown=shown)
+        NOT_NEGATIVE.require(margin=margin, lowest=lowest, noisy=noisy)
+        COUNT.require(seed=seed, smallest=smallest)
         self.model: PartAffinityModel = checkpoint.model
         self.metadata = dict(checkpoint.metadata)
         self.sure, self.same, self.seed, self.shown = sure, same, seed, shown

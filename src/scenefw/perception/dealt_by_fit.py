@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import PART, POSITIVE, at_least
 from scenefw.fitting.placed import signed_distance
 
 if TYPE_CHECKING:
@@ -50,11 +50,9 @@ class DealtByFit:
         explained: float = 0.85,
         least: int = 30,
     ) -> None:
-        if not near > 0 or not 0 < explained <= 1 or least < 4:
-            raise ConfigError(
-                f"near is {near}, explained {explained} and least {least}; expected a positive "
-                "distance, a share above 0 and at least 4 pixels"
-            )
+        POSITIVE.require(near=near)
+        PART.require(explained=explained)
+        at_least(4).require(least=least)
         self.inner, self.fit, self.evidence = inner, fit, evidence
         self.near, self.explained, self.least = near, explained, least
 

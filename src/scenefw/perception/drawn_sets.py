@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 import torch
 
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, above
 from scenefw.fitting.placed import signed_distance
 from scenefw.perception.fitted import Fitted
 from scenefw.perception.free_space import surely_free
@@ -106,12 +106,11 @@ class DrawnSets(Fitted):
         drawn: bool = True,
     ) -> None:
         super().__init__(inner, fit, evidence, near, explained, least, lowest, vessels, drawn=drawn)
-        if steps < 1 or votes < 0 or not drawn_sigma > evidence.seen_sigma or beyond < 0:
-            raise ConfigError(
-                f"drawn sets have steps {steps}, votes {votes}, drawn_sigma {drawn_sigma} and "
-                f"beyond {beyond}; expected positive numbers, and what is drawn less certain than "
-                f"what is seen ({evidence.seen_sigma} m)"
-            )
+        COUNT.require(steps=steps)
+        NOT_NEGATIVE.require(votes=votes, beyond=beyond)
+        above(evidence.seen_sigma, "as what is seen is the more certain").require(
+            drawn_sigma=drawn_sigma
+        )
         self.sized, self.model, self.hidden = fit, checkpoint.model, hidden
         self.steps, self.votes = steps, votes
         self.drawn_sigma, self.beyond = drawn_sigma, beyond

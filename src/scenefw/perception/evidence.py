@@ -9,8 +9,8 @@ import numpy as np
 from scipy.ndimage import binary_erosion, maximum_filter
 from scipy.spatial import cKDTree
 
-from scenefw.core.errors import ConfigError
 from scenefw.core.evidence import Evidence
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE, above
 from scenefw.perception.pixels import WIDTH
 from scenefw.perception.silhouettes import passed_places
 
@@ -88,21 +88,10 @@ class EvidenceOfView:
         border: int = 0,
         beside: int = 0,
     ) -> None:
-        if min(seen_sigma, hidden_sigma, outside_sigma, seen, hidden, outside) <= 0:
-            raise ConfigError(
-                f"evidence has deviations {seen_sigma}, {hidden_sigma}, {outside_sigma} and "
-                f"numbers {seen}, {hidden}, {outside}; expected positive ones"
-            )
-        if border < 0 or beside < 0:
-            raise ConfigError(
-                f"evidence has a border of {border} pixels and {beside} places beside; expected 0 "
-                "or more"
-            )
-        if hidden_sigma <= seen_sigma:
-            raise ConfigError(
-                f"hidden_sigma is {hidden_sigma} and seen_sigma {seen_sigma}; what is seen must be "
-                "the more certain"
-            )
+        POSITIVE.require(seen_sigma=seen_sigma, outside_sigma=outside_sigma)
+        above(seen_sigma, "as what is seen is the more certain").require(hidden_sigma=hidden_sigma)
+        COUNT.require(seen=seen, hidden=hidden, outside=outside)
+        NOT_NEGATIVE.require(border=border, beside=beside)
         self.seen_sigma, self.hidden_sigma = seen_sigma, hidden_sigma
         self.outside_sigma = outside_sigma
         self.seen, self.hidden, self.outside = seen, hidden, outside

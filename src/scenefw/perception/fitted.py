@@ -10,7 +10,7 @@ import torch
 from scipy.ndimage import binary_dilation
 
 from scenefw.core.batches import SceneParameters
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE, SHARE
 from scenefw.core.types import PlacedShape
 from scenefw.fitting.placed import shape_of
 from scenefw.perception.evidence import EvidenceOfView, View, seen_free
@@ -81,11 +81,10 @@ class Fitted:
         *,
         drawn: bool = True,
     ) -> None:
-        if not (near > 0 and 0 <= explained <= 1 and least >= 1 and lowest >= 0):
-            raise ConfigError(
-                f"near is {near}, explained {explained}, least {least}, lowest {lowest}; expected "
-                "positive numbers and a share"
-            )
+        POSITIVE.require(near=near)
+        SHARE.require(explained=explained)
+        COUNT.require(least=least)
+        NOT_NEGATIVE.require(lowest=lowest)
         self.inner, self.fit, self.evidence = inner, fit, evidence
         self.near, self.explained, self.least, self.lowest = near, explained, least, lowest
         self.vessels = vessels

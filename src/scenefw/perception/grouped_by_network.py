@@ -10,6 +10,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from scenefw.core.errors import ConfigError
+from scenefw.core.settings import SHARE
 from scenefw.perception.depth_parts import along_borders, grown
 
 if TYPE_CHECKING:
@@ -39,10 +40,7 @@ class GroupedByNetwork:
     def __init__(
         self, share: float = 0.6, fragment: float = 0.15, divided: float = 0.3, border: int = 25
     ) -> None:
-        if not all(0 <= value <= 1 for value in (share, fragment, divided)):
-            raise ConfigError(
-                f"share is {share}, fragment {fragment}, divided {divided}; expected 0 to 1"
-            )
+        SHARE.require(share=share, fragment=fragment, divided=divided)
         if border < 1:
             raise ConfigError(f"border is {border}; expected a positive number of pixels")
         self.share, self.fragment, self.divided, self.border = share, fragment, divided, border

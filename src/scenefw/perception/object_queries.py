@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from scenefw.core.batches import Completion
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import POSITIVE
 from scenefw.data.seen_points import LOWEST
 from scenefw.fitting.placed import signed_distance
 from scenefw.perception.evidence import View, seen_free
@@ -56,8 +56,7 @@ class ObjectQueryReconstructor:
         shared: float = 0.5,
         own: float = 0.02,
     ) -> None:
-        if not own > 0:
-            raise ConfigError(f"reconstructor.own is {own}; expected a distance above 0 (m)")
+        POSITIVE.require(own=own)
         self.queried = QueriedObjects(checkpoint, exists, shared)
         self.refined, self.own = refined, own
         self.grid = checkpoint.grid

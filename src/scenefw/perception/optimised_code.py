@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
 from scenefw.mapping.several_views import fused, require_agreement, stacked
 
 if TYPE_CHECKING:
@@ -51,11 +51,9 @@ class OptimisedCode:
         *,
         sees_all: bool = False,
     ) -> None:
-        if iterations < 1 or not rate > 0 or not prior >= 0:
-            raise ConfigError(
-                f"codes are optimised with iterations = {iterations}, rate = {rate} and prior = "
-                f"{prior}; expected at least 1, a positive rate and a weight of at least 0"
-            )
+        COUNT.require(iterations=iterations)
+        POSITIVE.require(rate=rate)
+        NOT_NEGATIVE.require(prior=prior)
         self.network, self.renderer, self.grid = network, renderer, network.grid
         self.iterations, self.rate, self.prior = iterations, rate, prior
         self.sees_all = sees_all

@@ -11,6 +11,7 @@ import torch
 from scenefw.core import rng
 from scenefw.core.batches import Completion, PartialTSDF
 from scenefw.core.errors import ConfigError
+from scenefw.core.settings import COUNT
 from scenefw.core.types import GridSpec, SceneEstimate
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.matching.instances import renumbered_like
@@ -104,8 +105,7 @@ class Pipeline:
         carve: bool = True,
         seed: int = 0,
     ) -> None:
-        if samples < 1:
-            raise ConfigError(f"samples is {samples}; expected at least 1, the zero code's")
+        COUNT.require(samples=samples)
         if reconstructor.grid is None:
             raise ConfigError("the reconstructor has no grid; add 'reconstructor.grid=${grid}'")
         self.reconstructor = reconstructor

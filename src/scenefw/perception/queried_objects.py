@@ -8,8 +8,8 @@ import numpy as np
 import torch
 
 from scenefw.core import geometry
-from scenefw.core.errors import ConfigError
 from scenefw.core.evidence import FittedSuperquadric
+from scenefw.core.settings import PART, PROBABILITY
 from scenefw.core.types import Pose
 from scenefw.data.conditioning import condition
 from scenefw.data.seen_points import seen_points
@@ -43,11 +43,8 @@ class QueriedObjects:
     def __init__(
         self, checkpoint: TrainedObjectQueries, exists: float = 0.5, shared: float = 0.5
     ) -> None:
-        if not (0 < exists < 1 and 0 < shared <= 1):
-            raise ConfigError(
-                f"queried objects have exists {exists} and shared {shared}; expected shares from "
-                "0 to 1"
-            )
+        PROBABILITY.require(exists=exists)
+        PART.require(shared=shared)
         self.model: ObjectQueryModel = checkpoint.model
         self.exists, self.shared = exists, shared
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.kernels.meshes import Tree
 from scenefw.perception.points import world_points
 
@@ -51,11 +51,8 @@ class RankedByEvidence:
         near: float = 0.01,
         rays: int = 20000,
     ) -> None:
-        if not (sigma > 0 and outliers > 0 and near > 0 and rays >= 1):
-            raise ConfigError(
-                f"ranking has sigma {sigma}, outliers {outliers}, near {near} and rays {rays}; "
-                "expected positive numbers"
-            )
+        POSITIVE.require(sigma=sigma, outliers=outliers, near=near)
+        COUNT.require(rays=rays)
         self.sigma, self.outliers, self.near, self.rays = sigma, outliers, near, rays
 
     def rank(self, scenes: Sequence[SceneEstimate]) -> list[SceneEstimate]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE, above
 from scenefw.fitting.placed import signed_distance
 from scenefw.perception.hidden_objects import possible
 from scenefw.perception.supposed import with_supposed
@@ -57,12 +57,12 @@ class RefinedSets:
         drawn_sigma: float = 0.008,
         beyond: float = 0.01,
     ) -> None:
-        if not (near > 0 and least >= 1 and drawn_sigma > evidence.seen_sigma and beyond >= 0):
-            raise ConfigError(
-                f"refined sets have near {near}, least {least}, drawn_sigma {drawn_sigma} and "
-                f"beyond {beyond}; expected positive numbers, and what is predicted less certain "
-                f"than what is seen ({evidence.seen_sigma} m)"
-            )
+        POSITIVE.require(near=near)
+        COUNT.require(least=least)
+        NOT_NEGATIVE.require(beyond=beyond)
+        above(evidence.seen_sigma, "as what is seen is the more certain").require(
+            drawn_sigma=drawn_sigma
+        )
         self.fit, self.evidence, self.near, self.least = fit, evidence, near, least
         self.drawn_sigma, self.beyond = drawn_sigma, beyond
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import NOT_NEGATIVE, POSITIVE
 from scenefw.perception.depth_parts import concave_creases, depth_parts, grown, large_parts
 from scenefw.perception.pixels import WIDTH
 from scenefw.perception.points import world_points
@@ -52,13 +52,8 @@ class SeenParts:
         *,
         grow: bool = True,
     ) -> None:
-        positive = min(jump, crease, reach, smallest) > 0
-        if not (positive and margin >= 0 and lowest >= 0):
-            raise ConfigError(
-                f"seen parts have margin {margin}, jump {jump}, crease {crease}, reach {reach}, "
-                f"smallest {smallest} and lowest {lowest}; expected a margin and a lowest of at "
-                "least 0 and the others positive"
-            )
+        POSITIVE.require(jump=jump, crease=crease, reach=reach, smallest=smallest)
+        NOT_NEGATIVE.require(margin=margin, lowest=lowest)
         self.margin, self.jump, self.crease = margin, jump, crease
         self.reach, self.smallest, self.lowest, self.grow = reach, smallest, lowest, grow
 

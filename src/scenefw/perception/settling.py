@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import inverse
 from scenefw.core.protocols import Engine
+from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.core.types import Float64, PlacedShape, SceneEstimate
 from scenefw.perception.bodies import Bodies, BodyMaker
 from scenefw.perception.moved import moved
@@ -46,11 +46,8 @@ class PhysicalSettling:
         *,
         rank: bool = False,
     ) -> None:
-        if not (steps >= 1 and furthest > 0 and steepest > 0):
-            raise ConfigError(
-                f"settling.steps is {steps}, furthest {furthest}, steepest {steepest}; expected "
-                "positive numbers"
-            )
+        COUNT.require(steps=steps)
+        POSITIVE.require(furthest=furthest, steepest=steepest)
         self.engine, self.bodies, self.steps = engine, bodies, steps
         self.furthest, self.steepest, self.rank = furthest, steepest, rank
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.ndimage import label as components
 from scipy.ndimage import median_filter
 
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.fitting.placed import robust_deviation, signed_distance
 from scenefw.perception.pixels import WIDTH
 from scenefw.perception.silhouettes import box_about
@@ -69,11 +69,8 @@ class SplitByEvidence:
         smallest: int = 100,
         rounds: int = 5,
     ) -> None:
-        if min(gain, share, left, smallest, rounds) <= 0:
-            raise ConfigError(
-                f"gain is {gain}, share {share}, left {left}, smallest {smallest} and rounds "
-                f"{rounds}; expected positive numbers"
-            )
+        POSITIVE.require(gain=gain, share=share, left=left, smallest=smallest)
+        COUNT.require(rounds=rounds)
         self.fit, self.evidence, self.gain, self.share = fit, evidence, gain, share
         self.left, self.smallest, self.rounds = left, smallest, rounds
 

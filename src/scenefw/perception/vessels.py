@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from scipy.ndimage import binary_erosion
 
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import NOT_NEGATIVE, POSITIVE, SHARE, at_least
 from scenefw.fitting.placed import signed_distance
 from scenefw.perception.pixels import WIDTH
 
@@ -73,14 +73,12 @@ class Vessels:
         through: float = 0.15,
         least: int = 100,
     ) -> None:
-        shares = all(0 <= one <= 1 for one in (explained, better, inside, width, through))
-        if not shares or not near > 0 or min(points, least) < 10 or min(edge, below, flattest) < 0:
-            raise ConfigError(
-                f"vessels have points {points}, edge {edge}, near {near}, explained {explained}, "
-                f"better {better}, inside {inside}, below {below}, width {width}, flattest "
-                f"{flattest}, through {through} and least {least}; expected positive numbers, "
-                "shares and at least 10 points"
-            )
+        SHARE.require(
+            explained=explained, better=better, inside=inside, width=width, through=through
+        )
+        POSITIVE.require(near=near)
+        at_least(10).require(points=points, least=least)
+        NOT_NEGATIVE.require(edge=edge, below=below, flattest=flattest)
         self.fit, self.points, self.edge, self.near = fit, points, edge, near
         self.explained, self.better = explained, better
         self.inside, self.below, self.through, self.least = inside, below, through, least

@@ -6,7 +6,8 @@ import torch
 from torch import Tensor
 from torch.nn.functional import avg_pool3d, max_pool3d
 
-from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.errors import InputError
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
 from scenefw.core.types import GridSpec
 from scenefw.kernels.votes import count_traversals, shift_to_modes
 
@@ -73,11 +74,9 @@ class HoughVoting:
         smallest: float = 3e-5,
         smoothing: float = 0.7,
     ) -> None:
-        if subdivisions < 1 or bandwidth <= 0 or threshold < 0:
-            raise ConfigError(
-                f"subdivisions={subdivisions}, bandwidth={bandwidth}, threshold={threshold}: "
-                "expected subdivisions >= 1, bandwidth > 0 and threshold >= 0"
-            )
+        COUNT.require(subdivisions=subdivisions)
+        POSITIVE.require(bandwidth=bandwidth)
+        NOT_NEGATIVE.require(threshold=threshold)
         self.threshold = threshold
         self.subdivisions = subdivisions
         self.gamma = gamma

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import torch
 
-from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.errors import InputError
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
 from scenefw.kernels import view_cost
 from scenefw.kernels.cameras import finite, require_depth
 from scenefw.kernels.compile import float32
@@ -53,11 +54,9 @@ class Differentiable:
         max_steps: int = 256,
         tolerance: float = 1e-4,
     ) -> None:
-        if not step > 0 or stride < 1 or not margin >= 0:
-            raise ConfigError(
-                f"the differentiable renderer has step = {step}, margin = {margin} and stride = "
-                f"{stride}; expected step > 0 and margin >= 0 in metres, and a stride of at least 1"
-            )
+        POSITIVE.require(step=step)
+        COUNT.require(stride=stride)
+        NOT_NEGATIVE.require(margin=margin)
         self.step, self.margin, self.floor, self.stride = step, margin, floor, stride
         self.tracer = SphereTracer(max_steps, tolerance)
 

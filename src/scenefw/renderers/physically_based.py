@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scenefw.core.errors import ConfigError, MissingDependencyError
+from scenefw.core.errors import MissingDependencyError
 from scenefw.core.height_maps import HeightGrid, HeightMap
+from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.core.tabletop import TabletopGeometry
 from scenefw.core.types import Camera, Frame
 from scenefw.renderers.baking import colour_of_points, refined, table_image
@@ -44,11 +45,8 @@ class PhysicallyBased:
         lamp_radius: float = 0.06,
         detail: float = 0.004,
     ) -> None:
-        if min(samples, bounces) < 1 or min(lamp_radius, detail) <= 0:
-            raise ConfigError(
-                f"samples = {samples}, bounces = {bounces}, lamp_radius = {lamp_radius}, detail = "
-                f"{detail}: expected numbers from 1 on and lengths above 0"
-            )
+        COUNT.require(samples=samples, bounces=bounces)
+        POSITIVE.require(lamp_radius=lamp_radius, detail=detail)
         self.samples, self.bounces = samples, bounces
         self.lamp_radius, self.detail = lamp_radius, detail
         self._last: tuple[TabletopGeometry, _World] | None = None

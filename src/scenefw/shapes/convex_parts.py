@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import COUNT, SHARE, between
 from scenefw.core.types import Float64, TriangleMesh
 from scenefw.shapes.moments import moments
 
@@ -26,11 +26,9 @@ class ConvexParts:
     def __init__(
         self, convex: float = 0.85, threshold: float = 0.1, most: int = 24, seed: int = 0
     ) -> None:
-        if not (0 <= convex <= 1 and 0.01 <= threshold <= 1 and most >= 1):
-            raise ConfigError(
-                f"convex is {convex}, threshold {threshold}, most {most}; expected a share, a "
-                "concavity from 0.01 to 1, and at least 1"
-            )
+        SHARE.require(convex=convex)
+        between(0.01, 1).require(threshold=threshold)
+        COUNT.require(most=most)
         self.convex, self.threshold, self.most, self.seed = convex, threshold, most, seed
 
     def of(self, mesh: TriangleMesh) -> tuple[Float64, ...]:

@@ -99,8 +99,8 @@ class MeshSolids:
         size = float(np.ptp(mesh.vertices, axis=0).max())
         if not _SIZES[0] <= size <= _SIZES[1]:
             raise InputError(
-                f"mesh {path} would be {size:.4g} m long; if it is in millimetres, give "
-                f"shape.scale=0.001, else take it out with {_without(name)}"
+                f"mesh {path} would be {size:.4g} m long with shape.scale={self.scale:g}; "
+                f"{self._other_unit(size)}take it out with {_without(name)}"
             )
         if not self.shortest <= size <= self.longest:
             return None
@@ -111,6 +111,15 @@ class MeshSolids:
         vertices = shape.mesh().vertices.astype(np.float32).astype(np.float64)
         found = SolidMesh(vertices, mesh.faces, name=name)
         return replace(found, parts=self._parts(found))
+
+    def _other_unit(self, size: float) -> str:
+        """Asks for the scale of another unit, if a mesh of this size (m) fits a table in it."""
+        for factor in (1e-3, 1e3, 1e-2, 1e2):
+            if self.shortest <= size * factor <= self.longest:
+                return (
+                    f"give the metres of its unit, maybe shape.scale={self.scale * factor:g}, or "
+                )
+        return ""
 
     def _about_all(self, first: str) -> str:
         """What is wrong with a mesh, and with others, so that one look at the folder is enough."""

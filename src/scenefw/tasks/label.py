@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from scenefw.core.errors import ConfigError, InputError, require_at_least
+from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import require_apart, require_writable
 from scenefw.core.folders import adding_to_folder
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
 from scenefw.data.height_maps import load_map, save_map
 from scenefw.data.readers import find_images, read_frame
 from scenefw.data.recordings import STATE, MeasuredFrames, Recording
@@ -76,7 +77,7 @@ class Label:
         save_every: frames from one saved map to the next.
 
     Raises:
-        ConfigError: no input, or not one strategy.
+        ConfigError: no input, not one strategy, or a number out of range.
     """
 
     def __init__(
@@ -99,16 +100,15 @@ class Label:
         save_every: int = 200,
     ) -> None:
         if input is None:
-            raise ConfigError("run=label needs input=FOLDER of an RGB-D sequence or depth images")
+            raise ConfigError("no input; give input=FOLDER of an RGB-D sequence or depth images")
         if len(strategies) != 1:
             raise ConfigError(
-                f"run=label takes one strategy, got {', '.join(strategies) or 'none'}; give "
+                f"labelling = [{', '.join(strategies)}]: expected one strategy, such as "
                 "labelling=hybrid (or view_based, map_based)"
             )
-        if depth_scale is not None and not depth_scale > 0:
-            raise ConfigError(f"run.depth_scale = {depth_scale}: expected metres per unit, above 0")
-        require_at_least(0, start=start, picture_every=picture_every)
-        require_at_least(1, frames=frames, save_every=save_every)
+        POSITIVE.require(depth_scale=depth_scale)
+        NOT_NEGATIVE.require(start=start, picture_every=picture_every)
+        COUNT.require(frames=frames, save_every=save_every)
         require_apart(output, input)
         self.input = Path(input)
         self.strategy = next(iter(strategies.values()))
@@ -146,7 +146,10 @@ class Label:
             len(sequence) if self.frames is None else min(len(sequence), self.start + self.frames)
         )
         if self.start >= last:
-            raise InputError(f"{self.input} has {len(sequence)} frames; run.start is {self.start}")
+            raise InputError(
+                f"run.start = {self.start}: expected less than {len(sequence)}; {self.input} has "
+                f"{len(sequence)} frames"
+            )
         measured = MeasuredFrames(sequence, range(self.start, last))
         running, placed = self._begin(sequence, measured)
         if placed.note:
@@ -207,6 +210,11 @@ class Label:
 
     def _images(self, watcher: MapWatcher | None) -> dict[str, float]:
         """A map of each image."""
+        if self.start or self.frames is not None or self.resume is not None:
+            raise ConfigError(
+                f"run.start, run.frames and run.resume are for sequences, and {self.input} is no "
+                "folder of one (depth/ or depth.txt); leave them out"
+            )
         images = find_images(self.input)
         began, coverage = time.perf_counter(), []
         failures: dict[Path, InputError] = {}

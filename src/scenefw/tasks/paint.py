@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scenefw.core.errors import ConfigError, require_at_least
+from scenefw.core.errors import ConfigError
 from scenefw.core.files import require_writable
 from scenefw.core.folders import require_replaceable
+from scenefw.core.settings import COUNT, NOT_NEGATIVE
 from scenefw.data.height_maps import load_map, save_map
 from scenefw.data.painting import (
     export_painting,
@@ -100,8 +101,8 @@ class PaintImport:
     ) -> None:
         if input is None or map is None:
             raise ConfigError("run=paint_import needs input=PAINTED.png and run.map=map.npz")
-        require_at_least(1, every=every)
-        require_at_least(0, border=border)
+        COUNT.require(every=every)
+        NOT_NEGATIVE.require(border=border)
         self.input = Path(input)
         self.map = Path(map)
         self.output = Path(output)

@@ -86,8 +86,7 @@ class Train:
                 or seeds.
             ConfigError: network, losses and data don't go together.
             StorageError: a folder can't be written.
-            TrainingError: the training diverged, its last snapshot is kept; or a process of several
-                failed.
+            TrainingError: the training diverged, or a process of several failed.
         """
         self.learning.describe = self._facts
         self.learning.check(self.data)

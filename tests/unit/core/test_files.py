@@ -14,6 +14,7 @@ from scenefw.core.files import (
     require_apart,
     require_name,
     require_writable,
+    unreadable,
     write_text,
 )
 
@@ -195,3 +196,9 @@ def test_results_do_not_go_among_the_images(tmp_path):
         require_apart(tmp_path / output, tmp_path / "in")
     (tmp_path / "image.png").touch()
     require_apart(tmp_path, tmp_path / "image.png")  # a folder for this image is made beside it
+
+
+def test_a_missing_file_is_said_in_words(tmp_path):
+    with pytest.raises(FileNotFoundError) as error:
+        (tmp_path / "none.png").read_bytes()
+    assert unreadable(error.value) == "no such file or directory"

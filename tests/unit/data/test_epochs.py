@@ -74,3 +74,8 @@ def test_processes_validate_every_sample_once():
 def test_batch_larger_than_the_data_is_refused():
     with pytest.raises(ConfigError, match="batch_size"):
         EpochBatches(3, 4, seed=0)
+
+
+def test_the_message_says_how_large_a_batch_may_be():
+    with pytest.raises(ConfigError, match=r"batch_size = 9: expected 1 to 5, .* of 2 processes"):
+        EpochBatches(10, 9, seed=0, world=2)

@@ -33,5 +33,5 @@ def test_factors_lie_where_they_are_said_to():
 
 
 def test_settings():
-    with pytest.raises(ConfigError, match="jitter"):
+    with pytest.raises(ConfigError, match=r"^brightness = 1\.0: expected 0 or more and below 1$"):
         ColourJitter(brightness=1.0)

@@ -70,7 +70,7 @@ def test_scenes_are_mirrored_and_scaled_in_training_alone(data):
 
 def test_numbers_that_mean_nothing_are_refused(tmp_path):
     write_stacks(tmp_path / "stacks.npz")
-    with pytest.raises(ConfigError, match=r"scale 0\.5"):
+    with pytest.raises(ConfigError, match=r"scale = 0\.5"):
         SeenSets(RandomViewpoints(), str(tmp_path / "stacks.npz"), scale=0.5)
 
 

@@ -96,7 +96,7 @@ def test_a_view_of_the_bare_floor_shows_no_point():
 
 
 def test_numbers_that_mean_nothing_are_refused(stacks):
-    for wrong, words in (({"places": 3}, "places 3"), ({"near": 0.0}, r"near 0\.0")):
+    for wrong, words in (({"places": 3}, "places = 3"), ({"near": 0.0}, r"near = 0\.0")):
         with pytest.raises(ConfigError, match=words) as caught:
             ViewedSets(views(16), stacks, **wrong)
         assert "\n" not in str(caught.value)

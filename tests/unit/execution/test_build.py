@@ -11,6 +11,7 @@ from scenefw.execution.build import Builder
 
 PARTS = """
 from scenefw.core.errors import InputError
+from scenefw.core.settings import COUNT
 
 class Part:
     made = 0
@@ -20,6 +21,13 @@ class Part:
 
 class Strict:
     def __init__(self, needed, limit=3): self.needed, self.limit = needed, limit
+
+class Ranged:
+    def __init__(self, size=1):
+        COUNT.require(size=size)
+
+class Holder:
+    def __init__(self, other=1): Ranged(size=0)
 
 def fails(): raise KeyError("inside")
 def complains(): raise InputError("that image is black; give another")
@@ -111,3 +119,16 @@ def test_what_cannot_be_built_is_one_line(node, words):
 def test_a_components_own_complaint_comes_as_it_is():
     with pytest.raises(InputError, match="that image is black"):
         build(run={"_target_": "made_parts.complains"})
+
+
+def test_a_wrong_value_is_named_by_the_key_to_type():
+    ranged = {"_target_": "made_parts.Ranged"}
+    with pytest.raises(ConfigError, match=r"^run\.inner\.size = 0: expected 1 or more$"):
+        build(run=part(inner={**ranged, "size": 0}))
+    with pytest.raises(ConfigError, match=r"^sizes\.batch = -1: expected 1 or more$"):
+        build(run={**ranged, "size": "${sizes.batch}"}, sizes={"batch": -1})
+
+
+def test_a_part_that_a_class_makes_by_itself_is_not_mistaken_for_its_own_argument():
+    with pytest.raises(ConfigError, match=r"^size = 0: expected 1 or more$"):
+        build(run={"_target_": "made_parts.Holder"})

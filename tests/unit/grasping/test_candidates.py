@@ -46,5 +46,5 @@ def test_an_object_without_contacts_has_a_reason():
 
 
 def test_numbers_must_be_positive():
-    with pytest.raises(ConfigError, match="payload 0"):
+    with pytest.raises(ConfigError, match="payload = 0"):
         SuctionCandidates(SuctionCup(), payload=0)

@@ -64,5 +64,5 @@ def test_the_cup_meets_what_comes_first():
 
 
 def test_numbers_must_be_positive():
-    with pytest.raises(ConfigError, match="radius -1"):
+    with pytest.raises(ConfigError, match="radius = -1"):
         SuctionCup(radius=-1)

@@ -7,7 +7,7 @@ from safetensors.torch import save_file
 from tests.composed import base
 
 from scenefw.core.batches import ShapeInstanceBatch
-from scenefw.core.errors import CheckpointError, InputError, StorageError
+from scenefw.core.errors import CheckpointError, ConfigError, InputError, StorageError
 from scenefw.core.types import GridSpec
 from scenefw.learning.checkpoint import (
     load_checkpoint,
@@ -171,6 +171,8 @@ def test_what_only_training_needs_can_be_left_out(tmp_path, path, model):
 
 def test_unknown_weights_are_told_which_there_are():
     with pytest.raises(CheckpointError, match="simstack"):
+        load_checkpoint("nothing")
+    with pytest.raises(ConfigError, match=r"^path = null: .*'nothing'.*simstack"):
         load_checkpoint(shipped="nothing")
 
 

@@ -143,7 +143,7 @@ def test_what_it_does_not_draw_is_refused():
     model = SetExtents(**SMALL)
     with pytest.raises(ConfigError, match="flow_velocity"):
         HiddenCount().check(SetFlowSetup(model.slots, model.draws_hidden))
-    with pytest.raises(ConfigError, match="heads 0"):
+    with pytest.raises(ConfigError, match="heads = 0"):
         SetExtents(heads=0)
 
 

@@ -170,7 +170,7 @@ def test_each_draw_sees_its_own_row_of_the_view():
 
 
 def test_sizes_below_one_are_refused():
-    with pytest.raises(ConfigError, match="slots 0"):
+    with pytest.raises(ConfigError, match="slots = 0"):
         SetFlow(slots=0)
 
 

@@ -131,5 +131,5 @@ def test_the_share_of_disturbed_images():
     ],
 )
 def test_bad_settings(wrong):
-    with pytest.raises(ConfigError, match="Stereo noise has"):
+    with pytest.raises(ConfigError, match=f"^{next(iter(wrong))} = "):
         Stereo(**wrong)

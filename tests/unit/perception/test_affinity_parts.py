@@ -145,7 +145,7 @@ def test_a_few_likely_pixels_do_not_join_two_objects(seen):
     ],
 )
 def test_bad_settings(seen, wrong):
-    with pytest.raises(ConfigError, match="parts have sure"):
+    with pytest.raises(ConfigError, match=f"^{next(iter(wrong))} = "):
         AffinityParts(Loaded(Knowing(seen[1], 100.0)), **wrong)
 
 

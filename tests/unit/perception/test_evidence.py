@@ -62,7 +62,7 @@ def test_an_object_that_nobody_sees_has_only_hints():
 
 @pytest.mark.parametrize("wrong", [{"seen_sigma": 0}, {"hidden": 0}, {"outside_sigma": -1}])
 def test_wrong_numbers_are_refused(wrong):
-    with pytest.raises(ConfigError, match="expected positive"):
+    with pytest.raises(ConfigError, match=f"^{next(iter(wrong))} = "):
         EvidenceOfView(**wrong)
 
 

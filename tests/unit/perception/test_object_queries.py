@@ -117,8 +117,8 @@ def test_what_it_cannot_do_is_said_in_one_line():
     partial = replace(partial_of(view, camera), depth=None)
     with pytest.raises(InputError, match="needs the depth images"):
         ObjectQueryReconstructor(loaded).complete(partial, view.grid, 1, torch.Generator())
-    for wrong, words in (({"exists": 1.5}, r"exists 1\.5"), ({"own": 0.0}, r"own is 0\.0")):
+    for wrong, words in (({"exists": 1.5}, r"exists = 1\.5"), ({"own": 0.0}, r"own = 0\.0")):
         with pytest.raises(ConfigError, match=words):
             ObjectQueryReconstructor(loaded, **wrong)
-    with pytest.raises(ConfigError, match=r"drawn_sigma 0\.001"):
+    with pytest.raises(ConfigError, match=r"drawn_sigma = 0\.001"):
         RefinedSets(JointFit(SuperquadricFit()), EvidenceOfView(), drawn_sigma=0.001)

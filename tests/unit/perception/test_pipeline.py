@@ -154,7 +154,7 @@ def test_unusable_images_stop_before_the_network():
 
 
 def test_no_sample_at_all_is_one_line():
-    with pytest.raises(ConfigError, match="samples is 0"):
+    with pytest.raises(ConfigError, match="samples = 0"):
         Pipeline(KnownBoxes(GridSpec(resolution=16)), Projective(), samples=0)
 
 

@@ -52,6 +52,12 @@ def test_millimetres_are_told_and_taken(folder):
     np.testing.assert_allclose(np.ptp(box.vertices, axis=0), SIDES, atol=1e-6)
 
 
+def test_a_scale_that_is_too_small_is_told_the_larger_one(folder):
+    """A mesh in metres, and the scale of millimetres: the way back, not once more."""
+    with pytest.raises(InputError, match=r"with shape\.scale=0\.001; .*maybe shape\.scale=1, or"):
+        MeshSolids(str(folder), scale=0.001).solid("box")
+
+
 def test_faces_that_look_inwards_are_turned(folder):
     mesh = trimesh.creation.box(SIDES)
     mesh.invert()

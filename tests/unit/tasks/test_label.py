@@ -403,3 +403,21 @@ def test_a_real_image_resumes_in_the_same_place(real_data, tmp_path):
     assert importing.run()["views"] == 3
     with Image.open(tmp_path / "out" / "views" / "labels" / "000002.png") as labels:
         assert np.mean(np.array(labels) == 0) > 0.2  # of all pixels; the map is a metre wide
+
+
+@pytest.mark.parametrize(
+    "settings", [{"start": -1}, {"frames": 0}, {"frames": -2}, {"save_every": 0}]
+)
+def test_numbers_of_frames_out_of_range_are_named(sequence, tmp_path, settings):
+    with pytest.raises(ConfigError, match=f"^{next(iter(settings))} = "):
+        label(sequence, tmp_path, **settings)
+
+
+def test_a_start_behind_the_end_says_where_the_end_is(sequence, tmp_path):
+    with pytest.raises(InputError, match=r"^run\.start = 6: expected less than 6"):
+        label(sequence, tmp_path, start=6).run()
+
+
+def test_settings_of_sequences_are_refused_for_images(sequence, tmp_path):
+    with pytest.raises(ConfigError, match=r"run\.start.*are for sequences"):
+        label(sequence / "depth", tmp_path, start=2).run()

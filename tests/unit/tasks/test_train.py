@@ -241,11 +241,19 @@ def test_a_training_that_diverges_keeps_its_last_snapshot(stacks, tmp_path):
     before = state(tmp_path)
     task = tiny.task(stacks, tmp_path, steps=6)
     task.learning.losses["tsdf"] = Undefined()
-    with pytest.raises(TrainingError, match="learning_rate") as caught:
+    with pytest.raises(TrainingError, match=r"run\.fresh=true.*learning_rate") as caught:
         task.run()
     assert "\n" not in str(caught.value)
     assert state(tmp_path)["scenefw"]["batches_seen"] == 2
     assert same(state(tmp_path)["state_dict"], before["state_dict"])
+
+
+def test_a_training_that_diverges_at_once_speaks_of_no_snapshot(stacks, tmp_path):
+    task = tiny.task(stacks, tmp_path, steps=2)
+    task.learning.losses["tsdf"] = Undefined()
+    with pytest.raises(TrainingError, match=r"start over \(run\.fresh=true\)") as caught:
+        task.run()
+    assert "snapshot" not in str(caught.value)
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")

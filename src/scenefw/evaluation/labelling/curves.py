@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import COUNT
 from scenefw.evaluation.labelling.results import (
     HYBRID,
     CurvesResult,
@@ -45,10 +45,7 @@ class LabellingCurves:
     def __init__(
         self, bench: Bench, frames: int, steps: int = 10, first: int | None = None, shown: int = 5
     ) -> None:
-        if frames < 1 or steps < 1 or shown < 1:
-            raise ConfigError(
-                f"frames = {frames}, steps = {steps}, shown = {shown}; expected 1 or more of each"
-            )
+        COUNT.require(frames=frames, steps=steps, shown=shown)
         self.bench = bench
         self.counts = frame_counts(frames, steps, first)
         self.shown = shown

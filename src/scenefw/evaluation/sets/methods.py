@@ -11,6 +11,7 @@ import torch
 
 from scenefw.core.batches import ObjectSetPrediction
 from scenefw.core.errors import ConfigError
+from scenefw.core.settings import NOT_NEGATIVE, PART
 from scenefw.metrics.decomposition import set_overlaps
 
 if TYPE_CHECKING:
@@ -104,12 +105,8 @@ class NetworkDecomposer:
         *,
         drawn: bool = False,
     ) -> None:
-        if smallest < 0 or draw < 0 or not (suppress is None or 0 < suppress <= 1):
-            raise ConfigError(
-                f"a method of sets has smallest = {smallest}, suppress = {suppress} and draw = "
-                f"{draw}; expected 0 m^3 or more, an IoU above 0 and up to 1, or null, and 0 or "
-                "more"
-            )
+        NOT_NEGATIVE.require(smallest=smallest, draw=draw)
+        PART.require(suppress=suppress)
         self.device = torch.device(device)
         self.model: ObjectSetModel = checkpoint.model.to(self.device).eval()
         if drawn and not self.model.latent_shape:

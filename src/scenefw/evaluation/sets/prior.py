@@ -10,6 +10,7 @@ import torch
 from scenefw.core import rng
 from scenefw.core.batches import SceneParameters, SeenSetBatch
 from scenefw.core.errors import ConfigError
+from scenefw.core.settings import COUNT, NOT_NEGATIVE
 from scenefw.evaluation.sets import prior_references as references
 from scenefw.evaluation.sets.left_to_gravity import Gravity, apart, chosen, joined, objects_of
 from scenefw.evaluation.sets.prior_results import (
@@ -106,12 +107,10 @@ class SetPriorEvaluation:
         draws: int | None = None,
         seed: int = 0,
     ) -> None:
-        if min(steps, physics_steps) < 1 or min(furthest, steepest, shift, turn, examples) < 0:
-            raise ConfigError(
-                f"set_prior has steps {steps}, physics_steps {physics_steps}, furthest {furthest}, "
-                f"steepest {steepest}, shift {shift}, turn {turn}, examples {examples}; expected "
-                "positive numbers"
-            )
+        COUNT.require(steps=steps, physics_steps=physics_steps)
+        NOT_NEGATIVE.require(
+            furthest=furthest, steepest=steepest, shift=shift, turn=turn, examples=examples
+        )
         if not checkpoint.model.draws_hidden:
             raise ConfigError(
                 "this network draws nothing without a view; give checkpoints.scenes=FILE of a "

@@ -208,7 +208,7 @@ def test_networks_that_draw_no_scenes_are_refused(data, scenes):
     model.draws_hidden = False
     with pytest.raises(ConfigError, match="draws nothing without a view"):
         evaluation(data, model, scenes)
-    with pytest.raises(ConfigError, match="positive numbers"):
+    with pytest.raises(ConfigError, match="shift = -1"):
         evaluation(data, Knowing(data.scenes), scenes, shift=-1)
 
 
