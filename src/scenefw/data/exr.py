@@ -22,7 +22,7 @@ def read_exr(path: Path) -> Float32:
         import OpenEXR
     except ImportError as error:
         raise MissingDependencyError(
-            f"{path} needs OpenEXR: pip install OpenEXR, or store the depth as .npy"
+            f"{path} needs OpenEXR: pip install 'scenefw[exr]', or store the depth as .npy"
         ) from error
     try:
         with OpenEXR.File(str(path), separate_channels=True) as file:

@@ -50,7 +50,8 @@ class ConvexParts:
         self.division = convex_parts.ConvexParts(convex, concavity, most, seed)
         if find_spec("coacd") is None:
             raise MissingDependencyError(
-                "convex parts need coacd: pip install 'coacd>=1', or choose collision=convex_hull"
+                "convex parts need coacd: pip install 'scenefw[parts]', or choose "
+                "collision=convex_hull"
             )
 
     def parts(self, mesh: TriangleMesh) -> list[TriangleMesh]:

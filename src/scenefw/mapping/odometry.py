@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scenefw.core.errors import ConfigError, InputError, MissingDependencyError
+from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import Frame
+from scenefw.representations.open3d_library import require_open3d
 
 _METHODS = {"hybrid": "Hybrid", "intensity": "Intensity", "point_to_plane": "PointToPlane"}
 
@@ -50,7 +51,7 @@ class RGBDOdometry:
             InputError: a frame without colour or of another size, or tracking is lost.
             MissingDependencyError: Open3D is not installed.
         """
-        o3d = _open3d()
+        o3d = require_open3d("odometry")
         pose, before, first = np.eye(4), None, None
         for index, frame in enumerate(frames):
             first = first or frame
@@ -107,15 +108,3 @@ def _lost(frame: Frame, index: int, reason: str) -> InputError:
         f"tracking was lost at frame {frame.name or index} ({reason}); cut the sequence before it, "
         "record with slower motion, or give poses"
     )
-
-
-def _open3d() -> ModuleType:
-    try:
-        import open3d
-    except (ImportError, OSError) as error:
-        raise MissingDependencyError(
-            f"odometry needs Open3D ({error}): pip install 'scenefw[open3d]', and the system "
-            "libraries libusb-1.0-0 libgl1 libgomp1"
-        ) from error
-    module: ModuleType = open3d
-    return module

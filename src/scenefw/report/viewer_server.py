@@ -101,7 +101,9 @@ def require_viser() -> Any:
     try:
         import viser
     except ImportError as error:
-        raise MissingDependencyError("run=view needs viser: pip install 'viser>=1.1'") from error
+        raise MissingDependencyError(
+            "run=view needs viser: pip install 'scenefw[viewer]'"
+        ) from error
     return viser
 
 

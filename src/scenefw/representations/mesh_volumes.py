@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,11 +11,11 @@ import torch
 from torch import Tensor
 
 from scenefw.core.batches import CameraBatch, SceneVolumes
-from scenefw.core.errors import MissingDependencyError
 from scenefw.core.types import Float32, GridSpec, Int32, PlacedShape, SceneObject
 from scenefw.kernels.cameras import pixel_places
 from scenefw.kernels.meshes import Tree
 from scenefw.representations.known_scenes import KnownScenes
+from scenefw.representations.open3d_library import require_open3d
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +115,7 @@ def signed_distances(vertices: Any, faces: Any, points: Float32) -> Float32:
     Raises:
         MissingDependencyError: Open3D is not installed.
     """
-    open3d = _open3d()
+    open3d = require_open3d("a volume of a mesh")
     scene = open3d.t.geometry.RaycastingScene()
     scene.add_triangles(
         open3d.core.Tensor(np.asarray(vertices, np.float32)),
@@ -125,15 +124,3 @@ def signed_distances(vertices: Any, faces: Any, points: Float32) -> Float32:
     queries = open3d.core.Tensor(np.ascontiguousarray(points, dtype=np.float32))
     found: Float32 = scene.compute_signed_distance(queries, nsamples=3).numpy()
     return found
-
-
-def _open3d() -> Any:
-    # It brings a TBB that is too old for numba, which then takes another layer of threads
-    warnings.filterwarnings("ignore", message="The TBB threading layer requires")
-    try:
-        import open3d
-    except (ImportError, OSError) as error:  # OSError: a system library is missing
-        raise MissingDependencyError(
-            "volumes of meshes need open3d: pip install 'scenefw[open3d]'"
-        ) from error
-    return open3d

@@ -29,5 +29,7 @@ def test_depth_of_a_renderer_is_read(tmp_path):
 def test_a_missing_library_is_one_line(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "OpenEXR", None)
     (tmp_path / "a.exr").write_bytes(b"")
-    with pytest.raises(MissingDependencyError, match=r"a\.exr needs OpenEXR: pip install OpenEXR"):
+    with pytest.raises(
+        MissingDependencyError, match=r"a\.exr needs OpenEXR: pip install 'scenefw\[exr\]'"
+    ):
         read_frame(tmp_path / "a.exr")

@@ -51,5 +51,5 @@ def test_settings_out_of_range_and_a_missing_library_are_one_line(monkeypatch):
     with pytest.raises(ConfigError, match="a concavity from"):
         ConvexParts(concavity=0)
     monkeypatch.setitem(__import__("sys").modules, "coacd", None)
-    with pytest.raises(MissingDependencyError, match="pip install 'coacd>=1'"):
+    with pytest.raises(MissingDependencyError, match=r"pip install 'scenefw\[parts\]'"):
         ConvexParts()

@@ -34,7 +34,7 @@ PATIENCE = 180_000  # ms: pictures are drawn without a GPU
 
 @pytest.fixture
 def page(tmp_path):
-    pytest.importorskip("viser", reason="pip install 'viser>=1.1'")
+    pytest.importorskip("viser", reason="pip install 'scenefw[viewer]'")
     driver = pytest.importorskip("playwright.sync_api", reason="pip install playwright")
     chromium = os.environ.get("CHROMIUM") or shutil.which("chromium")
     if chromium is None:

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from scenefw.core.errors import MissingDependencyError
+from scenefw.core.quiet import silenced
 from scenefw.core.types import Float64, Pose, SceneObject, Shape
 from scenefw.shapes.hulls import collision_hulls
 from scenefw.shapes.solid_mesh import SolidMesh
@@ -199,7 +200,8 @@ class PyBulletEngine:
     def _connect(self) -> Any:
         if self._bullet is None:
             try:
-                import pybullet
+                with silenced():  # it says when it was built
+                    import pybullet
             except ImportError as error:
                 raise MissingDependencyError(
                     "simulating scenes needs pybullet: pip install 'scenefw[simulation]'"

@@ -1,6 +1,7 @@
 """The PyBullet engine: contacts without gaps, rest, independence of what was simulated before."""
 
 import pickle
+import subprocess
 import sys
 
 import numpy as np
@@ -97,3 +98,9 @@ def test_missing_pybullet_names_the_install_line(monkeypatch):
     monkeypatch.setitem(sys.modules, "pybullet", None)
     with pytest.raises(MissingDependencyError, match=r"pip install 'scenefw\[simulation\]'"):
         PyBulletEngine().reset()
+
+
+def test_the_import_says_nothing():
+    code = "from scenefw.scenes.engines.pybullet_engine import PyBulletEngine as E; E().reset()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("", "")
