@@ -47,6 +47,7 @@ class ConvexParts:
     def __init__(
         self, convex: float = 0.95, concavity: float = 0.05, most: int = 16, seed: int = 0
     ) -> None:
+        convex_parts.CONCAVITY.require(concavity=concavity)
         self.division = convex_parts.ConvexParts(convex, concavity, most, seed)
         if find_spec("coacd") is None:
             raise MissingDependencyError(

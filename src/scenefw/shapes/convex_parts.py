@@ -9,6 +9,9 @@ from scenefw.core.settings import COUNT, SHARE, between
 from scenefw.core.types import Float64, TriangleMesh
 from scenefw.shapes.moments import moments
 
+CONCAVITY = between(0.01, 1)
+"""What CoACD takes."""
+
 
 class ConvexParts:
     """Divides meshes that their convex hull exceeds, with CoACD where it is installed.
@@ -27,7 +30,7 @@ class ConvexParts:
         self, convex: float = 0.85, threshold: float = 0.1, most: int = 24, seed: int = 0
     ) -> None:
         SHARE.require(convex=convex)
-        between(0.01, 1).require(threshold=threshold)
+        CONCAVITY.require(threshold=threshold)
         COUNT.require(most=most)
         self.convex, self.threshold, self.most, self.seed = convex, threshold, most, seed
 

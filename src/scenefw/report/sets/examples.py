@@ -13,6 +13,7 @@ from scenefw.matching.instances import renumbered_like
 from scenefw.report.blocks import Picture
 from scenefw.report.palette import instance_colours
 from scenefw.report.pictures import beside, depth_picture, save_picture
+from scenefw.report.sets.names import called
 from scenefw.report.shading import Solid, draw, turned
 
 _SIZE = (320, 240)  # of a tile: width, height (pixels)
@@ -31,7 +32,7 @@ def example_pictures(result: DecompositionResult, folder: Path) -> tuple[Picture
         name = f"sets/{result.published or 'scenes'}_{example.scene}.jpg"
         save_picture(draw_example(example), folder / name)
         counts = {key: len(np.unique(one[one > 0])) for key, one in example.labels.items()}
-        words = ", ".join(f"{key.replace('_', ' ')} {count}" for key, count in counts.items())
+        words = ", ".join(f"{called(key)} {count}" for key, count in counts.items())
         shown.append(Picture(name, f"Scene {example.scene}; objects: {words}"))
     return tuple(shown)
 
@@ -56,7 +57,7 @@ def draw_example(example: SetExample) -> Float32:
         for name in shown:
             labels = renumbered_like(example.labels[name].astype(np.int32), truth)
             tiles.append(_drawn(labels, example.grid, camera))
-            titles.append(name.replace("_", " "))
+            titles.append(called(name))
     return beside(tiles, titles, columns=len(shown) + 1)
 
 

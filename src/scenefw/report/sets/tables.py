@@ -6,16 +6,18 @@ from scenefw.evaluation.sets.measures import SCORES
 from scenefw.evaluation.sets.published import ROWS
 from scenefw.evaluation.sets.results import DecompositionResult
 from scenefw.report.measured import column
+from scenefw.report.sets.names import called
 from scenefw.report.tables import Cell, Table
 
 _NOTE = (
-    "Means over {scenes} test scenes, {objects:.1f} objects each. Missing: no prediction has an "
-    "IoU of 0.25 with the object. Joined: a prediction covers half of each of two objects. "
-    "Duplicate: a second prediction has an IoU of 0.25 with an object. Split: an object in which "
-    "two predictions lie has no prediction with an IoU of 0.5. Rows that learn nothing: components "
-    "(connected parts of the true occupancy), fitted hulls (superquadrics in parts of the image), "
-    "nothing (an empty set, the trivial value of each measure). Set flow: fitted hulls with hidden "
-    "parts by a flow of sets."
+    "Set network: the one that this experiment trains. Means over {scenes} test scenes, "
+    "{objects:.1f} objects each. Missing: no prediction has an IoU of 0.25 with the object. "
+    "Joined: a prediction covers half of each of two objects. Duplicate: a second prediction has "
+    "an IoU of 0.25 with an object. Split: an object in which two predictions lie has no "
+    "prediction with an IoU of 0.5. Rows that learn nothing: components (connected parts of the "
+    "true occupancy), fitted hulls (superquadrics in parts of the image), nothing (an empty set, "
+    "the trivial value of each measure). Set flow: fitted hulls with hidden parts by a flow of "
+    "sets."
 )
 _SEEN = (
     "Of the same scenes. In {hardly_seen:.0%} of them an object is hidden but for a few pixels, or "
@@ -65,7 +67,7 @@ def _rows(
     prefixes = {m: "" if m == result.methods[0] else f"{m}/" for m in result.methods}
     return tuple(
         (
-            method.replace("_", " "),
+            called(method),
             tuple(_cell(name, figures.get(prefix + name)) for name in names),
         )
         for method, prefix in prefixes.items()

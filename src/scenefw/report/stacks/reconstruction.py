@@ -91,7 +91,12 @@ def headline(result: ReconstructionResult) -> Table:
             )
         if any(cell is not None for cell in cells):
             rows.append((described(method).row, tuple(cells)))
-    return Table("What it is worth", tuple(columns), tuple(rows), note=_headline_note(result))
+    return Table(
+        "Skill beside methods without learning",
+        tuple(columns),
+        tuple(rows),
+        note=_headline_note(result),
+    )
 
 
 def _headline_note(result: ReconstructionResult) -> str:

@@ -15,6 +15,10 @@ from scenefw.report.weights.words import Words
 _UNKNOWN = "not recorded"
 
 
+_RENAMED = {"learning.fresh": "learning.reinitialise"}
+"""Settings of stored commands that have another name by now."""
+
+
 def card_sections(
     provenance: Provenance,
     words: Words | None = None,
@@ -87,6 +91,10 @@ def _trainings(trainings: Sequence[Mapping[str, Any]]) -> Table:
         all_cells = {name: _ROWS[name](sums) for name in ("steps", "samples", "minutes")}
         rows = [(name, (*cells, all_cells.get(name, ""))) for name, cells in rows]
     note = "Minutes are of training alone, without validation and snapshots."
+    commands = " ".join(str(one.get("command", "")) for one in trainings)
+    for before, now in _RENAMED.items():
+        if f"{before}=" in commands:
+            note += f" {before} of a command is called {now} today."
     if len(ordered) > 1:
         note += " Each training starts from the weights of the one to its left."
     return Table("How it was trained", tuple(Column(n) for n in names), tuple(rows), note=note)

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -107,3 +109,14 @@ def test_distances_are_signed_and_smooth():
     assert (found[inside] < 0).mean() > 0.9
     assert (found[~inside] > 0).all()
     assert (distances(np.zeros_like(inside), GRID) > 0).all()
+
+
+def test_the_network_of_an_experiment_has_a_name_that_says_so(tmp_path):
+    made = result(examples=False)
+    scenes = tuple(
+        replace(one, scores={"scenefw": one.scores["ours"], "set_flow": {}}) for one in made.scenes
+    )
+    named = replace(made, scenes=scenes, methods=("scenefw", "set_flow"))
+    for table in SetResults().sections(named, tmp_path)[0].blocks[:2]:
+        assert {"set network", "set flow"} <= set(dict(table.rows))
+        assert "scenefw" not in dict(table.rows)

@@ -73,6 +73,14 @@ def test_trainings_in_the_order_of_time_and_their_sums(weights):
     assert code.lines == ("first", "second")
 
 
+def test_a_setting_of_a_command_that_is_called_otherwise_today_is_told(weights):
+    old = SECOND | {"command": "python -m scenefw 'learning.fresh=[head]'"}
+    (table,) = blocks(card_sections(weights(old)), Table, "Training")
+    assert "learning.fresh of a command is called learning.reinitialise today" in table.note
+    (table,) = blocks(card_sections(weights(SECOND)), Table, "Training")
+    assert "called" not in table.note
+
+
 def test_trainings_that_the_file_does_not_know_of(weights, words):
     sections = card_sections(weights(FIRST), words, before=[{"steps": 5}], notes=["Made by hand."])
     (table,) = blocks(sections, Table, "Training")
