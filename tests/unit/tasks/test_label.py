@@ -279,13 +279,13 @@ def test_views_are_labelled_where_the_map_has_them(request, world, sequence, tmp
     [("start", -1), ("frames", 0), ("picture_every", -1), ("save_every", 0), ("save_every", -2)],
 )
 def test_numbers_of_frames_that_are_none_are_named(sequence, tmp_path, setting, value):
-    with pytest.raises(ConfigError, match=rf"^run\.{setting} is {value}; expected [01] or more"):
+    with pytest.raises(ConfigError, match=rf"^{setting} = {value}: expected [01] or more"):
         label(sequence, tmp_path, **{setting: value})
 
 
 @pytest.mark.parametrize(("setting", "value"), [("every", 0), ("every", -1), ("border", -1)])
 def test_numbers_of_views_that_are_none_are_named(tmp_path, setting, value):
-    with pytest.raises(ConfigError, match=rf"^run\.{setting} is {value}; expected"):
+    with pytest.raises(ConfigError, match=rf"^{setting} = {value}: expected"):
         PaintImport("painted.png", "map.npz", tmp_path, "recording", **{setting: value})
 
 
