@@ -95,7 +95,7 @@ def test_pixels_beside_another_object_are_left_out(width):
 
 
 def test_a_negative_border_is_told():
-    with pytest.raises(ConfigError, match="border of -1"):
+    with pytest.raises(ConfigError, match="border = -1"):
         EvidenceOfView(border=-1)
 
 
