@@ -35,7 +35,7 @@ def test_a_few_batches_come_again_as_they_were():
         first = plain.batch(number % 5)
         assert (batch.epoch, batch.indices.tolist()) == (first.epoch, first.indices.tolist())
     assert [batch.epoch for batch in made[:6]] == [0, 0, 0, 0, 1, 0]
-    with pytest.raises(ConfigError, match=r"distinct_batches is 0"):
+    with pytest.raises(ConfigError, match=r"distinct_batches = 0"):
         EpochBatches(8, 2, 0, distinct=0)
 
 

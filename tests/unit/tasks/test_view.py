@@ -69,7 +69,7 @@ def test_a_port_in_use_is_said_before_the_work(tmp_path, pipeline):
 
 def test_without_viser_the_install_line_is_said(tmp_path, pipeline, monkeypatch):
     monkeypatch.setitem(sys.modules, "viser", None)
-    with pytest.raises(MissingDependencyError, match=r"pip install 'viser"):
+    with pytest.raises(MissingDependencyError, match=r"pip install 'scenefw\[viewer"):
         View(save(tmp_path / "boxes.npz"), pipeline, tmp_path).run()
 
 
