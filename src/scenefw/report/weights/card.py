@@ -163,8 +163,18 @@ def _noise(training: Mapping[str, Any]) -> str:
 def _start(training: Mapping[str, Any]) -> str:
     before = training.get("started_from")
     if before:
-        return f"{before.get('file', '')} ({str(before.get('sha256', ''))[:10]})"
+        return _file(before)
     return "random weights" if "command" in training else _UNKNOWN
+
+
+def _file(origin: Mapping[str, Any]) -> str:
+    return f"{origin.get('file', '')} ({str(origin.get('sha256', ''))[:10]})"
+
+
+def _mean(training: Mapping[str, Any]) -> str:
+    """With which weights a training's were averaged afterwards."""
+    other = training.get("averaged_with")
+    return f"{100 * other['share']:.0f} % of {_file(other)}" if other else "none"
 
 
 def _plain(name: str) -> Any:
@@ -185,6 +195,7 @@ _ROWS = {
     "optimiser": lambda t: str(t.get("optimizer", "AdamW")),
     "learning rate": _plain("learning_rate"),
     "started from": _start,
+    "averaged with": _mean,
     "seed": _plain("seed"),
     "device, precision": lambda t: (
         ", ".join(filter(None, map(t.get, ("device", "precision")))) or _UNKNOWN
