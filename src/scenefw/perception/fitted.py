@@ -14,7 +14,7 @@ from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE, SHARE
 from scenefw.core.types import PlacedShape
 from scenefw.fitting.placed import shape_of
 from scenefw.perception.evidence import EvidenceOfView, View, seen_free
-from scenefw.perception.free_space import places_in, seen_through, surely_free
+from scenefw.perception.free_space import SEEN_THROUGH, places_in, seen_through, surely_free
 from scenefw.perception.points import world_points
 from scenefw.perception.seen_frames import seen_frames
 from scenefw.perception.seen_instances import seen_instances
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from scenefw.postprocessing.confidence import Calibration
 
 _WITHIN = 0.98  # share of seen points in the grid
-_SEEN_THROUGH = 0.05  # share of an object that may lie where the view shows free space
 _REACH = 4  # voxels around what stays whose distances stay too
 
 
@@ -196,7 +195,7 @@ class Fitted:
         close = np.abs(fitted.distances[self._seen(evidence)]) < self.near
         if close.mean() < self.explained:
             return False
-        return seen_through(places_in(fitted), view) <= _SEEN_THROUGH
+        return seen_through(places_in(fitted), view) <= SEEN_THROUGH
 
 
 def each_drawn(

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float64
     from scenefw.perception.evidence import View
 
+SEEN_THROUGH = 0.05
+"""Share of an object that may lie where a view shows free space."""
 _CORNERS = 6  # of meshes that say where an object is
 _SHELLS = (1.0, 0.6, 0.2)  # of its size
 

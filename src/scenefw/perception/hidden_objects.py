@@ -9,7 +9,7 @@ import torch
 
 from scenefw.core.errors import ConfigError
 from scenefw.fitting.placed import in_frame_of, shape_of
-from scenefw.perception.free_space import places_in, seen_through
+from scenefw.perception.free_space import SEEN_THROUGH, places_in, seen_through
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from scenefw.perception.evidence import View
     from scenefw.perception.world_sets import SeenObjects
 
-_SEEN_THROUGH = 0.05  # share of a hidden object that may lie where the view shows free space
 _INSIDE = 0.2  # share of a hidden object that may lie in others
 
 
@@ -94,7 +93,7 @@ def possible(
         places = places_in(one)
         if not view.grid.nearest_voxels(places)[1].all():
             return False
-        if seen_through(places, view) > _SEEN_THROUGH:
+        if seen_through(places, view) > SEEN_THROUGH:
             return False
         solid = [shape_of(other).value(in_frame_of(other, places)) < 1 for other in beside]
         if solid and np.any(solid, axis=0).mean() > _INSIDE:
