@@ -2,42 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import torch
 
 from scenefw.core import rng
-from scenefw.core.batches import Completion, PartialTSDF
 from scenefw.core.errors import ConfigError
 from scenefw.core.settings import COUNT
-from scenefw.core.types import GridSpec, SceneEstimate
 from scenefw.kernels.cameras import stack_cameras
-from scenefw.matching.instances import renumbered_like
-from scenefw.perception.carving import carve, whole_objects
 from scenefw.perception.doctor import Doctor
+from scenefw.perception.estimates import cleaned, numbered_like, scene_estimate
 from scenefw.perception.floor import Floor, FloorFinder
-from scenefw.perception.objects import estimate_objects
-from scenefw.perception.points import world_points
-from scenefw.perception.seen_instances import seen_instances
 from scenefw.perception.workspace import Workspace, WorkspaceFinder
 from scenefw.postprocessing.confidence import Calibration, confidences
-from scenefw.postprocessing.surfaces import instance_meshes
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
-    from torch import Tensor
 
+    from scenefw.core.batches import Completion, PartialTSDF
     from scenefw.core.protocols import HypothesisRanking, MappingMethod
-    from scenefw.core.types import Frame, Int32
+    from scenefw.core.types import Frame, GridSpec, Int32, SceneEstimate
 
     Mask = NDArray[np.bool_] | Int32
-
-_FLOOR = 0.005  # m: what is lower shows no object
-_SHAPE = ("tsdf", "votes")  # what objects are made of; other volumes are kept as they are
 
 
 class GridReconstructor(Protocol):
@@ -174,10 +164,6 @@ class Pipeline:
             yield self._scene(view, sample, sure)
 
     def _scene(self, view: View, sample: Completion, sure: Mapping[int, float]) -> SceneEstimate:
-        tsdf, instances = sample.tsdf[0], sample.instances[0]
-        placed = sample.placed[0] if sample.placed else {}
-        meshes = instance_meshes(tsdf, instances, self.grid)
-        meshes |= {label: one.mesh() for label, one in placed.items() if label in meshes}
         floor = view.floor
         details = {
             "floor": {
@@ -186,66 +172,18 @@ class Pipeline:
                 "share": floor.share,
                 "deviation": floor.deviation,
             },
-            "grid": asdict(self.grid),
             "samples": self.samples,
             "seed": self.seed,
             "checkpoint": self.reconstructor.metadata,
             "warnings": list(view.warnings),
         }
-        return SceneEstimate(
-            estimate_objects(meshes, sure, placed),
-            self.grid,
-            tsdf.cpu().numpy(),
-            instances.cpu().numpy(),
-            view.workspace.frame,
-            details,
-            {n: v[0].cpu().numpy() for n, v in sample.volumes.items() if n not in _SHAPE},
-            self._masks(view, sample),
-        )
-
-    def _masks(self, view: View, sample: Completion) -> Int32:
-        """Which object each pixel shows: as the method says, else by the volume at its point."""
-        points = world_points(view.workspace.frame)
-        instances = sample.instances[0].cpu().numpy()
-        above = points[..., 2] > _FLOOR
-        if sample.masks is None:
-            return seen_instances(instances, points, self.grid, above)
-        masks = sample.masks[0].cpu().numpy()
-        shown = seen_instances(instances, points, self.grid, above & (masks == 0))
-        return np.where(masks > 0, masks, shown)
+        return scene_estimate(sample, self.grid, view.workspace.frame, sure, details)
 
     def _samples(self, partial: PartialTSDF) -> list[Completion]:
         """The scene of each code, without contradictions; an object has the same label in all."""
         generator = torch.Generator().manual_seed(rng.torch_seed(self.seed))
         samples = self.reconstructor.complete(partial, self.grid, self.samples, generator)
-        cleaned = [self._cleaned(sample, partial) for sample in samples]
-        first = cleaned[0].instances[0].cpu().numpy()
-        return cleaned[:1] + [_renumbered(sample, first) for sample in cleaned[1:]]
-
-    def _cleaned(self, sample: Completion, partial: PartialTSDF) -> Completion:
-        shape = carve(sample.tsdf[0], partial, self.grid) if self.carve else sample.tsdf[0]
-        tsdf, instances = whole_objects(shape, sample.instances[0], self.grid)
-        return _followed(replace(sample, tsdf=tsdf[None]), instances)
-
-
-def _renumbered(sample: Completion, like: Int32) -> Completion:
-    labels = sample.instances[0]
-    fitted = torch.from_numpy(renumbered_like(labels.cpu().numpy(), like)).to(labels.device)
-    return _followed(sample, fitted)
-
-
-def _followed(before: Completion, instances: Tensor) -> Completion:
-    """With other instances; masks and shapes get the label that most voxels of theirs have now."""
-    old, now = before.instances[0], {0: 0}
-    for label in torch.unique(old[old > 0]).tolist():
-        votes = torch.bincount(instances[(old == label) & (instances > 0)])
-        now[label] = int(votes.argmax()) if len(votes) else 0
-    masks = before.masks
-    if masks is not None:
-        table = torch.zeros(int(max(masks.max(), old.max())) + 1, dtype=torch.int32)
-        table[list(now)] = torch.tensor(list(now.values()), dtype=torch.int32)
-        masks = table.to(masks.device)[masks.long()]
-    placed = tuple(
-        {now[label]: one for label, one in view.items() if now.get(label)} for view in before.placed
-    )
-    return replace(before, instances=instances[None], masks=masks, placed=placed)
+        seen = partial if self.carve else None
+        whole = [cleaned(sample, self.grid, seen) for sample in samples]
+        first = whole[0].instances[0].cpu().numpy()
+        return whole[:1] + [numbered_like(sample, first) for sample in whole[1:]]
