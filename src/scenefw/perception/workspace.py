@@ -1,5 +1,6 @@
 """The objects on the table, the cube around them, and the depth that a network should see."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -80,28 +81,58 @@ class WorkspaceFinder:
         Raises:
             InputError: nothing stands on the table, or what does is larger than the cube.
         """
-        frame = replace(frame, camera=frame.camera.moved(floor.T_world_camera))
-        points = world_points(frame)
-        on_table = _table(points, self.least_height) if region is None else region
+        posed = replace(frame, camera=frame.camera.moved(floor.T_world_camera))
+        return self.find_together([posed], grid, region)[0]
+
+    def find_together(
+        self, frames: Sequence[Frame], grid: GridSpec, region: Mask | None = None
+    ) -> list[Workspace]:
+        """The workspaces of frames of one scene, all in the same cube.
+
+        Args:
+            frames: with poses in a world whose floor is z = 0.
+            grid: the cube.
+            region: (H, W) where objects are in each, if that is known.
+
+        Raises:
+            InputError: as `find`.
+        """
+        points = [world_points(frame) for frame in frames]
+        tables = [_table(p, self.least_height) if region is None else region for p in points]
         top = grid.lower[2] + grid.extent
-        raised = (points[..., 2] > self.least_height) & (points[..., 2] < top)
-        labels, groups = _groups(points[on_table & raised])
+        raised = [(p[..., 2] > self.least_height) & (p[..., 2] < top) for p in points]
+        shown = [t & r for t, r in zip(tables, raised, strict=True)]
+        everything = np.concatenate([p[mask] for p, mask in zip(points, shown, strict=True)])
+        labels, groups = _groups(everything)
         if not groups:
             raise InputError(
-                f"nothing stands on the floor of {frame.name}: no surface from "
+                f"nothing stands on the floor of {_names(frames)}: no surface from "
                 f"{self.least_height * 100:g} cm to {top * 100:.0f} cm above it; check that "
                 f"objects are in view{'' if region is None else ', that the mask covers them'} and "
                 "that the depth scale is right"
             )
-        centre, chosen = _choose(groups, grid.extent - 2 * self.margin, frame.name)
-        inside = np.isin(_RASTER.look_up(labels, points), [g.label for g in chosen])
-        objects = inside & on_table & raised
+        centre, chosen = _choose(groups, grid.extent - 2 * self.margin, _names(frames))
         left_out = [g.cells.mean(axis=0) - centre for g in groups if g not in chosen]
-        pose = geometry.rigid(np.eye(3), (-centre[0], -centre[1], 0.0)) @ floor.T_world_camera
+        own = [g.label for g in chosen]
+        inside = [np.isin(_RASTER.look_up(labels, p), own) for p in points]
+        objects = [i & mask for i, mask in zip(inside, shown, strict=True)]
+        found = np.concatenate([p[mask] for p, mask in zip(points, objects, strict=True)])
+        size = np.append(np.ptp(found[:, :2], axis=0), found[:, 2].max())
+        return [
+            Workspace(
+                self._centred(frame, p, table, centre),
+                mask,
+                size,
+                np.array(left_out).reshape(-1, 2),
+            )
+            for frame, p, table, mask in zip(frames, points, tables, objects, strict=True)
+        ]
+
+    def _centred(self, frame: Frame, points: Array, on_table: Mask, centre: Array) -> Frame:
+        moved = geometry.rigid(np.eye(3), (-centre[0], -centre[1], 0.0))
+        pose = moved @ frame.camera.T_world_camera
         depth = self._depth(frame, points, on_table)
-        centred = replace(frame, depth=depth, camera=frame.camera.moved(pose))
-        size = np.append(np.ptp(points[objects][:, :2], axis=0), points[objects][:, 2].max())
-        return Workspace(centred, objects, size, np.array(left_out).reshape(-1, 2))
+        return replace(frame, depth=depth, camera=frame.camera.moved(pose))
 
     def _depth(self, frame: Frame, points: Array, on_table: Mask) -> NDArray[np.float32]:
         height = points[..., 2]
@@ -161,6 +192,11 @@ def _choose(groups: list[_Group], side: float, name: str) -> tuple[Array, list[_
         )
     cells = np.concatenate([g.cells for g in best])
     return (cells.min(axis=0) + cells.max(axis=0)) / 2, best
+
+
+def _names(frames: Sequence[Frame]) -> str:
+    first, *others = (frame.name for frame in frames)
+    return f"{first} and {len(others)} more" if others else first
 
 
 def _span(groups: list[_Group]) -> Array:
