@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
     from scenefw.core.batches import ObjectSetBatch
     from scenefw.core.protocols import MappingMethod, Matching, Noise, SurfaceRenderer, Track
+    from scenefw.core.types import GridSpec
     from scenefw.data.stacks import StackScenes
     from scenefw.data.views import ViewBatch, Viewpoints
 
@@ -57,6 +58,7 @@ class DecompositionEvaluation:
         matching: of predictions to objects by IoU.
         published: which row of the thesis's tables stands beside; None = none.
         examples: scenes that are drawn.
+        grid: if no method has its own.
         enough: pixels from which on an object counts as seen.
         seed: of cameras, noise and draws.
         device: where volumes and views are computed.
@@ -76,16 +78,18 @@ class DecompositionEvaluation:
         matching: Matching | None = None,
         published: str | None = None,
         examples: int = 4,
+        grid: GridSpec | None = None,
         enough: int = 200,
         seed: int = 0,
         device: str = "cpu",
     ) -> None:
         self.methods = {name: one for name, one in methods.items() if one is not None}
-        grids = [one.grid for one in self.methods.values() if one.grid is not None]
+        grids = [one.grid for one in self.methods.values()]
+        grids = [one for one in [*grids, grid] if one is not None]
         if not grids:
             raise ConfigError(
-                "no method of the evaluation has a grid; give a trained network first "
-                "(evaluation.methods, checkpoint=FILE)"
+                "no method of the evaluation has a grid; give a trained network (checkpoint=FILE) "
+                "or evaluation.grid=${grid}"
             )
         if published is not None and published not in ROWS:
             raise ConfigError(
@@ -117,7 +121,9 @@ class DecompositionEvaluation:
         found = {}
         for name, method in self.methods.items():
             draws = torch.Generator().manual_seed(rng.torch_seed(self.seed, _DRAWS, number))
-            found[name] = method.decompose(SeenSet(batch, view.partial, self.grid, draws))
+            found[name] = method.decompose(
+                SeenSet(batch, view.volumes.tsdf, view.partial, self.grid, draws)
+            )
         index = int(self.scenes.indices[number])
         codes = _codes(next(iter(found.values())))
         seen = self._seen(view, batch)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import Tensor
 
-    from scenefw.core.batches import ObjectSetBatch, PartialTSDF
+    from scenefw.core.batches import Completion, ObjectSetBatch, PartialTSDF
     from scenefw.core.protocols import InstanceExtractor, Reconstructor
     from scenefw.core.training_protocols import ObjectSetModel
     from scenefw.core.types import GridSpec
@@ -32,12 +32,14 @@ class SeenSet:
 
     Args:
         batch: of one scene, on `grid`.
+        tsdf: (1, 1, X, Y, Z) of the complete scene (m).
         partial: of its view.
         grid: the voxel grid.
         draws: of what a method draws.
     """
 
     batch: ObjectSetBatch
+    tsdf: Tensor
     partial: PartialTSDF
     grid: GridSpec
     draws: torch.Generator
@@ -209,6 +211,34 @@ class ReconstructedSet:
         """Its most typical scene."""
         found = self.reconstructor.complete(seen.partial, seen.grid, 1, seen.draws)
         return of_instances(found[0].instances[0])
+
+
+class CompleteScene(Protocol):
+    """A method that takes complete volumes apart (`perception.all_sides.AllSides`)."""
+
+    def decompose(self, tsdf: Tensor, grid: GridSpec, generator: torch.Generator) -> Completion:
+        """The objects of one volume (m)."""
+
+
+class DecomposedVolume:
+    """Objects of the true TSDF of the whole scene, which says more than its occupancy does.
+
+    Args:
+        method: takes it apart.
+    """
+
+    def __init__(self, method: CompleteScene) -> None:
+        self.method = method
+
+    @property
+    def grid(self) -> None:
+        """It takes any."""
+        return None
+
+    def decompose(self, seen: SeenSet) -> FoundSet:
+        """The objects of one scene."""
+        found = self.method.decompose(seen.tsdf, seen.grid, seen.draws)
+        return of_instances(found.instances[0])
 
 
 class Nothing:

@@ -10,15 +10,21 @@ from scenefw.report.sets.names import called
 from scenefw.report.tables import Cell, Table
 
 _NOTE = (
-    "Set network: the one that this experiment trains. Means over {scenes} test scenes, "
-    "{objects:.1f} objects each. Missing: no prediction has an IoU of 0.25 with the object. "
-    "Joined: a prediction covers half of each of two objects. Duplicate: a second prediction has "
-    "an IoU of 0.25 with an object. Split: an object in which two predictions lie has no "
-    "prediction with an IoU of 0.5. Rows that learn nothing: components (connected parts of the "
-    "true occupancy), fitted hulls (superquadrics in parts of the image), nothing (an empty set, "
-    "the trivial value of each measure). Set flow: fitted hulls with hidden parts by a flow of "
-    "sets."
+    "Means over {scenes} test scenes, {objects:.1f} objects each. Missing: no prediction has an "
+    "IoU of 0.25 with the object. Joined: a prediction covers half of each of two objects. "
+    "Duplicate: a second prediction has an IoU of 0.25 with an object. Split: an object in which "
+    "two predictions lie has no prediction with an IoU of 0.5."
 )
+_METHODS = {
+    "scenefw": "the one that this experiment trains",
+    "set_flow": "fitted hulls with hidden parts by a flow of sets",
+    "network_parts": "the scene's distances rendered from all sides, superquadrics fitted to parts "
+    "of all images that a network finds",
+    "fitted_parts": "the same with parts between creases (no learning)",
+    "fitted_hulls": "superquadrics in parts of the image (no learning)",
+    "components": "connected parts of the true occupancy (no learning)",
+    "nothing": "an empty set, the trivial value of each measure",
+}
 _SEEN = (
     "Of the same scenes. In {hardly_seen:.0%} of them an object is hidden but for a few pixels, or "
     "wholly; the others are those that one view shows."
@@ -44,6 +50,11 @@ def decomposition_tables(result: DecompositionResult) -> tuple[Table, Table]:
     figures = result.figures
     names = [name for name in SCORES if name not in _ERRORS]
     note = _NOTE.format(scenes=int(figures["scenes"]), objects=figures["objects"])
+    note += "".join(
+        f" {called(one).capitalize()}: {_METHODS[one]}."
+        for one in result.methods
+        if one in _METHODS
+    )
     rows, quoted = _rows(result, names), frozenset[str]()
     if result.published:
         row = ROWS[result.published]
