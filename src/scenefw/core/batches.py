@@ -30,6 +30,11 @@ class CameraBatch:
     intrinsics: Tensor
     T_world_camera: Tensor
 
+    def of(self, index: int) -> CameraBatch:
+        """One camera as a batch of one."""
+        one = slice(index, index + 1)
+        return CameraBatch(self.width, self.height, self.intrinsics[one], self.T_world_camera[one])
+
 
 @dataclass(frozen=True)
 class SceneParameters:
@@ -74,8 +79,7 @@ class PartialTSDF:
         observed: (B, 1, X, Y, Z) bool: in front of a seen surface, or up to a voxel behind it.
         depth: (B, H, W) z-depth (m) that it was made of, for methods that look at pixels, or None.
         cameras: of these images, or None.
-        masks: (B, H, W) int32, ids of objects that are known to be in these images, 0 = none; or
-            None, as nearly always.
+        masks: (B, H, W) int32, ids of objects that are known to be in these images, 0 = none.
     """
 
     distance: Tensor
@@ -208,8 +212,7 @@ class Completion:
         tsdf: (B, X, Y, Z) metres.
         instances: (B, X, Y, Z) int32.
         volumes: (B, C, X, Y, Z) by name, as their representations say them.
-        masks: (B, H, W) int32, which instance a pixel of the view shows, 0 = none; None where the
-            method doesn't look at pixels.
+        masks: (B, H, W) int32, instances that pixels show, 0 = none; None: the method has none.
         placed: for each view, the shapes that explain some of its instances, by label.
     """
 

@@ -58,6 +58,11 @@ class _Sequence(ABC):
         """Number of frames."""
         return len(self._frames.entries)
 
+    @property
+    def poses(self) -> list[NDArray[np.float64]]:
+        """Camera to world (4, 4) of each frame, the origin where it has none."""
+        return [np.eye(4) if e.pose is None else e.pose for e in self._frames.entries]
+
     def __getitem__(self, index: int) -> Frame:
         """One frame; raises an InputError if its files are unusable."""
         return self._frames.read(index)

@@ -18,6 +18,8 @@ from numba import njit, prange
 from numpy.typing import NDArray
 from torch import Tensor
 
+from scenefw.core.batches import CameraBatch
+from scenefw.kernels.cameras import pixel_places
 from scenefw.kernels.compile import Kernel, element, loop
 
 ZERO = np.float32(0)
@@ -184,6 +186,20 @@ class Tree:
         place = rays.new_empty(count, 2)
         cast(count, self.bounds, self.links, self.triangles, rays, table, distance, hit, place)
         return distance, hit, place
+
+    def depth(self, cameras: CameraBatch, *, table: bool = True) -> Tensor:
+        """Z-depth (B, H, W) in metres that cameras see; 0 = nothing hit.
+
+        Args:
+            cameras: on the device of the triangles.
+            table: the plane z = 0 is seen too.
+        """
+        count = len(cameras.intrinsics)
+        shape = (count, cameras.height, cameras.width)
+        ones = torch.ones(shape, device=self.triangles.device)
+        eyes = cameras.T_world_camera[:, None, None, :3, 3].expand(*shape, 3)
+        rays = torch.cat([eyes, pixel_places(ones, cameras) - eyes], dim=-1)
+        return self.cast(rays.view(-1, 6).contiguous(), table=table)[0].view(shape)
 
 
 def _empty() -> tuple[NDArray, NDArray, NDArray]:

@@ -85,6 +85,10 @@ class Doctor:
         """Warnings about what was found: floor, distance, size of the objects, what is left out."""
         return _warnings([*self.check_floor(floor), *self.check_workspace(workspace)])
 
+    def examine_left_out(self, workspace: Workspace) -> list[str]:
+        """Warnings about what doesn't fit into the cube."""
+        return _warnings([_check_left_out(workspace)])
+
     def check_frame(self, frame: Frame) -> list[Check]:
         """Unit of the depth, intrinsics, and how much is measured."""
         try:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from scenefw.fitting.placed import shape_of
 from scenefw.mapping.several_views import require_agreement, stacked
 from scenefw.perception.evidence import View, seen_free
 from scenefw.perception.fitted import Fitted, with_superquadrics
@@ -20,14 +21,18 @@ if TYPE_CHECKING:
     import torch
 
     from scenefw.core.batches import Completion, PartialTSDF
+    from scenefw.core.evidence import FittedSuperquadric
     from scenefw.core.protocols import SeveralViewsReconstructor
     from scenefw.core.types import GridSpec
+
+_CORNERS = 6  # of meshes that say how high an object is
 
 
 class FittedToViews:
     """Replaces objects by superquadrics fitted to the seen points and free space of all views.
 
-    An object that no superquadric explains in all views keeps its volume.
+    An object that no superquadric explains in all views keeps its volume. What is mostly
+    below the floor, or ends hardly above it, is noise of the floor and goes.
 
     Args:
         inner: makes the scenes; if these have masks, they are of all views, one below the other.
@@ -68,4 +73,13 @@ class FittedToViews:
             masks = scene.masks[0].cpu().numpy()
         view = View(points, masks, tsdf, instances, free, grid)
         (found,) = self.fitted.superquadrics(view)
-        return with_superquadrics(replace(scene, masks=None), [(view, found)])
+        sunk = [label for label, one in found.items() if _sunk(one, self.fitted.lowest)]
+        kept = replace(view, instances=np.where(np.isin(instances, sunk), 0, instances))
+        above = {label: one for label, one in found.items() if label not in sunk}
+        return with_superquadrics(replace(scene, masks=None), [(kept, above)])
+
+
+def _sunk(one: FittedSuperquadric, lowest: float) -> bool:
+    """Whether more of it is below the floor than above, or it ends lower than this (m)."""
+    heights = shape_of(one).mesh(_CORNERS).vertices @ one.pose.rotation[2]
+    return bool(one.pose.position[2] < 0 or heights.max() + one.pose.position[2] < lowest)

@@ -28,10 +28,12 @@ class Alignment:
     Args:
         T_table_world: (4, 4), takes the old world's coordinates to the table's.
         note: what was done, in words; empty if the poses were right already.
+        table: whether a table was found.
     """
 
     T_table_world: Float64
     note: str = ""
+    table: bool = True
 
 
 class TableFrame:
@@ -71,7 +73,7 @@ class TableFrame:
             floor = self.floor.find(frame)
         except InputError as error:
             if posed:
-                return Alignment(np.eye(4), f"poses are used as they are: {error}")
+                return Alignment(np.eye(4), f"poses are used as they are: {error}", table=False)
             raise
         normal = old[:3, :3] @ floor.normal
         level = float(normal @ old[:3, 3]) - floor.height  # of the table along its normal

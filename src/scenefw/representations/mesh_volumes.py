@@ -12,7 +12,6 @@ from torch import Tensor
 
 from scenefw.core.batches import CameraBatch, SceneVolumes
 from scenefw.core.types import Float32, GridSpec, Int32, PlacedShape, SceneObject
-from scenefw.kernels.cameras import pixel_places
 from scenefw.kernels.meshes import Tree
 from scenefw.representations.known_scenes import KnownScenes
 from scenefw.representations.open3d_library import require_open3d
@@ -37,20 +36,12 @@ class ExactSolids(KnownScenes[SolidScenes]):
 
     def depth(self, cameras: CameraBatch) -> Tensor:
         """Z-depth (B, H, W) in metres by rays that meet the triangles; 0 = nothing hit."""
-        ones = torch.ones(
-            len(cameras.intrinsics),
-            cameras.height,
-            cameras.width,
-            device=cameras.intrinsics.device,
-        )
-        eyes = cameras.T_world_camera[:, None, None, :3, 3].expand(*ones.shape, 3)
-        rays = torch.cat([eyes, pixel_places(ones, cameras) - eyes], dim=-1).flatten(1, 2)
-        trees = [Tree(_corners(objects), rays.device) for objects in self.parameters.objects]
-        hits = [
-            tree.cast(own.contiguous(), table=False)[0]
-            for tree, own in zip(trees, rays, strict=True)
+        trees = [
+            Tree(_corners(objects), cameras.intrinsics.device)
+            for objects in self.parameters.objects
         ]
-        return torch.stack(hits).view(ones.shape)
+        images = [tree.depth(cameras.of(row), table=False) for row, tree in enumerate(trees)]
+        return torch.cat(images)
 
     def parameters_of(self, rows: Tensor) -> SolidScenes:
         """Parameters of some of the scenes, by their numbers (N,)."""

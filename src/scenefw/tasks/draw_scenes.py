@@ -10,13 +10,13 @@ from scenefw.core.files import require_writable
 from scenefw.core.folders import replacing_folder
 from scenefw.core.protocols import SceneFormat
 from scenefw.core.types import SceneEstimate
-from scenefw.export.scene_folder import write_scene_files
 from scenefw.perception.scene_prior import ScenePrior
 from scenefw.report.drawn_scenes import draw_scenes
 from scenefw.report.page import write_scene_page
 from scenefw.report.palette import colours_of
 from scenefw.report.pictures import save_picture
 from scenefw.report.scenes3d import Scene3D, layer, packed
+from scenefw.tasks.scene_files import write_scene
 
 _SHOWN = 12  # scenes in the picture and on the page
 
@@ -96,7 +96,4 @@ class DrawScenes:
 
     def _write(self, folder: Path, scene: SceneEstimate) -> None:
         folder.mkdir()
-        colours = colours_of(scene)
-        write_scene_files(folder, scene, colours)
-        for form in self.exports.values():
-            form.write(folder / f"scene{form.suffix}", scene, colours)
+        write_scene(folder, scene, self.exports)

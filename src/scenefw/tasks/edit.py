@@ -12,7 +12,6 @@ from scenefw.core.files import require_writable
 from scenefw.core.folders import replacing_folder, require_replaceable
 from scenefw.core.protocols import SceneFormat, Settling
 from scenefw.core.types import SceneEstimate
-from scenefw.export.scene_folder import write_scene_files
 from scenefw.perception.contacts import contact_words
 from scenefw.perception.edit_words import USAGES, edited
 from scenefw.perception.editing import with_objects
@@ -25,6 +24,7 @@ from scenefw.report.page import write_scene_page
 from scenefw.report.palette import colours_of
 from scenefw.report.pictures import save_picture
 from scenefw.report.scenes3d import Scene3D, layer, packed
+from scenefw.tasks.scene_files import write_scene
 
 _END = "_edited"
 
@@ -115,10 +115,7 @@ class Edit:
         return replace(after, details=details), warnings
 
     def _write(self, folder: Path, before: SceneEstimate, after: SceneEstimate) -> None:
-        colours = colours_of(after)
-        write_scene_files(folder, after, colours)
-        for form in self.exports.values():
-            form.write(folder / f"scene{form.suffix}", after, colours)
+        colours = write_scene(folder, after, self.exports)
         if self.page:
             layers = (layer("edited", after, colours), layer("before", before, colours_of(before)))
             name = after.frame.name or "scene"

@@ -13,16 +13,15 @@ from scenefw.core.files import require_writable
 from scenefw.core.folders import replacing_folder, require_replaceable
 from scenefw.core.protocols import SceneFormat, Settling
 from scenefw.core.types import SceneEstimate
-from scenefw.export.scene_folder import write_scene_files
 from scenefw.perception.pipeline import Pipeline, View
 from scenefw.perception.settling import words as settled_words
 from scenefw.report.hypotheses import draw_hypotheses
 from scenefw.report.overview import write_overview
 from scenefw.report.page import write_scene_page
-from scenefw.report.palette import Colour, colours_of
 from scenefw.report.pictures import save_picture
 from scenefw.report.scenes3d import Scene3D, layer, packed
 from scenefw.tasks.depth_images import DepthImages
+from scenefw.tasks.scene_files import write_scene
 from scenefw.tasks.several_images import finished, require_some
 
 
@@ -133,11 +132,12 @@ class Predict:
             print(f"{frame.name}: {warning}", file=sys.stderr)
         estimate, *others = self._scenes(view)
         with replacing_folder(folder) as temporary:
-            colours = self._write_scene(temporary, estimate)
+            colours = write_scene(temporary, estimate, self.exports)
             layers = [layer("most typical", estimate, colours)]
             for number, other in enumerate(others, start=2):
-                (temporary / f"hypothesis_{number}").mkdir()
-                shown = self._write_scene(temporary / f"hypothesis_{number}", other)
+                beside = temporary / f"hypothesis_{number}"
+                beside.mkdir()
+                shown = write_scene(beside, other, self.exports)
                 layers.append(layer(f"hypothesis {number}", other, shown))
             if self.page:
                 scene = Scene3D(frame.name, tuple(layers), estimate.frame)
@@ -158,13 +158,6 @@ class Predict:
         settled = self.settling.settle(scenes)
         print(f"{view.frame.name}: {settled_words(settled[0])}")
         return settled
-
-    def _write_scene(self, folder: Path, estimate: SceneEstimate) -> list[Colour]:
-        colours = colours_of(estimate)
-        write_scene_files(folder, estimate, colours)
-        for form in self.exports.values():
-            form.write(folder / f"scene{form.suffix}", estimate, colours)
-        return colours
 
     def _folders(self, images: Sequence[Path]) -> list[Path]:
         """A folder for each image in the output: its path below the input, without suffix."""

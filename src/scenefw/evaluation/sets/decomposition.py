@@ -84,8 +84,8 @@ class DecompositionEvaluation:
         device: str = "cpu",
     ) -> None:
         self.methods = {name: one for name, one in methods.items() if one is not None}
-        grids = [one.grid for one in self.methods.values()]
-        grids = [one for one in [*grids, grid] if one is not None]
+        own = (one.grid for one in self.methods.values())
+        grids = [one for one in (*own, grid) if one is not None]
         if not grids:
             raise ConfigError(
                 "no method of the evaluation has a grid; give a trained network (checkpoint=FILE) "

@@ -1,0 +1,69 @@
+"""The surface of a whole scene from a mesh file, as scanners and fusion of depth images give it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from scenefw.core.errors import InputError
+from scenefw.core.files import unreadable
+from scenefw.core.types import TriangleMesh
+
+MESHES = (".ply", ".obj", ".stl", ".off", ".glb", ".gltf")
+_Y_UP = (".glb", ".gltf")  # by their standard
+_WIDEST = 20.0  # m: what is wider was given in millimetres
+_NARROWEST = 0.02  # m
+
+
+def is_mesh(path: Path) -> bool:
+    """Whether the name is that of a mesh file."""
+    return path.suffix.lower() in MESHES
+
+
+def read_scene_mesh(path: Path | str, scale: float = 1.0) -> TriangleMesh:
+    """The triangles of a scene, z up, in metres.
+
+    glTF files are y up by their standard and are turned.
+
+    Args:
+        path: .ply, .obj, .stl, .off, .glb or .gltf.
+        scale: metres per unit of the file.
+
+    Raises:
+        InputError: the file is missing, damaged or without triangles, or of another unit.
+    """
+    import trimesh
+
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"no file {path}; give input=PATH of a mesh ({', '.join(MESHES)})")
+    try:
+        mesh = trimesh.load_scene(path, process=False, skip_materials=True).to_mesh()
+    except Exception as error:  # trimesh passes on whatever its readers raise
+        raise InputError(f"cannot read {path}: {unreadable(error, 'is it a mesh?')}") from error
+    vertices = np.asarray(mesh.vertices, np.float64) * scale
+    faces = np.asarray(mesh.faces, np.int64).reshape(-1, 3)
+    if not len(faces):
+        raise InputError(
+            f"{path} has no triangles; make a surface of its points first, or give depth images"
+        )
+    _require_metres(path, vertices)
+    if path.suffix.lower() in _Y_UP:
+        vertices = vertices @ np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]])
+    return TriangleMesh(vertices, faces)
+
+
+def _require_metres(path: Path, vertices: np.ndarray) -> None:
+    if not np.isfinite(vertices).all():
+        raise InputError(f"{path} has vertices that are not numbers; export it again without them")
+    width = float(np.ptp(vertices, axis=0).max())
+    if width > _WIDEST:
+        raise InputError(
+            f"{path} is {width:.0f} m wide; if it is in millimetres, give run.mesh_scale=0.001"
+        )
+    if width < _NARROWEST:
+        raise InputError(
+            f"{path} is only {width * 1000:.1f} mm wide; expected a scene in metres: give "
+            "run.mesh_scale=METRES_PER_UNIT"
+        )

@@ -1,0 +1,186 @@
+"""Takes a scene that was seen from several sides, or scanned as a whole, apart into objects."""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from rich.console import Console
+
+from scenefw.core import geometry
+from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.files import require_apart, require_writable
+from scenefw.core.folders import replacing_folder, require_replaceable
+from scenefw.core.settings import POSITIVE
+from scenefw.core.types import TriangleMesh
+from scenefw.data.scene_meshes import is_mesh, read_scene_mesh
+from scenefw.data.sequences import open_sequence
+from scenefw.export.meshes import write_ply
+from scenefw.perception.nearest_objects import nearest_objects
+from scenefw.perception.settling import words as settled_words
+from scenefw.report.overview import write_overview
+from scenefw.report.page import write_scene_page
+from scenefw.report.scenes3d import Scene3D, layer, packed
+from scenefw.tasks.scene_files import write_scene
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from scenefw.core.protocols import SceneFormat, Settling
+    from scenefw.core.types import Float64, Frame, SceneEstimate
+    from scenefw.perception.mesh_views import MeshViews
+    from scenefw.perception.views_pipeline import SeenScene, ViewsPipeline
+    from scenefw.report.palette import Colour
+
+_REACH = 0.01  # m: vertices farther from all objects belong to none
+_LEFT = (0.72, 0.72, 0.72)  # colour of the table
+
+
+@dataclass(frozen=True)
+class _Given:
+    """What is to be taken apart: views, and the mesh they were made of, if there is one.
+
+    Args:
+        frames: the views.
+        T_frames_file: (4, 4) from coordinates of the input to those of the frames' poses.
+        mesh: in coordinates of the frames' poses.
+    """
+
+    frames: Sequence[Frame]
+    T_frames_file: Float64 = field(default_factory=lambda: np.eye(4))
+    mesh: TriangleMesh | None = None
+
+
+class Decompose:
+    """Finds the objects of a whole scene.
+
+    The scene is a folder of depth images with poses (an RGB-D folder or TUM's format), or a mesh,
+    which is rendered from all sides. The result is a folder NAME with `scene.json`, `scene.glb`,
+    a PLY per object, `overview.png` and `scene.html`; for a mesh also `labelled.ply`, the mesh in
+    the colours of its objects. It appears when all of it is written.
+
+    Args:
+        input: folder of a recording, or a mesh file.
+        pipeline: takes views apart.
+        meshes: makes views of meshes.
+        output: where the folder goes.
+        intrinsics: file of a recording; None = that in the folder.
+        depth_scale: metres per unit of integer depth; None = that of the format.
+        mesh_scale: metres per unit of a mesh.
+        largest_jump: most that the camera moves between two frames (m); None = any.
+        settling: lets the objects come to rest first; None leaves them as they were found.
+        exports: what writes further files of the scene, by name.
+        overview: also draw `overview.png`.
+        page: also write `scene.html`.
+
+    Raises:
+        ConfigError: no input is given, or a scale is not positive.
+    """
+
+    def __init__(
+        self,
+        input: str | Path | None,  # noqa: A002 - named as the setting on the command line
+        pipeline: ViewsPipeline,
+        meshes: MeshViews,
+        output: str | Path = "outputs",
+        intrinsics: str | Path | None = None,
+        depth_scale: float | None = None,
+        mesh_scale: float = 1.0,
+        largest_jump: float | None = None,
+        settling: Settling | None = None,
+        exports: Mapping[str, SceneFormat] | None = None,
+        *,
+        overview: bool = True,
+        page: bool = True,
+    ) -> None:
+        if input is None:
+            raise ConfigError(
+                "run=decompose needs input=PATH of a mesh, or of a folder of depth images with "
+                "poses"
+            )
+        POSITIVE.require(depth_scale=depth_scale, mesh_scale=mesh_scale)
+        require_apart(output, input)
+        self.input, self.output = Path(input), Path(output)
+        self.pipeline, self.meshes, self.settling = pipeline, meshes, settling
+        self.options: dict[str, Any] = {"intrinsics": intrinsics, "largest_jump": largest_jump}
+        if depth_scale is not None:
+            self.options["depth_scale"] = depth_scale
+        self.mesh_scale, self.exports = mesh_scale, dict(exports or {})
+        self.overview, self.page = overview, page
+
+    def run(self) -> dict[str, float]:
+        """Takes the scene apart; returns how many objects and views there are, and seconds.
+
+        Raises:
+            InputError: the input is unusable.
+            StorageError: the folder can't be written.
+        """
+        start = time.perf_counter()
+        require_writable(self.output)
+        folder = self.output / (self.input.stem or "scene")
+        require_replaceable(folder)
+        given = self._given()
+        seen = self.pipeline.prepare(given.frames)
+        for warning in seen.warnings:
+            print(f"{self.input.name}: {warning}", file=sys.stderr)
+        with Console(stderr=True).status(f"{len(given.frames)} views: parts, then objects"):
+            found = self.pipeline.complete(seen)
+        details = {**found.details, "T_world_input": seen.moved @ given.T_frames_file}
+        frame = replace(found.frame, name=self.input.stem)
+        estimate = replace(found, frame=frame, details=details)
+        if self.settling is not None:
+            estimate = self.settling.settle([estimate])[0]
+            print(settled_words(estimate))
+        with replacing_folder(folder) as temporary:
+            self._write(temporary, estimate, seen, given)
+        print(folder)
+        return {
+            "objects": float(len(estimate.objects)),
+            "views": float(len(given.frames)),
+            "seconds": time.perf_counter() - start,
+        }
+
+    def _given(self) -> _Given:
+        if not self.input.exists():
+            raise InputError(
+                f"no file or folder {self.input}; give input=PATH of a mesh, or of a folder of "
+                "depth images with poses"
+            )
+        if is_mesh(self.input):
+            seen = self.meshes.see(read_scene_mesh(self.input, self.mesh_scale), self.input.stem)
+            print(f"{self.input.name}: the table is {seen.note}")
+            return _Given(seen.frames, seen.T_table_file, seen.mesh)
+        if self.input.is_file():
+            raise InputError(
+                f"{self.input} is no mesh; one depth image is a matter of run=predict, several "
+                "are given as a folder with depth/, poses.txt and intrinsics.json"
+            )
+        recording = open_sequence(self.input, **self.options)
+        return _Given([recording[n] for n in self.pipeline.chosen(recording.poses)])
+
+    def _write(self, folder: Path, estimate: SceneEstimate, seen: SeenScene, given: _Given) -> None:
+        colours = write_scene(folder, estimate, self.exports)
+        if given.mesh is not None:
+            vertices = geometry.transform_points(seen.moved, given.mesh.vertices)
+            mesh = TriangleMesh(vertices, given.mesh.faces)
+            write_ply(folder / "labelled.ply", mesh, _vertex_colours(mesh, estimate, colours))
+        name = self.input.stem
+        if self.page:
+            scene = Scene3D(name, (layer("objects", estimate, colours),), estimate.frame)
+            write_scene_page(folder / "scene.html", name or "scene", packed([scene]))
+        if self.overview:
+            partial = seen.partials[0].distance[0, 0].cpu().numpy()
+            write_overview(folder / "overview.png", estimate, partial, colours)
+
+
+def _vertex_colours(
+    mesh: TriangleMesh, estimate: SceneEstimate, colours: Sequence[Colour]
+) -> np.ndarray:
+    """Colour (V, 3) of the object that each vertex is of, grey where it is of none."""
+    labels, _ = nearest_objects(mesh.vertices, estimate.objects, _REACH)
+    table = {item.id: colour for item, colour in zip(estimate.objects, colours, strict=True)}
+    return np.array([table.get(label, _LEFT) for label in labels.tolist()])
