@@ -12,6 +12,7 @@ from scenefw.core.errors import InputError
 from scenefw.core.types import Float64, Frame, TriangleMesh
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.kernels.meshes import Tree
+from scenefw.perception.points import world_points
 from scenefw.perception.table_frame import TableFrame
 
 if TYPE_CHECKING:
@@ -20,10 +21,11 @@ if TYPE_CHECKING:
     from scenefw.core.types import Camera
     from scenefw.perception.all_sides import Surround
 
-_BELOW = 0.02  # m under a plane ...
-_MOST_BELOW = 0.05  # ... lies no more of a mesh than this share if the plane is its table
+_BELOW = (0.02, 0.3)  # m under a plane: sides of what it is the top of, not the room's floor
+_MOST_BELOW = 0.1  # of what is seen, if the plane is a table
+_STRIDE = 4  # pixels
 _RAISED = (0.015, 1.0)  # m: heights of what stands on the table
-_LARGEST = 1.5  # m: radius of what cameras try to see
+_LARGEST = 0.55  # m: radius of what cameras try to see, so that they are near enough for a table
 _NOISE = 0.5  # per cent of vertices at either end that don't say where a scene ends
 
 
@@ -81,10 +83,11 @@ class MeshViews:
 
     def _table(self, mesh: TriangleMesh, name: str) -> tuple[Float64, str]:
         """The transform (4, 4) to table coordinates, and how it was found."""
-        above = self.cameras.around(*_ball(mesh.vertices))[-1:]
-        (frame,) = _views(mesh, above, name, table=False)
-        found = self.table.alignment(frame, posed=True)
-        below = geometry.transform_points(found.T_table_world, mesh.vertices)[:, 2] < -_BELOW
+        frames = _views(mesh, self.cameras.around(*_ball(mesh.vertices)), name, table=False)
+        found = self.table.alignment(frames[-1], posed=True)
+        points = np.concatenate([world_points(frame, _STRIDE).reshape(-1, 3) for frame in frames])
+        seen = geometry.transform_points(found.T_table_world, points[~np.isnan(points[:, 2])])
+        below = (seen[:, 2] < -_BELOW[0]) & (seen[:, 2] > -_BELOW[1])
         if found.table and below.mean() < _MOST_BELOW:
             return found.T_table_world, "a plane of the mesh"
         lowest = float(np.percentile(mesh.vertices[:, 2], _NOISE))
