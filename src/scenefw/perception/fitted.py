@@ -135,7 +135,7 @@ class Fitted:
             )
             view = View(seen, masks, tsdf[i], instances[i], free[i], grid, eyes[i])
             draws = self.superquadrics(view, count, random)
-            hollow.append(self._hollow(view, draws[0]))
+            hollow.append(self.hollow(view, draws[0]))
             for views, found in zip(drawn, draws, strict=True):
                 views.append((view, {k: one for k, one in found.items() if k not in hollow[i]}))
         return [with_superquadrics(scene, views, hollow) for views in drawn]
@@ -163,9 +163,10 @@ class Fitted:
             for draw in draws
         ]
 
-    def _hollow(
+    def hollow(
         self, view: View, found: Mapping[int, FittedSuperquadric]
     ) -> dict[int, FittedVessel]:
+        """Objects that are vessels, by label, of which some are in `found` as superquadrics."""
         if self.vessels is None:
             return {}
         return self.vessels.found(view, self._enough(view), found)

@@ -65,8 +65,8 @@ class HullFilling:
         nearest = np.full(grid.shape, np.inf, np.float32)
         centres = grid.centres()
         for part in range(1, labels.max(initial=0) + 1):
-            seen = _thinned(points[labels == part])
-            filled = _hull_distance(seen, centres, grid)
+            seen = thinned(points[labels == part])
+            filled = hull_distance(seen, centres, grid)
             if filled is None:
                 continue
             box, values = filled
@@ -80,12 +80,12 @@ class HullFilling:
         return distance, owner
 
 
-def _thinned(points: Float64) -> Float64:
+def thinned(points: Float64) -> Float64:
     """At most so many points, spread evenly over the image."""
     return points[:: -(-len(points) // _MOST_POINTS)]
 
 
-def _hull_distance(
+def hull_distance(
     seen: Float64, centres: Float64, grid: GridSpec
 ) -> tuple[tuple[slice, ...], Float32] | None:
     """The box around a part's hull and distances (m) there; None if the hull has no volume.

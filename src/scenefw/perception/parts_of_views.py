@@ -3,25 +3,30 @@
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import binary_erosion, distance_transform_edt
+from scipy.spatial import cKDTree
 
 from scenefw.core.batches import Completion, PartialTSDF
 from scenefw.core.errors import InputError
 from scenefw.mapping.several_views import require_agreement, stacked
 from scenefw.perception.evidence import View, seen_free
+from scenefw.perception.hull_filling import hull_distance, thinned
 from scenefw.perception.points import world_points
 from scenefw.perception.seen_frames import seen_frames
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from scenefw.core.protocols import Reconstructor
-    from scenefw.core.types import GridSpec, Int32
+    from scenefw.core.types import Float32, Float64, GridSpec, Int32
     from scenefw.perception.part_guided import Grouping
+    from scenefw.perception.same_surface import SameSurface
 
 _REMEMBERED = 8  # views: a seventh one often comes with the six before it
 _COARSE = 320  # pixels: width of the images that say which parts are one object
@@ -31,20 +36,24 @@ class PartsOfViews:
     """Joins the objects that another method finds in each view if they are one in all views.
 
     What one view shows of an object may be cut or joined wrongly, so all views decide together:
-    `grouping` gets the objects of all as parts of one image, with the free space of all. The view
-    that shows most of an object gives its volume.
+    `grouping` gets the objects of all as parts of one image, with the free space of all. The hull
+    of all that is seen of an object is its volume, without what any view saw free.
 
     Args:
         inner: finds objects in one view, and says which pixels show them.
         grouping: says which objects of all views are one.
+        overlap: joins what shows the same surface before that; None: only the grouping joins.
     """
 
-    def __init__(self, inner: Reconstructor, grouping: Grouping) -> None:
+    def __init__(
+        self, inner: Reconstructor, grouping: Grouping, overlap: SameSurface | None = None
+    ) -> None:
         self.inner, self.grouping, self.grid = inner, grouping, inner.grid
+        self.overlap = overlap
         self._of_thread = threading.local()
 
-    def __reduce__(self) -> tuple[type[PartsOfViews], tuple[Reconstructor, Grouping]]:
-        return PartsOfViews, (self.inner, self.grouping)
+    def __reduce__(self) -> tuple[type[PartsOfViews], tuple[Any, ...]]:
+        return PartsOfViews, (self.inner, self.grouping, self.overlap)
 
     def complete(
         self,
@@ -60,10 +69,12 @@ class PartsOfViews:
         """
         require_agreement(views, grid)
         alone = [self._alone(view, grid, generator) for view in views]
-        parts, volumes = _numbered(alone)
-        masks = parts if len(views) == 1 else self._joined(parts, views, grid)
-        instances = _instances(masks, parts, volumes, grid)
-        tsdf = _distances(instances, grid)
+        parts = _numbered(alone)
+        frames = seen_frames(stacked(views), "joining")
+        points = np.concatenate([world_points(frame) for frame in frames])
+        masks = parts if len(views) == 1 else self._joined(parts, points, views, grid)
+        free = np.any(seen_free(stacked(views), grid), axis=0)
+        tsdf, instances = hulls(masks, points, free, grid)
         device = views[0].distance.device
         scene = Completion(
             torch.from_numpy(tsdf)[None].to(device),
@@ -72,12 +83,20 @@ class PartsOfViews:
         )
         return [scene] * samples
 
-    def _joined(self, parts: Int32, views: Sequence[PartialTSDF], grid: GridSpec) -> Int32:
-        """Objects (V H, W) of parts (V H, W)."""
-        everything = stacked(views)
-        points = np.concatenate([world_points(f) for f in seen_frames(everything, "joining")])
-        free = np.any(seen_free(everything, grid), axis=0)
+    def _joined(
+        self, parts: Int32, points: Float64, views: Sequence[PartialTSDF], grid: GridSpec
+    ) -> Int32:
+        """Objects (V H, W) of parts (V H, W) with their points (V H, W, 3)."""
+        free = np.any(seen_free(stacked(views), grid), axis=0)
         step = max(1, parts.shape[1] // _COARSE)
+        if self.overlap is not None:
+            images = np.split(parts, len(views))
+            places = np.split(points, len(views))
+            table = self.overlap.joined(
+                [image[::step, ::step] for image in images],
+                [place[::step, ::step] for place in places],
+            )
+            parts = table[parts].astype(np.int32)
         few = parts[::step, ::step]
         nothing = np.zeros(grid.shape, np.int32)
         view = View(
@@ -91,11 +110,9 @@ class PartsOfViews:
         objects = self.grouping.objects(few, view, np.zeros(few.shape, np.float32))
         return _refined(objects, few, parts, step)
 
-    def _alone(
-        self, view: PartialTSDF, grid: GridSpec, generator: torch.Generator
-    ) -> tuple[Int32, Int32]:
-        """Instances (X, Y, Z) and masks (H, W) of one view, made once for all sets it is in."""
-        last: list[tuple[PartialTSDF, GridSpec, tuple[Int32, Int32]]]
+    def _alone(self, view: PartialTSDF, grid: GridSpec, generator: torch.Generator) -> Int32:
+        """Masks (H, W) of one view, made once for all sets it is in."""
+        last: list[tuple[PartialTSDF, GridSpec, Int32]]
         last = self._of_thread.__dict__.setdefault("last", [])
         for one, its_grid, result in last:
             if one is view and its_grid == grid:
@@ -103,23 +120,21 @@ class PartsOfViews:
         scene = self.inner.complete(view, grid, 1, generator)[0]
         if scene.masks is None:
             raise InputError("the method of single views doesn't say which pixels show its objects")
-        result = (scene.instances[0].cpu().numpy(), scene.masks[0].cpu().numpy())
+        result = scene.masks[0].cpu().numpy()
         last[:] = [*last, (view, grid, result)][-_REMEMBERED:]
         return result
 
 
-def _numbered(alone: Sequence[tuple[Int32, Int32]]) -> tuple[Int32, dict[int, Int32]]:
-    """Parts (V H, W) of all views, from 1 on, and the volume (X, Y, Z) of each."""
-    images, volumes = [], {}
-    number = 0
-    for instances, shown in alone:
+def _numbered(alone: Sequence[Int32]) -> Int32:
+    """Parts (V H, W) of all views, from 1 on."""
+    images, number = [], 0
+    for shown in alone:
         image = np.zeros_like(shown)
         for label in np.unique(shown[shown > 0]).tolist():
             number += 1
             image[shown == label] = number
-            volumes[number] = instances == label
         images.append(image)
-    return np.concatenate(images), volumes
+    return np.concatenate(images)
 
 
 def _refined(objects: Int32, few: Int32, parts: Int32, step: int) -> Int32:
@@ -146,25 +161,34 @@ def _refined(objects: Int32, few: Int32, parts: Int32, step: int) -> Int32:
     return found
 
 
-def _instances(masks: Int32, parts: Int32, volumes: dict[int, Int32], grid: GridSpec) -> Int32:
-    """Volumes (X, Y, Z) of objects, those that are seen most on top.
+def hulls(
+    masks: Int32, points: Float64, free: NDArray[np.bool_], grid: GridSpec
+) -> tuple[Float32, Int32]:
+    """TSDF and instances (X, Y, Z) of the hulls of seen objects, without what is seen to be free.
 
-    Each part gives its volume to one object at most, the one that has most of its pixels.
+    Beside what isn't free a hull stays as it is: walls may be thinner than a voxel.
+
+    Args:
+        masks: (V H, W) objects that pixels show, 0 = none.
+        points: (V H, W, 3) of these pixels, world coordinates (m).
+        free: (X, Y, Z) that any view shows to be free.
+        grid: of the volumes.
     """
-    pixels = np.zeros((int(masks.max(initial=0)) + 1, int(parts.max(initial=0)) + 1), np.int64)
-    np.add.at(pixels, (masks[parts > 0], parts[parts > 0]), 1)
-    best = np.where(pixels == pixels.max(axis=0), pixels, 0)
-    instances = np.zeros(grid.shape, np.int32)
-    for label in np.argsort(best.max(axis=1)).tolist():
-        if label and best[label].any():
-            instances[volumes[int(best[label].argmax())]] = label
-    return instances
-
-
-def _distances(instances: Int32, grid: GridSpec) -> np.ndarray:
-    """TSDF (X, Y, Z) of instances."""
-    if not instances.any():
-        return np.full(grid.shape, grid.truncation, np.float32)
-    away = distance_transform_edt(instances == 0) - distance_transform_edt(instances > 0)
-    away -= 0.5 * np.sign(away)  # the surface lies between voxel centres
-    return np.clip(away * grid.voxel_size, -grid.truncation, grid.truncation).astype(np.float32)
+    tsdf = np.full(grid.shape, grid.truncation, np.float32)
+    owner = np.zeros(grid.shape, np.int32)
+    nearest = np.full(grid.shape, np.inf, np.float32)
+    centres, surely = grid.centres(), binary_erosion(free, np.ones((3, 3, 3)))
+    for label in np.unique(masks[masks > 0]).tolist():
+        seen = thinned(points[masks == label])
+        filled = hull_distance(seen, centres, grid)
+        if filled is None:
+            continue
+        box, values = filled
+        values = np.where(surely[box], np.maximum(values, grid.voxel_size / 2), values)
+        tsdf[box] = np.minimum(tsdf[box], values)
+        inside = values < 0
+        apart = np.full(values.shape, np.inf, np.float32)
+        apart[inside] = cKDTree(seen).query(centres[box][inside])[0]
+        owner[box][apart < nearest[box]] = label
+        nearest[box] = np.minimum(nearest[box], apart)
+    return tsdf, owner

@@ -1,0 +1,107 @@
+"""Which parts of several depth images are of one object, as they show the same surface."""
+
+from __future__ import annotations
+
+from itertools import permutations
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from scenefw.core.settings import PART, POSITIVE
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from scenefw.core.types import Float64, Int32
+
+_SEVERAL = 0.5  # of the share from which on parts are joined: another part of the image is met too
+
+
+class SameSurface:
+    """Joins parts of different images whose points lie on each other.
+
+    A pair is joined if that is so for a large share of the smaller part. A part that meets several
+    parts of another image shows more than one object, or the other image cut one; it is
+    joined with none of these. No group gets two parts of one image.
+
+    Args:
+        near: points up to this far from each other are of one surface (m).
+        share: of a part's points that lie on the other part, from which on both are one object.
+
+    Raises:
+        ConfigError: a number is out of range.
+    """
+
+    def __init__(self, near: float = 0.006, share: float = 0.4) -> None:
+        POSITIVE.require(near=near)
+        PART.require(share=share)
+        self.near, self.share = near, share
+
+    def joined(self, parts: Sequence[Int32], points: Sequence[Float64]) -> NDArray[np.int64]:
+        """A table (P + 1,) from numbers of parts to the least number of their group; 0 stays 0.
+
+        Args:
+            parts: (H, W) of each image, 0 = none; no number is in two images.
+            points: (H, W, 3) of each image, world coordinates (m).
+        """
+        count = max((int(image.max(initial=0)) for image in parts), default=0) + 1
+        owner = np.zeros(count, np.int64)
+        for number, image in enumerate(parts):
+            owner[np.unique(image[image > 0])] = number
+        shares = self._shares(parts, points, count)
+        both = np.maximum(shares, shares.T)
+        wide = _met_by_several(shares, owner, _SEVERAL * self.share)
+        both[wide | wide.T] = 0.0
+        return _groups(both, owner, self.share)
+
+    def _shares(
+        self, parts: Sequence[Int32], points: Sequence[Float64], count: int
+    ) -> NDArray[np.float64]:
+        """(P + 1, P + 1): share of a part's points (row) that lie on a part of another image."""
+        some = [
+            (image[image > 0], place[image > 0]) for image, place in zip(parts, points, strict=True)
+        ]
+        trees = [cKDTree(places) if len(places) else None for _, places in some]
+        found, total = np.zeros((count, count)), np.zeros(count)
+        for labels, _ in some:
+            total += np.bincount(labels, minlength=count)
+        for a, b in permutations(range(len(some)), 2):
+            labels, places = some[a]
+            tree = trees[b]
+            if tree is None or not len(labels):
+                continue
+            distance, row = tree.query(places, distance_upper_bound=self.near)
+            met = np.isfinite(distance)
+            np.add.at(found, (labels[met], some[b][0][row[met]]), 1)
+        return found / np.maximum(total, 1)[:, None]
+
+
+def _met_by_several(
+    shares: NDArray[np.float64], owner: NDArray[np.int64], least: float
+) -> NDArray[np.bool_]:
+    """Pairs (part of an image, part of another) of which the second meets several of that image."""
+    wide = np.zeros(shares.shape, bool)
+    for image in np.unique(owner[1:]):
+        own = np.flatnonzero(owner == image)
+        own = own[own > 0]
+        several = (shares[own] >= least).sum(axis=0) > 1
+        wide[np.ix_(own, np.flatnonzero(several))] = True
+    return wide
+
+
+def _groups(both: NDArray[np.float64], owner: NDArray[np.int64], least: float) -> NDArray[np.int64]:
+    """Joins the pair that shares most first, as long as no group gets two parts of an image."""
+    members = {part: {part} for part in range(1, len(owner))}
+    table = np.arange(len(owner))
+    first, second = np.nonzero(np.triu(both, 1) >= least)
+    for row in np.argsort(-both[first, second], kind="stable"):
+        a, b = int(table[first[row]]), int(table[second[row]])
+        if a == b or {owner[p] for p in members[a]} & {owner[p] for p in members[b]}:
+            continue
+        low, high = min(a, b), max(a, b)
+        members[low] |= members.pop(high)
+        table[list(members[low])] = low
+    return table
