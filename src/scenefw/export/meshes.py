@@ -64,7 +64,7 @@ def write_glb(path: Path, estimate: SceneEstimate, colours: Sequence[Colour]) ->
     try:
         import trimesh
     except ImportError as error:
-        raise MissingDependencyError("GLB files need trimesh: pip install 'trimesh>=4'") from error
+        raise MissingDependencyError("GLB files need: pip install 'trimesh>=4.6'") from error
     scene = trimesh.Scene()
     for item, colour in zip(estimate.objects, colours, strict=True):
         material = trimesh.visual.material.PBRMaterial(

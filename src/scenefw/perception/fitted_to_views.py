@@ -86,7 +86,7 @@ class FittedToViews:
         found = {label: _out_of_floor(one, view) for label, one in fits.items()}
         sunk = [label for label, one in found.items() if _sunk(one, self.fitted.lowest)]
         kept = replace(view, instances=np.where(np.isin(instances, sunk), 0, instances))
-        hollow = self._hollow(kept, eyes, found)
+        hollow = self._hollow(kept, eyes, fits)
         solid = {k: one for k, one in found.items() if k not in sunk and k not in hollow}
         return with_superquadrics(replace(scene, masks=None), [(kept, solid)], [hollow])
 

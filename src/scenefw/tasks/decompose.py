@@ -17,10 +17,10 @@ from scenefw.core.files import require_apart, require_writable
 from scenefw.core.folders import replacing_folder, require_replaceable
 from scenefw.core.settings import POSITIVE
 from scenefw.core.types import TriangleMesh
-from scenefw.data.scene_meshes import is_mesh, read_scene_mesh
 from scenefw.data.sequences import open_sequence
 from scenefw.export.meshes import write_ply
 from scenefw.perception.nearest_objects import nearest_objects
+from scenefw.perception.scene_meshes import is_mesh, read_scene_mesh
 from scenefw.perception.settling import words as settled_words
 from scenefw.report.overview import write_overview
 from scenefw.report.page import write_scene_page

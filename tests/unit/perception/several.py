@@ -1,0 +1,41 @@
+"""A method for several views that needs no weights, and meshes of scenes for it."""
+
+import numpy as np
+import trimesh
+
+from scenefw.core.types import TriangleMesh
+from scenefw.fitting.joint import JointFit
+from scenefw.fitting.superquadrics import SuperquadricFit
+from scenefw.perception.dealt_by_fit import DealtByFit
+from scenefw.perception.evidence import EvidenceOfView
+from scenefw.perception.fitted import Fitted
+from scenefw.perception.fitted_to_views import FittedToViews
+from scenefw.perception.grouped_by_evidence import GroupedByEvidence
+from scenefw.perception.hull_filling import HullFilling
+from scenefw.perception.part_guided import PartGuided
+from scenefw.perception.parts_of_views import PartsOfViews
+from scenefw.perception.seen_parts import SeenParts
+
+
+def fitted_parts(overlap=None):
+    """Superquadrics fitted to parts between creases of all views."""
+    parts, fit, evidence = SeenParts(), SuperquadricFit(), EvidenceOfView(hidden=1)
+    dealt = DealtByFit(GroupedByEvidence(fit, evidence), fit, evidence)
+    one_view = Fitted(PartGuided(HullFilling(parts), parts, dealt), fit, EvidenceOfView())
+    fitted = Fitted(HullFilling(parts), JointFit(fit), EvidenceOfView())
+    return FittedToViews(PartsOfViews(one_view, dealt, overlap), fitted)
+
+
+def boxes(*sides_and_places, table=None):
+    """A mesh of boxes, sides and centres in metres; `table` is a box more."""
+    made = []
+    for sides, place in [*sides_and_places, *([table] if table else [])]:
+        box = trimesh.creation.box(sides)
+        made.append(box.subdivide().subdivide().apply_translation(place))
+    whole = trimesh.util.concatenate(made)
+    return TriangleMesh(np.asarray(whole.vertices), np.asarray(whole.faces, np.int64))
+
+
+PAIR = (((0.2, 0.14, 0.1), (0.0, 0.0, 0.05)), ((0.1, 0.08, 0.12), (0.03, 0.0, 0.16)))
+"""A small box on a large one."""
+TABLE = ((1.2, 1.0, 0.02), (0.0, 0.0, -0.01))

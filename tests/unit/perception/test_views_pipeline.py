@@ -1,0 +1,79 @@
+"""Several depth images of one scene: which are used, and what they give."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.unit.perception.several import fitted_parts
+from tests.unit.perception.synthetic import STACK, camera_at, frame_of
+
+from scenefw.core import geometry
+from scenefw.core.errors import InputError
+from scenefw.core.types import GridSpec
+from scenefw.mapping.inverse_ray_tracing import InverseRayTracing
+from scenefw.perception.same_surface import SameSurface
+from scenefw.perception.views_pipeline import ViewsPipeline
+
+CAMERAS = [
+    camera_at(eye=(0.8 * np.cos(a), 0.8 * np.sin(a), 0.55)) for a in np.radians([0, 90, 200, 300])
+]
+
+HERE = np.eye(4)
+
+
+def pipeline(overlap=None, **settings):
+    grid = GridSpec(resolution=64)
+    return ViewsPipeline(fitted_parts(overlap), InverseRayTracing(), grid, **settings)
+
+
+def frames(noise=0.0, world=HERE):
+    return [
+        replace(frame_of(camera, noise=noise, name=str(i)), camera=camera.moved(world @ pose))
+        for i, (camera, pose) in enumerate((one, one.T_world_camera) for one in CAMERAS)
+    ]
+
+
+@pytest.mark.parametrize(("noise", "overlap"), [(0.0, None), (0.001, SameSurface())])
+def test_boxes_are_found_at_their_size(noise, overlap):
+    found = pipeline(overlap).estimate(frames(noise))
+    assert len(found.objects) == 2
+    sizes = sorted(sorted(item.extents) for item in found.objects)
+    wanted = sorted(sorted(np.subtract(box.upper, box.lower)) for box in STACK)
+    np.testing.assert_allclose(sizes, wanted, atol=0.006)
+    assert min(item.confidence for item in found.objects) > 0.95
+    assert found.details["views"] == ["0", "1", "2", "3"]
+    assert found.frame.depth.shape == found.masks.shape
+
+
+def test_poses_may_be_of_any_world():
+    turn = geometry.rigid(geometry.rotation_from_quaternion((0.9, 0.3, -0.2, 0.1)), (3.0, -2, 1))
+    scene = pipeline().prepare(frames(world=turn))
+    places = scene.moved @ turn  # from the boxes' own coordinates
+    np.testing.assert_allclose(places[2], (0, 0, 1, 0), atol=2e-3)  # the floor is the floor
+    assert any("table was found" in line for line in scene.warnings)
+
+
+def test_views_far_apart_are_chosen():
+    poses = [geometry.rigid(np.eye(3), (x, 0, 0)) for x in (0, 0.01, 0.02, 1.0, 1.01, 0.5)]
+    assert pipeline(views=3).chosen(poses) == [0, 4, 5]
+    assert pipeline(views=9).chosen(poses) == [0, 1, 2, 3, 4, 5]
+    assert pipeline(views=9).chosen([np.eye(4)] * 3) == [0]
+
+
+def test_bad_views():
+    with pytest.raises(InputError, match="there is no view"):
+        pipeline().estimate([])
+    good = frames()
+    bare = [
+        replace(frame_of(camera, boxes=()), camera=camera, name=str(i))
+        for i, camera in enumerate(CAMERAS)
+    ]
+    with pytest.raises(InputError, match="nothing stands on the floor of 0 and 3 more"):
+        pipeline().estimate(bare)
+    millimetres = [replace(good[0], depth=good[0].depth * 1000), *good[1:]]
+    with pytest.raises(InputError, match="millimetres"):
+        pipeline().estimate(millimetres)
+    wrong = geometry.rigid(np.eye(3), (0.35, 0.0, 0.0))
+    shifted = replace(good[1], camera=good[1].camera.moved(wrong @ CAMERAS[1].T_world_camera))
+    with pytest.raises(InputError, match="contradict each other"):
+        pipeline().estimate([good[0], shifted])
