@@ -82,7 +82,7 @@ class Labeller:
         color: ArrayLike | None = None,
         pose: ArrayLike | None = None,
         *,
-        depth_scale: float = 0.001,
+        depth_scale: float | None = None,
         name: str | None = None,
     ) -> None:
         """Adds the next frame; the first one says where the table is.
@@ -92,13 +92,13 @@ class Labeller:
             intrinsics: as of `Predictor.predict`.
             color: (H, W, 3) uint8, aligned with the depth; networks need it.
             pose: (4, 4) camera (OpenCV) to any world; may be None if there is one frame alone.
-            depth_scale: metres per unit of integer depth.
+            depth_scale: metres per unit of integer depth; None = 0.001. An error with floats.
             name: of the frame; None = its number.
 
         Raises:
             InputError: the frame is unusable, or a second one has no pose.
         """
-        require_number(depth_scale, "depth_scale", "metres per unit of integer depth")
+        require_number(depth_scale, "depth_scale", "metres per unit of integer depth, or None")
         name = f"{self._number:06d}" if name is None else name
         if self._number and (pose is None or not self._posed):
             raise InputError(

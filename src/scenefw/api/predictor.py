@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 from scenefw.api.prediction import Prediction
 from scenefw.core.errors import InputError, require_number
 from scenefw.data.arrays import colour_of, frame_of, mask_of
-from scenefw.data.layouts import MILLIMETRES
 from scenefw.data.readers import read_frame
 
 if TYPE_CHECKING:
@@ -69,6 +68,7 @@ class Predictor:
             mask: (H, W) of what is known to be objects: booleans say where some are, whole numbers
                 which one a pixel shows (0 = none). Anything else above the floor is then ignored.
             depth_scale: metres per unit of integer depth; None = 0.001, or that of a file's format.
+                An error with floats, which are metres.
             name: of the image, for messages and files.
 
         Raises:
@@ -100,5 +100,4 @@ def _frame(
         raise InputError(
             f"no intrinsics of {name}; give K (3, 3), or the numbers fx, fy, cx, cy in pixels"
         )
-    unit = MILLIMETRES if scale is None else scale
-    return frame_of(depth, intrinsics, colour, depth_scale=unit, name=name)
+    return frame_of(depth, intrinsics, colour, depth_scale=scale, name=name)

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
-from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.errors import InputError
 from scenefw.core.files import unreadable
-from scenefw.core.types import Float32, Frame, Int32
+from scenefw.core.types import Frame, Int32
+from scenefw.data.image_checks import check_colour, check_depth, metres
 from scenefw.data.intrinsics import (
     Intrinsics,
     camera_from_matrix,
@@ -20,7 +21,6 @@ from scenefw.data.intrinsics import (
 )
 from scenefw.data.pictures import DAMAGED_PICTURE
 from scenefw.data.poses import pose_of
-from scenefw.data.readers import check_colour, check_depth, metres
 
 
 def frame_of(
@@ -28,7 +28,7 @@ def frame_of(
     intrinsics: Intrinsics,
     colour: ArrayLike | None = None,
     *,
-    depth_scale: float = 0.001,
+    depth_scale: float | None = None,
     pose: ArrayLike | None = None,
     name: str = "image",
 ) -> Frame:
@@ -39,7 +39,7 @@ def frame_of(
             and infinity are missing measurements.
         intrinsics: of this image size, as `intrinsic_matrix` takes them.
         colour: (H, W, 3) uint8, aligned with the depth.
-        depth_scale: metres per unit of integer depth.
+        depth_scale: metres per unit of integer depth; None = 0.001. An error with floats.
         pose: (4, 4) camera (OpenCV) to world; None leaves it at the origin.
         name: of the image, for messages and files.
 
@@ -47,7 +47,7 @@ def frame_of(
         InputError: a wrong shape, type or unit, nothing measured, or intrinsics of another image.
         ConfigError: a depth scale that is not positive.
     """
-    clean = check_depth(_metres(depth, depth_scale, name), name)
+    clean = check_depth(metres(_array(depth, "depth", name), depth_scale, name), name)
     height, width = clean.shape
     camera = camera_from_matrix(intrinsic_matrix(intrinsics, name), height, width, name)
     require_size(intrinsics, height, width, name)
@@ -106,13 +106,6 @@ def read_mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_] | Int32:
         raise InputError(f"cannot read mask {path}: {unreadable(error, 'give a PNG')}") from error
     several = len(np.unique(values[values > 0])) > 1
     return mask_of(values if several else values > 0, shape, path.name)
-
-
-def _metres(depth: ArrayLike, scale: float, name: str) -> Float32:
-    values = _array(depth, "depth", name)
-    if not scale > 0:
-        raise ConfigError(f"depth_scale = {scale}: expected metres per unit, above 0")
-    return metres(values, scale, name)
 
 
 def colour_of(colour: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray[np.uint8]:

@@ -15,7 +15,9 @@ from scenefw.data.poses import read_numbers
 MILLIMETRES = 0.001
 """Metres per unit of integer depth where nothing says otherwise."""
 
-_TUM = 1 / 5000
+TUM_UNIT = 1 / 5000
+"""Metres per unit in the TUM RGB-D benchmark."""
+
 _MOST_DELAY = 0.02  # s
 _COLOURS = ("rgb", "colour", "color", "gray")
 _IMAGES = (".png", ".jpg", ".jpeg")
@@ -54,7 +56,7 @@ def surroundings(path: Path) -> Surroundings:
     if (root / "scene_camera.json").is_file():
         return _bop(path, root)
     if (root / "depth.txt").is_file():
-        return Surroundings(_TUM, root, colour=_tum_colour(path, root))
+        return Surroundings(TUM_UNIT, root, colour=_tum_colour(path, root))
     return Surroundings(root=root, colour=_same_name(path, root))
 
 

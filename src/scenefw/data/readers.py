@@ -9,25 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from scenefw.core.errors import EmptyImageError, InputError
+from scenefw.core.errors import InputError
 from scenefw.core.files import DAMAGED, in_order, unreadable
 from scenefw.core.types import Frame
 from scenefw.data.exr import read_exr
+from scenefw.data.image_checks import check_colour, check_depth, metres, unused_scale
 from scenefw.data.intrinsics import (
     Intrinsics,
     camera_from_matrix,
     intrinsic_matrix,
     require_size,
 )
-from scenefw.data.layouts import surroundings
+from scenefw.data.layouts import Surroundings, surroundings
 from scenefw.data.pictures import DAMAGED_PICTURE
 
 Array = NDArray[Any]
-
-FARTHEST_MEDIAN = 20.0
-"""A table-top whose median depth is above this (m) was given in millimetres."""
-NEAREST_MEDIAN = 0.05
-"""A table-top whose median depth is below this (m) was given in metres, read as millimetres."""
 
 _SUFFIXES = (".npz", ".npy", ".png", ".exr")
 _BAGS = (".bag", ".db3", ".mcap")  # `scenefw.data.bags` reads these
@@ -85,7 +81,7 @@ def read_frame(
     *,
     intrinsics: Intrinsics | None = None,
     depth_scale: float | None = None,
-    recording: bool = True,
+    around: Surroundings | None = None,
 ) -> Frame:
     """One frame; its camera stands at the origin until a floor is found.
 
@@ -101,11 +97,12 @@ def read_frame(
         intrinsics: of .png and .npy, a file or what else `intrinsic_matrix` takes; None looks
             beside for NAME.json, intrinsics.json ...
         depth_scale: metres per unit of integer depth; None = that of the format, else millimetres.
-
-        recording: also look for colour in the recording that the image is of, if it has none.
+            An error where it would change nothing, as depth is in floats or `depth_mm`.
+        around: what is known from the recording that the image is of; None looks there.
 
     Raises:
         InputError: a missing, damaged or unusable file; the message says how to fix it.
+        ConfigError: a depth scale that is not positive.
     """
     path = Path(path)
     if not path.is_file():
@@ -119,10 +116,11 @@ def read_frame(
         known = ", ".join(_READERS)
         raise InputError(f"unknown format '{path.suffix}' of {path}; expected one of {known}")
     try:
-        frame = reader(path, intrinsics, depth_scale)
-        if not recording or frame.colour is not None:
+        around = surroundings(path) if around is None else around
+        frame = reader(path, intrinsics, depth_scale, around)
+        if frame.colour is not None:
             return frame
-        return replace(frame, colour=_picture(surroundings(path).colour, frame.depth.shape))
+        return replace(frame, colour=_picture(around.colour, frame.depth.shape))
     except DAMAGED_PICTURE as error:
         raise InputError(f"cannot read {path}: {unreadable(error, _COMPLETE)}") from error
 
@@ -157,82 +155,9 @@ def decode_labels(coded: Array) -> NDArray[np.int32]:
     return labels
 
 
-def check_depth(depth: Array, name: str) -> NDArray[np.float32]:
-    """Depth (H, W) in metres as float32 with every unusable value (NaN, infinite, <= 0) set to 0.
-
-    Raises:
-        InputError: not two-dimensional, without any measurement (EmptyImageError), or in the wrong
-            unit.
-    """
-    if depth.ndim != 2 or min(depth.shape) < 2:
-        raise InputError(f"depth of {name} has shape {depth.shape}; expected one image (H, W)")
-    depth = depth.astype(np.float32)
-    clean = np.where(np.isfinite(depth) & (depth > 0), depth, np.float32(0))
-    valid = clean[clean > 0]
-    if valid.size == 0:
-        raise EmptyImageError(
-            f"depth of {name} has no measurements ({_unusable(depth)}); record it again or check "
-            "the file"
-        )
-    median = float(np.median(valid))
-    if median > FARTHEST_MEDIAN:
-        raise InputError(
-            f"depth of {name} has a median of {median:.0f} m: millimetres given as metres? "
-            "store it as depth_mm (.npz), or as whole numbers with run.depth_scale=0.001"
-        )
-    if median < NEAREST_MEDIAN:
-        raise InputError(
-            f"depth of {name} has a median of {median * 1000:.2g} mm: metres given as millimetres? "
-            "store it as depth in metres, or give the run.depth_scale of whole numbers"
-        )
-    return clean
-
-
-def metres(values: Array, scale: float, name: str) -> NDArray[np.float32]:
-    """Depth in metres as float32: floats are metres, whole numbers are multiplied by `scale`.
-
-    Raises:
-        InputError: values of another kind.
-    """
-    if values.dtype.kind == "f":
-        return values.astype(np.float32)
-    if values.dtype.kind not in "ui":
-        raise InputError(
-            f"depth of {name} is of {values.dtype}; give floats in metres, or whole numbers with "
-            "depth_scale"
-        )
-    return (values * np.float64(scale)).astype(np.float32)
-
-
-def check_colour(colour: Array, shape: tuple[int, ...], name: str) -> NDArray[np.uint8]:
-    """Colour (H, W, 3) uint8 of an image.
-
-    Raises:
-        InputError: another shape or type.
-    """
-    if colour.shape != (*shape, 3):
-        raise InputError(
-            f"colour of {name} has shape {colour.shape}, its depth {tuple(shape)}; both must be "
-            "aligned images of the same size, colour with 3 channels"
-        )
-    if colour.dtype != np.uint8:
-        raise InputError(f"colour of {name} is of {colour.dtype}; give uint8, 0 to 255")
-    return colour
-
-
-def _unusable(depth: Array) -> str:
-    """How many pixels of an image without measurements have which value."""
-    counts = {
-        "0": (depth == 0).sum(),
-        "NaN": np.isnan(depth).sum(),
-        "infinite": np.isinf(depth).sum(),
-        "negative": (np.isfinite(depth) & (depth < 0)).sum(),
-    }
-    found = [f"{count} {what}" for what, count in counts.items() if count]
-    return f"of {depth.size} pixels {', '.join(found)}"
-
-
-def _read_npz(path: Path, intrinsics: Intrinsics | None, depth_scale: float | None) -> Frame:
+def _read_npz(
+    path: Path, intrinsics: Intrinsics | None, depth_scale: float | None, _: Surroundings
+) -> Frame:
     with np.load(path, allow_pickle=False) as file:
         content = {key: file[key] for key in file.files}
     depth = _npz_depth(content, path, depth_scale)
@@ -245,18 +170,12 @@ def _read_npz(path: Path, intrinsics: Intrinsics | None, depth_scale: float | No
 
 
 def _npz_depth(content: dict[str, Array], path: Path, depth_scale: float | None) -> Array:
-    whole = "depth" in content and content["depth"].dtype.kind in "ui"
-    if depth_scale is not None and whole and "depth_mm" not in content:
-        return metres(content["depth"], depth_scale, path.name)
-    if depth_scale is not None:
-        raise InputError(
-            f"run.depth_scale = {depth_scale} changes nothing for {path}: depth_mm there are "
-            "millimetres, and depth in floats is metres; leave it out"
-        )
     if "depth_mm" in content:
-        return metres(content["depth_mm"], 1.0, path.name) / np.float32(1000)
+        if depth_scale is not None:
+            raise unused_scale(depth_scale, path.name, "depth_mm is in millimetres")
+        return metres(content["depth_mm"], None, path.name, unit=1.0) / np.float32(1000)
     if "depth" in content:
-        return metres(content["depth"], 1.0, path.name)
+        return metres(content["depth"], depth_scale, path.name, unit=1.0)
     keys = ", ".join(content) or "nothing"
     raise InputError(
         f"{path} holds {keys}, no depth; store depth_mm (millimetres) or depth (metres)"
@@ -269,38 +188,41 @@ def _npz_labels(content: dict[str, Array]) -> Array | None:
     return decode_labels(content["label"]) if "label" in content else None
 
 
-def _read_png(path: Path, intrinsics: Intrinsics | None, depth_scale: float | None) -> Frame:
+def _read_png(
+    path: Path, intrinsics: Intrinsics | None, depth_scale: float | None, around: Surroundings
+) -> Frame:
     with Image.open(path) as image:
         if not image.mode.startswith("I"):
             raise InputError(
                 f"{path} is a picture of mode {image.mode}; a depth image has one 16-bit channel"
             )
         values = np.array(image)
-    matrix = _matrix(path, intrinsics, values.shape)
-    return _frame(metres(values, _scale(path, depth_scale), path.name), matrix, path)
+    depth = metres(values, depth_scale, path.name, around.scale)
+    return _frame(depth, _matrix(path, intrinsics, values.shape, around), path)
 
 
-def _read_npy(path: Path, intrinsics: Intrinsics | None, depth_scale: float | None) -> Frame:
+def _read_npy(
+    path: Path, intrinsics: Intrinsics | None, depth_scale: float | None, around: Surroundings
+) -> Frame:
     values = np.load(path, allow_pickle=False)
-    depth = metres(values, _scale(path, depth_scale), path.name)
-    return _frame(depth, _matrix(path, intrinsics, values.shape), path)
+    depth = metres(values, depth_scale, path.name, around.scale)
+    return _frame(depth, _matrix(path, intrinsics, values.shape, around), path)
 
 
-def _read_exr(path: Path, intrinsics: Intrinsics | None, depth_scale: float | None) -> Frame:
+def _read_exr(
+    path: Path, intrinsics: Intrinsics | None, depth_scale: float | None, around: Surroundings
+) -> Frame:
     values = read_exr(path)
-    return _frame(values, _matrix(path, intrinsics, values.shape), path)
+    depth = metres(values, depth_scale, path.name)
+    return _frame(depth, _matrix(path, intrinsics, values.shape, around), path)
 
 
-_READERS: dict[str, Callable[[Path, Intrinsics | None, float | None], Frame]] = {
+_READERS: dict[str, Callable[[Path, Intrinsics | None, float | None, Surroundings], Frame]] = {
     ".npz": _read_npz,
     ".png": _read_png,
     ".npy": _read_npy,
     ".exr": _read_exr,
 }
-
-
-def _scale(path: Path, given: float | None) -> float:
-    return float(surroundings(path).scale if given is None else given)
 
 
 def _frame(
@@ -332,10 +254,11 @@ def _given(intrinsics: Intrinsics, path: Path, shape: tuple[int, ...]) -> Array:
     return matrix
 
 
-def _matrix(path: Path, intrinsics: Intrinsics | None, shape: tuple[int, ...]) -> Array:
+def _matrix(
+    path: Path, intrinsics: Intrinsics | None, shape: tuple[int, ...], around: Surroundings
+) -> Array:
     if intrinsics is not None:
         return _given(intrinsics, path, shape)
-    around = surroundings(path)
     if around.matrix is not None:
         return around.matrix
     stems = (path.stem, f"{path.stem}.intrinsics", *_INTRINSICS_STEMS)

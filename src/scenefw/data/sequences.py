@@ -21,6 +21,7 @@ from scenefw.core.types import Frame
 from scenefw.data import poses as pose_files
 from scenefw.data.image_poses import folder_poses, no_poses, require_times
 from scenefw.data.intrinsics import read_intrinsics
+from scenefw.data.layouts import TUM_UNIT, Surroundings
 from scenefw.data.pictures import DAMAGED_PICTURE
 from scenefw.data.readers import read_frame
 
@@ -84,7 +85,7 @@ class RGBDFolder(_Sequence):
     Args:
         path: the folder.
         intrinsics: file; None = intrinsics.json (.yaml, .txt), camera.* or K.* in the folder.
-        depth_scale: metres per unit of integer depth.
+        depth_scale: metres per unit of integer depth; None = 0.001. An error with floats.
         largest_jump: most that the camera moves between two frames (m); None = any.
         require_poses: raise an error if there are none, instead of frames at the origin.
 
@@ -96,7 +97,7 @@ class RGBDFolder(_Sequence):
         self,
         path: Path | str,
         intrinsics: Path | str | None = None,
-        depth_scale: float = 0.001,
+        depth_scale: float | None = None,
         largest_jump: float | None = 0.2,
         *,
         require_poses: bool = True,
@@ -111,7 +112,7 @@ class RGBDFolder(_Sequence):
         poses = folder_poses(path, depths, largest_jump, require_poses)
         colours, labels = _beside(path, _COLOURS, depths), _beside(path, ("labels",), depths)
         entries = [_Entry(*each) for each in zip(depths, colours, labels, poses, strict=True)]
-        self._frames = _Frames(entries, _intrinsics(path, intrinsics), depth_scale)
+        self._frames = _Frames(entries, _intrinsics(path, intrinsics), depth_scale, Surroundings())
 
 
 class TUMSequence(_Sequence):
@@ -125,7 +126,7 @@ class TUMSequence(_Sequence):
     Args:
         path: the folder.
         intrinsics: file; None = intrinsics.json (.yaml, .txt), camera.* or K.* in the folder.
-        depth_scale: metres per unit of depth, 1/5000 in the benchmark.
+        depth_scale: metres per unit of integer depth; None = 1/5000, the benchmark's.
         largest_jump: most that the camera moves between two frames (m); None = any.
         largest_delay: most between a depth image and its colour image or pose (s).
         require_poses: raise an error if there are none, instead of frames at the origin.
@@ -138,7 +139,7 @@ class TUMSequence(_Sequence):
         self,
         path: Path | str,
         intrinsics: Path | str | None = None,
-        depth_scale: float = 1 / 5000,
+        depth_scale: float | None = None,
         largest_jump: float | None = 0.2,
         largest_delay: float = 0.02,
         *,
@@ -170,7 +171,8 @@ class TUMSequence(_Sequence):
         if largest_jump is not None and (pose_of >= 0).any():
             known = [entry.pose for entry in entries if entry.pose is not None]
             pose_files.require_smooth(known, largest_jump, str(path))
-        self._frames = _Frames(entries, _intrinsics(path, intrinsics), depth_scale)
+        around = Surroundings(TUM_UNIT)
+        self._frames = _Frames(entries, _intrinsics(path, intrinsics), depth_scale, around)
 
 
 def open_sequence(path: Path | str, **options: Any) -> RGBDFolder | TUMSequence:
@@ -245,7 +247,8 @@ class _Frames:
 
     entries: list[_Entry]
     intrinsics: Path
-    depth_scale: float
+    depth_scale: float | None
+    around: Surroundings
 
     def read(self, index: int) -> Frame:
         entry = self.entries[index]
@@ -253,7 +256,7 @@ class _Frames:
             entry.depth,
             intrinsics=self.intrinsics,
             depth_scale=self.depth_scale,
-            recording=False,
+            around=self.around,
         )
         _require_size(frame, *_size(self.entries[0].depth))
         colour = None if entry.colour is None else _image(entry.colour, "RGB", frame)

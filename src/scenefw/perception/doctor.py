@@ -8,7 +8,7 @@ import numpy as np
 
 from scenefw.core.errors import InputError
 from scenefw.core.types import Frame
-from scenefw.data.readers import check_depth
+from scenefw.data.image_checks import check_depth
 from scenefw.perception.floor import Floor
 from scenefw.perception.workspace import Workspace
 

@@ -99,6 +99,7 @@ def colour(*shape):
         (DEPTH, np.full((3, 3), np.nan), {}, "fx = nan"),
         (DEPTH, K, {"colour": colour(60, 80)}, "colour with 3 channels"),
         (DEPTH, K, {"colour": np.zeros((60, 80, 3))}, "give uint8"),
+        (DEPTH, K, {"depth_scale": 0.001}, "depth_scale = 0.001 changes nothing for image"),
         (DEPTH, K, {"pose": np.eye(3)}, "give a 4 x 4 matrix"),
         (DEPTH, K, {"pose": np.diag([2.0, 1, 1, 1])}, "pose of image"),
     ],

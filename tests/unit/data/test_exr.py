@@ -21,6 +21,8 @@ def test_depth_of_a_renderer_is_read(tmp_path):
     read = read_frame(tmp_path / "a.exr")
     np.testing.assert_array_equal(read.depth[:, 5:], depth[:, 5:])
     assert (read.depth[:, :5] == 0).all()
+    with pytest.raises(InputError, match=r"^depth_scale = 0\.001 changes nothing for a\.exr"):
+        read_frame(tmp_path / "a.exr", depth_scale=0.001)
     (tmp_path / "b.exr").write_bytes((tmp_path / "a.exr").read_bytes()[:100])
     with pytest.raises(InputError, match=r"cannot read .*b\.exr"):
         read_frame(tmp_path / "b.exr")

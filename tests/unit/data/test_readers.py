@@ -7,10 +7,9 @@ from hypothesis.extra.numpy import arrays
 from PIL import Image
 from tests.unit.data import damaged
 
-from scenefw.core.errors import EmptyImageError, InputError
+from scenefw.core.errors import InputError
 from scenefw.data.intrinsics import read_intrinsics
 from scenefw.data.readers import (
-    check_depth,
     decode_labels,
     find_images,
     read_frame,
@@ -116,10 +115,20 @@ def test_the_depth_scale_of_npz_counts_for_whole_numbers_alone(tmp_path):
     path = tmp_path / "view.npz"
     np.savez(path, depth=(DEPTH * 5).astype(np.uint16), K=K)
     np.testing.assert_allclose(read_frame(path, depth_scale=0.0002).depth, DEPTH / 1000, rtol=1e-5)
-    for content in ({"depth_mm": DEPTH}, {"depth": (DEPTH / 1000).astype(np.float32)}):
-        np.savez(path, K=K, **content)
-        with pytest.raises(InputError, match=r"run\.depth_scale = 0\.0002 changes nothing for"):
-            read_frame(path, depth_scale=0.0002)
+    np.savez(path, depth_mm=DEPTH, K=K)
+    with pytest.raises(InputError, match=r"^depth_scale = 0\.0002 changes nothing for view\.npz"):
+        read_frame(path, depth_scale=0.0002)
+
+
+@pytest.mark.parametrize("name", ["view.npz", "view.npy"])
+def test_a_depth_scale_of_metres_is_refused(tmp_path, name):
+    metres = (DEPTH / 1000).astype(np.float32)
+    np.savez(tmp_path / "view.npz", depth=metres, K=K)
+    np.save(tmp_path / "view.npy", metres)
+    np.savetxt(tmp_path / "K.txt", K)
+    np.testing.assert_array_equal(read_frame(tmp_path / name).depth, metres)
+    with pytest.raises(InputError, match=f"^depth_scale = 0.0002 changes nothing for {name}: "):
+        read_frame(tmp_path / name, depth_scale=0.0002)
 
 
 @pytest.mark.parametrize("values", [DEPTH, (DEPTH / 1000).astype(np.float32)])
@@ -145,31 +154,6 @@ def test_folder_of_folders(tmp_path):
         (tmp_path / group).mkdir()
         save_npz(tmp_path / group)
     assert len(find_images(tmp_path)) == 2
-
-
-def test_depth_is_cleaned():
-    depth = np.full((4, 5), 0.7)
-    depth[0] = (np.nan, np.inf, -np.inf, -1, 0)
-    clean = check_depth(depth, "x")
-    assert (clean[0] == 0).all()
-    assert (clean[1:] == np.float32(0.7)).all()
-
-
-@pytest.mark.parametrize(
-    ("depth", "words"),
-    [
-        (np.zeros((4, 5)), "no measurement"),
-        (np.full((4, 5), np.nan), "no measurement"),
-        (np.full((4, 5), 800.0), "millimetres given as metres"),
-        (np.full((4, 5), 0.0008), "metres given as millimetres"),
-        (np.ones((1, 4, 5)), r"shape \(1, 4, 5\)"),
-        (np.ones(20), r"shape \(20,\)"),
-    ],
-)
-def test_bad_depth_is_one_line(depth, words):
-    with pytest.raises(InputError, match=words) as error:
-        check_depth(depth, "view")
-    assert "view" in one_line(error)
 
 
 @pytest.mark.parametrize(
@@ -302,14 +286,6 @@ def test_pictures_too_large_to_be_true_are_one_line(tmp_path, monkeypatch):
 def test_a_device_is_no_image():
     with pytest.raises(InputError, match="/dev/null is neither a file nor a folder"):
         read_frames("/dev/null")
-
-
-def test_messages_say_what_pixels_hold():
-    depth = np.zeros((3, 4))
-    depth[0] = -1.0
-    depth[1, :2], depth[1, 2:] = np.inf, np.nan
-    with pytest.raises(EmptyImageError, match="of 12 pixels 4 0, 2 NaN, 2 infinite, 4 negative"):
-        check_depth(depth, "view")
 
 
 @pytest.mark.parametrize(

@@ -172,6 +172,27 @@ def test_millimetres_given_as_metres_are_named(tmp_path):
         RGBDFolder(tmp_path, depth_scale=1.0)[0]
 
 
+@pytest.mark.parametrize("kind", ["folder", "TUM"])
+def test_floats_are_metres_and_whole_numbers_have_the_unit_of_the_format(tmp_path, kind):
+    given = frames(2)
+    if kind == "TUM":
+        write_tum(tmp_path, given)
+        listed = (tmp_path / "depth.txt").read_text().replace("depth/0.png", "images/0.npy")
+        (tmp_path / "depth.txt").write_text(listed.replace("depth/1.png", "images/1.npy"))
+        (tmp_path / "images").mkdir()
+        files, unit = [tmp_path / "images" / f"{i}.npy" for i in range(2)], 5000
+    else:
+        write_sequence(tmp_path, given)
+        files, unit = [tmp_path / "depth" / f"{i:06d}.npy" for i in range(2)], 1000
+        for file in files:
+            file.with_suffix(".png").unlink()
+    np.save(files[0], given[0].depth)
+    np.save(files[1], np.rint(given[1].depth * unit).astype(np.uint16))
+    assert_same(open_sequence(tmp_path), given, labels=kind == "folder")
+    with pytest.raises(InputError, match=r"^depth_scale = 0\.01 changes nothing for 0+\.npy"):
+        open_sequence(tmp_path, depth_scale=0.01)[0]
+
+
 def poses_text(tmp_path, text):
     write_sequence(tmp_path, frames(2))
     (tmp_path / "poses.txt").write_text(text)
