@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenefw.api.scene import Scene
-from scenefw.core.errors import InputError
+from scenefw.core.errors import InputError, require_whole
 
 if TYPE_CHECKING:
     import numpy as np
@@ -101,7 +101,8 @@ class Prediction:
         return self.scene(sample).render(camera, turn=turn)
 
     def _sample(self, number: int) -> SceneEstimate:
-        if not 0 <= number < len(self.samples):
+        require_whole(number, "sample")
+        if number >= len(self.samples):
             raise InputError(
                 f"there is no sample {number}; give one of 0 to {len(self.samples) - 1}"
             )

@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING
 
 from scenefw.api.scene import Scene
-from scenefw.core.errors import InputError
+from scenefw.core.errors import require_whole
 
 if TYPE_CHECKING:
     from scenefw.api.settings import Settings
@@ -44,10 +44,10 @@ class Sampler:
             seed: scene i depends on it and on i alone.
 
         Raises:
-            InputError: the count is below one.
+            InputError: the count is no whole number from 1 on, or the seed none from 0 on.
             ConfigError: no draw of a scene stands.
         """
-        if count < 1:
-            raise InputError(f"count is {count}: expected 1 or more")
+        require_whole(count, "count", least=1)
+        require_whole(seed, "seed")
         with self._computing():
             return [Scene.of(one) for one in self.prior.scenes(count, seed)]

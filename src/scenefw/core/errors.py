@@ -1,7 +1,7 @@
 """Errors whose message is one line for the user: the value, what was expected, how to fix it."""
 
 from collections.abc import Mapping
-from numbers import Real
+from numbers import Integral, Real
 from typing import Any
 
 
@@ -81,3 +81,13 @@ def require_number(value: Any, name: str, expected: str) -> None:
     """
     if value is not None and (isinstance(value, bool) or not isinstance(value, Real)):
         raise InputError(f"{name} is {value!r} ({type(value).__name__}); expected {expected}")
+
+
+def require_whole(value: Any, name: str, least: int = 0) -> None:
+    """Checks a whole number that Python code was given.
+
+    Raises:
+        InputError: it is no whole number, or less than `least`.
+    """
+    if isinstance(value, bool) or not isinstance(value, Integral) or int(value) < least:
+        raise InputError(f"{name} is {value!r}; expected a whole number, {least} or more")

@@ -104,6 +104,11 @@ def test_pictures_show_objects_from_any_side(prediction):
             r"GLB\(\) takes no arguments",
         ),
         (lambda p, f: p.save(f / "scene.glb", sample=2), "no sample 2; give one of 0 to 1"),
+        (
+            lambda p, f: p.save(f / "scene.glb", sample="a"),
+            "sample is 'a'; expected a whole",
+        ),
+        (lambda p, f: p.save(f / "scene.glb", sample=-1), "sample is -1; expected a whole"),
         (lambda p, f: p.render("front"), "render takes a .*Camera, got a str"),
     ],
 )

@@ -9,7 +9,7 @@ from PIL import Image
 from tests.unit.perception.test_scene_prior import GRID, HALF, Loaded, Told
 
 from scenefw.api.sampler import Sampler
-from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.errors import ConfigError
 from scenefw.export.scene_files import OBJ
 from scenefw.learning.checkpoint import save_checkpoint
 from scenefw.models.set_flow import SetFlow
@@ -44,8 +44,6 @@ def test_each_scene_gets_a_folder_and_all_a_picture_and_a_page(prior, tmp_path, 
 def test_from_python(prior):
     first, second = Sampler(prior).draw(2, seed=3)
     assert first.ids == second.ids == [1, 2]
-    with pytest.raises(InputError, match="count is 0"):
-        Sampler(prior).draw(0)
 
 
 def test_nothing_to_draw_is_told(prior):
