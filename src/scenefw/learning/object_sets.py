@@ -14,6 +14,7 @@ from scenefw.core.batches import (
 from scenefw.core.errors import ConfigError
 from scenefw.core.rng import torch_seed
 from scenefw.core.training_protocols import ObjectSetData, ObjectSetModel
+from scenefw.kernels.precision import distances
 from scenefw.learning.checkpoint import OBJECT_SETS
 from scenefw.learning.module import TrainingModule
 from scenefw.losses.set_bce import SetBinaryCrossEntropy
@@ -69,7 +70,7 @@ def matched(prediction: ObjectSetPrediction, batch: ObjectSetBatch) -> ObjectSet
     """The prediction with the true object that each of its objects stands for."""
     apart = None
     if prediction.boxes is not None:
-        apart = torch.cdist(prediction.boxes[..., 0, :].float(), batch.centres)
+        apart = distances(prediction.boxes[..., 0, :], batch.centres)
     objects = matched_objects(prediction.logits, batch.instances, batch.present, apart=apart)
     return dataclasses.replace(prediction, matched=objects)
 

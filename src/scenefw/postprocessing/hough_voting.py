@@ -9,6 +9,7 @@ from torch.nn.functional import avg_pool3d, max_pool3d
 from scenefw.core.errors import InputError
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
 from scenefw.core.types import GridSpec
+from scenefw.kernels.precision import distances
 from scenefw.kernels.votes import count_traversals, shift_to_modes
 
 _SHORTEST_VOTE = 1e-3
@@ -246,7 +247,7 @@ def _binned(cells: Tensor, counts: Tensor, side: float) -> tuple[Tensor, Tensor]
 def _joined(found: Tensor, modes: Tensor, radius: float) -> Tensor:
     """`found` and those of `modes` that are farther than `radius` from all before them."""
     every = torch.cat([found, modes])
-    near = (torch.cdist(every, every) < radius).tolist()
+    near = (distances(every, every) < radius).tolist()
     kept = list(range(len(found)))
     for i in range(len(found), len(every)):
         if not any(near[i][k] for k in kept):
