@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.height_maps import HeightMap
 from scenefw.core.labelling_protocols import FrameSource, HeightMapping
 from scenefw.core.protocols import Noise
-from scenefw.core.types import Frame
 from scenefw.data.height_maps import load_map, save_map
 from scenefw.noise.frames import described, disturb, in_turns
 
@@ -19,8 +19,8 @@ from scenefw.noise.frames import described, disturb, in_turns
 class FusedMaps:
     """Fuses views to the maps that a map network learns from (thesis 4.6.1).
 
-    Files are named by all that the first view shows, and by all settings of the fusion, so that a
-    folder may serve any number of data sets.
+    Files are named by all that the first and the last view show, by the true map of the whole
+    scene, and by all settings of the fusion, so that a folder may serve any number of data sets.
 
     Args:
         source: the scenes.
@@ -55,8 +55,7 @@ class FusedMaps:
         """
         if self.folder is None:
             return self._fuse(scene)
-        first = next(iter(self.source.frames(scene, 1)))
-        path = self.folder / f"{self._key(first, in_turns(self.noise, scene))}.npz"
+        path = self.folder / f"{self._key(scene)}.npz"
         if not path.exists():
             save_map(path, self._fuse(scene))
         return load_map(path, self.heights.grid).height_map
@@ -73,15 +72,24 @@ class FusedMaps:
             running.add(disturb(frame, noise, self.seed, scene, number))
         return running.height_map()
 
-    def _key(self, first: Frame, noise: Mapping[str, Noise]) -> str:
+    def _key(self, scene: int) -> str:
+        """Names a map; a single view would show neither the whole scene nor how views go on."""
+        noise = in_turns(self.noise, scene)
         settings = f"{self.frames} {_settings(self.heights)}"
         if noise:
             every = [(name, _settings(one)) for name, one in sorted(noise.items())]
             settings += f" {self.seed} {every}"
         digest = hashlib.sha256(settings.encode())
-        lens = first.camera
-        digest.update(repr((lens.width, lens.height)).encode() + lens.matrix.tobytes())
-        for part in (lens.T_world_camera, first.depth, first.colour, first.labels):
+        truth = self.source.truth(scene)
+        shown: list[NDArray[Any] | None] = [truth.heights, truth.colour, truth.labels]
+        first, last = (
+            next(iter(self.source.frames(scene, 1, start))) for start in (0, self.frames - 1)
+        )
+        for view in (first, last):
+            lens = view.camera
+            digest.update(repr((lens.width, lens.height)).encode() + lens.matrix.tobytes())
+            shown += [lens.T_world_camera, view.depth, view.colour, view.labels]
+        for part in shown:
             digest.update(b"none" if part is None else np.ascontiguousarray(part).tobytes())
         return f"{first.name.replace('/', '_')}_{digest.hexdigest()[:16]}"
 

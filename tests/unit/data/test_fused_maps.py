@@ -36,9 +36,9 @@ def test_a_map_is_fused_once(tmp_path):
     source = Rectangles()
     maps = FusedMaps(source, LastView(), frames=4, folder=tmp_path)
     first = maps(1)
-    assert source.fetched == 1 + 4
+    assert source.fetched == 3 + 4
     again = FusedMaps(source, LastView(), frames=4, folder=tmp_path)(1)
-    assert source.fetched == 1 + 4 + 1  # the first view names the file
+    assert source.fetched == 3 + 4 + 3  # the truth and two views name the file
     np.testing.assert_array_equal(first.heights, again.heights)
     np.testing.assert_array_equal(first.heights, Rectangles().truth(1).heights + np.float32(4))
     np.testing.assert_array_equal(first.colour, again.colour)
@@ -117,23 +117,40 @@ def test_other_noise_is_another_file(tmp_path):
 
 
 class Repainted(Rectangles):
-    """The same geometry in other colours, with other labels, or through another lens."""
+    """Views from `first` on in other colours, with other labels, or through another lens."""
 
-    def __init__(self, **changed):
+    def __init__(self, first=0, **changed):
         super().__init__()
-        self.changed = changed
+        self.first, self.changed = first, changed
 
     def frames(self, scene, count, start=0):
-        for frame in super().frames(scene, count, start):
-            yield replace(frame, **{name: make(frame) for name, make in self.changed.items()})
+        for view, frame in enumerate(super().frames(scene, count, start), start):
+            changed = self.changed if view >= self.first else {}
+            yield replace(frame, **{name: make(frame) for name, make in changed.items()})
 
 
-def test_all_that_the_first_view_shows_names_the_file(tmp_path):
+class Lifted(Rectangles):
+    """An object that neither the first nor the last view shows is higher."""
+
+    def truth(self, scene):
+        truth = super().truth(scene)
+        truth.heights[3, 4] += 0.01
+        return truth
+
+
+@pytest.mark.parametrize("first", [0, 2])
+def test_all_that_the_first_and_the_last_view_show_names_the_file(tmp_path, first):
     for changed in (
         {},
         {"colour": lambda frame: 255 - frame.colour},
         {"labels": lambda frame: 2 - frame.labels},
         {"camera": lambda frame: replace(frame.camera, fx=70.0)},
     ):
-        FusedMaps(Repainted(**changed), LastView(), 2, tmp_path)(0)
+        FusedMaps(Repainted(first, **changed), LastView(), 3, tmp_path)(0)
     assert len(list(tmp_path.glob("*.npz"))) == 4
+
+
+def test_another_scene_around_the_same_views_is_another_file(tmp_path):
+    for source in (Rectangles(), Lifted(), Rectangles()):
+        FusedMaps(source, LastView(), 2, tmp_path)(0)
+    assert len(list(tmp_path.glob("*.npz"))) == 2
