@@ -1,4 +1,4 @@
-"""Colours of instances that people with any colour vision can distinguish."""
+"""Colours of instances; people with any colour vision can distinguish the first six."""
 
 from __future__ import annotations
 
@@ -9,15 +9,18 @@ if TYPE_CHECKING:
 
 Colour = tuple[float, float, float]
 
-# Okabe and Ito (2008) without black and yellow, which shading swallows; then Tol's muted scheme.
+# Okabe and Ito (2008) without black and yellow, which shading swallows; then Tol's muted scheme;
+# then of Kelly (1965) and Trubetskoy (2017) those farthest from all before and from light grey.
 _HEX = (
     "#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00",
     "#882255", "#999933", "#332288", "#ddcc77", "#44aa99", "#aa4499",
+    "#654522", "#e6194b", "#fabebe", "#e6beff", "#800000", "#f032e6",
+    "#008080", "#f99379", "#9a6324", "#3cb44b", "#604e97", "#b3446c",
 )  # fmt: skip
 
 
 def instance_colours(number: int) -> list[Colour]:
-    """Red, green, blue in [0, 1] of instances 1..number; they repeat after 12."""
+    """Red, green, blue in [0, 1] of instances 1..number; they repeat after 24."""
     return [_rgb(_HEX[index % len(_HEX)]) for index in range(number)]
 
 
