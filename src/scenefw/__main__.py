@@ -139,12 +139,15 @@ def _complete(words: list[str]) -> None:
 def _run() -> None:
     import hydra
 
+    from scenefw.execution.made_folders import empty_ones_removed
+
     plugins.activate()
     config.compose_once(sys.argv[1:], registry.folders())
     start = hydra.main(
         version_base="1.3", config_path=str(config.conf_dir()), config_name=config.ROOT_CONFIG
     )
-    start(_task)()
+    with empty_ones_removed():
+        start(_task)()
     if _incomplete:
         sys.exit(2)
 

@@ -7,13 +7,12 @@ import itertools
 import json
 import sys
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from scenefw import plugins, registry
 from scenefw.argument_types import check_types
-from scenefw.core.errors import ConfigError, IncompleteError, InputError
+from scenefw.core.errors import ConfigError, IncompleteError
 from scenefw.core.files import require_writable, write_text
 from scenefw.core.rng import torch_seed
 from scenefw.core.versions import versions
@@ -56,19 +55,14 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
         task = OmegaConf.to_container(HydraConfig.get().overrides.task, resolve=False)
         overrides = [str(override) for override in cast("list[Any]", task)]
         choices = HydraConfig.get().runtime.choices
-    try:
-        require_values(overrides)
-        require_seed(config.seed)
-        require_threads(config.threads)
-        plugins.activate()
-        require_read(config, overrides, registry.catalogue(), choices)
-        require_input(config)
-        check_types(config, "run")
-        output = _own_folder(Path(config.paths.output).absolute())
-    except (ConfigError, InputError):
-        with suppress(OSError):  # made by Hydra, still empty
-            Path(config.paths.output).rmdir()
-        raise
+    require_values(overrides)
+    require_seed(config.seed)
+    require_threads(config.threads)
+    plugins.activate()
+    require_read(config, overrides, registry.catalogue(), choices)
+    require_input(config)
+    check_types(config, "run")
+    output = _own_folder(Path(config.paths.output).absolute())
     config.paths.output = str(output)
     before = Leftovers(output)
     try:
