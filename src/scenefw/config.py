@@ -79,6 +79,7 @@ def compose(overrides: Sequence[str] = ()) -> DictConfig:
     from omegaconf.errors import OmegaConfBaseException
 
     compose_lean()
+    know_choices()
     running = GlobalHydra.instance().hydra  # Hydra composes one config at a time
     GlobalHydra.instance().clear()
     try:
@@ -103,6 +104,7 @@ def compose_once(words: Sequence[str], folders: Sequence[Path]) -> None:
     from hydra._internal.hydra import Hydra
 
     compose_lean()
+    know_choices()
     files = (path for folder in folders for path in folder.rglob("*.yaml"))
     texts = (path.read_text(encoding="utf-8", errors="replace") for path in files)
     asked = any("hydra.mode" in word for word in words) or any("MULTIRUN" in text for text in texts)
@@ -130,6 +132,23 @@ def compose_lean() -> None:
         return OmegaConf.create({})
 
     vars(defaults_list)["_create_interpolation_map"] = lean
+
+
+def know_choices() -> None:
+    """Lets settings say `${chosen:GROUP}`: the option of a group that a run has chosen.
+
+    It is null where Hydra runs nothing, as in `compose`.
+    """
+    from hydra.core.hydra_config import HydraConfig
+    from omegaconf import OmegaConf
+
+    def chosen(group: str) -> str | None:
+        if not HydraConfig.initialized():
+            return None
+        option = HydraConfig.get().runtime.choices.get(group)
+        return None if option is None else str(option)
+
+    OmegaConf.register_new_resolver("chosen", chosen, replace=True)
 
 
 def near_misses(name: str, known: Sequence[str]) -> str:

@@ -16,7 +16,7 @@ from scenefw.core.files import require_name, require_writable
 from scenefw.core.protocols import SceneSource, Workers
 from scenefw.core.versions import installed, versions
 from scenefw.scenes import statistics
-from scenefw.scenes.storage import StoredScenes, concatenate, load_scenes, pack, save_scenes
+from scenefw.scenes.storage import Stored, StoredScenes, concatenate, load_scenes, pack, save_scenes
 
 _SIMULATORS = ("scenefw", "pybullet", "mujoco", "coacd", "numpy", "scipy")
 
@@ -36,7 +36,9 @@ class Generate:
         shard_size: attempts per shard.
         shards: folder of the shards of all data sets.
         output: where the data set, its manifest and its figure go.
-        name: file name of the data set, without suffix.
+        name: file name of the data set, without suffix; None = superquadric_SCENE_v2, of meshes
+            SCENE.
+        scene: name of the option that makes the scenes.
 
     Raises:
         ConfigError: a count is below one.
@@ -52,7 +54,8 @@ class Generate:
         shard_size: int = 50,
         shards: str = "outputs/scenes",
         output: str = "outputs",
-        name: str = "superquadric_stacks_v2",
+        name: str | None = None,
+        scene: str | None = None,
     ) -> None:
         for key, value in (("attempts", attempts), ("shard_size", shard_size)):
             if value < 1:
@@ -64,7 +67,8 @@ class Generate:
         self.shard_size = shard_size
         self.shards = shards
         self.output = output
-        self.name = require_name(name, "run.name")
+        self.name = None if name is None else require_name(name, "run.name")
+        self.scene = scene or "stacks"
 
     def run(self) -> dict[str, float]:
         """Generates missing shards and merges all; returns the numbers of scenes and objects."""
@@ -78,7 +82,7 @@ class Generate:
         left = sum(stop - start for _, (start, stop) in missing)
         self._generate(missing, done=self.attempts - left)
         stored = concatenate(load_scenes(path) for path in paths)
-        target = Path(self.output) / f"{self.name}.npz"
+        target = Path(self.output) / f"{self.name or self._name(stored)}.npz"
         extra = {"attempts": self.attempts, "commit": versions().get("commit")}
         save_scenes(target, stored, extra | facts)
         figures = statistics.summary(stored)
@@ -86,6 +90,10 @@ class Generate:
             statistics.draw(stored, target.with_suffix(".png"))
         print(target)
         return {"attempts": float(self.attempts), **figures}
+
+    def _name(self, stored: Stored) -> str:
+        """As the data sets that ship are called."""
+        return f"superquadric_{self.scene}_v2" if isinstance(stored, StoredScenes) else self.scene
 
     def _generate(self, missing: Sequence[tuple[Path, tuple[int, int]]], done: int) -> None:
         from rich.progress import Progress

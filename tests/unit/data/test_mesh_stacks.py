@@ -128,7 +128,7 @@ def test_generated_stacks_of_meshes_stand(tmp_path):
     source = MeshSolids(str(tmp_path))
     generator = StackGenerator(source, PyBulletEngine(), minimum=2, maximum=2, split="test")
     folders = {"shards": str(tmp_path / "shards"), "output": str(tmp_path / "out")}
-    Generate(generator, Local(1), attempts=2, name="boxes", **folders).run()
+    Generate(generator, Local(1), attempts=2, scene="boxes", **folders).run()
     stored = load_scenes(tmp_path / "out" / "boxes.npz")
     assert len(stored) >= 1
     assert stored.shapes("test") <= {b"box", b"brick"}

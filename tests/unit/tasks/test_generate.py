@@ -47,6 +47,20 @@ def test_makes_data_set_manifest_and_figure(tmp_path):
     assert "numpy" in manifest["versions"]
 
 
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        ({}, "superquadric_stacks_v2"),
+        ({"scene": "stacks"}, "superquadric_stacks_v2"),
+        ({"scene": "large_stacks"}, "superquadric_large_stacks_v2"),
+        ({"scene": "large_stacks", "name": "mine"}, "mine"),
+    ],
+)
+def test_the_file_is_named_by_the_option_of_scenes(tmp_path, settings, expected):
+    generated(tmp_path, Scattering(), attempts=4, **settings)
+    assert {path.stem for path in (tmp_path / "out").iterdir()} == {expected}
+
+
 def test_workers_and_shards_make_no_difference(tmp_path):
     _, one = generated(tmp_path / "one", Scattering())
     _, two = generated(tmp_path / "two", Scattering(), parallel=Local(2), shard_size=7)
