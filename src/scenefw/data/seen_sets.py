@@ -17,6 +17,7 @@ from scenefw.data.object_ends import object_ends
 from scenefw.data.scene_batches import SceneBatches
 from scenefw.data.stacks import StackScenes
 from scenefw.data.view_frames import in_frame
+from scenefw.data.view_samples import ObjectSamples
 from scenefw.data.views import Viewpoints
 from scenefw.kernels.cameras import floor_depths, pixel_places, places_of
 from scenefw.kernels.superquadric_rays import first_hits
@@ -70,9 +71,9 @@ class SeenSets(SceneBatches):
         batch_size: int = 64,
         seed: int = 0,
         distinct_batches: int | None = None,
-        image_size: Sequence[int] = (128, 96),
-        points: int = 192,
-        ends: int = 48,
+        image_size: Sequence[int] = (ObjectSamples.width, 96),
+        points: int = ObjectSamples.points,
+        ends: int = ObjectSamples.ends,
         least: int = 2,
         noise: Mapping[str, Noise] | None = None,
         along: float = 0.0015,
@@ -92,6 +93,11 @@ class SeenSets(SceneBatches):
     def noise_words(self) -> str | list[str]:
         """What disturbs the views."""
         return [*described(self.noise), f"up to {self.along} m along rays"]
+
+    def facts(self) -> dict[str, Any]:
+        """Facts about the data, and what networks are shown of each object."""
+        samples = ObjectSamples(self.points, self.ends, self.lens.width)
+        return {**super().facts(), **samples.facts()}
 
     def training_batch(self, batch: IndexBatch, device: torch.device) -> SeenSetBatch:
         """Views of scenes in an epoch, scaled and half of them mirrored."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -14,6 +14,7 @@ from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.data.conditioning import condition
 from scenefw.data.scene_batches import SceneBatches
 from scenefw.data.seen_points import seen_points
+from scenefw.data.view_samples import POINTS_OF_VIEW, view_facts
 from scenefw.kernels.transfer import to_device
 from scenefw.noise.frames import described
 from scenefw.shapes.radial_distance import radial_distance
@@ -64,7 +65,7 @@ class ViewedSets(SceneBatches):
         batch_size: int = 8,
         seed: int = 0,
         distinct_batches: int | None = None,
-        points: int = 1024,
+        points: int = POINTS_OF_VIEW,
         places: int = 256,
         near: float = 0.01,
     ) -> None:
@@ -80,6 +81,10 @@ class ViewedSets(SceneBatches):
     def grid(self) -> GridSpec:
         """The voxel grid of views."""
         return self.views.grid
+
+    def facts(self) -> dict[str, Any]:
+        """Facts about the data, and how many points networks are shown."""
+        return {**super().facts(), **view_facts(self.points)}
 
     @property
     def noise_words(self) -> str | list[str]:

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, above
+from scenefw.data.view_samples import ObjectSamples
 from scenefw.fitting.placed import signed_distance
 from scenefw.perception.fitted import Fitted
 from scenefw.perception.free_space import surely_free
@@ -134,7 +135,9 @@ class DrawnSets(Fitted):
         given = list(enough.values())
         alone = self.sized.alone(given)
         rows = max(self.votes + count - 1, 1)
-        seen = SeenObjects(view, list(enough), alone, random, rows)  # each draw sees other points
+        seen = SeenObjects(  # each draw sees other points
+            view, list(enough), alone, random, rows, ObjectSamples.of(self.metadata)
+        )
         draws = seen.in_world(self._draw(seen, alone, rows, random))
         clear = surely_free(view)
         plain, results = self._standing(alone, given, clear), []

@@ -13,6 +13,7 @@ from scenefw.core.settings import PART, PROBABILITY
 from scenefw.core.types import Pose
 from scenefw.data.conditioning import condition
 from scenefw.data.seen_points import seen_points
+from scenefw.data.view_samples import points_of_view
 from scenefw.fitting.placed import in_frame_of, shape_of
 
 if TYPE_CHECKING:
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from scenefw.core.query_protocols import ObjectQueryModel, TrainedObjectQueries
     from scenefw.core.types import GridSpec
 
-_POINTS = 1024  # of a view, as in training
 _CORNERS = 6  # of meshes that say where an object is
 _SHELLS = (1.0, 0.7, 0.4, 0.1)  # of sizes: so its inner points are spread
 
@@ -46,6 +46,7 @@ class QueriedObjects:
         PROBABILITY.require(exists=exists)
         PART.require(shared=shared)
         self.model: ObjectQueryModel = checkpoint.model
+        self.points = points_of_view(checkpoint.metadata)
         self.exists, self.shared = exists, shared
 
     @torch.no_grad()
@@ -62,7 +63,7 @@ class QueriedObjects:
         if partial.depth is None or partial.cameras is None:
             raise ValueError("queries need the depth images of partial TSDFs")
         device = next(self.model.parameters()).device  # type: ignore[attr-defined]
-        chances = torch.rand(len(partial.depth), _POINTS, generator=generator)
+        chances = torch.rand(len(partial.depth), self.points, generator=generator)
         points, seen = seen_points(
             partial.depth, partial.cameras, grid, chances.to(partial.depth.device)
         )

@@ -15,6 +15,7 @@ from scenefw.core.evidence import FittedSuperquadric
 from scenefw.core.types import Pose
 from scenefw.data.object_ends import object_ends
 from scenefw.data.view_frames import in_frame, view_frame
+from scenefw.data.view_samples import ObjectSamples
 from scenefw.fitting.placed import signed_distance
 from scenefw.shapes.equal_descriptions import equal_descriptions
 
@@ -28,8 +29,7 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float64
     from scenefw.perception.evidence import View
 
-_POINTS, _ENDS = 192, 48  # as in training: with fewer points they end before the object does
-_WIDTH = 128  # pixels of images in training
+_USUAL = ObjectSamples()
 _NEAR = 0.006  # m: points further from the fit belong to something else
 _LEAST = 0.004  # m, of half-axes
 
@@ -43,6 +43,7 @@ class SeenObjects:
         fitted: superquadrics that explain them.
         random: says which points are taken.
         rows: how often they are shown, each time by other points.
+        samples: how much of each, as in the network's training.
     """
 
     def __init__(
@@ -52,23 +53,25 @@ class SeenObjects:
         fitted: Sequence[FittedSuperquadric],
         random: Generator,
         rows: int = 1,
+        samples: ObjectSamples = _USUAL,
     ) -> None:
         if view.eye is None:
             raise InputError(
                 "a flow of sets draws what one camera sees, and this view has no camera; complete "
                 "several views by several_views=fitted_parts"
             )
-        points = torch.zeros(rows, len(labels), _POINTS, 3)
+        points = torch.zeros(rows, len(labels), samples.points, 3)
         sizes = torch.zeros(rows, len(labels))
         for slot, label in enumerate(labels):
             own = view.points[view.masks == label]
             explained = own[np.abs(signed_distance(fitted[slot], own)) < _NEAR]
             own = explained if len(explained) else own
-            points[:, slot] = torch.from_numpy(own[random.integers(len(own), size=(rows, _POINTS))])
+            chosen = random.integers(len(own), size=(rows, samples.points))
+            points[:, slot] = torch.from_numpy(own[chosen])
             sizes[:, slot] = (view.masks == label).mean()
         eye = torch.from_numpy(np.asarray(view.eye, dtype=np.float32)).expand(rows, 3)
         seen = torch.ones(rows, len(labels), dtype=torch.bool)
-        self._seen = points, seen, sizes, _ends(view, labels, eye, random), eye
+        self._seen = points, seen, sizes, _ends(view, labels, eye, random, samples), eye
         self._turn, self._origin = view_frame(points, seen, eye)
 
     def batch(self, objects: Sequence[FittedSuperquadric], device: torch.device) -> SeenSetBatch:
@@ -176,15 +179,19 @@ def along(axes: Float64, rotation: Float64, numbers: Float64) -> Float64:
     return np.asarray(np.abs(_WAYS[agreement.argmax()]).T @ numbers)
 
 
-def _ends(view: View, labels: Sequence[int], eye: Tensor, random: Generator) -> Tensor:
+def _ends(
+    view: View, labels: Sequence[int], eye: Tensor, random: Generator, samples: ObjectSamples
+) -> Tensor:
     """Where the images of objects end (1, N, E, 7), at the resolution of training."""
-    step = max(1, round(view.masks.shape[1] / _WIDTH))
+    step = max(1, round(view.masks.shape[1] / samples.width))
     masks = view.masks[::step, ::step]
     owners = np.zeros(masks.shape, np.int64)
     for slot, label in enumerate(labels):
         owners[masks == label] = slot + 1
     points = torch.from_numpy(view.points[::step, ::step].astype(np.float32))
-    chances = torch.from_numpy(random.random((len(eye), len(labels), _ENDS)).astype(np.float32))
+    chances = torch.from_numpy(
+        random.random((len(eye), len(labels), samples.ends)).astype(np.float32)
+    )
     rows = (len(eye), -1, -1)
     return object_ends(
         points.expand(*rows, -1), torch.from_numpy(owners).expand(rows), eye, chances

@@ -10,6 +10,7 @@ from tests.unit.data.stacks_file import write_stacks
 from scenefw.core.batches import IndexBatch
 from scenefw.core.errors import ConfigError
 from scenefw.data.seen_sets import SeenSets
+from scenefw.data.view_samples import ObjectSamples
 from scenefw.noise.kinect import Kinect
 from scenefw.noise.pose import Jitter
 from scenefw.scenes.cameras import RandomViewpoints
@@ -45,6 +46,10 @@ def test_points_lie_on_their_objects_in_the_frame_of_the_view(data):
     lowest = batch.points[..., 2][batch.seen].min()
     assert lowest > -0.2  # z is still the world's, up
     assert not (batch.seen & ~batch.present).any()
+
+
+def test_weights_are_told_what_networks_are_shown(data):
+    assert ObjectSamples.of(data.facts()) == ObjectSamples(points=16, ends=48, width=48)
 
 
 def test_a_view_depends_on_its_seed_epoch_and_index_alone(data):

@@ -13,6 +13,7 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import look_at
 from scenefw.core.types import Camera, GridSpec
 from scenefw.data.seen_points import LOWEST, seen_points
+from scenefw.data.view_samples import points_of_view
 from scenefw.data.viewed_sets import ViewedSets
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.shapes.radial_distance import in_frame, radial_distance
@@ -47,6 +48,10 @@ def test_seen_points_lie_on_objects(stacks):
     assert batch.seen.all()
     assert float(away.amin(dim=1).median()) < 0.004  # images are of a coarse grid
     assert (batch.points[..., 2] > LOWEST).all()
+
+
+def test_weights_are_told_how_many_points_networks_are_shown(stacks):
+    assert points_of_view(ViewedSets(views(48), stacks, **SIZES).facts()) == 64
 
 
 def test_places_have_their_distances_and_half_of_them_are_near(stacks):

@@ -13,6 +13,7 @@ from scenefw.core.batches import SeenSetBatch
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.evidence import FittedSuperquadric
 from scenefw.core.types import Pose
+from scenefw.data.view_samples import ObjectSamples
 from scenefw.fitting.joint import JointFit
 from scenefw.fitting.placed import shape_of, signed_distance
 from scenefw.fitting.superquadrics import SuperquadricFit
@@ -38,6 +39,7 @@ class Told(torch.nn.Module):
         self.any = torch.nn.Parameter(torch.zeros(1))
 
     def sample(self, batch, count, generator, steps=20):
+        self.shown = batch
         boxes = self.boxes.expand(count, -1, -1, -1)
         slots = boxes.shape[1]
         return SeenSetBatch(
@@ -124,6 +126,18 @@ def test_the_first_sample_is_in_the_middle_of_draws():
     assert np.allclose([back_of(first[k]) for k in (1, 2)], 0.08, atol=0.012)
     backs = [back_of(draw[1]) for draw in draws]
     assert np.allclose(backs, [0.02, 0.12], atol=0.012)  # draws of their own
+
+
+def test_networks_are_shown_as_much_of_objects_as_in_their_training():
+    view = seen()
+    drawn = method([boxes_that_end_at(view, 0.08)])
+    drawn.superquadrics(view, 1)
+    assert drawn.model.shown.points.shape[-2:] == (192, 3)
+    assert drawn.model.shown.ends.shape[-2:] == (48, 7)
+    drawn.metadata |= ObjectSamples(points=40, ends=9, width=40).facts()
+    drawn.superquadrics(view, 1)
+    assert drawn.model.shown.points.shape[-2:] == (40, 3)
+    assert drawn.model.shown.ends.shape[-2:] == (9, 7)
 
 
 def test_without_votes_the_first_sample_is_the_fit_without_a_network():

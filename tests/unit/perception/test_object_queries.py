@@ -12,6 +12,7 @@ from tests.unit.perception.test_fitted import partial_of
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.queried_sets import QueriedSet
 from scenefw.core.types import GridSpec
+from scenefw.data.view_samples import view_facts
 from scenefw.fitting.joint import JointFit
 from scenefw.fitting.superquadrics import SuperquadricFit
 from scenefw.perception.evidence import EvidenceOfView
@@ -61,6 +62,14 @@ def complete(boxes, *, fitted=False, resolution=48):
     scenes = method.complete(partial_of(view, camera), view.grid, 2, torch.Generator())
     assert len(scenes) == 2
     return view, model, scenes[0]
+
+
+@pytest.mark.parametrize(("metadata", "points"), [({}, 1024), (view_facts(50), 50)])
+def test_networks_are_shown_as_many_points_as_in_their_training(metadata, points):
+    view, camera = view_of(48), camera_at(eye=(0.0, -0.85, 0.6))
+    method = ObjectQueryReconstructor(Loaded(Told(BOXES), view.grid, metadata))
+    method.complete(partial_of(view, camera), view.grid, 1, torch.Generator())
+    assert method.queried.model.saw[1].shape == (1, points, 3)
 
 
 def overlap(scene, view):
