@@ -30,7 +30,6 @@ from scenefw.evaluation.stacks.draw_results import DrawsResult, DrawView
 from scenefw.evaluation.stacks.draws import DrawScoring, Truth
 from scenefw.evaluation.stacks.methods import BASE_RATE, TRAINING_MEAN
 from scenefw.evaluation.stacks.published import published_of
-from scenefw.evaluation.stacks.references import instances_of
 from scenefw.evaluation.stacks.results import ReconstructionResult, ViewScores
 from scenefw.evaluation.stacks.seen_scenes import Sample, SceneViews, SeenScene, Streams
 from scenefw.evaluation.stacks.surface_scores import Surfaces, SurfaceScoring, TruePoints
@@ -44,6 +43,7 @@ from scenefw.metrics.occupancy import (
     occupancy_iou,
     probable_occupancy,
 )
+from scenefw.perception.partial_surface import instances_of
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

@@ -10,7 +10,6 @@ from scenefw.core.types import GridSpec
 from scenefw.data.stacks import StackScenes, shipped_scenes
 from scenefw.evaluation.kept_rows import KeptRows
 from scenefw.evaluation.stacks.reconstruction import ReconstructionEvaluation
-from scenefw.evaluation.stacks.references import PartialSurface
 from scenefw.evaluation.stacks.seen_scenes import Streams
 from scenefw.evaluation.stacks.surface_scores import SurfaceScoring
 from scenefw.evaluation.stacks.training_mean import TrainingMean
@@ -18,6 +17,7 @@ from scenefw.evaluation.stacks.visibility import shown_pixels
 from scenefw.kernels.superquadric_rays import first_hits
 from scenefw.mapping.projective import Projective
 from scenefw.parallel.local import Local
+from scenefw.perception.partial_surface import PartialSurface
 from scenefw.postprocessing.connected_components import ConnectedComponents
 from scenefw.postprocessing.hough_voting import HoughVoting
 from scenefw.renderers.sphere_tracer import SphereTracer

@@ -4,10 +4,10 @@ import torch
 
 from scenefw.core.geometry import look_at
 from scenefw.core.types import Camera, GridSpec
-from scenefw.evaluation.stacks.references import PartialSurface
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.mapping.inverse_ray_tracing import InverseRayTracing
 from scenefw.mapping.projective import Projective
+from scenefw.perception.partial_surface import PartialSurface
 from scenefw.postprocessing.connected_components import ConnectedComponents
 from scenefw.renderers.sphere_tracer import SphereTracer
 

@@ -1,4 +1,4 @@
-"""Baselines without learning on the same views, for every table."""
+"""The reference without learning: what was seen, and nothing else."""
 
 import torch
 from torch import Tensor
