@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 SCENE = "scene.json"
 MASKS = "masks.png"
 _OWN = ("name", "objects", "camera", "versions")  # the other keys are details
+_KINDS = ("superquadric", "superellipsoid", "vessel")
 _MOST_BYTES = 64 * 2**20
 _MOST_IDS = 9999
 _ORTHONORMAL = 1e-3
@@ -41,7 +43,9 @@ def read_scene(path: str | Path) -> SceneEstimate:
     """A scene as `run=predict`, `run=edit` and `save("scene.json")` write it.
 
     Objects are read from the meshes beside the file; where one has none, its shape's surface is
-    taken. Volumes are made of them. The depth image isn't stored: that of the frame is empty.
+    taken. A shape of a kind that is unknown here, as of a plugin, is left out with a warning, and
+    its object is its mesh. Volumes are made of them. The depth image isn't stored: that of the
+    frame is empty.
 
     Args:
         path: `scene.json`, or the folder that holds it.
@@ -96,20 +100,27 @@ def _read(path: Path) -> dict[str, Any]:
 
 def _object(told: dict[str, Any], path: Path) -> ObjectEstimate:
     label = int(told["id"])
+    shape = told.get("shape")
     try:
-        placed = _placed(told.get("shape"))
+        placed = None if _is_foreign(shape) else _placed(shape)
     except InputError as error:
         raise InputError(
             f"the shape of object {label} in {path} is invalid ({error}); predict the scene again"
         ) from error
     if told.get("mesh") is not None:
+        if shape is not None and _is_foreign(shape):
+            warnings.warn(
+                f"object {label} of {path} has a shape of kind {shape['kind']!r}, which isn't "
+                f"known here ({', '.join(_KINDS)} are); its mesh is read alone",
+                stacklevel=2,
+            )
         mesh = _mesh(str(told["mesh"]), path, label)
     elif placed is not None:
         mesh = placed.mesh()
     else:
         raise InputError(
-            f"object {label} of {path} has neither a mesh file nor a shape; predict it again with "
-            "run=predict, which writes both"
+            f"object {label} of {path} has neither a mesh file nor a shape of a known kind "
+            f"({', '.join(_KINDS)}); predict it again with run=predict, which writes both"
         )
     return ObjectEstimate(
         label,
@@ -144,6 +155,10 @@ def _mesh(name: str, path: Path, label: int) -> TriangleMesh:
     return mesh
 
 
+def _is_foreign(told: dict[str, Any] | None) -> bool:
+    return told is not None and told["kind"] not in _KINDS
+
+
 def _placed(told: dict[str, Any] | None) -> PlacedShape | None:
     if told is None:
         return None
@@ -153,11 +168,8 @@ def _placed(told: dict[str, Any] | None) -> PlacedShape | None:
     elif told["kind"] == "superellipsoid":
         axes = _numbers(told["half_axes"], 3)
         shape = Superellipsoid(axes, float(told["e1"]), float(told["e2"]))
-    elif told["kind"] == "vessel":
-        shape = Vessel(**{one.name: float(told[one.name]) for one in fields(Vessel)})
     else:
-        kinds = "superquadric, superellipsoid and vessel"
-        raise InputError(f"its kind is {told['kind']!r}; this version reads {kinds}")
+        shape = Vessel(**{one.name: float(told[one.name]) for one in fields(Vessel)})
     return PlacedShape(shape, _pose(told))
 
 

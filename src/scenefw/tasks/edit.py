@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -78,7 +79,7 @@ class Edit:
             InputError: the scene can't be read, or an edit makes no sense.
             StorageError: the folder can't be written.
         """
-        before = read_scene(self.input)
+        before = _read(self.input)
         if not self.edits and self.settling is None:
             print_tables([Section("", (object_table(before),))])
             print("edits: " + "; ".join(USAGES.values()))
@@ -87,14 +88,14 @@ class Edit:
         require_writable(self.output)
         folder = self.output / f"{_name(before, self.input)}{_END}"
         require_replaceable(folder)
-        after, warnings = self.edit(before)
+        after, odd = self.edit(before)
         print_tables([Section("", (object_table(after),))])
-        for warning in warnings:
+        for warning in odd:
             print(f"warning: {warning}", file=sys.stderr)
         with replacing_folder(folder) as temporary:
             self._write(temporary, before, after)
         print(folder)
-        return {"objects": float(len(after.objects)), "warnings": float(len(warnings))}
+        return {"objects": float(len(after.objects)), "warnings": float(len(odd))}
 
     def edit(self, before: SceneEstimate) -> tuple[SceneEstimate, list[str]]:
         """The scene after all edits, and what looks wrong about it.
@@ -104,7 +105,7 @@ class Edit:
         """
         objects = before.objects
         for words in self.edits:
-            objects = edited(objects, words, read_scene)
+            objects = edited(objects, words, _read)
         after = with_objects(before, objects)
         if self.settling is not None:
             after = self.settling.settle([after])[0]
@@ -123,6 +124,16 @@ class Edit:
             write_scene_page(folder / "scene.html", name, packed([scene]))
         if self.overview:
             save_picture(draw_edited(before, after), folder / "edited.png")
+
+
+def _read(path: str | Path) -> SceneEstimate:
+    """A scene; what of it isn't known here is told in a line each."""
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        scene = read_scene(path)
+    for one in told:
+        print(f"warning: {one.message}", file=sys.stderr)
+    return scene
 
 
 def _name(scene: SceneEstimate, path: Path) -> str:

@@ -106,6 +106,26 @@ def set_item(number, key, value):
     return lambda told: told["objects"][number].update({key: value})
 
 
+def test_a_shape_of_a_plugin_is_read_as_its_mesh(known, folder):
+    torus = {"kind": "torus", "radius": 0.1, "position": [0, 0, 0], "quaternion": [1, 0, 0, 0]}
+    change(folder, set_item(0, "shape", torus))
+    with pytest.warns(
+        UserWarning, match=r"^object 1 of .* kind 'torus', which isn't known"
+    ) as told:
+        found = read_scene(folder)
+    assert len(told) == 1
+    assert "\n" not in str(told[0].message)
+    first, *others = found.objects
+    assert first.placed is None
+    np.testing.assert_allclose(first.mesh.vertices, known.objects[0].mesh.vertices, atol=1e-6)
+    assert [one.placed is None for one in others] == [
+        one.placed is None for one in known.objects[1:]
+    ]
+    change(folder, set_item(0, "mesh", None))
+    with pytest.raises(InputError, match=r"object 1 of .* has neither a mesh file nor a shape of"):
+        read_scene(folder)
+
+
 @pytest.mark.parametrize(
     ("damage", "said"),
     [
@@ -121,7 +141,7 @@ def set_item(number, key, value):
         (set_item(2, "pose", {"position": [0, 0, 0], "quaternion": [9, 0, 0, 0]}), "length 1"),
         (set_item(0, "shape", {"kind": "superquadric"}), "half_axes"),
         (lambda told: told.pop("camera"), "lacks name, objects or camera"),
-        (set_item(0, "shape", {"kind": "torus"}), "its kind is 'torus'; this version reads super"),
+        (set_item(0, "shape", {"radius": 1}), "isn't a scenefw scene, or damaged"),
         (lambda told: told["camera"].update(width=0), "0 x 48 pixels"),
         (lambda told: told["camera"].update(fx=float("nan")), "the camera has fx, fy, cx, cy"),
         (lambda told: told["camera"].update(fy=-5.0), "the camera has fx, fy, cx, cy"),

@@ -86,6 +86,16 @@ def test_without_edits_objects_are_listed_and_nothing_is_written(stored, tmp_pat
     assert not (tmp_path / "none").exists()
 
 
+def test_a_shape_of_a_plugin_is_told_of_in_one_line(tmp_path, capsys):
+    write_scene_files(tmp_path / "blocks", scene(), colours_of(scene()))
+    path = tmp_path / "blocks" / "scene.json"
+    path.write_text(path.read_text().replace('"superquadric"', '"torus"', 1))
+    Edit(tmp_path / "blocks", ["remove 2"], tmp_path, page=False, overview=False).run()
+    told = capsys.readouterr().err.splitlines()
+    assert len(told) == 1
+    assert told[0].startswith(f"warning: object 1 of {path} has a shape of kind 'torus'")
+
+
 def test_a_wrong_edit_leaves_nothing_half_done(stored, tmp_path):
     with pytest.raises(InputError, match="there is no object 3; the scene has 1, 2"):
         Edit(stored, ["remove 3", "move 3 0 0 0"], tmp_path / "out").run()
