@@ -119,9 +119,11 @@ class Label:
         self.table = table or TableFrame()
         self.odometry = odometry
         self.estimate_poses = estimate_poses
-        self.options: dict[str, Any] = {"intrinsics": intrinsics, "largest_jump": largest_jump}
-        if depth_scale is not None:
-            self.options["depth_scale"] = depth_scale
+        self.options: dict[str, Any] = {
+            "intrinsics": intrinsics,
+            "depth_scale": depth_scale,
+            "largest_jump": largest_jump,
+        }
         self.picture_every, self.save_every = picture_every, save_every
 
     def run(self, watcher: MapWatcher | None = None, every: int = 5) -> dict[str, float]:

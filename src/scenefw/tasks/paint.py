@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.files import require_writable
 from scenefw.core.folders import require_replaceable
-from scenefw.core.settings import COUNT, NOT_NEGATIVE
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
 from scenefw.data.height_maps import load_map, save_map
 from scenefw.data.painting import (
     export_painting,
@@ -84,9 +84,12 @@ class PaintImport:
         every: label every N-th view.
         border: pixels on either side of a border between labels that count as unknown.
         background: class of what was left unpainted; None = unknown.
+        intrinsics: of the views, as of `run=label`.
+        depth_scale: of the views, as of `run=label`.
+        largest_jump: of the views, as of `run=label`.
 
     Raises:
-        ConfigError: no picture or no map is given.
+        ConfigError: no picture or no map is given, or a number out of range.
     """
 
     def __init__(
@@ -98,11 +101,21 @@ class PaintImport:
         every: int = 1,
         border: int = 2,
         background: str | None = None,
+        *,
+        intrinsics: str | Path | None = None,
+        depth_scale: float | None = None,
+        largest_jump: float | None = 0.2,
     ) -> None:
         if input is None or map is None:
             raise ConfigError("run=paint_import needs input=PAINTED.png and run.map=map.npz")
         COUNT.require(every=every)
         NOT_NEGATIVE.require(border=border)
+        POSITIVE.require(depth_scale=depth_scale)
+        self.options: dict[str, Any] = {
+            "intrinsics": intrinsics,
+            "depth_scale": depth_scale,
+            "largest_jump": largest_jump,
+        }
         self.input = Path(input)
         self.map = Path(map)
         self.output = Path(output)
@@ -134,7 +147,8 @@ class PaintImport:
 
     def _label_views(self, folder: Path, painted: HeightMap, recording: Recording) -> int:
         """Labels the views that have a pose in the map; returns their number."""
-        sequence = open_sequence(folder, require_poses=not recording.poses_estimated)
+        posed = not recording.poses_estimated
+        sequence = open_sequence(folder, require_poses=posed, **self.options)
         chosen = range(0, len(sequence), self.every)
         checked = MeasuredFrames(sequence, chosen[:: max(1, len(chosen) // _CHECKED)])
         require_agreement(painted, recording.in_map(checked), str(folder))

@@ -274,6 +274,28 @@ def test_views_are_labelled_where_the_map_has_them(request, world, sequence, tmp
         assert not (tmp_path / "lost" / "views").exists()
 
 
+def test_views_to_label_are_read_as_those_of_the_map(sequence, tmp_path):
+    """Depth in half millimetres, and intrinsics elsewhere."""
+    shutil.copytree(sequence, folder := tmp_path / "fine")
+    for file in (folder / "depth").iterdir():
+        with Image.open(file) as image:
+            doubled = np.array(image).astype(np.uint16) * 2
+        Image.fromarray(doubled).save(file)
+    lens = (folder / "intrinsics.json").rename(tmp_path / "lens.json")
+    told = {"depth_scale": 0.0005, "intrinsics": lens}
+    maps = {"map_based": MapBased(HeightFusion(GRID), ByHeight(CLASSES, "keyboard"))}
+    label(folder, tmp_path / "out", maps, **told).run()
+    path = tmp_path / "out" / "map.npz"
+    PaintExport(path, tmp_path / "paint").run()
+    picture = tmp_path / "paint" / "colours.png"
+    figures = PaintImport(
+        picture, path, tmp_path / "in", folder, background="surface", **told
+    ).run()
+    assert figures["views"] == 6
+    with pytest.raises(InputError):
+        PaintImport(picture, path, tmp_path / "off", folder, intrinsics=lens).run()
+
+
 @pytest.mark.parametrize(
     ("setting", "value"),
     [("start", -1), ("frames", 0), ("picture_every", -1), ("save_every", 0), ("save_every", -2)],

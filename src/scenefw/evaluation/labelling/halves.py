@@ -107,9 +107,8 @@ class LabellingHalves:
         self.options: dict[str, Any] = {
             "require_poses": not estimate_poses,
             "intrinsics": intrinsics,
+            "depth_scale": depth_scale,
         }
-        if depth_scale is not None:
-            self.options["depth_scale"] = depth_scale
 
     def run(self, track: Tracker = lambda frames, _: frames) -> HalvesResult:
         """Values of every strategy; `track` wraps the loop in a progress bar.
