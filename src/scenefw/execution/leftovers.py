@@ -15,10 +15,11 @@ class Leftovers:
 
     Args:
         folder: of the run; an empty `run.json`, by which a run takes a folder, doesn't count.
+        given: it was named by the user, so it stays even if it is empty.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, *, given: bool = False) -> None:
+        self.folder, self.given = folder, given
         self.others = self._others()
         self.records = {
             name: content
@@ -27,7 +28,7 @@ class Leftovers:
         }
 
     def restore(self) -> None:
-        """Restores the earlier run's files or removes the folder, unless other new files exist."""
+        """Restores the earlier run's files or removes the folder, unless others are new."""
         if self._others() != self.others:
             return
         for name in (SETTINGS, RECORD, FIGURES):
@@ -35,8 +36,9 @@ class Leftovers:
                 self._put_back(name)
             else:
                 (self.folder / name).unlink(missing_ok=True)
-        with suppress(OSError):  # it holds an earlier run
-            self.folder.rmdir()
+        if not self.given:
+            with suppress(OSError):  # it holds an earlier run
+                self.folder.rmdir()
 
     def _put_back(self, name: str) -> None:
         with suppress(StorageError), replacing(self.folder / name) as temporary:

@@ -64,7 +64,7 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
     check_types(config, "run")
     output = _own_folder(Path(config.paths.output).absolute())
     config.paths.output = str(output)
-    before = Leftovers(output)
+    before = Leftovers(output, given=_is_given())
     try:
         figures = _work(config, output, overrides)
     except IncompleteError:
@@ -79,10 +79,14 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
 
 def _own_folder(output: Path) -> Path:
     """The folder given by name, else one that no other run has."""
-    if any(word.startswith("paths.output=") for word in sys.argv[1:]):
+    if _is_given():
         require_no_strangers(output)
         return require_writable(output)
     return claim(output)
+
+
+def _is_given() -> bool:
+    return any(word.startswith("paths.output=") for word in sys.argv[1:])
 
 
 def _work(config: DictConfig, output: Path, overrides: list[str]) -> dict[str, Any]:

@@ -65,6 +65,13 @@ def test_a_sweep_with_results_keeps_its_record(tmp_path):
     assert not (tmp_path / "sweep" / "0").exists()
 
 
+@pytest.mark.parametrize("words", [(), ("-m", "seed=1,2")])
+def test_a_folder_that_the_user_made_stays_as_it_was(scenefw, tmp_path, words):
+    (tmp_path / "mine").mkdir()
+    assert scenefw("run=predict", "paths.output=mine", *words).returncode == 2
+    assert list(tmp_path.rglob("*")) == [tmp_path / "mine"]
+
+
 @pytest.mark.parametrize("words", [(), ("-m", "seed=1,2"), ("-m", "seed=1,2", "paths.output=a/b")])
 def test_a_refused_command_leaves_no_folder(scenefw, tmp_path, words):
     result = scenefw("run=predict", *words)
