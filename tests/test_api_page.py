@@ -27,7 +27,7 @@ def test_examples_show_what_the_page_says(tmp_path, monkeypatch):
         runner.run(page, out=said.append)
     assert runner.summarize(verbose=False).failed == 0, "".join(said)
     files = {path.name for path in tmp_path.iterdir()}
-    assert files == {"changed", "drawn", "map.npz", "scene.glb", "scene.xml"}
+    assert files == {"blocks.ply", "changed", "drawn", "map.npz", "scene.glb", "scene.xml"}
 
 
 @pytest.mark.exhaustive

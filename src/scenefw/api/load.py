@@ -11,6 +11,7 @@ from scenefw.config import near_misses, quoted
 from scenefw.core.errors import ConfigError
 
 if TYPE_CHECKING:
+    from scenefw.api.decomposer import Decomposer
     from scenefw.api.labeller import Labeller
     from scenefw.api.predictor import Predictor
     from scenefw.api.sampler import Sampler
@@ -35,17 +36,22 @@ def load(name: Literal["labelling"], *overrides: str, **settings: Setting) -> La
 def load(name: Literal["scenes"], *overrides: str, **settings: Setting) -> Sampler: ...
 
 
+@overload
+def load(name: Literal["decomposing"], *overrides: str, **settings: Setting) -> Decomposer: ...
+
+
 def load(
     name: str = "simstack", *overrides: str, **settings: Setting
-) -> Predictor | Labeller | Sampler:
+) -> Predictor | Labeller | Sampler | Decomposer:
     """What the command line predicts, labels or draws with, ready to take arrays.
 
-    It is built as `run=predict`, `run=label` and `run=draw_scenes` build it, so the same image
-    gives the same result.
+    It is built as `run=predict`, `run=label`, `run=draw_scenes` and `run=decompose` build it, so
+    the same image gives the same result.
 
     Args:
         name: `simstack` completes the objects of a depth image; `labelling` fuses RGB-D frames into
-            a labelled height map; `scenes` draws scenes that nobody has seen.
+            a labelled height map; `scenes` draws scenes that nobody has seen; `decomposing` takes
+            meshes of scenes, or depth images with poses, apart into objects.
         overrides: as on the command line, such as `"fit=superquadrics"` or
             `"run.pipeline.samples=1"`.
         settings: the same by name, such as `device="cpu"` or `checkpoint="my.safetensors"`.
@@ -75,7 +81,11 @@ def load(
         from scenefw.api.sampler import Sampler
 
         return Sampler.built(Settings(["run=draw_scenes", *words]))
-    known = near_misses(name, ["simstack", "labelling", "scenes"])
+    if name == "decomposing":
+        from scenefw.api.decomposer import Decomposer
+
+        return Decomposer.built(Settings(["run=decompose", *words]))
+    known = near_misses(name, ["simstack", "labelling", "scenes", "decomposing"])
     raise ConfigError(f"scenefw.load has no '{name}'; {known}")
 
 

@@ -97,7 +97,12 @@ class ViewsPipeline:
 
         Args:
             poses: camera to world (4, 4) of all images.
+
+        Raises:
+            InputError: there is none.
         """
+        if not poses:
+            raise _no_view()
         places = np.array([pose[:3, 3] for pose in poses])
         taken, nearest = [0], np.linalg.norm(places - places[0], axis=1)
         while len(taken) < min(self.views, len(places)) and nearest.max() > 0:
@@ -112,7 +117,7 @@ class ViewsPipeline:
             InputError: as `estimate`.
         """
         if not frames:
-            raise InputError("there is no view; give at least one depth image with its pose")
+            raise _no_view()
         warnings = [line for frame in frames for line in self.doctor.examine_frame(frame)]
         alignment = self.table.alignment(frames[0], posed=True)
         warnings += [alignment.note] if alignment.note else []
@@ -148,6 +153,10 @@ class ViewsPipeline:
     def _partial(self, frame: Frame) -> PartialTSDF:
         depth = torch.from_numpy(frame.depth)[None]
         return self.mapping.fuse(depth, self.grid, stack_cameras([frame.camera]))
+
+
+def _no_view() -> InputError:
+    return InputError("there is no view; give at least one depth image with its pose")
 
 
 def _seen_points(scene: SeenScene) -> Float64:

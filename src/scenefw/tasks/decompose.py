@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import time
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,16 +11,15 @@ import numpy as np
 from rich.console import Console
 
 from scenefw.core import geometry
-from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.errors import ConfigError
 from scenefw.core.files import require_apart, require_writable
 from scenefw.core.folders import replacing_folder, require_replaceable
 from scenefw.core.settings import POSITIVE
 from scenefw.core.types import TriangleMesh
-from scenefw.data.sequences import open_sequence
 from scenefw.export.meshes import write_ply
 from scenefw.perception.nearest_objects import nearest_objects
-from scenefw.perception.scene_meshes import is_mesh, read_scene_mesh
 from scenefw.perception.settling import words as settled_words
+from scenefw.perception.whole_scenes import WholeScene, read_whole_scene, taken_apart
 from scenefw.report.overview import write_overview
 from scenefw.report.page import write_scene_page
 from scenefw.report.scenes3d import Scene3D, layer, packed
@@ -31,28 +29,13 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from scenefw.core.protocols import SceneFormat, Settling
-    from scenefw.core.types import Float64, Frame, SceneEstimate
+    from scenefw.core.types import SceneEstimate
     from scenefw.perception.mesh_views import MeshViews
     from scenefw.perception.views_pipeline import SeenScene, ViewsPipeline
     from scenefw.report.palette import Colour
 
 _REACH = 0.01  # m: vertices farther from all objects belong to none
 _LEFT = (0.72, 0.72, 0.72)  # colour of the table
-
-
-@dataclass(frozen=True)
-class _Given:
-    """What is to be taken apart: views, and the mesh they were made of, if there is one.
-
-    Args:
-        frames: the views.
-        T_frames_file: (4, 4) from coordinates of the input to those of the frames' poses.
-        mesh: in coordinates of the frames' poses.
-    """
-
-    frames: Sequence[Frame]
-    T_frames_file: Float64 = field(default_factory=lambda: np.eye(4))
-    mesh: TriangleMesh | None = None
 
 
 class Decompose:
@@ -121,17 +104,18 @@ class Decompose:
         """
         start = time.perf_counter()
         require_writable(self.output)
-        folder = self.output / (self.input.stem or "scene")
+        folder = self.output / self.input.stem
         require_replaceable(folder)
-        given = self._given()
+        given = read_whole_scene(
+            self.input, self.pipeline, self.meshes, self.mesh_scale, self.options
+        )
+        if given.note:
+            print(f"{self.input.name}: {given.note}")
         seen = self.pipeline.prepare(given.frames)
         for warning in seen.warnings:
             print(f"{self.input.name}: {warning}", file=sys.stderr)
         with Console(stderr=True).status(f"{len(given.frames)} views: parts, then objects"):
-            found = self.pipeline.complete(seen)
-        details = {**found.details, "T_world_input": seen.moved @ given.T_frames_file}
-        frame = replace(found.frame, name=self.input.stem)
-        estimate = replace(found, frame=frame, details=details)
+            estimate = taken_apart(given, seen, self.pipeline)
         if self.settling is not None:
             estimate = self.settling.settle([estimate])[0]
             print(settled_words(estimate))
@@ -144,34 +128,17 @@ class Decompose:
             "seconds": time.perf_counter() - start,
         }
 
-    def _given(self) -> _Given:
-        if not self.input.exists():
-            raise InputError(
-                f"no file or folder {self.input}; give input=PATH of a mesh, or of a folder of "
-                "depth images with poses"
-            )
-        if is_mesh(self.input):
-            seen = self.meshes.see(read_scene_mesh(self.input, self.mesh_scale), self.input.stem)
-            print(f"{self.input.name}: the table is {seen.note}")
-            return _Given(seen.frames, seen.T_table_file, seen.mesh)
-        if self.input.is_file():
-            raise InputError(
-                f"{self.input} is no mesh; one depth image is a matter of run=predict, several "
-                "are given as a folder with depth/, poses.txt and intrinsics.json"
-            )
-        recording = open_sequence(self.input, **self.options)
-        return _Given([recording[n] for n in self.pipeline.chosen(recording.poses)])
-
-    def _write(self, folder: Path, estimate: SceneEstimate, seen: SeenScene, given: _Given) -> None:
+    def _write(
+        self, folder: Path, estimate: SceneEstimate, seen: SeenScene, given: WholeScene
+    ) -> None:
         colours = write_scene(folder, estimate, self.exports)
         if given.mesh is not None:
             vertices = geometry.transform_points(seen.moved, given.mesh.vertices)
             mesh = TriangleMesh(vertices, given.mesh.faces)
             write_ply(folder / "labelled.ply", mesh, _vertex_colours(mesh, estimate, colours))
-        name = self.input.stem
         if self.page:
-            scene = Scene3D(name, (layer("objects", estimate, colours),), estimate.frame)
-            write_scene_page(folder / "scene.html", name or "scene", packed([scene]))
+            scene = Scene3D(given.name, (layer("objects", estimate, colours),), estimate.frame)
+            write_scene_page(folder / "scene.html", given.name, packed([scene]))
         if self.overview:
             partial = seen.partials[0].distance[0, 0].cpu().numpy()
             write_overview(folder / "overview.png", estimate, partial, colours)

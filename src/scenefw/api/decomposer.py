@@ -1,0 +1,137 @@
+"""Takes whole scenes apart: meshes, recordings, or depth images given as arrays."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from scenefw.api.prediction import Prediction
+from scenefw.core.errors import InputError, require_number
+from scenefw.data.arrays import frame_of
+from scenefw.perception.whole_scenes import WholeScene, read_whole_scene, taken_apart
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from scenefw.api.settings import Settings
+    from scenefw.core.types import Frame
+    from scenefw.data.intrinsics import Intrinsics
+    from scenefw.perception.mesh_views import MeshViews
+    from scenefw.perception.views_pipeline import ViewsPipeline
+
+
+class Decomposer:
+    """What `scenefw.load("decomposing")` gives.
+
+    Args:
+        pipeline: takes views apart.
+        meshes: makes views of meshes.
+        computing: threads compute within what it returns.
+    """
+
+    def __init__(
+        self,
+        pipeline: ViewsPipeline,
+        meshes: MeshViews,
+        computing: Callable[[], AbstractContextManager[None]] = nullcontext,
+    ) -> None:
+        self.pipeline, self.meshes = pipeline, meshes
+        self._computing = computing
+
+    @classmethod
+    def built(cls, settings: Settings) -> Decomposer:
+        """The decomposer of `run=decompose` with these settings."""
+        pipeline, meshes = settings.build("run.pipeline", "run.meshes")
+        return cls(pipeline, meshes, settings.computing)
+
+    def decompose(
+        self,
+        scene: str | Path | Sequence[ArrayLike],
+        intrinsics: Intrinsics | None = None,
+        poses: Sequence[ArrayLike] | None = None,
+        *,
+        depth_scale: float | None = None,
+        mesh_scale: float = 1.0,
+        name: str = "scene",
+    ) -> Prediction:
+        """The objects of a whole scene, as `run=decompose` finds them; it has one sample.
+
+        What looks odd is warned of, and in `warnings`. `estimate.details["T_world_input"]` (4, 4)
+        takes coordinates of the input to those of the objects.
+
+        Args:
+            scene: path of a mesh, of an RGB-D folder or of a sequence in TUM's format; or depth
+                images (H, W) as of `scenefw.load("simstack").predict`.
+            intrinsics: of all images.
+            poses: camera to world (4, 4) of each image, in one world (OpenCV: x right, y down).
+            depth_scale: metres per unit of integer depth; None = 0.001, or that of the format.
+            mesh_scale: metres per unit of a mesh.
+            name: of a scene given as arrays.
+
+        Raises:
+            InputError: the scene is unusable; the message says how to fix it.
+        """
+        require_number(depth_scale, "depth_scale", "metres per unit of integer depth, or None")
+        require_number(mesh_scale, "mesh_scale", "metres per unit of a mesh")
+        with self._computing():
+            given = (
+                self._read(scene, intrinsics, depth_scale, mesh_scale)
+                if isinstance(scene, str | Path)
+                else self._posed(scene, intrinsics, poses, depth_scale, name)
+            )
+            seen = self.pipeline.prepare(given.frames)
+            for warning in seen.warnings:
+                warnings.warn(f"{given.name}: {warning}", stacklevel=2)
+            return Prediction((taken_apart(given, seen, self.pipeline),))
+
+    def _read(
+        self,
+        path: str | Path,
+        intrinsics: Intrinsics | None,
+        depth_scale: float | None,
+        mesh_scale: float,
+    ) -> WholeScene:
+        options: dict[str, Any] = {"intrinsics": intrinsics, "largest_jump": None}
+        if depth_scale is not None:
+            options["depth_scale"] = depth_scale
+        return read_whole_scene(path, self.pipeline, self.meshes, mesh_scale, options)
+
+    def _posed(
+        self,
+        images: Sequence[ArrayLike],
+        intrinsics: Intrinsics | None,
+        poses: Sequence[ArrayLike] | None,
+        depth_scale: float | None,
+        name: str,
+    ) -> WholeScene:
+        if intrinsics is None or poses is None or len(poses) != len(images):
+            given = 0 if poses is None else len(poses)
+            known = "no intrinsics" if intrinsics is None else "intrinsics"
+            raise InputError(
+                f"{len(images)} depth images of {name} came with {given} poses and {known}; give "
+                "K (3, 3), and a pose (4, 4) of each, camera to world"
+            )
+        frames = [
+            _frame(depth, intrinsics, pose, depth_scale, f"{name}, view {number}")
+            for number, (depth, pose) in enumerate(zip(images, poses, strict=True), start=1)
+        ]
+        chosen = self.pipeline.chosen([frame.camera.T_world_camera for frame in frames])
+        return WholeScene(name, [frames[number] for number in chosen])
+
+
+def _frame(
+    depth: ArrayLike, intrinsics: Intrinsics, pose: ArrayLike, scale: float | None, name: str
+) -> Frame:
+    frame = frame_of(depth, intrinsics, None, depth_scale=scale, name=name)
+    T = np.asarray(pose, np.float64)  # noqa: N806
+    if T.shape != (4, 4) or not np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-3):
+        raise InputError(
+            f"the pose of {name} is no rigid transform (4, 4); give camera to world, in metres"
+        )
+    return replace(frame, camera=frame.camera.moved(T))
