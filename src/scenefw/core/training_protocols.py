@@ -245,12 +245,14 @@ class SetFlowModel(Network, Protocol):
         count: int,
         generator: torch.Generator,
         steps: int = 20,
+        spread: Sequence[float] | None = None,
     ) -> SeenSetBatch:
         """Draws `count` sets for one view.
 
         Rows of the batch are this view, each with other points of it. Draw k sees row k, and those
         after the last begin with the first again. The view's objects are what was fitted to it: a
-        network may take their rotations as known.
+        network may take their rotations as known. `spread` is the standard deviation of the noise
+        of each draw, 1 as in training if None.
         """
 
 

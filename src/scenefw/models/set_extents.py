@@ -13,6 +13,7 @@ from scenefw.core.batches import SeenSetBatch, SetFlowPrediction
 from scenefw.core.settings import COUNT, NOT_NEGATIVE
 from scenefw.kernels.precision import full_precision
 from scenefw.models.set_attention import attention, time_waves
+from scenefw.models.start_noise import start_noise
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -203,6 +204,7 @@ class SetExtents(nn.Module):
         count: int,
         generator: torch.Generator,
         steps: int = 20,
+        spread: Sequence[float] | None = None,
     ) -> SeenSetBatch:
         """Draws sets for one view, with the axes that its objects have.
 
@@ -213,6 +215,7 @@ class SetExtents(nn.Module):
             count: of draws, S.
             generator: of noise, on the CPU.
             steps: of Euler's method.
+            spread: standard deviation of the noise of each draw; None: 1, as in training.
 
         Returns:
             The rows that draws saw, S of them.
@@ -225,7 +228,7 @@ class SetExtents(nn.Module):
         fields: dict[str, Tensor] = vars(batch)
         views = SeenSetBatch(**{name: value[rows] for name, value in fields.items()})
         seen = views.seen
-        now = torch.randn(count, seen.shape[1], SIZE, generator=generator).to(device)
+        now = start_noise((count, seen.shape[1], SIZE), generator, spread).to(device)
         for step in range(steps):
             time = torch.full((count,), step / steps, device=device)
             now = now + self.velocity_of(now, time, memory, seen) / steps

@@ -12,6 +12,7 @@ from scenefw.core.batches import SeenSetBatch, SetFlowPrediction
 from scenefw.core.settings import COUNT, SHARE
 from scenefw.matching.assignment import Assignment
 from scenefw.models.set_attention import attention, time_waves
+from scenefw.models.start_noise import start_noise
 from scenefw.models.superquadric_tokens import SIZE, decode, described_in_all_ways, encode
 
 if TYPE_CHECKING:
@@ -168,6 +169,7 @@ class SetFlow(nn.Module):
         count: int,
         generator: torch.Generator,
         steps: int = 20,
+        spread: Sequence[float] | None = None,
     ) -> SeenSetBatch:
         """Draws sets for one view.
 
@@ -177,13 +179,14 @@ class SetFlow(nn.Module):
             count: of draws, S.
             generator: of noise, on the CPU.
             steps: of Euler's method.
+            spread: standard deviation of the noise of each draw; None: 1, as in training.
 
         Returns:
             The rows that draws saw, in slots those that are seen and then those that aren't.
         """
         view = _seen_alone(batch)
         memory, hidden = self._hidden(view, count, generator, given=True)
-        return self._draw(view, memory, hidden, generator, steps)
+        return self._draw(view, memory, hidden, generator, steps, spread=spread)
 
     @torch.no_grad()
     def complete(
@@ -250,11 +253,12 @@ class SetFlow(nn.Module):
         steps: int,
         *,
         known: bool = False,
+        spread: Sequence[float] | None = None,
     ) -> SeenSetBatch:
         device = view.points.device
         count, parts = len(hidden), view.seen.shape[1]
         extra = max(int(hidden.max()), 1)
-        noise = torch.randn(count, parts + extra, SIZE, generator=generator).to(device)
+        noise = start_noise((count, parts + extra, SIZE), generator, spread).to(device)
         there = torch.arange(extra)[None] < hidden[:, None]
         views = _with_hidden(view, there.to(device))
         seen, present, points = views.seen, views.present, views.points

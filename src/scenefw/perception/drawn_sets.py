@@ -75,6 +75,8 @@ class DrawnSets(Fitted):
         lowest: how high above the floor what was not predicted must reach to be an object (m).
         steps: of each draw.
         votes: draws whose middle the first sample takes; 0: it is the fit without a network.
+        spread: standard deviation of the noise that further samples start from; 1 as in training.
+            What is drawn is fitted to the view again, which makes samples more alike than draws.
         drawn_sigma: standard deviation of points of drawn surfaces (m).
         beyond: points of drawn surfaces count that are further than this from all seen ones (m).
         hidden: adds objects of which nothing is seen to drawn scenes; None adds none.
@@ -98,6 +100,7 @@ class DrawnSets(Fitted):
         lowest: float = 0.015,
         steps: int = 20,
         votes: int = 32,
+        spread: float = 1.0,
         drawn_sigma: float = 0.008,
         beyond: float = 0.01,
         hidden: HiddenObjects | None = None,
@@ -108,12 +111,12 @@ class DrawnSets(Fitted):
     ) -> None:
         super().__init__(inner, fit, evidence, near, explained, least, lowest, vessels, drawn=drawn)
         COUNT.require(steps=steps)
-        NOT_NEGATIVE.require(votes=votes, beyond=beyond)
+        NOT_NEGATIVE.require(votes=votes, beyond=beyond, spread=spread)
         above(evidence.seen_sigma, "as what is seen is the more certain").require(
             drawn_sigma=drawn_sigma
         )
         self.sized, self.model, self.hidden = fit, checkpoint.model, hidden
-        self.steps, self.votes = steps, votes
+        self.steps, self.votes, self.spread = steps, votes, spread
         self.drawn_sigma, self.beyond = drawn_sigma, beyond
         self.calibration = calibration
         self.metadata = dict(checkpoint.metadata)
@@ -167,7 +170,10 @@ class DrawnSets(Fitted):
     ) -> SeenSetBatch:
         generator = torch.Generator().manual_seed(int(random.integers(2**62)))
         device = next(self.model.parameters()).device  # type: ignore[attr-defined]
-        return self.model.sample(seen.batch(fitted, device), count, generator, self.steps)
+        spread = [1.0] * self.votes + [self.spread] * (count - self.votes)
+        return self.model.sample(
+            seen.batch(fitted, device), count, generator, self.steps, spread[:count]
+        )
 
     def _near(
         self, drawn: Sequence[FittedSuperquadric], evidence: Sequence[Evidence]

@@ -12,6 +12,8 @@ from scenefw.core.errors import ConfigError
 from scenefw.losses.flow_velocity import FlowVelocity
 from scenefw.losses.hidden_count import HiddenCount
 from scenefw.models.set_extents import SetExtents, seen_in_axes
+from scenefw.models.set_flow import SetFlow
+from scenefw.models.start_noise import start_noise
 from scenefw.shapes.equal_descriptions import equal_descriptions
 
 SMALL = {"slots": 4, "width": 32, "layers": 1, "heads": 2, "others": 4, "turn": 0.0}
@@ -176,3 +178,29 @@ def test_what_is_learnt_keeps_its_millimetres_in_mixed_precision():
         with torch.autocast("cpu", torch.bfloat16, enabled=mixed):
             aims.append(model(batch, torch.Generator().manual_seed(0)).target)
     assert torch.equal(*aims)
+
+
+@pytest.mark.parametrize("kind", ["extents", "whole"])
+def test_draws_spread_as_their_noise_does(kind):
+    torch.manual_seed(0)
+    whole = SetFlow(slots=4, width=32, layers=1, heads=2)
+    model = (SetExtents(**SMALL) if kind == "extents" else whole).eval()
+    batch = boxes(1)
+
+    def drawn(spread):
+        found = model.sample(batch, 3, torch.Generator().manual_seed(0), 4, spread)
+        return found.half_axes[:, : batch.seen.shape[1]][:, batch.seen[0]]
+
+    same, plain, ones = drawn([0.0, 0.0, 0.0]), drawn(None), drawn([1.0, 1.0, 1.0])
+    torch.testing.assert_close(plain, ones)
+    mixed = drawn([0.0, 1.0, 1.0])
+    torch.testing.assert_close(mixed[0], same[0])
+    torch.testing.assert_close(mixed[1:], plain[1:])
+    assert (plain[0] - same[0]).abs().max() > 1e-4
+    if kind == "extents":  # the other also draws how many objects are hidden
+        torch.testing.assert_close(same[1:], same[:1].expand(2, -1, -1))
+
+
+def test_noise_has_the_deviation_of_its_draw():
+    noise = start_noise((3, 50, 40), torch.Generator().manual_seed(0), [0.0, 1.0, 2.0])
+    np.testing.assert_allclose(noise.std(dim=(1, 2)), [0, 1, 2], atol=0.06)

@@ -38,7 +38,7 @@ class Told(torch.nn.Module):
         self.boxes = torch.as_tensor(np.array(boxes), dtype=torch.float32)
         self.any = torch.nn.Parameter(torch.zeros(1))
 
-    def sample(self, batch, count, generator, steps=20):
+    def sample(self, batch, count, generator, steps=20, spread=None):
         self.shown = batch
         boxes = self.boxes.expand(count, -1, -1, -1)
         slots = boxes.shape[1]

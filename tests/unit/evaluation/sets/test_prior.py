@@ -54,7 +54,7 @@ class Knowing(torch.nn.Module):
         self.still = torch.nn.Parameter(torch.zeros(1))
         self.true, self.up = scenes, up
 
-    def sample(self, batch, count, generator, steps=20):
+    def sample(self, batch, count, generator, steps=20, spread=None):
         batch = SeenSetBatch(*(field.expand(count, *field.shape[1:]) for field in
                                vars(batch).values()))  # fmt: skip
         return replace(batch, positions=batch.positions + torch.tensor([0, 0, self.up]))
