@@ -39,6 +39,12 @@ class WholeScene:
     note: str = ""
 
 
+def scene_name(path: Path | str) -> str:
+    """What a scene in a file or folder is called."""
+    whole = Path(path).resolve()
+    return whole.stem if is_mesh(whole) else whole.name
+
+
 def read_whole_scene(
     path: Path | str,
     pipeline: ViewsPipeline,
@@ -64,10 +70,11 @@ def read_whole_scene(
             f"no file or folder {path}; give input=PATH of a mesh, or of a folder of depth images "
             "with poses"
         )
+    name = scene_name(path)
     if is_mesh(path):
-        seen = meshes.see(read_scene_mesh(path, mesh_scale), path.stem)
+        seen = meshes.see(read_scene_mesh(path, mesh_scale), name)
         note = f"the table is {seen.note}"
-        return WholeScene(path.stem, seen.frames, seen.T_table_file, seen.mesh, note)
+        return WholeScene(name, seen.frames, seen.T_table_file, seen.mesh, note)
     if path.is_file():
         raise InputError(
             f"{path} is no mesh; one depth image is a matter of run=predict, several are given as "
@@ -75,7 +82,7 @@ def read_whole_scene(
         )
     recording = open_sequence(path, **dict(options or {}))
     frames = [recording[number] for number in pipeline.chosen(recording.poses)]
-    return WholeScene(path.stem, frames)
+    return WholeScene(name, frames)
 
 
 def taken_apart(given: WholeScene, seen: SeenScene, pipeline: ViewsPipeline) -> SceneEstimate:

@@ -19,7 +19,7 @@ from scenefw.core.types import TriangleMesh
 from scenefw.export.meshes import write_ply
 from scenefw.perception.nearest_objects import nearest_objects
 from scenefw.perception.settling import words as settled_words
-from scenefw.perception.whole_scenes import WholeScene, read_whole_scene, taken_apart
+from scenefw.perception.whole_scenes import WholeScene, read_whole_scene, scene_name, taken_apart
 from scenefw.report.overview import write_overview
 from scenefw.report.page import write_scene_page
 from scenefw.report.scenes3d import Scene3D, layer, packed
@@ -104,7 +104,7 @@ class Decompose:
         """
         start = time.perf_counter()
         require_writable(self.output)
-        folder = self.output / self.input.stem
+        folder = self.output / scene_name(self.input)
         require_replaceable(folder)
         given = read_whole_scene(
             self.input, self.pipeline, self.meshes, self.mesh_scale, self.options

@@ -74,10 +74,10 @@ def _each_box_has_a_colour(folder, mesh):
 
 
 def test_a_recording_is_taken_apart(tmp_path, capsys):
-    write_sequence(tmp_path / "walk", frames())
-    figures = task(tmp_path / "walk", tmp_path / "out", overview=False, page=False).run()
+    write_sequence(tmp_path / "walk.2", frames())
+    figures = task(tmp_path / "walk.2", tmp_path / "out", overview=False, page=False).run()
     assert (figures["objects"], figures["views"]) == (2, 4)
-    folder = tmp_path / "out" / "walk"
+    folder = tmp_path / "out" / "walk.2"
     assert names(folder) == [
         "masks.png", "object_01.ply", "object_02.ply", "scene.glb", "scene.json",
     ]  # fmt: skip
