@@ -5,14 +5,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from scenefw.api.prediction import Prediction
 from scenefw.core.errors import InputError, require_number
+from scenefw.core.settings import POSITIVE
 from scenefw.data.arrays import frame_of
 from scenefw.perception.whole_scenes import WholeScene, read_whole_scene, taken_apart
 
@@ -20,7 +18,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from scenefw.api.settings import Settings
-    from scenefw.core.types import Frame
     from scenefw.data.intrinsics import Intrinsics
     from scenefw.perception.mesh_views import MeshViews
     from scenefw.perception.views_pipeline import ViewsPipeline
@@ -68,7 +65,7 @@ class Decomposer:
         Args:
             scene: path of a mesh, of an RGB-D folder or of a sequence in TUM's format; or depth
                 images (H, W) as of `scenefw.load("simstack").predict`.
-            intrinsics: of all images.
+            intrinsics: of all images; of a folder, None or the path of a file.
             poses: camera to world (4, 4) of each image, in one world (OpenCV: x right, y down).
             depth_scale: metres per unit of integer depth; None = 0.001, or that of the format.
             mesh_scale: metres per unit of a mesh.
@@ -79,9 +76,10 @@ class Decomposer:
         """
         require_number(depth_scale, "depth_scale", "metres per unit of integer depth, or None")
         require_number(mesh_scale, "mesh_scale", "metres per unit of a mesh")
+        POSITIVE.require(mesh_scale=mesh_scale)
         with self._computing():
             given = (
-                self._read(scene, intrinsics, depth_scale, mesh_scale)
+                self._read(scene, intrinsics, poses, depth_scale, mesh_scale)
                 if isinstance(scene, str | Path)
                 else self._posed(scene, intrinsics, poses, depth_scale, name)
             )
@@ -94,9 +92,15 @@ class Decomposer:
         self,
         path: str | Path,
         intrinsics: Intrinsics | None,
+        poses: Sequence[ArrayLike] | None,
         depth_scale: float | None,
         mesh_scale: float,
     ) -> WholeScene:
+        if poses is not None or not (intrinsics is None or isinstance(intrinsics, str | Path)):
+            raise InputError(
+                f"{path} brings its poses and intrinsics; leave both out, or give a file of "
+                "intrinsics"
+            )
         options: dict[str, Any] = {"intrinsics": intrinsics, "largest_jump": None}
         if depth_scale is not None:
             options["depth_scale"] = depth_scale
@@ -118,20 +122,14 @@ class Decomposer:
                 "K (3, 3), and a pose (4, 4) of each, camera to world"
             )
         frames = [
-            _frame(depth, intrinsics, pose, depth_scale, f"{name}, view {number}")
+            frame_of(
+                depth,
+                intrinsics,
+                depth_scale=depth_scale,
+                pose=pose,
+                name=f"{name}, view {number}",
+            )
             for number, (depth, pose) in enumerate(zip(images, poses, strict=True), start=1)
         ]
         chosen = self.pipeline.chosen([frame.camera.T_world_camera for frame in frames])
         return WholeScene(name, [frames[number] for number in chosen])
-
-
-def _frame(
-    depth: ArrayLike, intrinsics: Intrinsics, pose: ArrayLike, scale: float | None, name: str
-) -> Frame:
-    frame = frame_of(depth, intrinsics, None, depth_scale=scale, name=name)
-    T = np.asarray(pose, np.float64)  # noqa: N806
-    if T.shape != (4, 4) or not np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-3):
-        raise InputError(
-            f"the pose of {name} is no rigid transform (4, 4); give camera to world, in metres"
-        )
-    return replace(frame, camera=frame.camera.moved(T))

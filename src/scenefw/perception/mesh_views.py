@@ -35,13 +35,13 @@ class SeenMesh:
 
     Args:
         mesh: in table coordinates: z up, table at z = 0.
-        T_table_file: (4, 4) from coordinates of the file to these.
+        T_table_mesh: (4, 4) from coordinates of the mesh as it was given to these.
         frames: with poses in table coordinates.
         note: how the table was found, in words.
     """
 
     mesh: TriangleMesh
-    T_table_file: Float64
+    T_table_mesh: Float64
     frames: tuple[Frame, ...]
     note: str
 

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
     from scenefw.core.types import Float64, Int32, ObjectEstimate
 
+_AT_ONCE = 50_000  # points: each takes some kilobytes
+
 
 def nearest_objects(
     points: Float64, objects: Sequence[ObjectEstimate], reach: float
@@ -29,12 +31,11 @@ def nearest_objects(
     for item in objects:
         distances = MeshDistances(item.mesh)
         box = (points > distances.low - reach) & (points < distances.high + reach)
-        rows = np.flatnonzero(box.all(axis=1))
-        if not len(rows):
-            continue
-        away = np.abs(distances.at(points[rows]))
-        closer = (away < nearest[rows]) & (away <= reach)
-        labels[rows[closer]], nearest[rows[closer]] = item.id, away[closer]
+        found = np.flatnonzero(box.all(axis=1))
+        for rows in np.split(found, range(_AT_ONCE, len(found), _AT_ONCE)) if len(found) else ():
+            away = np.abs(distances.at(points[rows]))
+            closer = (away < nearest[rows]) & (away <= reach)
+            labels[rows[closer]], nearest[rows[closer]] = item.id, away[closer]
     return labels, nearest
 
 

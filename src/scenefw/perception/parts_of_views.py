@@ -72,8 +72,8 @@ class PartsOfViews:
         parts = _numbered(alone)
         frames = seen_frames(stacked(views), "joining")
         points = np.concatenate([world_points(frame) for frame in frames])
-        masks = parts if len(views) == 1 else self._joined(parts, points, views, grid)
         free = np.any(seen_free(stacked(views), grid), axis=0)
+        masks = parts if len(views) == 1 else self._joined(parts, points, len(views), free, grid)
         tsdf, instances = hulls(masks, points, free, grid)
         device = views[0].distance.device
         scene = Completion(
@@ -84,14 +84,13 @@ class PartsOfViews:
         return [scene] * samples
 
     def _joined(
-        self, parts: Int32, points: Float64, views: Sequence[PartialTSDF], grid: GridSpec
+        self, parts: Int32, points: Float64, views: int, free: NDArray[np.bool_], grid: GridSpec
     ) -> Int32:
         """Objects (V H, W) of parts (V H, W) with their points (V H, W, 3)."""
-        free = np.any(seen_free(stacked(views), grid), axis=0)
         step = max(1, parts.shape[1] // _COARSE)
         if self.overlap is not None:
-            images = np.split(parts, len(views))
-            places = np.split(points, len(views))
+            images = np.split(parts, views)
+            places = np.split(points, views)
             table = self.overlap.joined(
                 [image[::step, ::step] for image in images],
                 [place[::step, ::step] for place in places],

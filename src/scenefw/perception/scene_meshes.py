@@ -6,14 +6,17 @@ from pathlib import Path
 
 import numpy as np
 
+from scenefw.core import geometry
 from scenefw.core.errors import InputError
 from scenefw.core.files import unreadable
-from scenefw.core.types import TriangleMesh
+from scenefw.core.types import Float64, TriangleMesh
 
 MESHES = (".ply", ".obj", ".stl", ".off", ".glb", ".gltf")
 _Y_UP = (".glb", ".gltf")  # by their standard
+_TURNED = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
 _WIDEST = 20.0  # m: what is wider was given in millimetres
 _NARROWEST = 0.02  # m
+_GIVE = "run.mesh_scale (from Python: mesh_scale)="
 
 
 def is_mesh(path: Path) -> bool:
@@ -21,8 +24,8 @@ def is_mesh(path: Path) -> bool:
     return path.suffix.lower() in MESHES
 
 
-def read_scene_mesh(path: Path | str, scale: float = 1.0) -> TriangleMesh:
-    """The triangles of a scene, z up, in metres.
+def read_scene_mesh(path: Path | str, scale: float = 1.0) -> tuple[TriangleMesh, Float64]:
+    """The triangles of a scene, z up, in metres, and (4, 4) how they come of the file's numbers.
 
     glTF files are y up by their standard and are turned.
 
@@ -42,16 +45,17 @@ def read_scene_mesh(path: Path | str, scale: float = 1.0) -> TriangleMesh:
         mesh = trimesh.load_scene(path, process=False, skip_materials=True).to_mesh()
     except Exception as error:  # trimesh passes on whatever its readers raise
         raise InputError(f"cannot read {path}: {unreadable(error, 'is it a mesh?')}") from error
-    vertices = np.asarray(mesh.vertices, np.float64) * scale
+    T = np.diag([scale, scale, scale, 1.0])  # noqa: N806
+    if path.suffix.lower() in _Y_UP:
+        T = _TURNED @ T  # noqa: N806
+    vertices = geometry.transform_points(T, mesh.vertices)
     faces = np.asarray(mesh.faces, np.int64).reshape(-1, 3)
     if not len(faces):
         raise InputError(
             f"{path} has no triangles; make a surface of its points first, or give depth images"
         )
     _require_metres(path, vertices)
-    if path.suffix.lower() in _Y_UP:
-        vertices = vertices @ np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]])
-    return TriangleMesh(vertices, faces)
+    return TriangleMesh(vertices, faces), T
 
 
 def _require_metres(path: Path, vertices: np.ndarray) -> None:
@@ -60,10 +64,10 @@ def _require_metres(path: Path, vertices: np.ndarray) -> None:
     width = float(np.ptp(vertices, axis=0).max())
     if width > _WIDEST:
         raise InputError(
-            f"{path} is {width:.0f} m wide; if it is in millimetres, give run.mesh_scale=0.001"
+            f"{path} is {width:.0f} m wide; if it is in millimetres, give {_GIVE}0.001"
         )
     if width < _NARROWEST:
         raise InputError(
             f"{path} is only {width * 1000:.1f} mm wide; expected a scene in metres: give "
-            "run.mesh_scale=METRES_PER_UNIT"
+            f"{_GIVE}METRES_PER_UNIT"
         )

@@ -12,13 +12,12 @@ import numpy as np
 
 from scenefw.core import geometry
 from scenefw.core.errors import InputError
+from scenefw.core.settings import POSITIVE
 from scenefw.core.types import Float64, Frame
 from scenefw.perception.floor import FloorFinder
 from scenefw.perception.points import world_points
 
 _HIGHEST = 0.3  # m above the table: anything higher is ignored when finding its middle
-_UPRIGHT = np.cos(np.radians(5))
-_LEVEL = 0.03  # m
 
 
 @dataclass(frozen=True)
@@ -42,11 +41,24 @@ class TableFrame:
     Args:
         floor: finds the table.
         farthest: points farther from the camera don't say where the middle is (m).
+        tilt: poses of a world whose plane z = 0 is off the table by no more than this are kept
+            (degrees).
+        level: the same for its height (m).
+
+    Raises:
+        ConfigError: a number that isn't positive.
     """
 
-    def __init__(self, floor: FloorFinder | None = None, farthest: float = 2.0) -> None:
+    def __init__(
+        self,
+        floor: FloorFinder | None = None,
+        farthest: float = 2.0,
+        tilt: float = 5.0,
+        level: float = 0.03,
+    ) -> None:
+        POSITIVE.require(farthest=farthest, tilt=tilt, level=level)
         self.floor = floor or FloorFinder()
-        self.farthest = farthest
+        self.farthest, self.tilt, self.level = farthest, tilt, level
 
     def rectified(self, frame: Frame) -> Frame:
         """The frame in table coordinates, whatever its camera's pose was.
@@ -63,7 +75,7 @@ class TableFrame:
         Args:
             frame: the first, with its pose in the old world.
             posed: whether the old world may be the table's: then it is kept if its plane z = 0
-                holds the table (within 5 degrees and 3 cm), or if no table is found.
+                holds the table (within `tilt` and `level`), or if no table is found.
 
         Raises:
             InputError: no table is found, and the poses have none either.
@@ -77,7 +89,7 @@ class TableFrame:
             raise
         normal = old[:3, :3] @ floor.normal
         level = float(normal @ old[:3, 3]) - floor.height  # of the table along its normal
-        if posed and normal[2] > _UPRIGHT and abs(level) < _LEVEL:
+        if posed and normal[2] > np.cos(np.radians(self.tilt)) and abs(level) < self.level:
             return Alignment(np.eye(4))
         note = "the table was found in the first frame and is the map's plane z = 0"
         return Alignment(self._pose(frame) @ geometry.inverse(old), note)

@@ -41,12 +41,14 @@ class SeenScene:
         partials: batches of one, a view each.
         moved: (4, 4) from coordinates of the frames as they were given to these.
         warnings: what looks wrong, one line each.
+        table: where it is, in words.
     """
 
     workspaces: tuple[Workspace, ...]
     partials: tuple[PartialTSDF, ...]
     moved: Float64
     warnings: tuple[str, ...]
+    table: str
 
 
 class ViewsPipeline:
@@ -59,7 +61,7 @@ class ViewsPipeline:
         table: finds the table, if the poses are of another world.
         workspace: finds the objects on it.
         doctor: checks the images.
-        views: images that are used at most: those from places far from each other.
+        views: images of a recording that `chosen` takes at most.
         seed: of methods that draw.
 
     Raises:
@@ -120,14 +122,17 @@ class ViewsPipeline:
             raise _no_view()
         warnings = [line for frame in frames for line in self.doctor.examine_frame(frame)]
         alignment = self.table.alignment(frames[0], posed=True)
-        warnings += [alignment.note] if alignment.note else []
+        if not alignment.table:
+            warnings.append(alignment.note)
         on_table = list(transformed(frames, alignment.T_table_world))
         workspaces = self.workspace.find_together(on_table, self.grid)
         warnings += self.doctor.examine_left_out(workspaces[0])
         partials = tuple(self._partial(one.frame) for one in workspaces)
         before, after = frames[0].camera, workspaces[0].frame.camera
         moved = after.T_world_camera @ np.linalg.inv(before.T_world_camera)
-        return SeenScene(tuple(workspaces), partials, moved, tuple(dict.fromkeys(warnings)))
+        table = "found in the first image" if alignment.note else "the plane z = 0 of the poses"
+        known = tuple(dict.fromkeys(warnings))
+        return SeenScene(tuple(workspaces), partials, moved, known, table)
 
     def complete(self, scene: SeenScene) -> SceneEstimate:
         """The complete scene.
@@ -141,6 +146,7 @@ class ViewsPipeline:
         details = {
             "confidence": f"share of seen points within {_NEAR * 1000:g} mm of the surface",
             "views": [one.frame.name for one in scene.workspaces],
+            "table": scene.table,
             "seed": self.seed,
             "warnings": list(scene.warnings),
         }

@@ -27,7 +27,8 @@ class WholeScene:
     Args:
         name: of the scene.
         frames: with poses in one world.
-        T_frames_file: (4, 4) from coordinates of the input to those of the frames' poses.
+        T_frames_file: (4, 4) from coordinates of the input, in its own unit and with its own axis
+            up, to those of the frames' poses.
         mesh: in coordinates of the frames' poses.
         note: what was done to get the views, in words.
     """
@@ -72,9 +73,10 @@ def read_whole_scene(
         )
     name = scene_name(path)
     if is_mesh(path):
-        seen = meshes.see(read_scene_mesh(path, mesh_scale), name)
+        mesh, T = read_scene_mesh(path, mesh_scale)  # noqa: N806
+        seen = meshes.see(mesh, name)
         note = f"the table is {seen.note}"
-        return WholeScene(name, seen.frames, seen.T_table_file, seen.mesh, note)
+        return WholeScene(name, seen.frames, seen.T_table_mesh @ T, seen.mesh, note)
     if path.is_file():
         raise InputError(
             f"{path} is no mesh; one depth image is a matter of run=predict, several are given as "
@@ -97,5 +99,9 @@ def taken_apart(given: WholeScene, seen: SeenScene, pipeline: ViewsPipeline) -> 
         InputError: the views contradict each other.
     """
     found = pipeline.complete(seen)
-    details = {**found.details, "T_world_input": seen.moved @ given.T_frames_file}
+    details = {
+        **found.details,
+        "table": given.note or found.details["table"],
+        "T_world_input": seen.moved @ given.T_frames_file,
+    }
     return replace(found, frame=replace(found.frame, name=given.name), details=details)

@@ -19,7 +19,7 @@ from scenefw.core.types import TriangleMesh
 from scenefw.export.meshes import write_ply
 from scenefw.perception.nearest_objects import nearest_objects
 from scenefw.perception.settling import words as settled_words
-from scenefw.perception.whole_scenes import WholeScene, read_whole_scene, scene_name, taken_apart
+from scenefw.perception.whole_scenes import read_whole_scene, scene_name, taken_apart
 from scenefw.report.overview import write_overview
 from scenefw.report.page import write_scene_page
 from scenefw.report.scenes3d import Scene3D, layer, packed
@@ -86,8 +86,10 @@ class Decompose:
                 "poses"
             )
         POSITIVE.require(depth_scale=depth_scale, mesh_scale=mesh_scale)
-        require_apart(output, input)
         self.input, self.output = Path(input), Path(output)
+        self.folder = self.output / scene_name(input)
+        for place in (output, self.folder):
+            require_apart(place, input)
         self.pipeline, self.meshes, self.settling = pipeline, meshes, settling
         self.options: dict[str, Any] = {"intrinsics": intrinsics, "largest_jump": largest_jump}
         if depth_scale is not None:
@@ -104,24 +106,29 @@ class Decompose:
         """
         start = time.perf_counter()
         require_writable(self.output)
-        folder = self.output / scene_name(self.input)
-        require_replaceable(folder)
+        require_replaceable(self.folder)
         given = read_whole_scene(
             self.input, self.pipeline, self.meshes, self.mesh_scale, self.options
         )
         if given.note:
-            print(f"{self.input.name}: {given.note}")
+            print(f"{given.name}: {given.note}")
         seen = self.pipeline.prepare(given.frames)
         for warning in seen.warnings:
-            print(f"{self.input.name}: {warning}", file=sys.stderr)
+            print(f"{given.name}: {warning}", file=sys.stderr)
         with Console(stderr=True).status(f"{len(given.frames)} views: parts, then objects"):
-            estimate = taken_apart(given, seen, self.pipeline)
+            found = taken_apart(given, seen, self.pipeline)
+        estimate = found
         if self.settling is not None:
-            estimate = self.settling.settle([estimate])[0]
+            estimate = self.settling.settle([found])[0]
             print(settled_words(estimate))
-        with replacing_folder(folder) as temporary:
-            self._write(temporary, estimate, seen, given)
-        print(folder)
+        with replacing_folder(self.folder) as temporary:
+            colours = self._write(temporary, estimate, seen, given.name)
+            if given.mesh is not None:
+                vertices = geometry.transform_points(seen.moved, given.mesh.vertices)
+                mesh = TriangleMesh(vertices, given.mesh.faces)
+                # what settles leaves the place where it was scanned
+                write_ply(temporary / "labelled.ply", mesh, _vertex_colours(mesh, found, colours))
+        print(self.folder)
         return {
             "objects": float(len(estimate.objects)),
             "views": float(len(given.frames)),
@@ -129,19 +136,16 @@ class Decompose:
         }
 
     def _write(
-        self, folder: Path, estimate: SceneEstimate, seen: SeenScene, given: WholeScene
-    ) -> None:
+        self, folder: Path, estimate: SceneEstimate, seen: SeenScene, name: str
+    ) -> list[Colour]:
         colours = write_scene(folder, estimate, self.exports)
-        if given.mesh is not None:
-            vertices = geometry.transform_points(seen.moved, given.mesh.vertices)
-            mesh = TriangleMesh(vertices, given.mesh.faces)
-            write_ply(folder / "labelled.ply", mesh, _vertex_colours(mesh, estimate, colours))
         if self.page:
-            scene = Scene3D(given.name, (layer("objects", estimate, colours),), estimate.frame)
-            write_scene_page(folder / "scene.html", given.name, packed([scene]))
+            scene = Scene3D(name, (layer("objects", estimate, colours),), estimate.frame)
+            write_scene_page(folder / "scene.html", name, packed([scene]))
         if self.overview:
             partial = seen.partials[0].distance[0, 0].cpu().numpy()
             write_overview(folder / "overview.png", estimate, partial, colours)
+        return colours
 
 
 def _vertex_colours(

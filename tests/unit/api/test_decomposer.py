@@ -6,7 +6,7 @@ from tests.unit.perception.several import PAIR, boxes, fitted_parts
 from tests.unit.perception.test_views_pipeline import frames
 
 from scenefw.api.decomposer import Decomposer
-from scenefw.core.errors import InputError
+from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import GridSpec
 from scenefw.data.sequences import write_sequence
 from scenefw.export.meshes import write_ply
@@ -52,8 +52,13 @@ def test_bad_input(tmp_path):
         METHOD.decompose([first.depth])
     with pytest.raises(InputError, match="1 depth images of scene came with 2 poses"):
         METHOD.decompose([first.depth], K, [np.eye(4)] * 2)
-    with pytest.raises(InputError, match="view 1 is no rigid transform"):
-        METHOD.decompose([first.depth], K, [np.diag([2.0, 1, 1, 1])])
+    for wrong in (np.diag([2.0, 1, 1, 1]), np.diag([-1.0, 1, 1, 1]), np.full((4, 4), np.nan)):
+        with pytest.raises(InputError, match="scene, view 1"):
+            METHOD.decompose([first.depth], K, [wrong])
+    with pytest.raises(InputError, match="brings its poses and intrinsics"):
+        METHOD.decompose(tmp_path, K)
+    with pytest.raises(ConfigError, match="mesh_scale = -1"):
+        METHOD.decompose(tmp_path / "nix.ply", mesh_scale=-1.0)
     with pytest.raises(InputError, match="there is no view"):
         METHOD.decompose([], K, [])
     with pytest.raises(InputError, match=r"no file or folder .*nix\.ply"):

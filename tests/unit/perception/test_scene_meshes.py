@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from scenefw.core import geometry
 from scenefw.core.errors import InputError
 from scenefw.perception.scene_meshes import is_mesh, read_scene_mesh
 
@@ -19,7 +20,10 @@ def tall(path, factor=1.0):
 
 @pytest.mark.parametrize("suffix", [".ply", ".obj", ".stl", ".off", ".glb"])
 def test_formats(tmp_path, suffix):
-    mesh = read_scene_mesh(tall(tmp_path / f"scene{suffix}"))
+    file = tall(tmp_path / f"scene{suffix}")
+    mesh, T = read_scene_mesh(file)  # noqa: N806
+    raw = trimesh.load(file, force="mesh", process=False).vertices
+    np.testing.assert_allclose(mesh.vertices, geometry.transform_points(T, raw), atol=1e-9)
     np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), [0.1, 0.2, 0.3], atol=1e-6)
     corners = mesh.vertices[mesh.faces]
     volume = np.einsum("fi,fi->f", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
@@ -33,16 +37,17 @@ def test_several_objects_of_a_file(tmp_path):
         moved = trimesh.transformations.translation_matrix((place, 0, 0))
         scene.add_geometry(trimesh.creation.box((0.1, 0.1, 0.1)), transform=moved)
     scene.export(tmp_path / "two.glb")
-    mesh = read_scene_mesh(tmp_path / "two.glb")
+    mesh, _ = read_scene_mesh(tmp_path / "two.glb")
     assert len(mesh.faces) == 24
     np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), [0.6, 0.1, 0.1], atol=1e-6)
 
 
 def test_units(tmp_path):
     file = tall(tmp_path / "mm.ply", 1000)
-    with pytest.raises(InputError, match=r"300 m wide; .* run\.mesh_scale=0\.001"):
+    with pytest.raises(InputError, match=r"300 m wide; .* run\.mesh_scale .*=0\.001"):
         read_scene_mesh(file)
-    scaled = read_scene_mesh(file, 0.001)
+    scaled, T = read_scene_mesh(file, 0.001)  # noqa: N806
+    np.testing.assert_allclose(T, np.diag([0.001, 0.001, 0.001, 1.0]))
     np.testing.assert_allclose(np.ptp(scaled.vertices, axis=0), [0.1, 0.2, 0.3], atol=1e-6)
     with pytest.raises(InputError, match=r"only 0\.3 mm wide"):
         read_scene_mesh(tall(tmp_path / "km.ply", 0.001))

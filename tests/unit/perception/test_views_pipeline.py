@@ -12,6 +12,7 @@ from scenefw.core.errors import InputError
 from scenefw.core.types import GridSpec
 from scenefw.mapping.inverse_ray_tracing import InverseRayTracing
 from scenefw.perception.same_surface import SameSurface
+from scenefw.perception.table_frame import TableFrame
 from scenefw.perception.views_pipeline import ViewsPipeline
 
 CAMERAS = [
@@ -23,7 +24,8 @@ HERE = np.eye(4)
 
 def pipeline(overlap=None, **settings):
     grid = GridSpec(resolution=64)
-    return ViewsPipeline(fitted_parts(overlap), InverseRayTracing(), grid, **settings)
+    table = TableFrame(tilt=0.3, level=0.002)
+    return ViewsPipeline(fitted_parts(overlap), InverseRayTracing(), grid, table, **settings)
 
 
 def frames(noise=0.0, world=HERE):
@@ -45,12 +47,29 @@ def test_boxes_are_found_at_their_size(noise, overlap):
     assert found.frame.depth.shape == found.masks.shape
 
 
-def test_poses_may_be_of_any_world():
-    turn = geometry.rigid(geometry.rotation_from_quaternion((0.9, 0.3, -0.2, 0.1)), (3.0, -2, 1))
-    scene = pipeline().prepare(frames(world=turn))
-    places = scene.moved @ turn  # from the boxes' own coordinates
-    np.testing.assert_allclose(places[2], (0, 0, 1, 0), atol=2e-3)  # the floor is the floor
-    assert any("table was found" in line for line in scene.warnings)
+TURNED = geometry.rotation_from_quaternion((0.9, 0.3, -0.2, 0.1))
+LEANING = geometry.rotation_from_quaternion((0.9997, 0.026, 0.0, 0.0))  # 3 degrees
+
+
+@pytest.mark.parametrize(
+    ("rotation", "place"),
+    [(TURNED, (3.0, -2, 1)), (np.eye(3), (0, 0, 0.02)), (np.eye(3), (0, 0, -0.02)),
+     (LEANING, (0, 0, 0))],
+)  # fmt: skip
+def test_poses_may_be_of_any_world(rotation, place):
+    """Of one that is hardly off, too."""
+    world = geometry.rigid(rotation, place)
+    scene = pipeline().prepare(frames(world=world))
+    from_boxes = scene.moved @ world  # from the boxes' own coordinates
+    np.testing.assert_allclose(from_boxes[2], (0, 0, 1, 0), atol=2e-3)  # the floor is the floor
+    assert scene.table == "found in the first image"
+    assert not scene.warnings
+
+
+def test_poses_of_the_table_are_kept():
+    scene = pipeline().prepare(frames())
+    np.testing.assert_allclose(scene.moved[:3, :3], np.eye(3), atol=1e-9)
+    assert scene.table == "the plane z = 0 of the poses"
 
 
 def test_views_far_apart_are_chosen():

@@ -1,6 +1,7 @@
 """`run=decompose`: a mesh or a recording to a folder of objects, or one clear line."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -103,6 +104,50 @@ def test_bad_input(tmp_path):
     with pytest.raises(InputError, match=r"expected depth/"):
         task(tmp_path / "empty", out).run()
     assert not out.exists() or not names(out)
+
+
+def test_a_recording_is_not_replaced_by_its_result(tmp_path):
+    """Even if scenefw wrote it, so that it may replace what is there."""
+    write_sequence(tmp_path / "walk", frames())
+    with pytest.raises(ConfigError, match="is the folder of the input"):
+        task(tmp_path / "walk", tmp_path)
+    assert (tmp_path / "walk" / "poses.txt").is_file()
+
+
+class Lifted:
+    """Settles objects half a metre higher."""
+
+    def settle(self, scenes):
+        (scene,) = scenes
+        up = np.array([0.0, 0.0, 0.5])
+        objects = tuple(
+            replace(item, mesh=replace(item.mesh, vertices=item.mesh.vertices + up))
+            for item in scene.objects
+        )
+        settled = {"displacement": 0.5, "stable": True, "objects": []}
+        return [replace(scene, objects=objects, details={**scene.details, "settled": settled})]
+
+
+def test_a_mesh_is_labelled_where_it_was_scanned(tmp_path, monkeypatch):
+    monkeypatch.setattr("scenefw.tasks.decompose.settled_words", lambda scene: "lifted")
+    mesh = boxes(*PAIR, table=TABLE)
+    write_ply(tmp_path / "pair.ply", mesh)
+    task(tmp_path / "pair.ply", tmp_path / "out", settling=Lifted(), page=False).run()
+    _each_box_has_a_colour(tmp_path / "out" / "pair", mesh)
+
+
+def test_a_gltf_file_keeps_its_own_coordinates(tmp_path):
+    """T_world_input begins with the numbers of the file, whose y is up."""
+    mesh = boxes(*PAIR, table=TABLE)
+    turned = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    down = trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0])
+    turned.apply_transform(down).export(tmp_path / "pair.glb")
+    task(tmp_path / "pair.glb", tmp_path / "out", overview=False, page=False).run()
+    summary = json.loads((tmp_path / "out" / "pair" / "scene.json").read_text())
+    to_result = np.array(summary["T_world_input"]) @ down
+    places = [geometry.transform_points(to_result, place) for _, place in PAIR]
+    for item in summary["objects"]:
+        assert min(np.linalg.norm(np.subtract(places, item["centre"]), axis=1)) < 0.006
 
 
 def test_foreign_folders_stay(tmp_path):

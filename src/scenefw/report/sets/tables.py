@@ -18,9 +18,9 @@ _NOTE = (
 _METHODS = {
     "scenefw": "the one that this experiment trains",
     "set_flow": "fitted hulls with hidden parts by a flow of sets",
-    "network_parts": "the scene's distances rendered from all sides, superquadrics fitted to parts "
-    "of all images that a network finds",
-    "fitted_parts": "the same with parts between creases (no learning)",
+    "fitted_parts": "the scene's distances rendered from all sides, superquadrics fitted to parts "
+    "of all images between creases (no learning)",
+    "network_parts": "as fitted parts, with parts that a network finds",
     "fitted_hulls": "superquadrics in parts of the image (no learning)",
     "components": "connected parts of the true occupancy (no learning)",
     "nothing": "an empty set, the trivial value of each measure",
