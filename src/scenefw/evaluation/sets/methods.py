@@ -169,7 +169,7 @@ def kept(
 
 
 class Components:
-    """Connected parts of the true occupancy: the strongest reference that learns nothing.
+    """Connected parts of the true occupancy, which learn nothing.
 
     It sees what an autoencoder of complete scenes sees. Objects that touch are joined.
 
