@@ -41,6 +41,8 @@ class AffinityParts:
         seed: pixels (of the thinned image) of the smallest region.
         shown: parts whose pixels show an object less probably, on average, are dropped.
         margin: points up to this height above the floor belong to it (m).
+        waves: so do points up to so many standard deviations of the floor's heights at the same
+            depth, if they are no higher than `lowest`.
         smallest: parts of fewer pixels (of an image 640 wide) are dropped.
         lowest: parts that rise no higher above the floor (m) are noise of it.
         noisy: so are parts that rise no higher than so many standard deviations of its heights at
@@ -58,28 +60,31 @@ class AffinityParts:
         seed: int = 12,
         shown: float = 0.6,
         margin: float = 0.005,
+        waves: float = 2.5,
         smallest: float = 60.0,
         lowest: float = 0.012,
         noisy: float = 7.0,
     ) -> None:
         PROBABILITY.require(sure=sure, same=same)
         below(1).require(shown=shown)
-        NOT_NEGATIVE.require(margin=margin, lowest=lowest, noisy=noisy)
+        NOT_NEGATIVE.require(margin=margin, waves=waves, lowest=lowest, noisy=noisy)
         COUNT.require(seed=seed, smallest=smallest)
         self.model: PartAffinityModel = checkpoint.model
         self.metadata = dict(checkpoint.metadata)
         self.sure, self.same, self.seed, self.shown = sure, same, seed, shown
-        self.margin, self.smallest = margin, smallest
+        self.margin, self.waves, self.smallest = margin, waves, smallest
         self.lowest, self.noisy = lowest, noisy
 
     def segment(self, frame: Frame) -> Int32:
         """Parts (H, W), 0 = none, of a frame whose camera has its pose (floor z = 0)."""
         heights = world_points(frame)[..., 2]
+        noise = floor_noise(heights, frame.depth) * frame.depth.astype(np.float64) ** 2
         step = max(1, round(frame.camera.fx / self.model.focal))
         rows, columns = (np.arange(size) // step for size in frame.depth.shape)
         depth = np.ascontiguousarray(np.nan_to_num(frame.depth[::step, ::step]), np.float32)
         across, down, shown = self._said(depth, frame.camera, step)
-        above = heights > self.margin  # NaN where no depth: not above
+        margin = np.clip(self.waves * noise, self.margin, max(self.margin, self.lowest))
+        above = heights > margin  # NaN where no depth: not above
         joined = self._joined(depth, across, down, above[::step, ::step])
         fewest = self.smallest * (frame.depth.shape[1] / WIDTH) ** 2
         parts = large_parts(joined, max(1, round(fewest / step**2)))
@@ -89,7 +94,6 @@ class AffinityParts:
         above &= ~unlikely[every]
         near = np.abs(frame.depth - depth[every]) < _JUMP
         parts = np.where(above & near, parts[every], 0).astype(np.int32)
-        noise = floor_noise(heights, frame.depth) * frame.depth.astype(np.float64) ** 2
         lowest = np.maximum(self.lowest, self.noisy * noise)
         return high_parts(grown(parts, above, frame.depth, EDGE), heights, lowest)
 

@@ -38,6 +38,7 @@ class View:
         free: (X, Y, Z) seen to be free.
         grid: of the volumes.
         eye: (3,) where the camera is (m), or None.
+        mixed: (H, W) pixels whose depth lies between two surfaces; None: none are.
     """
 
     points: Float64
@@ -47,6 +48,7 @@ class View:
     free: Mask
     grid: GridSpec
     eye: Float64 | None = None
+    mixed: Mask | None = None
 
 
 def seen_free(partial: PartialTSDF, grid: GridSpec) -> list[Mask]:
@@ -107,13 +109,18 @@ class EvidenceOfView:
         return Evidence(points, sigmas, outside, np.full(len(outside), self.outside_sigma))
 
     def _inner(self, label: int, view: View) -> Mask:
-        """Pixels that show the object, those at borders with others left out if enough remain."""
+        """Pixels that surely show the object, if enough do: not those at borders."""
         own: Mask = view.masks == label
+        if not own.any():
+            return own
+        if view.mixed is not None:
+            sure = own & ~view.mixed
+            own = sure if sure.sum() >= _LEFT * own.sum() else own
         reach = round(self.border * own.shape[1] / WIDTH)
-        if reach == 0 or not own.any():
+        if reach == 0:
             return own
         box = tuple(slice(max(k - reach, 0), m + reach + 1) for k, m in _ends(own))
-        others = (view.masks[box] > 0) & ~own[box]
+        others = (view.masks[box] > 0) & (view.masks[box] != label)
         inner = own.copy()
         inner[box] &= ~maximum_filter(others, 2 * reach + 1)
         return inner if inner.sum() >= _LEFT * own.sum() else own
@@ -138,7 +145,8 @@ class EvidenceOfView:
         low, high = points.min(axis=0) - room, points.max(axis=0) + room
         box = _box(view.grid, low, high)
         centres, empty = view.grid.centres()[box], view.free[box]
-        others = view.points[(view.masks > 0) & (view.masks != label)]
+        shown = (view.masks > 0) & (view.masks != label)
+        others = view.points[shown if view.mixed is None else shown & ~view.mixed]
         free = _thinned(_within(centres[empty], low, high), self.outside)
         beside = _thinned(_within(others, low, high), self.outside)
         x, y = np.meshgrid(*np.linspace(low[:2], high[:2], 10).T)

@@ -15,6 +15,7 @@ from scenefw.core.types import PlacedShape
 from scenefw.fitting.placed import shape_of
 from scenefw.perception.evidence import EvidenceOfView, View, seen_free
 from scenefw.perception.free_space import SEEN_THROUGH, places_in, seen_through, surely_free
+from scenefw.perception.mixed_pixels import mixed_pixels
 from scenefw.perception.points import world_points
 from scenefw.perception.seen_frames import seen_frames
 from scenefw.perception.seen_instances import seen_instances
@@ -133,7 +134,8 @@ class Fitted:
                 if scene.masks is None
                 else scene.masks[i].cpu().numpy()
             )
-            view = View(seen, masks, tsdf[i], instances[i], free[i], grid, eyes[i])
+            mixed = mixed_pixels(seen, eyes[i])
+            view = View(seen, masks, tsdf[i], instances[i], free[i], grid, eyes[i], mixed)
             draws = self.superquadrics(view, count, random)
             hollow.append(self.hollow(view, draws[0]))
             for views, found in zip(drawn, draws, strict=True):

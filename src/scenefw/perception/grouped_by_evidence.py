@@ -7,6 +7,7 @@ from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from scenefw.core.errors import ConfigError
 from scenefw.fitting.placed import OUTLIERS, robust_deviation, signed_distance
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 _POINTS = 200  # of a part, enough to say how well a shape explains it
 _SEGMENTS = 200  # between two parts
+_FARTHEST, _FAR = 2.0, 0.15  # sizes of the larger of two parts; m
 _THROUGH_FREE = 0.2  # share of them that may be seen through, at borders of voxels
 
 
@@ -148,7 +150,8 @@ def _may_be_one(
 ) -> bool:
     """Whether segments between parts, which a convex object contains, miss what is free.
 
-    And whether none hides another (P + 1, P + 1).
+    And whether none hides another (P + 1, P + 1), or lies so far away that a long shape through
+    both would say more about the gap between them than about what is seen.
     """
     for a, b in combinations(group, 2):
         if hide[a, b]:
@@ -156,6 +159,9 @@ def _may_be_one(
         rng = np.random.default_rng(0)
         first, second = (points[part][rng.integers(len(points[part]), size=_SEGMENTS)]
                          for part in (a, b))  # fmt: skip
+        larger = max(np.linalg.norm(np.ptp(some, axis=0)) for some in (first, second))
+        if cKDTree(first).query(second)[0].min() > max(_FARTHEST * larger, _FAR):
+            return False
         share = np.linspace(0.2, 0.8, 4)[:, None, None]
         voxels, inside = view.grid.nearest_voxels(first + share * (second - first))
         x, y, z = np.moveaxis(np.clip(voxels, 0, view.grid.resolution - 1), -1, 0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 from scenefw.core.errors import ConfigError
 from scenefw.core.protocols import Reconstructor
 from scenefw.perception.evidence import View, seen_free
+from scenefw.perception.mixed_pixels import mixed_pixels, without_ramps
 from scenefw.perception.points import world_points
 from scenefw.perception.seen_frames import seen_frames
 from scenefw.perception.seen_instances import seen_instances
@@ -61,6 +62,23 @@ class _Known:
         return parts
 
 
+@dataclass(frozen=True)
+class _Image:
+    """An image, its parts (H, W), and what its points say, once for all scenes."""
+
+    frame: Frame
+    parts: Int32
+    points: Float64
+    eye: Float64
+    mixed: NDArray[np.bool_]
+    free: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, frame: Frame, parts: Int32, free: NDArray[np.bool_]) -> _Image:
+        points, eye = world_points(frame), frame.camera.T_world_camera[:3, 3]
+        return cls(frame, parts, points, eye, mixed_pixels(points, eye), free)
+
+
 class PartGuided:
     """Another reconstructor's scenes, with instances that agree with the parts of the image.
 
@@ -101,10 +119,9 @@ class PartGuided:
         free = seen_free(partial, grid)
         known = None if partial.masks is None else partial.masks.cpu().numpy()
         parts = map(self.parts.segment, images) if known is None else known
-        seen = [
-            (frame, cut, world_points(frame), empty)
-            for frame, cut, empty in zip(images, parts, free, strict=True)
-        ]
+        seen = [_Image.of(*each) for each in zip(images, parts, free, strict=True)]
+        if known is None:
+            seen = [replace(one, parts=without_ramps(one.parts, one.mixed)) for one in seen]
         scenes = self.inner.complete(partial, grid, samples, generator)
         grouping = self.grouping if known is None else _Known()
         return each_once(scenes, lambda sample: self._regrouped(sample, seen, grid, grouping))
@@ -112,17 +129,17 @@ class PartGuided:
     def _regrouped(
         self,
         sample: Completion,
-        seen: Sequence[tuple[Frame, Int32, Float64, NDArray[np.bool_]]],
+        seen: Sequence[_Image],
         grid: GridSpec,
         grouping: Grouping,
     ) -> Completion:
         tsdf, labels = sample.tsdf.cpu().numpy(), sample.instances.cpu().numpy()
         volumes, masks = [], []
-        for i, (frame, parts, points, free) in enumerate(seen):
-            shown = seen_instances(labels[i], points, grid, parts > 0, self.reach)
-            view = View(points, shown, tsdf[i], labels[i], free, grid)
-            objects = grouping.objects(parts, view, frame.depth)
-            volumes.append(reassigned(labels[i], shown, objects, points, grid))
+        for i, one in enumerate(seen):
+            shown = seen_instances(labels[i], one.points, grid, one.parts > 0, self.reach)
+            view = View(one.points, shown, tsdf[i], labels[i], one.free, grid, one.eye, one.mixed)
+            objects = grouping.objects(one.parts, view, one.frame.depth)
+            volumes.append(reassigned(labels[i], shown, objects, one.points, grid))
             masks.append(objects)
         device = sample.instances.device
         return replace(

@@ -120,7 +120,8 @@ class Vessels:
         own = view.masks == label
         edge = round(self.edge * own.shape[1] / WIDTH)
         inner = binary_erosion(own, iterations=edge) if edge else own
-        points = view.points[inner & np.isfinite(view.points[..., 2])]
+        inner &= np.isfinite(view.points[..., 2])
+        points = view.points[inner if view.mixed is None else inner & ~view.mixed]
         chosen = np.linspace(0, len(points) - 1, min(self.points, len(points))).astype(int)
         return np.asarray(points[chosen], np.float64)
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 from hydra.utils import instantiate
+from scipy.ndimage import gaussian_filter, grey_dilation
 from tests.composed import option
 from tests.unit.perception.synthetic import Box, camera_at, frame_of
 
@@ -244,3 +245,17 @@ def test_shipped_weights_cut_real_images_better_than_creases_do(real_data):
         assert network > creases
     first = next(iter(read_frames(folder / "realsense_table")))
     assert 10 <= cut(methods["network"], first).max() <= 20
+
+
+@pytest.mark.parametrize("waves", [0.0, 2.5])
+def test_waves_of_the_floor_beside_an_object_are_not_its(seen, waves):
+    """A network that takes the floor around objects for theirs, and a floor that waves."""
+    frame, owners = seen
+    field = gaussian_filter(np.random.default_rng(0).normal(size=owners.shape), 4)
+    depth = frame.depth + np.where(owners > 0, 0, 0.006 * field / field.std())
+    noisy = replace(frame, depth=depth.astype(np.float32))
+    wide = grey_dilation(owners, size=(31, 31))
+    parts = AffinityParts(Loaded(Knowing(wide, frame.camera.fx)), waves=waves).segment(noisy)
+    floor = (wide > 0) & (owners == 0)
+    assert (parts[floor] > 0).mean() < 0.05 if waves else (parts[floor] > 0).mean() > 0.05
+    assert (parts[owners > 0] > 0).mean() > 0.8

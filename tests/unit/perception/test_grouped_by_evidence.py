@@ -120,3 +120,15 @@ def test_a_sliver_of_what_an_object_hides_stays_apart():
 def test_wrong_numbers_are_refused(wrong):
     with pytest.raises(ConfigError, match=next(iter(wrong))):
         grouping(**wrong)
+
+
+@pytest.mark.parametrize("between", [0.1, 0.4])
+def test_small_parts_far_apart_stay_two(between):
+    """One thin shape would explain both, but most of it lies where nothing of it is seen."""
+    half = between / 2
+    left = Box((-half - 0.04, -0.02, 0.0), (-half, 0.02, 0.04))
+    right = Box((half, -0.02, 0.0), (half + 0.04, 0.02, 0.04))
+    wall = Box((-half, -0.16, 0.0), (half, -0.08, 0.2))
+    view, labels, depth = seen((left, right, wall))
+    found = grouping().objects(labels, view, depth)
+    assert (found[labels == 1][0] == found[labels == 2][0]) == (between < 0.15)

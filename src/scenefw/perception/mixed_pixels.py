@@ -1,0 +1,78 @@
+"""Pixels between two surfaces, whose depth belongs to neither."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import binary_dilation
+
+from scenefw.perception.pixels import WIDTH
+from scenefw.perception.seen_parts import floor_noise
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from scenefw.core.types import Float64, Int32
+
+    Mask = NDArray[np.bool_]
+
+_REACH = 3  # pixels, of an image 640 wide
+_STEEPEST = 15.0  # degrees
+_OF_FLOOR = 0.7  # of the angle at which the camera looks onto the floor
+_MOSTLY = 0.5  # of a part's pixels
+
+
+def mixed_pixels(points: Float64, eye: Float64) -> Mask:
+    """Pixels (H, W) of ramps of depth along which the camera looks.
+
+    A stereo camera matches windows. Where one holds an object and what is behind it, its depth lies
+    between the two, and a ramp goes from the edge of the object to the floor behind. Taken for
+    points of the object, ramps would make it long, away from the camera. Real surfaces are rarely
+    seen at such angles, and then badly.
+
+    A jump from one pixel to the next is no ramp: depth has to change on both sides of a pixel. The
+    ends of a ramp, where it changes on one side alone, belong to it. Where the camera looks along
+    the floor, tops of boxes are as steep, so the limit is lower there. An image whose floor is
+    exactly flat has no noise and no ramps.
+
+    Args:
+        points: (H, W, 3) of the pixels, world coordinates, floor z = 0 (m), NaN = no depth.
+        eye: (3,) where the camera is (m).
+    """
+    rays = points - eye
+    away = np.linalg.norm(rays, axis=-1)
+    found = np.zeros(away.shape, dtype=bool)
+    if floor_noise(points[..., 2], away.astype(np.float32)) == 0:
+        return found
+    rays /= away[..., None]
+    reach = max(1, round(_REACH * points.shape[1] / WIDTH))
+    onto_floor = np.degrees(np.arcsin(np.clip(-rays[..., 2], 0, 1)))
+    limit = np.tan(np.radians(np.minimum(_STEEPEST, _OF_FLOOR * onto_floor)))
+    for axis in (0, 1):
+        sides = _slopes(rays, away, axis, reach)
+        with np.errstate(invalid="ignore"):
+            less, more = (limit * one(*sides) > 1 for one in (np.fmin, np.fmax))
+        found |= binary_dilation(less, iterations=reach, mask=more)
+    return found
+
+
+def without_ramps(parts: Int32, mixed: Mask) -> Int32:
+    """Parts (H, W) but for those whose pixels are mixed for the most part."""
+    pixels = np.maximum(np.bincount(parts.ravel()), 1)
+    ramps = np.bincount(parts.ravel(), mixed.ravel()) > _MOSTLY * pixels
+    return np.where(ramps[parts], 0, parts).astype(np.int32)
+
+
+def _slopes(rays: Float64, away: Float64, axis: int, reach: int) -> tuple[Float64, Float64]:
+    """Change of distance by way across the view (H, W), before each pixel and after it."""
+    later, earlier = (
+        tuple(one if a == axis else slice(None) for a in (0, 1))
+        for one in (slice(reach, None), slice(None, -reach))
+    )
+    before, after = np.full_like(away, np.nan), np.full_like(away, np.nan)
+    across = np.linalg.norm(rays[later] - rays[earlier], axis=-1)
+    change = np.abs(away[later] - away[earlier])
+    after[earlier] = change / (across * away[earlier])
+    before[later] = change / (across * away[later])
+    return before, after
