@@ -215,6 +215,29 @@ class ObjectSetModel(Network, Protocol):
         """Calls `forward`, as torch does."""
 
 
+class DecomposingModel(ObjectSetModel, Protocol):
+    """One that always gives the same set (`latent_shape` is empty)."""
+
+    def decompose(self, volume: Tensor) -> ObjectSetPrediction:
+        """Test pass.
+
+        Args:
+            volume: occupancies (B, 1, X, Y, Z), or conditions (B, 2, X, Y, Z), as `sees` says.
+        """
+
+
+class DrawnSetModel(ObjectSetModel, Protocol):
+    """One that draws sets for a view."""
+
+    def sample(self, condition: Tensor, latent: Tensor) -> ObjectSetPrediction:
+        """Test pass.
+
+        Args:
+            condition: (B, 2, X, Y, Z), as in `ObjectSetBatch`.
+            latent: (B, *latent_shape), drawn from N(0, I).
+        """
+
+
 class SetFlowModel(Network, Protocol):
     """A network that draws sets of superquadrics, given a view or none (group `model`)."""
 
@@ -289,9 +312,17 @@ class TrainedWholeSetFlow(Protocol):
 
 
 class SegmentationModel(Network, Protocol):
-    """A network from colour and distance to a label per pixel (group `model`)."""
+    """A network from colour and distance to a label per pixel (group `model`).
+
+    Maps larger than memory are labelled in windows (`labelling.sliding_window`), which `stride` and
+    `margin` make equal to one pass over the whole map.
+    """
 
     classes: int
+    stride: int
+    """An input shifted by a multiple of so many pixels gives the result shifted alike."""
+    margin: int
+    """Pixels further away than this don't change a pixel's scores; a multiple of `stride`."""
 
     def forward(self, colour: Tensor, distance: Tensor) -> Tensor:
         """Scores (B, classes, H, W) of (B, 3, H, W) in [0, 1] and (B, 1, H, W) m, NaN: missing."""

@@ -11,10 +11,16 @@ from torch import Tensor, nn
 
 from scenefw.core.errors import CheckpointError
 from scenefw.learning.checkpoint import OBJECT_SETS, SEGMENTATION, SHAPE_INSTANCE
-from scenefw.models.fusenet import FuseNet
-from scenefw.models.receptive_field import receptive_field
 
 if TYPE_CHECKING:
+    from scenefw.core.batches import ObjectSetPrediction
+    from scenefw.core.training_protocols import (
+        DecomposingModel,
+        DrawnSetModel,
+        ObjectSetModel,
+        SegmentationModel,
+        ShapeInstanceModel,
+    )
     from scenefw.learning.checkpoint import Checkpoint
 
 BATCH = "batch"
@@ -56,13 +62,13 @@ def named_network(checkpoint: Checkpoint, task: str) -> NamedNetwork:
         raise CheckpointError(
             f"networks for {task} are not exported; expected one for {', '.join(_MAKERS)}"
         )
-    return _MAKERS[task](checkpoint.model, checkpoint.metadata)
+    return _MAKERS[task](checkpoint)
 
 
 class _Shapes(nn.Module):
     """Volumes of a view, and of a code where the network has codes."""
 
-    def __init__(self, network: Any) -> None:
+    def __init__(self, network: ShapeInstanceModel) -> None:
         super().__init__()
         self.network = network
 
@@ -71,8 +77,11 @@ class _Shapes(nn.Module):
         return tuple(volumes[name] for name in self.network.outputs)
 
 
-def _shapes(network: Any, metadata: Mapping[str, Any]) -> NamedNetwork:
-    side = (network.resolution,) * 3
+def _shapes(checkpoint: Checkpoint) -> NamedNetwork:
+    network: ShapeInstanceModel = checkpoint.model
+    if checkpoint.grid is None:
+        raise CheckpointError("the file doesn't say which voxel grid its network is for")
+    side = checkpoint.grid.shape
     inputs: dict[str, tuple[str | int, ...]] = {"condition": (BATCH, 2, *side)}
     if network.latent_size:
         inputs["latent"] = (BATCH, network.latent_size)
@@ -103,8 +112,9 @@ class _Labels(nn.Module):
         return (self.network(colour, distance),)
 
 
-def _labels(network: Any, metadata: Mapping[str, Any]) -> NamedNetwork:
-    stride = network.stride if isinstance(network, FuseNet) else 1
+def _labels(checkpoint: Checkpoint) -> NamedNetwork:
+    network: SegmentationModel = checkpoint.model
+    stride, metadata = network.stride, checkpoint.metadata
     image: tuple[str | int, ...] = ("height", "width")
 
     def example(sizes: Mapping[str, int], generator: torch.Generator) -> tuple[Tensor, ...]:
@@ -122,34 +132,38 @@ def _labels(network: Any, metadata: Mapping[str, Any]) -> NamedNetwork:
         example,
         tuple(dict(zip((BATCH, *map(str, image)), each, strict=True)) for each in sides),
         {key: metadata[key] for key in ("classes", "input", "geometry") if key in metadata}
-        | _window(network),
+        | {"window": {"stride": stride, "margin": network.margin}},
     )
-
-
-def _window(network: Any) -> dict[str, Any]:
-    """Of sliding windows: they move by multiples of `stride` and overlap by `margin`."""
-    if not isinstance(network, FuseNet):
-        return {}
-    margin = receptive_field(network.body).margin
-    return {"window": {"stride": network.stride, "margin": margin}}
 
 
 class _Sets(nn.Module):
     """Objects of a scene or a view."""
 
-    def __init__(self, network: Any, outputs: tuple[str, ...]) -> None:
+    def __init__(self, network: DecomposingModel, outputs: tuple[str, ...]) -> None:
         super().__init__()
         self.network, self.outputs = network, outputs
 
-    def forward(self, volume: Tensor, latent: Tensor | None = None) -> tuple[Tensor, ...]:
-        if latent is None:
-            found = self.network.decompose(volume)
-        else:
-            found = self.network.sample(volume, latent)
-        return tuple(getattr(found, name) for name in self.outputs)
+    def forward(self, volume: Tensor) -> tuple[Tensor, ...]:
+        return _named(self.network.decompose(volume), self.outputs)
 
 
-def _sets(network: Any, metadata: Mapping[str, Any]) -> NamedNetwork:
+class _DrawnSets(nn.Module):
+    """Objects of a view and of what was drawn."""
+
+    def __init__(self, network: DrawnSetModel, outputs: tuple[str, ...]) -> None:
+        super().__init__()
+        self.network, self.outputs = network, outputs
+
+    def forward(self, volume: Tensor, latent: Tensor) -> tuple[Tensor, ...]:
+        return _named(self.network.sample(volume, latent), self.outputs)
+
+
+def _named(found: ObjectSetPrediction, outputs: tuple[str, ...]) -> tuple[Tensor, ...]:
+    return tuple(getattr(found, name) for name in outputs)
+
+
+def _sets(checkpoint: Checkpoint) -> NamedNetwork:
+    network: ObjectSetModel = checkpoint.model
     side = (network.resolution,) * 3
     inputs: dict[str, tuple[str | int, ...]] = {}
     if network.sees == "occupancy":
@@ -172,8 +186,10 @@ def _sets(network: Any, metadata: Mapping[str, Any]) -> NamedNetwork:
         latent = torch.randn(sizes[BATCH], *network.latent_shape, generator=generator)
         return (view, latent) if network.latent_shape else (view,)
 
+    kind = _DrawnSets if network.latent_shape else _Sets
+    module = kind(checkpoint.model, tuple(gives))
     sizes = ({BATCH: 2}, {BATCH: 1}, {BATCH: 3})
-    return NamedNetwork(_Sets(network, tuple(gives)), inputs, gives, example, sizes, {})
+    return NamedNetwork(module, inputs, gives, example, sizes, {})
 
 
 def _views(count: int, side: tuple[int, ...], generator: torch.Generator) -> Tensor:
@@ -183,7 +199,7 @@ def _views(count: int, side: tuple[int, ...], generator: torch.Generator) -> Ten
     return torch.cat([torch.where(observed, distance, 1.0), observed.float()], dim=1)
 
 
-_MAKERS: dict[str, Callable[[Any, Mapping[str, Any]], NamedNetwork]] = {
+_MAKERS: dict[str, Callable[[Checkpoint], NamedNetwork]] = {
     SHAPE_INSTANCE: _shapes,
     SEGMENTATION: _labels,
     OBJECT_SETS: _sets,

@@ -8,7 +8,6 @@ from torch import Tensor, nn
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.memory import available_memory
-from scenefw.models.receptive_field import receptive_field
 
 LEAST, MOST, UNKNOWN = 128, 4096, 512
 """Megabytes taken at least and at most, and where nothing says what is free."""
@@ -56,12 +55,12 @@ class SlidingWindow:
         """Probabilities (C, H, W) on the CPU.
 
         Args:
-            network: a `FuseNet`, in eval mode.
+            network: a `SegmentationModel`, in eval mode.
             colour: (3, H, W) in [0, 1].
             distance: (1, H, W) metres, NaN = missing.
         """
         height, width = colour.shape[1:]
-        margin = max(receptive_field(network.body, axis).margin for axis in (0, 1))
+        margin = network.margin
         device = next(network.parameters()).device
         side = self._side(network, margin, device)
         result = torch.empty(network.classes, height, width)
@@ -87,7 +86,7 @@ class SlidingWindow:
             memory = free_megabytes(device) if self.memory is None else self.memory
             pixels = memory * 1e6 / bytes_per_pixel(network)
             side = int(pixels**0.5) // stride * stride
-        return max(side, 4 * margin)
+        return max(side, 4 * margin, stride)
 
 
 def free_megabytes(device: torch.device) -> int:

@@ -1,6 +1,7 @@
 """FuseNet-style labelling network: colour and depth encoders, fused at every layer."""
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import torch
@@ -8,6 +9,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from scenefw.core.errors import ConfigError
+from scenefw.models.receptive_field import receptive_field
 
 MODALITIES = ("colour", "distance")
 
@@ -155,6 +157,11 @@ class FuseNet(nn.Module):
             "block": block,
             "modalities": list(self.modalities),
         }
+
+    @cached_property
+    def margin(self) -> int:
+        """The longer reach of the layers to a side, rounded up to a multiple of `stride`."""
+        return max(receptive_field(self.body, axis).margin for axis in (0, 1))
 
     def forward(self, colour: Tensor, distance: Tensor) -> Tensor:
         """Scores (logits) of the classes, (B, classes, H, W).

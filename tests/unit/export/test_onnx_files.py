@@ -7,7 +7,9 @@ import pytest
 import torch
 from torch import nn
 
+from scenefw.core.batches import ShapeInstancePrediction
 from scenefw.core.errors import CheckpointError, InputError, MissingDependencyError
+from scenefw.core.types import GridSpec
 from scenefw.export import onnx_files
 from scenefw.export.networks import NamedNetwork, named_network
 from scenefw.export.onnx_files import compare, require_onnx, session, write_onnx
@@ -37,6 +39,8 @@ def vae():
 
 NETWORKS = {
     "vae": (vae, "shape_instance"),
+    "shapes_of_a_plugin": (lambda: Shapes(), "shape_instance"),
+    "labels_of_a_plugin": (lambda: Labels(), "segmentation"),
     "labels": (lambda: FuseNet(3, (3, 4), (1, 1), block=2), "segmentation"),
     "sets_in_boxes": (
         lambda: PlacedSetAutoencoder(16, 2, "view", 4, 4, (4, 3), (4,), seen_resolution=8),
@@ -48,6 +52,35 @@ NETWORKS = {
         "object_sets",
     ),
 }
+
+
+class Shapes(nn.Module):
+    """A network of volumes as a plugin writes one: it knows no resolution, and has no code."""
+
+    training_only, latent_size = (), 0
+
+    def __init__(self):
+        super().__init__()
+        self.outputs, self.recipe = {"tsdf": 1, "votes": 3}, {}
+        self.layer = nn.Conv3d(2, 4, 3, padding=1)
+
+    def predict(self, condition, latent=None):
+        tsdf, votes = self.layer(condition).split([1, 3], dim=1)
+        return ShapeInstancePrediction({"tsdf": tsdf, "votes": votes})
+
+
+class Labels(nn.Module):
+    """A labelling network as a plugin writes one."""
+
+    training_only, classes, stride, margin = (), 3, 1, 1
+
+    def __init__(self):
+        super().__init__()
+        self.recipe = {}
+        self.layer = nn.Conv2d(4, 3, 3, padding=1)
+
+    def forward(self, colour, distance):
+        return self.layer(torch.cat([colour, distance.nan_to_num()], dim=1))
 
 
 def facts_of(file):
@@ -69,7 +102,7 @@ def network(kind):
             module.running_mean.normal_()
             module.running_var.uniform_(0.5, 2)
     metadata = {"classes": ["a", "b", "c"], "input": "views"}
-    return named_network(Checkpoint(made.eval(), None, {}, metadata), task)
+    return named_network(Checkpoint(made.eval(), GridSpec(8), {}, metadata), task)
 
 
 @pytest.mark.parametrize("kind", NETWORKS)

@@ -4,7 +4,9 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
+from scenefw.contracts import problems
 from scenefw.core.errors import ConfigError
+from scenefw.core.training_protocols import SegmentationModel
 from scenefw.labelling import sliding_window
 from scenefw.labelling.sliding_window import (
     SlidingWindow,
@@ -41,6 +43,31 @@ def test_it_equals_one_pass(network, size, options):
         whole = network(colour[None], distance[None])[0].softmax(dim=0)
     found = SlidingWindow(**options).probabilities(network, colour, distance)
     assert float((found - whole).abs().max()) < 1e-4
+
+
+class Plain(torch.nn.Module):
+    """A network that is no FuseNet: what `SegmentationModel` says, and nothing more."""
+
+    training_only, recipe, classes = (), {}, 3
+
+    def __init__(self, kernel):
+        super().__init__()
+        torch.manual_seed(1)
+        self.stride, self.margin = 1, kernel // 2
+        self.layer = torch.nn.Conv2d(4, self.classes, kernel, padding=kernel // 2)
+
+    def forward(self, colour, distance):
+        return self.layer(torch.cat([colour, distance.nan_to_num()], dim=1))
+
+
+@pytest.mark.parametrize("kernel", [1, 5])
+def test_any_network_that_says_how_far_it_looks_is_taken(kernel):
+    network, (colour, distance) = Plain(kernel), images(70, 90)
+    assert not list(problems(Plain, SegmentationModel))
+    with torch.no_grad():
+        whole = network(colour[None], distance[None])[0].softmax(dim=0)
+    found = SlidingWindow(window=16).probabilities(network, colour, distance)
+    torch.testing.assert_close(found, whole)
 
 
 def test_a_window_must_begin_at_the_stride(network):

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from scenefw.core.batches import Completion, ObjectSetBatch, PartialTSDF
     from scenefw.core.protocols import InstanceExtractor, Reconstructor
-    from scenefw.core.training_protocols import ObjectSetModel
+    from scenefw.core.training_protocols import DrawnSetModel, ObjectSetModel
     from scenefw.core.types import GridSpec
 
 
@@ -110,7 +110,9 @@ class NetworkDecomposer:
         NOT_NEGATIVE.require(smallest=smallest, draw=draw)
         PART.require(suppress=suppress)
         self.device = torch.device(device)
-        self.model: ObjectSetModel = checkpoint.model.to(self.device).eval()
+        model = checkpoint.model.to(self.device).eval()
+        self.model: ObjectSetModel = model
+        self.drawing: DrawnSetModel | None = model if drawn else None
         if drawn and not self.model.latent_shape:
             raise ConfigError(
                 "this network has no prior to draw from; leave the method out "
@@ -118,7 +120,7 @@ class NetworkDecomposer:
             )
         self.grid, self.metadata = checkpoint.grid, dict(checkpoint.metadata)
         self.smallest, self.suppress = smallest, suppress
-        self.drawn, self.draw = drawn, draw
+        self.draw = draw
 
     @torch.no_grad()
     def decompose(self, seen: SeenSet) -> FoundSet:
@@ -138,13 +140,10 @@ class NetworkDecomposer:
         return FoundSet(inside[exists], _labels(logits[chosen]), prediction, exists)
 
     def _predict(self, seen: SeenSet) -> ObjectSetPrediction:
-        if not self.drawn:
+        if self.drawing is None:
             return self.model(seen.batch)
-        latents = torch.randn((self.draw + 1, *self.model.latent_shape), generator=seen.draws)
-        latent = latents[-1:]
-        model: Any = self.model
-        prediction: ObjectSetPrediction = model.sample(seen.batch.condition, latent.to(self.device))
-        return prediction
+        latents = torch.randn((self.draw + 1, *self.drawing.latent_shape), generator=seen.draws)
+        return self.drawing.sample(seen.batch.condition, latents[-1:].to(self.device))
 
 
 def kept(
