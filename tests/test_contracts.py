@@ -1,11 +1,15 @@
 """What a class promises is held against a protocol without making an instance."""
 
+import re
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, Protocol
 
 import pytest
 
-from scenefw.contracts import problems
+from scenefw import core
+from scenefw.contracts import PROTOCOLS, problems
+from scenefw.core.evidence import Evidence, FittedSuperquadric
 from scenefw.core.types import Camera, Frame, Scene
 
 
@@ -91,3 +95,28 @@ class NoAttribute:
 )
 def test_what_is_broken_is_said(broken, words):
     assert list(problems(broken, Promise)) == [words]
+
+
+def test_protocols_are_those_that_the_core_s_source_has():
+    """A new module of `core` needs no entry anywhere."""
+    written = {
+        line.removeprefix("class ").partition("(")[0]
+        for path in core.__path__
+        for file in Path(path).glob("*.py")
+        for line in file.read_text("utf-8").splitlines()
+        if re.match(r"class \w+\(.*\bProtocol\):", line)
+    }
+    assert set(PROTOCOLS) == written
+    assert {"Renderer", "PartFinder", "DatasetFormat"} <= written
+
+
+class Fits(Protocol):
+    def fit(self, evidence: Sequence[Evidence]) -> list[FittedSuperquadric]: ...
+
+
+class FitsFrames:
+    def fit(self, frames: Sequence[Frame]) -> list[FittedSuperquadric]: ...
+
+
+def test_data_of_every_module_of_the_core_is_compared():
+    assert list(problems(FitsFrames, Fits)) == ["takes Frame in fit, not Evidence"]

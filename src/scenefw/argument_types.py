@@ -141,8 +141,7 @@ def _arguments(target: Any) -> Mapping[str, _Argument | _Part]:
     built = _imported(target)
     if built is None:
         return {}
-    known = PROTOCOLS
-    names = known | getattr(inspect.getmodule(built), "__dict__", {})
+    names = {**PROTOCOLS, **getattr(inspect.getmodule(built), "__dict__", {})}
     found: dict[str, _Argument | _Part] = {}
     for name, parameter in inspect.signature(built).parameters.items():
         plain = _argument(parameter.annotation, parameter.default)

@@ -3,43 +3,36 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import inspect
 import pkgutil
 import re
 import textwrap
 from collections.abc import Iterator
+from dataclasses import is_dataclass
 from functools import cache
 from typing import Any
 
-from scenefw.core import (
-    batches,
-    height_maps,
-    labelling_protocols,
-    part_protocols,
-    part_views,
-    protocols,
-    queried_sets,
-    query_protocols,
-    tabletop,
-    training_protocols,
-    types,
-)
+from scenefw import core
 
 _NAME = re.compile(r"[A-Za-z_]\w*")
-_CROSSING = frozenset(
-    name
-    for module in (batches, height_maps, part_views, queried_sets, tabletop, types)
-    for name, value in vars(module).items()
-    if inspect.isclass(value) and value.__module__ == module.__name__
-)
-"""Types that cross floors: final, so that one never stands for another."""
 
 
-PROTOCOLS: dict[str, Any] = {
-    **vars(protocols), **vars(labelling_protocols), **vars(training_protocols),
-    **vars(query_protocols), **vars(part_protocols),
-}  # fmt: skip
-"""What stands in the modules of `core` that hold protocols, by name."""
+def _classes_of_core() -> Iterator[tuple[str, type]]:
+    """Every class that a module of `core` defines, so that a new module is known by being there."""
+    for found in pkgutil.iter_modules(core.__path__, f"{core.__name__}."):
+        module = importlib.import_module(found.name)
+        for name, value in vars(module).items():
+            if inspect.isclass(value) and value.__module__ == module.__name__:
+                yield name, value
+
+
+_CLASSES = dict(_classes_of_core())
+PROTOCOLS = {name: one for name, one in _CLASSES.items() if one.__dict__.get("_is_protocol")}
+"""The protocols of `core` by name."""
+
+_CROSSING = frozenset(name for name, one in _CLASSES.items() if is_dataclass(one))
+"""Data that crosses floors: its classes are final, so one never stands for another."""
 
 
 def protocol_named(name: str) -> type:
