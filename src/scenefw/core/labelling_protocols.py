@@ -127,7 +127,11 @@ class RunningHeights(Protocol):
 
 @runtime_checkable
 class HeightMapping(Protocol):
-    """Fuses frames into height maps (group `heights`)."""
+    """Fuses frames into height maps (group `heights`).
+
+    Maps that are kept are named by its public attributes (`core.made_of`), so all that changes a
+    map is in one of these.
+    """
 
     @property
     def grid(self) -> HeightGrid:

@@ -77,7 +77,12 @@ class Engine(Protocol):
 
 
 class SceneSource(Protocol):
-    """Makes scenes (group `scene`)."""
+    """Makes scenes (group `scene`).
+
+    Scenes that are done are kept under a name made of the public attributes of the source and of
+    its parts (`core.made_of`), so all that changes a scene is in one of these. Shapes are
+    superquadrics alone or `SolidMesh`es alone, since files hold nothing else (`scenes.storage`).
+    """
 
     def generate(self, index: int, seed: int) -> Scene | None:
         """Attempt number `index` of the data set `seed`; None if the attempt failed."""
@@ -160,7 +165,11 @@ class MappingMethod(Protocol):
 
 
 class Noise(Protocol):
-    """Adds sensor noise to depth images (group `noise`)."""
+    """Adds sensor noise to depth images (group `noise`).
+
+    Its amounts are public attributes: they are told with weights that were trained on it, and name
+    what is kept of noisy images (`core.made_of`).
+    """
 
     def apply(self, depth: Tensor, cameras: CameraBatch, seeds: Tensor) -> Tensor:
         """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0.

@@ -13,6 +13,7 @@ from scenefw.core import rng as streams
 from scenefw.core.annotations import AnnotatedObject, AnnotatedView
 from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import rigid
+from scenefw.core.made_of import settings_of
 from scenefw.core.protocols import Noise
 from scenefw.core.types import Camera, Float32, Frame, Pose, SceneObject, Shape, TriangleMesh
 from scenefw.data.stacks import SceneSet
@@ -109,7 +110,7 @@ class StackViews:
             "seed": self.seed,
             "detail": self.detail,
             "camera": repr(camera),
-            "noise": {name: str(vars(one)) for name, one in sorted(self.noise.items())},
+            "noise": {name: settings_of(one) for name, one in sorted(self.noise.items())},
         }
 
     def _key(self, scene: int, number: int, item: SceneObject) -> Hashable:

@@ -1,6 +1,7 @@
 """Height maps fused from the views of scenes, made once and kept as files."""
 
 import hashlib
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from scenefw.core.errors import ConfigError
 from scenefw.core.height_maps import HeightMap
 from scenefw.core.labelling_protocols import FrameSource, HeightMapping
+from scenefw.core.made_of import settings_of
 from scenefw.core.protocols import Noise
 from scenefw.data.height_maps import load_map, save_map
 from scenefw.noise.frames import described, disturb, in_turns
@@ -75,11 +77,11 @@ class FusedMaps:
     def _key(self, scene: int) -> str:
         """Names a map; a single view would show neither the whole scene nor how views go on."""
         noise = in_turns(self.noise, scene)
-        settings = f"{self.frames} {_settings(self.heights)}"
+        settings: list[Any] = [self.frames, settings_of(self.heights)]
         if noise:
-            every = [(name, _settings(one)) for name, one in sorted(noise.items())]
-            settings += f" {self.seed} {every}"
-        digest = hashlib.sha256(settings.encode())
+            every = [[name, settings_of(one)] for name, one in sorted(noise.items())]
+            settings += [self.seed, every]
+        digest = hashlib.sha256(json.dumps(settings).encode())
         truth = self.source.truth(scene)
         shown: list[NDArray[Any] | None] = [truth.heights, truth.colour, truth.labels]
         first, last = (
@@ -92,9 +94,3 @@ class FusedMaps:
         for part in shown:
             digest.update(b"none" if part is None else np.ascontiguousarray(part).tobytes())
         return f"{first.name.replace('/', '_')}_{digest.hexdigest()[:16]}"
-
-
-def _settings(component: object) -> str:
-    """A component's class and what it was made with."""
-    values = sorted((name, repr(value)) for name, value in vars(component).items())
-    return f"{type(component).__name__} {values}"

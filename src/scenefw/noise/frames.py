@@ -7,6 +7,7 @@ import torch
 
 from scenefw.core import rng
 from scenefw.core.errors import ConfigError
+from scenefw.core.made_of import PLAIN, public, settings_of
 from scenefw.core.protocols import Noise, PoseNoise
 from scenefw.core.types import Frame
 from scenefw.kernels.cameras import stack_cameras
@@ -67,10 +68,12 @@ def depth_noises(noises: Mapping[str, Noise] | None, views: str) -> dict[str, No
 def described(noises: Mapping[str, Noise]) -> list[str]:
     """Each noise with its amounts in words, e.g. `gaussian sigma=0.002 lowest=0.002 share=1`."""
     return [
-        " ".join([name, *(f"{n}={_short(v)}" for n, v in vars(noise).items())])
+        " ".join([name, *(f"{n}={_short(v)}" for n, v in public(noise).items())])
         for name, noise in sorted(noises.items())
     ]
 
 
 def _short(value: object) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    return str(value if isinstance(value, (*PLAIN, tuple)) else settings_of(value))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ import numpy as np
 
 from scenefw.core.errors import ConfigError, StorageError
 from scenefw.core.files import require_name, require_writable
+from scenefw.core.made_of import settings_of
 from scenefw.core.protocols import SceneSource, Workers
 from scenefw.core.versions import installed, versions
 from scenefw.scenes import statistics
@@ -72,7 +73,7 @@ class Generate:
 
     def run(self) -> dict[str, float]:
         """Generates missing shards and merges all; returns the numbers of scenes and objects."""
-        facts = {"seed": self.seed, "recipe": recipe(self.source), "versions": simulators()}
+        facts = {"seed": self.seed, "recipe": settings_of(self.source), "versions": simulators()}
         folder = require_writable(Path(self.shards) / _digest(facts))
         require_writable(self.output)
         starts = range(0, self.attempts, self.shard_size)
@@ -122,21 +123,6 @@ def make_shard(
     scenes = [scene for scene in attempts if scene is not None]
     save_scenes(path, pack(scenes), {"seed": seed, "attempts": stop - start})
     return stop - start, len(scenes)
-
-
-def recipe(component: Any) -> Any:
-    """The settings of a component, from its public attributes, as plain data."""
-    if isinstance(component, np.ndarray):
-        return component.tolist()
-    if isinstance(component, (list, tuple)):
-        return [recipe(value) for value in component]
-    if isinstance(component, Mapping):
-        return {name: recipe(value) for name, value in component.items()}
-    if component is None or isinstance(component, (bool, int, float, str)):
-        return component
-    kind = type(component)
-    public = {k: recipe(v) for k, v in sorted(vars(component).items()) if not k.startswith("_")}
-    return {"_target_": f"{kind.__module__}.{kind.__qualname__}", **public}
 
 
 def _whole(path: Path) -> bool:

@@ -1,7 +1,6 @@
 """Generation: any number of workers, a kill in the middle, and the shipped data set."""
 
 import functools
-import json
 import os
 import signal
 import subprocess
@@ -15,11 +14,12 @@ from tests.unit.tasks.scattering import Scattering, generated
 
 from scenefw import registry
 from scenefw.core.errors import ConfigError, StorageError
+from scenefw.core.made_of import settings_of
 from scenefw.data.stacks import shipped_scenes
 from scenefw.parallel.local import Local
 from scenefw.scenes import statistics
 from scenefw.scenes.storage import load_manifest, load_scenes
-from scenefw.tasks.generate import Generate, make_shard, recipe, simulators
+from scenefw.tasks.generate import Generate, make_shard, simulators
 
 
 @pytest.fixture(autouse=True)
@@ -138,11 +138,6 @@ def test_unwritable_output(tmp_path):
         task.run()
 
 
-def test_recipe_is_plain_data():
-    assert json.loads(json.dumps(recipe(Scattering())))["shapes"]["exponents"] == [2.0, 100.0]
-    assert json.loads(json.dumps(recipe({"a": {"b": np.ones(2)}}))) == {"a": {"b": [1.0, 1.0]}}
-
-
 SHIPPED_BY = {
     "stacks_v1": ("superquadrics_v1", "stacks"),
     "scattered_v1": ("superquadrics_v1", "scattered"),
@@ -191,7 +186,7 @@ def test_shipped_data_sets_are_what_the_generator_makes(tmp_path, engine, name, 
     stored = load_scenes(shipped)
     shape, scene = SHIPPED_BY[name]
     source = registry.build("scene", scene, shapes=shapes_of(shape), engine=engine, split=split)
-    assert recipe(source) == {"split": None} | manifest["recipe"]
+    assert settings_of(source) == {"split": None} | manifest["recipe"]
     for row in (0, len(stored) - 1):
         index, count = int(stored.index[row]), int(stored.count[row])
         make_shard(source, manifest["seed"], (tmp_path / "again.npz", (index, index + 1)))
