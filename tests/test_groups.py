@@ -31,6 +31,23 @@ def test_every_group_says_what_it_is(name):
         assert protocol_named(protocol)
 
 
+WITHOUT_PROTOCOL = {
+    "callback": "Lightning's callbacks",
+    "card": "data alone: words and names of figures",
+    "floor": "what is found is data of perception, which alone reads it",
+    "grid": "data alone",
+    "learning": "subclasses of TrainingModule",
+    "noise_per_scene": "noises of group noise, by scene",
+    "trainer": "numbers for Lightning's trainer",
+}
+
+
+def test_groups_of_components_say_what_these_promise():
+    groups = [registry.group(name) for name in GROUPS]
+    silent = {group.name for group in groups if group.package and not group.protocols}
+    assert silent == set(WITHOUT_PROTOCOL)
+
+
 @pytest.mark.parametrize("name", GROUPS)
 def test_a_group_says_which_verbs_read_it(name):
     said = set(registry.group(name).verbs)

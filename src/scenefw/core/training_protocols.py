@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         IndexBatch,
         ObjectSetBatch,
         ObjectSetPrediction,
+        SceneParameters,
         SeenSetBatch,
         SegmentationBatch,
         SegmentationSetup,
@@ -24,7 +25,8 @@ if TYPE_CHECKING:
         ShapeInstanceSetup,
     )
     from scenefw.core.protocols import Representation
-    from scenefw.core.types import GridSpec
+    from scenefw.core.rng import Streams
+    from scenefw.core.types import Float64, GridSpec
 
 
 class TrainingData(Protocol):
@@ -44,6 +46,16 @@ class TrainingData(Protocol):
 
     def validation_batch(self, batch: IndexBatch, device: torch.device) -> Any:
         """The same samples in every epoch."""
+
+
+class Augmentation(Protocol):
+    """Random motions of training scenes (group `augmentation`)."""
+
+    def draw(self, streams: Streams) -> Float64:
+        """Numbers (B, K) that say how each of B scenes moves, from one stream of its own each."""
+
+    def apply(self, parameters: SceneParameters, motions: Tensor) -> SceneParameters:
+        """B scenes, each moved as its row of `draw` says, which lies on their device as float32."""
 
 
 class ShapeInstanceData(TrainingData, Protocol):

@@ -13,8 +13,8 @@ from scenefw.core.batches import CameraBatch, PartialTSDF, SceneParameters, Scen
 from scenefw.core.errors import InputError
 from scenefw.core.protocols import MappingMethod, Noise, Renderer, SceneBatch
 from scenefw.core.rng import Streams
+from scenefw.core.training_protocols import Augmentation
 from scenefw.core.types import Camera, Float64, GridSpec
-from scenefw.data.augmentation import RigidAugmentation
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.kernels.transfer import to_device
 from scenefw.noise.frames import depth_noises
@@ -93,7 +93,7 @@ class ViewMaker:
         renderer: Renderer,
         mapping: MappingMethod,
         noise: Mapping[str, Noise] | None = None,
-        augmentation: RigidAugmentation | None = None,
+        augmentation: Augmentation | None = None,
         image_size: Sequence[int] | None = None,
     ) -> None:
         self.grid = grid

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from scenefw.core.protocols import Result
 from scenefw.report.blocks import Block, Section
@@ -27,3 +27,19 @@ class Showcase(Protocol):
 
     def show(self) -> tuple[Sequence[Section], Mapping[str, float]]:
         """Sections, and figures of the data by name."""
+
+
+class ResultPage(Protocol):
+    """Where the results of a run are shown (group `report`)."""
+
+    def write(self, folder: Path, sections: Sequence[Section], figures: Mapping[str, Any]) -> Path:
+        """Writes them and returns the file.
+
+        Args:
+            folder: the run's; pictures that sections name lie in it.
+            sections: in their order.
+            figures: flat figures, as in `metrics.json`.
+
+        Raises:
+            StorageError: the folder can't be written.
+        """

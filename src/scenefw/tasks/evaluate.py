@@ -6,8 +6,7 @@ from scenefw.core.files import require_writable
 from scenefw.core.measures import write_measures
 from scenefw.core.protocols import Evaluation
 from scenefw.report.console import track
-from scenefw.report.page import Page
-from scenefw.report.protocols import Gallery, Presentation
+from scenefw.report.protocols import Gallery, Presentation, ResultPage
 from scenefw.report.results import result_sections
 
 
@@ -27,7 +26,7 @@ class Evaluate:
         evaluation: Evaluation,
         presentation: Presentation,
         gallery: Gallery,
-        page: Page,
+        page: ResultPage,
         output: str | Path,
     ) -> None:
         self.evaluation, self.presentation, self.gallery = evaluation, presentation, gallery

@@ -11,8 +11,7 @@ from scenefw.learning.measures import TRAINING
 from scenefw.report.blocks import Drawing, Section, Text
 from scenefw.report.console import track
 from scenefw.report.figures import loss_figure, read_curves
-from scenefw.report.page import Page
-from scenefw.report.protocols import Gallery, Presentation, Showcase
+from scenefw.report.protocols import Gallery, Presentation, ResultPage, Showcase
 from scenefw.report.results import result_sections
 
 
@@ -38,7 +37,7 @@ class Pipeline:
         evaluation: Callable[[], Evaluation],
         presentation: Presentation,
         gallery: Gallery,
-        page: Page,
+        page: ResultPage,
         output: str | Path,
     ) -> None:
         self.showcase, self.train, self.losses = showcase, train, Path(losses)

@@ -9,8 +9,7 @@ from scenefw.core.measures import write_measures
 from scenefw.core.protocols import Evaluation, Task
 from scenefw.learning.measures import TRAINING
 from scenefw.report.console import track
-from scenefw.report.page import Page
-from scenefw.report.protocols import Gallery, Presentation
+from scenefw.report.protocols import Gallery, Presentation, ResultPage
 from scenefw.report.results import result_sections
 
 
@@ -37,7 +36,7 @@ class TrainAndEvaluate:
         evaluation: Callable[[], Evaluation],
         presentation: Presentation,
         gallery: Callable[[], Gallery],
-        page: Page,
+        page: ResultPage,
         output: str | Path,
         weights: str | Path,
         checkpoint: str | Path | None,
