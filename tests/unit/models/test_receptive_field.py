@@ -4,6 +4,7 @@ import torch
 from torch import nn
 
 from scenefw.core.errors import InputError
+from scenefw.learning.checkpoint import load_checkpoint
 from scenefw.models.fusenet import FuseNet, FuseNetBody
 from scenefw.models.receptive_field import receptive_field
 
@@ -43,10 +44,19 @@ def test_it_is_the_footprint_of_the_gradient(modules, block, axis):
     assert field.size >= (found[:, 1] - found[:, 0]).max() + 1
 
 
-def test_the_shipped_network_comes_near_the_thesis():
+def test_the_network_of_the_thesis_comes_near_it():
     field = receptive_field(FuseNet().body)
     assert field.size == 96  # thesis: 91
     assert (field.stride, field.period, field.margin) == (1, 8, 56)
+
+
+@pytest.mark.parametrize("name", ["label_views", "label_maps"])
+def test_shipped_networks_see_as_far_as_the_document_says(name):
+    """Of `fusenet_blocks`; `docs/labelling.md` has these numbers."""
+    network = load_checkpoint(None, task="segmentation", shipped=name).model
+    field = receptive_field(network.body)
+    assert (field.before, field.after, field.size) == (183, 153, 337)
+    assert (network.stride, network.margin) == (32, 192)
 
 
 def test_known_layers():
