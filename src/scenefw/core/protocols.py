@@ -266,7 +266,7 @@ class Settling(Protocol):
     """Lets predicted objects come to rest (group `settling`)."""
 
     def settle(self, scenes: Sequence[SceneEstimate]) -> list[SceneEstimate]:
-        """Scenes of one image after that; `details["settled"]` of each says what moved how far."""
+        """Scenes of one image after that, in any order; `details["settled"]` is a `Settled`."""
 
 
 class HypothesisRanking(Protocol):
