@@ -207,7 +207,9 @@ class InstanceExtractor(Protocol):
     """From volumes to instances (group `postprocessing`)."""
 
     def extract(self, tsdf: Tensor, votes: Tensor, grid: GridSpec) -> tuple[Tensor, Tensor]:
-        """Instances (X, Y, Z) int32 and object centres (N, 3) metres of one scene.
+        """Instances (X, Y, Z) int32, 1..N, and object centres (N, 3) metres, on the TSDF's device.
+
+        Where scenes are predicted, pieces of an instance that don't touch become objects each.
 
         Args:
             tsdf: (X, Y, Z) metres.
