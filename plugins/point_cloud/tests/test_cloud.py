@@ -4,7 +4,7 @@ import trimesh
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.geometry import look_at
-from scenefw.core.types import Camera, Frame, GridSpec
+from scenefw.core.types import Camera, Frame
 from scenefw_point_cloud.cloud import PointCloud, palette
 from scenefw_point_cloud.representation import PointClouds
 
@@ -57,20 +57,6 @@ def test_normals_of_a_plane_are_exact_up_to_an_edge():
     assert angle(cloud.normals[left], np.array([0, 0, 1])).max() < 0.2
 
 
-@pytest.mark.parametrize(("resolution", "bound"), [(32, 4.0), (64, 1.0)])
-def test_tsdf_of_a_sphere_gives_points_and_normals_on_it(resolution, bound):
-    grid = GridSpec(resolution=resolution)
-    distance = np.linalg.norm(grid.centres() - CENTRE, axis=-1) - RADIUS
-    tsdf = np.clip(distance, -grid.truncation, grid.truncation)
-    cloud = PointClouds().of_volume(tsdf, 3 * (tsdf < 0), grid)
-    outward = cloud.points - CENTRE
-    error = np.abs(np.linalg.norm(outward, axis=1) - RADIUS)
-    assert error.max() < 0.1 * grid.voxel_size
-    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
-    assert angle(cloud.normals, outward).max() < bound
-    assert set(cloud.labels) == {3}
-
-
 def test_strides_take_every_nth_pixel():
     frame = sphere_frame(160)
     every, fourth = PointClouds().of_frame(frame), PointClouds(stride=2).of_frame(frame)
@@ -97,10 +83,6 @@ def test_bad_input_is_named():
     camera = Camera(4, 3)
     with pytest.raises(InputError, match="no depth"):
         PointClouds().of_frame(Frame(np.full((3, 4), np.nan, np.float32), camera))
-    with pytest.raises(InputError, match="shape"):
-        PointClouds().of_volume(np.zeros((3, 3, 3)), None, GridSpec(4))
-    with pytest.raises(InputError, match="nowhere"):
-        PointClouds().of_volume(np.ones((4, 4, 4)), None, GridSpec(4))
     with pytest.raises(ConfigError, match="stride=0"):
         PointClouds(stride=0)
     with pytest.raises(InputError, match="normals"):

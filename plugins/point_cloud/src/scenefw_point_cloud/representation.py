@@ -1,16 +1,13 @@
-"""Point clouds of depth images and of TSDFs."""
+"""Point clouds of depth images."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.geometry import transform_points
-from scenefw.core.types import Frame, GridSpec
+from scenefw.core.types import Frame
 from scenefw_point_cloud.cloud import PointCloud, palette
 
 Floats = NDArray[np.float64]
@@ -55,27 +52,6 @@ class PointClouds:
         turned = normals @ pose[:3, :3].T
         return PointCloud(transform_points(pose, points[kept]), turned, labels, colours)
 
-    def of_volume(self, tsdf: Any, instances: Any, grid: GridSpec) -> PointCloud:
-        """Where the TSDF crosses zero along the grid's edges, with its gradient as normal.
-
-        Args:
-            tsdf: (X, Y, Z) metres, tensor or array.
-            instances: (X, Y, Z) labels; a point takes that of the voxel inside. None: all 0.
-            grid: the voxel grid of both.
-
-        Raises:
-            InputError: the shapes don't fit the grid, or nothing is inside.
-        """
-        distance = _array(tsdf, grid)
-        labels = np.zeros(grid.shape, np.int32) if instances is None else _array(instances, grid)
-        gradient = np.stack(np.gradient(distance), axis=-1)
-        found = [_crossings(distance, labels, gradient, grid, axis) for axis in range(3)]
-        points, normals, ids = (np.concatenate(parts) for parts in zip(*found, strict=True))
-        if not len(points):
-            raise InputError("the TSDF crosses zero nowhere; it holds no surface")
-        ids = ids.astype(np.int32)
-        return PointCloud(grid.to_world(points), normals, ids, palette(ids))
-
     def _slope(self, points: Floats, axis: int) -> Floats:
         """Tangent (H, W, 3) along an image axis: from both sides, or the one without an edge."""
         step = np.diff(points, axis=axis)
@@ -109,28 +85,3 @@ def _every(stride: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     chosen = np.zeros(shape, dtype=bool)
     chosen[::stride, ::stride] = True
     return chosen
-
-
-def _array(volume: Any, grid: GridSpec) -> NDArray[Any]:
-    array = torch.as_tensor(volume).detach().cpu().numpy()
-    if array.shape != grid.shape:
-        raise InputError(
-            f"a volume has shape {array.shape}, its grid {grid.shape}; give both alike"
-        )
-    return array
-
-
-def _crossings(
-    distance: NDArray[Any], labels: NDArray[Any], gradient: Floats, grid: GridSpec, axis: int
-) -> tuple[Floats, Floats, NDArray[Any]]:
-    low, high = _pair(distance, axis)
-    cut = grid.truncation * (1 - 1e-6)  # beyond it, distances say nothing of the surface
-    crossing = ((low < 0) != (high < 0)) & ((np.abs(low) < cut) | (np.abs(high) < cut))
-    voxel = np.argwhere(crossing)
-    share = (low[crossing] / (low[crossing] - high[crossing]))[:, None]
-    step = np.eye(3)[axis]
-    first, second = tuple(voxel.T), tuple((voxel + step.astype(int)).T)
-    normals = (1 - share) * gradient[first] + share * gradient[second]
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    ids = np.where(low[crossing] < 0, labels[first], labels[second])
-    return voxel + share * step, normals, ids

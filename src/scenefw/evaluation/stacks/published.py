@@ -14,7 +14,6 @@ from scenefw.core.errors import ConfigError
 
 SOURCE = "thesis, table 5.1"
 VIEWS = 3
-SAMPLES = 3
 
 
 class Figure(NamedTuple):
