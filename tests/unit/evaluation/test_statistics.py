@@ -2,7 +2,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from scenefw.evaluation.statistics import bootstrap_interval, mean_interval, paired_interval
+from scenefw.evaluation.statistics import (
+    bootstrap_interval,
+    mean_interval,
+    median_interval,
+    paired_interval,
+)
 
 
 def test_bounds_are_those_of_scipy():
@@ -64,3 +69,20 @@ def test_a_ratio_is_that_of_means():
     assert found.count == 2
     assert np.isnan(bootstrap_interval(values[2:], [2], first).mean)
     assert np.isnan(bootstrap_interval(values[:1], [0], first).low)
+
+
+@pytest.mark.parametrize("confidence", [0.95, 0.6])
+def test_bounds_of_a_median_are_those_of_scenes_drawn_one_by_one(confidence):
+    random = np.random.default_rng(3)
+    scenes = np.repeat(np.arange(40), random.integers(1, 6, 40))  # with one view or several
+    values = random.exponential(size=40)[scenes] + 0.1 * random.random(len(scenes))
+    found = median_interval(values, scenes, confidence)
+    drawn = [
+        np.median(np.concatenate([values[scenes == one] for one in random.integers(0, 40, 40)]))
+        for _ in range(2000)
+    ]
+    edge = (1 - confidence) / 2
+    low, high = np.quantile(drawn, [edge, 1 - edge])
+    assert found.mean == np.median(values)
+    assert found.low == pytest.approx(low, abs=0.1 * (high - low))
+    assert found.high == pytest.approx(high, abs=0.1 * (high - low))

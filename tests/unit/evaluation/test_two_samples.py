@@ -1,3 +1,5 @@
+import itertools
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -44,6 +46,25 @@ def test_chance_is_even_where_nothing_differs():
     assert permutation_test(sample(30), sample(30, 2, seed=1), resamples=500) == pytest.approx(
         1 / 500
     )
+
+
+def test_chance_is_the_share_of_all_deals_that_are_as_far_apart():
+    """All 462 ways to deal eleven rows to five and six, each distance summed by hand."""
+    rows = np.concatenate([sample(5, 0, 2), sample(6, 0.9, 2, 1)])
+
+    def apart(first):
+        one, other = rows[list(first)], rows[[i for i in range(11) if i not in first]]
+        across = np.mean([np.linalg.norm(a - b) for a in one for b in other])
+        inner = [
+            np.mean([np.linalg.norm(a - b) for a, b in itertools.permutations(part, 2)])
+            for part in (one, other)
+        ]
+        return 2 * across - sum(inner)
+
+    deals = [apart(first) for first in itertools.combinations(range(11), 5)]
+    share = np.mean(np.array(deals) >= deals[0] - 1e-12)
+    assert 0.02 < share < 0.5
+    assert permutation_test(rows[:5], rows[5:], resamples=8000) == pytest.approx(share, abs=0.02)
 
 
 def test_too_few_rows_have_no_distance():

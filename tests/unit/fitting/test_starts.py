@@ -27,7 +27,9 @@ def test_a_start_is_the_box_itself(angle):
 
 def test_points_on_a_line_are_no_crash():
     line = np.linspace(0, 1, 20)[:, None] * (0.1, 0.0, 0.0)
-    assert all(np.isfinite(half_axes).all() for _, half_axes in box_starts(line))
+    starts = box_starts(line)
+    assert starts
+    assert all(np.isfinite(half_axes).all() for _, half_axes in starts)
 
 
 def test_one_more_start_is_about_the_sure_points_alone():

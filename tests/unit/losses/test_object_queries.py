@@ -2,8 +2,10 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
+from scipy.spatial.transform import Rotation
 from tests.unit.matching.test_queried_sets import exact
 from tests.unit.models.queries import batch_of
 
@@ -11,7 +13,7 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.queried_sets import ObjectQueryPrediction
 from scenefw.losses.query_distance import QueryDistance
 from scenefw.losses.query_existence import QueryExistence
-from scenefw.losses.query_parameters import QueryParameters
+from scenefw.losses.query_parameters import QueryParameters, least_difference
 from scenefw.matching.queried_sets import matched_queries
 from scenefw.shapes.equal_descriptions import equal_descriptions
 
@@ -35,6 +37,34 @@ def test_any_description_of_the_truth_costs_nothing(number):
     )
     for loss in GEOMETRIC:
         assert float(loss(prediction(batch, told), batch)) < 1e-3
+
+
+def test_parameters_differ_by_the_least_of_all_descriptions():
+    """By hand: the 24 rotations of a cube put each axis anywhere, with its length and exponent."""
+    random, cube = np.random.default_rng(0), Rotation.create_group("O").as_matrix()
+
+    def drawn():
+        sizes = random.uniform(0.02, 0.2, 3), random.uniform(2, 9, 3)
+        return random.normal(0, 0.05, 3), Rotation.random(random_state=random).as_matrix(), *sizes
+
+    pairs = [(drawn(), drawn()) for _ in range(5)]
+    for mine, true in pairs[3:]:  # hardly apart, but told otherwise
+        order = np.abs(cube[random.integers(24)])
+        mine[2][:], mine[3][:] = order @ true[2], order @ true[3]
+    expected = []
+    for mine, true in pairs:
+        costs = []
+        for way in cube:
+            half_axes, exponents = np.abs(way).T @ true[2], np.abs(way).T @ true[3]
+            turns = np.abs(mine[1] - true[1] @ way).sum()
+            lengths = np.abs(np.log(mine[2] / half_axes)).sum() / 0.7
+            costs.append(turns + lengths + np.abs(np.log(mine[3] / exponents)).sum() / 1.1)
+        expected.append((min(costs) + np.abs(mine[0] - true[0]).sum() / 0.05) / 18)
+    stacks = (
+        [torch.from_numpy(np.stack(part)) for part in zip(*side, strict=True)]
+        for side in zip(*pairs, strict=True)
+    )
+    np.testing.assert_allclose(least_difference(*stacks), expected, rtol=1e-6)
 
 
 def test_what_is_wrong_costs_more_the_more_it_is():
