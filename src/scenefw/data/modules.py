@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from scenefw.core.batches import IndexBatch, ShapeInstanceBatch
 from scenefw.core.errors import ConfigError
 from scenefw.core.protocols import Representation
-from scenefw.core.rng import Streams
 from scenefw.core.types import GridSpec
 from scenefw.data.conditioning import shape_instance_batch
 from scenefw.data.scene_batches import SceneBatches
@@ -87,7 +86,7 @@ class StackData(SceneBatches):
 
     def training_batch(self, batch: IndexBatch, device: torch.device) -> ShapeInstanceBatch:
         """Views and volumes of scenes in an epoch."""
-        streams = Streams.of(self.seed, _COUNTS, batch.epoch, indices=batch.indices.numpy())
+        streams = self.streams(batch, _COUNTS)
         counts = self.counts[(streams.uniform(1)[:, 0] * len(self.counts)).astype(int)]
         return self._make(self.scenes, batch, device, _VIEWS, counts)
 
@@ -107,6 +106,6 @@ class StackData(SceneBatches):
         truths: bool = False,
     ) -> ShapeInstanceBatch:
         parameters = scenes.parameters(batch.indices, device)
-        streams = Streams.of(self.seed, stream, batch.epoch, indices=batch.indices.numpy())
+        streams = self.streams(batch, stream)
         made = self.views.make(parameters, streams, counts)
         return shape_instance_batch(made.partial, made.scenes, self.representations, truths=truths)

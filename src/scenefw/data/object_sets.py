@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import torch
 
 from scenefw.core.batches import IndexBatch, ObjectSetBatch
-from scenefw.core.rng import Streams
 from scenefw.core.types import GridSpec
 from scenefw.data.conditioning import condition
 from scenefw.data.scene_batches import SceneBatches
@@ -68,7 +67,7 @@ class ObjectSetViews(SceneBatches):
         self, scenes: StackScenes, batch: IndexBatch, device: torch.device, stream: int
     ) -> ObjectSetBatch:
         parameters = scenes.parameters(batch.indices, device)
-        streams = Streams.of(self.seed, stream, batch.epoch, indices=batch.indices.numpy())
+        streams = self.streams(batch, stream)
         return object_set_batch(self.views.make(parameters, streams), self.grid)
 
 

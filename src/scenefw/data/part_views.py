@@ -129,7 +129,7 @@ class PartViews(SceneBatches):
     def _make(
         self, scenes: SceneParameters, batch: IndexBatch, stream: int, scale: tuple[float, float]
     ) -> PartViewBatch:
-        streams = Streams.of(self.seed, stream, batch.epoch, indices=batch.indices.numpy())
+        streams = self.streams(batch, stream)
         to_camera, to_scale, to_noise, to_change, to_end, to_floor = streams.split(6)
         chances = to_scale.uniform(4)
         least, most = scale

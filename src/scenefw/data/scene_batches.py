@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING, Any
 import lightning
 import torch
 
+from scenefw.core.rng import Streams
 from scenefw.core.settings import COUNT
 from scenefw.data.epochs import EpochBatches
 from scenefw.data.stacks import StackScenes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from scenefw.core.batches import IndexBatch
 
 
 class SceneBatches(lightning.LightningDataModule):
@@ -76,6 +79,10 @@ class SceneBatches(lightning.LightningDataModule):
     def val_dataloader(self) -> EpochBatches:
         """The same batches every time."""
         return EpochBatches(len(self.validation_scenes), self.batch_size, None, *self._processes())
+
+    def streams(self, batch: IndexBatch, number: int) -> Streams:
+        """A random stream per scene of a batch, of (seed, epoch, index) and `number` alone."""
+        return Streams.of(self.seed, number, batch.epoch, indices=batch.indices.numpy())
 
     def _processes(self) -> tuple[int, int]:
         trainer = self.trainer

@@ -10,7 +10,6 @@ import torch
 from torch import Tensor
 
 from scenefw.core.batches import CameraBatch, IndexBatch, SceneParameters, SeenSetBatch
-from scenefw.core.rng import Streams
 from scenefw.core.settings import COUNT, NOT_NEGATIVE
 from scenefw.core.types import GridSpec
 from scenefw.data.object_ends import object_ends
@@ -123,7 +122,7 @@ class SeenSets(SceneBatches):
         changed: bool,
     ) -> SeenSetBatch:
         parameters = scenes.parameters(batch.indices, device)
-        streams = Streams.of(self.seed, stream, batch.epoch, indices=batch.indices.numpy())
+        streams = self.streams(batch, stream)
         to_camera, to_change, to_points, to_ends, to_noise = streams.split(5)
         change = to_change.uniform(3) if changed else np.full((len(streams), 3), 0.5)
         scale = self.scale ** (2 * change[:, :1] - 1)

@@ -9,7 +9,6 @@ import torch
 
 from scenefw.core.errors import SettingError
 from scenefw.core.queried_sets import ViewedSetBatch
-from scenefw.core.rng import Streams
 from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.data.conditioning import condition
 from scenefw.data.scene_batches import SceneBatches
@@ -104,7 +103,7 @@ class ViewedSets(SceneBatches):
         self, scenes: StackScenes, batch: IndexBatch, device: torch.device, stream: int
     ) -> ViewedSetBatch:
         parameters = scenes.parameters(batch.indices, device)
-        streams = Streams.of(self.seed, stream, batch.epoch, indices=batch.indices.numpy())
+        streams = self.streams(batch, stream)
         to_view, to_points, to_places = streams.split(3)
         slots = parameters.present.shape[1]
         drawn = [

@@ -10,8 +10,8 @@ import torch
 
 from scenefw.core.errors import ConfigError
 from scenefw.data.views import ViewMaker, Viewpoints
-from scenefw.evaluation.kept_rows import KeptRows, kept_or_made
-from scenefw.evaluation.side_by_side import side_by_side
+from scenefw.evaluation.kept_rows import KeptRows
+from scenefw.evaluation.scored_scenes import scored_scenes, workers_on
 from scenefw.evaluation.stacks.confidence_results import ConfidenceResult, ObjectConfidence
 from scenefw.evaluation.stacks.several_views import SeenOften
 from scenefw.postprocessing.confidence import best_overlaps, confidences
@@ -71,16 +71,18 @@ class ConfidenceEvaluation:
         self.scenes, self.method, self.samples = scenes, method, samples
         self.maker = ViewMaker(method.grid, viewpoints, renderer, mapping, noise)
         self.seed, self.device, self.kept = seed, device, kept
-        self.workers = 1 if workers is None and torch.device(device).type != "cpu" else workers
+        self.workers = workers_on(device, workers)
 
     def run(self, track: Track = lambda items, _: items) -> ConfidenceResult:
         """Scores all scenes; `track(items, what)` shows a bar of the loop."""
-        found = kept_or_made(
-            self.kept,
-            {str(row): row for row in range(len(self.scenes))},
-            lambda some, done: side_by_side(self.score, some, track, "scenes", self.workers, done),
-            lambda objects: [asdict(one) for one in objects],
+        found = scored_scenes(
+            self.score,
+            len(self.scenes),
             lambda rows: [ObjectConfidence(**row) for row in rows],
+            track,
+            self.kept,
+            self.workers,
+            packed=lambda objects: [asdict(one) for one in objects],
         )
         objects = tuple(one for scene in found for one in scene)
         return ConfidenceResult(objects, self.samples, self.method.calibration)

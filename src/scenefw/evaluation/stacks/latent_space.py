@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING
 
@@ -11,8 +10,8 @@ import torch
 
 from scenefw.core.errors import ConfigError
 from scenefw.data.views import ViewMaker, Viewpoints
-from scenefw.evaluation.kept_rows import KeptRows, kept_or_made
-from scenefw.evaluation.side_by_side import side_by_side
+from scenefw.evaluation.kept_rows import KeptRows
+from scenefw.evaluation.scored_scenes import scored_scenes, workers_on
 from scenefw.evaluation.stacks.latent_space_results import (
     BLENDED,
     CODES,
@@ -95,16 +94,12 @@ class LatentSpaceEvaluation:
         self.samples, self.steps = samples, steps
         self.maker = ViewMaker(self.grid, viewpoints, renderer, mapping, noise)
         self.matching, self.seed, self.device, self.kept = matching, seed, device, kept
-        self.workers = 1 if workers is None and torch.device(device).type != "cpu" else workers
+        self.workers = workers_on(device, workers)
 
     def run(self, track: Track = lambda items, _: items) -> LatentSpaceResult:
         """Scores all scenes; `track(items, what)` shows a bar of the loop."""
-        found = kept_or_made(
-            self.kept,
-            {str(row): row for row in range(len(self.scenes))},
-            lambda some, done: side_by_side(self.score, some, track, "scenes", self.workers, done),
-            asdict,
-            SceneCodes.from_row,
+        found = scored_scenes(
+            self.score, len(self.scenes), SceneCodes.from_row, track, self.kept, self.workers
         )
         return LatentSpaceResult(tuple(found), self.counts, self.samples, self.steps)
 

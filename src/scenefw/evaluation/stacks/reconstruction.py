@@ -25,6 +25,7 @@ from scenefw.core.types import Camera, Float64, GridSpec
 from scenefw.data.stacks import SceneSet
 from scenefw.data.views import ViewBatch, ViewMaker, Viewpoints
 from scenefw.evaluation.kept_rows import KeptRows, kept_or_made
+from scenefw.evaluation.scored_scenes import workers_on
 from scenefw.evaluation.side_by_side import alone, collected, side_by_side
 from scenefw.evaluation.stacks.draw_results import DrawsResult, DrawView
 from scenefw.evaluation.stacks.draws import DrawScoring, Truth
@@ -114,7 +115,7 @@ class ReconstructionEvaluation:
         self.published, self.kept = published, kept
         if workers is not None and workers < 1:
             raise ConfigError(f"workers is {workers}; expected at least 1, or null")
-        self.workers = 1 if workers is None and torch.device(device).type != "cpu" else workers
+        self.workers = workers_on(device, workers)
         self.parallel = parallel
         self.methods = {name: method for name, method in methods.items() if method is not None}
         if not self.methods or views < 1 or samples < 1:

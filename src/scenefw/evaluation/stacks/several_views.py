@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,8 +12,8 @@ import torch
 from scenefw.core import rng
 from scenefw.core.errors import ConfigError
 from scenefw.data.views import ViewBatch, ViewMaker, Viewpoints
-from scenefw.evaluation.kept_rows import KeptRows, kept_or_made
-from scenefw.evaluation.side_by_side import side_by_side
+from scenefw.evaluation.kept_rows import KeptRows
+from scenefw.evaluation.scored_scenes import scored_scenes, workers_on
 from scenefw.evaluation.stacks.several_views_results import SceneScores, SeveralViewsResult
 from scenefw.evaluation.stacks.surface_scores import Surfaces, SurfaceScoring, TruePoints
 from scenefw.evaluation.stacks.visibility import VisibleSurface
@@ -145,16 +145,12 @@ class SeveralViewsEvaluation:
         self.visible = VisibleSurface(renderer)
         self.surfaces = surfaces or SurfaceScoring()
         self.matching, self.seed, self.device = matching, seed, device
-        self.workers = 1 if workers is None and torch.device(device).type != "cpu" else workers
+        self.workers = workers_on(device, workers)
 
     def run(self, track: Track = lambda items, _: items) -> SeveralViewsResult:
         """Scores all scenes; `track(items, what)` shows a bar of the loop."""
-        found = kept_or_made(
-            self.kept,
-            {str(row): row for row in range(len(self.scenes))},
-            lambda some, done: side_by_side(self.score, some, track, "scenes", self.workers, done),
-            asdict,
-            SceneScores.from_row,
+        found = scored_scenes(
+            self.score, len(self.scenes), SceneScores.from_row, track, self.kept, self.workers
         )
         return SeveralViewsResult(tuple(found), tuple(self.methods), self.counts, self.samples)
 
