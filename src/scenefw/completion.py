@@ -47,7 +47,12 @@ def answers(line: str) -> list[str]:
 
 
 def _overrides(word: str, typed: list[str], options: Options) -> Iterator[str]:
-    """`group=option`, `key=`, `key.`: what the word may become."""
+    """Overrides that begin with the word.
+
+    Behind a `=` these are `group=option` and `key=value` for all known options and values. Before
+    it they are the groups and keys that go on with the word: `key=` for a value, `key.` for a node
+    that has keys of its own.
+    """
     bare = word.lstrip("+~")
     sign = word[: len(word) - len(bare)]
     key, given, value = bare.partition("=")

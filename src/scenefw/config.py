@@ -190,7 +190,11 @@ def quoted(text: str) -> str:
 
 
 def _as_understood(text: str, parser: OverridesParser) -> str:
-    """How an override with special characters is typed in a shell."""
+    """The advice for an override that Hydra can't parse, after a message of what is wrong.
+
+    If quotes around the value are all that it lacks, the advice is how to type it so in a shell;
+    else it only says what overrides look like.
+    """
     from hydra.errors import HydraException
 
     key, equals, value = text.partition("=")

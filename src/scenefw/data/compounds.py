@@ -56,7 +56,17 @@ def compounds(
 
 
 def _holes(scenes: SceneParameters, drawn: Tensor, which: Tensor) -> SceneParameters:
-    """What is cut out of objects: themselves, thinner by a wall and moved out."""
+    """What is cut out of the objects to hollow, as superquadrics that lie in them.
+
+    A hole has the object's shape, narrower by a wall on all sides but along one axis. Along that
+    axis it keeps its length and is moved outward, so that it leaves a bottom at one end and opens
+    the other. The axis is mostly the one that points up, for things that stand open side up.
+
+    Args:
+        scenes: the objects.
+        drawn: (B, N, 4) in [0, 1): wall, bottom, which axis, and whether that is any of the three.
+        which: (B, N) objects that get a hole.
+    """
     upward = scenes.rotations[:, :, 2]
     anywhere = drawn[..., 3] < 0.2
     axis = torch.where(anywhere, (3 * drawn[..., 2]).long().clamp_max(2), upward.abs().argmax(-1))

@@ -66,7 +66,10 @@ class ViewImages(Protocol):
     def render(
         self, indices: NDArray[np.int64], epoch: int | None, device: torch.device
     ) -> LabelledViews:
-        """Views of an epoch; None = the same always."""
+        """The views of these indices as a training sees them in an epoch.
+
+        With `epoch=None`, as in validation, they are the same views whenever they are asked for.
+        """
 
 
 class ViewSamples:
@@ -119,7 +122,10 @@ class ViewSamples:
     def batch(
         self, indices: NDArray[np.int64], epoch: int | None, device: torch.device
     ) -> SegmentationBatch:
-        """Views of an epoch, disturbed; None = as they are, the same always."""
+        """Views for a training step: those of the epoch, with noise and light of their own.
+
+        With `epoch=None`, as in validation, nothing is disturbed and they are always the same.
+        """
         views = self.images.render(indices, epoch, device)
         if epoch is not None:
             streams = Streams.of(self.seed, _VIEW, epoch, indices=indices)
@@ -198,7 +204,7 @@ class StoredViews:
         return _compact(next(iter(self.source.frames(scene, 1, view))))
 
     def _keep(self, index: int, frame: Frame) -> bool:
-        """Keeps a view; whether there was room."""
+        """Keeps a view in memory if there is room for it; returns whether there was."""
         arrays = (getattr(frame, name) for name in _ARRAYS)
         self._bytes_left -= sum(array.nbytes for array in arrays)
         if self._bytes_left >= 0:
@@ -279,7 +285,11 @@ class RenderedViews:
         return scenes.astype(np.int32), poses
 
     def _round(self, indices: NDArray[np.int64], epoch: int) -> NDArray[np.int64]:
-        """How often views were renewed; not all in the same epoch."""
+        """How often each view has been rendered anew by this epoch.
+
+        Each is renewed once in `renew` epochs. The index is added so that in every epoch it is
+        another part of the views, and no epoch has to render all of them.
+        """
         return (epoch + indices) // self.renew
 
     def _look(self, where: Sequence[Tensor], device: torch.device) -> Pictures:

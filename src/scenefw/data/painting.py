@@ -191,7 +191,11 @@ def without_borders(labels: NDArray[np.int32], border: int) -> NDArray[np.int32]
 
 
 def _canvas(height_map: HeightMap, colours: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The map's colours, moved by one where they happen to be those of a class."""
+    """The map's picture to paint on, in which no pixel has exactly the colour of a class.
+
+    Whoever reads the painting takes pixels of such a colour for painted ones. So where the map
+    itself has it, each channel is changed by 1 of 255, which nobody sees.
+    """
     canvas = height_map.colour.copy()
     for colour in colours:
         match = (canvas == colour).all(-1)

@@ -330,7 +330,11 @@ def _linear(width: int) -> nn.Linear:
 
 
 def _started(inputs: int, outputs: int) -> nn.Linear:
-    """A layer that adds nothing to begin with: other weights keep their meaning."""
+    """A layer that gives 0 until it is trained.
+
+    Its output is added to what other layers give, so a network that gets it later on starts as the
+    network that it was.
+    """
     layer = nn.Linear(inputs, outputs)
     nn.init.zeros_(layer.weight)
     nn.init.zeros_(layer.bias)

@@ -161,7 +161,17 @@ class HoughVoting:
         return torch.lerp(costs, _averaged(costs, rays), self.smoothing)
 
     def _deserving(self, costs: Tensor, voxel: float) -> Tensor:
-        """Indices of the centres that stay."""
+        """Indices of the centres without which the votes would be explained clearly worse.
+
+        Each voxel goes to its cheapest centre. A centre is worth what its voxels save by it, on
+        average, beside the second cheapest one; one that gets less than `smallest` is worth less
+        than nothing. The worst is dropped, and its voxels dealt out anew, until every centre that
+        is left is worth `gain`.
+
+        Args:
+            costs: (M, N) of inside voxels and centres, as `_costs`.
+            voxel: its side (m).
+        """
         stride = -(-len(costs) // _MOST_JUDGES)
         costs, volume = costs[::stride], stride * voxel**3
         alive = torch.arange(costs.shape[1], device=costs.device)

@@ -99,7 +99,11 @@ def _cast(tree: Tree, camera: Camera, window: Box) -> Float32:
 
 
 def _inside(window: Box, values: NDArray, camera: Camera) -> tuple[tuple[slice, slice], NDArray]:
-    """Where in the image the part of a window lies that is in it, and that part."""
+    """Cuts a window of pixels to the image, beyond which it may reach.
+
+    Returns:
+        Rows and columns of the image that the window covers, and the values of these pixels.
+    """
     left, top, right, bottom = window
     rows = slice(min(max(top, 0), camera.height), max(min(bottom + 1, camera.height), 0))
     columns = slice(min(max(left, 0), camera.width), max(min(right + 1, camera.width), 0))

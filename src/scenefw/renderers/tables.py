@@ -150,7 +150,15 @@ def _joined(scenes: Sequence[PreparedTable]) -> list[NDArray]:
 
 
 def _shift(name: str, ends: dict[str, int]) -> NDArray:
-    """What is added to each column of a scene's array."""
+    """What to add to each column of an array when scenes are put one behind the other.
+
+    Some columns are row numbers in another array of the same scene. These grow by the rows that
+    this other array already has from the scenes before; all else stays.
+
+    Args:
+        name: of the array.
+        ends: rows of each array so far.
+    """
     points_to = {
         "links": ("links", "triangles", None),
         "looks": ("textures", "placements", None),

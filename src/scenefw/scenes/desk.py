@@ -163,7 +163,14 @@ class _Table:
                 return
 
     def _try(self, body: Body, scale: float, way: int) -> Rest | None:
-        """A place as the dice fall, if it is one."""
+        """One random attempt to put a model down, None if it can't lie there.
+
+        Args:
+            body: the model.
+            scale: its size by its own.
+            way: anywhere on the table (`_FREE`), pushed against another thing (`_BESIDE`), or on
+                another thing (`_ONTO`).
+        """
         yaw = self.rng.uniform(0, 2 * np.pi)
         half = self.relief.half
         place = self.rng.uniform(-half, half, 2)
@@ -225,7 +232,7 @@ class _Table:
         self.relief.raise_to(found.moved(scale * body.high))
 
     def _lay(self, label: int, instance: int) -> None:
-        """Adds something limp."""
+        """Lays a cable or the like over the table and what is on it, at a random place."""
         spine = self.maker.models.model(label, instance).spine
         if spine is None:
             raise TypeError("only what has a spine is limp")

@@ -190,7 +190,16 @@ def on_sphere(first: Tensor, last: Tensor, share: float) -> Tensor:
 
 
 def _way(shapes: Sequence[np.ndarray], truth: np.ndarray) -> dict[str, float]:
-    """How long a way is, in distances of its ends, and how far from the truth."""
+    """Figures of shapes on the way from one code to another; distances are 1 - IoU.
+
+    `length`: the sum of all steps by the distance of both ends, 1 for a way that never turns back.
+    `largest`: the largest step by that sum, near 1 where a shape jumps. `ends` and `middle`: how
+    far shapes are from the truth there.
+
+    Args:
+        shapes: occupancies (X, Y, Z), in their order.
+        truth: the true occupancy.
+    """
     steps = [1 - occupancy_iou(a, b) for a, b in pairwise(shapes)]
     direct = 1 - occupancy_iou(shapes[0], shapes[-1])
     errors = [1 - occupancy_iou(one, truth) for one in shapes]
