@@ -12,11 +12,16 @@ from scenefw.scenes.cameras import RandomViewpoints
 
 
 def image(width, height):
-    """A box before a wall, hidden on the right by a nearer one; two pixels are unknown."""
+    """A box before a wall, hidden on the right by a nearer one; some pixels are unknown.
+
+    Parts of both reach beyond the image, where no end of theirs is seen.
+    """
     v, u = np.mgrid[:height, :width] / (height, width)[0]
     owners = np.zeros((height, width), np.int64)
     owners[(v > 0.3) & (v < 0.7) & (u > 0.3) & (u < 0.8)] = 1
     owners[(v > 0.2) & (v < 0.8) & (u > 0.6) & (u < 0.9)] = 3
+    owners[(v > 0.9) & (u > 1.0)] = 1
+    owners[(v < 0.1) & (u < 0.2)] = 3
     reach = np.choose(owners, [1.2, 0.8, 0.0, 0.6])
     rays = np.stack([u - 0.6, 0.5 - v, np.full_like(u, -1.0)], axis=-1)
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)

@@ -178,3 +178,30 @@ def test_unmatched_predictions_are_no_loss(batch):
     unmatched = dataclasses.replace(prediction(batch), matched=None)
     with pytest.raises(InputError, match="match predictions"):
         SetBinaryCrossEntropy()(unmatched, batch)
+
+
+@pytest.mark.parametrize("per_cell", [False, True])
+def test_discrepancy_is_of_whole_volumes_or_of_their_cells(per_cell):
+    """By hand: expectations over N(0, I) from many draws of it."""
+    latent = torch.randn(3, 2, 2, 2, 2, generator=torch.Generator().manual_seed(1)).double() + 0.5
+    if per_cell:
+        samples = [one[:, i, j, k] for one in latent for i, j, k in np.ndindex(2, 2, 2)]
+    else:
+        samples = [one.flatten() for one in latent]
+    codes = torch.stack(samples)
+    variance = 0.7 * codes.shape[1]
+    drawn = torch.randn(
+        2, 3000, codes.shape[1], generator=torch.Generator().manual_seed(2)
+    ).double()
+
+    def alike(first, second):
+        return (-(torch.cdist(first, second) ** 2) / (2 * variance)).exp()
+
+    own = alike(codes, codes)
+    within = (own.sum() - own.trace()) / (len(codes) * (len(codes) - 1))
+    expected = within - 2 * alike(codes, drawn[0]).mean() + alike(*drawn).mean()
+    batch = boxes()
+    found = SetDiscrepancy(bandwidth=0.7, per_cell=per_cell)(
+        dataclasses.replace(prediction(batch), latent=latent), batch
+    )
+    assert float(found) == pytest.approx(float(expected), abs=0.01)
