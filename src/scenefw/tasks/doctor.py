@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenefw.core.errors import InputError
-from scenefw.core.files import require_writable
+from scenefw.core.files import require_apart, require_writable
 from scenefw.perception.doctor import ODD, UNUSABLE, unusable
 from scenefw.perception.examination import Examination
 from scenefw.report.pictures import save_picture
@@ -31,7 +31,8 @@ class Examine:
         masks: as of `run=predict`.
 
     Raises:
-        ConfigError: no input is given, or the depth scale is not positive.
+        ConfigError: no input is given, the depth scale is not positive, or pictures would go among
+            the images or masks, where they would replace those of the same name.
     """
 
     def __init__(
@@ -44,6 +45,8 @@ class Examine:
         masks: str | Path | None = None,
     ) -> None:
         self.images = DepthImages("doctor", input, intrinsics, depth_scale, masks, output)
+        for given in [Path(each) for each in (input, masks) if each is not None]:
+            require_apart(output, given if given.is_dir() else given.parent)
         self.output, self.examiner = Path(output), examiner
 
     def run(self) -> dict[str, float]:
@@ -63,7 +66,7 @@ class Examine:
             if found[-1].frame is not None:
                 picture = draw_examination(found[-1], self.examiner.grid)
                 save_picture(picture, self.output / name.with_suffix(".png"))
-        bad = [one.checks[-1].line for one in found if not one.usable]
+        bad = [_reason(one) for one in found if not one.usable]
         if len(bad) == len(found):
             raise InputError(
                 bad[0] if len(bad) == 1 else f"none of {len(bad)} images is usable: {bad[0]}"
@@ -81,6 +84,11 @@ class Examine:
         except InputError as error:
             return Examination((unusable("file", error),))
         return self.examiner.examine(frame, mask)
+
+
+def _reason(found: Examination) -> str:
+    """Why an image is unusable, in one line; further checks may have been good."""
+    return next(check.line for check in found.checks if check.verdict == UNUSABLE)
 
 
 def _tell(name: str, found: Examination) -> None:

@@ -44,6 +44,24 @@ def test_masks_are_looked_at_too(tmp_path):
     assert (tmp_path / "out" / "a.png").is_file()  # shows why
 
 
+def test_the_error_names_the_check_that_failed(tmp_path):
+    image = save(tmp_path / "a.npz", K=FRAME.camera.matrix * (10, 10, 1))
+    with pytest.raises(InputError, match=r"^intrinsics of a give a view of .*; give fx, fy"):
+        Examine(image, EXAMINER, tmp_path / "out").run()
+
+
+def test_pictures_replace_neither_images_nor_masks(tmp_path):
+    (tmp_path / "in").mkdir()
+    depth = Image.fromarray(np.uint16(FRAME.depth * 1000))
+    depth.save(tmp_path / "in" / "a.png")
+    with pytest.raises(ConfigError, match="is the folder of the input"):
+        Examine(tmp_path / "in" / "a.png", EXAMINER, tmp_path / "in")
+    with pytest.raises(ConfigError, match="is the folder of the input"):
+        Examine(save(tmp_path / "a.npz"), EXAMINER, tmp_path / "in", masks=tmp_path / "in")
+    with Image.open(tmp_path / "in" / "a.png") as image:
+        np.testing.assert_array_equal(np.array(image), np.array(depth))
+
+
 def test_an_input_is_needed():
     with pytest.raises(ConfigError, match="run=doctor needs input=PATH"):
         Examine(None, EXAMINER)
