@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.errors import ConfigError, InputError, StorageError
 from scenefw.core.files import replacing, unreadable, write_text
 from scenefw.core.height_maps import HeightMap
 from scenefw.core.labels import UNKNOWN
@@ -45,16 +45,21 @@ def export_painting(folder: Path | str, height_map: HeightMap, classes: Sequence
     """Writes colours.png to paint on, and the palette as palette.png and palette.json.
 
     Returns the picture. It has one pixel per vertex; paint it with the palette's exact colours, no
-    soft brush, and save it as PNG.
+    soft brush, and save it as PNG. A picture that was painted on is never replaced.
 
     Raises:
         ConfigError: more classes than colours.
-        StorageError: the folder can't be written.
+        StorageError: the folder can't be written, or another picture of that name is there.
     """
     folder, colours = Path(folder), palette(classes)
-    picture = folder / "colours.png"
+    picture, canvas = folder / "colours.png", _canvas(height_map, colours)
+    if picture.exists() and not _shows(picture, canvas):
+        raise StorageError(
+            f"{picture} was painted on, or shows another map, and would be lost; give another "
+            "folder, or move it away"
+        )
     with replacing(picture) as temporary:
-        Image.fromarray(_canvas(height_map, colours)).save(temporary)
+        Image.fromarray(canvas).save(temporary)
     names = {name: colour.tolist() for name, colour in zip(classes, colours, strict=True)}
     write_text(folder / "palette.json", json.dumps(names, indent=1) + "\n")
     with replacing(folder / "palette.png") as temporary:
@@ -203,6 +208,14 @@ def _canvas(height_map: HeightMap, colours: NDArray[np.uint8]) -> NDArray[np.uin
     return canvas
 
 
+def _shows(path: Path, canvas: NDArray[np.uint8]) -> bool:
+    try:
+        with Image.open(path) as image:
+            return np.array_equal(np.array(image), canvas)
+    except DAMAGED_PICTURE:
+        return False
+
+
 def _picture(path: Path, height_map: HeightMap) -> NDArray[np.uint8]:
     try:
         with Image.open(path) as image:
@@ -226,7 +239,8 @@ def _classes(path: Path) -> tuple[str, ...]:
         names = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(
-            f"cannot read {file}: {error}; leave the exported palette.json beside the painting"
+            f"cannot read {file}: {unreadable(error)}; leave the exported palette.json beside the "
+            "painting"
         ) from error
     return tuple(names)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scenefw.core.errors import ConfigError
+from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import require_writable
 from scenefw.core.folders import require_replaceable
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
@@ -126,13 +126,18 @@ class PaintImport:
         """Returns the share of each class and the number of labelled views.
 
         Raises:
-            InputError: the picture, the map or the sequence can't be used.
+            InputError: the picture, the map or the sequence can't be used, or nothing is painted.
         """
         require_writable(self.output)
         if self.views is not None:
             require_replaceable(self.output / _VIEWS)
         saved = load_map(self.map)
         painted = load_painting(self.input, saved.height_map, background=self.background)
+        if painted.labels is None or not (painted.labels >= 0).any():
+            raise InputError(
+                f"nothing is painted in {self.input}; paint on it with the colours of palette.png, "
+                "or give run.background=CLASS if all of it is one class"
+            )
         save_map(self.output / "labelled.npz", painted)
         save_picture(map_picture(painted), self.output / "labelled.png")
         count = 0

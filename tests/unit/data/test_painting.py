@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.errors import ConfigError, InputError, StorageError
 from scenefw.core.geometry import look_at
 from scenefw.core.height_maps import HeightGrid
 from scenefw.core.types import Camera, Frame
@@ -68,6 +68,16 @@ def test_paint_comes_back_as_labels(tmp_path):
 
 def test_an_untouched_picture_has_no_labels(tmp_path):
     assert (load_painting(export_painting(tmp_path, table(), CLASSES), table()).labels == -1).all()
+
+
+def test_a_painting_is_never_replaced(tmp_path):
+    picture = export_painting(tmp_path, table(), CLASSES)
+    assert export_painting(tmp_path, table(), CLASSES) == picture  # nothing is lost
+    picture = painted(tmp_path, [(*BLOCK, palette(CLASSES)[1])])
+    before = picture.read_bytes()
+    with pytest.raises(StorageError, match=r"colours\.png was painted on.*move it away"):
+        export_painting(tmp_path, table(), CLASSES)
+    assert picture.read_bytes() == before
 
 
 def test_unknown_colours_are_listed_with_their_counts(tmp_path):

@@ -324,6 +324,10 @@ def test_labels_by_hand_there_and_back(sequence, tmp_path):
     names = json.loads((tmp_path / "paint" / "palette.json").read_text())
     with Image.open(tmp_path / "paint" / "colours.png") as image:
         painted = np.array(image)
+    untouched = tmp_path / "paint" / "colours.png"
+    with pytest.raises(InputError, match=r"nothing is painted in .*colours\.png"):
+        PaintImport(untouched, tmp_path / "map.npz", tmp_path / "none").run()
+    assert not list((tmp_path / "none").iterdir())
     for i, name in enumerate(CLASSES):
         painted[whole.labels == i] = names[name]
     picture = tmp_path / "paint" / "painted.png"
