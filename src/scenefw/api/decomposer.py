@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Sized
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +12,7 @@ from scenefw.api.prediction import Prediction
 from scenefw.core.errors import InputError, require_number
 from scenefw.core.settings import POSITIVE
 from scenefw.data.arrays import frame_of
+from scenefw.data.poses import require_metres
 from scenefw.perception.whole_scenes import WholeScene, read_whole_scene, taken_apart
 
 if TYPE_CHECKING:
@@ -114,11 +115,17 @@ class Decomposer:
         depth_scale: float | None,
         name: str,
     ) -> WholeScene:
+        for given in (images, [] if poses is None else poses):
+            if not isinstance(given, Sized):
+                raise InputError(
+                    f"got a {type(given).__name__}; give a path, or a list of depth images, K, and "
+                    "a list of poses"
+                )
         if intrinsics is None or poses is None or len(poses) != len(images):
-            given = 0 if poses is None else len(poses)
+            count = 0 if poses is None else len(poses)
             known = "no intrinsics" if intrinsics is None else "intrinsics"
             raise InputError(
-                f"{len(images)} depth images of {name} came with {given} poses and {known}; give "
+                f"{len(images)} depth images of {name} came with {count} poses and {known}; give "
                 "K (3, 3), and a pose (4, 4) of each, camera to world"
             )
         frames = [
@@ -131,5 +138,7 @@ class Decomposer:
             )
             for number, (depth, pose) in enumerate(zip(images, poses, strict=True), start=1)
         ]
-        chosen = self.pipeline.chosen([frame.camera.T_world_camera for frame in frames])
+        cameras = [frame.camera.T_world_camera for frame in frames]
+        require_metres(cameras, name)
+        chosen = self.pipeline.chosen(cameras)
         return WholeScene(name, [frames[number] for number in chosen])

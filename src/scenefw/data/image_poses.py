@@ -8,7 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenefw.core.errors import InputError
-from scenefw.data.poses import UNORDERED, pose_of, read_numbers, read_poses, require_smooth
+from scenefw.data.poses import (
+    UNORDERED,
+    pose_of,
+    read_numbers,
+    read_poses,
+    require_metres,
+    require_smooth,
+)
 
 Poses = list[NDArray[np.float64]]
 
@@ -42,6 +49,7 @@ def folder_poses(
         raise no_poses(path, "poses.txt", "one line per depth image")
     else:
         return [None] * len(images)
+    require_metres(poses, str(path))
     if largest_jump is not None and not unordered:
         require_smooth(poses, largest_jump, str(path))
     return poses

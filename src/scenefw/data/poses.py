@@ -15,6 +15,9 @@ Array = NDArray[np.float64]
 UNORDERED = "# unordered views: poses may jump"
 """First line of a file of poses whose frames are not a video."""
 
+_FARTHEST = 20.0
+"""Cameras that see one table are not this far apart (m)."""
+
 _FORMATS = "16 (4 x 4), 12 (3 x 4) or 7 (x y z qx qy qz qw) numbers per line"
 
 
@@ -78,6 +81,17 @@ def pose_of(words: Sequence[str], where: str) -> Array:
             "around, as between OpenGL and OpenCV? turn two of them"
         )
     return matrix
+
+
+def require_metres(poses: Sequence[Array], where: str) -> None:
+    """Raises an InputError if the camera is so far from its first place that the unit is wrong."""
+    positions = np.array([pose[:3, 3] for pose in poses]).reshape(-1, 3)
+    distances = np.linalg.norm(positions - positions[:1], axis=1)
+    if distances.max(initial=0) > _FARTHEST:
+        raise InputError(
+            f"the poses of {where} are up to {distances.max():.0f} m from the first: millimetres "
+            "given as metres, or tracking was lost? give positions in metres, of one table"
+        )
 
 
 def require_smooth(poses: Sequence[Array], largest_jump: float, where: str) -> None:

@@ -157,7 +157,7 @@ class TUMSequence(_Sequence):
             pose_times, poses = _timed_poses(path / "groundtruth.txt")
             pose_of = _nearest(depth_times, pose_times, largest_delay)
         if require_poses and (pose_of < 0).all():
-            raise no_poses(path, "groundtruth.txt", f"within {largest_delay} s of a depth image")
+            raise no_poses(path, "groundtruth.txt", f"poses within {largest_delay} s of an image")
         entries = [
             _Entry(
                 path / words[0],
@@ -168,8 +168,9 @@ class TUMSequence(_Sequence):
             for words, colour, pose in zip(depths, colour_of, pose_of, strict=True)
             if pose >= 0 or not require_poses
         ]
-        if largest_jump is not None and (pose_of >= 0).any():
-            known = [entry.pose for entry in entries if entry.pose is not None]
+        known = [entry.pose for entry in entries if entry.pose is not None]
+        pose_files.require_metres(known, str(path))
+        if largest_jump is not None:
             pose_files.require_smooth(known, largest_jump, str(path))
         around = Surroundings(TUM_UNIT)
         self._frames = _Frames(entries, _intrinsics(path, intrinsics), depth_scale, around)

@@ -55,6 +55,14 @@ def test_bad_input(tmp_path):
     for wrong in (np.diag([2.0, 1, 1, 1]), np.diag([-1.0, 1, 1, 1]), np.full((4, 4), np.nan)):
         with pytest.raises(InputError, match="scene, view 1"):
             METHOD.decompose([first.depth], K, [wrong])
+    far = np.eye(4)
+    far[0, 3] = 300.0
+    with pytest.raises(InputError, match=r"poses of scene are up to 300 m .*millimetres"):
+        METHOD.decompose([first.depth] * 2, K, [np.eye(4), far])
+    with pytest.raises(InputError, match="got a int; give a path, or a list"):
+        METHOD.decompose(3)
+    with pytest.raises(InputError, match="got a float; give a path, or a list"):
+        METHOD.decompose([first.depth], K, 0.5)
     with pytest.raises(InputError, match="brings its poses and intrinsics"):
         METHOD.decompose(tmp_path, K)
     with pytest.raises(ConfigError, match="mesh_scale = -1"):

@@ -153,6 +153,16 @@ def test_a_jump_is_named(tmp_path):
         TUMSequence(write_tum(tum, given))
 
 
+@pytest.mark.parametrize("ordered", [True, False])
+def test_poses_in_millimetres_are_named(tmp_path, ordered):
+    given = frames(3, step=100.0)
+    with pytest.raises(InputError, match=r"poses of .* are up to 200 m .*: millimetres"):
+        RGBDFolder(write_sequence(tmp_path / "a", given, ordered=ordered), largest_jump=None)
+    (tum := tmp_path / "tum").mkdir()
+    with pytest.raises(InputError, match=r"poses of .* are up to 200 m .*: millimetres"):
+        TUMSequence(write_tum(tum, given), largest_jump=None)
+
+
 def test_a_frame_of_another_size_is_named(tmp_path):
     write_sequence(tmp_path, frames())
     Image.fromarray(np.full((48, 64), 300, np.uint16)).save(tmp_path / "depth" / "000002.png")
