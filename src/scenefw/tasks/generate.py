@@ -19,6 +19,7 @@ from scenefw.core.versions import installed, versions
 from scenefw.scenes import statistics
 from scenefw.scenes.storage import Stored, StoredScenes, concatenate, load_scenes, pack, save_scenes
 
+_VERSIONS = {"superquadrics": "_v2", "superquadrics_v1": ""}  # of data sets, by their shapes
 _SIMULATORS = ("scenefw", "pybullet", "mujoco", "coacd", "numpy", "scipy")
 
 
@@ -37,9 +38,11 @@ class Generate:
         shard_size: attempts per shard.
         shards: folder of the shards of all data sets.
         output: where the data set, its manifest and its figure go.
-        name: file name of the data set, without suffix; None = superquadric_SCENE_v2, of meshes
-            SCENE.
+        name: file name of the data set, without suffix; None = as those that ship are called:
+            superquadric_SCENE_v2, without _v2 for shapes of v1 and with _SHAPE in its place for
+            others, then _SPLIT where all scenes are of one; of meshes SCENE.
         scene: name of the option that makes the scenes.
+        shape: name of the option that makes their shapes.
 
     Raises:
         ConfigError: a count is below one.
@@ -57,6 +60,7 @@ class Generate:
         output: str = "outputs",
         name: str | None = None,
         scene: str | None = None,
+        shape: str | None = None,
     ) -> None:
         for key, value in (("attempts", attempts), ("shard_size", shard_size)):
             if value < 1:
@@ -70,6 +74,7 @@ class Generate:
         self.output = output
         self.name = None if name is None else require_name(name, "run.name")
         self.scene = scene or "stacks"
+        self.shape = shape or "superquadrics"
 
     def run(self) -> dict[str, float]:
         """Generates missing shards and merges all; returns the numbers of scenes and objects."""
@@ -94,7 +99,11 @@ class Generate:
 
     def _name(self, stored: Stored) -> str:
         """As the data sets that ship are called."""
-        return f"superquadric_{self.scene}_v2" if isinstance(stored, StoredScenes) else self.scene
+        if not isinstance(stored, StoredScenes):
+            return self.scene
+        split = recipe(self.source).get("split")
+        version = _VERSIONS.get(self.shape, f"_{self.shape}")
+        return f"superquadric_{self.scene}{version}{f'_{split}' if split else ''}"
 
     def _generate(self, missing: Sequence[tuple[Path, tuple[int, int]]], done: int) -> None:
         from rich.progress import Progress

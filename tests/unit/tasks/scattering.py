@@ -14,7 +14,8 @@ from scenefw.tasks.generate import Generate
 class Scattering:
     """Objects at random poses, no physics; every fifth attempt fails, and each takes a while."""
 
-    def __init__(self, pause=0.0, calls=None):
+    def __init__(self, pause=0.0, calls=None, split=None):
+        self.split = split
         self.shapes = SuperquadricLibrary(size=7)
         self.pause = pause
         self._calls = calls

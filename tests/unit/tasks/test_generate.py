@@ -54,10 +54,14 @@ def test_makes_data_set_manifest_and_figure(tmp_path):
         ({"scene": "stacks"}, "superquadric_stacks_v2"),
         ({"scene": "large_stacks"}, "superquadric_large_stacks_v2"),
         ({"scene": "large_stacks", "name": "mine"}, "mine"),
+        ({"shape": "superquadrics"}, "superquadric_stacks_v2"),
+        ({"shape": "superquadrics_v1"}, "superquadric_stacks"),
+        ({"shape": "eggs"}, "superquadric_stacks_eggs"),
+        ({"split": "final"}, "superquadric_stacks_v2_final"),
     ],
 )
-def test_the_file_is_named_by_the_option_of_scenes(tmp_path, settings, expected):
-    generated(tmp_path, Scattering(), attempts=4, **settings)
+def test_the_file_is_named_by_the_options_of_scenes_and_shapes(tmp_path, settings, expected):
+    generated(tmp_path, Scattering(split=settings.pop("split", None)), attempts=4, **settings)
     assert {path.stem for path in (tmp_path / "out").iterdir()} == {expected}
 
 
