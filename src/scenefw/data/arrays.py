@@ -103,6 +103,8 @@ def read_mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_] | Int32:
                 )
             values = np.array(image)
     except DAMAGED_PICTURE as error:
+        if isinstance(error, FileNotFoundError):
+            raise InputError(f"no mask {path}; add it, or leave masks out") from error
         raise InputError(f"cannot read mask {path}: {unreadable(error, 'give a PNG')}") from error
     several = len(np.unique(values[values > 0])) > 1
     return mask_of(values if several else values > 0, shape, path.name)

@@ -116,7 +116,10 @@ def camera_from_matrix(K: ArrayLike, height: int, width: int, name: str) -> Came
     Raises:
         InputError: K has another shape or can't belong to an image of this size.
     """
-    matrix = np.asarray(K, dtype=np.float64)
+    given = np.asarray(K)
+    if given.dtype.kind not in "uif":
+        raise InputError(f"intrinsics of {name} are of {given.dtype}; {_EXPECTED} in pixels")
+    matrix = given.astype(np.float64)
     if matrix.shape != (3, 3):
         raise InputError(f"intrinsics of {name} have shape {matrix.shape}; {_EXPECTED}")
     (fx, _, cx), (_, fy, cy) = matrix[:2]
@@ -150,6 +153,8 @@ def _from_content(content: Any, path: Path | str) -> NDArray[np.float64]:
 
 
 def _from_numbers(content: Any, path: Path | str) -> NDArray[np.float64]:
+    if np.iscomplexobj(content):
+        raise InputError(f"intrinsics of {path} are complex numbers; {_EXPECTED}")
     numbers = np.asarray(content, dtype=np.float64)
     if numbers.size == 4:
         fx, fy, cx, cy = numbers.ravel()

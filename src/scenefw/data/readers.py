@@ -136,7 +136,8 @@ def read_labels(path: Path | str) -> NDArray[np.int32] | None:
         return None
     try:
         with np.load(path, allow_pickle=False) as file:
-            return _npz_labels({k: file[k] for k in ("instances", "label") if k in file.files})
+            found = {k: file[k] for k in ("instances", "label") if k in file.files}
+            return _npz_labels(found, path)
     except DAMAGED as error:
         raise InputError(f"cannot read {path}: {unreadable(error, _COMPLETE)}") from error
 
@@ -166,7 +167,7 @@ def _read_npz(
             f"{path} has no intrinsics K (3, 3); store them in it or give run.intrinsics=PATH"
         )
     matrix = content["K"] if intrinsics is None else _given(intrinsics, path, depth.shape)
-    return _frame(depth, matrix, path, colour=content.get("rgb"), labels=_npz_labels(content))
+    return _frame(depth, matrix, path, colour=content.get("rgb"), labels=_npz_labels(content, path))
 
 
 def _npz_depth(content: dict[str, Array], path: Path, depth_scale: float | None) -> Array:
@@ -182,10 +183,21 @@ def _npz_depth(content: dict[str, Array], path: Path, depth_scale: float | None)
     )
 
 
-def _npz_labels(content: dict[str, Array]) -> Array | None:
-    if "instances" in content:
-        return content["instances"].astype(np.int32)
-    return decode_labels(content["label"]) if "label" in content else None
+def _npz_labels(content: dict[str, Array], path: Path) -> Array | None:
+    key = next((key for key in ("instances", "label") if key in content), None)
+    if key is None:
+        return None
+    labels = content[key]
+    if labels.dtype.kind not in "uib" and not _whole(labels):
+        raise InputError(
+            f"{key} of {path} is of {labels.dtype}; give whole numbers, or leave it out"
+        )
+    return labels.astype(np.int32) if key == "instances" else decode_labels(labels)
+
+
+def _whole(values: Array) -> bool:
+    """Whether floats are whole numbers."""
+    return values.dtype.kind == "f" and bool((values == np.round(values)).all())
 
 
 def _read_png(

@@ -95,6 +95,7 @@ def colour(*shape):
         (DEPTH, "K.txt", {}, "no intrinsics file K.txt"),
         (DEPTH, {"f": 3}, {}, r"no intrinsics in image \(keys: f\)"),
         (DEPTH, [["x"] * 3] * 3, {}, "aren't numbers"),
+        (DEPTH, K * (1 + 1j), {}, "complex numbers; give a 3 x 3 matrix"),
         (DEPTH, K * 10, {}, "outside the image of 80 x 60"),
         (DEPTH, np.full((3, 3), np.nan), {}, "fx = nan"),
         (DEPTH, K, {"colour": colour(60, 80)}, "colour with 3 channels"),
@@ -151,7 +152,7 @@ def test_masks_that_are_none_are_one_line(tmp_path):
     Image.new("RGB", (80, 60)).save(tmp_path / "colour.png")
     (tmp_path / "text.png").write_text("no picture")
     for name, words in [
-        ("missing.png", "cannot read mask .*missing"),
+        ("missing.png", r"no mask .*missing\.png; add it"),
         ("text.png", "cannot read mask"),
         ("colour.png", "mode RGB; give one channel"),
     ]:

@@ -114,7 +114,7 @@ def test_further_files_are_written_for_every_scene(tmp_path, pipeline):
 def test_masks_say_which_objects_count(tmp_path, pipeline):
     image = save(tmp_path / "in" / "view.npz")
     task = Predict(image, pipeline, tmp_path / "out", overview=False, masks=tmp_path)
-    with pytest.raises(InputError, match=r"cannot read mask .*view\.png"):
+    with pytest.raises(InputError, match=r"no mask .*view\.png"):
         task.run()
     Image.fromarray(np.uint8(frame_of(CAMERA).labels == 0)).save(tmp_path / "view.png")
     with pytest.raises(InputError, match="that the mask covers them"):
