@@ -33,6 +33,33 @@ PNG a SyntaxError.
 """
 
 
+_kept: set[Path] = set()  # files of somebody else
+
+
+@contextmanager
+def keeping(files: Iterable[Path]) -> Iterator[None]:
+    """Within the block, `replacing` refuses to replace these files."""
+    added = {Path(os.path.realpath(file)) for file in files} - _kept
+    _kept.update(added)
+    try:
+        yield
+    finally:
+        _kept.difference_update(added)
+
+
+def require_free(target: Path | str) -> None:
+    """Finds out before the work whether a file may be written.
+
+    Raises:
+        StorageError: it would replace one that is kept.
+    """
+    if Path(os.path.realpath(target)) in _kept:
+        raise StorageError(
+            f"{target} is not of a run of scenefw, and would be lost; give another paths.output, "
+            "or move it away"
+        )
+
+
 def in_order(paths: Iterable[Path]) -> list[Path]:
     """Files and folders sorted by name, numbers by value: 2 before 10.
 
@@ -55,9 +82,10 @@ def replacing(target: Path | str) -> Iterator[Path]:
 
     Raises:
         StorageError: the folder can't be created or written, the disk is full, or the target is no
-            plain file.
+            plain file, or one that is kept.
     """
     target = Path(target)
+    require_free(target)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         file = Path(os.path.realpath(target))

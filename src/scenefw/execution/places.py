@@ -9,10 +9,13 @@ from typing import TYPE_CHECKING
 from scenefw.core.errors import ConfigError, InputError, StorageError
 from scenefw.core.measures import MEASURES_FILE
 from scenefw.execution.leftovers import FIGURES, RECORD, SETTINGS
-from scenefw.report.record import PAGE
+from scenefw.report.record import PAGE, read_record
 
 if TYPE_CHECKING:
     from omegaconf import DictConfig
+
+KEPT = "kept"
+"""Key of a run's record: names of files that were in its folder before the first run."""
 
 _WRITTEN = (SETTINGS, FIGURES, MEASURES_FILE, PAGE)
 
@@ -43,15 +46,32 @@ def require_input(config: DictConfig) -> None:
         raise InputError(f"no file or folder {given}; give input=PATH of one that is there")
 
 
+def strangers(output: Path) -> list[Path]:
+    """Files of somebody else: those that were in a folder before the first run there."""
+    if not output.is_dir():
+        return []
+    files = [file for file in output.iterdir() if not file.is_dir()]
+    if not (output / RECORD).exists():
+        return files
+    return [file for file in files if file.name in _kept_before(output)]
+
+
+def _kept_before(output: Path) -> list[str]:
+    try:
+        record = read_record(output)
+    except (OSError, ValueError):  # just taken by a run, or damaged
+        return []
+    return list(record.get(KEPT, []))
+
+
 def require_no_strangers(output: Path) -> None:
-    """Refuses a folder that is no run's but holds a file of a name that runs write.
+    """Refuses a folder that is no run's but holds a file of a name that every run writes.
 
     Raises:
         StorageError: it does.
     """
-    if (output / RECORD).exists():
-        return
-    found = next((name for name in _WRITTEN if (output / name).exists()), None)
+    names = {file.name for file in strangers(output)}
+    found = next((name for name in _WRITTEN if name in names), None)
     if found is not None:
         raise StorageError(
             f"{output / found} is not of a run of scenefw (there is no {RECORD}), and would be "

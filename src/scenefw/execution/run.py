@@ -13,14 +13,20 @@ from typing import TYPE_CHECKING, Any, cast
 from scenefw import plugins, registry
 from scenefw.argument_types import check_types
 from scenefw.core.errors import ConfigError, IncompleteError
-from scenefw.core.files import require_writable, write_text
+from scenefw.core.files import keeping, require_writable, write_text
 from scenefw.core.rng import torch_seed
 from scenefw.core.versions import versions
 from scenefw.execution import final_split
 from scenefw.execution.build import Builder
 from scenefw.execution.leftovers import FIGURES, RECORD, SETTINGS, Leftovers
 from scenefw.execution.modifiers import make_deterministic, profiled
-from scenefw.execution.places import require_input, require_no_strangers, require_values
+from scenefw.execution.places import (
+    KEPT,
+    require_input,
+    require_no_strangers,
+    require_values,
+    strangers,
+)
 from scenefw.execution.reads import require_read
 from scenefw.execution.threads import require_threads, threads
 from scenefw.execution.weights import used_weights
@@ -62,11 +68,14 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
     require_read(config, overrides, registry.catalogue(), choices)
     require_input(config)
     check_types(config, "run")
-    output = _own_folder(Path(config.paths.output).absolute())
+    output = Path(config.paths.output).absolute()
+    kept = strangers(output) if _is_given() else []
+    output = _own_folder(output)
     config.paths.output = str(output)
     before = Leftovers(output, given=_is_given())
     try:
-        figures = _work(config, output, overrides)
+        with keeping(kept):
+            figures = _work(config, output, overrides, kept)
     except IncompleteError:
         print(output)
         raise
@@ -89,7 +98,9 @@ def _is_given() -> bool:
     return any(word.startswith("paths.output=") for word in sys.argv[1:])
 
 
-def _work(config: DictConfig, output: Path, overrides: list[str]) -> dict[str, Any]:
+def _work(
+    config: DictConfig, output: Path, overrides: list[str], kept: list[Path]
+) -> dict[str, Any]:
     """Builds the task and runs it; its figures."""
     from omegaconf import OmegaConf
 
@@ -103,6 +114,8 @@ def _work(config: DictConfig, output: Path, overrides: list[str]) -> dict[str, A
         "overrides": overrides,
         "weights": used_weights(plain),
     }
+    if kept:  # a later run keeps them, too
+        record[KEPT] = sorted(file.name for file in kept)
     if config.get("deterministic"):
         make_deterministic()
     _seed_initial_weights(config.seed)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.core.files import require_apart, require_writable
+from scenefw.core.files import require_apart, require_free, require_writable
 from scenefw.core.folders import adding_to_folder
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
 from scenefw.data.height_maps import load_map, save_map
@@ -143,6 +143,8 @@ class Label:
         return self._sequence(watcher, every) if is_sequence else self._images(watcher)
 
     def _sequence(self, watcher: MapWatcher | None, every: int) -> dict[str, float]:
+        for name in (MAP, PICTURE):
+            require_free(self.output / name)
         sequence = open_sequence(self.input, require_poses=not self.estimate_poses, **self.options)
         last = (
             len(sequence) if self.frames is None else min(len(sequence), self.start + self.frames)

@@ -8,7 +8,7 @@ from typing import Any
 
 import lightning
 
-from scenefw.core.files import replacing, require_name, require_writable
+from scenefw.core.files import replacing, require_free, require_name, require_writable
 from scenefw.core.signals import stop_of
 from scenefw.core.training_protocols import TrainingData, TrainingLogger
 from scenefw.learning.callbacks import ProgressBar, Snapshots
@@ -92,6 +92,8 @@ class Train:
         self.learning.check(self.data)
         require_writable(self.output)
         require_writable(self.folder)
+        for name in (self.weights, _TABLE):
+            require_free(self.output / name)
         found = self._found()
         over = finished(self.trainer.budget, found) if found else None
         if found and over:

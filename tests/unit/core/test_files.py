@@ -10,8 +10,10 @@ from scenefw.core.errors import ConfigError, StorageError
 from scenefw.core.files import (
     append_text,
     in_order,
+    keeping,
     replacing,
     require_apart,
+    require_free,
     require_name,
     require_writable,
     unreadable,
@@ -202,3 +204,19 @@ def test_a_missing_file_is_said_in_words(tmp_path):
     with pytest.raises(FileNotFoundError) as error:
         (tmp_path / "none.png").read_bytes()
     assert unreadable(error.value) == "no such file or directory"
+
+
+def test_files_of_somebody_else_are_kept_within_a_block(tmp_path):
+    mine, link = tmp_path / "mine.txt", tmp_path / "link.txt"
+    mine.write_text("mine")
+    link.symlink_to(mine)
+    with keeping([mine]):
+        for path in (mine, link):
+            with pytest.raises(StorageError, match=rf"{path.name} is not of a run .* move it away"):
+                write_text(path, "ours")
+            with pytest.raises(StorageError, match="would be lost"):
+                require_free(path)
+        write_text(tmp_path / "other.txt", "ours")
+        require_free(tmp_path / "other.txt")
+    assert mine.read_text() == "mine"
+    write_text(mine, "ours")

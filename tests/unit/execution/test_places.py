@@ -1,8 +1,16 @@
+import json
+
+import numpy as np
 import pytest
 from omegaconf import OmegaConf
 
 from scenefw.core.errors import ConfigError, InputError, StorageError
-from scenefw.execution.places import require_input, require_no_strangers, require_values
+from scenefw.execution.places import (
+    require_input,
+    require_no_strangers,
+    require_values,
+    strangers,
+)
 
 
 @pytest.mark.parametrize(
@@ -29,6 +37,37 @@ def test_a_file_of_somebody_else_in_the_place_of_a_runs_is_refused(tmp_path, nam
         require_no_strangers(tmp_path)
     (tmp_path / "run.json").touch()
     require_no_strangers(tmp_path)
+
+
+def test_what_was_there_before_the_first_run_is_of_somebody_else(tmp_path):
+    assert strangers(tmp_path / "none") == []
+    mine = tmp_path / "map.npz"
+    mine.touch()
+    (tmp_path / "folder").mkdir()
+    assert strangers(tmp_path) == [mine]
+    for record, expected in [("", []), ("{}", []), ('{"kept": ["map.npz", "gone"]}', [mine])]:
+        (tmp_path / "run.json").write_text(record)
+        assert strangers(tmp_path) == expected
+
+
+def test_a_run_never_replaces_what_was_there_before(tmp_path, scenefw):
+    (tmp_path / "out").mkdir()
+    for name in ("blocks.png", "blocks"):
+        (tmp_path / "out" / name).write_text("mine")
+    depth = np.full((60, 80), 0.8)
+    depth[20:40, 20:45] = 0.7
+    np.savez(tmp_path / "blocks.npz", depth=depth, K=[[75, 0, 39.5], [0, 75, 29.5], [0, 0, 1]])
+    for _ in range(2):
+        done = scenefw("run=doctor", "input=blocks.npz", "paths.output=out")
+        assert done.returncode == 2
+        (line,) = done.stderr.splitlines()
+        assert "blocks.png is not of a run of scenefw, and would be lost; give another" in line
+        assert (tmp_path / "out" / "blocks.png").read_text() == "mine"
+    (tmp_path / "out" / "blocks.png").unlink()
+    for _ in range(2):  # and then its own
+        assert scenefw("run=doctor", "input=blocks.npz", "paths.output=out").returncode == 0
+    kept = json.loads((tmp_path / "out" / "run.json").read_text())["kept"]
+    assert kept == ["blocks"]
 
 
 def test_a_missing_input_is_named_unless_a_plugin_may_mean_something_else(tmp_path):
