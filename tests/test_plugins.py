@@ -74,6 +74,19 @@ def test_faulty_code_of_a_plugin_hurts_only_those_who_use_it(scenefw, tmp_path):
     assert "scenefw_bad" in done.stderr
 
 
+def test_a_broken_option_is_named_and_hides_no_other(scenefw, tmp_path):
+    write_plugin(tmp_path / "plugins" / "bad", "bad", "loss/bad")
+    (file := tmp_path / "plugins" / "bad" / "conf" / "loss" / "bad.yaml").write_text("a: [")
+    done = scenefw("run=train", "loss=bad")
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert str(file) in line
+    done = scenefw("--list", "loss")
+    assert done.returncode == 0, done.stderr
+    assert f"{file} can't be read as YAML" in " ".join(done.stdout.split())
+    assert "loss=votes" in done.stdout
+
+
 def test_an_option_with_a_name_of_the_core_is_refused(scenefw, tmp_path):
     write_plugin(tmp_path / "plugins" / "counting", option="grid/default")
     for words in (("run=count",), ("--list",), ("--help",)):

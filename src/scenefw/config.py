@@ -74,6 +74,7 @@ def compose(overrides: Sequence[str] = ()) -> DictConfig:
         ConfigError: an option or a key doesn't exist, or a value doesn't parse.
     """
     import hydra
+    import yaml
     from hydra.core.global_hydra import GlobalHydra
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
@@ -85,7 +86,7 @@ def compose(overrides: Sequence[str] = ()) -> DictConfig:
     try:
         with hydra.initialize_config_dir(str(conf_dir()), job_name="scenefw", version_base="1.3"):
             return hydra.compose(ROOT_CONFIG, list(overrides))
-    except (HydraException, OmegaConfBaseException, ValueError) as error:
+    except (HydraException, OmegaConfBaseException, ValueError, yaml.YAMLError) as error:
         raise ConfigError(squash(error)) from error
     finally:
         GlobalHydra.instance().hydra = running

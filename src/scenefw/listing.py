@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenefw import plugins, registry
+from scenefw.core.errors import ConfigError
 from scenefw.docstrings import Argument, arguments
 
 if TYPE_CHECKING:
@@ -56,7 +57,11 @@ def print_group(name: str) -> None:
     packages = list(roots())
     for option, path in sorted(options.items()):
         console.print(f"\n[bold]{name}={option}[/]: {escape(registry.description(path))}")
-        rows = list(_rows(composed(path), packages))
+        try:
+            rows = list(_rows(composed(path), packages))
+        except ConfigError as error:  # of a plugin, which must not hide the others
+            console.print(f"[red]{escape(str(error))}[/]")
+            continue
         if rows:
             table = Table("argument", "value", "what it is", box=None, padding=(0, 2, 0, 0))
             for row in rows:

@@ -87,10 +87,18 @@ def folders() -> list[Path]:
 
 
 def settings(path: Path) -> dict[str, Any]:
-    """A YAML file as written, references unresolved."""
+    """A YAML file as written, references unresolved.
+
+    Raises:
+        ConfigError: it is no YAML.
+    """
+    import yaml
     from omegaconf import OmegaConf
 
-    loaded: Any = OmegaConf.to_container(OmegaConf.load(path), resolve=False)
+    try:
+        loaded: Any = OmegaConf.to_container(OmegaConf.load(path), resolve=False)
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise ConfigError(f"{path} can't be read as YAML: {config.squash(error)}") from error
     return {str(key): value for key, value in loaded.items()} if isinstance(loaded, dict) else {}
 
 
@@ -124,7 +132,7 @@ def describe(group: str, name: str) -> str:
 
 def description(path: Path) -> str:
     """The first comment of a config that isn't its `@package` line; empty if there is none."""
-    for line in path.read_text(encoding="utf-8").splitlines():
+    for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
         if not line.startswith("#"):
             break
         text = line.lstrip("# ").strip()
