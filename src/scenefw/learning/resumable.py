@@ -8,6 +8,7 @@ import lightning
 import torch
 from torch import nn
 
+from scenefw.core.settings import NOT_NEGATIVE, POSITIVE, below
 from scenefw.learning.averaging import AveragedWeights
 from scenefw.learning.clock import Clock
 from scenefw.learning.costs import StepTimes, peak_memory
@@ -29,6 +30,9 @@ class ResumableModule(lightning.LightningModule):
         average: decay of the moving average of weights that is validated and exported; 0: none.
         compile: let torch.compile make the network's training pass faster; a text names a backend.
         optimizer: how gradients change weights; None means AdamW.
+
+    Raises:
+        ConfigError: a number out of range.
     """
 
     budget_done: float = 1.0
@@ -44,6 +48,9 @@ class ResumableModule(lightning.LightningModule):
         compile: bool | str,  # noqa: A002 - as torch calls it
         optimizer: Optimizer | None,
     ) -> None:
+        POSITIVE.require(learning_rate=learning_rate)
+        NOT_NEGATIVE.require(weight_decay=weight_decay)
+        below(1).require(average=average)
         super().__init__()
         self.model = model
         self.learning_rate, self.weight_decay = learning_rate, weight_decay

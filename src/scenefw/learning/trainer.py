@@ -13,6 +13,7 @@ import torch
 from lightning.fabric.utilities.exceptions import MisconfigurationException
 
 from scenefw.core.errors import ConfigError
+from scenefw.core.settings import COUNT, NOT_NEGATIVE
 from scenefw.learning.limits import Budget, Limits, seconds_of
 from scenefw.learning.schedules import limit
 from scenefw.learning.state import StateFiles
@@ -47,7 +48,7 @@ class TrainerSettings:
         benchmark: on CUDA, time the ways to do each convolution once, and take the fastest.
 
     Raises:
-        ConfigError: a limit of 0, or a time that is none.
+        ConfigError: a limit of 0, a number out of range, or a time that is none.
     """
 
     def __init__(
@@ -71,6 +72,8 @@ class TrainerSettings:
             limit(max_epochs, "max_epochs"),
             limit(max_minutes, "max_minutes"),
         )
+        NOT_NEGATIVE.require(validate_every=validate_every, gradient_clip=gradient_clip)
+        COUNT.require(nodes=nodes)
         self.call = seconds_of(max_time)
         self.validate_every, self.tf32, self.benchmark = validate_every, tf32, benchmark
         accelerator, _, number = accelerator.partition(":")

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.settings import POSITIVE, SHARE
 from scenefw.core.types import Frame
 from scenefw.representations.open3d_library import require_open3d
 
@@ -28,6 +29,9 @@ class RGBDOdometry:
         largest_difference: pixels whose depths differ by more (m) don't correspond.
         least_fitness: share of pixels that must correspond, else tracking is lost.
         iterations: per resolution, coarse to fine.
+
+    Raises:
+        ConfigError: an unknown method, or a number out of range.
     """
 
     def __init__(
@@ -40,6 +44,8 @@ class RGBDOdometry:
     ) -> None:
         if method not in _METHODS:
             raise ConfigError(f"odometry has no method {method}; give one of {', '.join(_METHODS)}")
+        POSITIVE.require(largest_depth=largest_depth, largest_difference=largest_difference)
+        SHARE.require(least_fitness=least_fitness)
         self.method = method
         self.largest_depth, self.largest_difference = largest_depth, largest_difference
         self.least_fitness, self.iterations = least_fitness, tuple(iterations)

@@ -6,6 +6,7 @@ from torch import Tensor
 from scenefw.core.batches import CameraBatch, SeenSurface
 from scenefw.core.errors import InputError
 from scenefw.core.protocols import SceneBatch
+from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.core.types import GridSpec
 from scenefw.kernels import rays
 from scenefw.kernels.cameras import finite
@@ -23,11 +24,16 @@ class SphereTracer:
         max_steps: upper bound of steps per ray.
         tolerance: the distance at a hit is refined to less than this (m).
         floor: also hit the plane z = 0, outside the grid too.
+
+    Raises:
+        ConfigError: a number out of range.
     """
 
     def __init__(
         self, max_steps: int = 256, tolerance: float = 1e-4, *, floor: bool = True
     ) -> None:
+        COUNT.require(max_steps=max_steps)
+        POSITIVE.require(tolerance=tolerance)
         self.max_steps = max_steps
         self.tolerance = tolerance
         self.floor = floor

@@ -7,6 +7,7 @@ import numpy as np
 from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import look_at
 from scenefw.core.rng import Streams
+from scenefw.core.settings import NOT_NEGATIVE, POSITIVE
 from scenefw.core.types import Camera, Float64
 
 
@@ -30,8 +31,8 @@ class RandomViewpoints:
         jitter: the point looked at is moved by up to this much along each axis (m).
 
     Raises:
-        ConfigError: the image size is not positive, heights are not in order, or no position in
-            the box is far enough from the centre.
+        ConfigError: the image size or another number is out of range, heights are not in order, or
+            no position in the box is far enough from the centre.
     """
 
     def __init__(
@@ -64,6 +65,8 @@ class RandomViewpoints:
             raise ConfigError(
                 f"viewpoints.closest = {closest} m leaves no place within {radius} m; lower it"
             )
+        POSITIVE.require(fx=fx, fy=fy)
+        NOT_NEGATIVE.require(closest=closest, jitter=jitter)
         self.width, self.height = width, height
         self.camera = Camera(*full_size, fx, fy, cx, cy).resized(width, height)
         self.lower = np.array([-radius, -radius, low])

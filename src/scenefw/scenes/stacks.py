@@ -8,6 +8,7 @@ from scenefw.core import rng as streams
 from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import random_quaternion
 from scenefw.core.protocols import Engine, ShapeSource
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
 from scenefw.core.types import Pose, Scene, SceneObject, Shape
 from scenefw.scenes.splits import SPLITS, split_of
 
@@ -75,6 +76,10 @@ class StackGenerator:
             )
         if np.any(np.asarray(lower) >= np.asarray(upper)):
             raise ConfigError(f"scene.lower = {lower} is not below scene.upper = {upper}")
+        COUNT.require(trials=trials, max_steps=max_steps)
+        POSITIVE.require(density=density)
+        NOT_NEGATIVE.require(check_steps=check_steps, checks=checks)
+        NOT_NEGATIVE.require(max_shift=max_shift, max_turn=max_turn)
         self.shapes = shapes
         self.engine = engine
         self.minimum = minimum

@@ -6,6 +6,7 @@ import numpy as np
 
 from scenefw.core import rng as streams
 from scenefw.core.errors import ConfigError
+from scenefw.core.settings import NOT_NEGATIVE, SHARE
 from scenefw.shapes.superquadric import Array, Superquadric
 
 
@@ -40,6 +41,8 @@ class SuperquadricLibrary:
             raise ConfigError(f"shape.extents = {extents}: expected 0 < smallest <= largest (m)")
         if not 1 <= exponents[0] <= exponents[1]:
             raise ConfigError(f"shape.exponents = {exponents}: expected 1 <= smallest <= largest")
+        SHARE.require(paired=paired)
+        NOT_NEGATIVE.require(seed=seed)
         self.size = size
         self.extents = tuple(extents)
         self.exponents = tuple(exponents)

@@ -8,6 +8,7 @@ import numpy as np
 
 from scenefw.core import rng as streams
 from scenefw.core.errors import ConfigError
+from scenefw.core.settings import NOT_NEGATIVE, SHARE
 from scenefw.shapes.library import draw_exponents, single
 from scenefw.shapes.superquadric import Array, Superquadric
 
@@ -60,6 +61,8 @@ class SplitLibrary:
                     f"shape.sizes.{part} = {size}: expected a size of at least 1 for "
                     f"{', '.join(_NUMBERS)}"
                 )
+        SHARE.require(paired=paired)
+        NOT_NEGATIVE.require(seed=seed)
         self.families = {
             name: {"share": float(family["share"]), "extents": np.array(family["extents"])}
             for name, family in families.items()

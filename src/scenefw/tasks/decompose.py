@@ -86,6 +86,7 @@ class Decompose:
                 "poses"
             )
         POSITIVE.require(depth_scale=depth_scale, mesh_scale=mesh_scale)
+        POSITIVE.require(largest_jump=largest_jump)
         self.input, self.output = Path(input), Path(output)
         self.folder = self.output / scene_name(input)
         for place in (output, self.folder):

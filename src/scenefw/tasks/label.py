@@ -106,7 +106,7 @@ class Label:
                 f"labelling = [{', '.join(strategies)}]: expected one strategy, such as "
                 "labelling=hybrid (or view_based, map_based)"
             )
-        POSITIVE.require(depth_scale=depth_scale)
+        POSITIVE.require(depth_scale=depth_scale, largest_jump=largest_jump)
         NOT_NEGATIVE.require(start=start, picture_every=picture_every)
         COUNT.require(frames=frames, save_every=save_every)
         require_apart(output, input)

@@ -110,7 +110,7 @@ class PaintImport:
             raise ConfigError("run=paint_import needs input=PAINTED.png and run.map=map.npz")
         COUNT.require(every=every)
         NOT_NEGATIVE.require(border=border)
-        POSITIVE.require(depth_scale=depth_scale)
+        POSITIVE.require(depth_scale=depth_scale, largest_jump=largest_jump)
         self.options: dict[str, Any] = {
             "intrinsics": intrinsics,
             "depth_scale": depth_scale,

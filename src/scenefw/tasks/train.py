@@ -9,6 +9,7 @@ from typing import Any
 import lightning
 
 from scenefw.core.files import replacing, require_free, require_name, require_writable
+from scenefw.core.settings import COUNT, NOT_NEGATIVE
 from scenefw.core.signals import stop_of
 from scenefw.core.training_protocols import TrainingData, TrainingLogger
 from scenefw.learning.callbacks import ProgressBar, Snapshots
@@ -65,6 +66,8 @@ class Train:
         half: bool = True,
         lean: bool = True,
     ) -> None:
+        NOT_NEGATIVE.require(snapshot_minutes=snapshot_minutes)
+        COUNT.require(snapshot_steps=snapshot_steps, log_every=log_every)
         self._began = time.monotonic()
         self.learning, self.data, self.trainer = learning, data, trainer
         self.output, self.folder = Path(output), Path(folder)

@@ -298,10 +298,19 @@ def test_views_to_label_are_read_as_those_of_the_map(sequence, tmp_path):
 
 @pytest.mark.parametrize(
     ("setting", "value"),
-    [("start", -1), ("frames", 0), ("picture_every", -1), ("save_every", 0), ("save_every", -2)],
+    [
+        ("largest_jump", -1),
+        ("start", -1),
+        ("frames", 0),
+        ("picture_every", -1),
+        ("save_every", 0),
+        ("save_every", -2),
+    ],
 )
 def test_numbers_of_frames_that_are_none_are_named(sequence, tmp_path, setting, value):
-    with pytest.raises(ConfigError, match=rf"^{setting} = {value}: expected [01] or more"):
+    with pytest.raises(
+        ConfigError, match=rf"^{setting} = {value}: expected ([01] or more|more than 0)"
+    ):
         label(sequence, tmp_path, **{setting: value})
 
 

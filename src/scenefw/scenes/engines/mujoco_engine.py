@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from scenefw.core.errors import MissingDependencyError
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
 from scenefw.core.types import Float64, Pose, SceneObject, Shape
 from scenefw.shapes.hulls import collision_hulls
 from scenefw.shapes.moments import moments
@@ -36,6 +37,9 @@ class MujocoEngine:
         angular_speed: ... and below this one (rad/s) ...
         quiet_steps: ... for this many steps in a row.
         check_every: steps between two checks of speeds.
+
+    Raises:
+        ConfigError: a number out of range.
     """
 
     def __init__(
@@ -51,6 +55,12 @@ class MujocoEngine:
         quiet_steps: int = 32,
         check_every: int = 8,
     ) -> None:
+        POSITIVE.require(time_step=time_step)
+        NOT_NEGATIVE.require(gravity=gravity, friction=friction, damping=damping)
+        NOT_NEGATIVE.require(hull_tolerance=hull_tolerance)
+        NOT_NEGATIVE.require(linear_speed=linear_speed, angular_speed=angular_speed)
+        COUNT.require(substeps=substeps, quiet_steps=quiet_steps)
+        COUNT.require(check_every=check_every)
         self.time_step = time_step
         self.substeps = substeps
         self.gravity = gravity

@@ -13,6 +13,7 @@ from scipy.spatial import ConvexHull
 
 from scenefw.core.errors import MissingDependencyError
 from scenefw.core.quiet import silenced
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
 from scenefw.core.types import Float64, Pose, SceneObject, Shape
 from scenefw.shapes.hulls import collision_hulls
 from scenefw.shapes.solid_mesh import SolidMesh
@@ -39,6 +40,9 @@ class PyBulletEngine:
         angular_speed: ... and below this one (rad/s) ...
         quiet_steps: ... for this many steps in a row.
         check_every: steps between two checks of speeds.
+
+    Raises:
+        ConfigError: a number out of range.
     """
 
     _bullet: Any = None  # here, as `__del__` also follows an `__init__` that refuses its settings
@@ -57,6 +61,12 @@ class PyBulletEngine:
         quiet_steps: int = 32,
         check_every: int = 8,
     ) -> None:
+        POSITIVE.require(time_step=time_step)
+        NOT_NEGATIVE.require(gravity=gravity, friction=friction, damping=damping)
+        NOT_NEGATIVE.require(hull_tolerance=hull_tolerance, margin=margin)
+        NOT_NEGATIVE.require(linear_speed=linear_speed, angular_speed=angular_speed)
+        COUNT.require(solver_iterations=solver_iterations, quiet_steps=quiet_steps)
+        COUNT.require(check_every=check_every)
         self.time_step = time_step
         self.gravity = gravity
         self.friction = friction
