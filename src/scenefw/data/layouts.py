@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -72,6 +73,11 @@ def _bop(path: Path, root: Path) -> Surroundings:
             f"{file} does not tell the camera of {path.name} ({type(error).__name__}: {error}); "
             "expected cam_K and depth_scale by the image's number"
         ) from error
+    if not 0 < scale < math.inf:
+        raise InputError(
+            f"{file} does not tell the camera of {path.name} (depth_scale is "
+            f"{camera['depth_scale']}); expected millimetres per unit, such as 1.0"
+        )
     return Surroundings(scale, root, matrix, _same_name(path, root))
 
 

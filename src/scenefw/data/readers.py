@@ -106,6 +106,8 @@ def read_frame(
     """
     path = Path(path)
     if not path.is_file():
+        if path.is_dir():
+            raise InputError(f"{path} is a folder; give one of its depth images")
         raise InputError(f"no file {path}; give input=PATH of a depth image or a folder")
     reader = _READERS.get(path.suffix.lower())
     if reader is None:

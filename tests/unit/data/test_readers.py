@@ -186,6 +186,8 @@ def test_missing_empty_unknown_and_truncated(tmp_path):
         read_frames(tmp_path / "nothing")
     with pytest.raises(InputError, match="no depth image in"):
         read_frames(tmp_path)
+    with pytest.raises(InputError, match="is a folder; give one of its depth images"):
+        read_frame(tmp_path)
     (tmp_path / "view.obj").write_text("?")
     with pytest.raises(InputError, match=r"unknown format '\.obj'"):
         read_frames(tmp_path / "view.obj")
