@@ -150,7 +150,17 @@ class Train:
             return "the training has no snapshot yet"
         steps = read_state(self._state, mapped=True)["scenefw"]["batches_seen"]
         command = "this command without run.fresh=true" if self.fresh else "the same command"
-        return f"the training is kept in {self._state}, at step {steps}; {command} resumes it"
+        kept = f"the training is kept in {self._state}, at step {steps}"
+        return f"{kept}; {command}{self._place()} resumes it"
+
+    def _place(self) -> str:
+        """What to add to a command whose training lies in a folder that is named by the time."""
+        words = read_record(self.output).get("command", [])
+        given = not words or any(word.startswith("paths.output=") for word in words)
+        if given or not self.folder.resolve().is_relative_to(self.output.resolve()):
+            return ""
+        sweep = {"-m", "--multirun"} & set(words)
+        return f" with paths.output={self.output.parent if sweep else self.output}"
 
     def _again(self, state: dict[str, Any]) -> Mapping[str, Any]:
         """The weights of a finished training, and its figures."""

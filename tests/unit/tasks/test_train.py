@@ -95,6 +95,25 @@ def test_a_training_that_is_stopped_says_what_not_to_repeat(stacks, tmp_path):
         tiny.task(stacks, tmp_path / "new", steps=9, callbacks=stop).run()
 
 
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        (["experiment=simstack"], "the same command with paths.output={out} resumes it"),
+        (["-m", "seed=1,2"], "the same command with paths.output={out.parent} resumes it"),
+        (["paths.output=out"], "the same command resumes it"),
+    ],
+)
+def test_a_folder_named_by_the_time_is_said_to_be_given(stacks, tmp_path, command, said):
+    """Otherwise the same command would begin anew, in a folder of its own."""
+    given = tiny.task(stacks, tmp_path, 9, callbacks={"stop": tiny.Signals(2, signal.SIGINT)})
+    given.folder = given.output / "training"
+    given.output.mkdir()
+    (given.output / "run.json").write_text(json.dumps({"command": command}))
+    with pytest.raises(KeyboardInterrupt) as stopped:
+        given.run()
+    assert str(stopped.value).endswith(said.format(out=given.output))
+
+
 @pytest.mark.parametrize(("steps", "said"), [(-1, True), (9, False)])
 def test_a_training_without_a_limit_says_so(stacks, tmp_path, steps, said, capsys):
     stop = {"stop": tiny.Signals(1, signal.SIGINT)}
