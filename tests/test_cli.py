@@ -218,6 +218,7 @@ def test_version(scenefw):
         ("renderer=null", "~renderer"),
         ("seed=${sede}", "sede"),
         ("paths.weights=${ablation.x}", "no ablation is chosen"),
+        ("--quiet", "there is no option --quiet"),
     ],
 )
 def test_a_slip_of_the_pen_gets_one_line_with_near_misses(nil, typed, expected):

@@ -141,6 +141,7 @@ def _run() -> None:
 
     from scenefw.execution.made_folders import empty_ones_removed
 
+    _require_flags(sys.argv[1:])
     plugins.activate()
     config.compose_once(sys.argv[1:], registry.folders())
     start = hydra.main(
@@ -150,6 +151,15 @@ def _run() -> None:
         start(_task)()
     if _incomplete:
         sys.exit(2)
+
+
+def _require_flags(words: list[str]) -> None:
+    """Refuses what begins with a dash and nobody knows, in one line; Hydra prints its usage."""
+    from hydra._internal.utils import get_args_parser
+
+    _, unknown = get_args_parser().parse_known_args(words)
+    if unknown:
+        raise ConfigError(f"there is no option {unknown[0]}; --help shows those that there are")
 
 
 def _task(settings: DictConfig) -> Mapping[str, Any]:
