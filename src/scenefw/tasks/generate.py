@@ -101,7 +101,7 @@ class Generate:
         """As the data sets that ship are called."""
         if not isinstance(stored, StoredScenes):
             return self.scene
-        split = recipe(self.source).get("split")
+        split = settings_of(self.source).get("split")
         version = _VERSIONS.get(self.shape, f"_{self.shape}")
         return f"superquadric_{self.scene}{version}{f'_{split}' if split else ''}"
 
