@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenefw.core.errors import InputError
+from scenefw.core.settings import NOT_NEGATIVE, SHARE, above, between
 from scenefw.core.types import Frame
 from scenefw.data.image_checks import check_depth
 from scenefw.perception.floor import Floor
@@ -18,6 +19,9 @@ GOOD, ODD, UNUSABLE = "good", "odd", "unusable"
 _FIELD_OF_VIEW = (15.0, 120.0)
 _FOCAL_RATIO = 1.2
 _OFF_CENTRE = 0.25
+_MIDDLE = (
+    0.06  # of the image's sides: a centre so near the middle belongs to an image of that shape
+)
 _STACK_HEIGHT = 0.1  # where the middle of a stack is assumed, for its distance (m)
 _UNEVEN = 0.01  # m
 _MANY, _ENOUGH = 4_000_000, 1_000_000  # pixels
@@ -57,6 +61,9 @@ class Doctor:
         smallest: the largest object group should be this large at least (m).
         least_measured: share of pixels that should have a depth.
         flattest: the camera should look down by this much at least (degrees).
+
+    Raises:
+        ConfigError: a negative length, a share outside 0..1, or an angle outside 0..90 degrees.
     """
 
     def __init__(
@@ -67,6 +74,10 @@ class Doctor:
         least_measured: float = 0.3,
         flattest: float = 8.0,
     ) -> None:
+        NOT_NEGATIVE.require(nearest=nearest, smallest=smallest)
+        above(nearest, "as it is the farther end").require(farthest=farthest)
+        SHARE.require(least_measured=least_measured)
+        between(0, 90).require(flattest=flattest)
         self.nearest = nearest
         self.farthest = farthest
         self.smallest = smallest
@@ -184,7 +195,9 @@ def _check_intrinsics(frame: Frame) -> list[Check]:
         return [Check("intrinsics", UNUSABLE, found, fix)]
     square = 1 / _FOCAL_RATIO < camera.fx / camera.fy < _FOCAL_RATIO
     off = (camera.cx / camera.width - 0.5, camera.cy / camera.height - 0.5)
-    central = max(np.abs(off)) <= _OFF_CENTRE
+    turned = (camera.cx / camera.height - 0.5, camera.cy / camera.width - 0.5)
+    swapped = max(np.abs(turned)) < _MIDDLE < max(np.abs(off))
+    central = max(np.abs(off)) <= _OFF_CENTRE and not swapped
     centre = f"centre ({camera.cx:g}, {camera.cy:g})"
     return [
         Check("intrinsics", GOOD, f"the view is {angles}")
@@ -201,7 +214,9 @@ def _check_intrinsics(frame: Frame) -> list[Check]:
             "centre",
             ODD,
             f"the intrinsics' {centre} is far from the middle of the image",
-            "are they of another image size?",
+            "swap cx and cy, or is the image turned?"
+            if swapped
+            else "are they of another image size?",
         ),
     ]
 

@@ -114,7 +114,10 @@ def scaled(objects: Objects, label: int, factor: float) -> Objects:
     """
     require_number(factor, "factor", "a number above 0, such as 2")
     if not 1 / _LARGEST <= factor <= _LARGEST:
-        raise InputError(f"factor {factor} of object {label}: expected a number above 0, such as 2")
+        raise InputError(
+            f"factor {factor:g} of object {label}: expected a number from {1 / _LARGEST:g} to "
+            f"{_LARGEST:g}, such as 2"
+        )
     item = named(objects, label)
     centre = item.pose.position
     mesh = TriangleMesh(centre + factor * (item.mesh.vertices - centre), item.mesh.faces)

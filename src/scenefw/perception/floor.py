@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from scenefw.core import geometry, rng
 from scenefw.core.errors import InputError
+from scenefw.core.settings import COUNT, POSITIVE, SHARE
 from scenefw.core.types import Frame
 from scenefw.perception.points import camera_points
 
@@ -66,6 +67,9 @@ class FloorFinder:
         farthest: points farther away don't count (m); keeps a room's floor and walls out.
         least_share: of the points within reach that must lie on the plane.
         seed: of the random planes.
+
+    Raises:
+        ConfigError: a share outside 0..1, no iteration, or a length that isn't positive.
     """
 
     def __init__(
@@ -76,6 +80,9 @@ class FloorFinder:
         least_share: float = 0.15,
         seed: int = 0,
     ) -> None:
+        POSITIVE.require(threshold=threshold, farthest=farthest)
+        COUNT.require(iterations=iterations)
+        SHARE.require(least_share=least_share)
         self.threshold = threshold
         self.iterations = iterations
         self.farthest = farthest

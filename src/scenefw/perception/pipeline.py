@@ -97,7 +97,10 @@ class Pipeline:
     ) -> None:
         COUNT.require(samples=samples)
         if reconstructor.grid is None:
-            raise ConfigError("the reconstructor has no grid; add 'reconstructor.grid=${grid}'")
+            raise ConfigError(
+                "the reconstructor has no grid; give grid=${grid} to what makes its volumes: "
+                "'reconstructor.grid=${grid}', or 'reconstructor.inner.inner.grid=${grid}' of fits"
+            )
         self.reconstructor = reconstructor
         self.mapping = mapping
         self.floor = floor or FloorFinder()

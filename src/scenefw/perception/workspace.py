@@ -10,6 +10,7 @@ from skimage.morphology import convex_hull_image
 
 from scenefw.core import geometry
 from scenefw.core.errors import InputError
+from scenefw.core.settings import NOT_NEGATIVE, POSITIVE
 from scenefw.core.types import Frame, GridSpec
 from scenefw.perception.floor import Floor
 from scenefw.perception.points import world_points
@@ -61,9 +62,14 @@ class WorkspaceFinder:
     Args:
         least_height: lower points belong to the floor (m).
         margin: objects stay this far from the cube's sides (m).
+
+    Raises:
+        ConfigError: a height that isn't positive, or a negative margin.
     """
 
     def __init__(self, least_height: float = 0.015, margin: float = 0.03) -> None:
+        POSITIVE.require(least_height=least_height)
+        NOT_NEGATIVE.require(margin=margin)
         self.least_height = least_height
         self.margin = margin
 

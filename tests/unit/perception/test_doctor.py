@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.unit.perception.synthetic import camera_at, frame_of
 
-from scenefw.core.errors import InputError
+from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import Camera, GridSpec
 from scenefw.perception.doctor import Doctor
 from scenefw.perception.floor import Floor, FloorFinder
@@ -109,3 +109,31 @@ def test_every_check_that_is_not_good_says_what_helps(frame):
     assert [check.name for check in checks] == ["unit", "intrinsics", "centre", "measured"]
     assert [check.verdict for check in checks] == ["good", "odd", "odd", "odd"]
     assert all(bool(check.fix) == (check.verdict != "good") for check in checks)
+
+
+@pytest.mark.parametrize(
+    ("made", "setting"),
+    [
+        (lambda: Doctor(nearest=-1), "nearest"),
+        (lambda: Doctor(nearest=2, farthest=1), "farthest"),
+        (lambda: Doctor(least_measured=2), "least_measured"),
+        (lambda: Doctor(flattest=-3), "flattest"),
+        (lambda: FloorFinder(threshold=-0.01), "threshold"),
+        (lambda: FloorFinder(iterations=0), "iterations"),
+        (lambda: FloorFinder(least_share=1.5), "least_share"),
+        (lambda: WorkspaceFinder(least_height=-1), "least_height"),
+        (lambda: WorkspaceFinder(margin=-1), "margin"),
+    ],
+)
+def test_settings_out_of_range_are_named(made, setting):
+    with pytest.raises(ConfigError, match=setting):
+        made()
+
+
+def test_a_centre_of_the_turned_image_is_named():
+    camera = camera_at()
+    frame = frame_of(camera)
+    swapped = replace(camera, cx=camera.cy, cy=camera.cx)
+    (line,) = Doctor().examine_frame(replace(frame, camera=swapped.moved(np.eye(4))))
+    assert "far from the middle" in line
+    assert "swap cx and cy" in line
