@@ -15,7 +15,7 @@ from torch.nn.functional import binary_cross_entropy_with_logits, softplus
 from benchmarks.harness import Job, Timed
 from benchmarks.training_data import DEVICE, finished, network, views
 from benchmarks.training_data import SCENES as TRAINED
-from scenefw.core.batches import ObjectSetBatch
+from scenefw.core.object_sets import ObjectSetBatch
 from scenefw.core.rng import Streams
 from scenefw.core.types import GridSpec
 from scenefw.data.object_sets import object_set_batch

@@ -1,5 +1,8 @@
 """Data that crosses floors as torch tensors: batches of cameras, scenes, volumes and predictions.
 
+What one chapter alone needs has a module of its own: `object_sets`, `set_flows`, `queried_sets` and
+`part_views`.
+
 torch is imported for type checkers only, so that these can be named without it.
 """
 
@@ -247,142 +250,6 @@ class SegmentationBatch:
     colour: Tensor
     distance: Tensor
     labels: Tensor
-
-
-@dataclass(frozen=True)
-class ObjectSetBatch:
-    """B scenes as sets of objects, each with one view, in the units of the network.
-
-    Args:
-        condition: (B, 2, X, Y, Z), as in `ShapeInstanceBatch`.
-        instances: (B, X, Y, Z) int32 on the same grid, 0 = no object, i + 1 = object i.
-        present: (B, M) bool: objects that have a voxel; scenes with fewer are filled up.
-        centres: (B, M, 3) centres of mass in the cube of the grid, each axis from -1 to 1.
-    """
-
-    condition: Tensor
-    instances: Tensor
-    present: Tensor
-    centres: Tensor
-
-    @property
-    def occupancy(self) -> Tensor:
-        """(B, 1, X, Y, Z) float: 1 inside any object, else 0."""
-        return (self.instances > 0).to(self.condition.dtype)[:, None]
-
-
-@dataclass(frozen=True)
-class ObjectSetPrediction:
-    """N objects predicted for each of B scenes.
-
-    Args:
-        logits: (B, N, X, Y, Z) of the occupancy of each object.
-        codes: (B, N, C), what each object is decoded from.
-        cells: (B, N) int64: which cells of the feature volume the codes were taken from.
-        features: (B, C, S, S, S), that volume.
-        existence: (B, N) logits that there is such an object, or None.
-        centres: (B, N, 3) in the cube of the grid, each axis from -1 to 1, or None.
-        boxes: (B, N, 2, 3) centres and half sides of boxes around the objects, in that cube, or
-            None.
-        partial: (B, 1, X, Y, Z) reconstruction of the condition's distances, or None.
-        latent: (B, C, S, S, S) as drawn from the posterior, or None.
-        divergence: (B,) nats of the posterior from the prior, or None.
-        matched: (B, N) int64, the true object that each prediction stands for, -1 = none; None
-            before they are matched.
-    """
-
-    logits: Tensor
-    codes: Tensor
-    cells: Tensor
-    features: Tensor
-    existence: Tensor | None = None
-    centres: Tensor | None = None
-    boxes: Tensor | None = None
-    partial: Tensor | None = None
-    latent: Tensor | None = None
-    divergence: Tensor | None = None
-    matched: Tensor | None = None
-
-
-@dataclass(frozen=True)
-class ObjectSetSetup:
-    """What losses may check before a training on sets of objects starts.
-
-    Args:
-        grid: the voxel grid.
-        slots: objects that the network predicts.
-        gives: what it predicts beside shapes: existence, centres, boxes, partial, latent,
-            divergence.
-    """
-
-    grid: GridSpec
-    slots: int
-    gives: frozenset[str]
-
-
-@dataclass(frozen=True)
-class SeenSetBatch:
-    """B views of superquadrics: points that are seen of each, and what each is.
-
-    Coordinates are of the view's own frame: z up, z = 0 on the floor, the origin below the middle
-    of what is seen, the camera above the negative x axis.
-
-    Args:
-        points: (B, N, P, 3) m, on the seen surface of each object; 0 for those that aren't seen.
-        seen: (B, N) bool: objects of which enough is seen.
-        sizes: (B, N) share of the image that each covers.
-        ends: (B, N, E, 7) where its image ends: point (m), direction outward, and by how much what
-            follows is further from the camera (m); all 0 for objects whose image has no end.
-        camera: (B, 3) m, where the camera is; y = 0.
-        half_axes: (B, N, 3) m.
-        exponents: (B, N, 3).
-        rotations: (B, N, 3, 3), object to view frame.
-        positions: (B, N, 3) m.
-        present: (B, N) bool; absent objects fill up the batch.
-    """
-
-    points: Tensor
-    seen: Tensor
-    sizes: Tensor
-    ends: Tensor
-    camera: Tensor
-    half_axes: Tensor
-    exponents: Tensor
-    rotations: Tensor
-    positions: Tensor
-    present: Tensor
-
-
-@dataclass(frozen=True)
-class SetFlowPrediction:
-    """What a flow between noise and sets predicts for B views.
-
-    Args:
-        velocity: (B, N, D) from noise to objects.
-        target: (B, N, D), what it should be.
-        present: (B, N) bool: objects that count.
-        counts: (B, K) logits of the number of objects that aren't seen; None: it draws none.
-        hidden: (B,) int64, their true number; None like `counts`.
-    """
-
-    velocity: Tensor
-    target: Tensor
-    present: Tensor
-    counts: Tensor | None
-    hidden: Tensor | None
-
-
-@dataclass(frozen=True)
-class SetFlowSetup:
-    """What losses may check before a training of a flow of sets starts.
-
-    Args:
-        slots: objects of a scene at most.
-        draws_hidden: the network draws objects of which nothing is seen.
-    """
-
-    slots: int
-    draws_hidden: bool
 
 
 @dataclass(frozen=True)

@@ -16,13 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import Tensor
 
-    from scenefw.core.batches import (
-        CameraBatch,
-        Completion,
-        PartialTSDF,
-        SceneVolumes,
-        SeenSurface,
-    )
+    from scenefw.core.batches import CameraBatch, Completion, PartialTSDF, SceneVolumes, SeenSurface
     from scenefw.core.evidence import Evidence, FittedSuperquadric
     from scenefw.core.grasps import Grasp, Lift, Ranking
     from scenefw.core.measures import Measure

@@ -13,19 +13,17 @@ if TYPE_CHECKING:
 
     from scenefw.core.batches import (
         IndexBatch,
-        ObjectSetBatch,
-        ObjectSetPrediction,
         SceneParameters,
-        SeenSetBatch,
         SegmentationBatch,
         SegmentationSetup,
-        SetFlowPrediction,
         ShapeInstanceBatch,
         ShapeInstancePrediction,
         ShapeInstanceSetup,
     )
+    from scenefw.core.object_sets import ObjectSetBatch, ObjectSetPrediction
     from scenefw.core.protocols import Representation
     from scenefw.core.rng import Streams
+    from scenefw.core.set_flows import SeenSetBatch, SetFlowPrediction
     from scenefw.core.types import Float64, GridSpec
 
 

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import torch
 
-from scenefw.core.batches import IndexBatch, ObjectSetBatch
+from scenefw.core.batches import IndexBatch
+from scenefw.core.object_sets import ObjectSetBatch
 from scenefw.core.types import GridSpec
 from scenefw.data.conditioning import condition
 from scenefw.data.scene_batches import SceneBatches

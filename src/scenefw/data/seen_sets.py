@@ -9,7 +9,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from scenefw.core.batches import CameraBatch, IndexBatch, SceneParameters, SeenSetBatch
+from scenefw.core.batches import CameraBatch, IndexBatch, SceneParameters
+from scenefw.core.set_flows import SeenSetBatch
 from scenefw.core.settings import COUNT, NOT_NEGATIVE
 from scenefw.core.types import GridSpec
 from scenefw.data.object_ends import object_ends

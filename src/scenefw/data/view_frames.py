@@ -5,7 +5,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from scenefw.core.batches import SceneParameters, SeenSetBatch
+from scenefw.core.batches import SceneParameters
+from scenefw.core.set_flows import SeenSetBatch
 
 
 def view_frame(points: Tensor, seen: Tensor, eye: Tensor) -> tuple[Tensor, Tensor]:

@@ -13,7 +13,7 @@ from scenefw.core.errors import CheckpointError
 from scenefw.learning.checkpoint import OBJECT_SETS, SEGMENTATION, SHAPE_INSTANCE
 
 if TYPE_CHECKING:
-    from scenefw.core.batches import ObjectSetPrediction
+    from scenefw.core.object_sets import ObjectSetPrediction
     from scenefw.core.training_protocols import (
         DecomposingModel,
         DrawnSetModel,

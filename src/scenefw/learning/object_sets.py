@@ -5,13 +5,9 @@ import dataclasses
 import torch
 from torch import Tensor
 
-from scenefw.core.batches import (
-    IndexBatch,
-    ObjectSetBatch,
-    ObjectSetPrediction,
-    ObjectSetSetup,
-)
+from scenefw.core.batches import IndexBatch
 from scenefw.core.errors import ConfigError
+from scenefw.core.object_sets import ObjectSetBatch, ObjectSetPrediction, ObjectSetSetup
 from scenefw.core.rng import torch_seed
 from scenefw.core.training_protocols import ObjectSetData, ObjectSetModel
 from scenefw.kernels.precision import distances

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from scenefw.core.batches import IndexBatch, SeenSetBatch, SetFlowPrediction, SetFlowSetup
+from scenefw.core.batches import IndexBatch
 from scenefw.core.errors import ConfigError
 from scenefw.core.rng import torch_seed
+from scenefw.core.set_flows import SeenSetBatch, SetFlowPrediction, SetFlowSetup
 from scenefw.learning.checkpoint import SET_FLOW
 from scenefw.learning.module import TrainingModule
 

@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from scenefw.core.batches import SeenSetBatch, SetFlowPrediction, SetFlowSetup
+from scenefw.core.set_flows import SeenSetBatch, SetFlowPrediction, SetFlowSetup
 
 
 class FlowVelocity:

@@ -3,8 +3,8 @@
 from torch import Tensor
 from torch.nn import functional
 
-from scenefw.core.batches import SeenSetBatch, SetFlowPrediction, SetFlowSetup
 from scenefw.core.errors import ConfigError
+from scenefw.core.set_flows import SeenSetBatch, SetFlowPrediction, SetFlowSetup
 
 
 class HiddenCount:

@@ -3,7 +3,7 @@
 from torch import Tensor
 from torch.nn import functional
 
-from scenefw.core.batches import ObjectSetBatch, ObjectSetPrediction, ObjectSetSetup
+from scenefw.core.object_sets import ObjectSetBatch, ObjectSetPrediction, ObjectSetSetup
 from scenefw.losses.set_targets import matched_of, sums_in_own
 
 

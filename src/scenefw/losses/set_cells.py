@@ -6,7 +6,7 @@ from scipy.optimize import linear_sum_assignment
 from torch import Tensor
 from torch.nn import functional
 
-from scenefw.core.batches import ObjectSetBatch, ObjectSetPrediction, ObjectSetSetup
+from scenefw.core.object_sets import ObjectSetBatch, ObjectSetPrediction, ObjectSetSetup
 
 
 class SetCells:

@@ -2,8 +2,8 @@
 
 from torch import Tensor
 
-from scenefw.core.batches import ObjectSetBatch, ObjectSetPrediction, ObjectSetSetup
 from scenefw.core.errors import InputError
+from scenefw.core.object_sets import ObjectSetBatch, ObjectSetPrediction, ObjectSetSetup
 from scenefw.losses.set_targets import require_given
 
 

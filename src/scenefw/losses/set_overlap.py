@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from scenefw.core.batches import ObjectSetBatch, ObjectSetPrediction, ObjectSetSetup
+from scenefw.core.object_sets import ObjectSetBatch, ObjectSetPrediction, ObjectSetSetup
 from scenefw.losses.set_targets import matched_of, sums_in_own
 
 _VOXELS = 1.0  # added to both sums, so that an object of no voxel is no division by 0

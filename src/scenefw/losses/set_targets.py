@@ -3,8 +3,8 @@
 import torch
 from torch import Tensor
 
-from scenefw.core.batches import ObjectSetBatch, ObjectSetPrediction, ObjectSetSetup
 from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.object_sets import ObjectSetBatch, ObjectSetPrediction, ObjectSetSetup
 
 _TURNED_ON = {
     "existence": "model.existence=true",

@@ -2,8 +2,8 @@
 
 from torch import Tensor
 
-from scenefw.core.batches import ObjectSetBatch
 from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.object_sets import ObjectSetBatch
 
 CHANNELS = {"occupancy": 1, "view": 2}
 """Of the complete occupancy, or of distances and what was observed."""

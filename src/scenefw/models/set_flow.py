@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor, nn
 
-from scenefw.core.batches import SeenSetBatch, SetFlowPrediction
+from scenefw.core.set_flows import SeenSetBatch, SetFlowPrediction
 from scenefw.core.settings import COUNT, SHARE
 from scenefw.matching.assignment import Assignment
 from scenefw.models.set_attention import attention, time_waves

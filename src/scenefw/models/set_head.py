@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 from torch import Tensor, nn
 
-from scenefw.core.batches import ObjectSetPrediction
 from scenefw.core.errors import ConfigError
+from scenefw.core.object_sets import ObjectSetPrediction
 from scenefw.models.object_codes import CodeAttention, codes_at, largest_cells
 from scenefw.models.set_decoder import SetDecoder
 

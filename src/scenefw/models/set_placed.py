@@ -6,7 +6,7 @@ from typing import Literal
 import torch
 from torch import Tensor, nn
 
-from scenefw.core.batches import ObjectSetBatch, ObjectSetPrediction
+from scenefw.core.object_sets import ObjectSetBatch, ObjectSetPrediction
 from scenefw.models.placed_head import PlacedHead
 from scenefw.models.seen_volumes import CHANNELS, require_sees, require_volume, seen_volume
 from scenefw.models.set_encoder import SetEncoder, averaged, block_side, level_sizes

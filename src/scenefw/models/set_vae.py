@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor, nn
 
-from scenefw.core.batches import ObjectSetBatch, ObjectSetPrediction
 from scenefw.core.errors import ConfigError
+from scenefw.core.object_sets import ObjectSetBatch, ObjectSetPrediction
 from scenefw.models.condition import ConditionAutoencoder
 from scenefw.models.seen_volumes import CHANNELS
 from scenefw.models.set_decoder import SetDecoder

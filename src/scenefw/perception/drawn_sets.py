@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
     from numpy.random import Generator
 
-    from scenefw.core.batches import SeenSetBatch
     from scenefw.core.evidence import Evidence, FittedSuperquadric
+    from scenefw.core.set_flows import SeenSetBatch
     from scenefw.core.training_protocols import TrainedSetFlow
     from scenefw.perception.evidence import EvidenceOfView, View
     from scenefw.perception.hidden_objects import HiddenObjects

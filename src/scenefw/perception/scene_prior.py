@@ -9,8 +9,9 @@ import numpy as np
 import torch
 
 from scenefw.core import geometry, rng
-from scenefw.core.batches import SceneParameters, SeenSetBatch
+from scenefw.core.batches import SceneParameters
 from scenefw.core.errors import ConfigError
+from scenefw.core.set_flows import SeenSetBatch
 from scenefw.core.types import Camera, Frame, GridSpec, PlacedShape, Pose, SceneEstimate
 from scenefw.kernels.cameras import floor_depths, stack_cameras
 from scenefw.kernels.superquadric_rays import first_hits

@@ -9,9 +9,10 @@ import numpy as np
 import torch
 
 from scenefw.core import geometry
-from scenefw.core.batches import SceneParameters, SeenSetBatch
+from scenefw.core.batches import SceneParameters
 from scenefw.core.errors import InputError
 from scenefw.core.evidence import FittedSuperquadric
+from scenefw.core.set_flows import SeenSetBatch
 from scenefw.core.types import Pose
 from scenefw.data.object_ends import object_ends
 from scenefw.data.view_frames import in_frame, view_frame

@@ -8,8 +8,8 @@ from scipy import ndimage
 from tests.unit.models.sets import boxes
 from torch.nn.functional import binary_cross_entropy, binary_cross_entropy_with_logits
 
-from scenefw.core.batches import ObjectSetPrediction, ObjectSetSetup
 from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.object_sets import ObjectSetPrediction, ObjectSetSetup
 from scenefw.core.types import GridSpec
 from scenefw.losses.set_bce import SetBinaryCrossEntropy
 from scenefw.losses.set_boxes import SetBoxes, boxes_of

@@ -2,7 +2,7 @@
 
 import torch
 
-from scenefw.core.batches import ObjectSetBatch
+from scenefw.core.object_sets import ObjectSetBatch
 
 
 def boxes(resolution=16, batch=2, most=3, seed=0):

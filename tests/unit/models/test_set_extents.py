@@ -7,8 +7,8 @@ import pytest
 import torch
 from tests.unit.models.test_set_flow import batch_of
 
-from scenefw.core.batches import SetFlowSetup
 from scenefw.core.errors import ConfigError
+from scenefw.core.set_flows import SetFlowSetup
 from scenefw.losses.flow_velocity import FlowVelocity
 from scenefw.losses.hidden_count import HiddenCount
 from scenefw.models.set_extents import SetExtents, seen_in_axes

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import torch
 
-from scenefw.core.batches import SeenSetBatch
 from scenefw.core.errors import ConfigError
+from scenefw.core.set_flows import SeenSetBatch
 from scenefw.losses.flow_velocity import FlowVelocity
 from scenefw.losses.hidden_count import HiddenCount
 from scenefw.models.set_flow import SetFlow, coupled

@@ -9,9 +9,9 @@ from tests.unit.perception.synthetic import STACK, camera_at
 from tests.unit.perception.test_evidence import view_of
 
 from scenefw import registry
-from scenefw.core.batches import SeenSetBatch
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.evidence import FittedSuperquadric
+from scenefw.core.set_flows import SeenSetBatch
 from scenefw.core.types import Pose
 from scenefw.data.view_samples import ObjectSamples
 from scenefw.fitting.joint import JointFit

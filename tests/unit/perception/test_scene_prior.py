@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from scenefw.core.batches import SeenSetBatch
 from scenefw.core.errors import ConfigError
+from scenefw.core.set_flows import SeenSetBatch
 from scenefw.core.types import GridSpec
 from scenefw.perception.bodies import BodyMaker
 from scenefw.perception.scene_prior import ScenePrior

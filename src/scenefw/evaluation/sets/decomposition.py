@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from scenefw.core.batches import ObjectSetBatch
+    from scenefw.core.object_sets import ObjectSetBatch
     from scenefw.core.protocols import MappingMethod, Matching, Noise, SurfaceRenderer, Track
     from scenefw.core.types import GridSpec
     from scenefw.data.stacks import StackScenes

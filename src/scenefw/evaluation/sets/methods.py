@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 import torch
 
-from scenefw.core.batches import ObjectSetPrediction
 from scenefw.core.errors import ConfigError
+from scenefw.core.object_sets import ObjectSetPrediction
 from scenefw.core.settings import NOT_NEGATIVE, PART
 from scenefw.metrics.decomposition import set_overlaps
 
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import Tensor
 
-    from scenefw.core.batches import Completion, ObjectSetBatch, PartialTSDF
+    from scenefw.core.batches import Completion, PartialTSDF
+    from scenefw.core.object_sets import ObjectSetBatch
     from scenefw.core.protocols import InstanceExtractor, Reconstructor
     from scenefw.core.training_protocols import DrawnSetModel, ObjectSetModel
     from scenefw.core.types import GridSpec

@@ -8,8 +8,9 @@ import numpy as np
 import torch
 
 from scenefw.core import rng
-from scenefw.core.batches import SceneParameters, SeenSetBatch
+from scenefw.core.batches import SceneParameters
 from scenefw.core.errors import ConfigError
+from scenefw.core.set_flows import SeenSetBatch
 from scenefw.core.settings import COUNT, NOT_NEGATIVE
 from scenefw.evaluation.sets import prior_references as references
 from scenefw.evaluation.sets.left_to_gravity import Gravity, apart, chosen, joined, objects_of

@@ -6,8 +6,9 @@ import torch
 from tests.unit.data.stacks_file import write_stacks
 from tests.unit.learning.tiny import Circle
 
-from scenefw.core.batches import Completion, ObjectSetPrediction
+from scenefw.core.batches import Completion
 from scenefw.core.errors import ConfigError
+from scenefw.core.object_sets import ObjectSetPrediction
 from scenefw.core.types import GridSpec
 from scenefw.data.stacks import StackScenes
 from scenefw.evaluation.sets.decomposition import DecompositionEvaluation

@@ -9,8 +9,9 @@ import torch
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from scenefw.core.batches import IndexBatch, SceneParameters, SeenSetBatch
+from scenefw.core.batches import IndexBatch, SceneParameters
 from scenefw.core.errors import ConfigError
+from scenefw.core.set_flows import SeenSetBatch
 from scenefw.core.types import GridSpec, Pose, SceneObject
 from scenefw.data.seen_sets import SeenSets
 from scenefw.data.stacks import StackScenes
