@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenefw.core.errors import InputError
+from scenefw.core.errors import IncompleteError, InputError
 from scenefw.core.files import require_apart, require_writable
 from scenefw.perception.doctor import ODD, UNUSABLE, unusable
 from scenefw.perception.examination import Examination
@@ -54,6 +54,7 @@ class Examine:
 
         Raises:
             InputError: there is no image, or none is usable.
+            IncompleteError: some are unusable, so that a script can tell by the status.
             StorageError: the output folder can't be written.
         """
         images = self.images.find()
@@ -72,11 +73,17 @@ class Examine:
                 bad[0] if len(bad) == 1 else f"none of {len(bad)} images is usable: {bad[0]}"
             )
         odd = [one for one in found if one.usable and any(c.verdict == ODD for c in one.checks)]
-        return {
+        figures = {
             "images": float(len(found)),
             "odd": float(len(odd)),
             "unusable": float(len(bad)),
         }
+        if bad:
+            words = "is" if len(bad) == 1 else "are"
+            raise IncompleteError(
+                f"{len(bad)} of {len(found)} images {words} unusable, see above", figures
+            )
+        return figures
 
     def _examined(self, image: Path) -> Examination:
         try:

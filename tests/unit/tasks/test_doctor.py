@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 from tests.unit.perception.test_examination import EXAMINER, FRAME
 
-from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.errors import ConfigError, IncompleteError, InputError
 from scenefw.tasks.doctor import Examine
 
 
@@ -20,8 +20,9 @@ def test_each_image_gets_verdicts_and_a_picture(tmp_path, capsys):
     save(tmp_path / "in" / "b.npz", np.where(np.arange(160) % 4 == 0, FRAME.depth, 0))
     save(tmp_path / "in" / "c.npz", FRAME.depth * 1000)
     save(tmp_path / "in" / "d.npz", K=FRAME.camera.matrix * (10, 10, 1))
-    figures = Examine(tmp_path / "in", EXAMINER, tmp_path / "out").run()
-    assert figures == {"images": 4, "odd": 1, "unusable": 2}
+    with pytest.raises(IncompleteError, match=r"^2 of 4 images are unusable, see above") as end:
+        Examine(tmp_path / "in", EXAMINER, tmp_path / "out").run()
+    assert end.value.figures == {"images": 4, "odd": 1, "unusable": 2}
     said = capsys.readouterr().out.splitlines()
     verdicts = [line for line in said if not line.startswith(" ")]
     assert verdicts == [
