@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import binary_dilation, binary_opening, maximum_filter1d
 
 from scenefw.perception.pixels import WIDTH
 from scenefw.perception.seen_parts import floor_noise
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 _REACH = 3  # pixels, of an image 640 wide
 _STEEPEST = 15.0  # degrees
 _OF_FLOOR = 0.7  # of the angle at which the camera looks onto the floor
+_WIDEST, _JUMP = 20, 0.03  # pixels of a ramp, of an image 640 wide; m, of the ends of surfaces
 _RAMP = 1 / 3  # of a part's pixels
 
 
@@ -31,10 +32,11 @@ def mixed_pixels(points: Float64, eye: Float64) -> Mask:
     points of the object, ramps would make it long, away from the camera. Real surfaces are rarely
     seen at such angles, and then badly.
 
-    A jump from one pixel to the next is no ramp: depth has to change on both sides of a pixel. The
-    ends of a ramp, where it changes on one side alone, belong to it. Where the camera looks along
-    the floor, tops of boxes are as steep, so the limit is lower there. An image whose floor is
-    exactly flat has no noise and no ramps.
+    A jump from one pixel to the next is no ramp: depth has to change on both sides of a pixel. Nor
+    is a surface that is wider than windows are, or ends in a jump: a ramp leads to what is behind.
+    The ends of a ramp, where depth changes on one side alone, belong to it. Where the camera looks
+    along the floor, tops of boxes are as steep, so the limit is lower there. An image whose floor
+    is exactly flat has no noise and no ramps.
 
     Args:
         points: (H, W, 3) of the pixels, world coordinates, floor z = 0 (m), NaN = no depth.
@@ -53,6 +55,7 @@ def mixed_pixels(points: Float64, eye: Float64) -> Mask:
         sides = _slopes(rays, away, axis, reach)
         with np.errstate(invalid="ignore"):
             less, more = (limit * one(*sides) > 1 for one in (np.fmin, np.fmax))
+        less &= ~_on_surface(less, away, axis, round(_WIDEST * points.shape[1] / WIDTH))
         found |= binary_dilation(less, iterations=reach, mask=more)
     return found
 
@@ -62,6 +65,20 @@ def without_ramps(parts: Int32, mixed: Mask) -> Int32:
     pixels = np.maximum(np.bincount(parts.ravel()), 1)
     ramps = np.bincount(parts.ravel(), mixed.ravel()) > _RAMP * pixels
     return np.where(ramps[parts], 0, parts).astype(np.int32)
+
+
+def _on_surface(steep: Mask, away: Float64, axis: int, width: int) -> Mask:
+    """Steep pixels (H, W) of a surface: it is wider than a ramp, or ends where depth jumps.
+
+    The farther end of a ramp meets what is behind it; that of a surface doesn't.
+    """
+    jump = _JUMP * WIDTH / away.shape[1]
+    line = np.ones((width, 1) if axis == 0 else (1, width), dtype=bool)
+    step = np.nan_to_num(np.diff(away, axis=axis, append=np.nan), nan=0.0)
+    ahead = maximum_filter1d((step > jump).astype(np.uint8), width, axis, origin=-(width // 2))
+    behind = maximum_filter1d((step < -jump).astype(np.uint8), width, axis, origin=(width - 1) // 2)
+    rises = np.roll(away, -1, axis) > np.roll(away, 1, axis)
+    return np.asarray(binary_opening(steep, line) | (np.where(rises, ahead, behind) > 0))
 
 
 def _slopes(rays: Float64, away: Float64, axis: int, reach: int) -> tuple[Float64, Float64]:
