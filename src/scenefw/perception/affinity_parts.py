@@ -12,7 +12,7 @@ from scenefw.core.settings import COUNT, NOT_NEGATIVE, PROBABILITY, below
 from scenefw.perception.depth_parts import EDGE, grown, large_parts, linked_parts, merged
 from scenefw.perception.pixels import WIDTH
 from scenefw.perception.points import world_points
-from scenefw.perception.seen_parts import floor_noise, high_parts
+from scenefw.perception.seen_parts import floor_is_smooth, floor_noise, high_parts
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -42,7 +42,7 @@ class AffinityParts:
         shown: parts whose pixels show an object less probably, on average, are dropped.
         margin: points up to this height above the floor belong to it (m).
         waves: so do points up to so many standard deviations of the floor's heights at the same
-            depth, if they are no higher than `lowest`.
+            depth, if they are no higher than `lowest` and the floor waves.
         smallest: parts of fewer pixels (of an image 640 wide) are dropped.
         lowest: parts that rise no higher above the floor (m) are noise of it.
         noisy: so are parts that rise no higher than so many standard deviations of its heights at
@@ -83,7 +83,8 @@ class AffinityParts:
         rows, columns = (np.arange(size) // step for size in frame.depth.shape)
         depth = np.ascontiguousarray(np.nan_to_num(frame.depth[::step, ::step]), np.float32)
         across, down, shown = self._said(depth, frame.camera, step)
-        margin = np.clip(self.waves * noise, self.margin, max(self.margin, self.lowest))
+        waves = self.waves * noise if floor_is_smooth(heights) else 0.0
+        margin = np.clip(waves, self.margin, max(self.margin, self.lowest))
         above = heights > margin  # NaN where no depth: not above
         joined = self._joined(depth, across, down, above[::step, ::step])
         fewest = self.smallest * (frame.depth.shape[1] / WIDTH) ** 2

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 _ABOUT = 0.03  # m: depth below the floor that may be its noise
 _EXACT = 1e-5  # m: no measurement is as close to the floor, over many pixels
+_WAVES, _ALIKE = 0.015, 0.92  # m, of heights of the floor; correlation of neighbours
 _FEWEST = 200  # pixels below the floor that say how noisy it is
 _NORMAL = 1.4826  # from a normal distribution's median deviation to its standard deviation
 _TOP = 0.95  # share of a part below its top, against single pixels
@@ -89,6 +90,23 @@ def high_parts(parts: Int32, heights: Float64, lowest: float | Float64) -> Int32
     tops = [np.quantile(above[parts == k], _TOP) for k in range(1, parts.max(initial=0) + 1)]
     kept = np.array([False, *(top > 0 for top in tops)])
     return (np.cumsum(kept) * kept)[parts].astype(np.int32)
+
+
+def floor_is_smooth(heights: Float64) -> bool:
+    """Whether the floor waves: its heights (H, W; m, NaN = no depth) are wrong alike in neighbours.
+
+    So they are where a camera matches windows of two images, and not where each pixel has an error
+    of its own. Neighbours of active stereo cameras correlate by 0.95 to 0.99, those of structured
+    light by 0.9 at most.
+    """
+    alike = []
+    for first, second in ((heights[1:], heights[:-1]), (heights[:, 1:], heights[:, :-1])):
+        about = (np.abs(first) < _WAVES) & (np.abs(second) < _WAVES)
+        about &= (np.abs(first) > _EXACT) & (np.abs(second) > _EXACT)
+        if about.sum() < _FEWEST:
+            return False
+        alike.append(np.corrcoef(first[about], second[about])[0, 1])
+    return bool(np.mean(alike) > _ALIKE)
 
 
 def floor_noise(heights: Float64, depth: Float32) -> float:

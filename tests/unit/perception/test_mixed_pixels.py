@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.ndimage import uniform_filter1d
+from scipy.ndimage import gaussian_filter, uniform_filter1d
 from tests.unit.perception.synthetic import Box, camera_at, frame_of
 
 from scenefw.core.types import GridSpec
@@ -19,8 +19,9 @@ SIZES = [(320, 240), (640, 480)]
 def seen(size, blurred=True, noise=0.001):
     """Points, what pixels show, and by how much their depth is wrong."""
     camera = camera_at(eye=(0.0, -0.9, 0.6), size=size)
-    sharp = frame_of(camera, (TOWER,), noise=noise)
-    depth = sharp.depth
+    sharp = frame_of(camera, (TOWER,))
+    field = gaussian_filter(np.random.default_rng(0).normal(size=sharp.depth.shape), 4)
+    depth = (sharp.depth + noise * field / field.std()).astype(np.float32)
     if blurred:
         window = 2 * round(7 * size[0] / 640) + 1
         depth = (1 / uniform_filter1d(1 / depth, window, axis=1)).astype(np.float32)
@@ -52,8 +53,10 @@ def test_a_side_along_which_the_camera_looks_is_a_surface(size, depth):
     """It is wide, or ends in a jump."""
     box = Box((-0.06, -depth / 2, 0.0), (0.06, depth / 2, 0.15))
     camera = camera_at(eye=(0.24, -0.9, 0.4), size=size)
-    sharp = frame_of(camera, (box,), noise=0.0003)
-    points = world_points(replace(sharp, camera=camera))
+    sharp = frame_of(camera, (box,))
+    field = gaussian_filter(np.random.default_rng(0).normal(size=sharp.depth.shape), 4)
+    waving = (sharp.depth + 0.0003 * field / field.std()).astype(np.float32)
+    points = world_points(replace(sharp, depth=waving, camera=camera))
     side = (np.abs(points[..., 0] - 0.06) < 0.004) & (sharp.labels == 1)
     side &= np.abs(points[..., 2] - 0.08) < 0.05
     assert side.sum() > 100
@@ -62,6 +65,12 @@ def test_a_side_along_which_the_camera_looks_is_a_surface(size, depth):
 
 def test_an_image_without_noise_has_none():
     points, _, _, camera = seen(SIZES[0], noise=0.0)
+    assert not mixed_pixels(points, camera.T_world_camera[:3, 3]).any()
+
+
+def test_a_camera_whose_pixels_err_by_themselves_has_none():
+    points, _, _, camera = seen(SIZES[0])
+    points[..., 2] += np.random.default_rng(0).normal(0, 0.003, points.shape[:2])
     assert not mixed_pixels(points, camera.T_world_camera[:3, 3]).any()
 
 
