@@ -19,9 +19,7 @@ GOOD, ODD, UNUSABLE = "good", "odd", "unusable"
 _FIELD_OF_VIEW = (15.0, 120.0)
 _FOCAL_RATIO = 1.2
 _OFF_CENTRE = 0.25
-_MIDDLE = (
-    0.06  # of the image's sides: a centre so near the middle belongs to an image of that shape
-)
+_MIDDLE = 0.06  # of the sides: so near the middle, a centre belongs to an image of that shape
 _STACK_HEIGHT = 0.1  # where the middle of a stack is assumed, for its distance (m)
 _UNEVEN = 0.01  # m
 _MANY, _ENOUGH = 4_000_000, 1_000_000  # pixels

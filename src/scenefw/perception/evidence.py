@@ -109,7 +109,7 @@ class EvidenceOfView:
         return Evidence(points, sigmas, outside, np.full(len(outside), self.outside_sigma))
 
     def _inner(self, label: int, view: View) -> Mask:
-        """Pixels that surely show the object, if enough do: not those at borders."""
+        """Pixels that show the object, but for mixed ones and those at borders if enough remain."""
         own: Mask = view.masks == label
         if not own.any():
             return own

@@ -97,10 +97,10 @@ def floor_is_smooth(heights: Float64) -> bool:
 
     So they are where a camera matches windows of two images, and not where each pixel has an error
     of its own. Neighbours of active stereo cameras correlate by 0.95 to 0.99, those of structured
-    light by 0.9 at most.
+    light by 0.9 at most. Images larger than 640 x 480 are compared that many pixels further apart.
     """
-    alike = []
-    for first, second in ((heights[1:], heights[:-1]), (heights[:, 1:], heights[:, :-1])):
+    alike, k = [], max(1, round(heights.shape[1] / WIDTH))
+    for first, second in ((heights[k:], heights[:-k]), (heights[:, k:], heights[:, :-k])):
         about = (np.abs(first) < _WAVES) & (np.abs(second) < _WAVES)
         about &= (np.abs(first) > _EXACT) & (np.abs(second) > _EXACT)
         if about.sum() < _FEWEST:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 from tests.unit.perception.synthetic import Box, camera_at, frame_of
 
 from scenefw.core.errors import ConfigError
@@ -14,7 +15,8 @@ from scenefw.core.types import Camera, Frame
 from scenefw.data.readers import read_frames
 from scenefw.metrics.masks import mask_scores
 from scenefw.perception.floor import FloorFinder
-from scenefw.perception.seen_parts import SeenParts
+from scenefw.perception.points import world_points
+from scenefw.perception.seen_parts import SeenParts, floor_is_smooth
 
 CAMERA = Camera(120, 90, 110.0, 110.0, 59.5, 44.5, look_at((0.0, -0.6, 0.8), (0.0, 0.0, 0.0)))
 
@@ -116,3 +118,29 @@ def test_what_hardly_rises_above_the_floor_is_its_noise():
     high = SeenParts(margin=0.003, smallest=100, lowest=0.02).segment(frame)
     assert high.max() == 1
     assert ((high > 0) & (frame.labels != 2)).sum() == 0
+
+
+def heights_of(frame):
+    """Heights (H, W) above the floor that is found in a frame."""
+    pose = FloorFinder().find(frame).T_world_camera
+    return world_points(replace(frame, camera=frame.camera.moved(pose)))[..., 2]
+
+
+@pytest.mark.parametrize(("group", "smooth"), [("realsense_table", True), ("mosd_learn", False)])
+def test_floors_of_stereo_cameras_are_smooth_and_of_structured_light_are_not(
+    real_data, group, smooth
+):
+    frames = list(read_frames(real_data / "real" / group))[:9]
+    assert len(frames) == 9
+    assert [floor_is_smooth(heights_of(one)) for one in frames] == [smooth] * 9
+
+
+@pytest.mark.parametrize("factor", [1, 2])
+def test_the_floor_is_smooth_where_neighbours_err_alike(factor):
+    """Fields of one deviation, with and without ties between neighbours, in two sizes of image."""
+    noise = np.random.default_rng(0).normal(size=(480 * factor, 640 * factor))
+    waves = gaussian_filter(noise, 4 * factor)
+    assert floor_is_smooth(0.003 * waves / waves.std())
+    assert not floor_is_smooth(0.003 * noise)
+    assert not floor_is_smooth(np.zeros_like(noise))
+    assert not floor_is_smooth(np.full_like(noise, np.nan))
