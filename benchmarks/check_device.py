@@ -2,10 +2,12 @@
 
     python -m benchmarks.check_device [experiment=simstack scale=thesis ...]
     python -m benchmarks.check_device experiment=label_views scale=thesis
+    python -m benchmarks.check_device experiment=part_affinity
+    python -m benchmarks.check_device experiment=set_extents
 
-Volumes, depth and partial TSDF, or colour, distance and labels, are compared where rounding doesn't
-decide which surface is hit: a share of the values may differ by more than the tolerance. Exit
-status 1 if anything is off.
+Volumes, depth and partial TSDF, or colour, distance and labels, or what the networks of parts and
+of sets see, are compared where rounding doesn't decide which surface is hit: a share of the values
+may differ by more than the tolerance. Exit status 1 if anything is off.
 """
 
 import sys
@@ -18,6 +20,8 @@ from scenefw import config, plugins
 from scenefw.core.batches import IndexBatch
 from scenefw.core.rng import Streams
 from scenefw.data.conditioning import shape_instance_batch
+from scenefw.data.part_views import PartViews
+from scenefw.data.seen_sets import SeenSets
 from scenefw.data.segmentation import SegmentationData
 from scenefw.data.stacks import StackScenes
 
@@ -31,6 +35,7 @@ TOLERANCES = {  # metres, or units of a loss; and the share of values that may b
     "colour": (2e-2, 1e-2),
     "distance": (1e-4, 5e-3),
     "labels": (0.5, 1e-3),
+    "points": (1e-3, 1e-2),
     "losses": (2e-2, 0.0),  # relative; float32 with TF32 off, each device with its own volumes
 }
 
@@ -42,11 +47,8 @@ def step(settings, device) -> dict[str, Tensor]:
     torch.manual_seed(0)
     learning = instantiate(settings.learning, _convert_="all")
     data = instantiate(settings.dataset, _convert_="all")
-    found = (
-        labelled(learning, data, device)
-        if isinstance(data, SegmentationData)
-        else completed(learning, data, device)
-    )
+    kinds = {SegmentationData: labelled, PartViews: in_parts, SeenSets: as_sets}
+    found = kinds.get(type(data), completed)(learning, data, device)
     return {name: value.detach().float().cpu() for name, value in found.items()}
 
 
@@ -59,6 +61,22 @@ def labelled(learning, data, device) -> dict[str, Tensor]:
     losses = torch.stack([loss(scores, batch).detach() for loss in learning.losses.values()])
     distance = batch.distance.nan_to_num(-1.0)
     return {"colour": batch.colour, "distance": distance, "labels": batch.labels, "losses": losses}
+
+
+def in_parts(learning, data, device) -> dict[str, Tensor]:
+    """Depth images, which object each pixel shows, and losses of a network of affinities."""
+    batch = data.training_batch(IndexBatch(0, torch.arange(4 * SCENES)), torch.device(device))
+    scores = learning.model.to(device).eval()(batch.depth, batch.cameras)
+    losses = torch.stack([loss(scores, batch).detach() for loss in learning.losses.values()])
+    return {"depth": batch.depth, "labels": batch.owners, "losses": losses}
+
+
+def as_sets(learning, data, device) -> dict[str, Tensor]:
+    """Points of seen objects, and losses of a flow of sets."""
+    batch = data.training_batch(IndexBatch(0, torch.arange(16 * SCENES)), torch.device(device))
+    prediction = learning.model.to(device)(batch, torch.Generator().manual_seed(0))
+    losses = torch.stack([loss(prediction, batch).detach() for loss in learning.losses.values()])
+    return {"points": batch.points, "losses": losses}
 
 
 def completed(learning, data, device) -> dict[str, Tensor]:
@@ -106,6 +124,8 @@ def main() -> None:
     quiet = ["noise=none", "noise_per_scene=none"]
     words = [word for word in words if not word.startswith("noise")]
     settings = config.compose([*words, *few, *quiet])
+    if "noise" in settings.dataset:
+        settings.dataset.noise = {}  # of experiments that train with their own
     torch.backends.cuda.matmul.allow_tf32 = torch.backends.cudnn.allow_tf32 = False
     if not torch.cuda.is_available():
         print("error: torch sees no CUDA device", file=sys.stderr)

@@ -16,6 +16,8 @@ from scenefw.kernels.cameras import finite
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from scenefw.core.batches import CameraBatch
 
 _LEAST = 1e-3  # pixels of disparity
@@ -30,8 +32,9 @@ class Stereo:
     rounded. The disparity, focal length times baseline by depth, is averaged over a window, where
     the surface is in one piece; then smooth Gaussian fields of several wavelengths are added. In
     depth they grow with its square. Near ends of a surface less of a window matches, so errors are
-    larger there; and what the right one of the two cameras doesn't see has no depth. How much of
-    all this an image has is drawn for each.
+    larger there; and what the right one of the two cameras doesn't see has no depth. In part of
+    the images windows reach across edges: depth leads in a ramp from an object to what is behind.
+    How much of all this an image has is drawn for each.
 
     Args:
         baseline: between both cameras (m).
@@ -41,6 +44,9 @@ class Stereo:
         jump: pixels of disparity from which neighbours lie on different surfaces.
         edges: by how much of themselves the fields grow where nothing of a window matches.
         shadows: share of the disturbed images that lose what the other camera doesn't see.
+        ramps: share of the disturbed images with windows that reach across edges.
+        ramp: pixels to each side that are averaged in these, at most.
+        across: pixels of disparity of the highest edges that they reach across, at most.
         share: share of the images that are disturbed; the others pass as they are.
 
     Raises:
@@ -56,14 +62,18 @@ class Stereo:
         jump: float = 0.3,
         edges: float = 0.0,
         shadows: float = 0.0,
+        ramps: float = 0.0,
+        ramp: int = 6,
+        across: float = 3.0,
         share: float = 1.0,
     ) -> None:
-        POSITIVE.require(baseline=baseline, jump=jump, wavelengths=wavelengths)
-        NOT_NEGATIVE.require(waves=waves, window=window, edges=edges)
-        SHARE.require(shadows=shadows, share=share)
+        POSITIVE.require(baseline=baseline, jump=jump, across=across, wavelengths=wavelengths)
+        NOT_NEGATIVE.require(waves=waves, window=window, ramp=ramp, edges=edges)
+        SHARE.require(shadows=shadows, ramps=ramps, share=share)
         self.baseline, self.waves, self.wavelengths = baseline, waves, tuple(wavelengths)
         self.window, self.jump = window, jump
         self.edges, self.shadows, self.share = edges, shadows, share
+        self.ramps, self.ramp, self.across = ramps, ramp, across
 
     def apply(self, depth: Tensor, cameras: CameraBatch, seeds: Tensor) -> Tensor:
         """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0, the rest is positive or lost.
@@ -75,7 +85,7 @@ class Stereo:
         """
         depth = finite(depth.float(), 0.0).clamp_min(0.0).contiguous()
         streams = Streams.of(0, indices=seeds.cpu().numpy())
-        chances = streams.uniform(4)
+        chances = streams.uniform(6)
         rows = np.flatnonzero(chances[:, 0] < self.share)
         if not len(rows):
             return depth
@@ -86,14 +96,23 @@ class Stereo:
         disparity = torch.where(known, scale / some.clamp_min(1e-6), 0.0)
         shadowed = torch.from_numpy(chances[rows, 3] < self.shadows).to(depth.device)
         known = known & ~(shadowed[:, None, None] & unseen_from_the_right(disparity))
-        windows = np.floor(chances[rows, 1] * (self.window + 1)).astype(int)
+        windows = [drawn.to(depth.device) for drawn in self._windows(chances[rows])]
         field = self._field(Streams(streams.keys[rows]), depth.shape[1], depth.shape[2])
         field = field.to(depth.device) * self._growth(disparity, known)
-        disparity = self._smoothed(disparity, known, torch.from_numpy(windows).to(depth.device))
+        disparity = self._smoothed(disparity, known, *windows)
         amounts = torch.from_numpy((self.waves * chances[rows, 2]).astype(np.float32))
         disparity = disparity + amounts.to(depth.device)[:, None, None] * field
         noisy = torch.where(known, scale / disparity.clamp_min(_LEAST), 0.0)
         return depth.index_copy(0, picked, noisy)
+
+    def _windows(self, chances: NDArray[np.float64]) -> tuple[Tensor, Tensor]:
+        """Pixels to each side (B,) that are averaged, and jumps (B, 1, 1) that end a surface."""
+        ramps = chances[:, 4] < self.ramps
+        most = np.where(ramps, self.ramp, self.window)
+        reached = self.jump + chances[:, 5] * max(self.across - self.jump, 0.0)
+        windows = np.floor(chances[:, 1] * (most + 1)).astype(int)
+        jumps = np.where(ramps, reached, self.jump).astype(np.float32)
+        return torch.from_numpy(windows), torch.from_numpy(jumps)[:, None, None]
 
     def _growth(self, disparity: Tensor, known: Tensor) -> Tensor:
         """Factor of the fields (B, H, W): 1 where all of a window matches, more near ends."""
@@ -107,11 +126,12 @@ class Stereo:
                     close += near & _shifted(known, way, axis)
         return 1 + self.edges * (1 - close / (4 * len(_AROUND)))
 
-    def _smoothed(self, disparity: Tensor, known: Tensor, windows: Tensor) -> Tensor:
-        """Means over windows (B,) of what lies on one surface, one axis after the other."""
+    def _smoothed(self, disparity: Tensor, known: Tensor, windows: Tensor, jumps: Tensor) -> Tensor:
+        """Means over windows (B,) that end at jumps (B, 1, 1), one axis after the other."""
+        widest = max(self.window, self.ramp if self.ramps else 0)
         for axis in (2, 1):
             total, count = disparity.clone(), torch.ones_like(disparity)
-            for step in range(1, self.window + 1):
+            for step in range(1, widest + 1):
                 for way in (step, -step):
                     other = _shifted(disparity, way, axis)
                     close = _shifted(known, way, axis) & ((other - disparity).abs() < self.jump)

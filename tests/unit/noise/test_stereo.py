@@ -64,6 +64,26 @@ def test_windows_round_a_crease_but_no_jump():
     assert torch.allclose(noise.apply(step.contiguous(), cameras(8), seeds(8)), step, atol=1e-5)
 
 
+def test_some_windows_reach_across_edges():
+    """A step in disparity becomes a ramp as wide as the window, in the stated share of images."""
+    u = torch.arange(80.0)
+    count = 300
+    scale = Stereo().baseline * cameras(1).intrinsics[0, 0].item()
+    disparity = torch.where(u < 40, 4.0, 5.0).expand(count, 60, 80)
+    noise = Stereo(waves=0.0, window=0, jump=0.3, ramps=0.4, ramp=3, across=2.3)
+    found = scale / noise.apply(scale / disparity, cameras(count), seeds(count))[:, 30]
+    ramps = (found - disparity[:, 30]).abs() > 1e-3
+    widths = ramps.sum(dim=1)
+    # Windows are 0 to 3 pixels, jumps up to between 0.3 and 2.3, of which 1.0 is within 65 %
+    assert (widths > 0).double().mean().item() == pytest.approx(0.4 * 0.75 * 0.65, abs=0.06)
+    assert set(widths.tolist()) == {0, 2, 4, 6}
+    widest = found[widths == 6][0, 36:44]
+    expected = torch.tensor(
+        [4, 4 + 1 / 7, 4 + 2 / 7, 4 + 3 / 7, 4 + 4 / 7, 4 + 5 / 7, 4 + 6 / 7, 5]
+    )
+    assert torch.allclose(widest, expected, atol=1e-3)
+
+
 def test_what_the_right_camera_does_not_see_is_lost():
     """A board 0.6 m away before a wall at 1.2 m: its shadow is as wide as disparities differ."""
     u = torch.arange(80)
@@ -124,6 +144,9 @@ def test_the_share_of_disturbed_images():
     [
         {"baseline": 0.0},
         {"edges": -1.0},
+        {"ramps": 1.5},
+        {"ramp": -1},
+        {"across": 0.0},
         {"shadows": 1.5},
         {"waves": -1.0},
         {"wavelengths": (0.0,)},
