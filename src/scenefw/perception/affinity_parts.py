@@ -32,7 +32,7 @@ class AffinityParts:
     joined if the mean is high enough, the surest first. So a few likely pixels join no objects.
     Images are thinned to about the focal length that the network learnt from. Parts that it takes
     for waves of the floor, or for what lies beyond a table's edge, are dropped, if it says which
-    pixels show objects.
+    pixels show objects; so are single pixels, as of ramps of depth beside objects.
 
     Args:
         checkpoint: of a network of affinities.
@@ -40,6 +40,7 @@ class AffinityParts:
         same: mean along a border from which on the regions beside it are joined.
         seed: pixels (of the thinned image) of the smallest region.
         shown: parts whose pixels show an object less probably, on average, are dropped.
+        pixel: so are pixels that don't show one more probably than this.
         margin: points up to this height above the floor belong to it (m).
         waves: so do points up to so many standard deviations of the floor's heights at the same
             depth, if they are no higher than `lowest` and the floor waves.
@@ -59,6 +60,7 @@ class AffinityParts:
         same: float = 0.7,
         seed: int = 12,
         shown: float = 0.6,
+        pixel: float = 0.9,
         margin: float = 0.005,
         waves: float = 2.5,
         smallest: float = 60.0,
@@ -66,12 +68,13 @@ class AffinityParts:
         noisy: float = 7.0,
     ) -> None:
         PROBABILITY.require(sure=sure, same=same)
-        below(1).require(shown=shown)
+        below(1).require(shown=shown, pixel=pixel)
         NOT_NEGATIVE.require(margin=margin, waves=waves, lowest=lowest, noisy=noisy)
         COUNT.require(seed=seed, smallest=smallest)
         self.model: PartAffinityModel = checkpoint.model
         self.metadata = dict(checkpoint.metadata)
-        self.sure, self.same, self.seed, self.shown = sure, same, seed, shown
+        self.sure, self.same, self.seed = sure, same, seed
+        self.shown, self.pixel = shown, pixel
         self.margin, self.waves, self.smallest = margin, waves, smallest
         self.lowest, self.noisy = lowest, noisy
 
@@ -86,12 +89,13 @@ class AffinityParts:
         waves = self.waves * noise if floor_is_smooth(heights) else 0.0
         margin = np.clip(waves, self.margin, max(self.margin, self.lowest))
         above = heights > margin  # NaN where no depth: not above
+        every = np.ix_(rows, columns)
+        above &= (shown > self.pixel)[every]
         joined = self._joined(depth, across, down, above[::step, ::step])
         fewest = self.smallest * (frame.depth.shape[1] / WIDTH) ** 2
         parts = large_parts(joined, max(1, round(fewest / step**2)))
         unlikely = (parts > 0) & (_means(shown, parts) < self.shown)
         parts = large_parts(np.where(unlikely, 0, parts).astype(np.int64), 1)
-        every = np.ix_(rows, columns)
         above &= ~unlikely[every]
         near = np.abs(frame.depth - depth[every]) < _JUMP
         parts = np.where(above & near, parts[every], 0).astype(np.int32)

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from scenefw.perception.evidence import EvidenceOfView, View
     from scenefw.perception.hidden_objects import HiddenObjects
     from scenefw.perception.part_guided import Completing
+    from scenefw.perception.restored_edges import RestoredEdges
     from scenefw.perception.vessels import Vessels
     from scenefw.postprocessing.confidence import Calibration
 
@@ -82,6 +83,7 @@ class DrawnSets(Fitted):
         hidden: adds objects of which nothing is seen to drawn scenes; None adds none.
         calibration: from how alike samples are to how right objects are; None: not measured.
         vessels: says which objects are hollow; None: none are.
+        edges: restores those of the images first; None: images stay as they are.
         drawn: the first sample is the best, further ones are drawn; without it, all are the best.
 
     Raises:
@@ -106,10 +108,13 @@ class DrawnSets(Fitted):
         hidden: HiddenObjects | None = None,
         calibration: Calibration | None = None,
         vessels: Vessels | None = None,
+        edges: RestoredEdges | None = None,
         *,
         drawn: bool = True,
     ) -> None:
-        super().__init__(inner, fit, evidence, near, explained, least, lowest, vessels, drawn=drawn)
+        super().__init__(
+            inner, fit, evidence, near, explained, least, lowest, vessels, edges, drawn=drawn
+        )
         COUNT.require(steps=steps)
         NOT_NEGATIVE.require(votes=votes, beyond=beyond, spread=spread)
         above(evidence.seen_sigma, "as what is seen is the more certain").require(

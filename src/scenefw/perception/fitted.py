@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float32, GridSpec, Int32
     from scenefw.fitting.vessels import FittedVessel
     from scenefw.perception.part_guided import Completing
+    from scenefw.perception.restored_edges import RestoredEdges
     from scenefw.perception.vessels import Vessels
     from scenefw.postprocessing.confidence import Calibration
 
@@ -60,6 +61,7 @@ class Fitted:
         least: seen points that an object must have to be fitted.
         lowest: how high above the floor what was not predicted must reach to be an object (m).
         vessels: says which objects are hollow; None: none are.
+        edges: restores those of the images first; None: images stay as they are.
         drawn: the first sample is the best fit, further ones are drawn; without it, all are best.
 
     Raises:
@@ -78,6 +80,7 @@ class Fitted:
         least: int = 60,
         lowest: float = 0.015,
         vessels: Vessels | None = None,
+        edges: RestoredEdges | None = None,
         *,
         drawn: bool = True,
     ) -> None:
@@ -87,7 +90,7 @@ class Fitted:
         NOT_NEGATIVE.require(lowest=lowest)
         self.inner, self.fit, self.evidence = inner, fit, evidence
         self.near, self.explained, self.least, self.lowest = near, explained, least, lowest
-        self.vessels = vessels
+        self.vessels, self.edges = vessels, edges
         self.grid, self.metadata, self.drawn = inner.grid, inner.metadata, drawn
 
     def complete(
@@ -98,6 +101,7 @@ class Fitted:
         Raises:
             InputError: the partial TSDF came without its depth images.
         """
+        partial = partial if self.edges is None else self.edges.of(partial, grid)
         frames = seen_frames(partial, "a fit")
         points = [world_points(frame) for frame in frames]
         eyes = [frame.camera.T_world_camera[:3, 3] for frame in frames]

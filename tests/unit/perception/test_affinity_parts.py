@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 from hydra.utils import instantiate
-from scipy.ndimage import gaussian_filter, grey_dilation
+from scipy.ndimage import binary_erosion, gaussian_filter, grey_dilation
 from tests.composed import option
 from tests.unit.perception.synthetic import Box, camera_at, frame_of
 
@@ -140,6 +140,7 @@ def test_a_few_likely_pixels_do_not_join_two_objects(seen):
         {"same": 0.0},
         {"seed": 0},
         {"shown": 1.0},
+        {"pixel": 1.0},
         {"margin": -0.1},
         {"smallest": 0},
         {"lowest": -1.0},
@@ -180,8 +181,21 @@ def test_what_shows_no_object_is_in_no_part(seen, thinned):
     assert first.max() == 1
     other = (owners == 2) & (first > 0)
     assert other.sum() < 0.03 * (owners == 2).sum()  # pixels of thinned images on its border
-    anything = AffinityParts(Loaded(Showing(owners, focal)), smallest=20, shown=0.0)
+    anything = AffinityParts(Loaded(Showing(owners, focal)), smallest=20, shown=0.0, pixel=0.0)
     assert np.array_equal(anything.segment(frame), plain)
+
+
+def test_pixels_that_show_no_object_leave_their_part(seen):
+    """As those of a ramp beside an object: the part as a whole shows one."""
+    frame, owners = seen
+    model = Showing(owners, frame.camera.fx, 1, 2)
+    rim = (owners == 1) & ~binary_erosion(owners == 1, iterations=2)
+    model.which[torch.from_numpy(rim)] = False
+    found = AffinityParts(Loaded(model), smallest=20).segment(frame)
+    assert not found[rim].any()
+    kept = AffinityParts(Loaded(model), smallest=20, pixel=0.0).segment(frame)
+    assert (kept[rim] > 0).mean() > 0.7  # the rest stands on the floor
+    assert np.array_equal(found[~rim] > 0, kept[~rim] > 0)
 
 
 def test_parts_as_low_as_the_floor_waves_are_its_noise():

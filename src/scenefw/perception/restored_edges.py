@@ -1,0 +1,180 @@
+"""Edges of depth images, restored where a stereo camera has blurred them into ramps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from scipy.ndimage import distance_transform_edt, find_objects
+
+from scenefw.core.settings import COUNT, at_least
+from scenefw.perception.pixels import WIDTH
+from scenefw.perception.points import world_points
+from scenefw.perception.seen_frames import seen_frames
+from scenefw.perception.seen_parts import floor_is_smooth
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from scenefw.core.batches import PartialTSDF
+    from scenefw.core.protocols import MappingMethod, PartFinder
+    from scenefw.core.types import Camera, Float32, Float64, Frame, GridSpec, Int32
+
+_LEAST, _SHARE = 0.002, 0.15  # of a ramp's height: m, and of the height right beside objects
+_TYPICAL = 0.7  # quantile of heights: beside lower edges of objects there is no ramp
+_ALIKE = 0.012  # m of depth between pixels of one surface
+_TALLEST = 0.25  # m
+
+
+class RestoredEdges:
+    """Gives images of stereo cameras the edges back that windows have blurred.
+
+    Such a camera matches windows. Across an edge, depth leads in a ramp from the object to what is
+    behind; the edge is in the middle of the ramp. A network that has learnt from such images tells
+    where objects end. How wide ramps are is seen on the floor, whose heights are known: beside
+    objects it seems to rise. If it does, over `narrowest` pixels or more, pixels of an object that
+    are so close to its end continue the object's surface, and those of the floor lie on it.
+
+    Images whose floor doesn't wave, and images without ramps, stay as they are.
+
+    Args:
+        parts: of the image: where objects end.
+        mapping: makes the partial TSDF of what is restored.
+        narrowest: pixels from an edge to the end of its ramp, at least.
+        widest: the same, at most; both of an image 640 wide.
+
+    Raises:
+        ConfigError: less than one pixel, or a narrowest ramp that is wider than the widest.
+    """
+
+    def __init__(
+        self,
+        parts: PartFinder,
+        mapping: MappingMethod,
+        narrowest: float = 2.0,
+        widest: float = 12.0,
+    ) -> None:
+        COUNT.require(narrowest=narrowest, widest=widest)
+        at_least(narrowest).require(widest=widest)
+        self.parts, self.mapping = parts, mapping
+        self.narrowest, self.widest = narrowest, widest
+
+    def of(self, partial: PartialTSDF, grid: GridSpec) -> PartialTSDF:
+        """The partial TSDF of the restored images, or the same one if none has ramps.
+
+        Args:
+            partial: with its images, whose cameras have poses (floor z = 0).
+            grid: of the TSDF.
+
+        Raises:
+            InputError: the partial TSDF came without its depth images.
+        """
+        frames = seen_frames(partial, "restoring edges")
+        masks = None if partial.masks is None else partial.masks.cpu().numpy()
+        images = [
+            self._image(frame, None if masks is None else masks[i])
+            for i, frame in enumerate(frames)
+        ]
+        if all(image is frame.depth for image, frame in zip(images, frames, strict=True)):
+            return partial
+        assert partial.depth is not None
+        assert partial.cameras is not None
+        depth = torch.from_numpy(np.stack(images)).to(partial.depth.device)
+        return replace(self.mapping.fuse(depth, grid, partial.cameras), masks=partial.masks)
+
+    def _image(self, frame: Frame, known: Int32 | None) -> Float32:
+        """The restored depth (H, W), or that of the frame itself."""
+        heights = world_points(frame)[..., 2]
+        if not floor_is_smooth(heights):
+            return frame.depth
+        parts = self.parts.segment(frame) if known is None else known
+        if not parts.any():
+            return frame.depth
+        scale = frame.depth.shape[1] / WIDTH
+        away = distance_transform_edt(parts == 0)
+        width = ramp_width(heights, away, round(self.widest * scale))
+        if width < self.narrowest * scale:
+            return frame.depth
+        found = continued(frame.depth, parts, width)
+        on_floor = (away > 0) & (away <= width + 1) & (heights > _LEAST) & (heights < _TALLEST)
+        return put_on_floor(found, on_floor, frame.camera)
+
+
+def ramp_width(heights: Float64, away: Float64, widest: int) -> int:
+    """Pixels beside objects, 0 to `widest`, over which the floor seems to rise.
+
+    Args:
+        heights: (H, W) of pixels (m), NaN = no depth.
+        away: (H, W) pixels from the nearest object, 0 on objects.
+        widest: at most.
+    """
+    floor = (away > 0) & np.isfinite(heights)
+    ring = np.where(floor, np.rint(away), 0).astype(int)
+    far = heights[(ring > widest + 2) & (ring < 2 * widest)]
+    if not len(far):
+        return 0
+    usual, least = np.quantile(far, _TYPICAL), _LEAST
+    for distance in range(1, widest + 1):
+        own = heights[ring == distance]
+        rise = np.quantile(own, _TYPICAL) - usual if len(own) else 0.0
+        if rise <= least:
+            return distance - 1
+        least = max(least, _SHARE * rise)
+    return widest
+
+
+def continued(depth: Float32, parts: Int32, width: int) -> Float32:
+    """Depth (H, W) whose pixels within `width` of the end of a part continue its surface.
+
+    Inverse depth is linear along a plane. So a pixel gets twice that of the nearest pixel inside,
+    less that of the one as far again inside, if it is of the same surface.
+
+    Args:
+        depth: (H, W) metres, 0 = no measurement.
+        parts: (H, W), 0 = none.
+        width: pixels.
+    """
+    inside = (distance_transform_edt(~_ends(parts)) > width) & (depth > 0)
+    found = depth.copy()
+    for label, box in enumerate(find_objects(parts), start=1):
+        if box is None:
+            continue
+        own, image = parts[box] == label, depth[box]
+        inner = own & inside[box]
+        if not inner.any():
+            continue
+        away, nearest = distance_transform_edt(~inner, return_indices=True)
+        at = np.nonzero(own & ~inner & (image > 0) & (away <= 2 * width + 2))
+        here = tuple(axis[at] for axis in nearest)
+        further = tuple(
+            np.clip(2 * h - a, 0, size - 1)
+            for h, a, size in zip(here, at, image.shape, strict=True)
+        )
+        near, beyond = image[here], image[further]
+        alike = inner[further] & (np.abs(beyond - near) < _ALIKE)
+        found[box][at] = 1 / np.where(alike, 2 / near - 1 / np.where(alike, beyond, 1), 1 / near)
+    return found
+
+
+def put_on_floor(depth: Float32, which: NDArray[np.bool_], camera: Camera) -> Float32:
+    """Depth (H, W) of which some pixels see the floor z = 0 of the camera's world."""
+    v, u = np.nonzero(which)
+    rays = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(len(u))])
+    down = camera.T_world_camera[2, :3] @ rays
+    met = down < -1e-3
+    found = depth.copy()
+    found[v[met], u[met]] = -camera.T_world_camera[2, 3] / down[met]
+    return found
+
+
+def _ends(parts: Int32) -> NDArray[np.bool_]:
+    """Pixels (H, W) beside which another part is, or none."""
+    ends = np.zeros(parts.shape, dtype=bool)
+    across, down = parts[:, 1:] != parts[:, :-1], parts[1:] != parts[:-1]
+    ends[:, 1:] |= across
+    ends[:, :-1] |= across
+    ends[1:] |= down
+    ends[:-1] |= down
+    return ends

@@ -1,0 +1,153 @@
+"""Edges of blurred images, against what rays really meet."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.ndimage import distance_transform_edt, gaussian_filter, uniform_filter1d
+from tests.unit.perception.synthetic import Box, camera_at, frame_of
+
+from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.types import GridSpec
+from scenefw.kernels.cameras import stack_cameras
+from scenefw.mapping.projective import Projective
+from scenefw.perception.points import world_points
+from scenefw.perception.restored_edges import RestoredEdges, continued, put_on_floor, ramp_width
+
+TOWER = Box((-0.06, -0.06, 0.0), (0.06, 0.06, 0.15))
+SIZES = [(320, 240), (640, 480)]
+GRID = GridSpec(32)
+
+
+class Known:
+    """Parts that are known."""
+
+    def __init__(self, labels):
+        self.labels = labels
+
+    def segment(self, frame):
+        return self.labels
+
+
+def seen(size, reach, noise=0.001, alone=0.0):
+    """The true frame, and one whose windows reach so many pixels of an image 640 wide.
+
+    Neighbours err alike by `noise`, each pixel by itself by `alone` (m).
+    """
+    camera = camera_at(eye=(0.0, -0.9, 0.6), size=size)
+    sharp = frame_of(camera, (TOWER,))
+    field = gaussian_filter(np.random.default_rng(0).normal(size=sharp.depth.shape), 4)
+    depth = sharp.depth + noise * field / field.std()
+    pixels = round(reach * size[0] / 640)
+    for axis in (0, 1):
+        depth = 1 / uniform_filter1d(1 / depth, 2 * pixels + 1, axis=axis)
+    depth += alone * np.random.default_rng(1).normal(size=depth.shape)
+    return sharp, replace(sharp, depth=depth.astype(np.float32), camera=camera), pixels
+
+
+def partial_of(frame):
+    depth = torch.from_numpy(frame.depth)[None]
+    return Projective().fuse(depth, GRID, stack_cameras([frame.camera]))
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_depth_beside_edges_is_nearly_as_if_nothing_were_blurred(size):
+    sharp, blurred, _ = seen(size, reach=6)
+    edges = RestoredEdges(Known(sharp.labels), Projective())
+    partial = partial_of(blurred)
+    found = edges.of(partial, GRID)
+    image = found.depth[0].numpy()
+    near = distance_transform_edt(sharp.labels == 0) < 20
+    before, after = (np.abs(one - sharp.depth)[near] for one in (blurred.depth, image))
+    wrong = before > 0.02
+    assert wrong.sum() > 0.002 * sharp.depth.size
+    assert (after[wrong] < 0.01).mean() > 0.85
+    assert (after > 0.01).sum() < 0.3 * (before > 0.01).sum()
+    # The partial TSDF is that of the restored image
+    again = partial_of(replace(blurred, depth=image))
+    assert torch.equal(found.distance, again.distance)
+    assert found.cameras is partial.cameras
+
+
+@pytest.mark.parametrize(
+    ("reach", "noise", "alone"),
+    [(0, 0.001, 0.0), (0, 0.0, 0.0), (6, 0.001, 0.003)],
+    ids=["sharp", "without noise", "each pixel errs by itself"],
+)
+def test_other_images_stay_as_they_are(reach, noise, alone):
+    sharp, frame, _ = seen(SIZES[1], reach, noise, alone)
+    partial = partial_of(frame)
+    assert RestoredEdges(Known(sharp.labels), Projective()).of(partial, GRID) is partial
+
+
+def test_nothing_on_the_table():
+    sharp, frame, _ = seen(SIZES[0], 6)
+    partial = partial_of(frame)
+    nothing = Known(np.zeros_like(sharp.labels))
+    assert RestoredEdges(nothing, Projective()).of(partial, GRID) is partial
+
+
+def test_objects_that_are_known_stand_for_parts():
+    sharp, frame, _ = seen(SIZES[0], 6)
+    partial = replace(partial_of(frame), masks=torch.from_numpy(sharp.labels)[None])
+    found = RestoredEdges(Known(None), Projective()).of(partial, GRID)
+    assert found is not partial
+    assert found.masks is partial.masks
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("reach", [0, 4, 8])
+def test_ramps_are_as_wide_as_windows(size, reach):
+    sharp, frame, pixels = seen(size, reach, noise=0.0003)
+    away = distance_transform_edt(sharp.labels == 0)
+    heights = world_points(frame)[..., 2]
+    assert ramp_width(heights, away, 12) == pytest.approx(pixels, abs=1 + 0.2 * pixels)
+
+
+@given(
+    slopes=st.tuples(*[st.floats(-0.001, 0.001)] * 2),
+    distance=st.floats(0.5, 2.0),
+    width=st.integers(1, 5),
+)
+@settings(max_examples=30, deadline=None)
+def test_a_plane_goes_on_as_a_plane(slopes, distance, width):
+    v, u = np.mgrid[:40, :60]
+    plane = 1 / (1 / distance + slopes[0] * (u - 30) / 3 + slopes[1] * (v - 20) / 3)
+    parts = np.zeros(plane.shape, dtype=np.int32)
+    parts[8:32, 10:50] = 1
+    depth = plane.astype(np.float32)
+    away = distance_transform_edt(parts)
+    depth[(parts > 0) & (away <= width)] += 0.05
+    found = continued(depth, parts, width)
+    assert np.allclose(found[parts > 0], plane[parts > 0], atol=2e-3 * distance**2)
+    assert np.array_equal(found[parts == 0], depth[parts == 0])
+
+
+def test_pixels_on_the_floor_lie_on_it():
+    sharp, frame, _ = seen(SIZES[0], 6)
+    which = sharp.labels == 0
+    found = put_on_floor(frame.depth, which, frame.camera)
+    heights = world_points(replace(frame, depth=found))[..., 2]
+    assert np.abs(heights[which & (found > 0)]).max() < 1e-5
+    assert np.array_equal(found[~which], frame.depth[~which])
+
+
+def test_a_thin_part_stays():
+    depth = np.full((20, 30), 0.8, np.float32)
+    parts = np.zeros(depth.shape, np.int32)
+    parts[10:13] = 1
+    assert np.array_equal(continued(depth, parts, 3), depth)
+
+
+def test_bad_settings_and_no_images():
+    with pytest.raises(ConfigError, match=r"^narrowest = 0"):
+        RestoredEdges(Known(None), Projective(), narrowest=0)
+    with pytest.raises(ConfigError, match=r"^widest = 2"):
+        RestoredEdges(Known(None), Projective(), narrowest=3, widest=2)
+    sharp, frame, _ = seen(SIZES[0], 6)
+    partial = replace(partial_of(frame), depth=None)
+    with pytest.raises(InputError, match="restoring edges needs the depth images"):
+        RestoredEdges(Known(sharp.labels), Projective()).of(partial, GRID)
