@@ -83,6 +83,8 @@ class PartialTSDF:
         depth: (B, H, W) z-depth (m) that it was made of, for methods that look at pixels, or None.
         cameras: of these images, or None.
         masks: (B, H, W) int32, ids of objects that are known to be in these images, 0 = none.
+        parts: (B, H, W) int32, parts that were found before edges of these images were restored,
+            0 = none; None: methods look for them.
     """
 
     distance: Tensor
@@ -90,6 +92,7 @@ class PartialTSDF:
     depth: Tensor | None = None
     cameras: CameraBatch | None = None
     masks: Tensor | None = None
+    parts: Tensor | None = None
 
     def of(self, index: int) -> PartialTSDF:
         """One view as a batch of one, without its image."""

@@ -118,7 +118,8 @@ class PartGuided:
         images = seen_frames(partial, "cutting into parts")
         free = seen_free(partial, grid)
         known = None if partial.masks is None else partial.masks.cpu().numpy()
-        parts = map(self.parts.segment, images) if known is None else known
+        found = partial.parts if known is None else partial.masks
+        parts = map(self.parts.segment, images) if found is None else found.cpu().numpy()
         seen = [_Image.of(*each) for each in zip(images, parts, free, strict=True)]
         if known is None:
             seen = [replace(one, parts=without_ramps(one.parts, one.mixed)) for one in seen]

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from scipy.ndimage import distance_transform_edt, find_objects
 
-from scenefw.core.settings import COUNT, at_least
+from scenefw.core.settings import COUNT, POSITIVE, at_least
 from scenefw.perception.pixels import WIDTH
 from scenefw.perception.points import world_points
 from scenefw.perception.seen_frames import seen_frames
@@ -35,15 +35,19 @@ class RestoredEdges:
     behind; the edge is in the middle of the ramp. A network that has learnt from such images tells
     where objects end. How wide ramps are is seen on the floor, whose heights are known: beside
     objects it seems to rise. If it does, over `narrowest` pixels or more, pixels of an object that
-    are so close to its end continue the object's surface, and those of the floor lie on it.
+    are so close to its end continue the object's surface, and those of the floor lie on it. This is
+    done where depth then jumps by `jump`: where two parts touch, or a part stands on the floor,
+    nothing was blurred.
 
-    Images whose floor doesn't wave, and images without ramps, stay as they are.
+    Images whose floor doesn't wave, and images without ramps, stay as they are. Parts are those of
+    the image as it was: of what is restored, ends of ramps would be parts of their own.
 
     Args:
         parts: of the image: where objects end.
         mapping: makes the partial TSDF of what is restored.
         narrowest: pixels from an edge to the end of its ramp, at least.
         widest: the same, at most; both of an image 640 wide.
+        jump: by which depth differs between the two sides of an edge, at least (m).
 
     Raises:
         ConfigError: less than one pixel, or a narrowest ramp that is wider than the widest.
@@ -55,14 +59,16 @@ class RestoredEdges:
         mapping: MappingMethod,
         narrowest: float = 2.0,
         widest: float = 12.0,
+        jump: float = 0.02,
     ) -> None:
         COUNT.require(narrowest=narrowest, widest=widest)
+        POSITIVE.require(jump=jump)
         at_least(narrowest).require(widest=widest)
         self.parts, self.mapping = parts, mapping
-        self.narrowest, self.widest = narrowest, widest
+        self.narrowest, self.widest, self.jump = narrowest, widest, jump
 
     def of(self, partial: PartialTSDF, grid: GridSpec) -> PartialTSDF:
-        """The partial TSDF of the restored images, or the same one if none has ramps.
+        """The partial TSDF of restored images and the parts in them, or the same one.
 
         Args:
             partial: with its images, whose cameras have poses (floor z = 0).
@@ -72,25 +78,23 @@ class RestoredEdges:
             InputError: the partial TSDF came without its depth images.
         """
         frames = seen_frames(partial, "restoring edges")
-        masks = None if partial.masks is None else partial.masks.cpu().numpy()
-        images = [
-            self._image(frame, None if masks is None else masks[i])
-            for i, frame in enumerate(frames)
-        ]
-        if all(image is frame.depth for image, frame in zip(images, frames, strict=True)):
+        heights = [world_points(frame)[..., 2] for frame in frames]
+        if partial.cameras is None or not any(map(floor_is_smooth, heights)):
             return partial
-        assert partial.depth is not None
-        assert partial.cameras is not None
-        depth = torch.from_numpy(np.stack(images)).to(partial.depth.device)
-        return replace(self.mapping.fuse(depth, grid, partial.cameras), masks=partial.masks)
+        parts = (
+            [self.parts.segment(frame) for frame in frames]
+            if partial.masks is None
+            else list(partial.masks.cpu().numpy())
+        )
+        images = [self._image(*one) for one in zip(frames, heights, parts, strict=True)]
+        depth = torch.from_numpy(np.stack(images)).to(partial.distance.device)
+        found = torch.from_numpy(np.stack(parts)).to(depth.device)
+        restored = self.mapping.fuse(depth, grid, partial.cameras)
+        return replace(restored, masks=partial.masks, parts=found)
 
-    def _image(self, frame: Frame, known: Int32 | None) -> Float32:
+    def _image(self, frame: Frame, heights: Float64, parts: Int32) -> Float32:
         """The restored depth (H, W), or that of the frame itself."""
-        heights = world_points(frame)[..., 2]
-        if not floor_is_smooth(heights):
-            return frame.depth
-        parts = self.parts.segment(frame) if known is None else known
-        if not parts.any():
+        if not parts.any() or not floor_is_smooth(heights):
             return frame.depth
         scale = frame.depth.shape[1] / WIDTH
         away = distance_transform_edt(parts == 0)
@@ -99,7 +103,9 @@ class RestoredEdges:
             return frame.depth
         found = continued(frame.depth, parts, width)
         on_floor = (away > 0) & (away <= width + 1) & (heights > _LEAST) & (heights < _TALLEST)
-        return put_on_floor(found, on_floor, frame.camera)
+        found = put_on_floor(found, on_floor, frame.camera)
+        near = distance_transform_edt(~jumps(found, parts, self.jump)) <= width + 1
+        return np.where(near, found, frame.depth)
 
 
 def ramp_width(heights: Float64, away: Float64, widest: int) -> int:
@@ -136,7 +142,7 @@ def continued(depth: Float32, parts: Int32, width: int) -> Float32:
         parts: (H, W), 0 = none.
         width: pixels.
     """
-    inside = (distance_transform_edt(~_ends(parts)) > width) & (depth > 0)
+    inside = (distance_transform_edt(~jumps(depth, parts)) > width) & (depth > 0)
     found = depth.copy()
     for label, box in enumerate(find_objects(parts), start=1):
         if box is None:
@@ -169,12 +175,23 @@ def put_on_floor(depth: Float32, which: NDArray[np.bool_], camera: Camera) -> Fl
     return found
 
 
-def _ends(parts: Int32) -> NDArray[np.bool_]:
-    """Pixels (H, W) beside which another part is, or none."""
-    ends = np.zeros(parts.shape, dtype=bool)
-    across, down = parts[:, 1:] != parts[:, :-1], parts[1:] != parts[:-1]
-    ends[:, 1:] |= across
-    ends[:, :-1] |= across
-    ends[1:] |= down
-    ends[:-1] |= down
-    return ends
+def jumps(depth: Float32, parts: Int32, least: float = 0.0) -> NDArray[np.bool_]:
+    """Pixels (H, W) beside which another part is, or none, in another depth.
+
+    Args:
+        depth: (H, W) metres, 0 = no measurement.
+        parts: (H, W), 0 = none.
+        least: by how much depth differs there (m); 0 takes all ends of parts.
+    """
+    found = np.zeros(parts.shape, dtype=bool)
+    for first, second in (
+        ((slice(None), slice(1, None)), (slice(None), slice(None, -1))),
+        ((slice(1, None), slice(None)), (slice(None, -1), slice(None))),
+    ):
+        ends = parts[first] != parts[second]
+        if least:
+            both = (depth[first] > 0) & (depth[second] > 0)
+            ends &= both & (np.abs(depth[first] - depth[second]) >= least)
+        found[first] |= ends
+        found[second] |= ends
+    return found

@@ -1,6 +1,7 @@
 """Instances regrouped by parts of the image: rules on drawn images, volumes, real images."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -127,6 +128,11 @@ def test_two_boxes_that_a_network_takes_for_one(resolution):
         assert votes.max() > 0.65 * votes.sum()  # the nearest seen point is no more than a guess
     assert set(np.unique(scene.masks)) == {0, *np.unique(found[found > 0])}
     assert scene.volumes.keys() == {"mine"}
+    parts = method.parts.segment(replace(frame, camera=camera))
+    known = replace(partial, parts=torch.from_numpy(parts)[None])
+    nobody = PartGuided(Fixed(grid, one), None, GroupedByNetwork())  # parts were found before
+    (again,) = nobody.complete(known, grid, 1, torch.Generator())
+    assert torch.equal(again.masks, scene.masks)
     with pytest.raises(InputError, match="depth images"):
         method.complete(PartialTSDF(volume, volume > 0), grid, 1, torch.Generator())
 

@@ -72,29 +72,40 @@ def test_depth_beside_edges_is_nearly_as_if_nothing_were_blurred(size):
     assert found.cameras is partial.cameras
 
 
-@pytest.mark.parametrize(
-    ("reach", "noise", "alone"),
-    [(0, 0.001, 0.0), (0, 0.0, 0.0), (6, 0.001, 0.003)],
-    ids=["sharp", "without noise", "each pixel errs by itself"],
-)
-def test_other_images_stay_as_they_are(reach, noise, alone):
-    sharp, frame, _ = seen(SIZES[1], reach, noise, alone)
+def test_an_image_whose_pixels_err_by_themselves_is_left_alone():
+    """No stereo camera took it."""
+    sharp, frame, _ = seen(SIZES[1], 6, alone=0.003)
     partial = partial_of(frame)
     assert RestoredEdges(Known(sharp.labels), Projective()).of(partial, GRID) is partial
 
 
-def test_nothing_on_the_table():
-    sharp, frame, _ = seen(SIZES[0], 6)
-    partial = partial_of(frame)
-    nothing = Known(np.zeros_like(sharp.labels))
-    assert RestoredEdges(nothing, Projective()).of(partial, GRID) is partial
+@pytest.mark.parametrize("objects", [True, False])
+def test_without_ramps_or_objects_depth_stays(objects):
+    """What was found in the image is kept, so that nobody looks again."""
+    sharp, frame, _ = seen(SIZES[1], 0 if objects else 6)
+    labels = sharp.labels if objects else np.zeros_like(sharp.labels)
+    found = RestoredEdges(Known(labels), Projective()).of(partial_of(frame), GRID)
+    assert np.array_equal(found.depth[0].numpy(), frame.depth)
+    assert np.array_equal(found.parts[0].numpy(), labels)
+
+
+def test_two_parts_of_one_surface_go_on_into_each_other():
+    """Where they touch there is no jump, so nothing was blurred there."""
+    sharp, blurred, _ = seen(SIZES[1], 6)
+    halves = sharp.labels * (1 + (np.arange(sharp.labels.shape[1]) > 320))
+    partial = partial_of(blurred)
+    image = RestoredEdges(Known(halves), Projective()).of(partial, GRID).depth[0].numpy()
+    inside = distance_transform_edt(sharp.labels) > 12
+    assert inside[:, 318:323].any()
+    assert np.array_equal(image[inside], blurred.depth[inside])
+    assert (image != blurred.depth).any()
 
 
 def test_objects_that_are_known_stand_for_parts():
     sharp, frame, _ = seen(SIZES[0], 6)
     partial = replace(partial_of(frame), masks=torch.from_numpy(sharp.labels)[None])
     found = RestoredEdges(Known(None), Projective()).of(partial, GRID)
-    assert found is not partial
+    assert not torch.equal(found.depth, partial.depth)
     assert found.masks is partial.masks
 
 
@@ -147,6 +158,8 @@ def test_bad_settings_and_no_images():
         RestoredEdges(Known(None), Projective(), narrowest=0)
     with pytest.raises(ConfigError, match=r"^widest = 2"):
         RestoredEdges(Known(None), Projective(), narrowest=3, widest=2)
+    with pytest.raises(ConfigError, match=r"^jump = 0"):
+        RestoredEdges(Known(None), Projective(), jump=0)
     sharp, frame, _ = seen(SIZES[0], 6)
     partial = replace(partial_of(frame), depth=None)
     with pytest.raises(InputError, match="restoring edges needs the depth images"):
