@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from scenefw.core.part_protocols import PartAffinityModel, TrainedPartAffinity
     from scenefw.core.types import Camera, Float32, Float64, Frame, Int32
 
+_EXACT = 5e-5  # m: no camera measures a floor 1 m away as well
 _JUMP = 0.01  # m: what is so much nearer or further than its thinned pixel is something else
 
 
@@ -40,7 +41,8 @@ class AffinityParts:
         same: mean along a border from which on the regions beside it are joined.
         seed: pixels (of the thinned image) of the smallest region.
         shown: parts whose pixels show an object less probably, on average, are dropped.
-        pixel: so are pixels that don't show one more probably than this.
+        pixel: so are pixels that don't show one more probably than this, if the floor has noise;
+            without it, heights alone say where an object ends.
         margin: points up to this height above the floor belong to it (m).
         waves: so do points up to so many standard deviations of the floor's heights at the same
             depth, if they are no higher than `lowest` and the floor waves.
@@ -81,7 +83,8 @@ class AffinityParts:
     def segment(self, frame: Frame) -> Int32:
         """Parts (H, W), 0 = none, of a frame whose camera has its pose (floor z = 0)."""
         heights = world_points(frame)[..., 2]
-        noise = floor_noise(heights, frame.depth) * frame.depth.astype(np.float64) ** 2
+        at_one = floor_noise(heights, frame.depth)
+        noise = at_one * frame.depth.astype(np.float64) ** 2
         step = max(1, round(frame.camera.fx / self.model.focal))
         rows, columns = (np.arange(size) // step for size in frame.depth.shape)
         depth = np.ascontiguousarray(np.nan_to_num(frame.depth[::step, ::step]), np.float32)
@@ -90,7 +93,8 @@ class AffinityParts:
         margin = np.clip(waves, self.margin, max(self.margin, self.lowest))
         above = heights > margin  # NaN where no depth: not above
         every = np.ix_(rows, columns)
-        above &= (shown > self.pixel)[every]
+        if at_one > _EXACT:
+            above &= (shown > self.pixel)[every]
         joined = self._joined(depth, across, down, above[::step, ::step])
         fewest = self.smallest * (frame.depth.shape[1] / WIDTH) ** 2
         parts = large_parts(joined, max(1, round(fewest / step**2)))

@@ -104,7 +104,7 @@ class RestoredEdges:
         found = continued(frame.depth, parts, width)
         on_floor = (away > 0) & (away <= width + 1) & (heights > _LEAST) & (heights < _TALLEST)
         found = put_on_floor(found, on_floor, frame.camera)
-        near = distance_transform_edt(~jumps(found, parts, self.jump)) <= width + 1
+        near = distances(jumps(found, parts, self.jump)) <= width + 1
         return np.where(near, found, frame.depth)
 
 
@@ -142,7 +142,7 @@ def continued(depth: Float32, parts: Int32, width: int) -> Float32:
         parts: (H, W), 0 = none.
         width: pixels.
     """
-    inside = (distance_transform_edt(~jumps(depth, parts)) > width) & (depth > 0)
+    inside = (distances(jumps(depth, parts)) > width) & (depth > 0)
     found = depth.copy()
     for label, box in enumerate(find_objects(parts), start=1):
         if box is None:
@@ -195,3 +195,10 @@ def jumps(depth: Float32, parts: Int32, least: float = 0.0) -> NDArray[np.bool_]
         found[first] |= ends
         found[second] |= ends
     return found
+
+
+def distances(marked: NDArray[np.bool_]) -> Float64:
+    """Pixels (H, W) to the nearest marked one, infinite if none is."""
+    if not marked.any():
+        return np.full(marked.shape, np.inf)
+    return np.asarray(distance_transform_edt(~marked))

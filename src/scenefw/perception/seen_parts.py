@@ -18,6 +18,7 @@ _ABOUT = 0.03  # m: depth below the floor that may be its noise
 _EXACT = 1e-5  # m: no measurement is as close to the floor, over many pixels
 _WAVES, _ALIKE = 0.015, 0.92  # m, of heights of the floor; correlation of neighbours
 _FEWEST = 200  # pixels below the floor that say how noisy it is
+_SOME = 0.1  # share of the floor's pixels that have noise, if it has
 _NORMAL = 1.4826  # from a normal distribution's median deviation to its standard deviation
 _TOP = 0.95  # share of a part below its top, against single pixels
 
@@ -102,8 +103,9 @@ def floor_is_smooth(heights: Float64) -> bool:
     alike, k = [], max(1, round(heights.shape[1] / WIDTH))
     for first, second in ((heights[k:], heights[:-k]), (heights[:, k:], heights[:, :-k])):
         about = (np.abs(first) < _WAVES) & (np.abs(second) < _WAVES)
+        least = max(_FEWEST, _SOME * about.sum())
         about &= (np.abs(first) > _EXACT) & (np.abs(second) > _EXACT)
-        if about.sum() < _FEWEST:
+        if about.sum() < least:
             return False
         alike.append(np.corrcoef(first[about], second[about])[0, 1])
     return bool(np.mean(alike) > _ALIKE)

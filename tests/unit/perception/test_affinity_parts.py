@@ -191,11 +191,16 @@ def test_pixels_that_show_no_object_leave_their_part(seen):
     model = Showing(owners, frame.camera.fx, 1, 2)
     rim = (owners == 1) & ~binary_erosion(owners == 1, iterations=2)
     model.which[torch.from_numpy(rim)] = False
+    exact = AffinityParts(Loaded(model), smallest=20).segment(frame)
+    rng = np.random.default_rng(0)
+    noise = 0.0005 * rng.normal(size=owners.shape).astype(np.float32)
+    frame = replace(frame, depth=np.where(owners > 0, frame.depth, frame.depth + noise))
     found = AffinityParts(Loaded(model), smallest=20).segment(frame)
     assert not found[rim].any()
     kept = AffinityParts(Loaded(model), smallest=20, pixel=0.0).segment(frame)
     assert (kept[rim] > 0).mean() > 0.7  # the rest stands on the floor
     assert np.array_equal(found[~rim] > 0, kept[~rim] > 0)
+    assert np.array_equal(exact, kept)  # the floor of an image without noise is where heights end
 
 
 def test_parts_as_low_as_the_floor_waves_are_its_noise():

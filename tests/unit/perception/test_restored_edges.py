@@ -72,9 +72,10 @@ def test_depth_beside_edges_is_nearly_as_if_nothing_were_blurred(size):
     assert found.cameras is partial.cameras
 
 
-def test_an_image_whose_pixels_err_by_themselves_is_left_alone():
-    """No stereo camera took it."""
-    sharp, frame, _ = seen(SIZES[1], 6, alone=0.003)
+@pytest.mark.parametrize(("noise", "alone"), [(0.0, 0.0), (0.001, 0.003)])
+def test_images_that_no_stereo_camera_took_are_left_alone(noise, alone):
+    """The floor has no noise, or that of each pixel by itself."""
+    sharp, frame, _ = seen(SIZES[1], 6 if noise else 0, noise, alone)
     partial = partial_of(frame)
     assert RestoredEdges(Known(sharp.labels), Projective()).of(partial, GRID) is partial
 
@@ -144,6 +145,11 @@ def test_pixels_on_the_floor_lie_on_it():
     heights = world_points(replace(frame, depth=found))[..., 2]
     assert np.abs(heights[which & (found > 0)]).max() < 1e-5
     assert np.array_equal(found[~which], frame.depth[~which])
+
+
+def test_a_part_without_ends_stays():
+    depth = np.full((20, 30), 0.8, np.float32)
+    assert np.array_equal(continued(depth, np.ones(depth.shape, np.int32), 3), depth)
 
 
 def test_a_thin_part_stays():
