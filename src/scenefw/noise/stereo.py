@@ -134,7 +134,7 @@ class Stereo:
             for step in range(1, widest + 1):
                 for way in (step, -step):
                     other = _shifted(disparity, way, axis)
-                    close = _shifted(known, way, axis) & ((other - disparity).abs() < self.jump)
+                    close = _shifted(known, way, axis) & ((other - disparity).abs() < jumps)
                     close &= (windows >= step)[:, None, None]
                     total += torch.where(close, other, 0.0)
                     count += close

@@ -32,12 +32,11 @@ class RestoredEdges:
     """Gives images of stereo cameras the edges back that windows have blurred.
 
     Such a camera matches windows. Across an edge, depth leads in a ramp from the object to what is
-    behind; the edge is in the middle of the ramp. A network that has learnt from such images tells
-    where objects end. How wide ramps are is seen on the floor, whose heights are known: beside
-    objects it seems to rise. If it does, over `narrowest` pixels or more, pixels of an object that
-    are so close to its end continue the object's surface, and those of the floor lie on it. This is
-    done where depth then jumps by `jump`: where two parts touch, or a part stands on the floor,
-    nothing was blurred.
+    behind; the edge is in the middle of the ramp. A network says where objects end. How wide ramps
+    are is seen on the floor, whose heights are known: beside objects it seems to rise. If it does,
+    over `narrowest` pixels or more, pixels of an object that are so close to its end continue the
+    object's surface, and those of the floor lie on it. This is done where depth then jumps by
+    `jump`: where two parts touch, or a part stands on the floor, nothing was blurred.
 
     Images whose floor doesn't wave, and images without ramps, stay as they are. Parts are those of
     the image as it was: of what is restored, ends of ramps would be parts of their own.
