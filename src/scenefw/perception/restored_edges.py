@@ -10,6 +10,7 @@ import torch
 from scipy.ndimage import distance_transform_edt, find_objects
 
 from scenefw.core.settings import COUNT, POSITIVE, at_least
+from scenefw.kernels.cameras import floor_depths, stack_cameras
 from scenefw.perception.pixels import WIDTH
 from scenefw.perception.points import world_points
 from scenefw.perception.seen_frames import seen_frames
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
     from scenefw.core.batches import PartialTSDF
     from scenefw.core.protocols import MappingMethod, PartFinder
-    from scenefw.core.types import Camera, Float32, Float64, Frame, GridSpec, Int32
+    from scenefw.core.types import Float32, Float64, Frame, GridSpec, Int32
 
 _LEAST, _SHARE = 0.002, 0.15  # of a ramp's height: m, and of the height right beside objects
 _TYPICAL = 0.7  # quantile of heights: beside lower edges of objects there is no ramp
@@ -101,8 +102,10 @@ class RestoredEdges:
         if width < self.narrowest * scale:
             return frame.depth
         found = continued(frame.depth, parts, width)
-        on_floor = (away > 0) & (away <= width + 1) & (heights > _LEAST) & (heights < _TALLEST)
-        found = put_on_floor(found, on_floor, frame.camera)
+        tallest = min(_TALLEST, frame.camera.T_world_camera[2, 3])  # below it rays go down
+        on_floor = (away > 0) & (away <= width + 1) & (heights > _LEAST) & (heights < tallest)
+        floor = floor_depths(stack_cameras([frame.camera]))[0].numpy()
+        found = np.where(on_floor, floor, found)
         near = distances(jumps(found, parts, self.jump)) <= width + 1
         return np.where(near, found, frame.depth)
 
@@ -160,17 +163,6 @@ def continued(depth: Float32, parts: Int32, width: int) -> Float32:
         near, beyond = image[here], image[further]
         alike = inner[further] & (np.abs(beyond - near) < _ALIKE)
         found[box][at] = 1 / np.where(alike, 2 / near - 1 / np.where(alike, beyond, 1), 1 / near)
-    return found
-
-
-def put_on_floor(depth: Float32, which: NDArray[np.bool_], camera: Camera) -> Float32:
-    """Depth (H, W) of which some pixels see the floor z = 0 of the camera's world."""
-    v, u = np.nonzero(which)
-    rays = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(len(u))])
-    down = camera.T_world_camera[2, :3] @ rays
-    met = down < -1e-3
-    found = depth.copy()
-    found[v[met], u[met]] = -camera.T_world_camera[2, 3] / down[met]
     return found
 
 

@@ -42,6 +42,29 @@ def partial_of(view, camera):
     return PartialTSDF(far, free, images, stack_cameras([camera]))
 
 
+class Shifted:
+    """Restores images by moving all that they show 2 cm away from the camera."""
+
+    def of(self, partial, grid):
+        return replace(partial, depth=partial.depth + 0.02)
+
+
+def test_edges_are_restored_before_anything_else():
+    """The method inside and the fit see the restored image alone."""
+    view, camera = view_of(32), camera_at(eye=(0.0, -0.85, 0.6))
+    rough = Rough(view)
+    asked = []
+    rough.complete = lambda partial, *_: asked.append(partial) or [rough.scene]
+    plain, moved = (
+        Fitted(rough, SuperquadricFit(), EvidenceOfView(), edges=edges).complete(
+            partial_of(view, camera), view.grid, 1, torch.Generator()
+        )[0]
+        for edges in (None, Shifted())
+    )
+    assert torch.allclose(asked[1].depth, asked[0].depth + 0.02)
+    assert not torch.equal(plain.tsdf, moved.tsdf)
+
+
 @pytest.mark.parametrize("resolution", [32, 64])
 def test_boxes_come_out_sharp_and_whole(resolution):
     view, camera = view_of(resolution), camera_at(eye=(0.0, -0.85, 0.6))

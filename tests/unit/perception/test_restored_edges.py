@@ -1,21 +1,26 @@
 """Edges of blurred images, against what rays really meet."""
 
+import os
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from hydra.utils import instantiate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import distance_transform_edt, gaussian_filter, uniform_filter1d
 from tests.unit.perception.synthetic import Box, camera_at, frame_of
 
+from scenefw import config
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import GridSpec
+from scenefw.data.readers import read_frame
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.mapping.projective import Projective
 from scenefw.perception.points import world_points
-from scenefw.perception.restored_edges import RestoredEdges, continued, put_on_floor, ramp_width
+from scenefw.perception.restored_edges import RestoredEdges, continued, ramp_width
 
 TOWER = Box((-0.06, -0.06, 0.0), (0.06, 0.06, 0.15))
 SIZES = [(320, 240), (640, 480)]
@@ -138,13 +143,37 @@ def test_a_plane_goes_on_as_a_plane(slopes, distance, width):
     assert np.array_equal(found[parts == 0], depth[parts == 0])
 
 
-def test_pixels_on_the_floor_lie_on_it():
-    sharp, frame, _ = seen(SIZES[0], 6)
-    which = sharp.labels == 0
-    found = put_on_floor(frame.depth, which, frame.camera)
-    heights = world_points(replace(frame, depth=found))[..., 2]
-    assert np.abs(heights[which & (found > 0)]).max() < 1e-5
-    assert np.array_equal(found[~which], frame.depth[~which])
+@pytest.mark.parametrize("size", SIZES)
+def test_pixels_of_the_floor_beside_objects_lie_on_it(size):
+    sharp, blurred, pixels = seen(size, 6)
+    partial = partial_of(blurred)
+    image = RestoredEdges(Known(sharp.labels), Projective()).of(partial, GRID).depth[0].numpy()
+    changed = (image != blurred.depth) & (sharp.labels == 0)
+    assert changed.sum() > 100
+    assert distance_transform_edt(sharp.labels == 0)[changed].max() <= 2 * (pixels + 1)
+    heights = world_points(replace(blurred, depth=image))[..., 2]
+    assert np.abs(heights[changed]).max() < 1e-4
+
+
+def real(folder, name):
+    """A partial TSDF of a real image, and what cuts it into parts."""
+    beside = Path(__file__).parents[3] / ".." / "shared" / "data"
+    file = Path(os.environ.get("SCENEFW_DATA", beside)) / "real" / folder / f"{name}.npz"
+    if not file.is_file():
+        pytest.skip(f"no real image {file} (set SCENEFW_DATA)")
+    words = ["run=predict", "input=x", "device=cpu"]
+    pipeline = instantiate(config.compose(words).run.pipeline)
+    return pipeline, pipeline.prepare(read_frame(file)).partial
+
+
+def test_of_real_images_those_of_a_stereo_camera_change():
+    pipeline, partial = real("realsense_table", "uois_0")
+    found = pipeline.reconstructor.edges.of(partial, pipeline.grid)
+    changed = (found.depth != partial.depth)[0].numpy()
+    assert 0.005 < changed.mean() < 0.1
+    assert found.parts.max() > 5
+    pipeline, partial = real("mosd_learn", "learn13")
+    assert pipeline.reconstructor.edges.of(partial, pipeline.grid) is partial
 
 
 def test_a_part_without_ends_stays():
