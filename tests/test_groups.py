@@ -34,7 +34,6 @@ def test_every_group_says_what_it_is(name):
 WITHOUT_PROTOCOL = {
     "callback": "Lightning's callbacks",
     "card": "data alone: words and names of figures",
-    "floor": "what is found is data of perception, which alone reads it",
     "grid": "data alone",
     "learning": "subclasses of TrainingModule",
     "noise_per_scene": "noises of group noise, by scene",

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from scenefw.core.batches import CameraBatch, Completion, PartialTSDF, SceneVolumes, SeenSurface
     from scenefw.core.evidence import Evidence, FittedSuperquadric
+    from scenefw.core.floors import Floor
     from scenefw.core.grasps import Grasp, Lift, Ranking
     from scenefw.core.measures import Measure
     from scenefw.core.types import (
@@ -142,6 +143,17 @@ class SurfaceRenderer(Renderer, Protocol):
         self, tsdf: Tensor, instances: Tensor, grid: GridSpec, cameras: CameraBatch
     ) -> SeenSurface:
         """Depth, normals and labels of TSDFs (B, 1, X, Y, Z) m and instances (B, X, Y, Z)."""
+
+
+class FloorFinding(Protocol):
+    """Finds what the objects of a depth image stand on (group `floor`)."""
+
+    def find(self, frame: Frame) -> Floor:
+        """The floor of a frame, in its camera's coordinates.
+
+        Raises:
+            InputError: the image shows none.
+        """
 
 
 class PartFinder(Protocol):

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenefw.core.errors import InputError
+from scenefw.core.floors import Floor
 from scenefw.core.settings import NOT_NEGATIVE, SHARE, above, between
 from scenefw.core.types import Frame
 from scenefw.data.image_checks import check_depth
-from scenefw.perception.floor import Floor
 from scenefw.perception.workspace import Workspace
 
 GOOD, ODD, UNUSABLE = "good", "odd", "unusable"
@@ -22,6 +22,7 @@ _OFF_CENTRE = 0.25
 _MIDDLE = 0.06  # of the sides: so near the middle, a centre belongs to an image of that shape
 _STACK_HEIGHT = 0.1  # where the middle of a stack is assumed, for its distance (m)
 _UNEVEN = 0.01  # m
+_LITTLE = 0.15  # share of the points that lie on the floor; where it is looked for, it has more
 _MANY, _ENOUGH = 4_000_000, 1_000_000  # pixels
 _MEMORY = 200.0  # bytes per pixel, as measured with 5 megapixels
 _MEND = re.compile(r"; |(?<=\?) ")
@@ -110,17 +111,16 @@ class Doctor:
         return [*checks, *_check_pixels(frame)]
 
     def check_floor(self, floor: Floor) -> list[Check]:
-        """Evenness of the floor, and how the camera stands over it."""
-        rough = floor.deviation > _UNEVEN
+        """Evenness of the floor, how much of it is seen, and how the camera stands over it."""
         deviation = f"{floor.deviation * 1000:.0f} mm"
-        even = Check(
-            "floor",
-            ODD if rough else GOOD,
-            f"the floor is uneven or noisy ({deviation})"
-            if rough
-            else f"{floor.share:.0%} of the points lie on the floor, {deviation} off it",
-            "check the intrinsics" if rough else "",
-        )
+        on_it = f"{floor.share:.0%} of the points lie on the floor, {deviation} off it"
+        even = Check("floor", GOOD, on_it)
+        if floor.deviation > _UNEVEN:
+            uneven = f"the floor is uneven or noisy ({deviation})"
+            even = Check("floor", ODD, uneven, "check the intrinsics")
+        elif floor.share < _LITTLE:
+            fix = "if the camera has moved, give its floor again"
+            even = Check("floor", ODD, f"only {on_it}", fix)
         down = float(np.degrees(np.arcsin(np.clip(-floor.normal[2], -1, 1))))
         where = (
             f"the camera is {floor.height:.2f} m above the floor, looking {down:.0f} degrees down"
@@ -130,7 +130,10 @@ class Doctor:
         return [even, Check("tilt", ODD if flat else GOOD, where, fix)]
 
     def check_workspace(self, workspace: Workspace) -> list[Check]:
-        """Distance and size of the objects, and what is left out."""
+        """Distance and size of the objects, and what is left out; or that there are none."""
+        if not workspace.objects.any():
+            fix = "check that objects are in view and that the depth scale is right"
+            return [Check("objects", ODD, "nothing stands on the floor", fix)]
         eye = workspace.frame.camera.T_world_camera[:3, 3]
         distance = float(np.linalg.norm(eye - (0, 0, _STACK_HEIGHT)))
         near = self.nearest <= distance <= self.farthest

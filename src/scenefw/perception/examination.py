@@ -12,8 +12,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from scenefw.core.floors import Floor
+    from scenefw.core.protocols import FloorFinding
     from scenefw.core.types import Frame, GridSpec
-    from scenefw.perception.floor import Floor, FloorFinder
     from scenefw.perception.workspace import Workspace, WorkspaceFinder
 
 
@@ -50,7 +51,7 @@ class Examiner:
     """
 
     def __init__(
-        self, floor: FloorFinder, workspace: WorkspaceFinder, doctor: Doctor, grid: GridSpec
+        self, floor: FloorFinding, workspace: WorkspaceFinder, doctor: Doctor, grid: GridSpec
     ) -> None:
         self.floor, self.workspace, self.doctor, self.grid = floor, workspace, doctor, grid
 

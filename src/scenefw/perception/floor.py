@@ -1,12 +1,11 @@
-"""The plane that the objects stand on, by RANSAC, and the world frame that it defines."""
-
-from dataclasses import dataclass
+"""The plane that the objects stand on, by RANSAC."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scenefw.core import geometry, rng
+from scenefw.core import rng
 from scenefw.core.errors import InputError
+from scenefw.core.floors import Floor
 from scenefw.core.settings import COUNT, POSITIVE, SHARE
 from scenefw.core.types import Frame
 from scenefw.perception.points import camera_points
@@ -20,38 +19,7 @@ _TABLE_HEIGHT = 0.3  # a plane this far above another (m) is a table on a room's
 _TABLE_SHARE = 0.4  # ... not the top of an object, if it has this share of the other's points
 _PARALLEL = np.cos(np.radians(8))
 _REFINEMENTS = 5
-
-
-@dataclass(frozen=True)
-class Floor:
-    """A plane in camera coordinates: a point p lies `normal @ p + height` above it.
-
-    Args:
-        normal: (3,) unit, up, so towards the camera's side.
-        height: of the camera above the plane (m).
-        share: of the points within reach that lie on the plane.
-        deviation: root mean square distance of those points from the plane (m).
-    """
-
-    normal: Array
-    height: float
-    share: float
-    deviation: float
-
-    @property
-    def T_world_camera(self) -> Array:  # noqa: N802
-        """Camera pose (4, 4) in the floor's frame: z up, origin on the floor below the camera.
-
-        The camera looks along +y; straight down, the top of its image points along +y.
-        """
-        forward = np.array([0.0, 0.0, 1.0])
-        along = forward - self.normal * (self.normal @ forward)
-        if np.linalg.norm(along) < 0.05:
-            image_up = np.array([0.0, -1.0, 0.0])
-            along = image_up - self.normal * (self.normal @ image_up)
-        y = along / np.linalg.norm(along)
-        rotation = np.stack([np.cross(y, self.normal), y, self.normal])
-        return geometry.rigid(rotation, (0.0, 0.0, self.height))
+_FEWEST = 100  # points that may tell where a floor is
 
 
 class FloorFinder:
@@ -95,14 +63,7 @@ class FloorFinder:
         Raises:
             InputError: too few points within reach, or no plane among them.
         """
-        stride = max(1, min(frame.depth.shape) // 160)
-        points = camera_points(frame, stride).reshape(-1, 3)
-        points = points[points[:, 2] < self.farthest]
-        if len(points) < 100:
-            raise InputError(
-                f"no floor in {frame.name}: only {len(points)} points are nearer than "
-                f"{self.farthest:g} m; the camera must see the table; or check the unit of depth"
-            )
+        points = points_within(frame, self.farthest)
         normal, height = self._best_plane(points, frame.name)
         for _ in range(_REFINEMENTS):
             on_plane = self._near(points, points @ normal + height)
@@ -140,7 +101,32 @@ class FloorFinder:
         return normals[best], float(heights[best])
 
     def _near(self, points: Array, distance: Array) -> NDArray[np.bool_]:
-        return np.abs(distance) < self.threshold * np.maximum(1.0, points[:, 2]) ** 2
+        return near_plane(points, distance, self.threshold)
+
+
+def points_within(frame: Frame, farthest: float) -> Array:
+    """Every few of a frame's points (N, 3) in camera coordinates, up to a depth (m).
+
+    Raises:
+        InputError: there are hardly any.
+    """
+    stride = max(1, min(frame.depth.shape) // 160)
+    points = camera_points(frame, stride).reshape(-1, 3)
+    points = points[points[:, 2] < farthest]
+    if len(points) < _FEWEST:
+        raise InputError(
+            f"no floor in {frame.name}: only {len(points)} points are nearer than "
+            f"{farthest:g} m; the camera must see the table; or check the unit of depth"
+        )
+    return points
+
+
+def near_plane(points: Array, distance: Array, threshold: float) -> NDArray[np.bool_]:
+    """Which points (N, 3) lie on a plane, by their distances (..., N) from it (m).
+
+    `threshold` (m) holds up to a depth of 1 m, and grows with its square beyond.
+    """
+    return np.abs(distance) < threshold * np.maximum(1.0, points[:, 2]) ** 2
 
 
 def _fit_plane(points: Array) -> tuple[Array, float]:

@@ -16,7 +16,7 @@ from scenefw.perception.seen_frames import seen_frames
 if TYPE_CHECKING:
     from scenefw.core.batches import PartialTSDF
     from scenefw.core.protocols import PartFinder
-    from scenefw.core.types import Float32, Float64, Frame, GridSpec
+    from scenefw.core.types import Float32, Float64, Frame, GridSpec, Int32
     from scenefw.postprocessing.confidence import Calibration
 
 _PLANES_AT_ONCE = 16
@@ -31,7 +31,7 @@ class HullFilling:
     points are nearest has the voxel. What the view shows to be free is taken away again.
 
     Args:
-        parts: of the image.
+        parts: of the image, if the partial TSDF doesn't come with them.
         grid: of its volumes; None takes that of the other methods that it is compared with.
     """
 
@@ -50,21 +50,24 @@ class HullFilling:
             InputError: the partial TSDF came without its depth images.
         """
         device = partial.distance.device
-        rows = [self._scene(frame, grid) for frame in seen_frames(partial, "hull filling")]
+        frames = seen_frames(partial, "hull filling")
+        known = partial.parts
+        parts = map(self.parts.segment, frames) if known is None else known.cpu().numpy()
+        rows = [self._scene(*each, grid) for each in zip(frames, parts, strict=True)]
         tsdf = torch.from_numpy(np.stack([distance for distance, _ in rows])).to(device)
         tsdf = torch.stack([carve(one, partial.of(i), grid) for i, one in enumerate(tsdf)])
         labels = torch.from_numpy(np.stack([owner for _, owner in rows])).to(device)
         instances = torch.where(tsdf < 0, labels, torch.zeros_like(labels))
         return [Completion(tsdf, instances)] * samples
 
-    def _scene(self, frame: Frame, grid: GridSpec) -> tuple[Float32, Any]:
+    def _scene(self, frame: Frame, labels: Int32, grid: GridSpec) -> tuple[Float32, Any]:
         """Distances (X, Y, Z) metres and the part (X, Y, Z) int32 that each voxel belongs to."""
-        labels, points = self.parts.segment(frame), world_points(frame)
+        points = world_points(frame)
         distance = np.full(grid.shape, grid.truncation, np.float32)
         owner = np.zeros(grid.shape, np.int32)
         nearest = np.full(grid.shape, np.inf, np.float32)
         centres = grid.centres()
-        for part in range(1, labels.max(initial=0) + 1):
+        for part in np.unique(labels[labels > 0]):  # some may have lost all their pixels
             seen = thinned(points[labels == part])
             filled = hull_distance(seen, centres, grid)
             if filled is None:

@@ -21,7 +21,7 @@ _REACH = 3  # pixels, of an image 640 wide
 _STEEPEST = 15.0  # degrees
 _OF_FLOOR = 0.7  # of the angle at which the camera looks onto the floor
 _WIDEST, _JUMP = 20, 0.03  # pixels of a ramp, of an image 640 wide; m, of the ends of surfaces
-_RAMP = 1 / 3  # of a part's pixels
+_RAMP = 2 / 3  # of a part's pixels
 
 
 def mixed_pixels(points: Float64, eye: Float64) -> Mask:
@@ -61,7 +61,7 @@ def mixed_pixels(points: Float64, eye: Float64) -> Mask:
 
 
 def without_ramps(parts: Int32, mixed: Mask) -> Int32:
-    """Parts (H, W) but for those of whose pixels more than a third are mixed."""
+    """Parts (H, W) but for those of whose pixels more than two thirds are mixed."""
     pixels = np.maximum(np.bincount(parts.ravel()), 1)
     ramps = np.bincount(parts.ravel(), mixed.ravel()) > _RAMP * pixels
     return np.where(ramps[parts], 0, parts).astype(np.int32)

@@ -84,8 +84,9 @@ class PartGuided:
 
     The image is sharp where objects meet. So its parts decide borders, and parts that belong to
     one object are joined. Then each voxel of an instance goes to the object of the seen point of
-    that instance that is nearest. Instances that no pixel shows stay. If a view has masks of its
-    objects, these stand for the parts.
+    that instance that is nearest. Instances that no pixel shows stay: a network may know of them.
+    The other reconstructor is told the parts; one that fills them, as `HullFilling`, makes no
+    others. If a view has masks of its objects, these stand for the parts.
 
     Args:
         inner: makes the scenes.
@@ -123,6 +124,8 @@ class PartGuided:
         seen = [_Image.of(*each) for each in zip(images, parts, free, strict=True)]
         if known is None:
             seen = [replace(one, parts=without_ramps(one.parts, one.mixed)) for one in seen]
+        told = torch.from_numpy(np.stack([one.parts for one in seen]))
+        partial = replace(partial, parts=told.to(partial.distance.device))
         scenes = self.inner.complete(partial, grid, samples, generator)
         grouping = self.grouping if known is None else _Known()
         return each_once(scenes, lambda sample: self._regrouped(sample, seen, grid, grouping))

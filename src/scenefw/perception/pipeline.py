@@ -10,11 +10,12 @@ import torch
 
 from scenefw.core import rng
 from scenefw.core.errors import ConfigError
+from scenefw.core.floors import Floor
 from scenefw.core.settings import COUNT
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.perception.doctor import Doctor
 from scenefw.perception.estimates import cleaned, numbered_like, scene_estimate
-from scenefw.perception.floor import Floor, FloorFinder
+from scenefw.perception.floor import FloorFinder
 from scenefw.perception.workspace import Workspace, WorkspaceFinder
 from scenefw.postprocessing.confidence import Calibration, confidences
 
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from scenefw.core.batches import Completion, PartialTSDF
-    from scenefw.core.protocols import HypothesisRanking, MappingMethod
+    from scenefw.core.protocols import FloorFinding, HypothesisRanking, MappingMethod
     from scenefw.core.types import Frame, GridSpec, Int32, SceneEstimate
 
     Mask = NDArray[np.bool_] | Int32
@@ -86,7 +87,7 @@ class Pipeline:
         self,
         reconstructor: GridReconstructor,
         mapping: MappingMethod,
-        floor: FloorFinder | None = None,
+        floor: FloorFinding | None = None,
         workspace: WorkspaceFinder | None = None,
         doctor: Doctor | None = None,
         samples: int = 3,

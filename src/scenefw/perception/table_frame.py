@@ -12,6 +12,7 @@ import numpy as np
 
 from scenefw.core import geometry
 from scenefw.core.errors import InputError
+from scenefw.core.protocols import FloorFinding
 from scenefw.core.settings import POSITIVE
 from scenefw.core.types import Float64, Frame
 from scenefw.perception.floor import FloorFinder
@@ -51,7 +52,7 @@ class TableFrame:
 
     def __init__(
         self,
-        floor: FloorFinder | None = None,
+        floor: FloorFinding | None = None,
         farthest: float = 2.0,
         tilt: float = 5.0,
         level: float = 0.03,

@@ -10,9 +10,9 @@ from skimage.morphology import convex_hull_image
 
 from scenefw.core import geometry
 from scenefw.core.errors import InputError
+from scenefw.core.floors import Floor
 from scenefw.core.settings import NOT_NEGATIVE, POSITIVE
 from scenefw.core.types import Frame, GridSpec
-from scenefw.perception.floor import Floor
 from scenefw.perception.points import world_points
 from scenefw.perception.raster import FloorRaster
 
@@ -33,7 +33,8 @@ class Workspace:
     Args:
         frame: its camera's pose is the estimated one; its depth is as the network should see it.
         objects: (H, W) bool, pixels of the objects that are in the cube.
-        size: (3,) extent of these pixels' points along x and y, their height above the floor (m).
+        size: (3,) extent of these pixels' points along x and y, their height above the floor (m);
+            0 if nothing stands on the table.
         left_out: (K, 2) x and y of object groups that don't fit into the cube with them (m).
     """
 
@@ -76,7 +77,7 @@ class WorkspaceFinder:
     def find(
         self, frame: Frame, floor: Floor, grid: GridSpec, region: Mask | None = None
     ) -> Workspace:
-        """The workspace of a frame on its floor, for a cube.
+        """The workspace of a frame on its floor, for a cube; of a bare table, too.
 
         Args:
             frame: as it was read.
@@ -85,10 +86,11 @@ class WorkspaceFinder:
             region: (H, W) where objects are, if that is known: it takes the table's place.
 
         Raises:
-            InputError: nothing stands on the table, or what does is larger than the cube.
+            InputError: no table is seen, what stands on it is larger than the cube, or nothing
+                is where objects are known to be.
         """
         posed = replace(frame, camera=frame.camera.moved(floor.T_world_camera))
-        return self.find_together([posed], grid, region)[0]
+        return self._found([posed], grid, region, bare=region is None)[0]
 
     def find_together(
         self, frames: Sequence[Frame], grid: GridSpec, region: Mask | None = None
@@ -101,15 +103,22 @@ class WorkspaceFinder:
             region: (H, W) where objects are in each, if that is known.
 
         Raises:
-            InputError: as `find`.
+            InputError: as `find`; or nothing stands on the table.
         """
+        return self._found(frames, grid, region, bare=False)
+
+    def _found(
+        self, frames: Sequence[Frame], grid: GridSpec, region: Mask | None, *, bare: bool
+    ) -> list[Workspace]:
+        """The workspaces; `bare`: of one frame, on whose table nothing may stand."""
         points = [world_points(frame) for frame in frames]
         tables = [_table(p, self.least_height) if region is None else region for p in points]
         top = grid.lower[2] + grid.extent
-        raised = [(p[..., 2] > self.least_height) & (p[..., 2] < top) for p in points]
-        shown = [t & r for t, r in zip(tables, raised, strict=True)]
+        shown = [t & self._raised(p, grid) for t, p in zip(tables, points, strict=True)]
         everything = np.concatenate([p[mask] for p, mask in zip(points, shown, strict=True)])
         labels, groups = _groups(everything)
+        if not groups and bare and tables[0].any():
+            return [self._bare(frames[0], points[0], tables[0])]
         if not groups:
             raise InputError(
                 f"nothing stands on the floor of {_names(frames)}: no surface from "
@@ -133,6 +142,17 @@ class WorkspaceFinder:
             )
             for frame, p, table, mask in zip(frames, points, tables, objects, strict=True)
         ]
+
+    def _bare(self, frame: Frame, points: Array, table: Mask) -> Workspace:
+        """The workspace of a table on which nothing stands, about the middle of what is seen."""
+        middle = np.median(points[table][:, :2], axis=0)
+        nothing = np.zeros(table.shape, dtype=bool)
+        centred = self._centred(frame, points, table, middle)
+        return Workspace(centred, nothing, np.zeros(3), np.zeros((0, 2)))
+
+    def _raised(self, points: Array, grid: GridSpec) -> Mask:
+        height = points[..., 2]  # NaN where no depth: not raised
+        return (height > self.least_height) & (height < grid.lower[2] + grid.extent)
 
     def _centred(self, frame: Frame, points: Array, on_table: Mask, centre: Array) -> Frame:
         moved = geometry.rigid(np.eye(3), (-centre[0], -centre[1], 0.0))

@@ -5,9 +5,10 @@ import pytest
 from tests.unit.perception.synthetic import camera_at, frame_of
 
 from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.floors import Floor
 from scenefw.core.types import Camera, GridSpec
 from scenefw.perception.doctor import Doctor
-from scenefw.perception.floor import Floor, FloorFinder
+from scenefw.perception.floor import FloorFinder
 from scenefw.perception.workspace import Workspace, WorkspaceFinder
 
 
@@ -137,3 +138,11 @@ def test_a_centre_of_the_turned_image_is_named():
     (line,) = Doctor().examine_frame(replace(frame, camera=swapped.moved(np.eye(4))))
     assert "far from the middle" in line
     assert "swap cx and cy" in line
+
+
+@pytest.mark.parametrize(("share", "verdict"), [(0.5, "good"), (0.12, "odd")])
+def test_a_floor_of_which_little_is_seen_is_odd(share, verdict):
+    """As a known floor has it, if the camera has moved since."""
+    even, _ = Doctor().check_floor(Floor(np.array([0.0, 0.0, -1.0]), 0.8, share, 0.002))
+    assert (even.verdict, "moved" in even.fix) == (verdict, verdict == "odd")
+    assert f"{share:.0%} of the points" in even.found

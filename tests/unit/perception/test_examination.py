@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.unit.perception.synthetic import camera_at, frame_of
+from tests.unit.perception.synthetic import Box, camera_at, frame_of
 
 from scenefw.core.types import GridSpec
 from scenefw.perception.doctor import Doctor
@@ -29,15 +29,20 @@ def test_a_good_image_passes_every_check():
 ROUGH = np.random.default_rng(0).uniform(0.5, 1.9, FRAME.depth.shape).astype(np.float32)
 
 
+WIDE = frame_of(
+    camera_at(eye=(0, -1.5, 1.0), size=(160, 120)), (Box((-0.6, -0.1, 0.0), (0.6, 0.1, 0.15)),)
+)
+
+
 @pytest.mark.parametrize(
     ("frame", "last", "words", "floor"),
     [
         (replace(FRAME, depth=FRAME.depth * 1000), "unit", "millimetres given as metres?", False),
         (replace(FRAME, depth=FRAME.depth * 0), "unit", "no measurements", False),
         (replace(FRAME, depth=ROUGH), "floor", "no floor", False),
-        (frame_of(camera_at(size=(160, 120)), boxes=()), "objects", "nothing stands", True),
+        (WIDE, "objects", "without a gap", True),
     ],
-    ids=["unit", "empty", "no floor", "no object"],
+    ids=["unit", "empty", "no floor", "too large"],
 )
 def test_an_unusable_image_ends_with_what_stops_it(frame, last, words, floor):
     found = EXAMINER.examine(frame)
@@ -47,6 +52,13 @@ def test_an_unusable_image_ends_with_what_stops_it(frame, last, words, floor):
     assert found.checks[-1].fix
     assert (found.floor is not None) == floor
     assert found.workspace is None
+
+
+def test_a_bare_table_is_odd():
+    found = EXAMINER.examine(frame_of(camera_at(size=(160, 120)), boxes=()))
+    assert found.usable
+    assert (found.checks[-1].name, found.checks[-1].verdict) == ("objects", "odd")
+    assert found.checks[-1].fix
 
 
 def test_a_mask_counts():

@@ -18,6 +18,7 @@ from scenefw.data.readers import read_frame
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.metrics.masks import mask_scores
 from scenefw.perception.grouped_by_network import GroupedByNetwork, divide
+from scenefw.perception.hull_filling import HullFilling
 from scenefw.perception.part_guided import PartGuided, reassigned
 from scenefw.perception.seen_parts import SeenParts
 
@@ -135,6 +136,37 @@ def test_two_boxes_that_a_network_takes_for_one(resolution):
     assert torch.equal(again.masks, scene.masks)
     with pytest.raises(InputError, match="depth images"):
         method.complete(PartialTSDF(volume, volume > 0), grid, 1, torch.Generator())
+
+
+class FirstPart:
+    """Finds the first of the parts that another finds."""
+
+    def __init__(self, inner):
+        self.inner = inner
+
+    def segment(self, frame):
+        parts = self.inner.segment(frame)
+        return np.where(parts == 1, 1, 0).astype(np.int32)
+
+
+@pytest.mark.parametrize("resolution", [32, 64])
+def test_hulls_are_those_of_the_parts_alone(resolution):
+    """What the parts leave to the floor isn't filled, though creases make a part of it."""
+    grid, camera = GridSpec(resolution=resolution), camera_at(eye=(0.0, -0.85, 0.6))
+    depth, volume = torch.from_numpy(frame_of(camera).depth)[None], torch.zeros(1, 1, *grid.shape)
+    partial = PartialTSDF(volume + grid.truncation, volume > 0, depth, stack_cameras([camera]))
+    parts = SeenParts(smallest=2000)
+    hulls = HullFilling(parts)
+    (both,) = hulls.complete(partial, grid, 1, torch.Generator())
+    method = PartGuided(hulls, FirstPart(parts), GroupedByNetwork())
+    (first,) = method.complete(partial, grid, 1, torch.Generator())
+    assert len(both.instances.unique()) == 3
+    assert len(first.instances.unique()) == 2
+    assert torch.equal(first.instances.unique(), first.masks.unique())
+    masks = parts.segment(replace(frame_of(camera), camera=camera))
+    marked = replace(partial, masks=torch.from_numpy(masks)[None])
+    (known,) = method.complete(marked, grid, 1, torch.Generator())
+    assert torch.equal(known.instances.unique(), marked.masks.unique())
 
 
 @pytest.mark.parametrize("wrong", [{"share": 1.5}, {"divided": -1}, {"border": 0}])

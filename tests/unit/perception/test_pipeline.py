@@ -148,9 +148,24 @@ def test_a_network_that_sees_nothing_gives_no_object():
 
 def test_unusable_images_stop_before_the_network():
     method = KnownBoxes(GridSpec(resolution=32))
+    frame = frame_of(CAMERA, boxes=())
     with pytest.raises(InputError, match="nothing stands"):
-        Pipeline(method, Projective()).estimate(frame_of(CAMERA, boxes=()))
+        Pipeline(method, Projective()).prepare(frame, np.ones(frame.depth.shape, bool))
+    with pytest.raises(InputError, match="no measurements"):
+        Pipeline(method, Projective()).estimate(replace(frame, depth=frame.depth * 0))
     assert method.seen == []
+
+
+def test_a_bare_table_is_an_empty_scene_with_a_warning():
+    grid, far = GridSpec(resolution=32), (type(STACK[0])((5, 5, 5), (6, 6, 6)),)
+    for size in ((160, 120), (320, 240)):
+        frame = frame_of(camera_at(size=size), boxes=(), noise=0.001)
+        estimate = Pipeline(KnownBoxes(grid, far), Projective()).estimate(frame)
+        assert estimate.objects == ()
+        (warning,) = estimate.details["warnings"]
+        assert warning.startswith("nothing stands on the floor; check that objects are in view")
+        height = camera_at(size=size).T_world_camera[2, 3]
+        assert estimate.details["floor"]["height"] == pytest.approx(height, abs=0.002)
 
 
 def test_no_sample_at_all_is_one_line():

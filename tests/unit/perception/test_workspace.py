@@ -73,10 +73,19 @@ def test_objects_larger_than_the_cube_are_one_line():
     assert "cube holds" in str(error.value)
 
 
-def test_empty_table_is_one_line():
+def test_an_empty_table_has_its_middle_in_the_cube():
+    """Of several views, or where objects are known to be, it is one line."""
     frame = frame_of(camera_at(), ())
+    workspace = workspace_of(frame)
+    assert not workspace.objects.any()
+    assert (workspace.size == 0).all()
+    points = world_points(workspace.frame).reshape(-1, 3)
+    np.testing.assert_allclose(np.median(points, axis=0), 0, atol=1e-6)
     with pytest.raises(InputError, match="nothing stands on the floor of synthetic"):
-        workspace_of(frame)
+        WorkspaceFinder().find_together([workspace.frame], GRID)
+    floor = FloorFinder().find(frame)
+    with pytest.raises(InputError, match="that the mask covers them"):
+        WorkspaceFinder().find(frame, floor, GRID, np.ones(frame.depth.shape, bool))
 
 
 def test_real_objects_are_found(real_data):

@@ -14,7 +14,6 @@ def test_methods_that_begin_with_the_same_scenes_ask_one_and_the_same_object():
     assert isinstance(grouped, Remembered)
     assert methods["crease_parts"].inner is grouped
     assert grouped.inner.inner is methods["hull_filling"]
-    assert isinstance(methods["hull_filling"], Remembered)
     learnt = methods["set_flow"].inner
     assert learnt.inner.inner is methods["hull_filling"]
     assert type(learnt.inner.parts).__name__ == "AffinityParts"
