@@ -83,8 +83,8 @@ class PartialTSDF:
         depth: (B, H, W) z-depth (m) that it was made of, for methods that look at pixels, or None.
         cameras: of these images, or None.
         masks: (B, H, W) int32, ids of objects that are known to be in these images, 0 = none.
-        parts: (B, H, W) int32, parts of these images that a method found for the next one, as
-            before it restored their edges, 0 = none; None: methods look for them.
+        parts: (B, H, W) int32, parts of these images that an outer method found, perhaps before
+            it restored their edges, 0 = none; None: methods look for them.
     """
 
     distance: Tensor

@@ -119,7 +119,7 @@ class Doctor:
             uneven = f"the floor is uneven or noisy ({deviation})"
             even = Check("floor", ODD, uneven, "check the intrinsics")
         elif floor.share < _LITTLE:
-            fix = "if the camera has moved, give its floor again"
+            fix = "show more of the table; with floor=known: has the camera moved?"
             even = Check("floor", ODD, f"only {on_it}", fix)
         down = float(np.degrees(np.arcsin(np.clip(-floor.normal[2], -1, 1))))
         where = (
@@ -133,7 +133,7 @@ class Doctor:
         """Distance and size of the objects, and what is left out; or that there are none."""
         if not workspace.objects.any():
             fix = "check that objects are in view and that the depth scale is right"
-            return [Check("objects", ODD, "nothing stands on the floor", fix)]
+            return [Check("objects", ODD, "nothing stands on the floor, or only what is flat", fix)]
         eye = workspace.frame.camera.T_world_camera[:3, 3]
         distance = float(np.linalg.norm(eye - (0, 0, _STACK_HEIGHT)))
         near = self.nearest <= distance <= self.farthest

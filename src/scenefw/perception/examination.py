@@ -26,7 +26,7 @@ class Examination:
         checks: in their order; an unusable one is the last.
         frame: None if it can't be read.
         floor: None if none was found.
-        workspace: None if no objects were found.
+        workspace: None if it can't be placed; of a bare table it has no objects.
     """
 
     checks: tuple[Check, ...]

@@ -9,11 +9,14 @@ import torch
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from scenefw.core.batches import Completion
+from scenefw.core.errors import ConfigError
 from scenefw.perception.carving import carve
 from scenefw.perception.points import world_points
 from scenefw.perception.seen_frames import seen_frames
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
     from scenefw.core.batches import PartialTSDF
     from scenefw.core.protocols import PartFinder
     from scenefw.core.types import Float32, Float64, Frame, GridSpec, Int32
@@ -26,18 +29,18 @@ _MOST_POINTS = 1500  # of a part: hulls of more have hundreds of faces and are h
 class HullFilling:
     """Fills the convex hull of each part of a depth image down to the floor.
 
-    No convex object has a concave crease, so parts are cut along them. A hull is that of a part's
-    points and of their footprints on the floor z = 0. Where hulls overlap, the part whose seen
-    points are nearest has the voxel. What the view shows to be free is taken away again.
+    A hull is that of a part's points and of their footprints on the floor z = 0. Where hulls
+    overlap, the part whose seen points are nearest has the voxel. What the view shows to be free is
+    taken away again.
 
     Args:
-        parts: of the image, if the partial TSDF doesn't come with them.
+        parts: of the image; None: those that come with the partial TSDF.
         grid: of its volumes; None takes that of the other methods that it is compared with.
     """
 
     calibration: Calibration | None = None
 
-    def __init__(self, parts: PartFinder, grid: GridSpec | None = None) -> None:
+    def __init__(self, parts: PartFinder | None, grid: GridSpec | None = None) -> None:
         self.parts, self.grid = parts, grid
         self.metadata: dict[str, Any] = {}  # of no checkpoint
 
@@ -48,17 +51,26 @@ class HullFilling:
 
         Raises:
             InputError: the partial TSDF came without its depth images.
+            ConfigError: nothing looks for parts, and it came without them.
         """
         device = partial.distance.device
         frames = seen_frames(partial, "hull filling")
-        known = partial.parts
-        parts = map(self.parts.segment, frames) if known is None else known.cpu().numpy()
-        rows = [self._scene(*each, grid) for each in zip(frames, parts, strict=True)]
+        rows = [
+            self._scene(frame, parts, grid)
+            for frame, parts in zip(frames, self._parts(partial, frames), strict=True)
+        ]
         tsdf = torch.from_numpy(np.stack([distance for distance, _ in rows])).to(device)
         tsdf = torch.stack([carve(one, partial.of(i), grid) for i, one in enumerate(tsdf)])
         labels = torch.from_numpy(np.stack([owner for _, owner in rows])).to(device)
         instances = torch.where(tsdf < 0, labels, torch.zeros_like(labels))
         return [Completion(tsdf, instances)] * samples
+
+    def _parts(self, partial: PartialTSDF, frames: Sequence[Frame]) -> Iterable[Int32]:
+        if self.parts is not None:
+            return map(self.parts.segment, frames)
+        if partial.parts is None:
+            raise ConfigError("hull filling needs parts of the image; give its setting parts")
+        return partial.parts.cpu().numpy()
 
     def _scene(self, frame: Frame, labels: Int32, grid: GridSpec) -> tuple[Float32, Any]:
         """Distances (X, Y, Z) metres and the part (X, Y, Z) int32 that each voxel belongs to."""
@@ -67,7 +79,7 @@ class HullFilling:
         owner = np.zeros(grid.shape, np.int32)
         nearest = np.full(grid.shape, np.inf, np.float32)
         centres = grid.centres()
-        for part in np.unique(labels[labels > 0]):  # some may have lost all their pixels
+        for part in np.unique(labels[labels > 0]):  # numbers may have gaps
             seen = thinned(points[labels == part])
             filled = hull_distance(seen, centres, grid)
             if filled is None:

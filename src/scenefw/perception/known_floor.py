@@ -24,8 +24,8 @@ _UNIT = 0.01  # by which the length of a normal may differ from 1: figures typed
 class KnownFloor:
     """The same floor in every frame: of a camera that is calibrated to its table, and stands still.
 
-    It holds where little of the table is seen, and keeps the frame of objects from one image to the
-    next. A few points on the floor are enough; with fewer, the camera has probably moved.
+    It works where objects hide most of the table, and keeps the frame of objects from one image to
+    the next. A few points on the floor are enough; with fewer, the camera has probably moved.
 
     Args:
         normal: (3,) of the floor, up, in camera coordinates (x right, y down, z forward).
@@ -50,7 +50,8 @@ class KnownFloor:
         farthest: float = 2.0,
         least_share: float = 0.05,
     ) -> None:
-        if (scene is None) == (normal is None or height is None):
+        plane = [given for given in (normal, height) if given is not None]
+        if len(plane) != (2 if scene is None else 0):
             raise ConfigError(
                 "give floor.normal and floor.height, or floor.scene=.../scene.json, whose floor "
                 "it is"
@@ -60,8 +61,12 @@ class KnownFloor:
         self.threshold, self.farthest, self.least_share = threshold, farthest, least_share
         if scene is not None:
             normal, height = _of_scene(Path(scene))
-        self.normal, self.height = _up(normal), float(height or 0.0)
-        POSITIVE.require(height=self.height)
+        elif not _is_up(normal):
+            raise ConfigError(f"floor.normal is {normal}; expected the 3 numbers of a unit vector")
+        POSITIVE.require(height=height)
+        found = np.asarray(normal, np.float64)
+        self.normal: Float64 = found / np.linalg.norm(found)
+        self.height = float(height or 0.0)
 
     def find(self, frame: Frame) -> Floor:
         """The floor, with how well the points of a frame that are near it lie on it.
@@ -83,24 +88,26 @@ class KnownFloor:
         return Floor(self.normal, self.height, share, float(np.sqrt(square)))
 
 
-def _up(normal: Any) -> Float64:
-    """A unit normal (3,) of what was given."""
+def _is_up(normal: Any) -> bool:
+    """Whether these are the three numbers of a unit vector, perhaps typed by hand."""
     try:
         found = np.asarray(normal, np.float64)
     except (TypeError, ValueError):
-        found = np.zeros(0)
-    length = float(np.linalg.norm(found)) if found.shape == (3,) else np.nan
-    if not abs(length - 1) <= _UNIT:
-        raise ConfigError(f"floor.normal is {normal}; expected the 3 numbers of a unit vector")
-    return np.asarray(found / length)
+        return False
+    return found.shape == (3,) and bool(abs(np.linalg.norm(found) - 1) <= _UNIT)
 
 
-def _of_scene(path: Path) -> tuple[Any, Any]:
+def _of_scene(path: Path) -> tuple[Any, float]:
     """Normal and height of the floor in a `scene.json`."""
     try:
         floor = json.loads(path.read_text(encoding="utf-8"))["floor"]
-        return floor["normal"], float(floor["height"])
+        normal, height = floor["normal"], float(floor["height"])
     except (OSError, ValueError, TypeError, KeyError) as error:
-        raise InputError(
-            f"no floor in {path}; give the scene.json of an earlier run=predict ({error})"
-        ) from error
+        raise _none_in(path, error) from error
+    if not _is_up(normal) or not height > 0:
+        raise _none_in(path, f"its normal is {normal}, its height {height}")
+    return normal, height
+
+
+def _none_in(path: Path, why: object) -> InputError:
+    return InputError(f"no floor in {path}; give the scene.json of an earlier run=predict ({why})")

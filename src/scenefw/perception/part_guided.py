@@ -84,12 +84,12 @@ class PartGuided:
 
     The image is sharp where objects meet. So its parts decide borders, and parts that belong to
     one object are joined. Then each voxel of an instance goes to the object of the seen point of
-    that instance that is nearest. Instances that no pixel shows stay: a network may know of them.
-    The other reconstructor is told the parts; one that fills them, as `HullFilling`, makes no
+    that instance that is nearest. Instances that no pixel shows stay, as a network may know of
+    them. `inner` is told the parts; a `HullFilling` without own ones fills these, and makes no
     others. If a view has masks of its objects, these stand for the parts.
 
     Args:
-        inner: makes the scenes.
+        inner: makes the scenes; sees the parts as `PartialTSDF.parts`.
         parts: of the image.
         grouping: says which parts are one object.
         reach: how far outside an instance a seen point may lie and still be its (voxels).

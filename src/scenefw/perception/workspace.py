@@ -86,8 +86,8 @@ class WorkspaceFinder:
             region: (H, W) where objects are, if that is known: it takes the table's place.
 
         Raises:
-            InputError: no table is seen, what stands on it is larger than the cube, or nothing
-                is where objects are known to be.
+            InputError: what stands on the table is larger than the cube, or nothing is where
+                objects are known to be.
         """
         posed = replace(frame, camera=frame.camera.moved(floor.T_world_camera))
         return self._found([posed], grid, region, bare=region is None)[0]
@@ -114,7 +114,7 @@ class WorkspaceFinder:
         points = [world_points(frame) for frame in frames]
         tables = [_table(p, self.least_height) if region is None else region for p in points]
         top = grid.lower[2] + grid.extent
-        shown = [t & self._raised(p, grid) for t, p in zip(tables, points, strict=True)]
+        shown = [t & self._raised(p, top) for t, p in zip(tables, points, strict=True)]
         everything = np.concatenate([p[mask] for p, mask in zip(points, shown, strict=True)])
         labels, groups = _groups(everything)
         if not groups and bare and tables[0].any():
@@ -150,9 +150,10 @@ class WorkspaceFinder:
         centred = self._centred(frame, points, table, middle)
         return Workspace(centred, nothing, np.zeros(3), np.zeros((0, 2)))
 
-    def _raised(self, points: Array, grid: GridSpec) -> Mask:
+    def _raised(self, points: Array, top: float) -> Mask:
+        """Which points (H, W, 3) lie above the floor, and below the cube's top (m)."""
         height = points[..., 2]  # NaN where no depth: not raised
-        return (height > self.least_height) & (height < grid.lower[2] + grid.extent)
+        return (height > self.least_height) & (height < top)
 
     def _centred(self, frame: Frame, points: Array, on_table: Mask, centre: Array) -> Frame:
         moved = geometry.rigid(np.eye(3), (-centre[0], -centre[1], 0.0))

@@ -1,17 +1,20 @@
 """Hull filling: a box is filled to the floor, and it beats what is not completed at all."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
 from scenefw.core.batches import PartialTSDF
-from scenefw.core.errors import InputError
+from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.geometry import look_at
 from scenefw.core.types import Camera, GridSpec
 from scenefw.kernels.cameras import camera_of, stack_cameras
 from scenefw.mapping.projective import Projective
 from scenefw.perception.hull_filling import HullFilling, _farthest
+from scenefw.perception.seen_frames import seen_frames
 from scenefw.perception.seen_parts import SeenParts
 
 METHOD = HullFilling(SeenParts(0.01, 0.02, 25.0, 6, 800, grow=False))
@@ -54,6 +57,19 @@ def test_a_box_is_filled(seen):
     assert ((instances[0].numpy() > 0) == inside).all()
     heights = np.flatnonzero(inside.any(axis=(0, 1)))
     assert grid.centres()[0, 0, heights[0], 2] < grid.voxel_size  # down to the floor
+
+
+def test_parts_that_come_with_the_view_are_filled(seen):
+    """Their numbers may have gaps; without them, something has to look for parts."""
+    partial, grid, _ = seen
+    blind = HullFilling(None)
+    with pytest.raises(ConfigError, match="give its setting parts"):
+        blind.complete(partial, grid, 1, None)
+    found = METHOD.parts.segment(seen_frames(partial, "a test")[0])
+    given = replace(partial, parts=torch.from_numpy(np.where(found > 0, 7, 0))[None])
+    (scene,), (own,) = blind.complete(given, grid, 1, None), METHOD.complete(partial, grid, 1, None)
+    assert torch.equal(scene.tsdf, own.tsdf)
+    assert torch.equal(scene.instances, 7 * own.instances)
 
 
 def test_nothing_lies_in_free_space_or_below_the_floor(seen):

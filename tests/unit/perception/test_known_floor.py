@@ -56,6 +56,8 @@ def test_a_camera_that_has_moved():
         ({}, "give floor.normal and floor.height, or floor.scene"),
         ({"normal": [0, 0, -1]}, "give floor.normal and floor.height"),
         ({"normal": [0, 0, -1], "height": 1, "scene": "x"}, "give floor.normal"),
+        ({"normal": [0, 0, -1], "scene": "x"}, "give floor.normal"),
+        ({"height": 1, "scene": "x"}, "give floor.normal"),
         ({"normal": [0, 0, -2], "height": 1}, "3 numbers of a unit vector"),
         ({"normal": [0, -1], "height": 1}, "3 numbers of a unit vector"),
         ({"normal": ["a", 0, 1], "height": 1}, "3 numbers of a unit vector"),
@@ -72,7 +74,18 @@ def test_a_height_below_the_floor(height):
         KnownFloor([0, 0, -1], height)
 
 
-@pytest.mark.parametrize("content", [None, "{", "[]", '{"floor": null}', '{"floor": {}}'])
+CONTENTS = [
+    None,
+    "{",
+    "[]",
+    '{"floor": null}',
+    '{"floor": {}}',
+    '{"floor": {"normal": [0, 0, -2], "height": 1}}',
+    '{"floor": {"normal": [0, 0, -1], "height": -1}}',
+]
+
+
+@pytest.mark.parametrize("content", CONTENTS)
 def test_a_scene_without_floor(tmp_path, content):
     path = tmp_path / "scene.json"
     if content is not None:

@@ -99,7 +99,7 @@ def test_ramps_make_no_object_longer(size):
 
 def test_parts_that_are_ramps_are_none():
     """But not parts of which the larger part is steep: that may be an object's side."""
-    parts = np.array([[0, 1, 1, 1, 2, 2, 2, 3]], np.int32)
-    mixed = np.array([[1, 1, 1, 0, 1, 1, 1, 0]], bool)
-    np.testing.assert_array_equal(without_ramps(parts, mixed), [[0, 1, 1, 1, 0, 0, 0, 3]])
+    parts = np.array([[0, 1, 1, 1, 1, 1, 2, 2, 2, 2, 3]], np.int32)
+    mixed = np.array([[1, 1, 1, 1, 0, 0, 1, 1, 1, 0, 0]], bool)
+    np.testing.assert_array_equal(without_ramps(parts, mixed), [[0, 1, 1, 1, 1, 1, 0, 0, 0, 0, 3]])
     np.testing.assert_array_equal(without_ramps(0 * parts, mixed), 0 * parts)

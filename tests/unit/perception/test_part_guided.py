@@ -156,9 +156,8 @@ def test_hulls_are_those_of_the_parts_alone(resolution):
     depth, volume = torch.from_numpy(frame_of(camera).depth)[None], torch.zeros(1, 1, *grid.shape)
     partial = PartialTSDF(volume + grid.truncation, volume > 0, depth, stack_cameras([camera]))
     parts = SeenParts(smallest=2000)
-    hulls = HullFilling(parts)
-    (both,) = hulls.complete(partial, grid, 1, torch.Generator())
-    method = PartGuided(hulls, FirstPart(parts), GroupedByNetwork())
+    (both,) = HullFilling(parts).complete(partial, grid, 1, torch.Generator())
+    method = PartGuided(HullFilling(None), FirstPart(parts), GroupedByNetwork())
     (first,) = method.complete(partial, grid, 1, torch.Generator())
     assert len(both.instances.unique()) == 3
     assert len(first.instances.unique()) == 2
