@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 from tests.unit.perception.synthetic import Box, camera_at, frame_of
 
+from scenefw import config
 from scenefw.core.errors import ConfigError, InputError, SettingError
 from scenefw.data.readers import read_frames
+from scenefw.execution.build import Builder
 from scenefw.perception.floor import FloorFinder
 from scenefw.perception.known_floor import KnownFloor
+from scenefw.perception.points import world_points
+from scenefw.perception.table_frame import TableFrame
 
 
 def plane_of(camera):
@@ -41,6 +45,20 @@ def test_that_of_an_earlier_prediction(tmp_path):
     floor = KnownFloor(scene=str(scene)).find(frame)
     np.testing.assert_allclose(floor.T_world_camera, found.T_world_camera, atol=1e-12)
     assert (floor.share, floor.deviation) == pytest.approx((found.share, found.deviation))
+
+
+def test_from_the_command_line_and_for_sequences():
+    camera = camera_at()
+    normal, height = plane_of(camera)
+    words = ["run=doctor", "input=x", "device=cpu", "floor=known"]
+    words += [f"floor.normal={normal.tolist()}", f"floor.height={height}"]
+    floor = Builder(config.compose(words)).build("run.examiner.floor")
+    assert isinstance(floor, KnownFloor)
+    frame = frame_of(camera, noise=0.001)
+    rectified = TableFrame(floor).rectified(frame)
+    assert rectified.camera.T_world_camera[2, 3] == pytest.approx(height)
+    heights = world_points(rectified)[..., 2]
+    assert abs(np.median(heights[frame.labels == 0])) < 0.001
 
 
 def test_a_camera_that_has_moved():
