@@ -50,23 +50,22 @@ class KnownFloor:
         farthest: float = 2.0,
         least_share: float = 0.05,
     ) -> None:
-        plane = [given for given in (normal, height) if given is not None]
-        if len(plane) != (2 if scene is None else 0):
+        if scene is not None and normal is None and height is None:
+            normal, height = _of_scene(Path(scene))
+        elif scene is not None or normal is None or height is None:
             raise ConfigError(
                 "give floor.normal and floor.height, or floor.scene=.../scene.json, whose floor "
                 "it is"
             )
+        elif not _is_up(normal):
+            raise ConfigError(f"floor.normal is {normal}; expected the 3 numbers of a unit vector")
         POSITIVE.require(threshold=threshold, farthest=farthest)
         SHARE.require(least_share=least_share)
         self.threshold, self.farthest, self.least_share = threshold, farthest, least_share
-        if scene is not None:
-            normal, height = _of_scene(Path(scene))
-        elif not _is_up(normal):
-            raise ConfigError(f"floor.normal is {normal}; expected the 3 numbers of a unit vector")
         POSITIVE.require(height=height)
         found = np.asarray(normal, np.float64)
         self.normal: Float64 = found / np.linalg.norm(found)
-        self.height = float(height or 0.0)
+        self.height = float(height)
 
     def find(self, frame: Frame) -> Floor:
         """The floor, with how well the points of a frame that are near it lie on it.

@@ -4,8 +4,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from hydra.utils import instantiate
+from scipy.ndimage import gaussian_filter
 from tests.unit.perception.synthetic import STACK, camera_at, frame_of
 
+from scenefw import config
 from scenefw.core.batches import Completion, PartialTSDF
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import GridSpec
@@ -166,6 +169,19 @@ def test_a_bare_table_is_an_empty_scene_with_a_warning():
         assert warning.startswith("nothing stands on the floor, or only what is flat; check that")
         height = camera_at(size=size).T_world_camera[2, 3]
         assert estimate.details["floor"]["height"] == pytest.approx(height, abs=0.002)
+
+
+@pytest.mark.parametrize("waves", [0.0, 0.003])
+def test_the_pipeline_that_ships_finds_nothing_on_a_bare_table(waves):
+    """Nor does it take noise or waves of the floor for objects."""
+    words = ["run=predict", "input=x", "device=cpu", "run.pipeline.samples=1"]
+    pipeline = instantiate(config.compose(words).run.pipeline)
+    frame = frame_of(camera_at(size=(320, 240)), boxes=(), noise=0.001)
+    noise = gaussian_filter(np.random.default_rng(1).normal(size=frame.depth.shape), 4)
+    smooth = (waves / noise.std() * noise).astype(np.float32)
+    estimate = pipeline.estimate(replace(frame, depth=frame.depth + smooth))
+    assert estimate.objects == ()
+    assert estimate.details["warnings"]
 
 
 def test_no_sample_at_all_is_one_line():
