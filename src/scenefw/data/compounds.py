@@ -16,9 +16,10 @@ if TYPE_CHECKING:
 
     from scenefw.core.rng import Streams
 
-_DRAWS = 16  # numbers of an object
+_DRAWS = 17  # numbers of an object
 _WALL, _BOTTOM = (0.04, 0.2), (0.1, 0.45)  # in half-axes: of a cup
 _PIECE, _AWAY, _ASIDE = (0.25, 0.9), (0.5, 1.0), 0.5  # size and place of a second piece, likewise
+_NECKS = 0.4  # share of second pieces that lie on an axis of their objects, as necks and caps do
 _THINNEST = 0.006  # m, half
 _EXPONENTS = (2.0, 40.0)
 
@@ -46,8 +47,8 @@ def compounds(
     batch, slots = scenes.present.shape
     numbers = streams.uniform(_DRAWS * slots).reshape(batch, slots, _DRAWS).astype(np.float32)
     drawn, those = to_device([numbers, changed[:, None]], scenes.positions.device)
-    second = _second_pieces(scenes, drawn[..., 2:12], those & (drawn[..., 0] < pieces))
-    holes = _holes(scenes, drawn[..., 12:16], those & (drawn[..., 1] < hollow))
+    second = _second_pieces(scenes, drawn[..., 2:13], those & (drawn[..., 0] < pieces))
+    holes = _holes(scenes, drawn[..., 13:17], those & (drawn[..., 1] < hollow))
     none = SceneParameters(
         second.half_axes, second.exponents, second.rotations, second.positions,
         torch.zeros_like(second.present),
@@ -85,7 +86,8 @@ def _second_pieces(scenes: SceneParameters, drawn: Tensor, which: Tensor) -> Sce
     chosen = torch.nn.functional.one_hot(axis, 3).float()
     sign = torch.where(drawn[..., 1] < 0.5, -1.0, 1.0)[..., None]
     away = sign * _between(drawn[..., 2], *_AWAY)[..., None]
-    aside = _ASIDE * (2 * drawn[..., 3:6] - 1)
+    necks = drawn[..., 10, None] < _NECKS
+    aside = torch.where(necks, 0.0, _ASIDE * (2 * drawn[..., 3:6] - 1))
     local = scenes.half_axes * torch.where(chosen > 0, away, aside)
     low, high = (float(np.log(one)) for one in _EXPONENTS)
     exponents = _between(drawn[..., 9], low, high).exp()[..., None].expand_as(local)
