@@ -11,7 +11,8 @@ from scenefw import registry
 
 # Images of the user, runs of a sweep, weights that don't ship
 NEEDS_INPUT = {
-    "osd", "label_halves", "noise_gathered", "label_noise_gathered", "table_5_1_baselines",
+    "osd", "realsense_table", "label_halves", "noise_gathered", "label_noise_gathered",
+    "table_5_1_baselines",
 }  # fmt: skip
 BASELINES = ("fully_convolutional", "sscnet", "unconditional")
 # Settings of two runs, for experiments whose sweeps are gathered below
@@ -161,7 +162,8 @@ def test_baselines_without_weights_say_what_they_need(scenefw):
     assert "checkpoints.fully_convolutional = null: expected a file" in done.stderr
 
 
-def test_osd_without_images_says_what_it_needs(scenefw):
-    done = scenefw("experiment=osd", "debug=smoke")
+@pytest.mark.parametrize("name", ["osd", "realsense_table"])
+def test_real_images_without_a_folder_say_what_they_need(scenefw, name):
+    done = scenefw(f"experiment={name}", "debug=smoke")
     assert done.returncode == 2, done.stderr[-3000:]
-    assert "input" in done.stderr
+    assert "input=FOLDER" in done.stderr

@@ -172,14 +172,19 @@ def at_margin(margin: float) -> str:
     return f"{1000 * margin:g} mm"
 
 
-def of_images(margins: Sequence[float] = (), beside: Sequence[str] = ()) -> dict[str, Measure]:
+def of_images(
+    margins: Sequence[float] = (), beside: Sequence[str] = (), *, published: bool = True
+) -> dict[str, Measure]:
     """Measures of instances on labelled real images.
 
     Args:
         margins: heights (m) up to which points count as floor, beside the one that was chosen.
         beside: names of further methods.
+        published: whether the images are of the data set that published figures are of.
     """
     found = dict(REAL_IMAGES)
+    if not published:
+        found = {name: replace(measure, published=None) for name, measure in found.items()}
     ours = {n: m for n, m in REAL_IMAGES.items() if not n.startswith(f"{REFERENCE}/")}
     for method in beside:
         for name, measure in ours.items():

@@ -12,7 +12,7 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.measures import Measure
 from scenefw.core.protocols import Track
 from scenefw.core.types import Float64, Frame, Int32, SceneEstimate
-from scenefw.data.readers import find_images, read_frame, read_labels
+from scenefw.data.readers import find_images, read_frame
 from scenefw.evaluation.stacks.measures import OF_MARGINS, REFERENCE, at_margin, of_images
 from scenefw.metrics.masks import MaskScores, mask_scores
 from scenefw.metrics.seams import Seams, seam_scores
@@ -29,6 +29,17 @@ class Estimator(Protocol):
 
     def estimate(self, frame: Frame) -> SceneEstimate:
         """The scene; raises an InputError where the image can't be used."""
+
+
+class TrueLabels(Protocol):
+    """What a person said that images show."""
+
+    def of(self, image: Path) -> Int32 | None:
+        """Labels (H, W): -1 unknown, 0 no object, 1..N; None if there are none of this image.
+
+        Raises:
+            InputError: they are damaged.
+        """
 
 
 @dataclass(frozen=True)
@@ -93,10 +104,18 @@ class RealMaskResult:
     """Results of all labelled images, and those that could not be reconstructed.
 
     The latter count as well, for both methods, as the reference stands on the same floor.
+
+    Args:
+        images: scored ones.
+        failures: others.
+        about: the images, where their labels are from, and what was chosen on them, in sentences.
+        published: whether published figures are of a data set that these images are part of.
     """
 
     images: tuple[ImageResult, ...]
     failures: tuple[Failure, ...] = ()
+    about: str = ""
+    published: bool = False
 
     @property
     def number(self) -> int:
@@ -143,7 +162,7 @@ class RealMaskResult:
     @property
     def measures(self) -> Mapping[str, Measure]:
         """Units, digits and published values of the figures."""
-        return of_images(self.margins, self.beside)
+        return of_images(self.margins, self.beside, published=self.published)
 
     def _all(self, which: Which) -> dict[str, float]:
         found = self._means(which) | _seam_figures(self.seams(which))
@@ -183,11 +202,14 @@ class RealMasks:
         input: a labelled depth image or a folder of them; those without labels are left out.
         method: makes the scenes.
         reference: segments the same images without learning.
+        labels: of the images. Pixels without depth count for nothing.
         margin: points up to this height above the floor belong to no object (m).
         reach: how far outside a predicted object a seen point may lie and still be its (voxels).
         tolerance: see `metrics.masks.mask_scores` and `metrics.seams.seam_scores`.
         margins: heights (m) in place of `margin`, of both methods, for a table beside.
         beside: further methods by name, each for a row; None leaves one out.
+        about: the images, for readers of the table, in sentences.
+        published: whether these images are of the data set that published figures are of.
 
     Raises:
         ConfigError: no input is given.
@@ -198,19 +220,22 @@ class RealMasks:
         input: str | Path | None,  # noqa: A002 - named as the setting on the command line
         method: Estimator,
         reference: SeenParts,
+        labels: TrueLabels,
         margin: float = 0.005,
         reach: float = 2.0,
         tolerance: float = 0.003,
         margins: Sequence[float] = (),
         beside: Mapping[str, Estimator | None] | None = None,
+        about: str = "",
+        *,
+        published: bool = False,
     ) -> None:
         if input is None:
-            raise ConfigError(
-                "evaluation=osd needs input=FOLDER of labelled depth images (.npz with `label`)"
-            )
+            raise ConfigError("scores on real images need input=FOLDER of labelled depth images")
         self.input = Path(input)
         self.method = method
-        self.reference = reference
+        self.reference, self.labels = reference, labels
+        self.about, self.published = about, published
         self.margin = margin
         self.reach = reach
         self.tolerance = tolerance
@@ -228,21 +253,28 @@ class RealMasks:
         failures: list[Failure] = []
         for path in track(paths, "labelled images"):
             try:
-                frame = read_frame(path)
-                if frame.labels is not None:
-                    images.append(self._score(frame, frame.labels))
+                true = self.labels.of(path)
+                if true is not None:
+                    images.append(self._score(read_frame(path), true))
             except InputError as error:
                 failures += self._failure(path, error)
         if not images and failures:
             raise InputError(f"no labelled image could be used; the first: {failures[0].reason}")
         if not images:
             raise InputError(
-                f"none of the {len(paths)} images in {self.input} has labels; this needs a "
-                "`label` array beside the depth (input=FOLDER of labelled .npz files)"
+                f"none of the {len(paths)} images in {self.input} has labels; this needs an array "
+                "`label` or `instances` in each .npz, or with evaluation=outlined NAME.rgb.json of "
+                "LabelMe beside"
             )
-        return RealMaskResult(tuple(images), tuple(failures))
+        return RealMaskResult(tuple(images), tuple(failures), self.about, self.published)
 
     def _score(self, frame: Frame, true: Int32) -> ImageResult:
+        if true.shape != frame.depth.shape:
+            raise InputError(
+                f"labels of {frame.name} are of {true.shape[1]} x {true.shape[0]} pixels, its "
+                f"depth of {frame.camera.width} x {frame.camera.height}; label images of one size"
+            )
+        true = np.where(frame.depth > 0, true, -1)
         estimate = self.method.estimate(frame)
         seen = _shown(estimate, self.reach)
         heights = world_points(estimate.frame)[..., 2]
@@ -283,7 +315,7 @@ class RealMasks:
     def _failure(self, path: Path, error: InputError) -> list[Failure]:
         """The failed image, with its objects and borders; empty if it has no labels."""
         try:
-            true = read_labels(path)
+            true = self.labels.of(path)
         except InputError:  # the same damage, or more: it may well have labels
             return [Failure(path.stem, str(error), None)]
         if true is None:

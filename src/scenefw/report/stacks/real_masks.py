@@ -50,18 +50,21 @@ def _measures(result: RealMaskResult) -> Table:
     rows = [(_OURS, _cells(figures))]
     rows += [(name.replace("_", " "), _cells(figures, f"{name}/")) for name in result.beside]
     rows.append((_REFERENCE, _cells(figures, f"{REFERENCE}/")))
-    published = {f"{row.method}: {row.sees} (published)": row for row in published_masks.ROWS}
+    known = published_masks.ROWS if result.published else ()
+    published = {f"{row.method}: {row.sees} (published)": row for row in known}
     rows += [(name, _cells(row._asdict())) for name, row in published.items()]
     note = (
         f"Percent, means over {result.number} images{_failed(result)}; count error in objects per "
         "image. P precision, R recall. Between objects: borders where two objects' masks are "
         "within 3 pixels of each other, found within 3 pixels, pixels added up over all images; "
         "borders with the floor don't count. The row that cuts at jumps and creases learns "
-        "nothing; its thresholds, how its parts are grouped in the first row, and the "
-        "height up to which points count as floor were chosen on these images, the learning split "
-        "of the Object Segmentation Database. Published: "
-        f"{published_masks.SOURCE}; {published_masks.PROTOCOL}; harder images included."
+        f"nothing.{result.about and ' '}{result.about}"
     )
+    if published:
+        note += (
+            f" Published: {published_masks.SOURCE}; {published_masks.PROTOCOL}; harder images "
+            "included."
+        )
     columns = tuple(column(REAL_IMAGES[name], unit=False) for name in _SHOWN)
     return Table("Instances on real images", columns, tuple(rows), frozenset(published), note)
 
@@ -89,8 +92,8 @@ def _margins(result: RealMaskResult) -> tuple[Table, ...]:
     )
     note = (
         "Percent. Points up to this height above the floor belong to no object, for both methods. "
-        "The height of the first table was chosen on these images. Boundary F depends on it, as a "
-        "line around each object moves; overlap F and borders between objects hardly do, unless "
+        "Boundary F depends on this height, as a line around each object moves; overlap F and "
+        "borders between objects hardly do, unless "
         "so little counts as floor that its noise joins what the reference should separate. "
         "Reference: the row without learning."
     )

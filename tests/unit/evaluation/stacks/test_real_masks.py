@@ -1,13 +1,18 @@
 """Instances of pixels from volumes: boxes whose labels are known, at two resolutions."""
 
+import itertools
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.geometry import look_at, transform_points
 from scenefw.core.types import Camera, Frame, GridSpec, SceneEstimate
+from scenefw.data.outlines import Outlines
+from scenefw.data.stored_labels import StoredLabels
 from scenefw.evaluation.stacks.real_masks import RealMasks
 from scenefw.metrics.masks import mask_scores
 from scenefw.perception.points import world_points
@@ -98,13 +103,69 @@ def test_run_gives_means_of_method_and_reference(tmp_path):
     frame = _frame()
     _save(tmp_path / "a.npz", frame, instances=frame.labels)
     _save(tmp_path / "c.npz", frame)
-    result = RealMasks(tmp_path, _Method(), SeenParts(smallest=50)).run()
+    result = RealMasks(tmp_path, _Method(), SeenParts(smallest=50), StoredLabels()).run()
     figures = result.figures
     assert (figures["images"], figures["failures"]) == (1, 0)
     assert figures["overlap_f"] == result.images[0].scores.overlap_f > 0.95
     assert figures["count_error"] == 0
     assert figures["reference/count_error"] == result.images[0].reference.count_error
     assert {"boundary_f", "objects_f75", "reference/boundary_f"} <= set(figures)
+
+
+def _outline(path, boxes=BOXES, size=(120, 160)):
+    """LabelMe's file of the boxes' silhouettes, hulls of their corners, the nearest last."""
+    shapes = []
+    eye = CAMERA.T_world_camera[:3, 3]
+    behind_first = sorted(boxes, key=lambda box: -np.linalg.norm(np.mean(box, axis=0) - eye))
+    for low, high in behind_first:
+        corners = np.array(list(itertools.product(*zip(low, high, strict=True))))
+        local = transform_points(np.linalg.inv(CAMERA.T_world_camera), corners)
+        u = local[:, :2] / local[:, 2:] * (CAMERA.fx, CAMERA.fy) + (CAMERA.cx, CAMERA.cy)
+        hull = u[ConvexHull(u).vertices].tolist()
+        shapes.append({"label": "box", "points": hull, "shape_type": "polygon", "group_id": None})
+    content = {"imageHeight": size[0], "imageWidth": size[1], "shapes": shapes}
+    path.write_text(json.dumps(content))
+
+
+def test_outlines_score_as_labels_of_pixels_do(tmp_path):
+    frame = _frame()
+    _save(tmp_path / "a.npz", frame, instances=frame.labels)
+    _save(tmp_path / "b.npz", frame)
+    _outline(tmp_path / "a.rgb.json")
+    plain = SeenParts(smallest=50)
+    drawn = RealMasks(tmp_path, _Method(), plain, Outlines()).run()
+    stored = RealMasks(tmp_path, _Method(), plain, StoredLabels()).run()
+    assert [image.name for image in drawn.images] == ["a"]
+    for name in ("overlap_f", "boundary_f"):
+        assert drawn.figures[name] == pytest.approx(stored.figures[name], abs=0.02)
+    assert drawn.figures["count_error"] == 0
+
+
+def test_pixels_without_depth_count_for_nothing(tmp_path):
+    frame = _frame()
+    depth = frame.depth.copy()
+    depth[frame.labels == 1] = 0
+    _save(tmp_path / "a.npz", replace(frame, depth=depth), instances=frame.labels)
+    (image,) = RealMasks(tmp_path, _Method(), SeenParts(), StoredLabels()).run().images
+    assert (image.labels["true"][frame.labels == 1] == -1).all()
+    assert image.scores.true == 1
+
+
+def test_outlines_of_another_size_are_one_line(tmp_path):
+    _save(tmp_path / "a.npz", _frame())
+    _outline(tmp_path / "a.rgb.json", size=(240, 320))
+    with pytest.raises(InputError, match="320 x 240 pixels, its depth of 160 x 120"):
+        RealMasks(tmp_path, _Method(), SeenParts(), Outlines()).run()
+
+
+def test_published_figures_are_of_published_images_alone(tmp_path):
+    _save(tmp_path / "a.npz", _frame(), instances=_frame().labels)
+
+    def measures(**about):
+        return RealMasks(tmp_path, _Method(), SeenParts(), StoredLabels(), **about).run().measures
+
+    assert measures()["overlap_f"].published is None
+    assert measures(published=True)["overlap_f"].published == pytest.approx(0.833)
 
 
 class _Blind:
@@ -118,8 +179,10 @@ class _Blind:
 def test_methods_beside_have_rows_of_their_own(tmp_path):
     _save(tmp_path / "a.npz", _frame(), instances=_frame().labels)
     beside = {"blind": _Blind(), "left_out": None}
-    result = RealMasks(tmp_path, _Method(), SeenParts(smallest=50), beside=beside).run()
-    alone = RealMasks(tmp_path, _Blind(), SeenParts(smallest=50)).run().figures
+    result = RealMasks(
+        tmp_path, _Method(), SeenParts(smallest=50), StoredLabels(), beside=beside
+    ).run()
+    alone = RealMasks(tmp_path, _Blind(), SeenParts(smallest=50), StoredLabels()).run().figures
     assert result.beside == ("blind",)
     for name in ("overlap_f", "boundary_f", "seam_f", "count_error"):
         assert result.figures[f"blind/{name}"] == alone[name]
@@ -132,7 +195,9 @@ def test_other_margins_are_what_runs_at_those_give(tmp_path):
 
     def figures(margin, **settings):
         plain = SeenParts(margin, smallest=50)
-        return RealMasks(tmp_path, _Method(), plain, margin, **settings).run().figures
+        return (
+            RealMasks(tmp_path, _Method(), plain, StoredLabels(), margin, **settings).run().figures
+        )
 
     beside = figures(0.005, margins=[0.03, 0.002])
     for margin, where in ((0.03, "30 mm"), (0.002, "2 mm")):
@@ -146,7 +211,7 @@ def test_other_margins_are_what_runs_at_those_give(tmp_path):
 
 def test_every_figure_at_a_margin_has_its_measure(tmp_path):
     _save(tmp_path / "a.npz", _frame(), instances=_frame().labels)
-    result = RealMasks(tmp_path, _Method(), SeenParts(), margins=[0.008]).run()
+    result = RealMasks(tmp_path, _Method(), SeenParts(), StoredLabels(), margins=[0.008]).run()
     assert result.figures.keys() <= result.measures.keys()
     measure = result.measures["8 mm/overlap_f"]
     assert measure.trivial == "reference/8 mm/overlap_f"
@@ -158,10 +223,10 @@ def test_seams_are_added_up_over_images_and_failures(tmp_path):
     hole = frame.depth.copy()
     hole[0, 0] = 0
     _save(tmp_path / "a.npz", frame, instances=frame.labels)
-    one = RealMasks(tmp_path, _Method(), SeenParts(smallest=50)).run()
+    one = RealMasks(tmp_path, _Method(), SeenParts(smallest=50), StoredLabels()).run()
     assert one.figures["seam_f"] > 0.9
     _save(tmp_path / "b.npz", replace(frame, depth=hole), instances=frame.labels)
-    both = RealMasks(tmp_path, _Method(), SeenParts(smallest=50)).run()
+    both = RealMasks(tmp_path, _Method(), SeenParts(smallest=50), StoredLabels()).run()
     assert both.figures["seam_recall"] == pytest.approx(one.figures["seam_recall"] / 2)
     assert both.figures["seam_precision"] == one.figures["seam_precision"]
 
@@ -183,7 +248,7 @@ def test_images_that_fail_count_as_nothing_found(tmp_path):
     _save(tmp_path / "d.npz", replace(frame, depth=empty), label=coded)
     _save(tmp_path / "e.npz", replace(frame, depth=empty))
     np.save(tmp_path / "f.npy", empty)
-    result = RealMasks(tmp_path, _Method(), SeenParts(smallest=50)).run()
+    result = RealMasks(tmp_path, _Method(), SeenParts(smallest=50), StoredLabels()).run()
     assert [(f.name, f.objects) for f in result.failures] == [("b", 2), ("d", 2)]
     assert result.failures[0].reason == "no floor"
     assert "no measurement" in result.failures[1].reason
@@ -203,7 +268,7 @@ def test_a_damaged_image_counts_as_nothing_found_of_an_unknown_number(tmp_path):
     _save(tmp_path / "a.npz", frame, instances=frame.labels)
     whole = (tmp_path / "a.npz").read_bytes()
     (tmp_path / "b.npz").write_bytes(whole[: len(whole) // 2])
-    result = RealMasks(tmp_path, _Method(), SeenParts(smallest=50)).run()
+    result = RealMasks(tmp_path, _Method(), SeenParts(smallest=50), StoredLabels()).run()
     figures = result.figures
     assert [(f.name, f.objects) for f in result.failures] == [("b", None)]
     assert figures["overlap_f"] == pytest.approx(result.images[0].scores.overlap_f / 2)
@@ -220,18 +285,18 @@ def test_the_whole_folder_is_followed_by_a_bar(tmp_path):
         seen.append((len(paths), what))
         return paths
 
-    RealMasks(tmp_path, _Method(), SeenParts()).run(track)
+    RealMasks(tmp_path, _Method(), SeenParts(), StoredLabels()).run(track)
     assert seen == [(2, "labelled images")]
 
 
 def test_unusable_input_is_one_line(tmp_path):
     frame = _frame()
     with pytest.raises(ConfigError, match="input=FOLDER"):
-        RealMasks(None, _Method(), SeenParts())
+        RealMasks(None, _Method(), SeenParts(), StoredLabels())
     _save(tmp_path / "a.npz", frame)
     with pytest.raises(InputError, match="none of the 1 images"):
-        RealMasks(tmp_path, _Method(), SeenParts()).run()
+        RealMasks(tmp_path, _Method(), SeenParts(), StoredLabels()).run()
     frame.depth[0, 0] = 0
     _save(tmp_path / "a.npz", frame, instances=frame.labels)
     with pytest.raises(InputError, match="no floor"):
-        RealMasks(tmp_path, _Method(), SeenParts()).run()
+        RealMasks(tmp_path, _Method(), SeenParts(), StoredLabels()).run()

@@ -27,7 +27,9 @@ def _image(name, scores):
 def test_masks_beside_reference_and_published(tmp_path):
     images = (_image("a", GOOD), _image("b", POOR))
     failures = (Failure("c", "no floor", 5), Failure("d", "damaged", None))
-    section, gallery = sections(RealMaskResult(images, failures), tmp_path)
+    section, gallery = sections(
+        RealMaskResult(images, failures, "Seen from above.", published=True), tmp_path
+    )
     table, spread, failure, damaged = section.blocks
     ours, reference, published = (cells for _, cells in table.rows[:3])
     assert ours[0] == pytest.approx(33.75)  # per cent, mean of 0.85, 0.5 and twice 0
@@ -40,6 +42,7 @@ def test_masks_beside_reference_and_published(tmp_path):
     assert table.quoted == set(names[2:])
     assert "4 images, of which 2 failed and count as 0" in table.note
     assert "but for 1, whose labels" in table.note
+    assert "learns nothing. Seen from above. Published: Xie et al. 2021" in table.note
     assert spread.rows[0][1][0] == pytest.approx(85)
     assert spread.rows[-1][1] == (0, 0, 0, 0)
     assert "d: damaged" in damaged.text
@@ -56,6 +59,8 @@ def test_masks_without_failures_speak_of_none(tmp_path):
     table, spread = section.blocks
     assert dict(table.rows)["scenefw"][0] == pytest.approx(67.5)
     assert table.note.startswith("Percent, means over 2 images; count error")
+    assert "Published" not in table.note
+    assert not table.quoted
     assert spread.rows[-1][1][0] == pytest.approx(50)
 
 
