@@ -81,15 +81,16 @@ def scene_estimate(
 
 
 def _masks(sample: Completion, grid: GridSpec, frame: Frame) -> Int32:
-    """Which object each pixel shows: as the method says, else by the volume at its point."""
+    """Which object each pixel shows: as the method says, else by the volume at its point.
+
+    Where a method knows pixels, what it gives to no object stays so: beside objects, those of
+    blurred edges lie near volumes, too.
+    """
+    if sample.masks is not None:
+        return np.asarray(sample.masks[0].cpu().numpy())
     points = world_points(frame)
     instances = sample.instances[0].cpu().numpy()
-    above = points[..., 2] > _FLOOR
-    if sample.masks is None:
-        return seen_instances(instances, points, grid, above)
-    masks = sample.masks[0].cpu().numpy()
-    shown = seen_instances(instances, points, grid, above & (masks == 0))
-    return np.where(masks > 0, masks, shown)
+    return seen_instances(instances, points, grid, points[..., 2] > _FLOOR)
 
 
 def _followed(before: Completion, instances: Tensor) -> Completion:

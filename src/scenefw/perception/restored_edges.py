@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from scenefw.core.batches import PartialTSDF
     from scenefw.core.protocols import MappingMethod, PartFinder
     from scenefw.core.types import Float32, Float64, Frame, GridSpec, Int32
+    from scenefw.perception.colour_edges import ColourEdges
 
 _LEAST, _SHARE = 0.002, 0.15  # of a ramp's height: m, and of the height right beside objects
 _TYPICAL = 0.7  # quantile of heights: beside lower edges of objects there is no ramp
@@ -48,6 +49,8 @@ class RestoredEdges:
         narrowest: pixels from an edge to the end of its ramp, at least.
         widest: the same, at most; both of an image 640 wide.
         jump: by which depth differs between the two sides of an edge, at least (m).
+        colour: moves ends of parts to edges of the colour image first, where there is one; None:
+            they stay in the middle of ramps.
 
     Raises:
         ConfigError: less than one pixel, or a narrowest ramp that is wider than the widest.
@@ -60,12 +63,14 @@ class RestoredEdges:
         narrowest: float = 2.0,
         widest: float = 12.0,
         jump: float = 0.02,
+        colour: ColourEdges | None = None,
     ) -> None:
         COUNT.require(narrowest=narrowest, widest=widest)
         POSITIVE.require(jump=jump)
         at_least(narrowest).require(widest=widest)
         self.parts, self.mapping = parts, mapping
         self.narrowest, self.widest, self.jump = narrowest, widest, jump
+        self.colour = colour
 
     def of(self, partial: PartialTSDF, grid: GridSpec) -> PartialTSDF:
         """The partial TSDF of restored images and the parts in them, or the same one.
@@ -86,28 +91,37 @@ class RestoredEdges:
             if partial.masks is None
             else list(partial.masks.cpu().numpy())
         )
-        images = [self._image(*one) for one in zip(frames, heights, parts, strict=True)]
-        depth = torch.from_numpy(np.stack(images)).to(partial.distance.device)
-        found = torch.from_numpy(np.stack(parts)).to(depth.device)
-        restored = self.mapping.fuse(depth, grid, partial.cameras)
-        return replace(restored, masks=partial.masks, parts=found)
+        colour = self.colour if partial.masks is None else None
+        restored = [self._image(*one, colour) for one in zip(frames, heights, parts, strict=True)]
+        depth, found = (
+            torch.from_numpy(np.stack(each)).to(partial.distance.device)
+            for each in zip(*restored, strict=True)
+        )
+        made = self.mapping.fuse(depth, grid, partial.cameras)
+        return replace(made, masks=partial.masks, parts=found, colours=partial.colours)
 
-    def _image(self, frame: Frame, heights: Float64, parts: Int32) -> Float32:
-        """The restored depth (H, W), or that of the frame itself."""
+    def _image(
+        self, frame: Frame, heights: Float64, parts: Int32, colour: ColourEdges | None
+    ) -> tuple[Float32, Int32]:
+        """The restored depth (H, W) and the parts in it, or those of the frame itself."""
         if not parts.any() or not floor_is_smooth(heights):
-            return frame.depth
+            return frame.depth, parts
         scale = frame.depth.shape[1] / WIDTH
         away = distance_transform_edt(parts == 0)
         width = ramp_width(heights, away, round(self.widest * scale))
         if width < self.narrowest * scale:
-            return frame.depth
+            return frame.depth, parts
+        if colour is not None and frame.colour is not None:
+            parts = np.where(frame.depth > 0, colour.refined(parts, frame.colour, width), 0)
+            away = distance_transform_edt(parts == 0)
+            width = max(ramp_width(heights, away, round(self.widest * scale)), 1)
         found = continued(frame.depth, parts, width)
         tallest = min(_TALLEST, frame.camera.T_world_camera[2, 3])  # below it rays go down
         on_floor = (away > 0) & (away <= width + 1) & (heights > _LEAST) & (heights < tallest)
         floor = floor_depths(stack_cameras([frame.camera]))[0].numpy()
         found = np.where(on_floor, floor, found)
         near = distances(jumps(found, parts, self.jump)) <= width + 1
-        return np.where(near, found, frame.depth)
+        return np.where(near, found, frame.depth), parts
 
 
 def ramp_width(heights: Float64, away: Float64, widest: int) -> int:

@@ -27,4 +27,8 @@ def seen_frames(partial: PartialTSDF, method: str) -> list[Frame]:
             f"{method} needs the depth images of partial TSDFs; their mapping left them out"
         )
     images = partial.depth.cpu().numpy()
-    return [Frame(depth, camera_of(partial.cameras, i)) for i, depth in enumerate(images)]
+    colours = [None] * len(images) if partial.colours is None else partial.colours.cpu().numpy()
+    return [
+        Frame(depth, camera_of(partial.cameras, i), colour)
+        for i, (depth, colour) in enumerate(zip(images, colours, strict=True))
+    ]

@@ -10,15 +10,23 @@ import torch
 from hydra.utils import instantiate
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.ndimage import distance_transform_edt, gaussian_filter, uniform_filter1d
+from scipy.ndimage import (
+    binary_dilation,
+    distance_transform_edt,
+    gaussian_filter,
+    uniform_filter1d,
+)
 from tests.unit.perception.synthetic import Box, camera_at, frame_of
 
 from scenefw import config
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import GridSpec
+from scenefw.data.outlines import Outlines
 from scenefw.data.readers import read_frame
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.mapping.projective import Projective
+from scenefw.metrics.masks import mask_scores
+from scenefw.perception.colour_edges import ColourEdges
 from scenefw.perception.points import world_points
 from scenefw.perception.restored_edges import RestoredEdges, continued, ramp_width
 
@@ -124,6 +132,31 @@ def test_ramps_are_as_wide_as_windows(size, reach):
     assert ramp_width(heights, away, 12) == pytest.approx(pixels, abs=1 + 0.2 * pixels)
 
 
+@pytest.mark.parametrize("size", SIZES)
+def test_colour_says_where_objects_end(size):
+    """Parts whose ends lie three pixels too far out have them back, and so has depth."""
+    sharp, blurred, pixels = seen(size, reach=6)
+    far = binary_dilation(sharp.labels > 0, iterations=pixels // 2).astype(np.int32)
+    paint = np.where(sharp.labels[..., None] > 0, [200, 60, 40], [90, 90, 80]).astype(np.uint8)
+    partial = replace(partial_of(blurred), colours=torch.from_numpy(paint)[None])
+    plain = RestoredEdges(Known(far), Projective()).of(partial, GRID)
+    found = RestoredEdges(Known(far), Projective(), colour=ColourEdges()).of(partial, GRID)
+    assert (plain.parts[0].numpy() != sharp.labels).sum() > 5 * pixels * pixels
+    assert (found.parts[0].numpy() != sharp.labels).sum() < 0.2 * (far != sharp.labels).sum()
+    wrong, right = (
+        (np.abs(one.depth[0].numpy() - sharp.depth) > 0.01).sum() for one in (plain, found)
+    )
+    assert right < 0.6 * wrong
+    assert found.colours is partial.colours
+    # Without a colour image, or with known objects, all is as before
+    grey = replace(partial, colours=None)
+    again = RestoredEdges(Known(far), Projective(), colour=ColourEdges()).of(grey, GRID)
+    assert torch.equal(again.parts, plain.parts)
+    known = replace(partial, masks=torch.from_numpy(far)[None])
+    again = RestoredEdges(Known(None), Projective(), colour=ColourEdges()).of(known, GRID)
+    assert torch.equal(again.depth, plain.depth)
+
+
 @given(
     slopes=st.tuples(*[st.floats(-0.001, 0.001)] * 2),
     distance=st.floats(0.5, 2.0),
@@ -155,10 +188,14 @@ def test_pixels_of_the_floor_beside_objects_lie_on_it(size):
     assert np.abs(heights[changed]).max() < 1e-4
 
 
+def file_of(folder, name):
+    beside = Path(__file__).parents[3] / ".." / "shared" / "data"
+    return Path(os.environ.get("SCENEFW_DATA", beside)) / "real" / folder / f"{name}.npz"
+
+
 def real(folder, name):
     """A partial TSDF of a real image, and what cuts it into parts."""
-    beside = Path(__file__).parents[3] / ".." / "shared" / "data"
-    file = Path(os.environ.get("SCENEFW_DATA", beside)) / "real" / folder / f"{name}.npz"
+    file = file_of(folder, name)
     if not file.is_file():
         pytest.skip(f"no real image {file} (set SCENEFW_DATA)")
     words = ["run=predict", "input=x", "device=cpu"]
@@ -172,6 +209,13 @@ def test_of_real_images_those_of_a_stereo_camera_change():
     changed = (found.depth != partial.depth)[0].numpy()
     assert 0.005 < changed.mean() < 0.1
     assert found.parts.max() > 5
+    edges = pipeline.reconstructor.edges
+    plain = RestoredEdges(edges.parts, edges.mapping).of(partial, pipeline.grid)
+    true = Outlines("realsense_table").of(file_of("realsense_table", "uois_0"))
+    by_depth, by_colour = (
+        mask_scores(one.parts[0].numpy(), true).boundary_f for one in (plain, found)
+    )
+    assert by_colour > by_depth + 0.05
     pipeline, partial = real("mosd_learn", "learn13")
     assert pipeline.reconstructor.edges.of(partial, pipeline.grid) is partial
 

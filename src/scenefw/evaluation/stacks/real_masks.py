@@ -193,9 +193,9 @@ SEAMS = ("seam_f", "seam_precision", "seam_recall")
 class RealMasks:
     """Scores a method on labelled depth images, beside a segmentation without learning.
 
-    A pixel shows what the estimate's masks say; where it has none, the instance of the predicted
-    volume at its own 3D point, so that borders come from the image and not from the silhouettes of
-    voxels. A labelled image that no scene can be
+    A pixel shows what the estimate's masks say. An estimate without masks has the instances of its
+    volume at the pixels' own 3D points, so that borders come from the image and not from the
+    silhouettes of voxels. A labelled image that no scene can be
     made of scores 0, and all its objects are missed.
 
     Args:
@@ -325,11 +325,12 @@ class RealMasks:
 
 
 def _shown(estimate: SceneEstimate, reach: float) -> Int32:
-    """Instances (H, W) that pixels above the floor show: its masks, elsewhere its volume."""
+    """Instances (H, W) that pixels show: the estimate's masks, or its volume at their points."""
+    if estimate.masks is not None:
+        return estimate.masks
     points = world_points(estimate.frame)
     among = points[..., 2] > 0  # NaN where no depth: not above
-    shown = seen_instances(estimate.instances, points, estimate.grid, among, reach)
-    return shown if estimate.masks is None else np.where(estimate.masks > 0, estimate.masks, shown)
+    return seen_instances(estimate.instances, points, estimate.grid, among, reach)
 
 
 def _above(labels: Int32, heights: Float64, margin: float) -> Int32:

@@ -1,0 +1,72 @@
+"""Where objects end in the colour image, near their ends in depth."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt, find_objects, gaussian_filter
+from skimage.color import rgb2lab
+from skimage.filters import sobel
+from skimage.segmentation import watershed
+
+from scenefw.core.settings import NOT_NEGATIVE, SHARE
+from scenefw.perception.pixels import WIDTH
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from scenefw.core.types import Float64, Int32
+
+
+class ColourEdges:
+    """Moves ends of parts to edges of the colour image, by a watershed (Meyer 1994).
+
+    A stereo camera finds ends of objects only to within the window that it matches; its colour
+    image has them to a pixel. Pixels well inside a part stay its own, those well outside of all
+    parts stay outside. The band between is flooded from both along the gradient of colour in Lab,
+    so regions meet on its ridges. Where colour has no edge, they meet in the middle of the band.
+
+    Args:
+        smoothing: standard deviation of the image's smoothing (pixels of an image 640 wide).
+        core: of the depth of a part in pixels, the share that lies outside of its core at most, so
+            that small parts have one.
+
+    Raises:
+        ConfigError: a negative smoothing, or a share outside 0..1.
+    """
+
+    def __init__(self, smoothing: float = 1.0, core: float = 0.6) -> None:
+        NOT_NEGATIVE.require(smoothing=smoothing)
+        SHARE.require(core=core)
+        self.smoothing, self.core = smoothing, core
+
+    def refined(self, parts: Int32, colour: NDArray[np.uint8], width: int) -> Int32:
+        """Parts (H, W), 0 = none, with the same numbers.
+
+        Args:
+            parts: (H, W), 0 = none.
+            colour: (H, W, 3) RGB, aligned with them.
+            width: pixels to each side of an end of a part within which it may move.
+        """
+        outside = int(parts.max(initial=0)) + 1
+        cores = np.where(distance_transform_edt(parts == 0) > width, outside, 0)
+        for label, box in enumerate(find_objects(parts), start=1):
+            if box is not None:
+                around = _wider(box)
+                own = parts[around] == label
+                inside = distance_transform_edt(own)
+                cores[around][own & (inside > min(width, self.core * inside.max()))] = label
+        found = watershed(self._gradient(colour), cores)
+        return np.where(found == outside, 0, found).astype(np.int32)
+
+    def _gradient(self, colour: NDArray[np.uint8]) -> Float64:
+        sigma = self.smoothing * colour.shape[1] / WIDTH
+        channels = np.moveaxis(rgb2lab(colour), -1, 0)
+        each = [sobel(gaussian_filter(channel, sigma)) for channel in channels]
+        return np.asarray(np.linalg.norm(each, axis=0))
+
+
+def _wider(box: tuple[slice, ...]) -> tuple[slice, ...]:
+    """A box with a pixel more on each side."""
+    return tuple(slice(max(side.start - 1, 0), side.stop + 1) for side in box)
