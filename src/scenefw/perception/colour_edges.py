@@ -10,13 +10,16 @@ from skimage.color import rgb2lab
 from skimage.filters import sobel
 from skimage.segmentation import watershed
 
-from scenefw.core.settings import NOT_NEGATIVE, SHARE
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, SHARE, at_least
 from scenefw.perception.pixels import WIDTH
+from scenefw.perception.points import world_points
+from scenefw.perception.ramp_width import ramp_width
+from scenefw.perception.seen_parts import floor_is_smooth
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from scenefw.core.types import Float64, Int32
+    from scenefw.core.types import Float64, Frame, Int32
 
 
 class ColourEdges:
@@ -27,19 +30,47 @@ class ColourEdges:
     parts stay outside. The band between is flooded from both along the gradient of colour in Lab,
     so regions meet on its ridges. Where colour has no edge, they meet in the middle of the band.
 
+    The band is as wide as ramps of depth are (`ramp_width`). Images without ramps, of cameras that
+    match no windows, and those without colour stay as they are.
+
     Args:
         smoothing: standard deviation of the image's smoothing (pixels of an image 640 wide).
         core: of the depth of a part in pixels, the share that lies outside of its core at most, so
             that small parts have one.
+        narrowest: pixels from an edge to the end of its ramp, at least.
+        widest: the same, at most; both of an image 640 wide.
 
     Raises:
-        ConfigError: a negative smoothing, or a share outside 0..1.
+        ConfigError: a negative smoothing, a share outside 0..1, less than one pixel, or a narrowest
+            ramp that is wider than the widest.
     """
 
-    def __init__(self, smoothing: float = 1.0, core: float = 0.6) -> None:
+    def __init__(
+        self,
+        smoothing: float = 1.0,
+        core: float = 0.6,
+        narrowest: float = 2.0,
+        widest: float = 12.0,
+    ) -> None:
         NOT_NEGATIVE.require(smoothing=smoothing)
         SHARE.require(core=core)
+        COUNT.require(narrowest=narrowest, widest=widest)
+        at_least(narrowest).require(widest=widest)
         self.smoothing, self.core = smoothing, core
+        self.narrowest, self.widest = narrowest, widest
+
+    def moved(self, parts: Int32, frame: Frame) -> Int32:
+        """Parts (H, W) of a frame, with its pose (floor z = 0); of pixels with depth alone."""
+        heights = world_points(frame)[..., 2]
+        if frame.colour is None or not parts.any() or not floor_is_smooth(heights):
+            return parts
+        scale = frame.depth.shape[1] / WIDTH
+        away = distance_transform_edt(parts == 0)
+        width = ramp_width(heights, away, round(self.widest * scale))
+        if width < self.narrowest * scale:
+            return parts
+        refined = self.refined(parts, frame.colour, width)
+        return np.where(frame.depth > 0, refined, 0).astype(np.int32)
 
     def refined(self, parts: Int32, colour: NDArray[np.uint8], width: int) -> Int32:
         """Parts (H, W), 0 = none, with the same numbers.

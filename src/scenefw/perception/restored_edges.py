@@ -13,6 +13,7 @@ from scenefw.core.settings import COUNT, POSITIVE, at_least
 from scenefw.kernels.cameras import floor_depths, stack_cameras
 from scenefw.perception.pixels import WIDTH
 from scenefw.perception.points import world_points
+from scenefw.perception.ramp_width import LEAST, ramp_width
 from scenefw.perception.seen_frames import seen_frames
 from scenefw.perception.seen_parts import floor_is_smooth
 
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float32, Float64, Frame, GridSpec, Int32
     from scenefw.perception.colour_edges import ColourEdges
 
-_LEAST, _SHARE = 0.002, 0.15  # of a ramp's height: m, and of the height right beside objects
-_TYPICAL = 0.7  # quantile of heights: beside lower edges of objects there is no ramp
 _ALIKE = 0.012  # m of depth between pixels of one surface
 _TALLEST = 0.25  # m
 
@@ -106,45 +105,19 @@ class RestoredEdges:
         """The restored depth (H, W) and the parts in it, or those of the frame itself."""
         if not parts.any() or not floor_is_smooth(heights):
             return frame.depth, parts
+        parts = parts if colour is None else colour.moved(parts, frame)
         scale = frame.depth.shape[1] / WIDTH
         away = distance_transform_edt(parts == 0)
         width = ramp_width(heights, away, round(self.widest * scale))
         if width < self.narrowest * scale:
             return frame.depth, parts
-        if colour is not None and frame.colour is not None:
-            parts = np.where(frame.depth > 0, colour.refined(parts, frame.colour, width), 0)
-            away = distance_transform_edt(parts == 0)
-            width = max(ramp_width(heights, away, round(self.widest * scale)), 1)
         found = continued(frame.depth, parts, width)
         tallest = min(_TALLEST, frame.camera.T_world_camera[2, 3])  # below it rays go down
-        on_floor = (away > 0) & (away <= width + 1) & (heights > _LEAST) & (heights < tallest)
+        on_floor = (away > 0) & (away <= width + 1) & (heights > LEAST) & (heights < tallest)
         floor = floor_depths(stack_cameras([frame.camera]))[0].numpy()
         found = np.where(on_floor, floor, found)
         near = distances(jumps(found, parts, self.jump)) <= width + 1
         return np.where(near, found, frame.depth), parts
-
-
-def ramp_width(heights: Float64, away: Float64, widest: int) -> int:
-    """Pixels beside objects, 0 to `widest`, over which the floor seems to rise.
-
-    Args:
-        heights: (H, W) of pixels (m), NaN = no depth.
-        away: (H, W) pixels from the nearest object, 0 on objects.
-        widest: at most.
-    """
-    floor = (away > 0) & np.isfinite(heights)
-    ring = np.where(floor, np.rint(away), 0).astype(int)
-    far = heights[(ring > widest + 2) & (ring < 2 * widest)]
-    if not len(far):
-        return 0
-    usual, least = np.quantile(far, _TYPICAL), _LEAST
-    for distance in range(1, widest + 1):
-        own = heights[ring == distance]
-        rise = np.quantile(own, _TYPICAL) - usual if len(own) else 0.0
-        if rise <= least:
-            return distance - 1
-        least = max(least, _SHARE * rise)
-    return widest
 
 
 def continued(depth: Float32, parts: Int32, width: int) -> Float32:

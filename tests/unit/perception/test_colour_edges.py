@@ -1,10 +1,13 @@
 """Ends of parts that move to edges of a colour image, whose outlines are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.ndimage import distance_transform_edt, gaussian_filter
+from scipy.ndimage import binary_dilation, distance_transform_edt, gaussian_filter
+from tests.unit.perception.blurred import seen
 
 from scenefw.core.errors import ConfigError
 from scenefw.metrics.masks import mask_scores
@@ -86,8 +89,38 @@ def test_small_parts_and_parts_at_the_edge_of_the_image_stay():
     assert not ColourEdges().refined(0 * labels, colour, 8).any()
 
 
+@pytest.mark.parametrize("size", [(320, 240), (640, 480)])
+def test_ends_move_by_as_much_as_ramps_are_wide(size):
+    sharp, blurred, pixels = seen(size, 6)
+    far = binary_dilation(sharp.labels > 0, iterations=pixels // 2).astype(np.int32)
+    paint = np.where(sharp.labels[..., None] > 0, [200, 60, 40], [90, 90, 80]).astype(np.uint8)
+    found = ColourEdges().moved(far, replace(blurred, colour=paint))
+    assert (found != sharp.labels).sum() < 0.2 * (far != sharp.labels).sum()
+    lost = np.random.default_rng(0).random(far.shape) < 0.03
+    holes = np.where(lost, np.float32(0), blurred.depth)
+    found = ColourEdges().moved(far, replace(blurred, colour=paint, depth=holes))
+    assert found.any()
+    assert not found[lost].any()
+
+
+def test_without_colour_or_ramps_parts_stay():
+    sharp, blurred, pixels = seen((640, 480), 6)
+    far = binary_dilation(sharp.labels > 0, iterations=pixels // 2).astype(np.int32)
+    paint = np.where(sharp.labels[..., None] > 0, [200, 60, 40], [90, 90, 80]).astype(np.uint8)
+    assert ColourEdges().moved(far, blurred) is far
+    assert ColourEdges().moved(0 * far, replace(blurred, colour=paint)).max() == 0
+    exact, _, _ = seen((640, 480), 0, noise=0.0)
+    assert ColourEdges().moved(sharp.labels, replace(exact, colour=paint)) is sharp.labels
+    _, unblurred, _ = seen((640, 480), 0)
+    assert ColourEdges().moved(sharp.labels, replace(unblurred, colour=paint)) is sharp.labels
+
+
 def test_bad_settings():
     with pytest.raises(ConfigError, match=r"^smoothing = -1"):
         ColourEdges(smoothing=-1)
     with pytest.raises(ConfigError, match=r"^core = 2"):
         ColourEdges(core=2)
+    with pytest.raises(ConfigError, match=r"^narrowest = 0"):
+        ColourEdges(narrowest=0)
+    with pytest.raises(ConfigError, match=r"^widest = 2"):
+        ColourEdges(narrowest=3, widest=2)

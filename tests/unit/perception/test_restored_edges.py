@@ -13,10 +13,8 @@ from hypothesis import strategies as st
 from scipy.ndimage import (
     binary_dilation,
     distance_transform_edt,
-    gaussian_filter,
-    uniform_filter1d,
 )
-from tests.unit.perception.synthetic import Box, camera_at, frame_of
+from tests.unit.perception.blurred import seen
 
 from scenefw import config
 from scenefw.core.errors import ConfigError, InputError
@@ -28,9 +26,9 @@ from scenefw.mapping.projective import Projective
 from scenefw.metrics.masks import mask_scores
 from scenefw.perception.colour_edges import ColourEdges
 from scenefw.perception.points import world_points
-from scenefw.perception.restored_edges import RestoredEdges, continued, ramp_width
+from scenefw.perception.ramp_width import ramp_width
+from scenefw.perception.restored_edges import RestoredEdges, continued
 
-TOWER = Box((-0.06, -0.06, 0.0), (0.06, 0.06, 0.15))
 SIZES = [(320, 240), (640, 480)]
 GRID = GridSpec(32)
 
@@ -43,22 +41,6 @@ class Known:
 
     def segment(self, frame):
         return self.labels
-
-
-def seen(size, reach, noise=0.001, alone=0.0):
-    """The true frame, and one whose windows reach so many pixels of an image 640 wide.
-
-    Neighbours err alike by `noise`, each pixel by itself by `alone` (m).
-    """
-    camera = camera_at(eye=(0.0, -0.9, 0.6), size=size)
-    sharp = frame_of(camera, (TOWER,))
-    field = gaussian_filter(np.random.default_rng(0).normal(size=sharp.depth.shape), 4)
-    depth = sharp.depth + noise * field / field.std()
-    pixels = round(reach * size[0] / 640)
-    for axis in (0, 1):
-        depth = 1 / uniform_filter1d(1 / depth, 2 * pixels + 1, axis=axis)
-    depth += alone * np.random.default_rng(1).normal(size=depth.shape)
-    return sharp, replace(sharp, depth=depth.astype(np.float32), camera=camera), pixels
 
 
 def partial_of(frame):

@@ -16,6 +16,7 @@ from scenefw.data.readers import find_images, read_frame
 from scenefw.evaluation.stacks.measures import OF_MARGINS, REFERENCE, at_margin, of_images
 from scenefw.metrics.masks import MaskScores, mask_scores
 from scenefw.metrics.seams import Seams, seam_scores
+from scenefw.perception.colour_edges import ColourEdges
 from scenefw.perception.points import world_points
 from scenefw.perception.seen_instances import seen_instances
 from scenefw.perception.seen_parts import SeenParts
@@ -203,10 +204,13 @@ class RealMasks:
         method: makes the scenes.
         reference: segments the same images without learning.
         labels: of the images. Pixels without depth count for nothing.
-        margin: points up to this height above the floor belong to no object (m).
+        colour: moves ends of the reference's parts to edges of the colour image, as those of the
+            method's; None: they stay.
+        margin: points up to this height above the floor belong to no object, if the method doesn't
+            say itself what pixels show (m).
         reach: how far outside a predicted object a seen point may lie and still be its (voxels).
         tolerance: see `metrics.masks.mask_scores` and `metrics.seams.seam_scores`.
-        margins: heights (m) in place of `margin`, of both methods, for a table beside.
+        margins: heights (m) up to which points belong to no object of either, for a table beside.
         beside: further methods by name, each for a row; None leaves one out.
         about: the images, for readers of the table, in sentences.
         published: whether these images are of the data set that published figures are of.
@@ -221,6 +225,7 @@ class RealMasks:
         method: Estimator,
         reference: SeenParts,
         labels: TrueLabels,
+        colour: ColourEdges | None = None,
         margin: float = 0.005,
         reach: float = 2.0,
         tolerance: float = 0.003,
@@ -234,7 +239,7 @@ class RealMasks:
             raise ConfigError("scores on real images need input=FOLDER of labelled depth images")
         self.input = Path(input)
         self.method = method
-        self.reference, self.labels = reference, labels
+        self.reference, self.labels, self.colour = reference, labels, colour
         self.about, self.published = about, published
         self.margin = margin
         self.reach = reach
@@ -278,9 +283,9 @@ class RealMasks:
         estimate = self.method.estimate(frame)
         seen = _shown(estimate, self.reach)
         heights = world_points(estimate.frame)[..., 2]
-        plain = self.reference.segment(estimate.frame)
-        labels = {"true": true, "method": _above(seen, heights, self.margin), "reference": plain}
-        ours, theirs = (self._scored(labels[name], true) for name in ("method", "reference"))
+        mine, plain = self._counted(estimate), self._plain(self.reference, estimate.frame)
+        labels = {"true": true, "method": mine, "reference": plain}
+        ours, theirs = (self._scored(one, true) for one in (mine, plain))
         return ImageResult(
             frame.name,
             ours.masks,
@@ -293,18 +298,27 @@ class RealMasks:
                 margin: {
                     "scores": self._scored(_above(seen, heights, margin), true),
                     "reference": self._scored(
-                        self.reference.with_margin(margin).segment(estimate.frame), true
+                        self._plain(self.reference.with_margin(margin), estimate.frame), true
                     ),
                 }
                 for margin in self.margins
             },
-            {name: self._beside(method, frame, true) for name, method in self.beside.items()},
+            {
+                name: self._scored(self._counted(method.estimate(frame)), true)
+                for name, method in self.beside.items()
+            },
         )
 
-    def _beside(self, method: Estimator, frame: Frame, true: Int32) -> Scored:
-        estimate = method.estimate(frame)
+    def _plain(self, reference: SeenParts, frame: Frame) -> Int32:
+        parts = reference.segment(frame)
+        return parts if self.colour is None else self.colour.moved(parts, frame)
+
+    def _counted(self, estimate: SceneEstimate) -> Int32:
+        """What counts as the estimate's objects: its masks as they are, or its volume above all."""
+        if estimate.masks is not None:
+            return estimate.masks
         heights = world_points(estimate.frame)[..., 2]
-        return self._scored(_above(_shown(estimate, self.reach), heights, self.margin), true)
+        return _above(_shown(estimate, self.reach), heights, self.margin)
 
     def _scored(self, predicted: Int32, true: Int32) -> Scored:
         return Scored(
