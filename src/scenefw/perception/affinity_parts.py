@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from scenefw.core.part_protocols import PartAffinityModel, TrainedPartAffinity
     from scenefw.core.types import Camera, Float32, Float64, Frame, Int32
+    from scenefw.perception.border_colours import BorderColours
 
 _EXACT = 5e-5  # m: no camera measures a floor 1 m away as well
 _JUMP = 0.01  # m: what is so much nearer or further than its thinned pixel is something else
@@ -31,6 +32,7 @@ class AffinityParts:
     the surface, but not across a jump of depth; where none is sure, those are joined that likely
     show the same. Of two such regions that meet, all pixels along the border are asked: they are
     joined if the mean is high enough, the surest first. So a few likely pixels join no objects.
+    Where the image has colour, edges of colour along a border lower its mean, and none raise it.
     Images are thinned to about the focal length that the network learnt from. Parts that it takes
     for waves of the floor, or for what lies beyond a table's edge, are dropped, if it says which
     pixels show objects; so are single pixels, as of ramps of depth beside objects.
@@ -50,6 +52,8 @@ class AffinityParts:
         lowest: parts that rise no higher above the floor (m) are noise of it.
         noisy: so are parts that rise no higher than so many standard deviations of its heights at
             the same depth.
+        colours: what the colours along a border add to its mean, if the image has some; None: they
+            say nothing.
 
     Raises:
         ConfigError: a probability outside 0..1, a negative height, or fewer than 1 pixel.
@@ -68,6 +72,7 @@ class AffinityParts:
         smallest: float = 60.0,
         lowest: float = 0.012,
         noisy: float = 7.0,
+        colours: BorderColours | None = None,
     ) -> None:
         PROBABILITY.require(sure=sure, same=same)
         below(1).require(shown=shown, pixel=pixel)
@@ -78,7 +83,7 @@ class AffinityParts:
         self.sure, self.same, self.seed = sure, same, seed
         self.shown, self.pixel = shown, pixel
         self.margin, self.waves, self.smallest = margin, waves, smallest
-        self.lowest, self.noisy = lowest, noisy
+        self.lowest, self.noisy, self.colours = lowest, noisy, colours
 
     def segment(self, frame: Frame) -> Int32:
         """Parts (H, W), 0 = none, of a frame whose camera has its pose (floor z = 0)."""
@@ -95,7 +100,11 @@ class AffinityParts:
         every = np.ix_(rows, columns)
         if at_one > _EXACT:
             above &= (shown > self.pixel)[every]
-        joined = self._joined(depth, across, down, above[::step, ::step])
+        regions = self._regions(depth, across, down, above[::step, ::step])
+        if self.colours is not None and frame.colour is not None:
+            further = self.colours.added(regions, frame.colour, step)
+            across, down = (p + more for p, more in zip((across, down), further, strict=True))
+        joined = merged(regions, across, down, self.same)
         fewest = self.smallest * (frame.depth.shape[1] / WIDTH) ** 2
         parts = large_parts(joined, max(1, round(fewest / step**2)))
         unlikely = (parts > 0) & (_means(shown, parts) < self.shown)
@@ -106,17 +115,17 @@ class AffinityParts:
         lowest = np.maximum(self.lowest, self.noisy * noise)
         return high_parts(grown(parts, above, frame.depth, EDGE), heights, lowest)
 
-    def _joined(
+    def _regions(
         self, depth: Float32, across: Float32, down: Float32, above: NDArray[np.bool_]
-    ) -> NDArray[np.int64]:
-        """Regions (H, W), 0 = none, of the thinned image."""
+    ) -> Int32:
+        """Regions (H, W), 0 = none, of the thinned image, before neighbours are joined."""
         sure = linked_parts(above, across > self.sure, down > self.sure)
         regions = large_parts(sure, self.seed)
         likely = linked_parts(above, across > self.same, down > self.same)
         alone = ~np.isin(likely, likely[regions > 0])  # slivers, of which no few pixels are sure
         further = large_parts(np.where(alone, likely, 0), self.seed)
         regions = np.where(further > 0, further + regions.max(initial=0), regions)
-        return merged(grown(regions, above, depth, EDGE), across, down, self.same)
+        return grown(regions, above, depth, EDGE)
 
     @torch.no_grad()
     def _said(self, depth: Float32, camera: Camera, step: int) -> tuple[Float32, Float32, Float32]:

@@ -88,14 +88,21 @@ class ColourEdges:
                 own = parts[around] == label
                 inside = distance_transform_edt(own)
                 cores[around][own & (inside > min(width, self.core * inside.max()))] = label
-        found = watershed(self._gradient(colour), cores)
+        found = watershed(colour_gradient(colour, self.smoothing), cores)
         return np.where(found == outside, 0, found).astype(np.int32)
 
-    def _gradient(self, colour: NDArray[np.uint8]) -> Float64:
-        sigma = self.smoothing * colour.shape[1] / WIDTH
-        channels = np.moveaxis(rgb2lab(colour), -1, 0)
-        each = [sobel(gaussian_filter(channel, sigma)) for channel in channels]
-        return np.asarray(np.linalg.norm(each, axis=0))
+
+def colour_gradient(colour: NDArray[np.uint8], smoothing: float) -> Float64:
+    """How much colour changes at each pixel (H, W): the gradient in Lab.
+
+    Args:
+        colour: (H, W, 3) RGB.
+        smoothing: standard deviation of the smoothing before (pixels of an image 640 wide).
+    """
+    sigma = smoothing * colour.shape[1] / WIDTH
+    channels = np.moveaxis(rgb2lab(colour), -1, 0)
+    each = [sobel(gaussian_filter(channel, sigma)) for channel in channels]
+    return np.asarray(np.linalg.norm(each, axis=0))
 
 
 def _wider(box: tuple[slice, ...]) -> tuple[slice, ...]:

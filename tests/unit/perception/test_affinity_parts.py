@@ -17,6 +17,7 @@ from scenefw.losses.part_affinity import true_affinities
 from scenefw.metrics.masks import mask_scores
 from scenefw.perception import affinity_parts
 from scenefw.perception.affinity_parts import AffinityParts
+from scenefw.perception.border_colours import BorderColours
 from scenefw.perception.floor import FloorFinder
 from scenefw.perception.seen_parts import floor_noise
 
@@ -238,6 +239,37 @@ def test_what_was_moved_onto_the_floor_says_nothing_about_its_noise():
     heights[:160] = 1e-8 * rng.normal(size=(160, 200))
     depth = np.ones(heights.shape, np.float32)
     assert floor_noise(heights, depth) == pytest.approx(0.002, rel=0.1)
+
+
+@pytest.mark.parametrize("thinned", [1, 2])
+def test_colour_decides_where_the_network_is_unsure(seen, thinned):
+    """A box that the network cuts in two, half sure that both are one."""
+    camera = camera_at(eye=(0.0, -0.85, 0.6))
+    frame = replace(frame_of(camera, (Box((-0.15, -0.1, 0.0), (0.15, 0.1, 0.1)),)), camera=camera)
+    middle = frame.labels.shape[1] // 2
+    halves = np.where(frame.labels > 0, 1 + (np.arange(frame.labels.shape[1]) >= middle), 0)
+    network = Knowing(halves, camera.fx / thinned)
+
+    def forward(depth, cameras):
+        logits = Knowing.forward(network, depth, cameras)
+        box = torch.from_numpy(frame.labels[::thinned, ::thinned] > 0)
+        beside = box & torch.roll(box, -1, 1)
+        logits[:, 0] = torch.where(beside & (logits[:, 0] < 0), 0.0, logits[:, 0])
+        return logits
+
+    network.forward = forward
+
+    def number(colours, *paints):
+        image = np.array(paints, np.uint8)[halves]
+        finder = AffinityParts(Loaded(network), same=0.6, smallest=20, colours=colours)
+        return finder.segment(replace(frame, colour=image)).max()
+
+    floor, red, blue = (90, 90, 80), (200, 40, 40), (40, 60, 200)
+    assert number(BorderColours(), floor, red, red) == 1
+    assert number(BorderColours(), floor, red, blue) == 2
+    assert number(None, floor, red, red) == 2
+    grey = AffinityParts(Loaded(network), same=0.6, smallest=20, colours=BorderColours())
+    assert grey.segment(frame).max() == 2
 
 
 @pytest.mark.exhaustive

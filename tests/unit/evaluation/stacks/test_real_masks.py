@@ -196,7 +196,9 @@ def test_other_margins_are_what_runs_at_those_give(tmp_path):
     def figures(margin, **settings):
         plain = SeenParts(margin, smallest=50)
         return (
-            RealMasks(tmp_path, _Method(), plain, StoredLabels(), margin=margin, **settings).run().figures
+            RealMasks(tmp_path, _Method(), plain, StoredLabels(), margin=margin, **settings)
+            .run()
+            .figures
         )
 
     beside = figures(0.005, margins=[0.03, 0.002])

@@ -1,0 +1,73 @@
+"""Edges of colour along borders of regions."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scenefw.core.errors import ConfigError
+from scenefw.perception.border_colours import BorderColours
+from scenefw.perception.depth_parts import along_borders
+
+FLOOR, RED, BLUE = (90, 90, 80), (200, 40, 40), (40, 60, 200)
+
+
+def two_regions(first, second, size=(120, 160), step=1):
+    """A box cut in two by the middle of the image, with their colours, and its thinned regions."""
+    height, width = size
+    regions = np.zeros(size, np.int32)
+    regions[height // 4 : 3 * height // 4, width // 4 : width // 2] = 1
+    regions[height // 4 : 3 * height // 4, width // 2 : 3 * width // 4] = 2
+    colour = np.array([FLOOR, first, second], np.uint8)[regions]
+    return regions[::step, ::step], colour, step
+
+
+def mean_added(regions, colour, step, **settings):
+    """To the probability of the border between both regions."""
+    sums, lengths = along_borders(regions, *BorderColours(**settings).added(regions, colour, step))
+    return sums[1, 2] / lengths[1, 2]
+
+
+@pytest.mark.parametrize(("size", "step"), [((120, 160), 1), ((480, 640), 2)])
+def test_one_colour_joins_and_two_part(size, step):
+    assert mean_added(*two_regions(RED, RED, size, step)) == pytest.approx(0.4, abs=0.05)
+    assert mean_added(*two_regions(RED, BLUE, size, step)) < 0
+    assert mean_added(*two_regions(RED, RED, size, step), weight=0.1) < 0.11
+
+
+def test_an_edge_as_strong_as_outer_ones_changes_nothing():
+    """Grey steps of equal height: floor, first region, second region."""
+    paint = [(60, 60, 60), (120, 120, 120), (60, 60, 60)]
+    regions, colour, step = two_regions(paint[1], paint[2])
+    colour[regions == 0] = paint[0]
+    colour[:, 80:][regions[:, 80:] == 0] = (120, 120, 120)
+    assert abs(mean_added(regions, colour, step)) < 0.05
+
+
+@given(st.integers(0, 1000), st.floats(0, 0.9))
+@settings(max_examples=20, deadline=None)
+def test_never_more_than_the_weight(seed, weight):
+    random = np.random.default_rng(seed)
+    regions = random.integers(0, 4, (30, 40)).repeat(2, 0).repeat(2, 1).astype(np.int32)
+    colour = random.integers(0, 256, (60, 80, 3), dtype=np.uint8)
+    across, down = BorderColours(weight).added(regions, colour, 1)
+    assert (across.shape, down.shape) == ((60, 79), (59, 80))
+    for one in (across, down):
+        assert np.isfinite(one).all()
+        assert np.abs(one).max() <= weight + 1e-6
+
+
+def test_without_regions_or_edges_nothing_breaks():
+    grey = np.full((30, 40, 3), 80, np.uint8)
+    none = np.zeros((30, 40), np.int32)
+    assert not BorderColours().added(none, grey, 1)[0].any()
+    one = none.copy()
+    one[10:20, 10:20] = 1
+    across, _ = BorderColours().added(one, grey, 1)
+    assert np.isfinite(across).all()
+
+
+def test_bad_settings():
+    for name in ("weight", "reach", "smoothing"):
+        with pytest.raises(ConfigError, match=rf"^{name} = -1"):
+            BorderColours(**{name: -1})
