@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import torch
 
 from scenefw.core.types import SceneEstimate
@@ -14,6 +13,7 @@ from scenefw.perception.carving import carve, whole_objects
 from scenefw.perception.objects import estimate_objects
 from scenefw.perception.points import world_points
 from scenefw.perception.seen_instances import seen_instances
+from scenefw.perception.whole_masks import without_holes
 from scenefw.postprocessing.surfaces import instance_meshes
 
 if TYPE_CHECKING:
@@ -86,9 +86,9 @@ def _masks(sample: Completion, grid: GridSpec, frame: Frame) -> Int32:
     Where a method knows pixels, what it gives to no object stays so: beside objects, those of
     blurred edges lie near volumes, too.
     """
-    if sample.masks is not None:
-        return np.asarray(sample.masks[0].cpu().numpy())
     points = world_points(frame)
+    if sample.masks is not None:
+        return without_holes(sample.masks[0].cpu().numpy(), points[..., 2])
     instances = sample.instances[0].cpu().numpy()
     return seen_instances(instances, points, grid, points[..., 2] > _FLOOR)
 

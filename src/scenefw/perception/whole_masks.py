@@ -1,0 +1,47 @@
+"""Masks of objects without the holes that a camera leaves in them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import ndimage
+
+if TYPE_CHECKING:
+    from scenefw.core.types import Float64, Int32
+
+_BELOW = -0.015  # m: nobody sees so far below the floor
+_ENCLOSED = 0.85  # of a hole's border
+
+
+def without_holes(masks: Int32, heights: Float64) -> Int32:
+    """Masks (H, W), 0 = none, with holes of wrong or missing depth filled.
+
+    Shiny and overexposed surfaces have no depth, or one below the floor. What is so and lies within
+    one object shows that object. A hole through which the floor is seen stays, and so does what
+    reaches the end of the image.
+
+    Args:
+        masks: (H, W) ids of objects.
+        heights: (H, W) of pixels above the floor (m), NaN = no depth.
+    """
+    holes, count = ndimage.label((masks == 0) & ~(heights > _BELOW))
+    around = np.pad(np.where(holes > 0, 0, masks + 1), 1)  # 1: of no object
+    inner = np.pad(holes, 1)
+    owners, borders = [], []
+    for axis in (0, 1):
+        for step in (1, -1):
+            beside = np.roll(around, step, axis)
+            at = (inner > 0) & (beside > 0)
+            borders.append(inner[at])
+            owners.append(beside[at])
+    pairs, lengths = np.unique(
+        np.stack([np.concatenate(borders), np.concatenate(owners)]), axis=1, return_counts=True
+    )
+    total = np.bincount(pairs[0], lengths, minlength=count + 1)
+    enclosed = (pairs[1] > 1) & (lengths >= _ENCLOSED * total[pairs[0]])
+    filled = np.zeros(count + 1, dtype=masks.dtype)
+    filled[pairs[0, enclosed]] = pairs[1, enclosed] - 1
+    for end in (holes[0], holes[-1], holes[:, 0], holes[:, -1]):
+        filled[end] = 0
+    return np.where(holes > 0, filled[holes], masks)
