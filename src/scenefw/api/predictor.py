@@ -64,8 +64,8 @@ class Predictor:
                 0 and NaN are missing; or the path of an image, as of `input` on the command line.
             intrinsics: of this image size: K (3, 3), the numbers fx fy cx cy, a dict of them, a
                 `Camera` or a file. May be None only if `depth` is a file that has them beside it.
-            color: (H, W, 3) uint8, aligned with the depth; says where objects end if a stereo
-                camera has blurred their edges, and is kept with the result.
+            color: (H, W, 3) uint8, aligned with the depth; helps to find where objects end, and is
+                kept with the result.
             mask: (H, W) of what is known to be objects: booleans say where some are, whole numbers
                 which one a pixel shows (0 = none). Anything else above the floor is then ignored.
             depth_scale: metres per unit of integer depth; None = 0.001, or that of a file's format.

@@ -17,17 +17,24 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float32, Int32
 
 
+_MOST = 2.0  # of the strength of edges around objects
+
+
 class BorderColours:
     """Raises probabilities of one object along borders where colour has no edge, or lowers them.
 
     A border between two objects is mostly one of colour, too; where one object has been cut, colour
     often goes on. How strong an edge is, is measured by those around regions that border on no
-    object: as strong ones change nothing, an image without an edge adds `weight`, one twice as
-    strong takes as much away. Borders in depth lie some pixels off, so the strongest edge within
-    `reach` counts.
+    object. One `neutral` times as strong changes nothing, one weaker or stronger by 1 adds or takes
+    away `weight`; all above twice as strong count as that. Borders in depth lie some pixels off, so
+    the strongest edge within `reach` counts.
+
+    Real things are more often of several pieces than simulated ones, from which the network has its
+    probabilities. So `neutral` is above 1: an edge as strong as those around objects still joins.
 
     Args:
-        weight: of probability, at most.
+        weight: of probability.
+        neutral: strength of an edge that changes nothing, in that of edges around objects.
         reach: pixels of an image 640 wide.
         smoothing: standard deviation of the image's smoothing, in the same pixels.
 
@@ -35,9 +42,16 @@ class BorderColours:
         ConfigError: a negative number.
     """
 
-    def __init__(self, weight: float = 0.4, reach: float = 3.0, smoothing: float = 1.0) -> None:
-        NOT_NEGATIVE.require(weight=weight, reach=reach, smoothing=smoothing)
-        self.weight, self.reach, self.smoothing = weight, reach, smoothing
+    def __init__(
+        self,
+        weight: float = 0.4,
+        neutral: float = 1.5,
+        reach: float = 3.0,
+        smoothing: float = 1.0,
+    ) -> None:
+        NOT_NEGATIVE.require(weight=weight, neutral=neutral, reach=reach, smoothing=smoothing)
+        self.weight, self.neutral = weight, neutral
+        self.reach, self.smoothing = reach, smoothing
 
     def added(
         self, regions: Int32, colour: NDArray[np.uint8], step: int
@@ -58,7 +72,9 @@ class BorderColours:
             return np.zeros(pairs[0][0].shape, np.float32), np.zeros(pairs[1][0].shape, np.float32)
         usual = max(float(np.median(np.maximum(*pairs[0])[outer])), np.finfo(np.float32).eps)
         across, down = (
-            self.weight * (1 - np.minimum((a + b) / 2 / usual, 2)).astype(np.float32)
+            (self.weight * (self.neutral - np.minimum((a + b) / 2 / usual, _MOST))).astype(
+                np.float32
+            )
             for a, b in pairs
         )
         return across, down

@@ -172,9 +172,9 @@ def _show_colour(axes: "Axes", frame: Frame, rows: slice, columns: slice) -> Non
     if frame.colour is None:
         axes.text(0.5, 0.5, "no colour image", ha="center", va="center", color="#888888")
         axes.set(xlim=(0, 1), ylim=(0, 1), aspect=_HEIGHT / _WIDTH)
-        _dress(axes, "colour (not used)")
+        _dress(axes, "colour")
         return
-    _show(axes, frame.colour[rows, columns], "colour (not used)")
+    _show(axes, frame.colour[rows, columns], "colour")
 
 
 def _show_depth(axes: "Axes", depth: Float32, used: Float32) -> None:

@@ -265,8 +265,8 @@ def test_colour_decides_where_the_network_is_unsure(seen, thinned):
         return finder.segment(replace(frame, colour=image)).max()
 
     floor, red, blue = (90, 90, 80), (200, 40, 40), (40, 60, 200)
-    assert number(BorderColours(), floor, red, red) == 1
-    assert number(BorderColours(), floor, red, blue) == 2
+    assert number(BorderColours(neutral=1.0), floor, red, red) == 1
+    assert number(BorderColours(neutral=1.0), floor, red, blue) == 2
     assert number(None, floor, red, red) == 2
     grey = AffinityParts(Loaded(network), same=0.6, smallest=20, colours=BorderColours())
     assert grey.segment(frame).max() == 2

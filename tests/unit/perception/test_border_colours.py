@@ -30,31 +30,33 @@ def mean_added(regions, colour, step, **settings):
 
 @pytest.mark.parametrize(("size", "step"), [((120, 160), 1), ((480, 640), 2)])
 def test_one_colour_joins_and_two_part(size, step):
-    assert mean_added(*two_regions(RED, RED, size, step)) == pytest.approx(0.4, abs=0.05)
-    assert mean_added(*two_regions(RED, BLUE, size, step)) < 0
-    assert mean_added(*two_regions(RED, RED, size, step), weight=0.1) < 0.11
+    assert mean_added(*two_regions(RED, RED, size, step)) == pytest.approx(0.6, abs=0.06)
+    assert mean_added(*two_regions(RED, BLUE, size, step), neutral=1.0) < 0
+    assert mean_added(*two_regions(RED, RED, size, step), weight=0.1) < 0.16
 
 
-def test_an_edge_as_strong_as_outer_ones_changes_nothing():
+def test_an_edge_as_strong_as_outer_ones_adds_what_is_neutral_above_it():
     """Grey steps of equal height: floor, first region, second region."""
     paint = [(60, 60, 60), (120, 120, 120), (60, 60, 60)]
     regions, colour, step = two_regions(paint[1], paint[2])
     colour[regions == 0] = paint[0]
     colour[:, 80:][regions[:, 80:] == 0] = (120, 120, 120)
-    assert abs(mean_added(regions, colour, step)) < 0.05
+    assert abs(mean_added(regions, colour, step, neutral=1.0)) < 0.05
+    assert mean_added(regions, colour, step) == pytest.approx(0.2, abs=0.05)
 
 
-@given(st.integers(0, 1000), st.floats(0, 0.9))
+@given(st.integers(0, 1000), st.floats(0, 0.9), st.floats(0, 2))
 @settings(max_examples=20, deadline=None)
-def test_never_more_than_the_weight(seed, weight):
+def test_never_more_than_a_weight_for_each_step_of_strength(seed, weight, neutral):
     random = np.random.default_rng(seed)
     regions = random.integers(0, 4, (30, 40)).repeat(2, 0).repeat(2, 1).astype(np.int32)
     colour = random.integers(0, 256, (60, 80, 3), dtype=np.uint8)
-    across, down = BorderColours(weight).added(regions, colour, 1)
+    across, down = BorderColours(weight, neutral).added(regions, colour, 1)
     assert (across.shape, down.shape) == ((60, 79), (59, 80))
     for one in (across, down):
         assert np.isfinite(one).all()
-        assert np.abs(one).max() <= weight + 1e-6
+        assert one.max() <= weight * neutral + 1e-6
+        assert one.min() >= weight * (neutral - 2) - 1e-6
 
 
 def test_without_regions_or_edges_nothing_breaks():
@@ -68,6 +70,6 @@ def test_without_regions_or_edges_nothing_breaks():
 
 
 def test_bad_settings():
-    for name in ("weight", "reach", "smoothing"):
+    for name in ("weight", "neutral", "reach", "smoothing"):
         with pytest.raises(ConfigError, match=rf"^{name} = -1"):
             BorderColours(**{name: -1})
