@@ -1,4 +1,4 @@
-"""Superquadrics made into cups and into things of two or three pieces."""
+"""Superquadrics made into cups and into things of two pieces."""
 
 from __future__ import annotations
 
@@ -16,11 +16,9 @@ if TYPE_CHECKING:
 
     from scenefw.core.rng import Streams
 
-_DRAWS = 29  # numbers of an object: two, 11 of a piece, 4 of a hole, a chance, 11 of a piece
+_DRAWS = 16  # numbers of an object
 _WALL, _BOTTOM = (0.04, 0.2), (0.1, 0.45)  # in half-axes: of a cup
 _PIECE, _AWAY, _ASIDE = (0.25, 0.9), (0.5, 1.0), 0.5  # size and place of a second piece, likewise
-_NECKS = 0.4  # share of second pieces that lie on an axis of their objects, as necks and caps do
-_FURTHER = 0.5  # share of second pieces with a third one at their end: a cap, a foot of a handle
 _THINNEST = 0.006  # m, half
 _EXPONENTS = (2.0, 40.0)
 
@@ -32,11 +30,10 @@ def compounds(
     hollow: float,
     pieces: float,
 ) -> tuple[SceneParameters, SceneParameters]:
-    """Scenes of three times as many slots, and what is cut out of them.
+    """Scenes of twice as many slots, and what is cut out of them.
 
     Slots N to 2 N - 1 are second pieces: each goes through the surface of the object N slots before
-    it. Half of these have a third piece in slots 2 N to 3 N - 1. A hole opens upward, one in five
-    along any axis. Objects below don't carry what
+    it. A hole opens upward, one in five along any axis. Objects below don't carry what
     stands on a hole: only rays look at these scenes.
 
     Args:
@@ -49,14 +46,13 @@ def compounds(
     batch, slots = scenes.present.shape
     numbers = streams.uniform(_DRAWS * slots).reshape(batch, slots, _DRAWS).astype(np.float32)
     drawn, those = to_device([numbers, changed[:, None]], scenes.positions.device)
-    second = _second_pieces(scenes, drawn[..., 2:13], those & (drawn[..., 0] < pieces))
-    third = _second_pieces(second, drawn[..., 18:29], drawn[..., 17] < _FURTHER)
-    holes = _holes(scenes, drawn[..., 13:17], those & (drawn[..., 1] < hollow))
+    second = _second_pieces(scenes, drawn[..., 2:12], those & (drawn[..., 0] < pieces))
+    holes = _holes(scenes, drawn[..., 12:16], those & (drawn[..., 1] < hollow))
     none = SceneParameters(
         second.half_axes, second.exponents, second.rotations, second.positions,
         torch.zeros_like(second.present),
     )  # fmt: skip
-    return _together(scenes, second, third), _together(holes, none, none)
+    return _together(scenes, second), _together(holes, none)
 
 
 def _holes(scenes: SceneParameters, drawn: Tensor, which: Tensor) -> SceneParameters:
@@ -89,8 +85,7 @@ def _second_pieces(scenes: SceneParameters, drawn: Tensor, which: Tensor) -> Sce
     chosen = torch.nn.functional.one_hot(axis, 3).float()
     sign = torch.where(drawn[..., 1] < 0.5, -1.0, 1.0)[..., None]
     away = sign * _between(drawn[..., 2], *_AWAY)[..., None]
-    necks = drawn[..., 10, None] < _NECKS
-    aside = torch.where(necks, 0.0, _ASIDE * (2 * drawn[..., 3:6] - 1))
+    aside = _ASIDE * (2 * drawn[..., 3:6] - 1)
     local = scenes.half_axes * torch.where(chosen > 0, away, aside)
     low, high = (float(np.log(one)) for one in _EXPONENTS)
     exponents = _between(drawn[..., 9], low, high).exp()[..., None].expand_as(local)
@@ -111,8 +106,8 @@ def _turned(scenes: SceneParameters, local: Tensor) -> Tensor:
     return torch.einsum("bnij,bnj->bni", scenes.rotations, local)
 
 
-def _together(*scenes: SceneParameters) -> SceneParameters:
+def _together(first: SceneParameters, second: SceneParameters) -> SceneParameters:
     names = ("half_axes", "exponents", "rotations", "positions", "present")
     return SceneParameters(
-        *(torch.cat([getattr(one, name) for one in scenes], dim=1) for name in names)
+        *(torch.cat([getattr(first, name), getattr(second, name)], dim=1) for name in names)
     )

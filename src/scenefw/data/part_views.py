@@ -43,7 +43,7 @@ class PartViews(SceneBatches):
 
     Part of the images are exact, by rays that meet the superquadrics; the others are traced through
     their TSDF, as images of evaluations are, and have its rounded edges. In part of the exact ones
-    objects are cups, or have further pieces, and in part the floor is a table that ends. The pose
+    objects are cups, or have a second piece, and in part the floor is a table that ends. The pose
     that goes with an image is a little off, as one found by RANSAC is. Camera, size, changes and
     noise of scene i in epoch e depend on (seed, e, i) alone.
 
@@ -62,7 +62,7 @@ class PartViews(SceneBatches):
         traced: share of the images that are traced through TSDFs.
         compound: share of the exact images in which objects are changed.
         hollow: share of their objects that are cups.
-        pieces: share of their objects with a second piece, and half as often a third.
+        pieces: share of their objects with a second piece.
         ends: share of the exact images in which the floor is a table that ends.
         tilt: standard deviation of the found floor's slope (degrees), along x and y each.
         lift: the same of its height (m).
@@ -201,7 +201,7 @@ class PartViews(SceneBatches):
         pieces, holes = compounds(scenes, to_change, changed, self.hollow, self.pieces)
         depth, owners = first_hits(pieces, cameras, holes)
         slots = scenes.present.shape[1]
-        return depth, torch.where(owners > 0, (owners - 1) % slots + 1, 0)
+        return depth, torch.where(owners > slots, owners - slots, owners)
 
     def _trace(self, scenes: SceneParameters, cameras: CameraBatch) -> tuple[Tensor, Tensor]:
         """Depth through TSDFs, and the objects that its voxels are of."""

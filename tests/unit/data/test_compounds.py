@@ -1,4 +1,4 @@
-"""Objects that become cups, or get further pieces."""
+"""Objects that become cups, or get a second piece."""
 
 import numpy as np
 import torch
@@ -76,27 +76,6 @@ def test_second_pieces_go_through_the_surface():
     assert np.mean(outside) > 0.7
 
 
-def test_half_of_second_pieces_have_a_third_on_them():
-    solids, holes = made()
-    third = solids.present[:, 4:]
-    assert third.shape == (40, 2)
-    assert 0.3 < third.float().mean() < 0.7
-    assert not holes.present[:, 4:].any()
-    for scene in np.flatnonzero(third[:, 0].numpy()):
-        points = places(solids, scene, 4)
-        assert (inside(solids, scene, 2, points) & inside(solids, scene, 4, points)).any()
-    solids, _ = made(pieces=0.3)
-    assert not (solids.present[:, 4:] & ~solids.present[:, 2:4]).any()
-
-
-def test_two_fifths_of_further_pieces_lie_on_an_axis():
-    solids, _ = made()
-    moved = solids.positions[:, 2:4] - solids.positions[:, :2]
-    local = torch.einsum("bnij,bni->bnj", solids.rotations[:, :2], moved).abs()
-    on_axis = (local > 1e-4).sum(-1) == 1
-    assert 0.25 < on_axis.float().mean() < 0.55
-
-
 def test_shares_and_scenes_that_stay():
     changed = np.arange(40) < 30
     solids, holes = made(hollow=0.4, pieces=0.2, changed=changed)
@@ -108,5 +87,5 @@ def test_shares_and_scenes_that_stay():
     given = scenes()
     given.present[:, 1] = False
     solids, holes = made(given=given)
-    assert not solids.present[:, [1, 3, 5]].any()
+    assert not solids.present[:, [1, 3]].any()
     assert not holes.present[:, 1].any()
