@@ -13,7 +13,7 @@ from scenefw.perception.carving import carve, whole_objects
 from scenefw.perception.objects import estimate_objects
 from scenefw.perception.points import world_points
 from scenefw.perception.seen_instances import seen_instances
-from scenefw.perception.whole_masks import without_holes
+from scenefw.perception.whole_masks import with_bottoms, without_holes
 from scenefw.postprocessing.surfaces import instance_meshes
 
 if TYPE_CHECKING:
@@ -88,7 +88,9 @@ def _masks(sample: Completion, grid: GridSpec, frame: Frame) -> Int32:
     """
     points = world_points(frame)
     if sample.masks is not None:
-        return without_holes(sample.masks[0].cpu().numpy(), points[..., 2])
+        shapes = sample.placed[0] if sample.placed else {}
+        masks = with_bottoms(sample.masks[0].cpu().numpy(), points, shapes)
+        return without_holes(masks, points[..., 2])
     instances = sample.instances[0].cpu().numpy()
     return seen_instances(instances, points, grid, points[..., 2] > _FLOOR)
 

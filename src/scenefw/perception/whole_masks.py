@@ -7,9 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import ndimage
 
-if TYPE_CHECKING:
-    from scenefw.core.types import Float64, Int32
+from scenefw.shapes.vessel import Vessel
 
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from scenefw.core.types import Float64, Int32, PlacedShape
+
+_BOTTOM = 0.01  # m: bottoms of vessels are thinner
 _BELOW = -0.015  # m: nobody sees so far below the floor
 _ENCLOSED = 0.85  # of a hole's border
 
@@ -45,3 +50,26 @@ def without_holes(masks: Int32, heights: Float64) -> Int32:
     for end in (holes[0], holes[-1], holes[:, 0], holes[:, -1]):
         filled[end] = 0
     return np.where(holes > 0, filled[holes], masks)
+
+
+def with_bottoms(masks: Int32, points: Float64, placed: Mapping[int, PlacedShape]) -> Int32:
+    """Masks (H, W), 0 = none, with the bottoms of vessels, which are hardly above the floor.
+
+    A pixel of no object shows a vessel if what is 1 cm above its point, or above the floor there,
+    lies within the vessel. The floor beside its foot, or seen through a handle, doesn't.
+
+    Args:
+        masks: (H, W) ids of objects.
+        points: (H, W, 3) of the pixels, world coordinates, floor z = 0 (m), NaN = no depth.
+        placed: shapes of objects, by id.
+    """
+    found = masks.copy()
+    raised = points.copy()
+    raised[..., 2] = np.maximum(raised[..., 2], 0) + _BOTTOM
+    for label, one in placed.items():
+        if isinstance(one.shape, Vessel):
+            at = np.nonzero((masks == 0) & (points[..., 2] < _BOTTOM))
+            local = (raised[at] - one.pose.position) @ one.pose.rotation
+            within = one.shape.filled_distance(local) < 0
+            found[tuple(axis[within] for axis in at)] = label
+    return found

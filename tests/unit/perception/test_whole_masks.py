@@ -1,11 +1,18 @@
 """Holes of masks, beside hole filling by scipy."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
+from tests.unit.perception.synthetic import camera_at
 
-from scenefw.perception.whole_masks import without_holes
+from scenefw.core.types import Frame, PlacedShape, Pose
+from scenefw.perception.points import world_points
+from scenefw.perception.whole_masks import with_bottoms, without_holes
+from scenefw.renderers.silhouettes import SolidViews
+from scenefw.shapes.superquadric import Superquadric
+from scenefw.shapes.vessel import Vessel
 
 
 def disc(size=60):
@@ -44,6 +51,24 @@ def test_a_single_object_is_filled_as_scipy_fills_it(seed):
     heights = np.where(masks > 0, 0.05, np.nan)
     expected = ndimage.binary_fill_holes(masks)
     np.testing.assert_array_equal(without_holes(3 * masks, heights) > 0, expected)
+
+
+@pytest.mark.parametrize("size", [(320, 240), (640, 480)])
+def test_the_bottom_of_a_bowl_is_the_bowls_and_the_floor_beside_isnt(size):
+    """A bowl whose bottom nearly lies on the floor, seen from above, beside its mesh's outline."""
+    bowl = Vessel(0.08, 0.5, 0.5, 0.05, 0.003)
+    pose = Pose(np.array([0.0, 0.0, -bowl.bottom]), np.array([1.0, 0.0, 0.0, 0.0]))
+    placed = {4: PlacedShape(bowl, pose), 5: PlacedShape(Superquadric([0.1] * 3, [2.0] * 3), pose)}
+    camera = camera_at(eye=(0.0, -0.3, 0.6), size=size)
+    depth, _ = SolidViews([placed[4].mesh()]).see(camera)
+    frame = Frame(depth, camera)
+    points = world_points(frame)
+    true = np.where(points[..., 2] > 1e-4, 4, 0).astype(np.int32)
+    seen = np.where(points[..., 2] > 0.005, true, 0)
+    assert (seen != true).sum() > 0.1 * (true > 0).sum()
+    found = with_bottoms(seen, points, placed)
+    assert (found != true).sum() < 0.02 * (true > 0).sum()
+    np.testing.assert_array_equal(with_bottoms(seen, points, {}), seen)
 
 
 def test_nothing_to_fill():
