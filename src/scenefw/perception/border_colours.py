@@ -45,7 +45,7 @@ class BorderColours:
     def __init__(
         self,
         weight: float = 0.4,
-        neutral: float = 1.5,
+        neutral: float = 1.75,
         reach: float = 3.0,
         smoothing: float = 1.0,
     ) -> None:
