@@ -30,6 +30,10 @@ class EmptyImageError(InputError):
     """A depth image without a single measurement, as from a covered lens."""
 
 
+class LabelsError(InputError):
+    """What a person said an image shows is unusable as given."""
+
+
 class ConfigError(SceneFWError):
     """An option, a key or a combination of settings is wrong."""
 

@@ -284,8 +284,8 @@ class SceneEstimate:
         frame: the view in the world frame (its camera's pose is the estimated one).
         details: flat facts worth keeping (floor, versions, checkpoint, warnings).
         volumes: what else the network says (C, X, Y, Z), by name of the representation.
-        masks: (H, W) id of the object that each pixel of the frame shows, 0 = none; None if the
-            method doesn't say.
+        masks: (H, W) id of the object that each pixel of the frame shows, also of pixels without
+            depth within an object, 0 = none; None if the method doesn't say.
     """
 
     objects: tuple[ObjectEstimate, ...]

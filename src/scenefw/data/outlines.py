@@ -10,7 +10,7 @@ import numpy as np
 from skimage.draw import polygon2mask
 
 from scenefw.core import assets
-from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.errors import ConfigError, LabelsError
 
 if TYPE_CHECKING:
     from scenefw.core.types import Int32
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 _FOLDER = "outlines"  # of sets that ship, in the folders of weights
 _IGNORED = "ignore"
 _LARGEST = 10_000  # pixels of a side
+_ODD = (OSError, ValueError, KeyError, TypeError, AttributeError, ArithmeticError, RecursionError)
 
 
 class Outlines:
@@ -28,8 +29,8 @@ class Outlines:
     NAME.npz with the picture NAME.rgb.png is NAME.rgb.json or NAME.json.
 
     Args:
-        folder: with the files, or the name of a set that ships; None = beside each image, where
-            only NAME.rgb.json is taken, as NAME.json can hold intrinsics.
+        folder: the name of a set that ships, or a folder with the files; None = beside each image,
+            where only NAME.rgb.json is taken, as NAME.json can hold intrinsics.
 
     Raises:
         ConfigError: no folder and no set has this name.
@@ -38,11 +39,20 @@ class Outlines:
     def __init__(self, folder: Path | str | None = None) -> None:
         self.folder = None if folder is None else _found(folder)
 
+    @property
+    def wanted(self) -> str:
+        """Where outlines are looked for."""
+        if self.folder is None:
+            return (
+                "expected NAME.rgb.json of LabelMe beside NAME, or evaluation.labels.folder=FOLDER"
+            )
+        return f"expected NAME.rgb.json or NAME.json of LabelMe in {self.folder}"
+
     def of(self, image: Path) -> Int32 | None:
         """Labels (H, W) of an image: -1 ignored, 0 no object, 1..N; None if it has no outlines.
 
         Raises:
-            InputError: the file can't be read, or holds other shapes than polygons.
+            LabelsError: the file can't be read, or holds other shapes than polygons.
         """
         folder = image.parent if self.folder is None else self.folder
         names = [f"{image.stem}.rgb.json"] + ([] if self.folder is None else [f"{image.stem}.json"])
@@ -51,29 +61,36 @@ class Outlines:
 
 
 def _found(folder: Path | str) -> Path:
-    if Path(folder).is_dir():
-        return Path(folder)
     sets = {path.name: path for root in assets.folders() for path in root.glob(f"{_FOLDER}/*/")}
-    if str(folder) not in sets:
+    if str(folder) in sets:
+        return sets[str(folder)]
+    if not str(folder) or not Path(folder).is_dir():
         raise ConfigError(
-            f"no folder {folder} of outlines; give one, or a set that ships ({', '.join(sets)})"
+            f"no folder '{folder}' of outlines; give one, or a set that ships ({', '.join(sets)})"
         )
-    return sets[str(folder)]
+    return Path(folder)
 
 
 def _read(path: Path) -> Int32:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         size = (int(content["imageHeight"]), int(content["imageWidth"]))
-        shapes = [(one["label"], one.get("group_id"), _polygon(one)) for one in content["shapes"]]
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(
+        shapes = [(str(one["label"]), _group(one), _polygon(one)) for one in content["shapes"]]
+    except _ODD as error:
+        raise LabelsError(
             f"cannot read {path} ({str(error) or type(error).__name__}); expected a file of "
             "LabelMe with polygons: imageHeight, imageWidth, shapes"
         ) from error
     if not all(0 < side <= _LARGEST for side in size):
-        raise InputError(f"{path} is of an image of {size[1]} x {size[0]} pixels; label it again")
+        raise LabelsError(f"{path} is of an image of {size[1]} x {size[0]} pixels; label it again")
     return _painted(shapes, size)
+
+
+def _group(shape: dict[str, Any]) -> int | str | None:
+    group = shape.get("group_id")
+    if not isinstance(group, int | str | None):
+        raise TypeError(f"group_id is {group}, no number")
+    return group
 
 
 def _polygon(shape: dict[str, Any]) -> np.ndarray:
@@ -82,15 +99,17 @@ def _polygon(shape: dict[str, Any]) -> np.ndarray:
         raise ValueError(f"a shape is a {shape['shape_type']}, no polygon")
     corners = np.asarray(shape["points"], dtype=np.float64)
     if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3:
-        raise ValueError("a polygon has fewer than three corners")
-    if not np.isfinite(corners).all():
-        raise ValueError("a corner isn't a number")
+        raise ValueError("a polygon isn't three corners x, y or more")
+    if not (np.abs(corners) <= 2 * _LARGEST).all():
+        raise ValueError("a corner lies far outside of the image, or isn't a number")
     return corners
 
 
-def _painted(shapes: list[tuple[str, Any, np.ndarray]], size: tuple[int, int]) -> Int32:
+def _painted(
+    shapes: list[tuple[str, int | str | None, np.ndarray]], size: tuple[int, int]
+) -> Int32:
     labels = np.zeros(size, dtype=np.int32)
-    groups: dict[Any, int] = {}
+    groups: dict[int | str | None, int] = {}
     number = 0
     for name, group, corners in shapes:
         if name == _IGNORED:

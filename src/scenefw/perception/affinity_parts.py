@@ -32,7 +32,8 @@ class AffinityParts:
     the surface, but not across a jump of depth; where none is sure, those are joined that likely
     show the same. Of two such regions that meet, all pixels along the border are asked: they are
     joined if the mean is high enough, the surest first. So a few likely pixels join no objects.
-    Where the image has colour, edges of colour along a border lower its mean, and none raise it.
+    Where the image has colour, strong edges of colour along a border lower its mean, and weak ones
+    raise it.
     Images are thinned to about the focal length that the network learnt from. Parts that it takes
     for waves of the floor, or for what lies beyond a table's edge, are dropped, if it says which
     pixels show objects; so are single pixels, as of ramps of depth beside objects.

@@ -18,16 +18,19 @@ if TYPE_CHECKING:
 
 
 _MOST = 2.0  # of the strength of edges around objects
+_FAINT = 3.0  # of Lab a pixel: edges around objects of real images have 7 to 24
 
 
 class BorderColours:
     """Raises probabilities of one object along borders where colour has no edge, or lowers them.
 
     A border between two objects is mostly one of colour, too; where one object has been cut, colour
-    often goes on. How strong an edge is, is measured by those around regions that border on no
-    object. One `neutral` times as strong changes nothing, one weaker or stronger by 1 adds or takes
-    away `weight`; all above twice as strong count as that. Borders in depth lie some pixels off, so
-    the strongest edge within `reach` counts.
+    often goes on. The strength of an edge is that of its gradient, divided by that of edges around
+    all regions. A strength of `neutral` changes nothing. A weaker edge adds `weight` times the
+    difference, but at most `weight`, so colour alone joins nothing; a stronger one takes away as
+    much, up to twice the strength of edges around regions. Borders in depth lie some pixels off, so
+    the strongest edge within `reach` counts. In images without edges, as those of one colour are,
+    nothing changes.
 
     Real things are more often of several pieces than simulated ones, from which the network has its
     probabilities. So `neutral` is above 1: an edge as strong as those around objects still joins.
@@ -60,21 +63,23 @@ class BorderColours:
 
         Args:
             regions: (H, W), 0 = none, of a thinned image.
-            colour: RGB uint8 of the whole image, aligned with the depth.
-            step: of the pixels of that image, every so many-th is in the thinned one.
+            colour: RGB uint8 (H * step, W * step, 3) or a little smaller: the whole image, aligned
+                with the depth.
+            step: of the rows and columns of that image, every so many-th is in the thinned one.
         """
         edges = colour_gradient(colour, self.smoothing)
         width = 2 * round(self.reach * colour.shape[1] / WIDTH) + 1
-        strong = maximum_filter(edges, width)[::step, ::step]
-        outer = (regions[:, 1:] > 0) != (regions[:, :-1] > 0)
+        strong = maximum_filter(edges, width)[::step, ::step].astype(np.float32)
         pairs = (strong[:, 1:], strong[:, :-1]), (strong[1:], strong[:-1])
-        if not outer.any():
-            return np.zeros(pairs[0][0].shape, np.float32), np.zeros(pairs[1][0].shape, np.float32)
-        usual = max(float(np.median(np.maximum(*pairs[0])[outer])), np.finfo(np.float32).eps)
-        across, down = (
-            (self.weight * (self.neutral - np.minimum((a + b) / 2 / usual, _MOST))).astype(
-                np.float32
-            )
-            for a, b in pairs
-        )
+        objects = regions > 0
+        ends = objects[:, 1:] != objects[:, :-1], objects[1:] != objects[:-1]
+        around = [np.maximum(*pair)[end] for pair, end in zip(pairs, ends, strict=True)]
+        usual = float(np.median(np.concatenate(around))) if any(map(len, around)) else 0.0
+        if usual < _FAINT:
+            return np.zeros_like(pairs[0][0]), np.zeros_like(pairs[1][0])
+        across, down = (self._added((a + b) / (2 * usual)) for a, b in pairs)
         return across, down
+
+    def _added(self, strength: Float32) -> Float32:
+        found = self.weight * np.minimum(self.neutral - np.minimum(strength, _MOST), 1.0)
+        return np.asarray(found, dtype=np.float32)

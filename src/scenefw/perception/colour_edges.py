@@ -10,7 +10,7 @@ from skimage.color import rgb2lab
 from skimage.filters import sobel
 from skimage.segmentation import watershed
 
-from scenefw.core.settings import COUNT, NOT_NEGATIVE, SHARE, at_least
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, at_least, below
 from scenefw.perception.pixels import WIDTH
 from scenefw.perception.points import world_points
 from scenefw.perception.ramp_width import ramp_width
@@ -41,8 +41,8 @@ class ColourEdges:
         widest: the same, at most; both of an image 640 wide.
 
     Raises:
-        ConfigError: a negative smoothing, a share outside 0..1, less than one pixel, or a narrowest
-            ramp that is wider than the widest.
+        ConfigError: a negative smoothing, a share that isn't in 0..1 or is 1, less than one pixel,
+            or a narrowest ramp that is wider than the widest.
     """
 
     def __init__(
@@ -53,14 +53,14 @@ class ColourEdges:
         widest: float = 12.0,
     ) -> None:
         NOT_NEGATIVE.require(smoothing=smoothing)
-        SHARE.require(core=core)
+        below(1).require(core=core)
         COUNT.require(narrowest=narrowest, widest=widest)
         at_least(narrowest).require(widest=widest)
         self.smoothing, self.core = smoothing, core
         self.narrowest, self.widest = narrowest, widest
 
     def moved(self, parts: Int32, frame: Frame) -> Int32:
-        """Parts (H, W) of a frame, with its pose (floor z = 0); of pixels with depth alone."""
+        """Parts (H, W) of a frame with its pose (floor z = 0); pixels without depth show none."""
         heights = world_points(frame)[..., 2]
         if frame.colour is None or not parts.any() or not floor_is_smooth(heights):
             return parts

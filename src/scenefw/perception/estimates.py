@@ -83,8 +83,8 @@ def scene_estimate(
 def _masks(sample: Completion, grid: GridSpec, frame: Frame) -> Int32:
     """Which object each pixel shows: as the method says, else by the volume at its point.
 
-    Where a method knows pixels, what it gives to no object stays so: beside objects, those of
-    blurred edges lie near volumes, too.
+    Where a method knows pixels, volumes give it no further ones: beside objects, pixels of blurred
+    edges lie near them, too. But holes in objects are filled.
     """
     points = world_points(frame)
     if sample.masks is not None:

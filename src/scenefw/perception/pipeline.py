@@ -145,7 +145,7 @@ class Pipeline:
         partial = self.mapping.fuse(depth, self.grid, cameras)
         colour = workspace.frame.colour
         if colour is not None:
-            partial = replace(partial, colours=torch.from_numpy(np.ascontiguousarray(colour))[None])
+            partial = replace(partial, colours=torch.from_numpy(np.array(colour, order="C"))[None])
         if mask is not None and mask.dtype != np.bool_:
             known = np.where(workspace.objects, mask, 0).astype(np.int32)
             partial = replace(partial, masks=torch.from_numpy(known)[None])

@@ -49,7 +49,7 @@ class RestoredEdges:
         widest: the same, at most; both of an image 640 wide.
         jump: by which depth differs between the two sides of an edge, at least (m).
         colour: moves ends of parts to edges of the colour image first, where there is one; None:
-            they stay in the middle of ramps.
+            they stay in the middle of ramps. Masks that come with the view are not moved.
 
     Raises:
         ConfigError: less than one pixel, or a narrowest ramp that is wider than the widest.

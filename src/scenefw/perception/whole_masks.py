@@ -22,9 +22,9 @@ _ENCLOSED = 0.85  # of a hole's border
 def without_holes(masks: Int32, heights: Float64) -> Int32:
     """Masks (H, W), 0 = none, with holes of wrong or missing depth filled.
 
-    Shiny and overexposed surfaces have no depth, or one below the floor. What is so and lies within
-    one object shows that object. A hole through which the floor is seen stays, and so does what
-    reaches the end of the image.
+    Shiny and overexposed surfaces have no depth, or one below the floor. Such pixels are taken to
+    show an object that encloses them, by 85 % of their border. A hole through which the floor is
+    seen stays, and so does what reaches the end of the image.
 
     Args:
         masks: (H, W) ids of objects.
@@ -68,7 +68,7 @@ def with_bottoms(masks: Int32, points: Float64, placed: Mapping[int, PlacedShape
     raised[..., 2] = np.maximum(raised[..., 2], 0) + _BOTTOM
     for label, one in placed.items():
         if isinstance(one.shape, Vessel):
-            at = np.nonzero((masks == 0) & (points[..., 2] < _BOTTOM))
+            at = np.nonzero((masks == 0) & (np.abs(points[..., 2]) < _BOTTOM))
             local = (raised[at] - one.pose.position) @ one.pose.rotation
             within = one.shape.filled_distance(local) < 0
             found[tuple(axis[within] for axis in at)] = label

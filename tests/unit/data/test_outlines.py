@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.errors import ConfigError, LabelsError
 from scenefw.data.outlines import Outlines
 
 SQUARE = [[10, 5], [30, 5], [30, 20], [10, 20]]
@@ -82,6 +82,15 @@ def test_the_set_that_ships(real_data):
     assert counts == [10, 10, 9, 10, 4, 3, 13, 5, 10]
 
 
+def test_a_set_that_ships_comes_before_a_folder_of_its_name(tmp_path, monkeypatch):
+    """As images may lie in a folder of that name, where no outlines are."""
+    (tmp_path / "realsense_table").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert Outlines("realsense_table").of(tmp_path / "uois_0.npz") is not None
+    with pytest.raises(ConfigError, match="no folder ''"):
+        Outlines("")
+
+
 def test_wrong_files_are_one_line(tmp_path):
     with pytest.raises(ConfigError, match="realsense_table"):
         Outlines("tables")
@@ -90,14 +99,20 @@ def test_wrong_files_are_one_line(tmp_path):
         ("[]", "LabelMe"),
         ('{"imageHeight": 40, "imageWidth": 60}', "shapes"),
         ('{"imageHeight": 0, "imageWidth": 60, "shapes": []}', "60 x 0"),
+        ('{"imageHeight": 1e999, "imageWidth": 60, "shapes": []}', "infinity"),
+        ("[" * 100000, "cannot read"),
         ('{"imageHeight": 40000, "imageWidth": 60000, "shapes": []}', "60000 x 40000"),
     ):
         (tmp_path / "a.rgb.json").write_text(wrong)
-        with pytest.raises(InputError, match=words):
+        with pytest.raises(LabelsError, match=words):
             Outlines().of(tmp_path / "a.npz")
-    with pytest.raises(InputError, match="a circle, no polygon"):
+    with pytest.raises(LabelsError, match="a circle, no polygon"):
         labels(tmp_path, shape(SQUARE[:2], kind="circle"))
-    with pytest.raises(InputError, match="fewer than three"):
+    with pytest.raises(LabelsError, match="three corners x, y or more"):
         labels(tmp_path, shape(SQUARE[:2]))
-    with pytest.raises(InputError, match="isn't a number"):
+    with pytest.raises(LabelsError, match="group_id is"):
+        labels(tmp_path, shape(SQUARE, group=[1]))
+    with pytest.raises(LabelsError, match="far outside"):
+        labels(tmp_path, shape([[0, 0], [1e19, 0], [2, 2]]))
+    with pytest.raises(LabelsError, match="isn't a number"):
         labels(tmp_path, shape([[0, 0], [1, float("nan")], [2, 2]]))

@@ -16,7 +16,7 @@ from scenefw.perception.colour_edges import ColourEdges
 SIZES = [(240, 320), (480, 640)]
 
 
-def discs(size, textured=True):
+def discs(size):
     """Labels of a disc and of a smaller one that hides part of it, and their colours."""
     height, width = size
     v, u = np.mgrid[:height, :width] / height
@@ -25,7 +25,7 @@ def discs(size, textured=True):
     labels[np.hypot(u - 0.75, v - 0.5) < 0.12] = 2
     paint = np.array([[110, 100, 90], [180, 30, 30], [30, 60, 170]])[labels].astype(float)
     noise = np.random.default_rng(0).normal(size=(height, width, 3))
-    paint += 4 * noise if textured else 0
+    paint += 4 * noise
     return labels, np.clip(paint, 0, 255).astype(np.uint8)
 
 
@@ -118,8 +118,8 @@ def test_without_colour_or_ramps_parts_stay():
 def test_bad_settings():
     with pytest.raises(ConfigError, match=r"^smoothing = -1"):
         ColourEdges(smoothing=-1)
-    with pytest.raises(ConfigError, match=r"^core = 2"):
-        ColourEdges(core=2)
+    with pytest.raises(ConfigError, match=r"^core = 1"):
+        ColourEdges(core=1)
     with pytest.raises(ConfigError, match=r"^narrowest = 0"):
         ColourEdges(narrowest=0)
     with pytest.raises(ConfigError, match=r"^widest = 2"):

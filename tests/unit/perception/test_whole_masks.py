@@ -50,7 +50,25 @@ def test_a_single_object_is_filled_as_scipy_fills_it(seed):
     masks = (ndimage.gaussian_filter(random.normal(size=(40, 50)), 2) > 0).astype(np.int32)
     heights = np.where(masks > 0, 0.05, np.nan)
     expected = ndimage.binary_fill_holes(masks)
-    np.testing.assert_array_equal(without_holes(3 * masks, heights) > 0, expected)
+    np.testing.assert_array_equal(without_holes(3 * masks, heights), 3 * expected)
+
+
+def test_each_hole_goes_to_the_object_around_it():
+    masks, hole = disc()
+    both = np.concatenate([2 * masks, 7 * masks], axis=1)
+    holes = np.concatenate([hole, hole], axis=1)
+    heights = np.where(holes, np.nan, np.where(both > 0, 0.05, 0.0))
+    np.testing.assert_array_equal(without_holes(np.where(holes, 0, both), heights), both)
+
+
+@pytest.mark.parametrize(("floor", "filled"), [(1, True), (4, False)])
+def test_a_hole_is_enclosed_by_most_of_its_border(floor, filled):
+    """A hole of 20 pixels of border, some of which meet the floor."""
+    masks = np.full((30, 30), 5, np.int32)
+    heights = np.full((30, 30), 0.05)
+    masks[10:15, 10:15], heights[10:15, 10:15] = 0, np.nan
+    masks[9, 10 : 10 + floor], heights[9, 10 : 10 + floor] = 0, 0.0
+    assert (without_holes(masks, heights)[12, 12] == 5) == filled
 
 
 @pytest.mark.parametrize("size", [(320, 240), (640, 480)])

@@ -8,7 +8,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.errors import ConfigError, InputError, LabelsError
 from scenefw.core.measures import Measure
 from scenefw.core.protocols import Track
 from scenefw.core.types import Float64, Frame, Int32, SceneEstimate
@@ -23,6 +23,7 @@ from scenefw.perception.seen_parts import SeenParts
 
 Which = Literal["scores", "reference"]
 NO_SEAMS = Seams()
+_FLOOR = 0.005  # m: what is lower shows no object
 
 
 class Estimator(Protocol):
@@ -35,11 +36,16 @@ class Estimator(Protocol):
 class TrueLabels(Protocol):
     """What a person said that images show."""
 
+    @property
+    def wanted(self) -> str:
+        """Where labels are looked for, for the message if there are none."""
+
     def of(self, image: Path) -> Int32 | None:
         """Labels (H, W): -1 unknown, 0 no object, 1..N; None if there are none of this image.
 
         Raises:
-            InputError: they are damaged.
+            LabelsError: they are unusable, though the image may be good.
+            InputError: the image that holds them is damaged.
         """
 
 
@@ -195,9 +201,9 @@ class RealMasks:
     """Scores a method on labelled depth images, beside a segmentation without learning.
 
     A pixel shows what the estimate's masks say. An estimate without masks has the instances of its
-    volume at the pixels' own 3D points, so that borders come from the image and not from the
-    silhouettes of voxels. A labelled image that no scene can be
-    made of scores 0, and all its objects are missed.
+    volume at the points of pixels above the floor, so that borders come from the image and not from
+    the silhouettes of voxels. A labelled image that no scene can be made of scores 0, and all its
+    objects are missed.
 
     Args:
         input: a labelled depth image or a folder of them; those without labels are left out.
@@ -206,9 +212,6 @@ class RealMasks:
         labels: of the images. Pixels without depth count for nothing.
         colour: moves ends of the reference's parts to edges of the colour image, as those of the
             method's; None: they stay.
-        margin: points up to this height above the floor belong to no object, if the method doesn't
-            say itself what pixels show (m).
-        reach: how far outside a predicted object a seen point may lie and still be its (voxels).
         tolerance: see `metrics.masks.mask_scores` and `metrics.seams.seam_scores`.
         margins: heights (m) up to which points belong to no object of either, for a table beside.
         beside: further methods by name, each for a row; None leaves one out.
@@ -226,8 +229,6 @@ class RealMasks:
         reference: SeenParts,
         labels: TrueLabels,
         colour: ColourEdges | None = None,
-        margin: float = 0.005,
-        reach: float = 2.0,
         tolerance: float = 0.003,
         margins: Sequence[float] = (),
         beside: Mapping[str, Estimator | None] | None = None,
@@ -241,8 +242,6 @@ class RealMasks:
         self.method = method
         self.reference, self.labels, self.colour = reference, labels, colour
         self.about, self.published = about, published
-        self.margin = margin
-        self.reach = reach
         self.tolerance = tolerance
         self.margins = tuple(margins)
         self.beside = {name: one for name, one in (beside or {}).items() if one is not None}
@@ -251,6 +250,7 @@ class RealMasks:
         """Scores every labelled image; `track` wraps the loop in a progress bar.
 
         Raises:
+            LabelsError: labels can't be read, or are of images of another size.
             InputError: no image has labels, or no labelled image could be used.
         """
         paths = find_images(self.input)
@@ -261,29 +261,28 @@ class RealMasks:
                 true = self.labels.of(path)
                 if true is not None:
                     images.append(self._score(read_frame(path), true))
+            except LabelsError:
+                raise
             except InputError as error:
                 failures += self._failure(path, error)
         if not images and failures:
             raise InputError(f"no labelled image could be used; the first: {failures[0].reason}")
         if not images:
             raise InputError(
-                f"none of the {len(paths)} images in {self.input} has labels; this needs an array "
-                "`label` or `instances` in each .npz, or with evaluation=outlined NAME.rgb.json of "
-                "LabelMe beside"
+                f"none of the {len(paths)} images in {self.input} has labels; {self.labels.wanted}"
             )
         return RealMaskResult(tuple(images), tuple(failures), self.about, self.published)
 
     def _score(self, frame: Frame, true: Int32) -> ImageResult:
         if true.shape != frame.depth.shape:
-            raise InputError(
+            raise LabelsError(
                 f"labels of {frame.name} are of {true.shape[1]} x {true.shape[0]} pixels, its "
                 f"depth of {frame.camera.width} x {frame.camera.height}; label images of one size"
             )
         true = np.where(frame.depth > 0, true, -1)
         estimate = self.method.estimate(frame)
-        seen = _shown(estimate, self.reach)
         heights = world_points(estimate.frame)[..., 2]
-        mine, plain = self._counted(estimate), self._plain(self.reference, estimate.frame)
+        mine, plain = shown(estimate), self._plain(self.reference, estimate.frame)
         labels = {"true": true, "method": mine, "reference": plain}
         ours, theirs = (self._scored(one, true) for one in (mine, plain))
         return ImageResult(
@@ -296,15 +295,19 @@ class RealMasks:
             theirs.seams,
             {
                 margin: {
-                    "scores": self._scored(_above(seen, heights, margin), true),
-                    "reference": self._scored(
-                        self._plain(self.reference.with_margin(margin), estimate.frame), true
-                    ),
+                    which: self._scored(_above(labels, heights, margin), true)
+                    for which, labels in (
+                        ("scores", mine),
+                        (
+                            "reference",
+                            self._plain(self.reference.with_margin(margin), estimate.frame),
+                        ),
+                    )
                 }
                 for margin in self.margins
             },
             {
-                name: self._scored(self._counted(method.estimate(frame)), true)
+                name: self._scored(shown(method.estimate(frame)), true)
                 for name, method in self.beside.items()
             },
         )
@@ -312,13 +315,6 @@ class RealMasks:
     def _plain(self, reference: SeenParts, frame: Frame) -> Int32:
         parts = reference.segment(frame)
         return parts if self.colour is None else self.colour.moved(parts, frame)
-
-    def _counted(self, estimate: SceneEstimate) -> Int32:
-        """What counts as the estimate's objects: its masks as they are, or its volume above all."""
-        if estimate.masks is not None:
-            return estimate.masks
-        heights = world_points(estimate.frame)[..., 2]
-        return _above(_shown(estimate, self.reach), heights, self.margin)
 
     def _scored(self, predicted: Int32, true: Int32) -> Scored:
         return Scored(
@@ -338,13 +334,13 @@ class RealMasks:
         return [Failure(path.stem, str(error), len(np.unique(true[true > 0])), missed)]
 
 
-def _shown(estimate: SceneEstimate, reach: float) -> Int32:
+def shown(estimate: SceneEstimate) -> Int32:
     """Instances (H, W) that pixels show: the estimate's masks, or its volume at their points."""
     if estimate.masks is not None:
         return estimate.masks
     points = world_points(estimate.frame)
-    among = points[..., 2] > 0  # NaN where no depth: not above
-    return seen_instances(estimate.instances, points, estimate.grid, among, reach)
+    above = points[..., 2] > _FLOOR  # NaN where no depth: not above
+    return seen_instances(estimate.instances, points, estimate.grid, above)
 
 
 def _above(labels: Int32, heights: Float64, margin: float) -> Int32:

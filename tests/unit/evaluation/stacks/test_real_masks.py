@@ -6,15 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import grey_dilation
 from scipy.spatial import ConvexHull
+from tests.unit.perception.blurred import seen
 
-from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.errors import ConfigError, InputError, LabelsError
 from scenefw.core.geometry import look_at, transform_points
 from scenefw.core.types import Camera, Frame, GridSpec, SceneEstimate
 from scenefw.data.outlines import Outlines
 from scenefw.data.stored_labels import StoredLabels
 from scenefw.evaluation.stacks.real_masks import RealMasks
 from scenefw.metrics.masks import mask_scores
+from scenefw.perception.colour_edges import ColourEdges
 from scenefw.perception.points import world_points
 from scenefw.perception.seen_instances import seen_instances
 from scenefw.perception.seen_parts import SeenParts
@@ -154,7 +157,9 @@ def test_pixels_without_depth_count_for_nothing(tmp_path):
 def test_outlines_of_another_size_are_one_line(tmp_path):
     _save(tmp_path / "a.npz", _frame())
     _outline(tmp_path / "a.rgb.json", size=(240, 320))
-    with pytest.raises(InputError, match="320 x 240 pixels, its depth of 160 x 120"):
+    _save(tmp_path / "b.npz", _frame())
+    _outline(tmp_path / "b.rgb.json")  # a good one doesn't hide it
+    with pytest.raises(LabelsError, match="320 x 240 pixels, its depth of 160 x 120"):
         RealMasks(tmp_path, _Method(), SeenParts(), Outlines()).run()
 
 
@@ -190,25 +195,52 @@ def test_methods_beside_have_rows_of_their_own(tmp_path):
     assert result.figures["overlap_f"] > 0.95 > alone["overlap_f"]
 
 
-def test_other_margins_are_what_runs_at_those_give(tmp_path):
-    _save(tmp_path / "a.npz", _frame(), instances=_frame().labels)
+def test_masks_count_as_they_are_and_margins_take_from_both(tmp_path):
+    """Masks that cover floor, of a method that says so, cost it; at a margin that floor is gone."""
+    frame = _frame()
+    _save(tmp_path / "a.npz", frame, instances=frame.labels)
+    wide = grey_dilation(frame.labels, size=(7, 7))
 
-    def figures(margin, **settings):
-        plain = SeenParts(margin, smallest=50)
-        return (
-            RealMasks(tmp_path, _Method(), plain, StoredLabels(), margin=margin, **settings)
-            .run()
-            .figures
-        )
+    class Wide:
+        def estimate(self, frame):
+            return replace(_estimate(replace(frame, camera=CAMERA), 32), masks=wide)
 
-    beside = figures(0.005, margins=[0.03, 0.002])
-    for margin, where in ((0.03, "30 mm"), (0.002, "2 mm")):
-        alone = figures(margin)
-        for prefix in ("", "reference/"):
-            for name in ("overlap_f", "boundary_f", "seam_f"):
-                assert beside[f"{prefix}{where}/{name}"] == alone[prefix + name]
-    assert beside["30 mm/boundary_f"] < beside["2 mm/boundary_f"]
-    assert {k: v for k, v in beside.items() if " mm/" not in k} == figures(0.005)
+    plain = SeenParts(0.005, smallest=50)
+    result = RealMasks(tmp_path, Wide(), plain, StoredLabels(), margins=[0.005, 0.03]).run()
+    figures, expected = result.figures, mask_scores(wide, frame.labels)
+    assert figures["overlap_precision"] == expected.overlap_precision < 0.97
+    heights = world_points(frame)[..., 2]
+    for margin, where in ((0.005, "5 mm"), (0.03, "30 mm")):
+        low = heights <= margin
+        for prefix, labels in (
+            ("", wide),
+            ("reference/", SeenParts(margin, smallest=50).segment(frame)),
+        ):
+            cut = mask_scores(np.where(low, 0, labels), frame.labels)
+            assert figures[f"{prefix}{where}/overlap_f"] == pytest.approx(cut.overlap_f)
+            assert figures[f"{prefix}{where}/boundary_f"] == pytest.approx(cut.boundary_f)
+    assert figures["5 mm/overlap_f"] > figures["overlap_f"]
+
+
+def test_ends_of_the_reference_move_to_colour(tmp_path):
+    sharp, blurred, _ = seen((640, 480), 6)
+    paint = np.where(sharp.labels[..., None] > 0, [200, 60, 40], [90, 90, 80]).astype(np.uint8)
+    np.savez(
+        tmp_path / "a.npz", depth=blurred.depth, K=blurred.camera.matrix, rgb=paint,
+        instances=sharp.labels,
+    )  # fmt: skip
+
+    class Placed:
+        def estimate(self, frame):
+            placed = replace(frame, camera=blurred.camera)
+            return replace(_estimate(placed, 32), masks=sharp.labels)
+
+    def boundary(colour):
+        run = RealMasks(tmp_path, Placed(), SeenParts(), StoredLabels(), colour).run()
+        assert run.figures["overlap_f"] == 1
+        return run.figures["reference/boundary_f"]
+
+    assert boundary(ColourEdges()) > boundary(None) + 0.05
 
 
 def test_every_figure_at_a_margin_has_its_measure(tmp_path):
