@@ -24,3 +24,17 @@ def test_rows_of_the_first_hypothesis_are_those_of_their_pages(document):
             row = next(line for line in lines if line.startswith(f"| {method} |"))
             cells = [cell.strip(" *") for cell in row.split("|")]
             assert [cells[4], cells[6]] == pair.replace(" ", "").split("/"), (page, method)
+
+
+def test_figures_of_cluttered_tables_are_those_of_their_page():
+    told = re.search(
+        r"cluttered tables\]\((\S+)\).*?boundary F are (\S+) and (\S+), without learning (\S+) and "
+        r"(\S+)\.",
+        (ROOT / "README.md").read_text(encoding="utf-8"),
+    )
+    page, *figures = told.groups()
+    lines = (ROOT / page).read_text(encoding="utf-8").splitlines()
+    for method, pair in (("scenefw", figures[:2]), ("floor removed", figures[2:])):
+        row = next(line for line in lines if line.startswith(f"| {method}"))
+        cells = [cell.strip(" *") for cell in row.split("|")]
+        assert [cells[2], cells[5]] == pair, method
