@@ -1,4 +1,5 @@
 import json
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from scenefw.core.types import GridSpec
 from scenefw.export.summary import plain
 from scenefw.mapping.projective import Projective
 from scenefw.perception.pipeline import Pipeline
+from scenefw.perception.seen_frames import seen_frames
 from scenefw.postprocessing.confidence import Calibration
 
 
@@ -147,6 +149,21 @@ def test_a_network_that_sees_nothing_gives_no_object():
     far = (type(STACK[0])((5, 5, 5), (6, 6, 6)),)
     estimate = Pipeline(KnownBoxes(grid, far), Projective()).estimate(frame_of(CAMERA))
     assert estimate.objects == ()
+
+
+def test_methods_see_the_colour_of_the_image():
+    """Also of a picture that can't be written to, as PIL gives it."""
+    frame = frame_of(CAMERA, noise=0.001)
+    colour = np.random.default_rng(0).integers(0, 256, (*frame.depth.shape, 3), dtype=np.uint8)
+    colour.flags.writeable = False
+    pipeline = Pipeline(KnownBoxes(GridSpec(32)), Projective())
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        partial = pipeline.prepare(replace(frame, colour=colour)).partial
+    (seen,) = seen_frames(partial, "a test")
+    np.testing.assert_array_equal(seen.colour, colour)
+    (grey,) = seen_frames(pipeline.prepare(frame).partial, "a test")
+    assert grey.colour is None
 
 
 def test_unusable_images_stop_before_the_network():
