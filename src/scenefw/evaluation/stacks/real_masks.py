@@ -281,7 +281,6 @@ class RealMasks:
             )
         true = np.where(frame.depth > 0, true, -1)
         estimate = self.method.estimate(frame)
-        heights = world_points(estimate.frame)[..., 2]
         mine, plain = shown(estimate), self._plain(self.reference, estimate.frame)
         labels = {"true": true, "method": mine, "reference": plain}
         ours, theirs = (self._scored(one, true) for one in (mine, plain))
@@ -294,16 +293,7 @@ class RealMasks:
             ours.seams,
             theirs.seams,
             {
-                margin: {
-                    which: self._scored(_above(labels, heights, margin), true)
-                    for which, labels in (
-                        ("scores", mine),
-                        (
-                            "reference",
-                            self._plain(self.reference.with_margin(margin), estimate.frame),
-                        ),
-                    )
-                }
+                margin: self._at_margin(margin, mine, estimate.frame, true)
                 for margin in self.margins
             },
             {
@@ -311,6 +301,18 @@ class RealMasks:
                 for name, method in self.beside.items()
             },
         )
+
+    def _at_margin(
+        self, margin: float, mine: Int32, frame: Frame, true: Int32
+    ) -> dict[str, Scored]:
+        """Both methods without points up to this height (m)."""
+        heights = world_points(frame)[..., 2]
+        plain = self._plain(self.reference.with_margin(margin), frame)
+        both = {"scores": mine, "reference": plain}
+        return {
+            which: self._scored(_above(labels, heights, margin), true)
+            for which, labels in both.items()
+        }
 
     def _plain(self, reference: SeenParts, frame: Frame) -> Int32:
         parts = reference.segment(frame)
