@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scenefw.core.settings import PART, POSITIVE, at_least
+from scenefw.core.settings import PART, POSITIVE, SHARE, at_least
 from scenefw.fitting.placed import signed_distance
 
 if TYPE_CHECKING:
@@ -27,7 +27,8 @@ class DealtByFit:
 
     A view in which two objects look like one makes a part that belongs to neither. If other views
     show both, their superquadrics explain what that part shows; then it is given up, and its pixels
-    go to them. So do pixels at borders that a mask gave to the wrong side.
+    go to them. So do pixels at borders that a mask gave to the wrong side. Things that no
+    superquadric describes keep theirs: there, to be off the own surface says nothing.
 
     Args:
         inner: says which parts are one object.
@@ -35,6 +36,8 @@ class DealtByFit:
         evidence: what views say about an object.
         near: seen points up to this far from a surface are explained (m).
         explained: share of an object's pixels from which on others explain it.
+        trusted: share of an object's pixels that its own superquadric must explain before pixels
+            off it go to others.
         least: objects of fewer pixels stay as they are.
 
     Raises:
@@ -48,13 +51,15 @@ class DealtByFit:
         evidence: EvidenceOfView,
         near: float = 0.005,
         explained: float = 0.85,
+        trusted: float = 0.0,
         least: int = 30,
     ) -> None:
         POSITIVE.require(near=near)
         PART.require(explained=explained)
+        SHARE.require(trusted=trusted)
         at_least(4).require(least=least)
         self.inner, self.fit, self.evidence = inner, fit, evidence
-        self.near, self.explained, self.least = near, explained, least
+        self.near, self.explained, self.trusted, self.least = near, explained, trusted, least
 
     def objects(self, parts: Int32, view: View, depth: Float32) -> Int32:
         """Objects (H, W), 0 = none, of parts (H, W) of one image or of several, stacked."""
@@ -102,4 +107,10 @@ class DealtByFit:
         rows = np.searchsorted(labels, objects) % len(labels)
         own = np.take_along_axis(away, rows[None], 0)[0]
         moved = (labels[rows] == objects) & (own > self.near) & (away.min(axis=0) < self.near)
+        moved &= self._on_own(objects, labels, away)[rows] >= self.trusted
         return np.where(moved, nearest, objects).astype(np.int32)
+
+    def _on_own(self, objects: Int32, labels: Int32, away: Distances) -> Distances:
+        """Shares (N,) of each object's pixels that lie on its own surface."""
+        pairs = zip(labels.tolist(), away, strict=True)
+        return np.array([(far[objects == label] < self.near).mean() for label, far in pairs])

@@ -52,6 +52,16 @@ def test_a_strip_of_another_object_goes_back(boxes):
     assert (found == true)[(true > 0) & ~strip].mean() > 0.99
 
 
+def test_what_its_own_superquadric_does_not_explain_keeps_its_pixels(boxes):
+    """A strip of the second box in the mask of the first, whose box explains nearly all of it."""
+    true = boxes[1]
+    columns = np.nonzero(true == 2)[1]
+    strip = (true == 2) & (np.arange(true.shape[1]) < np.quantile(columns, 0.1))
+    wrong = np.where(strip, 1, true)
+    assert (objects_of(boxes, wrong, trusted=0.5) == 2)[strip].mean() > 0.9
+    assert (objects_of(boxes, wrong, trusted=0.999) == 1)[strip].all()
+
+
 def test_a_part_that_two_others_explain_is_given_up(boxes):
     true = boxes[1]
     generator = np.random.default_rng(0)
@@ -74,7 +84,9 @@ def test_specks_stay_as_they_are(boxes, count):
     np.testing.assert_array_equal(objects_of(boxes, nothing), nothing)
 
 
-@pytest.mark.parametrize("wrong", [{"near": 0.0}, {"explained": 0.0}, {"least": 3}])
+@pytest.mark.parametrize(
+    "wrong", [{"near": 0.0}, {"explained": 0.0}, {"trusted": 1.5}, {"least": 3}]
+)
 def test_bad_settings(wrong):
     with pytest.raises(ConfigError, match=f"^{next(iter(wrong))} = "):
         dealt(**wrong)
