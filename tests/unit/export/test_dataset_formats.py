@@ -13,6 +13,7 @@ from scipy.spatial.distance import pdist
 from scenefw.data.annotated import StackViews
 from scenefw.data.readers import read_frame
 from scenefw.data.stacks import StackScenes
+from scenefw.data.visible_masks import VisibleMasks
 from scenefw.export.annotation_files import in_units
 from scenefw.export.bop import BOP
 from scenefw.export.coco import COCO, run_lengths
@@ -58,6 +59,10 @@ def test_bop_is_read_back(source, bop):
             near = np.where(view.frame.depth < 6.5, view.frame.depth, frame.depth)
             np.testing.assert_allclose(frame.depth, near, atol=5.1e-5)
             np.testing.assert_allclose(frame.camera.matrix, view.frame.camera.matrix)
+            labels = VisibleMasks(0).of(folder / "depth" / f"{number:06d}.png")
+            seen = [one.visible for one in view.silhouettes if one.visible.any()]
+            numbered = sum(n * mask for n, mask in enumerate(seen, start=1))
+            np.testing.assert_array_equal(labels, numbered)
             for i, one in enumerate(view.silhouettes):
                 name = f"{number:06d}_{i:06d}.png"
                 assert np.array_equal(image(folder / "mask" / name), 255 * one.mask)

@@ -5,8 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scenefw.evaluation.stacks.labelled_masks import (
+    Failure,
+    ImageResult,
+    LabelledMaskResult,
+    Scored,
+)
 from scenefw.evaluation.stacks.methods import BASE_RATE, described
-from scenefw.evaluation.stacks.real_masks import Failure, ImageResult, RealMaskResult, Scored
 from scenefw.evaluation.stacks.results import ReconstructionResult, ViewScores
 from scenefw.metrics.masks import MaskScores
 from scenefw.metrics.seams import Seams
@@ -28,7 +33,7 @@ def test_masks_beside_reference_and_published(tmp_path):
     images = (_image("a", GOOD), _image("b", POOR))
     failures = (Failure("c", "no floor", 5), Failure("d", "damaged", None))
     section, gallery = sections(
-        RealMaskResult(images, failures, "Seen from above.", published=True), tmp_path
+        LabelledMaskResult(images, failures, "Seen from above.", published=True), tmp_path
     )
     table, spread, failure, damaged = section.blocks
     ours, reference, published = (cells for _, cells in table.rows[:3])
@@ -55,7 +60,7 @@ def test_masks_beside_reference_and_published(tmp_path):
 
 
 def test_masks_without_failures_speak_of_none(tmp_path):
-    section, _ = sections(RealMaskResult((_image("a", GOOD), _image("b", POOR))), tmp_path)
+    section, _ = sections(LabelledMaskResult((_image("a", GOOD), _image("b", POOR))), tmp_path)
     table, spread = section.blocks
     assert dict(table.rows)["scenefw"][0] == pytest.approx(67.5)
     assert table.note.startswith("Percent, means over 2 images; count error")
@@ -70,7 +75,7 @@ def test_masks_at_other_heights_of_the_floor(tmp_path):
         0.008: {"scores": Scored(POOR, Seams(1, 1, 1, 1)), "reference": Scored(GOOD, Seams())},
     }
     images = [replace(_image(name, GOOD), margins=margins) for name in "ab"]
-    section, _ = sections(RealMaskResult(tuple(images)), tmp_path)
+    section, _ = sections(LabelledMaskResult(tuple(images)), tmp_path)
     table = section.blocks[1]
     headings = [column.name for column in table.columns]
     assert headings[:3] == ["overlap F", "reference overlap F", "boundary F"]

@@ -15,7 +15,7 @@ from scenefw.core.geometry import look_at, transform_points
 from scenefw.core.types import Camera, Frame, GridSpec, SceneEstimate
 from scenefw.data.outlines import Outlines
 from scenefw.data.stored_labels import StoredLabels
-from scenefw.evaluation.stacks.real_masks import RealMasks
+from scenefw.evaluation.stacks.labelled_masks import LabelledMasks
 from scenefw.metrics.masks import mask_scores
 from scenefw.perception.colour_edges import ColourEdges
 from scenefw.perception.points import world_points
@@ -106,7 +106,7 @@ def test_run_gives_means_of_method_and_reference(tmp_path):
     frame = _frame()
     _save(tmp_path / "a.npz", frame, instances=frame.labels)
     _save(tmp_path / "c.npz", frame)
-    result = RealMasks(tmp_path, _Method(), SeenParts(smallest=50), StoredLabels()).run()
+    result = LabelledMasks(tmp_path, _Method(), SeenParts(smallest=50), StoredLabels()).run()
     figures = result.figures
     assert (figures["images"], figures["failures"]) == (1, 0)
     assert figures["overlap_f"] == result.images[0].scores.overlap_f > 0.95
@@ -136,8 +136,8 @@ def test_outlines_score_as_labels_of_pixels_do(tmp_path):
     _save(tmp_path / "b.npz", frame)
     _outline(tmp_path / "a.rgb.json")
     plain = SeenParts(smallest=50)
-    drawn = RealMasks(tmp_path, _Method(), plain, Outlines()).run()
-    stored = RealMasks(tmp_path, _Method(), plain, StoredLabels()).run()
+    drawn = LabelledMasks(tmp_path, _Method(), plain, Outlines()).run()
+    stored = LabelledMasks(tmp_path, _Method(), plain, StoredLabels()).run()
     assert [image.name for image in drawn.images] == ["a"]
     for name in ("overlap_f", "boundary_f"):
         assert drawn.figures[name] == pytest.approx(stored.figures[name], abs=0.02)
@@ -149,7 +149,7 @@ def test_pixels_without_depth_count_for_nothing(tmp_path):
     depth = frame.depth.copy()
     depth[frame.labels == 1] = 0
     _save(tmp_path / "a.npz", replace(frame, depth=depth), instances=frame.labels)
-    (image,) = RealMasks(tmp_path, _Method(), SeenParts(), StoredLabels()).run().images
+    (image,) = LabelledMasks(tmp_path, _Method(), SeenParts(), StoredLabels()).run().images
     assert (image.labels["true"][frame.labels == 1] == -1).all()
     assert image.scores.true == 1
 
@@ -160,14 +160,16 @@ def test_outlines_of_another_size_are_one_line(tmp_path):
     _save(tmp_path / "b.npz", _frame())
     _outline(tmp_path / "b.rgb.json")  # a good one doesn't hide it
     with pytest.raises(LabelsError, match="320 x 240 pixels, its depth of 160 x 120"):
-        RealMasks(tmp_path, _Method(), SeenParts(), Outlines()).run()
+        LabelledMasks(tmp_path, _Method(), SeenParts(), Outlines()).run()
 
 
 def test_published_figures_are_of_published_images_alone(tmp_path):
     _save(tmp_path / "a.npz", _frame(), instances=_frame().labels)
 
     def measures(**about):
-        return RealMasks(tmp_path, _Method(), SeenParts(), StoredLabels(), **about).run().measures
+        return (
+            LabelledMasks(tmp_path, _Method(), SeenParts(), StoredLabels(), **about).run().measures
+        )
 
     assert measures()["overlap_f"].published is None
     assert measures(published=True)["overlap_f"].published == pytest.approx(0.833)
@@ -184,10 +186,10 @@ class _Blind:
 def test_methods_beside_have_rows_of_their_own(tmp_path):
     _save(tmp_path / "a.npz", _frame(), instances=_frame().labels)
     beside = {"blind": _Blind(), "left_out": None}
-    result = RealMasks(
+    result = LabelledMasks(
         tmp_path, _Method(), SeenParts(smallest=50), StoredLabels(), beside=beside
     ).run()
-    alone = RealMasks(tmp_path, _Blind(), SeenParts(smallest=50), StoredLabels()).run().figures
+    alone = LabelledMasks(tmp_path, _Blind(), SeenParts(smallest=50), StoredLabels()).run().figures
     assert result.beside == ("blind",)
     for name in ("overlap_f", "boundary_f", "seam_f", "count_error"):
         assert result.figures[f"blind/{name}"] == alone[name]
@@ -206,7 +208,7 @@ def test_masks_count_as_they_are_and_margins_take_from_both(tmp_path):
             return replace(_estimate(replace(frame, camera=CAMERA), 32), masks=wide)
 
     plain = SeenParts(0.005, smallest=50)
-    result = RealMasks(tmp_path, Wide(), plain, StoredLabels(), margins=[0.005, 0.03]).run()
+    result = LabelledMasks(tmp_path, Wide(), plain, StoredLabels(), margins=[0.005, 0.03]).run()
     figures, expected = result.figures, mask_scores(wide, frame.labels)
     assert figures["overlap_precision"] == expected.overlap_precision < 0.97
     heights = world_points(frame)[..., 2]
@@ -236,7 +238,7 @@ def test_ends_of_the_reference_move_to_colour(tmp_path):
             return replace(_estimate(placed, 32), masks=sharp.labels)
 
     def boundary(colour):
-        run = RealMasks(tmp_path, Placed(), SeenParts(), StoredLabels(), colour).run()
+        run = LabelledMasks(tmp_path, Placed(), SeenParts(), StoredLabels(), colour).run()
         assert run.figures["overlap_f"] == 1
         return run.figures["reference/boundary_f"]
 
@@ -245,7 +247,7 @@ def test_ends_of_the_reference_move_to_colour(tmp_path):
 
 def test_every_figure_at_a_margin_has_its_measure(tmp_path):
     _save(tmp_path / "a.npz", _frame(), instances=_frame().labels)
-    result = RealMasks(tmp_path, _Method(), SeenParts(), StoredLabels(), margins=[0.008]).run()
+    result = LabelledMasks(tmp_path, _Method(), SeenParts(), StoredLabels(), margins=[0.008]).run()
     assert result.figures.keys() <= result.measures.keys()
     measure = result.measures["8 mm/overlap_f"]
     assert measure.trivial == "reference/8 mm/overlap_f"
@@ -257,10 +259,10 @@ def test_seams_are_added_up_over_images_and_failures(tmp_path):
     hole = frame.depth.copy()
     hole[0, 0] = 0
     _save(tmp_path / "a.npz", frame, instances=frame.labels)
-    one = RealMasks(tmp_path, _Method(), SeenParts(smallest=50), StoredLabels()).run()
+    one = LabelledMasks(tmp_path, _Method(), SeenParts(smallest=50), StoredLabels()).run()
     assert one.figures["seam_f"] > 0.9
     _save(tmp_path / "b.npz", replace(frame, depth=hole), instances=frame.labels)
-    both = RealMasks(tmp_path, _Method(), SeenParts(smallest=50), StoredLabels()).run()
+    both = LabelledMasks(tmp_path, _Method(), SeenParts(smallest=50), StoredLabels()).run()
     assert both.figures["seam_recall"] == pytest.approx(one.figures["seam_recall"] / 2)
     assert both.figures["seam_precision"] == one.figures["seam_precision"]
 
@@ -282,7 +284,7 @@ def test_images_that_fail_count_as_nothing_found(tmp_path):
     _save(tmp_path / "d.npz", replace(frame, depth=empty), label=coded)
     _save(tmp_path / "e.npz", replace(frame, depth=empty))
     np.save(tmp_path / "f.npy", empty)
-    result = RealMasks(tmp_path, _Method(), SeenParts(smallest=50), StoredLabels()).run()
+    result = LabelledMasks(tmp_path, _Method(), SeenParts(smallest=50), StoredLabels()).run()
     assert [(f.name, f.objects) for f in result.failures] == [("b", 2), ("d", 2)]
     assert result.failures[0].reason == "no floor"
     assert "no measurement" in result.failures[1].reason
@@ -302,7 +304,7 @@ def test_a_damaged_image_counts_as_nothing_found_of_an_unknown_number(tmp_path):
     _save(tmp_path / "a.npz", frame, instances=frame.labels)
     whole = (tmp_path / "a.npz").read_bytes()
     (tmp_path / "b.npz").write_bytes(whole[: len(whole) // 2])
-    result = RealMasks(tmp_path, _Method(), SeenParts(smallest=50), StoredLabels()).run()
+    result = LabelledMasks(tmp_path, _Method(), SeenParts(smallest=50), StoredLabels()).run()
     figures = result.figures
     assert [(f.name, f.objects) for f in result.failures] == [("b", None)]
     assert figures["overlap_f"] == pytest.approx(result.images[0].scores.overlap_f / 2)
@@ -319,18 +321,18 @@ def test_the_whole_folder_is_followed_by_a_bar(tmp_path):
         seen.append((len(paths), what))
         return paths
 
-    RealMasks(tmp_path, _Method(), SeenParts(), StoredLabels()).run(track)
+    LabelledMasks(tmp_path, _Method(), SeenParts(), StoredLabels()).run(track)
     assert seen == [(2, "labelled images")]
 
 
 def test_unusable_input_is_one_line(tmp_path):
     frame = _frame()
     with pytest.raises(ConfigError, match="input=FOLDER"):
-        RealMasks(None, _Method(), SeenParts(), StoredLabels())
+        LabelledMasks(None, _Method(), SeenParts(), StoredLabels())
     _save(tmp_path / "a.npz", frame)
     with pytest.raises(InputError, match="none of the 1 images"):
-        RealMasks(tmp_path, _Method(), SeenParts(), StoredLabels()).run()
+        LabelledMasks(tmp_path, _Method(), SeenParts(), StoredLabels()).run()
     frame.depth[0, 0] = 0
     _save(tmp_path / "a.npz", frame, instances=frame.labels)
     with pytest.raises(InputError, match="no floor"):
-        RealMasks(tmp_path, _Method(), SeenParts(), StoredLabels()).run()
+        LabelledMasks(tmp_path, _Method(), SeenParts(), StoredLabels()).run()

@@ -1,4 +1,4 @@
-"""Predicted instances against hand-labelled real depth images (overlap, boundary, object count)."""
+"""Predicted instances against labelled depth images (overlap, boundary, object count)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
@@ -107,7 +107,7 @@ class Failure:
 
 
 @dataclass(frozen=True)
-class RealMaskResult:
+class LabelledMaskResult:
     """Results of all labelled images, and those that could not be reconstructed.
 
     The latter count as well, for both methods, as the reference stands on the same floor.
@@ -197,7 +197,7 @@ SCORES.append(COUNT_ERROR)
 SEAMS = ("seam_f", "seam_precision", "seam_recall")
 
 
-class RealMasks:
+class LabelledMasks:
     """Scores a method on labelled depth images, beside a segmentation without learning.
 
     A pixel shows what the estimate's masks say. An estimate without masks has the instances of its
@@ -237,7 +237,9 @@ class RealMasks:
         published: bool = False,
     ) -> None:
         if input is None:
-            raise ConfigError("scores on real images need input=FOLDER of labelled depth images")
+            raise ConfigError(
+                "scores on labelled images need input=FOLDER of labelled depth images"
+            )
         self.input = Path(input)
         self.method = method
         self.reference, self.labels, self.colour = reference, labels, colour
@@ -246,7 +248,7 @@ class RealMasks:
         self.margins = tuple(margins)
         self.beside = {name: one for name, one in (beside or {}).items() if one is not None}
 
-    def run(self, track: Track = lambda paths, _: paths) -> RealMaskResult:
+    def run(self, track: Track = lambda paths, _: paths) -> LabelledMaskResult:
         """Scores every labelled image; `track` wraps the loop in a progress bar.
 
         Raises:
@@ -271,7 +273,7 @@ class RealMasks:
             raise InputError(
                 f"none of the {len(paths)} images in {self.input} has labels; {self.labels.wanted}"
             )
-        return RealMaskResult(tuple(images), tuple(failures), self.about, self.published)
+        return LabelledMaskResult(tuple(images), tuple(failures), self.about, self.published)
 
     def _score(self, frame: Frame, true: Int32) -> ImageResult:
         if true.shape != frame.depth.shape:

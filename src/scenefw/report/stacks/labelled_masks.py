@@ -1,4 +1,4 @@
-"""Results on labelled real images: measures beside a reference and the published ones, pictures."""
+"""Results on labelled images: measures beside a reference and the published ones, pictures."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenefw.evaluation.stacks import published_masks
+from scenefw.evaluation.stacks.labelled_masks import ImageResult, LabelledMaskResult
 from scenefw.evaluation.stacks.measures import OF_MARGINS, REAL_IMAGES, REFERENCE, at_margin
-from scenefw.evaluation.stacks.real_masks import ImageResult, RealMaskResult
 from scenefw.metrics.masks import borders
 from scenefw.report.blocks import Picture, Section, Text
 from scenefw.report.measured import column
@@ -32,20 +32,20 @@ _SHOWN = (
 _OURS, _REFERENCE = "scenefw", "floor removed, cut at jumps and creases of depth"
 
 
-def real_mask_sections(result: RealMaskResult, folder: Path) -> tuple[Section, ...]:
+def labelled_mask_sections(result: LabelledMaskResult, folder: Path) -> tuple[Section, ...]:
     """Tables, and pictures of the best, the median and the worst image, written into the folder."""
     failures = tuple(Text(f"{failed.name}: {failed.reason}") for failed in result.failures)
     pictures = _pictures(result, folder)
     return (
         Section(
-            "Labelled real images",
+            "Labelled images",
             (_measures(result), *_margins(result), _spread(result), *failures),
         ),
         Section("Best, median and worst image", pictures),
     )
 
 
-def _measures(result: RealMaskResult) -> Table:
+def _measures(result: LabelledMaskResult) -> Table:
     figures = result.figures
     rows = [(_OURS, _cells(figures))]
     rows += [(name.replace("_", " "), _cells(figures, f"{name}/")) for name in result.beside]
@@ -66,10 +66,10 @@ def _measures(result: RealMaskResult) -> Table:
             "included."
         )
     columns = tuple(column(REAL_IMAGES[name], unit=False) for name in _SHOWN)
-    return Table("Instances on real images", columns, tuple(rows), frozenset(published), note)
+    return Table("Instances on labelled images", columns, tuple(rows), frozenset(published), note)
 
 
-def _margins(result: RealMaskResult) -> tuple[Table, ...]:
+def _margins(result: LabelledMaskResult) -> tuple[Table, ...]:
     """Both methods by height that counts as floor."""
     if not result.margins:
         return ()
@@ -100,7 +100,7 @@ def _margins(result: RealMaskResult) -> tuple[Table, ...]:
     return (Table("Heights that count as floor", columns, rows, note=note),)
 
 
-def _failed(result: RealMaskResult) -> str:
+def _failed(result: LabelledMaskResult) -> str:
     """How many images failed, and how they count."""
     if not result.failures:
         return ""
@@ -117,7 +117,7 @@ def _cells(figures: Mapping[str, float], prefix: str = "") -> tuple[float | None
     return tuple(None if v is None else REAL_IMAGES[name].shown(v) for name, v in found.items())
 
 
-def _spread(result: RealMaskResult) -> Table:
+def _spread(result: LabelledMaskResult) -> Table:
     """Best, quartiles and worst of both methods."""
     columns = tuple(
         Column(f"{name} {what}", 1)
@@ -133,7 +133,7 @@ def _spread(result: RealMaskResult) -> Table:
     return Table("Spread over images", columns, rows, note="Percent; columns sorted one by one.")
 
 
-def _pictures(result: RealMaskResult, folder: Path) -> tuple[Picture, ...]:
+def _pictures(result: LabelledMaskResult, folder: Path) -> tuple[Picture, ...]:
     ranked = sorted(result.images, key=lambda image: -image.scores.overlap_f)
     chosen = {"best": 0, "median": len(ranked) // 2, "worst": len(ranked) - 1}
     pictures = []
@@ -152,7 +152,7 @@ def _pictures(result: RealMaskResult, folder: Path) -> tuple[Picture, ...]:
 
 def draw_masks(image: ImageResult) -> NDArray[np.float32]:
     """RGB in [0, 1]: the labels of person, method and reference over the colour image."""
-    titles = {"true": "labelled by hand", "method": "scenefw", "reference": "no learning"}
+    titles = {"true": "labels", "method": "scenefw", "reference": "no learning"}
     tiles = [_overlaid(image, image.labels[key])[::2, ::2] for key in titles]
     return beside(tiles, list(titles.values()))
 
