@@ -9,7 +9,14 @@ import torch
 
 from scenefw.core.batches import CameraBatch
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, PROBABILITY, below
-from scenefw.perception.depth_parts import EDGE, grown, large_parts, linked_parts, merged
+from scenefw.perception.depth_parts import (
+    EDGE,
+    grown,
+    joined_within,
+    large_parts,
+    linked_parts,
+    merged,
+)
 from scenefw.perception.pixels import WIDTH
 from scenefw.perception.points import world_points
 from scenefw.perception.seen_parts import floor_is_smooth, floor_noise, high_parts
@@ -18,6 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from scenefw.core.part_protocols import PartAffinityModel, TrainedPartAffinity
+    from scenefw.core.protocols import PartFinder
     from scenefw.core.types import Camera, Float32, Float64, Frame, Int32
     from scenefw.perception.border_colours import BorderColours
 
@@ -34,6 +42,8 @@ class AffinityParts:
     joined if the mean is high enough, the surest first. So a few likely pixels join no objects.
     Where the image has colour, strong edges of colour along a border lower its mean, and weak ones
     raise it.
+    What neither jumps of depth nor creases cut is joined from a lower mean on: on things unlike
+    those it learnt from, the network cuts too often. Where a camera blurs edges, jumps say nothing.
     Images are thinned to about the focal length that the network learnt from. Parts that it takes
     for waves of the floor, or for what lies beyond a table's edge, are dropped, if it says which
     pixels show objects; so are single pixels, as of ramps of depth beside objects.
@@ -53,6 +63,8 @@ class AffinityParts:
         lowest: parts that rise no higher above the floor (m) are noise of it.
         noisy: so are parts that rise no higher than so many standard deviations of its heights at
             the same depth.
+        plain: cuts the image without learning; None: nothing is joined for lying in its parts.
+        agreed: mean along a border above which regions are joined that lie in one of its parts.
         colours: what the colours along a border add to its mean, if the image has some; None: they
             say nothing.
 
@@ -73,9 +85,11 @@ class AffinityParts:
         smallest: float = 60.0,
         lowest: float = 0.012,
         noisy: float = 7.0,
+        plain: PartFinder | None = None,
+        agreed: float = 0.35,
         colours: BorderColours | None = None,
     ) -> None:
-        PROBABILITY.require(sure=sure, same=same)
+        PROBABILITY.require(sure=sure, same=same, agreed=agreed)
         below(1).require(shown=shown, pixel=pixel)
         NOT_NEGATIVE.require(margin=margin, waves=waves, lowest=lowest, noisy=noisy)
         COUNT.require(seed=seed, smallest=smallest)
@@ -85,6 +99,7 @@ class AffinityParts:
         self.shown, self.pixel = shown, pixel
         self.margin, self.waves, self.smallest = margin, waves, smallest
         self.lowest, self.noisy, self.colours = lowest, noisy, colours
+        self.plain, self.agreed = plain, agreed
 
     def segment(self, frame: Frame) -> Int32:
         """Parts (H, W), 0 = none, of a frame whose camera has its pose (floor z = 0)."""
@@ -95,7 +110,8 @@ class AffinityParts:
         rows, columns = (np.arange(size) // step for size in frame.depth.shape)
         depth = np.ascontiguousarray(np.nan_to_num(frame.depth[::step, ::step]), np.float32)
         across, down, shown = self._said(depth, frame.camera, step)
-        waves = self.waves * noise if floor_is_smooth(heights) else 0.0
+        smooth = floor_is_smooth(heights)
+        waves = self.waves * noise if smooth else 0.0
         margin = np.clip(waves, self.margin, max(self.margin, self.lowest))
         above = heights > margin  # NaN where no depth: not above
         every = np.ix_(rows, columns)
@@ -106,6 +122,9 @@ class AffinityParts:
             further = self.colours.added(regions, frame.colour, step)
             across, down = (p + more for p, more in zip((across, down), further, strict=True))
         joined = merged(regions, across, down, self.same)
+        if self.plain is not None and not smooth:
+            others = self.plain.segment(frame)[::step, ::step]
+            joined = joined_within(joined, others, across, down, self.agreed)
         fewest = self.smallest * (frame.depth.shape[1] / WIDTH) ** 2
         parts = large_parts(joined, max(1, round(fewest / step**2)))
         unlikely = (parts > 0) & (_means(shown, parts) < self.shown)

@@ -15,6 +15,8 @@ _NOISE = 0.002  # m between neighbouring pixels of one surface
 EDGE = 0.03
 """m: where depth jumps as far from one pixel to the next, another object begins."""
 
+_SHORTEST = 3  # pixels of a border that say something
+
 _NEIGHBOURS = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]))
 
 
@@ -77,6 +79,36 @@ def merged(regions: Int32, across: Float32, down: Float32, least: float) -> NDAr
             table[gone] = table[:, gone] = table[kept, kept] = 0
 
 
+def joined_within(
+    regions: NDArray[np.int64],
+    parts: Int32,
+    across: Float32,
+    down: Float32,
+    least: float,
+    share: float = 0.8,
+) -> NDArray[np.int64]:
+    """Regions (H, W) of which neighbours are joined that lie in one part of another segmentation.
+
+    Args:
+        regions: (H, W), 0 = none.
+        parts: (H, W) of the other segmentation, 0 = none.
+        across: (H, W - 1) how surely a pixel and its right neighbour belong together.
+        down: (H - 1, W) the same for the one below.
+        least: mean along the border of two regions above which they are joined.
+        share: of a region's pixels that a part must have for the region to lie in it.
+    """
+    sums, borders = along_borders(regions, across, down)
+    shared = np.zeros((len(sums), int(parts.max(initial=0)) + 1))
+    np.add.at(shared, (regions, parts), 1)
+    part = shared.argmax(axis=1)
+    within = (part > 0) & (shared.max(axis=1) >= share * shared.sum(axis=1))
+    both = within[:, None] & within & (part[:, None] == part)
+    both &= (borders >= _SHORTEST) & (sums > least * borders)
+    groups = connected_components(csr_matrix(both), directed=False)[1]
+    _, first = np.unique(groups, return_index=True)
+    return np.asarray(first[groups][regions], dtype=np.int64)
+
+
 def hiding(parts: Int32, depth: Float32, share: float = 0.9) -> NDArray[np.bool_]:
     """Which parts (P + 1, P + 1) border on each other where one hides the other.
 
@@ -94,7 +126,7 @@ def hiding(parts: Int32, depth: Float32, share: float = 0.9) -> NDArray[np.bool_
 
 
 def along_borders(
-    parts: Int32, across: NDArray[Any], down: NDArray[Any]
+    parts: NDArray[np.integer[Any]], across: NDArray[Any], down: NDArray[Any]
 ) -> tuple[Float64, Float64]:
     """Sums of values along the borders between parts, and the lengths of these borders (pixels).
 

@@ -19,7 +19,7 @@ from scenefw.perception import affinity_parts
 from scenefw.perception.affinity_parts import AffinityParts
 from scenefw.perception.border_colours import BorderColours
 from scenefw.perception.floor import FloorFinder
-from scenefw.perception.seen_parts import floor_noise
+from scenefw.perception.seen_parts import SeenParts, floor_noise
 
 
 class Knowing(torch.nn.Module):
@@ -140,6 +140,7 @@ def test_a_few_likely_pixels_do_not_join_two_objects(seen):
         {"sure": 1.0},
         {"same": 0.0},
         {"seed": 0},
+        {"agreed": 1.0},
         {"shown": 1.0},
         {"pixel": 1.0},
         {"margin": -0.1},
@@ -241,9 +242,8 @@ def test_what_was_moved_onto_the_floor_says_nothing_about_its_noise():
     assert floor_noise(heights, depth) == pytest.approx(0.002, rel=0.1)
 
 
-@pytest.mark.parametrize("thinned", [1, 2])
-def test_colour_decides_where_the_network_is_unsure(seen, thinned):
-    """A box that the network cuts in two, half sure that both are one."""
+def half_sure(thinned):
+    """A box that a network cuts in two, half sure that both are one: image, halves, network."""
     camera = camera_at(eye=(0.0, -0.85, 0.6))
     frame = replace(frame_of(camera, (Box((-0.15, -0.1, 0.0), (0.15, 0.1, 0.1)),)), camera=camera)
     middle = frame.labels.shape[1] // 2
@@ -258,6 +258,30 @@ def test_colour_decides_where_the_network_is_unsure(seen, thinned):
         return logits
 
     network.forward = forward
+    return frame, halves, network
+
+
+@pytest.mark.parametrize("thinned", [1, 2])
+def test_what_no_jump_and_no_crease_cuts_is_joined_from_a_lower_mean_on(thinned):
+    frame, _, network = half_sure(thinned)
+
+    def number(image=frame, **settings):
+        finder = AffinityParts(Loaded(network), same=0.6, smallest=20, **settings)
+        return finder.segment(image).max()
+
+    plain = SeenParts(smallest=20)
+    assert number() == 2
+    assert number(plain=plain) == 1
+    assert number(plain=plain, agreed=0.55) == 2
+    field = gaussian_filter(np.random.default_rng(0).normal(size=frame.depth.shape), 4)
+    noise = 0.002 * field / field.std()
+    waving = replace(frame, depth=(frame.depth + noise).astype(np.float32))  # of a stereo camera
+    assert number(waving, plain=plain) == number(waving)
+
+
+@pytest.mark.parametrize("thinned", [1, 2])
+def test_colour_decides_where_the_network_is_unsure(thinned):
+    frame, halves, network = half_sure(thinned)
 
     def number(colours, *paints):
         image = np.array(paints, np.uint8)[halves]

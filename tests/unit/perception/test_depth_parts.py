@@ -13,6 +13,7 @@ from scenefw.perception.depth_parts import (
     depth_parts,
     grown,
     hiding,
+    joined_within,
     large_parts,
     merged,
 )
@@ -183,3 +184,29 @@ def test_regions_are_joined_in_the_order_of_their_borders(shape):
     assert pairs.shape[1] == len(np.unique(wanted)) == len(np.unique(found))
     assert len(np.unique(wanted)) < len(np.unique(regions))
     np.testing.assert_array_equal(merged(regions, across, down, 1.1), regions)
+
+
+def test_regions_within_one_part_are_joined_from_a_lower_mean_on():
+    """Three strips, of which two lie in one part; borders with means of 0.5 and 0.4."""
+    regions = np.repeat([[1, 1, 2, 2, 4, 4, 0]], 5, axis=0)
+    parts = np.repeat([[1, 1, 1, 1, 2, 2, 2]], 5, axis=0).astype(np.int32)
+    across = np.repeat([[1.0, 0.5, 1.0, 0.4, 1.0, 0.9]], 5, axis=0).astype(np.float32)
+    down = np.ones((4, 7), np.float32)
+    found = joined_within(regions, parts, across, down, 0.45)
+    np.testing.assert_array_equal(found[0], [1, 1, 1, 1, 4, 4, 0])
+    np.testing.assert_array_equal(joined_within(regions, parts, across, down, 0.5), regions)
+    everything = np.ones_like(parts)
+    found = joined_within(regions, everything, across, down, 0.3)
+    np.testing.assert_array_equal(found[0], [1, 1, 1, 1, 1, 1, 0])
+    np.testing.assert_array_equal(joined_within(regions, 0 * parts, across, down, 0.3), regions)
+
+
+def test_regions_that_only_reach_into_a_part_are_not_joined():
+    regions = np.repeat([[1, 1, 2, 2]], 5, axis=0)
+    parts = np.repeat([[1, 1, 1, 3]], 5, axis=0).astype(np.int32)
+    across, down = np.full((5, 3), 0.5, np.float32), np.ones((4, 4), np.float32)
+    np.testing.assert_array_equal(joined_within(regions, parts, across, down, 0.1), regions)
+    assert (joined_within(regions, parts, across, down, 0.1, share=0.5) == 1).all()
+    short = slice(0, 2)  # two pixels of a border say nothing
+    found = joined_within(regions[short], 0 * parts[short] + 1, across[short], down[:1], 0.1)
+    np.testing.assert_array_equal(found, regions[short])
