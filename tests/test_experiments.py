@@ -11,8 +11,8 @@ from scenefw import registry
 
 # Images of the user, runs of a sweep, weights that don't ship
 NEEDS_INPUT = {
-    "osd", "realsense_table", "label_halves", "noise_gathered", "label_noise_gathered",
-    "table_5_1_baselines",
+    "osd", "realsense_table", "visible_masks", "label_halves", "noise_gathered",
+    "label_noise_gathered", "table_5_1_baselines",
 }  # fmt: skip
 BASELINES = ("fully_convolutional", "sscnet", "unconditional")
 # Settings of two runs, for experiments whose sweeps are gathered below
@@ -162,8 +162,8 @@ def test_baselines_without_weights_say_what_they_need(scenefw):
     assert "checkpoints.fully_convolutional = null: expected a file" in done.stderr
 
 
-@pytest.mark.parametrize("name", ["osd", "realsense_table"])
-def test_real_images_without_a_folder_say_what_they_need(scenefw, name):
+@pytest.mark.parametrize("name", ["osd", "realsense_table", "visible_masks"])
+def test_labelled_images_without_a_folder_say_what_they_need(scenefw, name):
     done = scenefw(f"experiment={name}", "debug=smoke")
     assert done.returncode == 2, done.stderr[-3000:]
     assert "input=FOLDER" in done.stderr
