@@ -167,3 +167,15 @@ def test_labelled_images_without_a_folder_say_what_they_need(scenefw, name):
     done = scenefw(f"experiment={name}", "debug=smoke")
     assert done.returncode == 2, done.stderr[-3000:]
     assert "input=FOLDER" in done.stderr
+
+
+@pytest.mark.exhaustive
+def test_an_exported_data_set_is_scored(scenefw, tmp_path):
+    words = ("debug=smoke", "views=stacks", "format=bop", "split=test", "paths.output=stacks")
+    done = scenefw("run=export_dataset", *words)
+    assert done.returncode == 0, done.stderr[-3000:]
+    words = ("debug=smoke", f"input={tmp_path / 'stacks'}", "paths.output=out")
+    done = scenefw("experiment=visible_masks", *words)
+    assert done.returncode == 0, done.stderr[-3000:]
+    figures = json.loads((tmp_path / "out" / "metrics.json").read_text())
+    assert figures["overlap_f"] > 0.8  # images without noise
