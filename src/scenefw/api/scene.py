@@ -238,9 +238,9 @@ class Scene:
         Raises:
             InputError: what was given is no camera.
         """
-        from scenefw.report.overview import by_label, vertices
         from scenefw.report.shading import draw, turned
         from scenefw.report.solids import solid_of
+        from scenefw.report.window import by_label, vertices
 
         estimate = self.estimate
         camera = camera or estimate.frame.camera

@@ -5,6 +5,7 @@ import platform
 import subprocess
 import tomllib
 from collections.abc import Iterable
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 
@@ -30,6 +31,12 @@ def installed(names: Iterable[str]) -> dict[str, str]:
 
 def versions() -> dict[str, str]:
     """Versions of what computes, and the git commit if the project is a checkout."""
+    return dict(_versions())
+
+
+@cache
+def _versions() -> dict[str, str]:
+    """Of this process: a folder of images asks for every scene."""
     found = {"python": platform.python_version()} | installed(_RECORDED)
     commit = _commit(_PROJECT.parent)
     return found | ({"commit": commit} if commit else {})

@@ -155,7 +155,9 @@ cast = Kernel(_cast, _cast_all)
 def build_tree(corners: NDArray[np.float32]) -> tuple[NDArray, NDArray, NDArray, NDArray]:
     """Bounds, links, triangles, and their order (F,) int64 among the corners (F, 3, 3), metres."""
     corners = np.ascontiguousarray(corners, dtype=np.float32)
-    low, high = corners.min(axis=1), corners.max(axis=1)
+    first, second, third = corners[:, 0], corners[:, 1], corners[:, 2]
+    low = np.minimum(np.minimum(first, second), third)
+    high = np.maximum(np.maximum(first, second), third)
     bounds, links, order = _build(low, high) if len(corners) else _empty()
     picked = corners[order]
     sides = picked[:, 1:] - picked[:, :1]

@@ -4,7 +4,7 @@
 """
 
 # Types are inferred at compilation, and numba ignores annotations.
-# ruff: noqa: ANN001, ANN202
+# ruff: noqa: ANN001, ANN201, ANN202
 
 import numpy as np
 import torch
@@ -33,9 +33,8 @@ def _distance(field, n, box, x, y, z):
 
 
 @element
-def _light(i, field, n, box, points, normals, key, found):
-    x, y, z = points[i, 0], points[i, 1], points[i, 2]
-    nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
+def brightness(field, n, box, x, y, z, nx, ny, nz, key):
+    """Of a point with its normal, see `brightness_of`."""
     blocked, share = ZERO, ONE
     for step in _OCCLUSION_STEPS:
         ahead = z + step * nz
@@ -52,7 +51,15 @@ def _light(i, field, n, box, points, normals, key, found):
             free = _distance(field, n, box, x + step * key[0], y + step * key[1], z + step * key[2])
             lit = min(lit, max(_SHADOW_SOFTNESS * free / step, ZERO))
     sky = HALF + HALF * nz
-    found[i] = (_AMBIENT + _SKY * sky) * is_open + _KEY * lambert * lit
+    return (_AMBIENT + _SKY * sky) * is_open + _KEY * lambert * lit
+
+
+@element
+def _light(i, field, n, box, points, normals, key, found):
+    found[i] = brightness(
+        field, n, box, points[i, 0], points[i, 1], points[i, 2],
+        normals[i, 0], normals[i, 1], normals[i, 2], key,
+    )  # fmt: skip
 
 
 @loop

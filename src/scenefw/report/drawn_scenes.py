@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 
 from scenefw.core.types import SceneEstimate
-from scenefw.report.overview import cropped, vertices, window
 from scenefw.report.palette import instance_colours
 from scenefw.report.pictures import beside
 from scenefw.report.shading import Picture, draw, turned
 from scenefw.report.solids import solid_of
+from scenefw.report.window import cropped, vertices, window
 
 _SIZE = (320, 240)  # of a tile: width, height (pixels)
 _TURN = 150.0  # degrees

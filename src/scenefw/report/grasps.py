@@ -9,13 +9,13 @@ from PIL import Image, ImageDraw, ImageFont
 from scenefw.core.geometry import inverse, transform_points
 from scenefw.core.grasps import RankedGrasp, Ranking
 from scenefw.core.types import Camera, Float32, Float64, SceneEstimate
-from scenefw.report.overview import by_label, cropped, vertices, window
 from scenefw.report.palette import instance_colours
 from scenefw.report.pictures import Picture, beside, legend, stacked
 from scenefw.report.shading import draw, turned
 from scenefw.report.solids import solid_of
 from scenefw.report.surfaces import Surfaces
 from scenefw.report.tables import Column, Table
+from scenefw.report.window import by_label, cropped, vertices, window
 
 _SIZE = (520, 390)  # of a side: width, height (pixels)
 _TURN = 150.0  # degrees

@@ -5,29 +5,29 @@ from collections.abc import Sequence
 import numpy as np
 
 from scenefw.core.types import SceneEstimate
-from scenefw.report.overview import cropped, vertices, window
-from scenefw.report.palette import instance_colours
-from scenefw.report.pictures import beside
-from scenefw.report.shading import Picture, draw, turned
-from scenefw.report.solids import solid_of
+from scenefw.report.pictures import beside, smaller
+from scenefw.report.shading import Picture, Solid, draw, turned
+from scenefw.report.window import BEHIND, cropped, vertices, window
 
 _SIZE = (400, 300)  # of a tile: width, height (pixels)
-_TURN = 150.0  # degrees
 
 
-def draw_hypotheses(estimates: Sequence[SceneEstimate]) -> Picture:
+def draw_hypotheses(
+    estimates: Sequence[SceneEstimate], solids: Sequence[Solid], views: tuple[Picture, Picture]
+) -> Picture:
     """RGB (H, W, 3) in [0, 1]: a column for each scene, from the camera and from behind.
 
     Args:
-        estimates: of one image; the first one decides what is shown. Objects of the same id have
-            the same colour.
+        estimates: of one image; the first one decides what is shown.
+        solids: of them, see `solids.solids_of`.
+        views: of the first one, see `window.two_views`.
     """
     first = estimates[0]
     camera = cropped(first.frame.camera, *window(first)).resized(*_SIZE)
-    behind = turned(camera, vertices(first), _TURN)
-    colours = instance_colours(max(max(int(e.instances.max()) for e in estimates), 1))
-    solids = [solid_of(e, colours) for e in estimates]
-    tiles = [draw(solid, side) for side in (camera, behind) for solid in solids]
+    behind = turned(camera, vertices(first), BEHIND)
+    tiles = []
+    for drawn, side in zip(views, (camera, behind), strict=True):
+        tiles += [smaller(drawn, _SIZE), *[draw(solid, side) for solid in solids[1:]]]
     names = [_name(i, e) for i, e in enumerate(estimates, start=1)]
     return beside(tiles, [*names, *["from behind"] * len(names)], columns=len(estimates))
 

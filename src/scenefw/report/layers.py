@@ -9,8 +9,8 @@ import numpy as np
 
 from scenefw.core.geometry import quaternion_from_rotation
 from scenefw.perception.points import world_points
-from scenefw.report.overview import vertices
 from scenefw.report.palette import instance_colours
+from scenefw.report.window import vertices
 from scenefw.shapes.moments import moments
 
 if TYPE_CHECKING:

@@ -24,9 +24,25 @@ def depth_picture(depth: Float32) -> Picture:
     if not seen.any():
         return np.ones((*depth.shape, 3), np.float32)
     low, high = np.percentile(depth[seen], [1, 90])  # the far floor would use up most colours
-    near = 1 - np.clip((depth - low) / max(float(high - low), 1e-6), 0, 1)
+    return coloured(depth, float(low), float(high))
+
+
+def coloured(depth: Float32, low: float, high: float) -> Picture:
+    """RGB (H, W, 3) of depths between two limits (m), light at the lower one, white where 0."""
+    near = 1 - np.clip((depth - low) / max(high - low, 1e-6), 0, 1)
     colours = colormaps["viridis"](near)[..., :3]
-    return np.where(seen[..., None], colours, 1.0).astype(np.float32)
+    return np.where(depth[..., None] > 0, colours, 1.0).astype(np.float32)
+
+
+def as_image(picture: Picture) -> Image.Image:
+    """RGB (H, W, 3) in [0, 1] as an image of bytes."""
+    return Image.fromarray(np.rint(np.clip(picture, 0, 1) * 255).astype(np.uint8))
+
+
+def smaller(picture: Picture, size: tuple[int, int]) -> Picture:
+    """RGB (H, W, 3) in [0, 1] resampled to a width and a height (pixels)."""
+    resized = as_image(picture).resize(size, Image.Resampling.LANCZOS)
+    return np.asarray(resized, dtype=np.float32) / np.float32(255)
 
 
 def beside(tiles: Sequence[Picture], titles: Sequence[str], columns: int = 3) -> Picture:
@@ -39,8 +55,7 @@ def beside(tiles: Sequence[Picture], titles: Sequence[str], columns: int = 3) ->
     for i, (tile, title) in enumerate(zip(tiles, titles, strict=True)):
         x, y = (i % columns) * step_x, (i // columns) * step_y
         pen.text((x + 2, y + 2), title, fill="#444444", font=font)
-        pixels = np.rint(np.clip(tile, 0, 1) * 255).astype(np.uint8)
-        sheet.paste(Image.fromarray(pixels), (x, y + _TITLE))
+        sheet.paste(as_image(tile), (x, y + _TITLE))
     return np.asarray(sheet, dtype=np.float32) / np.float32(255)
 
 
@@ -76,6 +91,6 @@ def legend(colours: Mapping[str, Sequence[float]], width: int) -> Picture:
 
 def save_picture(picture: Picture, path: Path) -> None:
     """Writes RGB (H, W, 3) in [0, 1]; the suffix chooses the format (.jpg, .png)."""
-    image = Image.fromarray(np.rint(np.clip(picture, 0, 1) * 255).astype(np.uint8))
+    image = as_image(picture)
     with replacing(path) as temporary:
         image.save(temporary, quality=88, optimize=path.suffix != ".png")  # 5 % of its size, slowly

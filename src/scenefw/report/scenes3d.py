@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 _UNIT = 1e-4  # m: positions are whole numbers of it
 _FARTHEST = 32767 * _UNIT
 _GREY = (110, 120, 130)
+_LEVEL = 6  # of compression; 9 takes three times as long for 1 % less
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,7 @@ def packed(scenes: Sequence[Scene3D], caption: str = "", most_points: int = 2000
             for scene in scenes
         ],
     }
-    data = base64.b64encode(gzip.compress(buffer.content(), 9, mtime=0)).decode("ascii")
+    data = base64.b64encode(gzip.compress(buffer.content(), _LEVEL, mtime=0)).decode("ascii")
     return Scenes(header, data, caption)
 
 

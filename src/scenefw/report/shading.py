@@ -7,28 +7,26 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from scipy import ndimage
+from torch import Tensor
 
 from scenefw.core.geometry import look_at
 from scenefw.core.types import Camera, Float32, GridSpec, Int32
+from scenefw.kernels import drawn_surfaces
 from scenefw.kernels.cameras import stack_cameras
+from scenefw.kernels.compile import float32
+from scenefw.kernels.drawn_surfaces import SIDE
+from scenefw.kernels.soft_light import floor_map
 from scenefw.renderers.sphere_tracer import SphereTracer
-from scenefw.report.light import brightness_of, far_distance, floor_brightness, sample
 from scenefw.report.palette import Colour
-from scenefw.report.surfaces import Surfaces, directions
+from scenefw.report.surfaces import Met, Surfaces, pixel_places, view_of
 
 Picture = NDArray[np.float32]
 
-_SUPERSAMPLING = 2
-_ALIKE_DEPTH, _ALIKE_NORMAL = 0.01, 0.95  # m and cosine: of rays that share their light
-_SKY = -9
 _FILLED = 0.8  # of the picture
 _BLURRED = 4  # voxels beyond which a blurred instance is 0
 _GREY = (0.62, 0.62, 0.62)
-_PALE = np.array([0.93, 0.93, 0.94], dtype=np.float32)
-_HIDDEN = 0.4  # share of its colour that an unseen surface keeps
-_FLOOR = (0.90, 0.90, 0.91)
-_GRID_LINES, _LINE = 0.05, 0.0011  # m: half their distance, and half their width
-_JUMP, _OUTLINE = 0.03, 0.45  # m within an object that have an outline; how bright that is
+_FLOOR_REACH = 0.8  # m
+_FLOOR_SAMPLES = 160  # of 1 cm, a voxel of the finest usual grid
 
 
 @dataclass(frozen=True)
@@ -46,6 +44,7 @@ class Solid:
         hollow: (X, Y, Z) distances in which hollow objects are so (m), by which objects are lit:
             light falls into them, but thin walls cast no shadow. The floor is lit by `tsdf`, in
             which they have a lid on. None: nothing is hollow.
+        truncated: distances end at the truncation, as those of volumes do.
     """
 
     tsdf: Float32
@@ -55,138 +54,143 @@ class Solid:
     seen: Float32 | None = None
     surfaces: Surfaces | None = None
     hollow: Float32 | None = None
+    truncated: bool = True
 
     @cached_property
     def far(self) -> tuple[Float32, Float32]:
         """Distances (X, Y, Z) by which the floor and objects are lit (m), for all its pictures."""
-        floor = far_distance(self.tsdf, self.grid)
-        return floor, floor if self.hollow is None else far_distance(self.hollow, self.grid)
+        fields = [self.tsdf] if self.hollow is None else [self.tsdf, self.hollow]
+        if self.truncated:
+            fields = [_far_distance(field, self.grid) for field in fields]
+        return fields[0], fields[-1]
 
 
 def draw(solid: Solid, camera: Camera, *, reach: float = 0.62) -> Picture:
     """RGB (H, W, 3) in [0, 1] of a volume on a light floor that fades into white.
 
     The light comes over the camera's left shoulder. Ambient occlusion and soft shadows are read off
-    the distance field (Evans 2006; Quilez 2010). Edges are averaged over 2 x 2 rays per pixel; rays
-    of a pixel that meet one surface share its light.
+    the distance field (Evans 2006; Quilez 2010). Edges are averaged over 2 x 2 rays per pixel.
 
     Args:
         solid: what to draw.
         camera: from where.
         reach: the floor fades out this far from the z axis (m).
     """
-    if solid.surfaces is not None:
-        return draw_surfaces(solid, solid.surfaces, camera, reach)
-    fine = camera.resized(camera.width * _SUPERSAMPLING, camera.height * _SUPERSAMPLING)
+    if solid.surfaces is None:
+        return _draw_volume(solid, camera, reach)
+    return _draw_surfaces(solid, solid.surfaces, camera, reach)
+
+
+def _draw_surfaces(solid: Solid, surfaces: Surfaces, camera: Camera, reach: float) -> Picture:
+    """One ray per pixel, and four where neighbours show something else."""
+    places = pixel_places(camera)
+    met = surfaces.met(camera, places)
+    light = _Light.of(solid, camera)
+    picture = _coloured(solid, light, met, places, camera, reach)
+    pixels = torch.nonzero(_varied(met, camera, reach))[:, 0]
+    corners = (torch.arange(SIDE) + 0.5) / SIDE - 0.5
+    around = torch.cartesian_prod(corners, corners).flip(1)  # columns first
+    finer = (places[pixels, None] + around).view(-1, 2)
+    more = surfaces.met(camera, finer)
+    _blend(picture, pixels, met, more, _coloured(solid, light, more, finer, camera, reach), camera)
+    return picture.view(camera.height, camera.width, 3).numpy()
+
+
+def _draw_volume(solid: Solid, camera: Camera, reach: float) -> Picture:
+    """The zero level of its distances, by four rays per pixel."""
+    fine = camera.resized(camera.width * SIDE, camera.height * SIDE)
     surface = SphereTracer(floor=True).render_surface(
         torch.from_numpy(np.ascontiguousarray(solid.tsdf))[None, None],
         torch.from_numpy(np.ascontiguousarray(solid.instances))[None],
         solid.grid,
         stack_cameras([fine]),
     )
-    depth = surface.depth[0].numpy()
-    normals = np.moveaxis(surface.normals[0].numpy(), 0, -1)
-    points = _points(depth, fine)
-    is_floor = (depth > 0) & (points[..., 2] < 1e-3)
-    hit = (depth > 0) & ~(is_floor & (np.hypot(points[..., 0], points[..., 1]) > reach))
-    labels = np.zeros(depth.shape, dtype=np.int64)
-    on_object = hit & ~is_floor
-    labels[on_object] = _smooth_labels(solid, points[on_object])
-    picture = np.ones((*depth.shape, 3), dtype=np.float32)
-    lender = _lenders(np.where(hit, labels + 1 - 2 * is_floor, _SKY), depth, normals)
-    lends = np.zeros(depth.size, dtype=bool)
-    lends[lender[hit]] = True
-    lit = lends.reshape(depth.shape)
-    number = np.cumsum(lit)[lender[hit]] - 1
-    light = _light(solid, points[lit], normals[lit], is_floor[lit], fine)[number]
-    colour = _base_colours(solid, labels[hit], points[hit], is_floor[hit])
-    if solid.seen is not None:
-        share = _seen_share(solid.seen, solid.grid, points[lit])[number]
-        colour = np.where(is_floor[hit, None], colour, _PALE + (colour - _PALE) * share)
-    picture[hit] = _faded(np.clip(colour * light, 0, 1), points[hit], is_floor[hit], reach)
-    edge = _outline(np.where(on_object, labels + 1, 0), depth)
-    picture[edge] *= _OUTLINE
-    return _reduced(picture)
+    depth, normals = surface.depth[0], surface.normals[0].movedim(0, -1)
+    points = _points(depth.numpy(), fine)
+    on_object = (depth.numpy() > 0) & (points[..., 2] >= 1e-3)
+    labels = np.zeros(depth.shape, dtype=np.int32)
+    found = _smooth_labels(solid, points[on_object])
+    # What is no object's is grey, as labels beyond the colours are; 0 is the floor here
+    labels[on_object] = np.where(found > 0, found, len(solid.colours) + 1)
+    rays = [_by_pixel(one) for one in (depth, normals, torch.from_numpy(labels))]
+    places = _by_pixel(pixel_places(fine).view(fine.height, fine.width, 2))
+    met = Met(*rays)
+    colours = _coloured(solid, _Light.of(solid, camera), met, places, fine, reach)
+    whole = Met(*(one[:: SIDE * SIDE].contiguous() for one in rays))
+    picture = torch.empty(camera.height * camera.width, 3)
+    _blend(picture, torch.arange(len(picture)), whole, met, colours, camera)
+    return picture.view(camera.height, camera.width, 3).numpy()
 
 
-def draw_surfaces(solid: Solid, surfaces: Surfaces, camera: Camera, reach: float) -> Picture:
-    """The same of surfaces: one ray per pixel, and four where neighbours show something else."""
-    depth, normals, labels = surfaces.seen_from(camera)
-    rows, columns = np.nonzero(_varied(depth, normals, labels, camera))
-    ends = (np.arange(_SUPERSAMPLING) + 0.5) / _SUPERSAMPLING - 0.5
-    v, u = (one.ravel().astype(np.float32) for one in np.meshgrid(ends, ends, indexing="ij"))
-    below, right = ((x[:, None] + y).ravel() for x, y in ((rows, v), (columns, u)))
-    finer = surfaces.met(camera, right.astype(np.float32), below.astype(np.float32))
+def _by_pixel(rays: Tensor) -> Tensor:
+    """Rays (H, W, ...) as (N, ...), with those of a pixel one after the other."""
+    height, width, *rest = rays.shape
+    blocks = rays.reshape(height // SIDE, SIDE, width // SIDE, SIDE, *rest)
+    return blocks.transpose(1, 2).reshape(-1, *rest).contiguous()
 
-    every_row, every_column = np.indices(depth.shape, dtype=np.float32)
-    places = directions(
-        camera,
-        np.concatenate([every_column.ravel(), right]).astype(np.float32),
-        np.concatenate([every_row.ravel(), below]).astype(np.float32),
-    )
-    flat = [depth.ravel(), normals.reshape(-1, 3), labels.ravel()]
-    far, facing, owners = (np.concatenate(pair) for pair in zip(flat, finer, strict=True))
-    points = (camera.T_world_camera[:3, 3] + far[:, None] * places).astype(np.float32)
-    colours = _coloured(solid, far, facing, owners.astype(np.int64), points, camera, reach)
 
-    count = depth.size
-    picture = colours[:count].reshape(*depth.shape, 3)
-    n = _SUPERSAMPLING
-    blocks = [np.repeat(np.repeat(one, n, axis=0), n, axis=1) for one in (labels, depth)]
-    around = (n * rows[:, None] + np.repeat(np.arange(n), n)).ravel()
-    across = (n * columns[:, None] + np.tile(np.arange(n), n)).ravel()
-    blocks[0][around, across], blocks[1][around, across] = finer[2], finer[0]
-    edge = _outline(blocks[0].astype(np.int64), blocks[1].astype(np.float32))[around, across]
-    parts = colours[count:] * np.where(edge, np.float32(_OUTLINE), 1)[:, None]
-    picture[rows, columns] = parts.reshape(len(rows), n * n, 3).mean(axis=1)
-    return picture
+@dataclass(frozen=True)
+class _Light:
+    """Light on a scene, from over a camera's left shoulder.
+
+    Attributes:
+        key: direction to it, of length 1.
+        floor: brightness of the floor, a map of the square |x|, |y| <= `_FLOOR_REACH`.
+        objects: (X, Y, Z) distances by which objects are lit (m).
+    """
+
+    key: tuple[float, float, float]
+    floor: Tensor
+    objects: Tensor
+
+    @classmethod
+    def of(cls, solid: Solid, camera: Camera) -> "_Light":
+        right, down, forward = camera.T_world_camera[:3, :3].T
+        towards = -0.55 * right - 0.5 * down - 0.35 * forward + np.array([0.0, 0.0, 0.9])
+        x, y, z = (float(one) for one in towards / np.linalg.norm(towards))
+        fields = [torch.from_numpy(np.ascontiguousarray(one)) for one in solid.far]
+        floor = floor_map(fields[0], solid.grid, _FLOOR_REACH, _FLOOR_SAMPLES, (x, y, z))
+        return cls((x, y, z), floor, fields[1])
 
 
 def _coloured(
-    solid: Solid,
-    depth: Float32,
-    normals: Float32,
-    labels: NDArray[np.int64],
-    points: Float32,
-    camera: Camera,
-    reach: float,
-) -> Float32:
-    """Colours (N, 3) of what rays (N,) meet; white where they meet nothing."""
-    is_floor = (depth > 0) & (labels == 0)
-    hit = (depth > 0) & ~(is_floor & (np.hypot(points[:, 0], points[:, 1]) > reach))
-    found = np.ones((len(depth), 3), dtype=np.float32)
-    points, labels, is_floor = points[hit], labels[hit], is_floor[hit]
-    light = _light(solid, points, normals[hit], is_floor, camera)
-    colour = _base_colours(solid, labels, points, is_floor)
-    if solid.seen is not None:
-        own = ~is_floor
-        share = _seen_share(solid.seen, solid.grid, points[own])
-        colour[own] = _PALE + (colour[own] - _PALE) * share
-    found[hit] = _faded(np.clip(colour * light, 0, 1), points, is_floor, reach)
+    solid: Solid, light: _Light, met: Met, places: Tensor, camera: Camera, reach: float
+) -> Tensor:
+    """Colours (N, 3) of what rays meet; white where they meet nothing."""
+    grid = solid.grid
+    palette = np.vstack([_GREY, np.reshape(solid.colours, (-1, 3))]).astype(np.float32)
+    pale = solid.seen is not None
+    seen = torch.from_numpy(np.ascontiguousarray(solid.seen)) if pale else light.objects
+    found = torch.empty(len(places), 3)
+    drawn_surfaces.colour(
+        len(places), places, view_of(camera), met.depth, met.facing, met.labels,
+        light.floor, np.float32(_FLOOR_REACH), light.objects.view(-1), grid.resolution,
+        float32(grid.voxel_size, *grid.lower), float32(*light.key), torch.from_numpy(palette),
+        seen.view(-1), pale, np.float32(reach), found,
+    )  # fmt: skip
     return found
 
 
-def _varied(depth: Float32, normals: Float32, labels: Int32, camera: Camera) -> NDArray[np.bool_]:
-    """Pixels (H, W) beside which something else is seen, or a line of the floor."""
-    varied = np.zeros(depth.shape, dtype=bool)
-    for axis in (0, 1):
-        first, second = (
-            tuple(one if a == axis else slice(None) for a in (0, 1))
-            for one in (slice(None, -1), slice(1, None))
-        )
-        other = labels[first] != labels[second]
-        other |= (depth[first] > 0) != (depth[second] > 0)
-        other |= np.einsum("hwk,hwk->hw", normals[first], normals[second]) < _ALIKE_NORMAL
-        jump = np.abs(depth[first] - depth[second]) > _JUMP
-        other |= jump & (labels[first] > 0) & (labels[second] > 0)
-        varied[first] |= other
-        varied[second] |= other
-    points = _points(depth, camera)
-    near = np.abs((points[..., :2] + _GRID_LINES) % (2 * _GRID_LINES) - _GRID_LINES).min(axis=-1)
-    # A pixel of the floor is longer away from the camera, by the slope of the ray
-    slope = camera.T_world_camera[2, 3] / np.maximum(depth, 1e-6)
-    pixel = depth / camera.fx / np.clip(slope, 0.1, 1)
-    return varied | ((labels == 0) & (depth > 0) & (near < _LINE + pixel))
+def _varied(met: Met, camera: Camera, reach: float) -> Tensor:
+    """Pixels (N,) beside which something else is seen, or a line of the floor."""
+    found = torch.empty(len(met.depth), dtype=torch.bool)
+    drawn_surfaces.varied(
+        camera.height, view_of(camera), (camera.width, camera.height), met.depth, met.facing,
+        met.labels, np.float32(reach), found,
+    )  # fmt: skip
+    return found
+
+
+def _blend(
+    picture: Tensor, pixels: Tensor, met: Met, more: Met, colours: Tensor, camera: Camera
+) -> None:
+    """Some pixels of a picture (N, 3) become the mean of four rays, with outlines."""
+    numbers = torch.full((len(met.depth),), -1, dtype=torch.int32)
+    numbers[pixels] = torch.arange(len(pixels), dtype=torch.int32)
+    drawn_surfaces.blend(
+        len(pixels), pixels, numbers, camera.width, more.labels, more.depth, colours,
+        met.labels, met.depth, picture,
+    )  # fmt: skip
 
 
 def turned(camera: Camera, points: NDArray[np.float64], turn: float) -> Camera:
@@ -249,84 +253,10 @@ def _smooth_labels(solid: Solid, points: Float32) -> NDArray[np.int64]:
     return labels
 
 
-def _base_colours(
-    solid: Solid, labels: NDArray[np.int64], points: Float32, is_floor: NDArray[np.bool_]
-) -> Float32:
-    table = np.vstack([_GREY, np.reshape(solid.colours, (-1, 3))]).astype(np.float32)
-    colour = table[np.where(labels < len(table), labels, 0)]
-    colour[is_floor] = _FLOOR
-    x, y = np.abs((points[is_floor, :2] + _GRID_LINES) % (2 * _GRID_LINES) - _GRID_LINES).T
-    on_lines = np.flatnonzero(is_floor)[np.minimum(x, y) < _LINE]
-    colour[on_lines] *= 0.93
-    return colour
-
-
-def _lenders(surfaces: NDArray[np.int64], depth: Float32, normals: Float32) -> NDArray[np.int64]:
-    """The ray (H, W) whose light each ray takes: the first of its block if both are alike.
-
-    Args:
-        surfaces: (H, W) what rays meet, `_SKY` = nothing.
-        depth: (H, W) metres.
-        normals: (H, W, 3).
-    """
-    height, width = depth.shape
-    own = np.arange(height * width).reshape(height, width)
-    n = _SUPERSAMPLING
-    rows, columns = (np.arange(size) // n * n for size in depth.shape)
-    first = np.ix_(rows, columns)
-    alike = (
-        (surfaces == surfaces[first])
-        & (np.abs(depth - depth[first]) < _ALIKE_DEPTH)
-        & (np.einsum("hwc,hwc->hw", normals, normals[first]) > _ALIKE_NORMAL)
-    )
-    return np.where(alike, own[first], own)
-
-
-def _seen_share(seen: Float32, grid: GridSpec, points: Float32) -> Float32:
-    """Share (N, 1) of its colour that a surface keeps, by how much of it is seen."""
-    share = np.clip(2 * sample(seen, grid, points) - 0.5, 0, 1)[:, None]
-    return (_HIDDEN + (1 - _HIDDEN) * share).astype(np.float32)
-
-
-def _light(
-    solid: Solid,
-    points: Float32,
-    normals: Float32,
-    is_floor: NDArray[np.bool_],
-    camera: Camera,
-) -> Float32:
-    """Brightness (N, 1) of points on objects and floor."""
-    right, down, forward = camera.T_world_camera[:3, :3].T
-    key = -0.55 * right - 0.5 * down - 0.35 * forward + np.array([0.0, 0.0, 0.9])
-    key = (key / np.linalg.norm(key)).astype(np.float32)
-    grid, brightness = solid.grid, np.empty(len(points), dtype=np.float32)
-    of_floor, of_objects = solid.far
-    brightness[is_floor] = floor_brightness(of_floor, grid, points[is_floor], key)
-    objects = ~is_floor
-    brightness[objects] = brightness_of(of_objects, grid, points[objects], normals[objects], key)
-    return brightness[:, None]
-
-
-def _faded(colour: Float32, points: Float32, is_floor: NDArray[np.bool_], reach: float) -> Float32:
-    """Colours (N, 3) of which the floor's become white far from the middle."""
-    radius = np.hypot(points[:, 0], points[:, 1]) / reach
-    fade = np.where(is_floor, np.clip((radius - 0.45) / 0.55, 0, 1) ** 1.5, 0.0)[:, None]
-    return (colour * (1 - fade) + fade).astype(np.float32)
-
-
-def _outline(labels: NDArray[np.int64], depth: Float32) -> NDArray[np.bool_]:
-    """Rays (H, W) after which the object changes, or where depth jumps within it."""
-    edge = np.zeros(labels.shape, dtype=bool)
-    for axis in (0, 1):
-        change = np.diff(labels, axis=axis) != 0
-        step = (np.abs(np.diff(depth, axis=axis)) > _JUMP) & (np.delete(labels, 0, axis) > 0)
-        pad = [(0, 1) if a == axis else (0, 0) for a in (0, 1)]
-        edge |= np.pad(change | step, pad)
-    return edge
-
-
-def _reduced(picture: Float32) -> Float32:
-    """Mean of each block of rays."""
-    n = _SUPERSAMPLING
-    parts = [picture[i::n, j::n] for i in range(n) for j in range(n)]
-    return sum(parts[1:], start=parts[0]) / np.float32(n * n)
+def _far_distance(tsdf: Float32, grid: GridSpec) -> Float32:
+    """A TSDF continued beyond its truncation by a distance transform, objects alone."""
+    far = tsdf > 0.9 * grid.truncation
+    if far.all():
+        return np.full(tsdf.shape, grid.extent, dtype=np.float32)
+    beyond = ndimage.distance_transform_edt(far) * grid.voxel_size
+    return np.where(far, 0.9 * grid.truncation + beyond, tsdf).astype(np.float32)

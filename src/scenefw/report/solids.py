@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import ndimage
 
+from scenefw.report.palette import instance_colours
 from scenefw.report.shading import Solid
 from scenefw.report.surfaces import Surfaces
 from scenefw.shapes.vessel import Vessel
@@ -16,6 +17,14 @@ if TYPE_CHECKING:
 
     from scenefw.core.types import Float32, SceneEstimate
     from scenefw.report.palette import Colour
+
+
+def solids_of(estimates: Sequence[SceneEstimate]) -> list[Solid]:
+    """Scenes of one image made ready for drawing: objects of the same id have the same colour."""
+    labels = [int(estimate.instances.max()) for estimate in estimates]
+    ids = [item.id for estimate in estimates for item in estimate.objects]
+    colours = instance_colours(max([1, *labels, *ids]))
+    return [solid_of(estimate, colours) for estimate in estimates]
 
 
 def solid_of(
@@ -42,14 +51,19 @@ def solid_of(
         opened = np.minimum(shape.wall_distance(local), others)
         hollow[box] = np.where(filled < 0, opened, hollow[box])
         field[box] = np.minimum(field[box], filled)
-    return Solid(field, estimate.instances, estimate.grid, list(colours), seen, surfaces, hollow)
+    return Solid(
+        field, estimate.instances, estimate.grid, list(colours), seen, surfaces, hollow,
+        truncated=False,
+    )  # fmt: skip
 
 
 def of_objects(estimate: SceneEstimate) -> Float32:
-    """The signed distances (X, Y, Z) without dips that are not objects, as they cast shadows."""
-    grid = estimate.grid
-    away = ndimage.distance_transform_edt(estimate.instances == 0) - 1.0
-    least = np.minimum(away * grid.voxel_size, grid.truncation)
-    return np.maximum(estimate.tsdf, np.where(estimate.instances == 0, least, -np.inf)).astype(
-        np.float32
-    )
+    """The signed distances (X, Y, Z) without dips that are not objects, as they cast shadows.
+
+    Beyond the truncation they are those to the nearest voxel of an object.
+    """
+    outside = estimate.instances == 0
+    if outside.all():
+        return np.full(outside.shape, estimate.grid.extent, dtype=np.float32)
+    away = (ndimage.distance_transform_edt(outside) - 1.0) * estimate.grid.voxel_size
+    return np.where(outside, np.maximum(estimate.tsdf, away), estimate.tsdf).astype(np.float32)

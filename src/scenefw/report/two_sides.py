@@ -5,11 +5,11 @@ from scipy import ndimage
 
 from scenefw.core.geometry import inverse, transform_points
 from scenefw.core.types import Camera, Float32, SceneEstimate
-from scenefw.report.overview import by_label, cropped, vertices, window
 from scenefw.report.palette import instance_colours
 from scenefw.report.shading import Picture, draw, turned
 from scenefw.report.solids import of_objects, solid_of
 from scenefw.report.surfaces import Surfaces
+from scenefw.report.window import by_label, cropped, vertices, window
 
 _SIZE = (440, 330)  # of a side: width, height (pixels)
 _GAP = 8  # pixels

@@ -23,6 +23,8 @@ from scenefw.perception.whole_scenes import read_whole_scene, scene_name, taken_
 from scenefw.report.overview import write_overview
 from scenefw.report.page import write_scene_page
 from scenefw.report.scenes3d import Scene3D, layer, packed
+from scenefw.report.solids import solids_of
+from scenefw.report.window import two_views
 from scenefw.tasks.scene_files import write_scene
 
 if TYPE_CHECKING:
@@ -145,7 +147,8 @@ class Decompose:
             write_scene_page(folder / "scene.html", name, packed([scene]))
         if self.overview:
             partial = seen.partials[0].distance[0, 0].cpu().numpy()
-            write_overview(folder / "overview.png", estimate, partial, colours)
+            views = two_views(solids_of([estimate])[0], estimate)
+            write_overview(folder / "overview.png", estimate, partial, colours, views)
         return colours
 
 

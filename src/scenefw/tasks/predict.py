@@ -18,8 +18,11 @@ from scenefw.perception.settling import words as settled_words
 from scenefw.report.hypotheses import draw_hypotheses
 from scenefw.report.overview import write_overview
 from scenefw.report.page import write_scene_page
+from scenefw.report.palette import colours_of
 from scenefw.report.pictures import save_picture
 from scenefw.report.scenes3d import Scene3D, layer, packed
+from scenefw.report.solids import solids_of
+from scenefw.report.window import two_views
 from scenefw.tasks.depth_images import DepthImages
 from scenefw.tasks.scene_files import write_scene
 from scenefw.tasks.several_images import finished, require_some
@@ -143,11 +146,19 @@ class Predict:
                 scene = Scene3D(frame.name, tuple(layers), estimate.frame)
                 write_scene_page(temporary / "scene.html", frame.name or "scene", packed([scene]))
             if self.overview:
-                partial = view.partial.distance[0, 0].cpu().numpy()
-                write_overview(temporary / "overview.png", estimate, partial, colours, frame)
-            if self.overview and others:
-                save_picture(draw_hypotheses([estimate, *others]), temporary / "hypotheses.png")
+                self._draw(temporary, view, [estimate, *others])
         return estimate
+
+    def _draw(self, folder: Path, view: View, scenes: Sequence[SceneEstimate]) -> None:
+        """Pictures of the most typical scene, and of all of them side by side if there are more."""
+        solids, first = solids_of(scenes), scenes[0]
+        views = two_views(solids[0], first)
+        partial = view.partial.distance[0, 0].cpu().numpy()
+        write_overview(
+            folder / "overview.png", first, partial, colours_of(first), views, view.frame
+        )
+        if len(scenes) > 1:
+            save_picture(draw_hypotheses(scenes, solids, views), folder / "hypotheses.png")
 
     def _scenes(self, view: View) -> list[SceneEstimate]:
         """All hypotheses, or the most typical one, at rest if they settle."""

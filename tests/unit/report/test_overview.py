@@ -13,7 +13,9 @@ from scenefw.core.types import (
     SceneEstimate,
     TriangleMesh,
 )
-from scenefw.report.overview import window, write_overview
+from scenefw.report.overview import write_overview
+from scenefw.report.solids import solid_of
+from scenefw.report.window import two_views, window
 
 
 def estimate_of(resolution=32, objects=1, colour=True):
@@ -45,9 +47,10 @@ def estimate_of(resolution=32, objects=1, colour=True):
 def test_overview_is_a_picture_with_the_objects_colour(tmp_path, objects, colour):
     estimate = estimate_of(objects=objects, colour=colour)
     colours = [(0.0, 0.4, 0.9)] * objects
-    write_overview(tmp_path / "o.png", estimate, estimate.tsdf, colours)
+    views = two_views(solid_of(estimate, colours), estimate)
+    write_overview(tmp_path / "o.png", estimate, estimate.tsdf, colours, views)
     picture = np.asarray(Image.open(tmp_path / "o.png").convert("RGB")).astype(int)
-    assert min(picture.shape[:2]) > 1000
+    assert min(picture.shape[:2]) > 800
     blue = picture[..., 2] - picture[..., 0] > 100
     lower = picture.shape[0] // 2
     if objects:
@@ -80,7 +83,8 @@ def test_window_without_objects_is_the_image():
 def test_the_legend_has_every_object(tmp_path):
     estimate = estimate_of(objects=13)
     colours = [(0.5, 0.5, 0.5)] * 12 + [(1.0, 0.0, 0.0)]
-    write_overview(tmp_path / "o.png", estimate, estimate.tsdf, colours)
+    views = two_views(solid_of(estimate, colours), estimate)
+    write_overview(tmp_path / "o.png", estimate, estimate.tsdf, colours, views)
     picture = np.asarray(Image.open(tmp_path / "o.png").convert("RGB")).astype(int)
     red = (picture[..., 0] > 250) & (picture[..., 1:].max(axis=-1) < 5)
     assert red[-100:].sum() > 100

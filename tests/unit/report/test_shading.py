@@ -3,7 +3,6 @@ import pytest
 
 from scenefw.core.geometry import look_at
 from scenefw.core.types import Camera, GridSpec
-from scenefw.report import shading
 from scenefw.report.shading import Solid, draw, turned
 
 CAMERA = Camera(96, 72, 110.0, 110.0, 47.5, 35.5, look_at((0, -0.9, 0.6), (0, 0, 0.1)))
@@ -41,24 +40,6 @@ def test_light_comes_from_above_and_a_shadow_falls():
     floor = (np.ptp(picture, axis=-1) < 0.05) & ~red
     assert picture[floor].min() < 0.6
     assert np.median(picture[floor]) > 0.85
-
-
-@pytest.mark.parametrize("resolution", [32, 64])
-def test_rays_share_light_where_the_picture_hardly_changes(resolution, monkeypatch):
-    lit = []
-    light = shading._light
-
-    def counted(solid, points, *others):
-        lit.append(len(points))
-        return light(solid, points, *others)
-
-    monkeypatch.setattr(shading, "_light", counted)
-    shared = draw(ball(resolution), CAMERA)
-    monkeypatch.setattr(shading, "_ALIKE_NORMAL", 2.0)  # no two rays are alike
-    alone = draw(ball(resolution), CAMERA)
-    assert lit[0] < 0.5 * lit[1]
-    assert np.abs(shared - alone).mean() < 2e-3
-    assert np.quantile(np.abs(shared - alone), 0.99) < 0.03
 
 
 def test_empty_scene_is_floor_alone():

@@ -73,14 +73,17 @@ def test_four_rays_where_something_changes_are_as_good_as_four_everywhere(monkey
     some = draw(solid, camera)
     counted = []
     varied = shading._varied
-    monkeypatch.setattr(
-        shading, "_varied", lambda depth, *more: counted.append(varied(depth, *more)) or depth >= 0
-    )
+
+    def all_of_them(met, *more):
+        counted.append(varied(met, *more).float())
+        return met.depth >= 0
+
+    monkeypatch.setattr(shading, "_varied", all_of_them)
     everywhere = draw(solid, camera)
     assert 0.01 < counted[0].mean() < 0.5
     assert np.abs(some - everywhere).mean() < 2e-3
     assert np.abs(some - everywhere).max() < 0.15
-    monkeypatch.setattr(shading, "_varied", lambda depth, *_: depth < 0)
+    monkeypatch.setattr(shading, "_varied", lambda met, *_: met.depth < 0)
     nowhere = draw(solid, camera)
     assert np.abs(nowhere - everywhere).mean() > 3 * np.abs(some - everywhere).mean()
 
