@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor, nn
 
-from scenefw.core.errors import ConfigError
+from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.object_sets import ObjectSetPrediction
 from scenefw.models.object_codes import CodeAttention, codes_at, largest_cells
 from scenefw.models.placed_shapes import placed, places_of
@@ -83,7 +83,15 @@ class PlacedHead(nn.Module):
         Args:
             codes: of what objects are.
             boxes: (B, N, 2, 3) where they are: centres and half sides in the cube of the grid.
+
+        Raises:
+            InputError: the codes are of another decoder, or they have not a box each.
         """
+        if tuple(boxes.shape) != (*codes.shape[:2], 2, 3):
+            raise InputError(
+                f"{tuple(boxes.shape)} boxes for codes {tuple(codes.shape)}; expected (scenes, "
+                "objects, 2, 3): a centre and half sides for each code"
+            )
         return placed(self.decoder(codes).float(), boxes, self.resolution)
 
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from torch import Tensor, nn
 
+from scenefw.core.errors import InputError
 from scenefw.models.blocks import Conv3d, ConvUnit, UpUnit, depth_to_space
 from scenefw.models.object_codes import SpatialBroadcast
 
@@ -33,6 +34,7 @@ class SetDecoder(nn.Module):
         empty: float = _EMPTY,
     ) -> None:
         super().__init__()
+        self.code_size = code_size
         self.broadcast = SpatialBroadcast(sizes[0])
         self.first = ConvUnit(code_size + 3, widths[0])
         self.ups, self.refines = nn.ModuleList(), nn.ModuleList()
@@ -53,7 +55,15 @@ class SetDecoder(nn.Module):
         Args:
             codes: of N objects per scene.
             maps: of a view per scene, at the sizes of the levels.
+
+        Raises:
+            InputError: the codes are of a decoder of another size.
         """
+        if codes.ndim != 3 or codes.shape[-1] != self.code_size:
+            raise InputError(
+                f"codes are of shape {tuple(codes.shape)}; this decoder takes (scenes, objects, "
+                f"{self.code_size}): decode them with the network that made them"
+            )
         batch, count, _ = codes.shape
         features = self._seen(self.first(self.broadcast(codes.flatten(0, 1))), maps, 0, count)
         for i, (up, refine) in enumerate(zip(self.ups, self.refines, strict=True), start=1):

@@ -95,9 +95,11 @@ class Doctor:
         """Warnings about what was found: floor, distance, size of the objects, what is left out."""
         return _warnings([*self.check_floor(floor), *self.check_workspace(workspace)])
 
-    def examine_left_out(self, workspace: Workspace) -> list[str]:
-        """Warnings about what doesn't fit into the cube."""
-        return _warnings([_check_left_out(workspace)])
+    def examine_workspaces(self, workspaces: Sequence[Workspace]) -> list[str]:
+        """Warnings about what doesn't fit into the cube of several views, or that it is empty."""
+        if not any(one.objects.any() for one in workspaces):
+            return _warnings([_nothing()])
+        return _warnings([_check_left_out(workspaces[0])])
 
     def check_frame(self, frame: Frame) -> list[Check]:
         """Unit of the depth, intrinsics, and how much is measured."""
@@ -132,8 +134,7 @@ class Doctor:
     def check_workspace(self, workspace: Workspace) -> list[Check]:
         """Distance and size of the objects, and what is left out; or that there are none."""
         if not workspace.objects.any():
-            fix = "check that objects are in view and that the depth scale is right"
-            return [Check("objects", ODD, "nothing stands on the floor, or only what is flat", fix)]
+            return [_nothing()]
         eye = workspace.frame.camera.T_world_camera[:3, 3]
         distance = float(np.linalg.norm(eye - (0, 0, _STACK_HEIGHT)))
         near = self.nearest <= distance <= self.farthest
@@ -220,6 +221,11 @@ def _check_intrinsics(frame: Frame) -> list[Check]:
             else "are they of another image size?",
         ),
     ]
+
+
+def _nothing() -> Check:
+    fix = "check that objects are in view and that the depth scale is right"
+    return Check("objects", ODD, "nothing stands on the floor, or only what is flat", fix)
 
 
 def _check_left_out(workspace: Workspace) -> Check:

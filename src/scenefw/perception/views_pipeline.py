@@ -9,6 +9,7 @@ import numpy as np
 import torch
 
 from scenefw.core import rng
+from scenefw.core.batches import Completion
 from scenefw.core.errors import InputError
 from scenefw.core.settings import COUNT
 from scenefw.data.sequences import transformed
@@ -126,7 +127,7 @@ class ViewsPipeline:
             warnings.append(alignment.note)
         on_table = list(transformed(frames, alignment.T_table_world))
         workspaces = self.workspace.find_together(on_table, self.grid)
-        warnings += self.doctor.examine_left_out(workspaces[0])
+        warnings += self.doctor.examine_workspaces(workspaces)
         partials = tuple(self._partial(one.frame) for one in workspaces)
         before, after = frames[0].camera, workspaces[0].frame.camera
         moved = after.T_world_camera @ np.linalg.inv(before.T_world_camera)
@@ -141,7 +142,10 @@ class ViewsPipeline:
             InputError: the views contradict each other.
         """
         generator = torch.Generator().manual_seed(rng.torch_seed(self.seed))
-        found = self.reconstructor.complete(scene.partials, self.grid, 1, generator)[0]
+        if any(one.objects.any() for one in scene.workspaces):
+            found = self.reconstructor.complete(scene.partials, self.grid, 1, generator)[0]
+        else:
+            found = _nothing(self.grid)
         whole = cleaned(found, self.grid, fused(scene.partials, self.grid))
         details = {
             "confidence": f"share of seen points within {_NEAR * 1000:g} mm of the surface",
@@ -159,6 +163,12 @@ class ViewsPipeline:
     def _partial(self, frame: Frame) -> PartialTSDF:
         depth = torch.from_numpy(frame.depth)[None]
         return self.mapping.fuse(depth, self.grid, stack_cameras([frame.camera]))
+
+
+def _nothing(grid: GridSpec) -> Completion:
+    """The complete scene of a table on which nothing stands."""
+    free = torch.full((1, *grid.shape), grid.truncation)
+    return Completion(free, torch.zeros(1, *grid.shape, dtype=torch.int32))
 
 
 def _no_view() -> InputError:

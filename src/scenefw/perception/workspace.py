@@ -90,7 +90,7 @@ class WorkspaceFinder:
                 objects are known to be.
         """
         posed = replace(frame, camera=frame.camera.moved(floor.T_world_camera))
-        return self._found([posed], grid, region, bare=region is None)[0]
+        return self._found([posed], grid, region)[0]
 
     def find_together(
         self, frames: Sequence[Frame], grid: GridSpec, region: Mask | None = None
@@ -103,22 +103,22 @@ class WorkspaceFinder:
             region: (H, W) where objects are in each, if that is known.
 
         Raises:
-            InputError: as `find`; or nothing stands on the table.
+            InputError: as `find`.
         """
-        return self._found(frames, grid, region, bare=False)
+        return self._found(frames, grid, region)
 
     def _found(
-        self, frames: Sequence[Frame], grid: GridSpec, region: Mask | None, *, bare: bool
+        self, frames: Sequence[Frame], grid: GridSpec, region: Mask | None
     ) -> list[Workspace]:
-        """The workspaces; `bare`: of one frame, on whose table nothing may stand."""
+        """The workspaces; where objects may be anywhere, there may be none."""
         points = [world_points(frame) for frame in frames]
         tables = [_table(p, self.least_height) if region is None else region for p in points]
         top = grid.lower[2] + grid.extent
         shown = [t & self._raised(p, top) for t, p in zip(tables, points, strict=True)]
         everything = np.concatenate([p[mask] for p, mask in zip(points, shown, strict=True)])
         labels, groups = _groups(everything)
-        if not groups and bare and tables[0].any():
-            return [self._bare(frames[0], points[0], tables[0])]
+        if not groups and region is None and any(table.any() for table in tables):
+            return self._bare(frames, points, tables)
         if not groups:
             raise InputError(
                 f"nothing stands on the floor of {_names(frames)}: no surface from "
@@ -143,12 +143,21 @@ class WorkspaceFinder:
             for frame, p, table, mask in zip(frames, points, tables, objects, strict=True)
         ]
 
-    def _bare(self, frame: Frame, points: Array, table: Mask) -> Workspace:
-        """The workspace of a table on which nothing stands, about the middle of what is seen."""
-        middle = np.median(points[table][:, :2], axis=0)
-        nothing = np.zeros(table.shape, dtype=bool)
-        centred = self._centred(frame, points, table, middle)
-        return Workspace(centred, nothing, np.zeros(3), np.zeros((0, 2)))
+    def _bare(
+        self, frames: Sequence[Frame], points: Sequence[Array], tables: Sequence[Mask]
+    ) -> list[Workspace]:
+        """Workspaces of a table on which nothing stands, about the middle of what is seen."""
+        seen = [p[table] for p, table in zip(points, tables, strict=True)]
+        middle = np.median(np.concatenate(seen)[:, :2], axis=0)
+        return [
+            Workspace(
+                self._centred(frame, p, table, middle),
+                np.zeros(table.shape, dtype=bool),
+                np.zeros(3),
+                np.zeros((0, 2)),
+            )
+            for frame, p, table in zip(frames, points, tables, strict=True)
+        ]
 
     def _raised(self, points: Array, top: float) -> Mask:
         """Which points (H, W, 3) lie above the floor, and below the cube's top (m)."""

@@ -7,7 +7,7 @@ import pytest
 import torch
 from hydra.utils import instantiate
 from scipy.ndimage import gaussian_filter
-from tests.unit.perception.synthetic import STACK, camera_at, frame_of
+from tests.unit.perception.synthetic import STACK, Box, camera_at, frame_of
 
 from scenefw import config
 from scenefw.core.batches import Completion, PartialTSDF
@@ -191,14 +191,44 @@ def test_a_bare_table_is_an_empty_scene_with_a_warning():
 @pytest.mark.parametrize("waves", [0.0, 0.003])
 def test_the_pipeline_that_ships_finds_nothing_on_a_bare_table(waves):
     """Nor does it take noise or waves of the floor for objects."""
-    words = ["run=predict", "input=x", "device=cpu", "run.pipeline.samples=1"]
-    pipeline = instantiate(config.compose(words).run.pipeline)
+    pipeline = _shipped()
     frame = frame_of(camera_at(size=(320, 240)), boxes=(), noise=0.001)
     noise = gaussian_filter(np.random.default_rng(1).normal(size=frame.depth.shape), 4)
     smooth = (waves / noise.std() * noise).astype(np.float32)
     estimate = pipeline.estimate(replace(frame, depth=frame.depth + smooth))
     assert estimate.objects == ()
     assert estimate.details["warnings"]
+
+
+def _shipped():
+    words = ["run=predict", "input=x", "device=cpu", "run.pipeline.samples=1"]
+    return instantiate(config.compose(words).run.pipeline)
+
+
+@pytest.mark.parametrize("count", [1, 16])
+def test_the_pipeline_that_ships_finds_one_object_and_sixteen(count):
+    places = [(0.15 * (i % 4) - 0.225, 0.15 * (i // 4)) for i in range(count)]
+    boxes = [Box((x - 0.03, y - 0.03, 0.0), (x + 0.03, y + 0.03, 0.06)) for x, y in places]
+    camera = camera_at(eye=(0.1, -0.5, 0.9), target=(0.0, 0.2, 0.0), size=(640, 480))
+    estimate = _shipped().estimate(frame_of(camera, boxes=boxes, noise=0.0005))
+    assert len(estimate.objects) == count
+    for item in estimate.objects:
+        np.testing.assert_allclose(np.sort(item.extents), 0.06, atol=0.012)
+
+
+@pytest.mark.parametrize("side", ["left", "lower"])
+def test_the_pipeline_that_ships_makes_do_with_half_an_image(side):
+    """What half an image shows is found; objects of which nothing is left are not made up."""
+    boxes = [Box((x - 0.04, -0.04, 0.0), (x + 0.04, 0.04, 0.1)) for x in (-0.16, 0.16)]
+    frame = frame_of(camera_at(size=(640, 480)), boxes=boxes, noise=0.0005)
+    depth = frame.depth.copy()
+    if side == "left":
+        depth[:, 320:] = 0
+    else:
+        depth[:240] = 0
+    estimate = _shipped().estimate(replace(frame, depth=depth))
+    assert len(estimate.objects) == (1 if side == "left" else 2)
+    assert np.isfinite(estimate.tsdf).all()
 
 
 def test_no_sample_at_all_is_one_line():

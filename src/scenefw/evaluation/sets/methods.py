@@ -12,7 +12,7 @@ import torch
 from scenefw.core.errors import ConfigError
 from scenefw.core.object_sets import ObjectSetPrediction
 from scenefw.core.settings import NOT_NEGATIVE, PART
-from scenefw.metrics.decomposition import set_overlaps
+from scenefw.perception.chosen_objects import chosen_objects
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -127,45 +127,14 @@ class NetworkDecomposer:
     def decompose(self, seen: SeenSet) -> FoundSet:
         """The objects of one scene."""
         prediction = self._predict(seen)
-        logits = prediction.logits[0].float().cpu()
-        inside = (logits > 0).numpy()
-        least = max(math.ceil(self.smallest / self.grid.voxel_size**3), 1)
-        exists = inside.sum(axis=(1, 2, 3)) >= least
-        scores = inside.sum(axis=(1, 2, 3)).astype(np.float64)
-        if prediction.existence is not None:
-            scores = prediction.existence[0].double().cpu().numpy()
-            exists &= scores > 0
-        if self.suppress is not None:
-            exists = kept(inside, exists, scores, self.suppress)
-        chosen = torch.from_numpy(np.flatnonzero(exists))
-        return FoundSet(inside[exists], _labels(logits[chosen]), prediction, exists)
+        chosen = chosen_objects(prediction, 0, self.grid, self.smallest, self.suppress)
+        return FoundSet(chosen.inside[chosen.exists], chosen.labels, prediction, chosen.exists)
 
     def _predict(self, seen: SeenSet) -> ObjectSetPrediction:
         if self.drawing is None:
             return self.model(seen.batch)
         latents = torch.randn((self.draw + 1, *self.drawing.latent_shape), generator=seen.draws)
         return self.drawing.sample(seen.batch.condition, latents[-1:].to(self.device))
-
-
-def kept(
-    inside: NDArray[np.bool_],
-    exists: NDArray[np.bool_],
-    scores: NDArray[np.float64],
-    most: float,
-) -> NDArray[np.bool_]:
-    """Which predictions stay if of those that overlap only the one with the highest score may.
-
-    Args:
-        inside: (N, X, Y, Z) voxels of each.
-        exists: (N,) which are looked at.
-        scores: (N,) how sure each is.
-        most: IoU from which on a prediction is another one's duplicate.
-    """
-    iou = set_overlaps(inside, inside).iou
-    stays = np.zeros_like(exists)
-    for i in np.argsort(-scores, kind="stable"):
-        stays[i] = exists[i] and not (iou[i, stays] >= most).any()
-    return stays
 
 
 class Components:
@@ -278,11 +247,3 @@ def of_instances(instances: Tensor) -> FoundSet:
     ids = np.unique(labels[labels > 0])
     ranks = np.searchsorted(ids, labels) + 1
     return FoundSet(labels[None] == ids[:, None, None, None], np.where(labels > 0, ranks, 0))
-
-
-def _labels(logits: Tensor) -> NDArray[np.int64]:
-    """Of objects (P, X, Y, Z): the most probable one, 1..P, 0 where none is above 1/2."""
-    if not len(logits):
-        return np.zeros(logits.shape[1:], np.int64)
-    highest, which = logits.max(dim=0)
-    return torch.where(highest > 0, which + 1, 0).numpy()

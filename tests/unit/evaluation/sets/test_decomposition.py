@@ -19,7 +19,6 @@ from scenefw.evaluation.sets.methods import (
     NetworkDecomposer,
     Nothing,
     ReconstructedSet,
-    kept,
     of_instances,
 )
 from scenefw.evaluation.sets.published import ROWS
@@ -27,6 +26,7 @@ from scenefw.evaluation.sets.results import DecomposedScene, DecompositionResult
 from scenefw.mapping.projective import Projective
 from scenefw.models.set_autoencoder import SetAutoencoder
 from scenefw.models.set_vae import SetVAE
+from scenefw.perception.chosen_objects import kept
 from scenefw.postprocessing.connected_components import ConnectedComponents
 from scenefw.renderers.sphere_tracer import SphereTracer
 from scenefw.representations.volumes import scene_volumes

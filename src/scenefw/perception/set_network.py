@@ -1,0 +1,122 @@
+"""Scenes as a network of sets decomposes them: objects from codes, given one view."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+import torch
+from scipy import ndimage
+
+from scenefw.core.batches import Completion
+from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.settings import NOT_NEGATIVE, PART
+from scenefw.data.conditioning import condition
+from scenefw.perception.chosen_objects import chosen_objects
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from torch import Tensor
+
+    from scenefw.core.batches import PartialTSDF
+    from scenefw.core.object_sets import ObjectSetPrediction
+    from scenefw.core.types import Float32, GridSpec
+    from scenefw.postprocessing.confidence import Calibration
+
+
+class TrainedSets(Protocol):
+    """What a loaded checkpoint gives (`learning.checkpoint.load_checkpoint`)."""
+
+    model: Any
+    grid: GridSpec
+    metadata: Mapping[str, Any]
+
+
+class SetNetwork:
+    """Completes partial TSDFs with a network that predicts a set of objects, each from a code.
+
+    A network with a prior gives as many scenes as are asked for: the first is the prior's mean,
+    the others are drawn. One without gives one scene.
+
+    Args:
+        checkpoint: of the task object_sets, of a network that sees one view.
+        device: where the network runs.
+        smallest: a prediction of a lower volume is no object (m^3).
+        suppress: of predictions that overlap with this IoU or more the surest stays; None: all.
+        smoothing: standard deviation (voxels) of a Gaussian over distances, which are those to
+            borders of voxels; 0 for none.
+
+    Raises:
+        ConfigError: a number is out of range, or the network sees whole scenes alone.
+    """
+
+    calibration: Calibration | None = None
+
+    def __init__(
+        self,
+        checkpoint: TrainedSets,
+        device: str = "cpu",
+        smallest: float = 3e-5,
+        suppress: float | None = 0.3,
+        smoothing: float = 0.7,
+    ) -> None:
+        NOT_NEGATIVE.require(smallest=smallest, smoothing=smoothing)
+        PART.require(suppress=suppress)
+        self.device = torch.device(device)
+        self.model = checkpoint.model.to(self.device).eval()
+        if self.model.sees == "occupancy":
+            raise ConfigError(
+                "this network decomposes complete volumes, not views; give the checkpoint of a "
+                "training with model.sees=view (experiment=decomposition)"
+            )
+        self.grid, self.metadata = checkpoint.grid, dict(checkpoint.metadata)
+        self.smallest, self.suppress, self.smoothing = smallest, suppress, smoothing
+
+    @torch.no_grad()
+    def complete(
+        self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
+    ) -> list[Completion]:
+        """Complete scenes of B partial views, drawn where the network has a prior.
+
+        Raises:
+            InputError: the grid is not the one that the network was trained on.
+        """
+        if grid != self.grid:
+            raise InputError(
+                f"the network was trained on {self.grid}, the view is on {grid}; fuse it on the "
+                "checkpoint's grid, or give another checkpoint"
+            )
+        seen = condition(partial, grid).to(self.device)
+        return [self._completion(one) for one in self._predictions(seen, samples, generator)]
+
+    def _predictions(
+        self, seen: Tensor, samples: int, generator: torch.Generator
+    ) -> list[ObjectSetPrediction]:
+        if not self.model.latent_shape:
+            return [self.model.decompose(seen)]
+        shape = (len(seen), *self.model.latent_shape)
+        noise = torch.randn((samples - 1, *shape), generator=generator)
+        every = torch.cat([torch.zeros(1, *shape), noise]).to(self.device)
+        return [self.model.sample(seen, latents) for latents in every]
+
+    def _completion(self, prediction: ObjectSetPrediction) -> Completion:
+        rows = range(len(prediction.logits))
+        labels = [
+            chosen_objects(prediction, row, self.grid, self.smallest, self.suppress).labels
+            for row in rows
+        ]
+        tsdf = np.stack([self._distances(one > 0) for one in labels])
+        instances = torch.from_numpy(np.stack(labels).astype(np.int32)).to(self.device)
+        found = torch.from_numpy(tsdf).to(self.device)
+        return Completion(found, torch.where(found < 0, instances, torch.zeros_like(instances)))
+
+    def _distances(self, inside: Any) -> Float32:
+        """Signed distances (X, Y, Z) to the border of what is inside (m), truncated."""
+        limit, voxel = self.grid.truncation, self.grid.voxel_size
+        if not inside.any():
+            return np.full(inside.shape, limit, np.float32)
+        edt = ndimage.distance_transform_edt
+        apart = np.where(inside, 0.5 - edt(inside), edt(~inside) - 0.5) * voxel
+        smooth = ndimage.gaussian_filter(apart, self.smoothing) if self.smoothing else apart
+        return np.clip(smooth, -limit, limit).astype(np.float32)
