@@ -111,3 +111,13 @@ def _require_fit(outcomes: Outcomes, probability: Float64) -> None:
 def _mean(costs: Float64, outcomes: Outcomes) -> float:
     events = outcomes.total.sum()
     return float(costs.sum() / events) if events else float("nan")
+
+
+def count_score(drawn: Float64, true: float) -> float:
+    """Continuous ranked probability score of drawn numbers (S,) (Gneiting and Raftery 2007).
+
+    The mean distance to the true number minus half the mean distance among draws, each with itself
+    included: 0 is perfect, and of one number it is the distance.
+    """
+    among = np.abs(drawn[:, None] - drawn).mean()
+    return float(np.abs(drawn - true).mean() - 0.5 * among)

@@ -10,6 +10,7 @@ from scenefw.metrics.forecasts import (
     Outcomes,
     brier_score,
     calibration_error,
+    count_score,
     log_odds_classes,
     log_score,
 )
@@ -87,3 +88,12 @@ def test_other_numbers_of_probabilities_are_refused():
     label, probability, came = events(3)
     with pytest.raises(InputError, match="classes"):
         log_score(Outcomes.of(label, probability[label], came, 7), probability[:3])
+
+
+@given(st.lists(st.integers(0, 5), min_size=1, max_size=12), st.integers(0, 5))
+def test_the_score_of_a_number_is_the_squared_gap_of_distributions(drawn, true):
+    """By its other definition: the integral of (F(x) - 1[x >= true])^2."""
+    values = np.arange(0, 6)
+    share = np.array([(np.array(drawn) <= x).mean() for x in values])
+    expected = ((share - (values >= true)) ** 2)[:-1].sum()
+    assert count_score(np.array(drawn, float), true) == pytest.approx(expected, abs=1e-12)

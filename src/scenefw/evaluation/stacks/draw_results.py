@@ -11,7 +11,13 @@ import numpy as np
 from scenefw.core.types import Float64
 from scenefw.evaluation.stacks.draws import DrawOutcome
 from scenefw.evaluation.statistics import Interval, bootstrap_interval
-from scenefw.metrics.forecasts import Outcomes, brier_score, calibration_error, log_score
+from scenefw.metrics.forecasts import (
+    Outcomes,
+    brier_score,
+    calibration_error,
+    count_score,
+    log_score,
+)
 from scenefw.metrics.object_sets import energy_score
 
 BEST_OF = (1, 3, 10)
@@ -26,12 +32,17 @@ class DrawView:
 
 
 class Maps(NamedTuple):
-    """Calibrated probabilities by class: of voxels, of pairs, of pairs by distance, of any pair."""
+    """What calibration views teach.
+
+    Calibrated probabilities by class: of voxels, of pairs, of pairs by distance, of any pair; and
+    how many objects are hidden in each view.
+    """
 
     occupancy: Float64
     pairs: Float64
     apart: Float64
     rate: Float64
+    hidden: Float64
 
 
 @dataclass(frozen=True)
@@ -95,6 +106,8 @@ class DrawsResult:
         found = {name: bounds([name], lambda means: means[..., 0]) for name in values}
         for skill, (score, trivial) in SKILLS.items():
             found[skill] = bounds([score, trivial], lambda means: 1 - means[..., 0] / means[..., 1])
+        for ratio, (above, below) in RATIOS.items():
+            found[ratio] = bounds([above, below], lambda means: means[..., 0] / means[..., 1])
         return found
 
 
@@ -107,6 +120,8 @@ SKILLS = {
     "pairs_skill_rate": ("pairs_log", "pairs_log_rate"),
 }
 """Name of a skill: the score and the trivial score between which and 0 it is the share."""
+RATIOS = {"chamfer_visible_ratio": ("chamfer_visible_further", "chamfer_visible_first")}
+"""Name of a ratio: the figure above, and the one below."""
 
 
 def fitted(outcomes: Sequence[DrawOutcome]) -> Maps:
@@ -115,12 +130,16 @@ def fitted(outcomes: Sequence[DrawOutcome]) -> Maps:
     pairs, apart = (reduce(add, [getattr(o, n) for o in outcomes]) for n in ("pairs", "apart"))
     both = [half(occupancy, part).calibrated() for part in (0, 1)]
     rate = Outcomes(*(np.array([getattr(pairs, f.name).sum()]) for f in fields(pairs)))
-    return Maps(np.concatenate(both), pairs.calibrated(), apart.frequencies(), rate.frequencies())
+    hidden = np.array([one.truly_hidden for one in outcomes], dtype=np.float64)
+    return Maps(
+        np.concatenate(both), pairs.calibrated(), apart.frequencies(), rate.frequencies(), hidden
+    )
 
 
 def scores(outcome: DrawOutcome, maps: Maps) -> dict[str, float]:
     """Figures of one view."""
     unseen, known = half(outcome.occupancy, 1), np.split(maps.occupancy, 2)[1]
+    further = max(len(outcome.chamfer_visible) - 1, 1)
     means = {
         "log": log_score(outcome.occupancy, maps.occupancy),
         "brier": brier_score(outcome.occupancy, maps.occupancy),
@@ -138,6 +157,12 @@ def scores(outcome: DrawOutcome, maps: Maps) -> dict[str, float]:
         "instance_iou": float(outcome.instance_iou.mean()),
         "panoptic_quality": float(outcome.panoptic_quality.mean()),
         "occupancy_iou": float(outcome.occupancy_iou.mean()),
+        "chamfer_visible_first": float(outcome.chamfer_visible[0]),
+        "chamfer_visible_further": float(outcome.chamfer_visible[-further:].mean()),
+        "hidden_true": float(outcome.truly_hidden),
+        "hidden_drawn": float(outcome.hidden_objects.mean()),
+        "hidden_score": count_score(outcome.hidden_objects, outcome.truly_hidden),
+        "trivial_hidden_score": count_score(maps.hidden, outcome.truly_hidden),
     }
     best = {}
     for count in BEST_OF:

@@ -23,6 +23,7 @@ LOG_ODDS = np.linspace(-4.75, 4.75, 77)
 """Borders between classes of occupancy; a distance of one voxel is log odds of one."""
 DISTANCES = np.linspace(0.02, 0.5, 25)
 """Borders between classes of pairs by their distance (m)."""
+_HIDDEN = 0.98  # share of a hidden object's voxels that are unseen
 _REACH = 2  # voxels within which a point on a surface looks for its object
 VISIBLE_POINTS = 200
 """Points on the visible surface of each view; all their pairs are asked."""
@@ -60,6 +61,9 @@ class DrawOutcome:
         to_truth: (S,) distances of the sets of objects to the true set.
         among: (S, S) distances among them.
         instance_iou, panoptic_quality, occupancy_iou: (S,) of each sample.
+        chamfer_visible: (S,) metres, of each sample's visible surface from the true one.
+        hidden_objects: (S,) of each sample, objects that the view doesn't show.
+        truly_hidden: how many there are.
     """
 
     occupancy: Outcomes
@@ -72,6 +76,9 @@ class DrawOutcome:
     instance_iou: Float64
     panoptic_quality: Float64
     occupancy_iou: Float64
+    chamfer_visible: Float64
+    hidden_objects: Float64
+    truly_hidden: int
 
 
 class DrawScoring:
@@ -102,8 +109,16 @@ class DrawScoring:
         self.methods = {name: one for name, one in (methods or {}).items() if one is not None}
         self.count, self.scenes = count, scenes
 
-    def judge(self, samples: Sequence[tuple[Tensor, Tensor]], truth: Truth) -> DrawOutcome:
-        """Outcomes of samples: distances (X, Y, Z) metres and instances (X, Y, Z) of each."""
+    def judge(
+        self,
+        samples: Sequence[tuple[Tensor, Tensor]],
+        truth: Truth,
+        chamfer_visible: Sequence[float],
+    ) -> DrawOutcome:
+        """Outcomes of samples: distances (X, Y, Z) metres and instances (X, Y, Z) of each.
+
+        `chamfer_visible` has each sample's Chamfer distance of visible surfaces (m).
+        """
         volumes = np.stack([tsdf.cpu().numpy() for tsdf, _ in samples])
         labels, occupied = [found.cpu().numpy() for _, found in samples], truth.tsdf < 0
         hidden = truth.unseen & (np.abs(truth.tsdf) < truth.grid.truncation)
@@ -122,7 +137,18 @@ class DrawScoring:
             np.array([scores.iou for scores in found]),
             np.array([scores.panoptic_quality for scores in found]),
             np.array([occupancy_iou(shape < 0, occupied) for shape in volumes]),
+            np.asarray(chamfer_visible, dtype=np.float64),
+            np.array([hidden_objects(one, truth.unseen) for one in labels], dtype=np.float64),
+            hidden_objects(truth.instances, truth.unseen),
         )
+
+
+def hidden_objects(labels: Int32, unseen: Bool) -> int:
+    """Objects (X, Y, Z) of which hardly a voxel is seen, nor lies just behind what is seen."""
+    count = int(labels.max(initial=0)) + 1
+    whole = np.bincount(labels.ravel(), minlength=count)[1:]
+    out_of_sight = np.bincount(labels[unseen], minlength=count)[1:]
+    return int((out_of_sight > _HIDDEN * whole).sum())
 
 
 def occupancy_outcomes(volumes: NDArray[np.float32], truth: Truth) -> Outcomes:

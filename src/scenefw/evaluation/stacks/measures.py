@@ -111,6 +111,20 @@ DRAWS = {
     "instance_iou": Measure("instance IoU, mean", "instance IoU, mean of draws", better="higher"),
     "instance_iou_best_3": Measure("instance IoU, best of 3", better="higher"),
     "instance_iou_best_10": Measure("instance IoU, best of 10", better="higher"),
+    "chamfer_visible_ratio": Measure(
+        "visible, further draws by the first",
+        "Chamfer distance of visible surfaces, further draws by the first",
+        digits=2,
+        better="lower",
+    ),
+    "hidden_true": Measure("hidden objects", "hidden objects, mean of views", digits=2),
+    "hidden_drawn": Measure("drawn", "hidden objects that are drawn", digits=2),
+    "hidden_score": Measure(
+        "score of their number", "score of the number of hidden objects", digits=3, better="lower"
+    ),
+    "trivial_hidden_score": Measure(
+        "of validation scenes' numbers", "score of the numbers in validation scenes", digits=3
+    ),
     "pairs_skill": Measure(
         "skill over distance", "one object or two: log skill", "%", 1, "higher", 100.0
     ),

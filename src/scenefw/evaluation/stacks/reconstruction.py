@@ -262,8 +262,9 @@ class ReconstructionEvaluation:
         draws: DrawScoring,
         seen: SeenScene,
         samples: Mapping[str, list[Sample]],
-        points: Float64,
+        visible: Float64,
     ) -> DrawView:
+        """Outcomes of samples; `visible` are points on the visible surface of the truth."""
         further = {
             name: seen.samples(method, self.grids[name], draws.count)
             for name, method in draws.methods.items()
@@ -273,8 +274,15 @@ class ReconstructionEvaluation:
         for name, pairs in {**samples, **further}.items():
             grid = self.grids[name]
             if grid not in truths:
-                truths[grid] = seen.truth(grid, points)
-            outcomes[name] = draws.judge(pairs[: draws.count], truths[grid])
+                truths[grid] = seen.truth(grid, visible)
+            drawn = pairs[: draws.count]
+            chamfers = [
+                self.surfaces.visible(
+                    self._surfaces(tsdf, grid, seen.camera), visible, seen.points_of(name, draw)
+                )
+                for draw, (tsdf, _) in enumerate(drawn)
+            ]
+            outcomes[name] = draws.judge(drawn, truths[grid], chamfers)
         return DrawView(seen.index, outcomes)
 
     def _surfaces(self, tsdf: Tensor, grid: GridSpec, camera: Camera) -> Surfaces | None:

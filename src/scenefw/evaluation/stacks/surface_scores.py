@@ -6,7 +6,7 @@ import numpy as np
 from torch import Tensor
 
 from scenefw.core.errors import InputError
-from scenefw.core.types import Camera, GridSpec, TriangleMesh
+from scenefw.core.types import Camera, Float64, GridSpec, TriangleMesh
 from scenefw.evaluation.stacks.visibility import VisibleSurface, visible_share
 from scenefw.metrics.sampling import SurfacePoints, face_areas, sample_surface
 from scenefw.metrics.surface import chamfer, chamfer_of, f_score, nearest, normal_consistency
@@ -104,14 +104,16 @@ class SurfaceScoring:
         self, predicted: Surfaces | None, truth: TruePoints, rng: np.random.Generator
     ) -> dict[str, float]:
         """Scores of one predicted scene by name."""
-        return self._visible(predicted, truth, rng) | self._full(predicted, truth, rng)
+        visible = self.visible(predicted, truth.visible, rng)
+        return {"chamfer_visible": visible} | self._full(predicted, truth, rng)
 
-    def _visible(
-        self, predicted: Surfaces | None, truth: TruePoints, rng: np.random.Generator
-    ) -> dict[str, float]:
+    def visible(
+        self, predicted: Surfaces | None, points: Float64, rng: np.random.Generator
+    ) -> float:
+        """Chamfer distance (m) of the visible surface from points (P, 3) on the true one."""
         if predicted is None or predicted.visible is None:
-            return {"chamfer_visible": self.absent}
-        return {"chamfer_visible": chamfer(self._draw(predicted.visible, rng), truth.visible)}
+            return self.absent
+        return chamfer(self._draw(predicted.visible, rng), points)
 
     def _full(
         self, predicted: Surfaces | None, truth: TruePoints, rng: np.random.Generator

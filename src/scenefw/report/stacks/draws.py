@@ -21,7 +21,11 @@ from scenefw.report.tables import Cell, Column, Table
 
 _SPACE = ("log_skill", "brier_skill", "log_skill_unseen", "brier_skill_unseen", "unseen_error")
 _SETS = ("distance", "distance_best_1", "distance_best_3", "distance_best_10", "spread", "energy")
-_OVERLAPS = ("instance_iou", "instance_iou_best_3", "instance_iou_best_10", "coverage")
+_OVERLAPS = (
+    "instance_iou", "instance_iou_best_3", "instance_iou_best_10", "chamfer_visible_ratio",
+    "coverage",
+)  # fmt: skip
+_HIDDEN = ("hidden_true", "hidden_drawn", "hidden_score", "trivial_hidden_score")
 _PAIRS = ("pairs_log", "pairs_skill_rate", "pairs_skill", "pairs_error")
 _BOUNDED = {"log_skill", "brier_skill", "energy", "instance_iou", "pairs_skill"}
 _FEWEST = 50  # events that a point of a reliability curve must have
@@ -38,6 +42,13 @@ _SETS_WORDS = (
     "over the number of objects of the larger set: 0 is perfect, 1 shares nothing. Energy score: "
     "mean distance to the truth minus half the mean distance among draws; one draw alone scores "
     "its distance. Draws pay off where it falls below that of the zero code."
+)
+_HIDDEN_WORDS = (
+    "Objects of whose voxels the view shows hardly any, neither themselves nor what is just before "
+    "them: their mean number in a scene, and in draws. The score of a number is the mean distance "
+    "of the draws' numbers from the true one minus half the mean distance among draws (ranked "
+    "probability score, 0 is perfect); beside it, that of the numbers in validation scenes, which "
+    "need no image."
 )
 _PAIRS_WORDS = (
     "Of pairs of visible points: the probability that both belong to one object, from the share of "
@@ -60,6 +71,7 @@ def draw_sections(result: DrawsResult) -> tuple[Section, ...]:
         _table(result, "Occupied space as probabilities", _SPACE, _SPACE_WORDS),
         _table(result, "Draws as sets of objects", _SETS, _SETS_WORDS),
         _table(result, "Draws one by one", _OVERLAPS, _coverage_words(result)),
+        _table(result, "Hidden objects", _HIDDEN, _HIDDEN_WORDS),
         _table(result, "One object or two", _PAIRS, _PAIRS_WORDS, _trivial_rows(result)),
         Drawing(reliability_figure(result), _RELIABILITY_WORDS),
     )
@@ -113,6 +125,8 @@ def _coverage_words(result: DrawsResult) -> str:
     expected = (result.count - 1) / (result.count + 1)
     return (
         "Mean instance IoU after matching of all draws, and of the best of the first 3 and 10. "
+        "Visible: Chamfer distance of visible surfaces, mean of all draws but the first by that of "
+        "the first, which is the most typical. "
         "Hidden in spread: share of hidden voxels near surfaces whose true distance lies within "
         f"the draws'; independent draws of the true distribution would reach {expected:.2f}."
     )

@@ -11,7 +11,7 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.types import GridSpec
 from scenefw.data.stacks import StackScenes, shipped_scenes
 from scenefw.evaluation.stacks.draw_results import DrawsResult, DrawView, half, scores
-from scenefw.evaluation.stacks.draws import DrawScoring, Truth, owners_of, pairs_of
+from scenefw.evaluation.stacks.draws import DrawScoring, Truth, hidden_objects, owners_of, pairs_of
 from scenefw.evaluation.stacks.training_mean import TrainingMean
 from scenefw.perception.hull_filling import HullFilling
 from scenefw.perception.partial_surface import PartialSurface
@@ -72,8 +72,8 @@ def test_the_truth_is_perfect_and_merged_objects_are_not():
     truth, _ = ball_truth(32)
     merged = (truth.instances > 0).astype(np.int32)
     judge = scoring().judge
-    right = judge(tensors((truth.tsdf, truth.instances)), truth)
-    wrong = judge(tensors((truth.tsdf, merged)), truth)
+    right = judge(tensors((truth.tsdf, truth.instances)), truth, [0.0])
+    wrong = judge(tensors((truth.tsdf, merged)), truth, [0.0])
     assert right.to_truth.tolist() == [0.0]
     assert (right.instance_iou, right.occupancy_iou) == (1.0, 1.0)
     assert right.pairs.true[0] == 0
@@ -88,7 +88,7 @@ def test_the_truth_is_perfect_and_merged_objects_are_not():
 
 def test_voxels_are_counted_once_seen_or_unseen():
     truth, _ = ball_truth(32)
-    outcome = scoring().judge(tensors((truth.tsdf, truth.instances)), truth)
+    outcome = scoring().judge(tensors((truth.tsdf, truth.instances)), truth, [0.0])
     assert half(outcome.occupancy, 0).total.sum() == (~truth.unseen).sum()
     assert half(outcome.occupancy, 1).total.sum() == truth.unseen.sum()
     assert half(outcome.occupancy, 1).true.sum() == ((truth.tsdf < 0) & truth.unseen).sum()
@@ -98,11 +98,26 @@ def test_samples_that_disagree_share_their_votes():
     truth, _ = ball_truth(32)
     merged = (truth.instances > 0).astype(np.int32)
     samples = tensors((truth.tsdf, truth.instances), (truth.tsdf, merged))
-    outcome = scoring().judge(samples, truth)
+    outcome = scoring().judge(samples, truth, [0.0] * len(samples))
     assert outcome.pairs.total[0] == 0
     assert outcome.pairs.true[1] == 0  # one of two says so: never true here
     assert outcome.pairs.forecast[1] == pytest.approx(outcome.pairs.total[1] / 2)
     assert outcome.among[0, 1] == outcome.to_truth[1]
+
+
+@pytest.mark.parametrize("resolution", [16, 24])
+def test_hidden_objects_are_those_of_which_nothing_is_seen(resolution):
+    labels = np.zeros((resolution,) * 3, np.int32)
+    half = resolution // 2
+    labels[:half, :half], labels[half:, half:] = 2, 5
+    unseen = np.zeros(labels.shape, bool)
+    assert hidden_objects(labels, unseen) == 0
+    unseen[half:] = True
+    assert hidden_objects(labels, unseen) == 1
+    unseen[half:, half:, 0] = False  # one side of it shows
+    assert hidden_objects(labels, unseen) == 0
+    assert hidden_objects(labels, np.ones_like(unseen)) == 2
+    assert hidden_objects(np.zeros_like(labels), unseen) == 0
 
 
 @pytest.mark.parametrize("resolution", [16, 24])
@@ -172,3 +187,25 @@ def test_bounds_hold_their_mean(result):
 def test_bad_numbers_are_named():
     with pytest.raises(ConfigError, match="0 draws"):
         scoring(count=0)
+
+
+def test_draws_are_held_against_the_first(result):
+    """One draw alone is its own measure; what hides nothing and draws nothing is as good as 0."""
+    figures = result.figures
+    assert figures["draws/hull_filling/chamfer_visible_ratio"] == 1.0
+    for view in result.draws.views:
+        for name, outcome in view.methods.items():
+            assert len(outcome.chamfer_visible) == len(outcome.hidden_objects)
+            assert outcome.chamfer_visible.min() > 0, name
+    hidden = figures["draws/hull_filling/hidden_true"]
+    assert hidden == np.mean([v.methods["nothing"].truly_hidden for v in result.draws.views])
+    assert figures["draws/nothing/hidden_score"] == pytest.approx(hidden)  # it draws none
+
+
+def test_the_ratio_is_of_means_over_views():
+    truth, _ = ball_truth(32)
+    samples = tensors(*[(truth.tsdf, truth.instances)] * 3)
+    outcomes = [scoring().judge(samples, truth, distances) for distances in ([1, 2, 4], [3, 3, 3])]
+    views = tuple(DrawView(i, {"one": outcome}) for i, outcome in enumerate(outcomes))
+    found = DrawsResult(views, views, ("one",), 3).intervals["one"]
+    assert found["chamfer_visible_ratio"].mean == pytest.approx((3 + 3) / (1 + 3))
