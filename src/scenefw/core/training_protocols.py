@@ -301,10 +301,21 @@ class WholeSetFlowModel(SetFlowModel, Protocol):
     ) -> SeenSetBatch:
         """Draws `count` scenes without a view, of as many objects; None: as many as it draws."""
 
+    def hidden_number(self, batch: SeenSetBatch, generator: torch.Generator) -> int:
+        """Draws how many objects a view hides whose seen objects are known."""
+
     def complete(
-        self, batch: SeenSetBatch, count: int, generator: torch.Generator, steps: int = 20
+        self,
+        batch: SeenSetBatch,
+        count: int,
+        generator: torch.Generator,
+        steps: int = 20,
+        objects: int | None = None,
     ) -> SeenSetBatch:
-        """Draws `count` sets of hidden objects beside those of the first view, which are known."""
+        """Draws `count` sets of hidden objects beside those of the first view, which are known.
+
+        With `objects` each set has so many.
+        """
 
 
 class TrainedSetFlow(Protocol):

@@ -189,8 +189,23 @@ class SetFlow(nn.Module):
         return self._draw(view, memory, hidden, generator, steps, spread=spread)
 
     @torch.no_grad()
+    def hidden_number(self, batch: SeenSetBatch, generator: torch.Generator) -> int:
+        """Draws how many objects a view hides whose seen objects are known.
+
+        Args:
+            batch: as for `complete`.
+            generator: of the draw, on the CPU.
+        """
+        return int(self._hidden(_seen_alone(batch), 1, generator, given=True)[1])
+
+    @torch.no_grad()
     def complete(
-        self, batch: SeenSetBatch, count: int, generator: torch.Generator, steps: int = 20
+        self,
+        batch: SeenSetBatch,
+        count: int,
+        generator: torch.Generator,
+        steps: int = 20,
+        objects: int | None = None,
     ) -> SeenSetBatch:
         """Draws objects of which nothing is seen, for one view whose seen objects are known.
 
@@ -201,6 +216,7 @@ class SetFlow(nn.Module):
             count: of draws, S.
             generator: of noise, on the CPU.
             steps: of Euler's method.
+            objects: how many are hidden in each draw; None: drawn too.
 
         Returns:
             The rows that draws saw, in slots those that are seen, as they are, and then those that
@@ -208,6 +224,7 @@ class SetFlow(nn.Module):
         """
         view = _seen_alone(batch)
         memory, hidden = self._hidden(view, count, generator, given=True)
+        hidden = hidden if objects is None else torch.full((count,), objects)
         return self._draw(view, memory, hidden, generator, steps, known=True)
 
     @torch.no_grad()

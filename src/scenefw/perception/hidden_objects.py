@@ -27,14 +27,15 @@ _INSIDE = 0.2  # share of a hidden object that may lie in others
 class HiddenObjects:
     """Draws objects that the view hides wholly, given those that it shows.
 
-    A flow of whole sets draws how many there are and what they are, with seen objects held where
-    they are known to be. It knows no free space. So draws are rejected in which an object lies
-    where the view sees through, outside the grid or in another object; the first that is left is
-    taken. If none is, the scene gets no hidden object.
+    A flow of whole sets draws how many there are, and then what they are, with seen objects held
+    where they are known to be. It knows no free space. So draws are rejected in which an object
+    lies where the view sees through, outside the grid or in another object; the first of as many
+    objects that is left is taken. If none is, the scene gets an object less, and so on. (Rejected
+    with their number, many objects would be rejected more often than few.)
 
     Args:
         checkpoint: of a flow of whole sets (`model=set_flow`).
-        tries: draws for each scene.
+        tries: draws for each number of objects.
         steps: of each draw.
 
     Raises:
@@ -70,11 +71,13 @@ class HiddenObjects:
         generator = torch.Generator().manual_seed(int(random.integers(2**62)))
         device = next(self.model.parameters()).device  # type: ignore[attr-defined]
         batch = seen.batch(known, device)
-        drawn = seen.in_world(self.model.complete(batch, self.tries, generator, self.steps))
-        for row in range(self.tries):
-            found = drawn.objects(row, first=len(known))
-            if possible(found, view, known):
-                return found
+        for number in range(self.model.hidden_number(batch, generator), 0, -1):
+            rows = self.model.complete(batch, self.tries, generator, self.steps, number)
+            drawn = seen.in_world(rows)
+            for row in range(self.tries):
+                found = drawn.objects(row, first=len(known))
+                if possible(found, view, known):
+                    return found
         return []
 
 

@@ -195,6 +195,9 @@ def test_hidden_objects_are_drawn_beside_known_ones():
             assert np.allclose(one, other, rtol=2e-2, atol=1e-3)
     hidden = drawn.positions[:, known]
     assert torch.cdist(hidden, hidden)[0, 1] > 1e-3
+    assert model.hidden_number(batch, torch.Generator().manual_seed(0)) == 1
+    more = model.complete(batch, 3, torch.Generator().manual_seed(0), steps=4, objects=2)
+    assert more.present.sum(dim=1).tolist() == [known + 2] * 3
 
 
 def _value(batch, row, slot, points):

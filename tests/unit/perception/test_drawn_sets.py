@@ -50,9 +50,17 @@ class Told(torch.nn.Module):
             boxes[:, :, 0], torch.ones(count, slots, dtype=torch.bool),
         )  # fmt: skip
 
-    def complete(self, batch, count, generator, steps=20):
+    hidden = 1
+
+    def hidden_number(self, batch, generator):
+        return self.hidden
+
+    def complete(self, batch, count, generator, steps=20, objects=None):
+        """The first of its hidden boxes alone, if it is asked for less of them."""
         self.known = batch
-        return self.sample(batch, count, generator, steps)
+        found = self.sample(batch, count, generator, steps)
+        left = torch.arange(found.present.shape[1]) < found.present.shape[1] - self.hidden + objects
+        return replace(found, present=found.present & left)
 
 
 @dataclass
@@ -282,6 +290,19 @@ def test_hidden_objects_appear_where_nothing_is_seen_alone():
     assert not with_hidden(view, in_the_air, outside)[1]
     inside = best[1].pose.position
     assert not with_hidden(view, inside)[1]
+
+
+def test_where_there_is_no_room_for_two_hidden_objects_there_is_one():
+    view = seen()
+    behind = view.eye + 1.25 * (view.points[view.masks == 1].mean(axis=0) - view.eye)
+    behind[2] = 0.02
+    small, told = [0.01, 0.01, 0.01], boxes_that_end_at(view, 0.06)
+    places = [_in_view_frame(view, np.array(place)) for place in (behind, (0.0, -0.3, 0.5))]
+    model = Told([[*told, *[[place, small] for place in places]]])
+    for model.hidden, count in ((2, 1), (0, 0)):
+        hidden = HiddenObjects(Loaded(model), tries=2)
+        best, drawn = method([told], hidden=hidden).superquadrics(view, 2, np.random.default_rng(0))
+        assert len(drawn) - len(best) == count
 
 
 def test_networks_that_draw_nothing_hidden_are_refused():
