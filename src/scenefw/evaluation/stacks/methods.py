@@ -125,6 +125,16 @@ _KNOWN = (
         figure=" of a decoder of sets alone",
     ),
     _method(
+        "hidden_objects",
+        "the same, further hypotheses with hidden objects",
+        draws="drawn by flows of sets, with hidden objects",
+    ),
+    _method(
+        "set_network",
+        "a set of objects, each from a code",
+        figure=" of a network of sets",
+    ),
+    _method(
         "crease_parts",
         "superquadrics fitted to parts cut at creases, hidden parts by a flow of sets",
         samples="superquadrics fitted to parts cut at creases, then drawn by a flow of sets",
