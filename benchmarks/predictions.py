@@ -49,10 +49,15 @@ def scene() -> SceneEstimate:
 
 def predicted(**settings: bool) -> Timed:
     """Three hypotheses, written into a folder."""
-    folder = Path(tempfile.mkdtemp())
+    kept = tempfile.TemporaryDirectory()
+    folder = Path(kept.name)
     np.savez(folder / "image.npz", depth=image(), K=VIEW.matrix)
     task = Predict(folder / "image.npz", pipeline(), folder / "out", **settings)
-    return lambda: task.predict(folder / "image.npz", folder / "out" / "image")
+
+    def predict(_: object = kept) -> object:
+        return task.predict(folder / "image.npz", folder / "out" / "image")
+
+    return predict
 
 
 def computed() -> Timed:

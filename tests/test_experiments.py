@@ -5,6 +5,7 @@ import functools
 import json
 import os
 
+import numpy as np
 import pytest
 
 from scenefw import registry
@@ -179,3 +180,23 @@ def test_an_exported_data_set_is_scored(scenefw, tmp_path):
     assert done.returncode == 0, done.stderr[-3000:]
     figures = json.loads((tmp_path / "out" / "metrics.json").read_text())
     assert figures["overlap_f"] > 0.8  # images without noise
+
+
+@pytest.mark.exhaustive
+def test_a_network_of_sets_predicts_what_it_was_trained_for(scenefw, tmp_path):
+    words = ("experiment=decomposition", "debug=smoke")
+    done = scenefw(*words, "run=train", "paths.output=trained")
+    assert done.returncode == 0, done.stderr[-3000:]
+    depth = np.full((60, 80), 0.8)
+    depth[20:40, 20:40] = 0.7
+    np.savez(tmp_path / "block.npz", depth=depth, K=[[75, 0, 39.5], [0, 75, 29.5], [0, 0, 1]])
+    weights = tmp_path / "trained" / "decomposition.safetensors"
+    given = (f"checkpoint={weights}", f"input={tmp_path / 'block.npz'}", "paths.output=out")
+    done = scenefw(*words, "run=predict", *given)
+    assert done.returncode == 0, done.stderr[-3000:]
+    scene = json.loads((tmp_path / "out" / "block" / "scene.json").read_text())
+    trained = json.loads((tmp_path / "trained" / "metrics.json").read_text())
+    assert scene["checkpoint"]["steps"] == trained["train/steps"]
+    done = scenefw(*words, "run=predict", given[1])
+    assert done.returncode == 2
+    assert "checkpoint = null: expected a file" in done.stderr

@@ -63,7 +63,7 @@ def transform_points(transform: ArrayLike, points: ArrayLike) -> Array:
     t = np.asarray(transform, dtype=np.float64)
     given = np.asarray(points, dtype=np.float64)
     # As one matrix: of images numpy would multiply row by row, which takes three times as long
-    moved: Array = given.reshape(-1, 3) @ t[:3, :3].T + t[:3, 3]
+    moved: Array = given.reshape(-1, given.shape[-1]) @ t[:3, :3].T + t[:3, 3]
     return moved.reshape(given.shape)
 
 

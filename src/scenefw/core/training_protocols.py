@@ -239,6 +239,9 @@ class DecomposingModel(ObjectSetModel, Protocol):
 class DrawnSetModel(ObjectSetModel, Protocol):
     """One that draws sets for a view."""
 
+    prior_sees_view: bool
+    """Whether the view decides on what is likely; without, zeros are no typical draw."""
+
     def sample(self, condition: Tensor, latent: Tensor) -> ObjectSetPrediction:
         """Test pass.
 

@@ -114,10 +114,11 @@ def _mean(costs: Float64, outcomes: Outcomes) -> float:
 
 
 def count_score(drawn: Float64, true: float) -> float:
-    """Continuous ranked probability score of drawn numbers (S,) (Gneiting and Raftery 2007).
+    """Fair ranked probability score of drawn numbers (S,) (Ferro 2014): 0 is perfect.
 
-    The mean distance to the true number minus half the mean distance among draws, each with itself
-    included: 0 is perfect, and of one number it is the distance.
+    The mean distance to the true number minus half the mean distance among different draws, so
+    that few independent draws score as many do on average. One number scores its distance.
     """
-    among = np.abs(drawn[:, None] - drawn).mean()
-    return float(np.abs(drawn - true).mean() - 0.5 * among)
+    count = len(drawn)
+    apart = np.abs(drawn[:, None] - drawn).sum() / max(count * (count - 1), 1)
+    return float(np.abs(drawn - true).mean() - 0.5 * apart)

@@ -224,7 +224,8 @@ class SetFlow(nn.Module):
         """
         view = _seen_alone(batch)
         memory, hidden = self._hidden(view, count, generator, given=True)
-        hidden = hidden if objects is None else torch.full((count,), objects)
+        if objects is not None:
+            hidden = torch.full_like(hidden, objects)
         return self._draw(view, memory, hidden, generator, steps, known=True)
 
     @torch.no_grad()

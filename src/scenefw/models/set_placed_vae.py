@@ -78,7 +78,7 @@ class PlacedSetVAE(nn.Module):
         sizes = level_sizes(resolution // self.block, side, encoder_widths, "encoder_widths")
         widths = list(encoder_widths)[: len(sizes)][::-1]
         self.resolution, self.slots, self.sees = resolution, slots, "both"
-        self.latent_shape = (latent_size, side, side, side)
+        self.latent_shape, self.prior_sees_view = (latent_size, side, side, side), True
         self.gives = {"existence", "centres", "boxes", "divergence"}
         self.encoder = SetEncoder(CHANNELS["view"], sizes, widths, code_size)
         self.prior = Conv3d(code_size, 2 * latent_size, 1)

@@ -77,7 +77,7 @@ class SetVAE(nn.Module):
         maps = _map_widths(condition_widths, len(sizes))
         levels = len(sizes)
         self.resolution, self.slots, self.sees = resolution, slots, "both"
-        self.latent_shape = (code_size, side, side, side)
+        self.latent_shape, self.prior_sees_view = (code_size, side, side, side), False
         self.gives = heads_given(existence=existence, centres=centres) | {"partial", "latent"}
         fine = [max(resolution // 2 >> i, 2) for i in range(5)]
         self.condition = ConditionAutoencoder(

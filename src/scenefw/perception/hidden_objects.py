@@ -29,9 +29,9 @@ class HiddenObjects:
 
     A flow of whole sets draws how many there are, and then what they are, with seen objects held
     where they are known to be. It knows no free space. So draws are rejected in which an object
-    lies where the view sees through, outside the grid or in another object; the first of as many
-    objects that is left is taken. If none is, the scene gets an object less, and so on. (Rejected
-    with their number, many objects would be rejected more often than few.)
+    lies where the view sees through, outside the grid or in another object, and the first that
+    remains is taken; if none does, one object fewer is tried, and so on. (If numbers were drawn
+    anew with each try, draws of many objects would be rejected more often than draws of few.)
 
     Args:
         checkpoint: of a flow of whole sets (`model=set_flow`).

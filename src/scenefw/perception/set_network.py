@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from scenefw.postprocessing.confidence import Calibration
 
 
+_CLEAR = 0.1  # voxels, from the surface to a centre beside it at least
+
+
 class TrainedSets(Protocol):
     """What a loaded checkpoint gives (`learning.checkpoint.load_checkpoint`)."""
 
@@ -36,8 +39,9 @@ class TrainedSets(Protocol):
 class SetNetwork:
     """Completes partial TSDFs with a network that predicts a set of objects, each from a code.
 
-    A network with a prior gives as many scenes as are asked for: the first is the prior's mean,
-    the others are drawn. One without gives one scene.
+    A network with a prior gives as many scenes as are asked for. The first is the prior's mean
+    if the view decides on it, else it is drawn as the others are. A network without a prior gives
+    one scene.
 
     Args:
         checkpoint: of the task object_sets, of a network that sees one view.
@@ -96,9 +100,10 @@ class SetNetwork:
         if not self.model.latent_shape:
             return [self.model.decompose(seen)]
         shape = (len(seen), *self.model.latent_shape)
-        noise = torch.randn((samples - 1, *shape), generator=generator)
-        every = torch.cat([torch.zeros(1, *shape), noise]).to(self.device)
-        return [self.model.sample(seen, latents) for latents in every]
+        every = torch.randn((samples, *shape), generator=generator)
+        if self.model.prior_sees_view:
+            every[0] = 0.0
+        return [self.model.sample(seen, latents) for latents in every.to(self.device)]
 
     def _completion(self, prediction: ObjectSetPrediction) -> Completion:
         rows = range(len(prediction.logits))
@@ -108,8 +113,7 @@ class SetNetwork:
         ]
         tsdf = np.stack([self._distances(one > 0) for one in labels])
         instances = torch.from_numpy(np.stack(labels).astype(np.int32)).to(self.device)
-        found = torch.from_numpy(tsdf).to(self.device)
-        return Completion(found, torch.where(found < 0, instances, torch.zeros_like(instances)))
+        return Completion(torch.from_numpy(tsdf).to(self.device), instances)
 
     def _distances(self, inside: Any) -> Float32:
         """Signed distances (X, Y, Z) to the border of what is inside (m), truncated."""
@@ -119,4 +123,6 @@ class SetNetwork:
         edt = ndimage.distance_transform_edt
         apart = np.where(inside, 0.5 - edt(inside), edt(~inside) - 0.5) * voxel
         smooth = ndimage.gaussian_filter(apart, self.smoothing) if self.smoothing else apart
-        return np.clip(smooth, -limit, limit).astype(np.float32)
+        least = _CLEAR * voxel  # what is thin stays inside
+        kept = np.where(inside, np.minimum(smooth, -least), np.maximum(smooth, least))
+        return np.clip(kept, -limit, limit).astype(np.float32)

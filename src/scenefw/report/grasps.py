@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 
 from scenefw.core.geometry import inverse, transform_points
 from scenefw.core.grasps import RankedGrasp, Ranking
 from scenefw.core.types import Camera, Float32, Float64, SceneEstimate
 from scenefw.report.palette import instance_colours
-from scenefw.report.pictures import Picture, beside, legend, stacked
+from scenefw.report.pictures import Picture, beside, font_of, legend, stacked
 from scenefw.report.shading import draw, turned
 from scenefw.report.solids import solid_of
 from scenefw.report.surfaces import Surfaces
@@ -125,7 +125,7 @@ def _write_numbers(
     pen: ImageDraw.ImageDraw, labels: list[tuple[int, tuple[int, int, int], float, float]]
 ) -> None:
     """Writes the numbers, each moved to the right until it covers none before it."""
-    font, taken = ImageFont.load_default(16), list[tuple[float, float]]()
+    font, taken = font_of(15), list[tuple[float, float]]()
     for number, colour, x, y in reversed(labels):
         while any(abs(x - a) < _NUMBER and abs(y - b) < _NUMBER for a, b in taken):
             x += _NUMBER

@@ -4,13 +4,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 
 from scenefw.core.files import replacing
 from scenefw.core.types import Float32, Frame, GridSpec, SceneEstimate
 from scenefw.postprocessing.surfaces import surface
 from scenefw.report.palette import Colour
-from scenefw.report.pictures import as_image, coloured
+from scenefw.report.pictures import as_image, coloured, font_of
 from scenefw.report.shading import Picture, Solid, draw, turned
 from scenefw.report.surfaces import Surfaces
 from scenefw.report.window import SIZE, cropped, vertices, window
@@ -54,7 +54,7 @@ def write_overview(
     count = len(estimate.objects)
     sheet = Image.new("RGB", (_WIDTH, legend + _ROW * (1 + -(-count // _COLUMNS)) + _GAP), "white")
     name = estimate.frame.name or "scene"
-    _say(sheet, _MARGIN, _HEAD // 2, f"{name}: {count} object{'' if count == 1 else 's'}", 24)
+    _say(sheet, _MARGIN, _HEAD // 2, f"{name}: {count} object{'' if count == 1 else 's'}", 22)
     of_partial = draw(seen, turned(camera.resized(*_SMALL), points, _TURN_OF_PARTIAL))
     above = {
         "colour": _colour(frame, rows, columns),
@@ -84,10 +84,9 @@ def _partial(distance: Float32, grid: GridSpec) -> Solid:
     return Solid(field, (field < 0).astype(np.int32), grid, [_SEEN], surfaces=surfaces)
 
 
-def _say(sheet: Image.Image, x: float, y: float, text: str, size: int = 15) -> None:
+def _say(sheet: Image.Image, x: float, y: float, text: str, size: int = 14) -> None:
     """Text that begins at x, with y in its middle."""
-    font = ImageFont.load_default(size)
-    ImageDraw.Draw(sheet).text((x, y), text, fill=_INK, font=font, anchor="lm")
+    ImageDraw.Draw(sheet).text((x, y), text, fill=_INK, font=font_of(size), anchor="lm")
 
 
 def _colour(frame: Frame, rows: slice, columns: slice) -> Image.Image:
@@ -95,7 +94,7 @@ def _colour(frame: Frame, rows: slice, columns: slice) -> Image.Image:
         part = Image.fromarray(np.ascontiguousarray(frame.colour[rows, columns]))
         return part.resize(_SMALL, Image.Resampling.LANCZOS)
     tile = Image.new("RGB", _SMALL, "#f4f4f4")
-    font, middle = ImageFont.load_default(15), (_SMALL[0] / 2, _SMALL[1] / 2)
+    font, middle = font_of(14), (_SMALL[0] / 2, _SMALL[1] / 2)
     ImageDraw.Draw(tile).text(middle, "no colour image", fill="#888888", font=font, anchor="mm")
     return tile
 
@@ -108,10 +107,10 @@ def _depth(depth: Float32, used: Float32) -> Image.Image:
     tile = as_image(picture).resize(_SMALL, Image.Resampling.NEAREST)
     scale = np.tile(np.linspace(near, far, _STEPS, dtype=np.float32), (_BAR[1], 1))
     left, top = 12, _SMALL[1] - 12 - _BAR[1]
-    if near > 0:
-        bar = as_image(coloured(scale, float(near), float(far))).resize(_BAR)
-        tile.paste(bar, (left, top))
-    pen, font = ImageDraw.Draw(tile), ImageFont.load_default(13)
+    if not near > 0:
+        return tile
+    tile.paste(as_image(coloured(scale, float(near), float(far))).resize(_BAR), (left, top))
+    pen, font = ImageDraw.Draw(tile), font_of(12)
     for x, text, anchor in ((0, f"{near:.2f}", "ls"), (_BAR[0], f"{far:.2f} m", "rs")):
         pen.text(
             (left + x, top - 4), text, fill="white", font=font, anchor=anchor, stroke_width=2,
@@ -135,4 +134,4 @@ def _legend(
         corners = (x, y - _CHIP / 2, x + _CHIP, y + _CHIP / 2)
         pen.rectangle(corners, fill=(red, green, blue))
         size = " x ".join(f"{100 * side:.0f}" for side in item.extents)
-        _say(sheet, x + _CHIP + 6, y, f"{item.id}   {size} cm   {item.confidence:.0%}", 13)
+        _say(sheet, x + _CHIP + 6, y, f"{item.id}   {size} cm   {item.confidence:.0%}", 12)

@@ -1,10 +1,11 @@
 """Pictures as arrays: depth in colour, tiles side by side, files."""
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 
 import numpy as np
-from matplotlib import colormaps
+from matplotlib import colormaps, get_data_path
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
@@ -16,6 +17,12 @@ Picture = NDArray[np.float32]
 _TITLE = 22  # pixels above a tile
 _GAP = 6
 _LINE, _MARGIN, _CHIP, _APART = 22, 4, 17, 18  # pixels of a legend
+
+
+@cache
+def font_of(size: int) -> ImageFont.FreeTypeFont:
+    """DejaVu Sans, which has the letters of most alphabets, at a height in pixels."""
+    return ImageFont.truetype(f"{get_data_path()}/fonts/ttf/DejaVuSans.ttf", size)
 
 
 def depth_picture(depth: Float32) -> Picture:
@@ -51,7 +58,7 @@ def beside(tiles: Sequence[Picture], titles: Sequence[str], columns: int = 3) ->
     rows = -(-len(tiles) // columns)
     step_x, step_y = width + _GAP, height + _TITLE + _GAP
     sheet = Image.new("RGB", (columns * step_x - _GAP, rows * step_y - _GAP), "white")
-    pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(14)
+    pen, font = ImageDraw.Draw(sheet), font_of(14)
     for i, (tile, title) in enumerate(zip(tiles, titles, strict=True)):
         x, y = (i % columns) * step_x, (i // columns) * step_y
         pen.text((x + 2, y + 2), title, fill="#444444", font=font)
@@ -71,7 +78,7 @@ def legend(colours: Mapping[str, Sequence[float]], width: int) -> Picture:
         colours: red, green, blue in [0, 1] by name.
         width: pixels.
     """
-    font = ImageFont.load_default(13)
+    font = font_of(13)
     places: list[tuple[int, int]] = []
     x, line = _MARGIN, 0
     for name in colours:

@@ -25,8 +25,10 @@ def window(estimate: SceneEstimate, aspect: float = SIZE[0] / SIZE[1]) -> tuple[
     camera = estimate.frame.camera
     height, width = camera.height, camera.width
     pixels = _project(vertices(estimate), camera)
-    if len(pixels) == 0:
-        return slice(0, height), slice(0, width)
+    if len(pixels) == 0:  # the middle of the image
+        wide = min(width, height * aspect)
+        top, left = int(height - wide / aspect) // 2, int(width - wide) // 2
+        return slice(top, top + round(wide / aspect)), slice(left, left + round(wide))
     low, high = np.clip(pixels.min(axis=0), 0, None), pixels.max(axis=0)
     high = np.minimum(high, (width - 1, height - 1))
     middle, size = (low + high) / 2, (high - low) * 1.5

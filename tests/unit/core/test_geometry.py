@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -77,3 +78,11 @@ def test_a_camera_may_look_straight_down():
     pose = geometry.look_at((0, 0, 1), (0, 0, 0))
     np.testing.assert_allclose(pose[:3, 2], [0, 0, -1])
     np.testing.assert_allclose(np.linalg.det(pose[:3, :3]), 1)
+
+
+def test_points_across_the_last_axis_are_an_error():
+    with pytest.raises(ValueError, match="mismatch"):
+        geometry.transform_points(np.eye(4), np.zeros((3, 4)))
+    images = np.random.default_rng(0).normal(size=(2, 5, 3))
+    one = [[geometry.transform_points(np.diag([2.0, 3, 4, 1]), p) for p in row] for row in images]
+    np.testing.assert_allclose(geometry.transform_points(np.diag([2.0, 3, 4, 1]), images), one)

@@ -92,8 +92,21 @@ def test_other_numbers_of_probabilities_are_refused():
 
 @given(st.lists(st.integers(0, 5), min_size=1, max_size=12), st.integers(0, 5))
 def test_the_score_of_a_number_is_the_squared_gap_of_distributions(drawn, true):
-    """By its other definition: the integral of (F(x) - 1[x >= true])^2."""
+    """The integral of (F(x) - 1[x >= true])^2, without what draws share with themselves."""
     values = np.arange(0, 6)
     share = np.array([(np.array(drawn) <= x).mean() for x in values])
     expected = ((share - (values >= true)) ** 2)[:-1].sum()
+    count = len(drawn)
+    if count > 1:
+        expected -= (share * (1 - share)).sum() / (count - 1)
     assert count_score(np.array(drawn, float), true) == pytest.approx(expected, abs=1e-12)
+
+
+def test_few_draws_of_the_truth_score_as_many_do():
+    random = np.random.default_rng(0)
+    means = []
+    for count in (2, 5, 50):
+        drawn = random.poisson(0.7, (4000, count)).astype(float)
+        true = random.poisson(0.7, 4000)
+        means.append(np.mean([count_score(d, t) for d, t in zip(drawn, true, strict=True)]))
+    assert means == pytest.approx([means[2]] * 3, rel=0.06)

@@ -11,6 +11,8 @@ from scenefw.core.types import GridSpec
 from scenefw.models.set_autoencoder import SetAutoencoder
 from scenefw.models.set_placed import PlacedSetAutoencoder
 from scenefw.models.set_placed_vae import PlacedSetVAE
+from scenefw.models.set_vae import SetVAE
+from scenefw.perception.chosen_objects import chosen_objects
 from scenefw.perception.set_network import SetNetwork
 
 SMALL = {"encoder_widths": (4, 4), "decoder_widths": (4, 4), "code_size": 4}
@@ -67,9 +69,9 @@ def test_objects_of_a_network_are_balls_where_it_says(resolution):
     found = scene.tsdf[0].numpy()
     assert np.abs(found - exact)[near].mean() < 0.3 * grid.voxel_size
     assert np.abs(found - exact)[near].max() < grid.voxel_size
-    every = SetNetwork(Checkpoint(TwoBalls(grid), grid), suppress=None)
-    (scene,) = every.complete(partial(grid), grid, 1, torch.Generator())
-    assert scene.instances.max() <= 3
+    predicted = TwoBalls(grid).decompose(torch.zeros(1))
+    for suppress, count in ((None, 3), (0.3, 2)):
+        assert chosen_objects(predicted, 0, grid, 3e-5, suppress).exists.sum() == count
 
 
 def test_networks_with_a_prior_draw_and_others_do_not():
@@ -86,6 +88,30 @@ def test_networks_with_a_prior_draw_and_others_do_not():
     assert len(scenes) == 3
     assert not noise[0].any()
     assert (noise[1] != noise[2]).any()
+
+
+@pytest.mark.parametrize("smoothing", [0.0, 0.7, 2.0])
+def test_what_is_thin_is_kept(smoothing):
+    grid = GridSpec(32)
+    model = TwoBalls(grid)
+    model.logits = torch.full_like(model.logits, -9.0)
+    model.logits[0, 0, 8:24, 10, 12] = 9.0
+    model.logits[0, 1, 8:24, 20, 12:14] = 9.0
+    method = SetNetwork(Checkpoint(model, grid), smoothing=smoothing)
+    (scene,) = method.complete(partial(grid), grid, 1, torch.Generator())
+    assert torch.equal(scene.tsdf < 0, scene.instances > 0)
+    assert torch.bincount(scene.instances.flatten()).tolist()[1:] == [16, 32]
+
+
+def test_without_a_prior_of_the_view_the_first_scene_is_drawn_too():
+    """Zeros are all codes alike, so all objects would be one."""
+    grid, noise = GridSpec(16), []
+    vae = SetVAE(16, 3, **SMALL)
+    sample = vae.sample
+    vae.sample = lambda seen, latents: noise.append(latents) or sample(seen, latents)
+    method = SetNetwork(Checkpoint(vae, grid))
+    assert len(method.complete(partial(grid), grid, 2, torch.Generator())) == 2
+    assert all(one.any() for one in noise)
 
 
 def test_nothing_predicted_is_an_empty_scene():

@@ -14,8 +14,9 @@ from scenefw.core.types import (
     TriangleMesh,
 )
 from scenefw.report.overview import write_overview
+from scenefw.report.pictures import font_of
 from scenefw.report.solids import solid_of
-from scenefw.report.window import two_views, window
+from scenefw.report.window import two_views
 
 
 def estimate_of(resolution=32, objects=1, colour=True):
@@ -60,24 +61,11 @@ def test_overview_is_a_picture_with_the_objects_colour(tmp_path, objects, colour
     assert [path.name for path in tmp_path.iterdir()] == ["o.png"]
 
 
-def test_window_shows_the_objects_in_the_pictures_proportions():
-    estimate = estimate_of()
-    rows, columns = window(estimate, aspect=4 / 3)
-    height, width = rows.stop - rows.start, columns.stop - columns.start
-    assert width / height == pytest.approx(4 / 3, rel=0.03)
-    pose = estimate.frame.camera.T_world_camera
-    local = (estimate.objects[0].mesh.vertices - pose[:3, 3]) @ pose[:3, :3]
-    pixels = local[:, :2] / local[:, 2:] * 180 + (79.5, 59.5)
-    assert (pixels > (columns.start, rows.start)).all()
-    assert (pixels < (columns.stop, rows.stop)).all()
-    assert rows.start >= 0
-    assert columns.start >= 0
-    assert rows.stop <= 120
-    assert columns.stop <= 160
-
-
-def test_window_without_objects_is_the_image():
-    assert window(estimate_of(objects=0)) == (slice(0, 120), slice(0, 160))
+def test_titles_have_letters_of_other_alphabets():
+    """What a font doesn't have is drawn as the same box."""
+    masks = [np.asarray(font_of(14).getmask(letter)) for letter in "\u00e4\u00df\u0416\u03b1\uffff"]
+    for mask in masks[:-1]:
+        assert mask.shape != masks[-1].shape or (mask != masks[-1]).any()
 
 
 def test_the_legend_has_every_object(tmp_path):

@@ -113,11 +113,12 @@ class DrawScoring:
         self,
         samples: Sequence[tuple[Tensor, Tensor]],
         truth: Truth,
-        chamfer_visible: Sequence[float],
+        chamfer_visible: Sequence[float] = (),
     ) -> DrawOutcome:
         """Outcomes of samples: distances (X, Y, Z) metres and instances (X, Y, Z) of each.
 
-        `chamfer_visible` has each sample's Chamfer distance of visible surfaces (m).
+        `chamfer_visible` has each sample's Chamfer distance of visible surfaces (m); views that
+        are for calibration alone need none.
         """
         volumes = np.stack([tsdf.cpu().numpy() for tsdf, _ in samples])
         labels, occupied = [found.cpu().numpy() for _, found in samples], truth.tsdf < 0
@@ -144,7 +145,7 @@ class DrawScoring:
 
 
 def hidden_objects(labels: Int32, unseen: Bool) -> int:
-    """Objects (X, Y, Z) of which hardly a voxel is seen, nor lies just behind what is seen."""
+    """Objects (X, Y, Z) of which hardly any voxel is seen or lies just behind a seen surface."""
     count = int(labels.max(initial=0)) + 1
     whole = np.bincount(labels.ravel(), minlength=count)[1:]
     out_of_sight = np.bincount(labels[unseen], minlength=count)[1:]

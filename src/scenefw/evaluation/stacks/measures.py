@@ -115,7 +115,6 @@ DRAWS = {
         "visible, further draws by the first",
         "Chamfer distance of visible surfaces, further draws by the first",
         digits=2,
-        better="lower",
     ),
     "hidden_true": Measure("hidden objects", "hidden objects, mean of views", digits=2),
     "hidden_drawn": Measure("drawn", "hidden objects that are drawn", digits=2),

@@ -126,7 +126,8 @@ _KNOWN = (
     ),
     _method(
         "hidden_objects",
-        "the same, further hypotheses with hidden objects",
+        "superquadrics fitted to a network's parts, hidden parts and objects by flows of sets",
+        samples="superquadrics fitted to a network's parts, then drawn with hidden objects",
         draws="drawn by flows of sets, with hidden objects",
     ),
     _method(

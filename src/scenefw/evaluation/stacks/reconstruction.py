@@ -249,7 +249,7 @@ class ReconstructionEvaluation:
     def _calibrated(self, draws: DrawScoring, row: int) -> DrawView:
         seen = self.seeing.see(draws.calibration, row, 0, _CALIBRATION)
         samples = self._samples(seen, draws.count)
-        return self._judged(draws, seen, samples, seen.visible_points())
+        return self._judged(draws, seen, samples, seen.visible_points(), surfaces=False)
 
     def _samples(self, seen: SeenScene, count: int) -> dict[str, list[Sample]]:
         return {
@@ -263,8 +263,13 @@ class ReconstructionEvaluation:
         seen: SeenScene,
         samples: Mapping[str, list[Sample]],
         visible: Float64,
+        *,
+        surfaces: bool = True,
     ) -> DrawView:
-        """Outcomes of samples; `visible` are points on the visible surface of the truth."""
+        """Outcomes of samples; `visible` are points on the visible surface of the truth.
+
+        Without `surfaces` no Chamfer distances are computed.
+        """
         further = {
             name: seen.samples(method, self.grids[name], draws.count)
             for name, method in draws.methods.items()
@@ -280,7 +285,7 @@ class ReconstructionEvaluation:
                 self.surfaces.visible(
                     self._surfaces(tsdf, grid, seen.camera), visible, seen.points_of(name, draw)
                 )
-                for draw, (tsdf, _) in enumerate(drawn)
+                for draw, (tsdf, _) in enumerate(drawn if surfaces else ())
             ]
             outcomes[name] = draws.judge(drawn, truths[grid], chamfers)
         return DrawView(seen.index, outcomes)

@@ -44,11 +44,11 @@ _SETS_WORDS = (
     "its distance. Draws pay off where it falls below that of the zero code."
 )
 _HIDDEN_WORDS = (
-    "Objects of whose voxels the view shows hardly any, neither themselves nor what is just before "
-    "them: their mean number in a scene, and in draws. The score of a number is the mean distance "
-    "of the draws' numbers from the true one minus half the mean distance among draws (ranked "
-    "probability score, 0 is perfect); beside it, that of the numbers in validation scenes, which "
-    "need no image."
+    "Objects of which hardly any voxel is seen or lies just behind a seen surface: their mean "
+    "number in a scene, and in draws. The score of a number is the mean distance of the draws' "
+    "numbers from the true one minus half the mean distance among different draws (ranked "
+    "probability score, 0 is perfect; a method that draws none scores their true number). Beside "
+    "it: that of the numbers in views of validation scenes, which need no image."
 )
 _PAIRS_WORDS = (
     "Of pairs of visible points: the probability that both belong to one object, from the share of "
@@ -126,7 +126,8 @@ def _coverage_words(result: DrawsResult) -> str:
     return (
         "Mean instance IoU after matching of all draws, and of the best of the first 3 and 10. "
         "Visible: Chamfer distance of visible surfaces, mean of all draws but the first by that of "
-        "the first, which is the most typical. "
+        "the first (the most typical one where a method has one): near 1 where draws agree about "
+        "what is seen; 1 where there is one draw. "
         "Hidden in spread: share of hidden voxels near surfaces whose true distance lies within "
         f"the draws'; independent draws of the true distribution would reach {expected:.2f}."
     )

@@ -26,7 +26,6 @@ from scenefw.evaluation.sets.results import DecomposedScene, DecompositionResult
 from scenefw.mapping.projective import Projective
 from scenefw.models.set_autoencoder import SetAutoencoder
 from scenefw.models.set_vae import SetVAE
-from scenefw.perception.chosen_objects import kept
 from scenefw.postprocessing.connected_components import ConnectedComponents
 from scenefw.renderers.sphere_tracer import SphereTracer
 from scenefw.representations.volumes import scene_volumes
@@ -175,15 +174,6 @@ def test_complete_volumes_are_taken_apart_without_a_network(tmp_path):
     true = scene_volumes(last, GRID).tsdf
     torch.testing.assert_close(method.tsdf, true)
     assert method.grid == GRID
-
-
-def test_of_duplicates_the_surest_stays():
-    inside = np.zeros((4, 4, 1, 1), bool)
-    inside[0, :2], inside[1, :2], inside[2, 2:], inside[3, :] = True, True, True, True
-    exists, scores = np.array([True, True, True, True]), np.array([1.0, 2.0, 0.5, 0.1])
-    assert kept(inside, exists, scores, 0.9).tolist() == [False, True, True, True]
-    assert kept(inside, exists, scores, 0.5).tolist() == [False, True, True, False]
-    assert kept(inside, exists & (scores != 2), scores, 0.9).tolist() == [True, False, True, True]
 
 
 def test_what_does_not_exist_is_no_object(tmp_path):

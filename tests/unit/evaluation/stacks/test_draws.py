@@ -190,7 +190,7 @@ def test_bad_numbers_are_named():
 
 
 def test_draws_are_held_against_the_first(result):
-    """One draw alone is its own measure; what hides nothing and draws nothing is as good as 0."""
+    """One draw is its own measure; a method that draws no hidden objects scores their number."""
     figures = result.figures
     assert figures["draws/hull_filling/chamfer_visible_ratio"] == 1.0
     for view in result.draws.views:
