@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import torch
@@ -15,8 +15,6 @@ from scenefw.core.settings import NOT_NEGATIVE, PART
 from scenefw.perception.chosen_objects import chosen_objects
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from numpy.typing import NDArray
     from torch import Tensor
 
@@ -25,6 +23,7 @@ if TYPE_CHECKING:
     from scenefw.core.protocols import InstanceExtractor, Reconstructor
     from scenefw.core.training_protocols import DrawnSetModel, ObjectSetModel
     from scenefw.core.types import GridSpec
+    from scenefw.perception.set_network import TrainedSets
 
 
 @dataclass(frozen=True)
@@ -74,14 +73,6 @@ class Decomposer(Protocol):
         """The objects of a scene."""
 
 
-class TrainedNetwork(Protocol):
-    """What a loaded checkpoint gives (`scenefw.learning.checkpoint.load_checkpoint`)."""
-
-    model: Any
-    grid: GridSpec
-    metadata: Mapping[str, Any]
-
-
 class NetworkDecomposer:
     """Objects that a trained network predicts.
 
@@ -100,7 +91,7 @@ class NetworkDecomposer:
 
     def __init__(
         self,
-        checkpoint: TrainedNetwork,
+        checkpoint: TrainedSets,
         device: str = "cpu",
         smallest: float = 3e-5,
         suppress: float | None = None,
