@@ -11,6 +11,7 @@ from scenefw.core.floors import Floor
 from scenefw.core.settings import NOT_NEGATIVE, SHARE, above, between
 from scenefw.core.types import Frame
 from scenefw.data.image_checks import check_depth
+from scenefw.perception.colour_alignment import colour_shift
 from scenefw.perception.workspace import Workspace
 
 GOOD, ODD, UNUSABLE = "good", "odd", "unusable"
@@ -60,6 +61,9 @@ class Doctor:
         smallest: the largest object group should be this large at least (m).
         least_measured: share of pixels that should have a depth.
         flattest: the camera should look down by this much at least (degrees).
+        aligned: agreement of colour with depth at least (`colour_alignment.ColourShift`). 54 real
+            images have 0.79 and more, and 9 of 10 of them less than 0.6 if colour is moved by 15
+            pixels.
 
     Raises:
         ConfigError: a negative length, a share outside 0..1, or an angle outside 0..90 degrees.
@@ -72,16 +76,18 @@ class Doctor:
         smallest: float = 0.05,
         least_measured: float = 0.3,
         flattest: float = 8.0,
+        aligned: float = 0.6,
     ) -> None:
         NOT_NEGATIVE.require(nearest=nearest, smallest=smallest)
         above(nearest, "as it is the farther end").require(farthest=farthest)
-        SHARE.require(least_measured=least_measured)
+        SHARE.require(least_measured=least_measured, aligned=aligned)
         between(0, 90).require(flattest=flattest)
         self.nearest = nearest
         self.farthest = farthest
         self.smallest = smallest
         self.least_measured = least_measured
         self.flattest = flattest
+        self.aligned = aligned
 
     def examine_frame(self, frame: Frame) -> list[str]:
         """Warnings about a frame as read.
@@ -102,7 +108,7 @@ class Doctor:
         return _warnings([_check_left_out(workspaces[0])])
 
     def check_frame(self, frame: Frame) -> list[Check]:
-        """Unit of the depth, intrinsics, and how much is measured."""
+        """Unit of the depth, intrinsics, how much is measured, and whether colour is aligned."""
         try:
             check_depth(frame.depth, frame.name)
         except InputError as error:
@@ -110,6 +116,7 @@ class Doctor:
         median = float(np.median(frame.depth[frame.depth > 0]))
         unit = Check("unit", GOOD, f"the median depth is {median:.2f} m")
         checks = [unit, *_check_intrinsics(frame), self._check_measured(frame)]
+        checks += self._check_colour(frame)
         return [*checks, *_check_pixels(frame)]
 
     def check_floor(self, floor: Floor) -> list[Check]:
@@ -169,6 +176,18 @@ class Doctor:
             f"{'only ' if few else ''}{measured:.0%} of the pixels have a depth",
             "shiny, black or near things have none: change the view or the light" if few else "",
         )
+
+    def _check_colour(self, frame: Frame) -> list[Check]:
+        shift = None if frame.colour is None else colour_shift(frame.depth, frame.colour)
+        if shift is None:
+            return []
+        if shift.agreement >= self.aligned:
+            return [Check("colour", GOOD, "edges of colour lie where depth jumps")]
+        across = f"{abs(shift.columns)} pixels {'left' if shift.columns < 0 else 'right'}"
+        down = f"{abs(shift.rows)} {'above' if shift.rows < 0 else 'below'}"
+        found = f"edges of colour seem to lie {across} and {down} of where depth jumps"
+        fix = "align colour to depth with your camera's software, or leave it out"
+        return [Check("colour", ODD, found, fix)]
 
 
 def _check_pixels(frame: Frame) -> list[Check]:

@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.unit.perception.synthetic import camera_at, frame_of
+from tests.unit.perception.test_colour_alignment import painted
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.floors import Floor
@@ -54,6 +55,18 @@ def test_few_measurements_are_warned_of(frame):
     depth[60:] = 0
     (warning,) = Doctor().examine_frame(replace(frame, depth=depth))
     assert "25%" in warning
+
+
+def test_colour_beside_the_depth_is_warned_of():
+    depth, colour = painted((320, 240), (0, 0))
+    good = replace(frame_of(camera_at()), depth=depth, colour=colour)
+    verdicts = {check.name: check for check in Doctor().check_frame(good)}
+    assert verdicts["colour"].verdict == "good"
+    (warning,) = Doctor().examine_frame(replace(good, colour=np.roll(colour, (-12, 8), (0, 1))))
+    assert warning.startswith("edges of colour seem to lie ")
+    assert " right and " in warning
+    assert " above of where depth jumps; align colour to depth" in warning
+    assert Doctor(aligned=0.0).examine_frame(replace(good, colour=np.roll(colour, 12, 0))) == []
 
 
 def test_many_pixels_are_warned_of_with_a_remedy_that_helps(frame):

@@ -1,0 +1,78 @@
+"""Whether edges of a colour image lie where its depth jumps."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+from scipy.signal import fftconvolve
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from scenefw.core.types import Float32
+
+_WIDTH = 320  # pixels in which images are compared
+_REACH = 20  # of these, in each direction
+_ALIGNED = 3  # of these, by which edges of both may be apart
+_JUMP = 0.02  # m
+_FEWEST = 60  # pixels at jumps
+_STRONGEST = 0.98  # share of edges of colour that are weaker than the strongest that count
+
+
+class ColourShift(NamedTuple):
+    """By how much edges of colour lie beside jumps of depth.
+
+    Attributes:
+        rows, columns: pixels from the depth to the colour where they agree best.
+        agreement: of images as they are, 1 = as at the best shift, 0 = as at any.
+    """
+
+    rows: int
+    columns: int
+    agreement: float
+
+
+def colour_shift(depth: Float32, colour: NDArray[np.uint8]) -> ColourShift | None:
+    """The shift of an image (H, W, 3) beside its depth (H, W) in metres; None if nothing tells.
+
+    Gradients of brightness are summed over pixels beside which depth jumps away, for all shifts of
+    up to a sixteenth of the width, which is a cross-correlation of both images.
+    """
+    step = max(round(depth.shape[1] / _WIDTH), 1)
+    edges = _before_jumps(depth[::step, ::step])
+    if np.count_nonzero(edges) < _FEWEST:
+        return None
+    grey = colour.mean(axis=-1, dtype=np.float32)
+    smooth = gaussian_filter(grey, step / 2)[::step, ::step]
+    slopes = [gaussian_filter(smooth, 0.7, order=order) for order in ((0, 1), (1, 0))]
+    gradient = np.hypot(*slopes)
+    gradient = np.minimum(gradient, np.quantile(gradient, _STRONGEST))
+    sums = fftconvolve(gradient - gradient.mean(), edges[::-1, ::-1].astype(np.float32))
+    row, column = np.array(edges.shape) - 1  # of no shift
+    if min(row, column) < _REACH:
+        return None
+    around = np.s_[row - _REACH : row + _REACH + 1, column - _REACH : column + _REACH + 1]
+    sums = sums[around]
+    near = np.s_[_REACH - _ALIGNED : _REACH + _ALIGNED + 1,] * 2
+    best, usual = float(sums.max()), float(sums.mean())
+    if not best > usual:  # of one colour
+        return None
+    rows, columns = np.array(np.unravel_index(sums.argmax(), sums.shape)) - _REACH
+    agreement = (float(sums[near].max()) - usual) / (best - usual)
+    return ColourShift(int(rows) * step, int(columns) * step, agreement)
+
+
+def _before_jumps(depth: Float32) -> NDArray[np.bool_]:
+    """Pixels (H, W) one of whose four neighbours is farther away; none at borders of the image."""
+    found = np.zeros(depth.shape, dtype=bool)
+    known = np.where(depth > 0, depth, np.nan)
+    with np.errstate(invalid="ignore"):
+        for axis in (0, 1):
+            away = np.diff(known, axis=axis)
+            for side, jumps in ((slice(None, -1), away), (slice(1, None), -away)):
+                here = (slice(None),) * axis + (side,)
+                found[here] |= jumps > _JUMP * np.maximum(known[here], 1.0) ** 2  # as noise grows
+    found[:2] = found[-2:] = found[:, :2] = found[:, -2:] = False
+    return found
