@@ -311,14 +311,11 @@ class WholeSetFlowModel(SetFlowModel, Protocol):
         self,
         batch: SeenSetBatch,
         count: int,
+        objects: int,
         generator: torch.Generator,
         steps: int = 20,
-        objects: int | None = None,
     ) -> SeenSetBatch:
-        """Draws `count` sets of hidden objects beside those of the first view, which are known.
-
-        With `objects` each set has so many.
-        """
+        """Draws `count` sets of so many hidden objects beside those of a view, which are known."""
 
 
 class TrainedSetFlow(Protocol):

@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from scenefw.core.batches import PartialTSDF, ShapeInstanceBatch
+from scenefw.core.errors import InputError
 from scenefw.core.protocols import Representation, SceneBatch
 from scenefw.core.types import GridSpec
 
@@ -44,3 +45,16 @@ def shape_instance_batch(
         name: one.to_network(made[name], scenes.grid) for name, one in representations.items()
     }
     return ShapeInstanceBatch(condition(partial, scenes.grid), targets, made if truths else {})
+
+
+def require_grid(of_view: GridSpec, of_network: GridSpec) -> None:
+    """Whether a network sees a view on the grid that it was trained on.
+
+    Raises:
+        InputError: the grids differ.
+    """
+    if of_view != of_network:
+        raise InputError(
+            f"the network was trained on {of_network}, the view is on {of_view}; fuse it on the "
+            "checkpoint's grid, or give another checkpoint"
+        )

@@ -203,9 +203,9 @@ class SetFlow(nn.Module):
         self,
         batch: SeenSetBatch,
         count: int,
+        objects: int,
         generator: torch.Generator,
         steps: int = 20,
-        objects: int | None = None,
     ) -> SeenSetBatch:
         """Draws objects of which nothing is seen, for one view whose seen objects are known.
 
@@ -214,18 +214,17 @@ class SetFlow(nn.Module):
         Args:
             batch: one view, in rows as for `sample`, and what its seen objects are.
             count: of draws, S.
+            objects: how many are hidden in each draw (`hidden_number`).
             generator: of noise, on the CPU.
             steps: of Euler's method.
-            objects: how many are hidden in each draw; None: drawn too.
 
         Returns:
             The rows that draws saw, in slots those that are seen, as they are, and then those that
             aren't.
         """
         view = _seen_alone(batch)
-        memory, hidden = self._hidden(view, count, generator, given=True)
-        if objects is not None:
-            hidden = torch.full_like(hidden, objects)
+        memory, _ = self._hidden(view, count, generator, given=True)
+        hidden = torch.full((count,), objects)
         return self._draw(view, memory, hidden, generator, steps, known=True)
 
     @torch.no_grad()

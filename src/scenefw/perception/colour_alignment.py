@@ -55,12 +55,12 @@ def colour_shift(depth: Float32, colour: NDArray[np.uint8]) -> ColourShift | Non
         return None
     around = np.s_[row - _REACH : row + _REACH + 1, column - _REACH : column + _REACH + 1]
     sums = sums[around]
-    near = np.s_[_REACH - _ALIGNED : _REACH + _ALIGNED + 1,] * 2
+    near = slice(_REACH - _ALIGNED, _REACH + _ALIGNED + 1)
     best, usual = float(sums.max()), float(sums.mean())
     if not best > usual:  # of one colour
         return None
     rows, columns = np.array(np.unravel_index(sums.argmax(), sums.shape)) - _REACH
-    agreement = (float(sums[near].max()) - usual) / (best - usual)
+    agreement = (float(sums[near, near].max()) - usual) / (best - usual)
     return ColourShift(int(rows) * step, int(columns) * step, agreement)
 
 

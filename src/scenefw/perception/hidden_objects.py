@@ -72,7 +72,7 @@ class HiddenObjects:
         device = next(self.model.parameters()).device  # type: ignore[attr-defined]
         batch = seen.batch(known, device)
         for number in range(self.model.hidden_number(batch, generator), 0, -1):
-            rows = self.model.complete(batch, self.tries, generator, self.steps, number)
+            rows = self.model.complete(batch, self.tries, number, generator, self.steps)
             drawn = seen.in_world(rows)
             for row in range(self.tries):
                 found = drawn.objects(row, first=len(known))

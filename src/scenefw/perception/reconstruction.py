@@ -9,8 +9,8 @@ import torch
 from torch.nn.functional import pad
 
 from scenefw.core.batches import Completion
-from scenefw.core.errors import ConfigError, InputError
-from scenefw.data.conditioning import condition
+from scenefw.core.errors import ConfigError
+from scenefw.data.conditioning import condition, require_grid
 from scenefw.representations.tsdf import TSDF
 from scenefw.representations.vote_field import VoteField
 
@@ -115,11 +115,7 @@ class NetworkReconstructor:
         Raises:
             InputError: the grid is not the one that the network was trained on.
         """
-        if grid != self.grid:
-            raise InputError(
-                f"the network was trained on {self.grid}, the view is on {grid}; fuse it on the "
-                "checkpoint's grid, or give another checkpoint"
-            )
+        require_grid(grid, self.grid)
         inputs = condition(partial, grid)
         return inputs.to(self.device, memory_format=_memory_format(self.device))
 

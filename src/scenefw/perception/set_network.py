@@ -9,14 +9,15 @@ import torch
 from scipy import ndimage
 
 from scenefw.core.batches import Completion
-from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.errors import ConfigError
 from scenefw.core.settings import NOT_NEGATIVE, PART
-from scenefw.data.conditioning import condition
+from scenefw.data.conditioning import condition, require_grid
 from scenefw.perception.chosen_objects import chosen_objects
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from numpy.typing import NDArray
     from torch import Tensor
 
     from scenefw.core.batches import PartialTSDF
@@ -86,11 +87,7 @@ class SetNetwork:
         Raises:
             InputError: the grid is not the one that the network was trained on.
         """
-        if grid != self.grid:
-            raise InputError(
-                f"the network was trained on {self.grid}, the view is on {grid}; fuse it on the "
-                "checkpoint's grid, or give another checkpoint"
-            )
+        require_grid(grid, self.grid)
         seen = condition(partial, grid).to(self.device)
         return [self._completion(one) for one in self._predictions(seen, samples, generator)]
 
@@ -115,7 +112,7 @@ class SetNetwork:
         instances = torch.from_numpy(np.stack(labels).astype(np.int32)).to(self.device)
         return Completion(torch.from_numpy(tsdf).to(self.device), instances)
 
-    def _distances(self, inside: Any) -> Float32:
+    def _distances(self, inside: NDArray[np.bool_]) -> Float32:
         """Signed distances (X, Y, Z) to the border of what is inside (m), truncated."""
         limit, voxel = self.grid.truncation, self.grid.voxel_size
         if not inside.any():

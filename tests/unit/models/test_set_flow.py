@@ -181,7 +181,7 @@ def test_hidden_objects_are_drawn_beside_known_ones():
     torch.nn.init.zeros_(model.counts[2].weight)
     with torch.no_grad():
         model.counts[2].bias.copy_(torch.tensor([-9.0, 9.0, -9.0, -9.0, -9.0])[: model.slots + 1])
-    drawn = model.complete(batch, 3, torch.Generator().manual_seed(0), steps=4)
+    drawn = model.complete(batch, 3, 1, torch.Generator().manual_seed(0), steps=4)
     seen = batch.seen[0]
     known = int(seen.sum())
     assert drawn.present.sum(dim=1).tolist() == [known + 1] * 3
@@ -196,7 +196,7 @@ def test_hidden_objects_are_drawn_beside_known_ones():
     hidden = drawn.positions[:, known]
     assert torch.cdist(hidden, hidden)[0, 1] > 1e-3
     assert model.hidden_number(batch, torch.Generator().manual_seed(0)) == 1
-    more = model.complete(batch, 3, torch.Generator().manual_seed(0), steps=4, objects=2)
+    more = model.complete(batch, 3, 2, torch.Generator().manual_seed(0), steps=4)
     assert more.present.sum(dim=1).tolist() == [known + 2] * 3
 
 

@@ -8,6 +8,8 @@ from tests.unit.perception.test_colour_alignment import painted
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.floors import Floor
 from scenefw.core.types import Camera, GridSpec
+from scenefw.perception import doctor
+from scenefw.perception.colour_alignment import ColourShift
 from scenefw.perception.doctor import Doctor
 from scenefw.perception.floor import FloorFinder
 from scenefw.perception.workspace import Workspace, WorkspaceFinder
@@ -64,9 +66,16 @@ def test_colour_beside_the_depth_is_warned_of():
     assert verdicts["colour"].verdict == "good"
     (warning,) = Doctor().examine_frame(replace(good, colour=np.roll(colour, (-12, 8), (0, 1))))
     assert warning.startswith("edges of colour seem to lie ")
-    assert " right and " in warning
-    assert " above of where depth jumps; align colour to depth" in warning
+    assert " pixels to the right and " in warning
+    assert " pixels above, seen from where depth jumps; align colour to depth" in warning
     assert Doctor(aligned=0.0).examine_frame(replace(good, colour=np.roll(colour, 12, 0))) == []
+
+
+def test_a_shift_along_one_axis_alone_is_told_alone(frame, monkeypatch):
+    monkeypatch.setattr(doctor, "colour_shift", lambda *_: ColourShift(0, -16, 0.2))
+    painted_frame = replace(frame, colour=np.zeros((*frame.depth.shape, 3), np.uint8))
+    (warning,) = Doctor().examine_frame(painted_frame)
+    assert "lie 16 pixels to the left, seen from where depth jumps" in warning
 
 
 def test_many_pixels_are_warned_of_with_a_remedy_that_helps(frame):

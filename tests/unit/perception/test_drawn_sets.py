@@ -55,7 +55,7 @@ class Told(torch.nn.Module):
     def hidden_number(self, batch, generator):
         return self.hidden
 
-    def complete(self, batch, count, generator, steps=20, objects=None):
+    def complete(self, batch, count, objects, generator, steps=20):
         """The first of its hidden boxes alone, if it is asked for less of them."""
         self.known = batch
         found = self.sample(batch, count, generator, steps)

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import torch
 
-from scenefw.core.errors import InputError
-from scenefw.data.conditioning import condition
+from scenefw.data.conditioning import condition, require_grid
 from scenefw_object_count.data import counts
 
 if TYPE_CHECKING:
@@ -60,11 +59,7 @@ class NetworkCounter:
         Raises:
             InputError: the grid is not the one that the network was trained on.
         """
-        if grid != self.grid:
-            raise InputError(
-                f"the network was trained on {self.grid}, the view is on {grid}; fuse it on the "
-                "checkpoint's grid, or give another checkpoint"
-            )
+        require_grid(grid, self.grid)
         scores: Tensor = self.model(condition(partial, grid).to(self.device))
         return scores.double().softmax(dim=1).cpu()
 
