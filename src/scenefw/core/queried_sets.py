@@ -18,14 +18,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ViewedSetBatch:
-    """B views of superquadrics: what each shows of the grid, points that are seen, what is there.
+    """B views of superquadrics: what each shows, points that are seen, what is there.
+
+    All places are in one frame: the world, or for images one whose x points away from the camera.
 
     Args:
-        condition: (B, 2, X, Y, Z), as in `ShapeInstanceBatch`.
-        points: (B, P, 3) m, world, of what is seen above the floor; any where there is none.
+        condition: what the encoder sees: volumes (B, 2, X, Y, Z) as in `ShapeInstanceBatch`, or
+            images (B, 10, H, W) of `place_image`.
+        points: (B, P, 3) m, of what is seen above the floor; any where there is none. For images
+            one of each cell of 4 x 4 pixels, row by row.
         seen: (B, P) bool: points that count.
         scenes: the objects, up to M.
-        places: (B, M, Q, 3) m, world: points about each object, the first half near its surface.
+        places: (B, M, Q, 3) m: points about each object, the first half near its surface.
         distances: (B, M, Q) m, signed distances to it there, along rays from its centre.
     """
 
@@ -72,9 +76,16 @@ class ObjectQueryPrediction:
 
     Args:
         layers: a set of each of its layers; the last one is the answer.
+        denoised: sets of each layer that began at true objects with noise, matched; in training.
     """
 
     layers: Sequence[QueriedSet]
+    denoised: Sequence[QueriedSet] = ()
+
+    @property
+    def taught(self) -> list[QueriedSet]:
+        """All sets from which losses are made."""
+        return [*self.layers, *self.denoised]
 
 
 @dataclass(frozen=True)

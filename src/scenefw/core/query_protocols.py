@@ -52,15 +52,21 @@ class ObjectQueryLoss(Loss, Protocol):
 class ObjectQueryModel(Network, Protocol):
     """A network from a partial view to a set of superquadrics (`model=object_queries`)."""
 
-    grid: GridSpec
-    """Of the views that it sees."""
+    grid: GridSpec | None
+    """Of the views that it sees; None: it sees images, and any will do."""
+    sees: str
+    """What its encoder sees: "volume" or "image"."""
     queries: int
     """Objects that it predicts, most of which don't exist."""
 
-    def forward(self, batch: ViewedSetBatch) -> ObjectQueryPrediction:
-        """Training pass; nothing is random."""
+    def forward(
+        self, batch: ViewedSetBatch, generator: torch.Generator | None = None
+    ) -> ObjectQueryPrediction:
+        """Training pass; without a generator nothing is random."""
 
-    def __call__(self, batch: ViewedSetBatch) -> ObjectQueryPrediction:
+    def __call__(
+        self, batch: ViewedSetBatch, generator: torch.Generator | None = None
+    ) -> ObjectQueryPrediction:
         """Calls `forward`, as torch does."""
 
     def predict(self, condition: Tensor, points: Tensor, seen: Tensor) -> QueriedSet:

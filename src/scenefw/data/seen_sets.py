@@ -14,13 +14,13 @@ from scenefw.core.set_flows import SeenSetBatch
 from scenefw.core.settings import COUNT, NOT_NEGATIVE
 from scenefw.core.types import GridSpec
 from scenefw.data.object_ends import object_ends
+from scenefw.data.ray_images import ray_images, scaled
 from scenefw.data.scene_batches import SceneBatches
 from scenefw.data.stacks import StackScenes
 from scenefw.data.view_frames import in_frame
 from scenefw.data.view_samples import ObjectSamples
 from scenefw.data.views import Viewpoints
-from scenefw.kernels.cameras import floor_depths, pixel_places, places_of
-from scenefw.kernels.superquadric_rays import first_hits
+from scenefw.kernels.cameras import pixel_places, places_of
 from scenefw.kernels.transfer import to_device
 from scenefw.noise.frames import depth_noises, described
 
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
 # Random streams, beside that of the order of scenes
 _VIEWS, _VALIDATION = 2, 3
-_SAME = 0.02  # m: what reads a depth further off shows something else
 
 
 class SeenSets(SceneBatches):
@@ -140,27 +139,10 @@ class SeenSets(SceneBatches):
         ]
         intrinsics, poses, factors, mirrored, sigmas, *random, seeds = to_device(drawn, device)
         cameras = CameraBatch(self.lens.width, self.lens.height, intrinsics, poses)
-        parameters = _scaled(parameters, factors)
-        depth, owners = self._image(parameters, cameras, seeds)
+        parameters = scaled(parameters, factors)
+        depth, owners = ray_images(parameters, cameras, self.noise, seeds)
         made = self._seen(parameters, cameras, depth, owners, sigmas, *random)
         return _mirrored(made, mirrored > 0)
-
-    def _image(
-        self, scenes: SceneParameters, cameras: CameraBatch, seeds: Tensor
-    ) -> tuple[Tensor, Tensor]:
-        """Depth (B, H, W) with the floor, NaN = unknown, and whose each pixel is: 0 = nobody's.
-
-        A pixel that reads the depth of something else, as at edges, is nobody's.
-        """
-        depth, owners = first_hits(scenes, cameras)
-        depth = torch.where(owners > 0, depth, floor_depths(cameras))
-        if not self.noise:
-            return depth, owners
-        noisy = depth
-        for noise, row in zip(self.noise.values(), seeds, strict=True):
-            noisy = noise.apply(noisy, cameras, row)
-        own = (noisy > 0) & ((noisy - depth).abs() < _SAME)
-        return torch.where(noisy > 0, noisy, torch.nan), torch.where(own, owners, 0)
 
     def _seen(
         self,
@@ -217,18 +199,6 @@ def _intrinsics(lens: Any) -> list[float]:
 def _normal(first: Tensor, second: Tensor) -> Tensor:
     """Standard normal numbers of two uniform ones (Box and Muller 1958)."""
     return (-2 * (1 - first).clamp_min(1e-7).log()).sqrt() * (2 * torch.pi * second).cos()
-
-
-def _scaled(scenes: SceneParameters, factors: Tensor) -> SceneParameters:
-    """Scenes (B) times factors (B, 1), about the origin on the floor."""
-    by = factors[:, :, None]
-    return SceneParameters(
-        scenes.half_axes * by,
-        scenes.exponents,
-        scenes.rotations,
-        scenes.positions * by,
-        scenes.present,
-    )
 
 
 def _mirrored(batch: SeenSetBatch, which: Tensor) -> SeenSetBatch:

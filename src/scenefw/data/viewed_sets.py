@@ -7,31 +7,26 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
-from scenefw.core.errors import SettingError
 from scenefw.core.queried_sets import ViewedSetBatch
 from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.data.conditioning import condition
+from scenefw.data.places_about import CHANCES, placed_about, require_places
 from scenefw.data.scene_batches import SceneBatches
 from scenefw.data.seen_points import seen_points
 from scenefw.data.view_samples import POINTS_OF_VIEW, view_facts
 from scenefw.kernels.transfer import to_device
 from scenefw.noise.frames import described
-from scenefw.shapes.radial_distance import radial_distance
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from torch import Tensor
-
-    from scenefw.core.batches import IndexBatch, SceneParameters
+    from scenefw.core.batches import IndexBatch
     from scenefw.core.types import GridSpec
     from scenefw.data.stacks import StackScenes
     from scenefw.data.views import ViewMaker
 
 # Random streams, beside that of the order of scenes
 _VIEWS, _VALIDATION = 2, 3
-_CHANCES = 7  # of each place: axis, side, three coordinates, two for its distance
-_ROOM = (1.5, 0.02)  # the box about an object in which places lie: times its half-axes, plus (m)
 
 
 class ViewedSets(SceneBatches):
@@ -71,8 +66,7 @@ class ViewedSets(SceneBatches):
         super().__init__(path, limit, validation_limit, batch_size, seed, distinct_batches)
         COUNT.require(points=points)
         POSITIVE.require(near=near)
-        if places < 2 or places % 2:
-            raise SettingError("places", places, "an even number of 2 or more")
+        require_places(places)
         self.views = views
         self.points, self.places, self.near = points, places, near
 
@@ -108,43 +102,13 @@ class ViewedSets(SceneBatches):
         slots = parameters.present.shape[1]
         drawn = [
             to_points.uniform(self.points).astype(np.float32),
-            to_places.uniform(slots * self.places * _CHANCES).astype(np.float32),
+            to_places.uniform(slots * self.places * CHANCES).astype(np.float32),
         ]
         at_points, at_places = to_device(drawn, device)
         made = self.views.make(parameters, to_view)
         moved = made.superquadrics
         points, seen = seen_points(made.depth, made.cameras, self.grid, at_points)
-        chances = at_places.view(len(points), slots, self.places, _CHANCES)
+        chances = at_places.view(len(points), slots, self.places, CHANCES)
         places, distances = placed_about(moved, chances, self.near)
         view = condition(made.partial, self.grid)
         return ViewedSetBatch(view, points, seen, moved, places, distances)
-
-
-def placed_about(scenes: SceneParameters, chances: Tensor, near: float) -> tuple[Tensor, Tensor]:
-    """Places (B, M, Q, 3) about objects (m, world), and distances (B, M, Q) to them (m).
-
-    The first half lie near points of the surface that lie behind random ones of the six faces of a
-    box about the object, the others anywhere in a somewhat larger box.
-
-    Args:
-        scenes: of up to M objects.
-        chances: (B, M, Q, 7) uniform in [0, 1).
-        near: standard deviation of the distance of the first half from the surface (m).
-    """
-    half_axes, exponents = scenes.half_axes[:, :, None], scenes.exponents[:, :, None]
-    local = 2 * chances[..., 2:5] - 1
-    axis = (3 * chances[..., :1]).long().clamp_max(2)
-    on_box = local.scatter(-1, axis, torch.where(chances[..., 1:2] < 0.5, -1.0, 1.0)) * half_axes
-    away = torch.linalg.vector_norm(on_box, dim=-1).clamp_min(1e-6)
-    beyond = radial_distance(on_box, half_axes, exponents)
-    normal = (-2 * (1 - chances[..., 5]).clamp_min(1e-7).log()).sqrt()
-    shift = near * normal * (2 * torch.pi * chances[..., 6]).cos()
-    close = on_box * (1 + (shift - beyond) / away)[..., None]
-    factor, room = _ROOM
-    half = chances.shape[2] // 2
-    wide = local * (factor * half_axes + room)
-    local = torch.cat([close[:, :, :half], wide[:, :, half:]], dim=2)
-    places = torch.einsum("bmij,bmqj->bmqi", scenes.rotations, local) + scenes.positions[:, :, None]
-    there = scenes.present[:, :, None]
-    distances = torch.where(there, radial_distance(local, half_axes, exponents), 0.0)
-    return torch.where(there[..., None], places, 0.0), distances

@@ -37,7 +37,7 @@ class TrainingModule(ResumableModule, ABC):
         seed: of codes and dropout.
         initial: weights to start from; None: random ones.
         reinitialise: modules of the network that start from random weights even so.
-        channels_last: memory format of the network.
+        channels_last: keep weights of convolutions in this memory format, which is fast.
         compile: let torch.compile make the network's training pass faster; a text names a backend.
         optimizer: how gradients change weights; None means AdamW.
 
@@ -48,8 +48,6 @@ class TrainingModule(ResumableModule, ABC):
 
     task: str
     """What the network is for, as checkpoints name it."""
-    memory_format: torch.memory_format = torch.contiguous_format
-    """Of the network with `channels_last`."""
 
     def __init__(
         self,
@@ -71,7 +69,7 @@ class TrainingModule(ResumableModule, ABC):
             raise ConfigError("no loss to train with; give loss=[NAME,...] (--list shows them)")
         if initial is not None:
             start_from(model, initial, self.task, reinitialise)
-        network = _laid_out(model, self.memory_format) if channels_last else model
+        network = _laid_out(model) if channels_last else model
         super().__init__(
             network, learning_rate, weight_decay, schedule, average, compile, optimizer
         )
@@ -156,5 +154,10 @@ def _require_setup(name: str, loss: Loss, setup: Any) -> None:
         )
 
 
-def _laid_out(model: nn.Module, memory_format: torch.memory_format) -> nn.Module:
-    return model.to(memory_format=memory_format)
+def _laid_out(model: nn.Module) -> nn.Module:
+    """The network with its convolutions in the memory format that is fast for them."""
+    formats = {4: torch.channels_last, 5: torch.channels_last_3d}
+    for weights in model.parameters():
+        if weights.ndim in formats:
+            weights.data = weights.data.contiguous(memory_format=formats[weights.ndim])
+    return model

@@ -15,6 +15,7 @@ from scenefw.core.queried_sets import (
     QueriedSet,
     ViewedSetBatch,
 )
+from scenefw.core.rng import torch_seed
 from scenefw.learning.checkpoint import OBJECT_QUERIES
 from scenefw.learning.module import TrainingModule
 from scenefw.losses.query_distance import distances_of
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
     from scenefw.learning.optimizers import Optimizer
     from scenefw.learning.schedules import Schedule
 
+_NOISE = 5  # random stream, beside those of data
+
 
 class ObjectQueryLearning(TrainingModule):
     """Trains a decoder of sets (group `learning`).
@@ -48,7 +51,7 @@ class ObjectQueryLearning(TrainingModule):
         weight_decay: of the optimiser; 0 makes AdamW Adam.
         schedule: factor of the learning rate; None means 0.99 every 5 epochs.
         average: decay of the moving average of weights that is validated and exported; 0: none.
-        seed: isn't used, as nothing is random but the data.
+        seed: of the noise of denoised queries.
         initial: weights to start from; None: random ones.
         reinitialise: modules of the network that start from random weights even so.
         matching: says which query stands for which object; None: the optimal assignment.
@@ -63,7 +66,6 @@ class ObjectQueryLearning(TrainingModule):
     """
 
     task = OBJECT_QUERIES
-    memory_format = torch.channels_last_3d
     model: ObjectQueryModel
 
     def __init__(
@@ -108,7 +110,7 @@ class ObjectQueryLearning(TrainingModule):
                 f"the network has {self.model.queries} queries, the data have up to {data.most} "
                 "objects in a scene; give more by model.seeded or model.free"
             )
-        if data.grid != self.model.grid:
+        if self.model.grid is not None and data.grid != self.model.grid:
             raise ConfigError(
                 f"the encoder of model.encoder was trained on {self.model.grid}, the data have "
                 f"{data.grid}; give grid.resolution={self.model.grid.resolution}, or another "
@@ -123,8 +125,10 @@ class ObjectQueryLearning(TrainingModule):
         return {name: loss for name, loss in self._terms.items() if not loss.early}
 
     def predict_batch(self, batch: ViewedSetBatch) -> ObjectQueryPrediction:
-        """The training pass, each layer matched to true objects."""
-        return matched(self.model(batch), batch, self.matching, dense=self.dense)
+        """The training pass with the noise of this step, each layer matched to true objects."""
+        draws = torch.Generator()  # on the CPU: the same on every device
+        draws.manual_seed(torch_seed(self.seed, _NOISE, self.batches_seen, self.global_rank))
+        return matched(self.model(batch, draws), batch, self.matching, dense=self.dense)
 
     def validation_step(self, batch: IndexBatch, batch_idx: int) -> None:
         """All losses and figures of the last layer, of the same views every time."""
@@ -155,7 +159,7 @@ def matched(
         replace(found, matched=matched_queries(found, batch, matching), owned=owned)
         for found in prediction.layers
     ]
-    return ObjectQueryPrediction(layers)
+    return ObjectQueryPrediction(layers, prediction.denoised)
 
 
 @torch.no_grad()

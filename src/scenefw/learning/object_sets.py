@@ -27,7 +27,6 @@ class ObjectSetLearning(TrainingModule):
     """
 
     task = OBJECT_SETS
-    memory_format = torch.channels_last_3d
     model: ObjectSetModel
 
     def setup_with(self, data: ObjectSetData) -> ObjectSetSetup:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, cast
 
-import torch
 from torch import Tensor
 
 from scenefw.core.batches import IndexBatch
@@ -23,7 +22,6 @@ class PartAffinityLearning(TrainingModule):
     """Trains a network of affinities (group `learning`); arguments are those of any training."""
 
     task = PART_AFFINITY
-    memory_format = torch.channels_last
     model: PartAffinityModel
 
     def setup_with(self, data: PartViewData) -> PartViewSetup:

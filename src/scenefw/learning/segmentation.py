@@ -44,7 +44,6 @@ class SegmentationLearning(TrainingModule):
     """
 
     task = SEGMENTATION
-    memory_format = torch.channels_last
     model: SegmentationModel
 
     def __init__(

@@ -55,7 +55,6 @@ class ShapeInstanceLearning(TrainingModule):
     """
 
     task = SHAPE_INSTANCE
-    memory_format = torch.channels_last_3d
     model: ShapeInstanceModel
 
     def __init__(

@@ -46,7 +46,7 @@ class QueryDistance:
         Raises:
             InputError: predictions are not matched.
         """
-        terms = [self._of(found, batch) for found in prediction.layers]
+        terms = [self._of(found, batch) for found in prediction.taught]
         return torch.stack(terms).mean() / self.unit
 
     def _of(self, found: QueriedSet, batch: ViewedSetBatch) -> Tensor:

@@ -31,7 +31,7 @@ class QueryExistence:
             InputError: predictions are not matched.
         """
         terms = []
-        for found in prediction.layers:
+        for found in prediction.taught:
             there = (matched_of(found) >= 0).to(found.existence.dtype)
             errors = functional.binary_cross_entropy_with_logits(
                 found.existence, there, reduction="none"

@@ -44,7 +44,7 @@ class QueryParameters:
         Raises:
             InputError: predictions are not matched.
         """
-        return torch.stack([_of(found, batch) for found in prediction.layers]).mean()
+        return torch.stack([_of(found, batch) for found in prediction.taught]).mean()
 
 
 def _of(found: QueriedSet, batch: ViewedSetBatch) -> Tensor:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import torch
@@ -11,17 +11,15 @@ from torch import Tensor, nn
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.queried_sets import ObjectQueryPrediction, QueriedSet, ViewedSetBatch
+from scenefw.core.settings import NOT_NEGATIVE
 from scenefw.kernels.precision import full_precision
+from scenefw.models.query_numbers import SIZE, Noised, noised, told
 from scenefw.models.relative_attention import RelativeAttention
-from scenefw.models.view_tokens import Tokens, TrainedEncoder, ViewTokens
+from scenefw.models.view_encoders import encoder_of
+from scenefw.models.view_tokens import Tokens, TrainedEncoder
 from scenefw.shapes.radial_distance import radial_distance
 
-SIZE = 15
-"""Numbers of an object: centre 3, two columns of its rotation 6, half-axes 3, exponents 3."""
 _OFFSET = 7  # numbers that say where a token lies for a query
-_REACH = 0.1  # m, of centres from where queries start, for a number of one
-_TYPICAL, _WIDEST = 0.06, 2.0  # m, of half-axes; most by which their logarithms differ from it
-_LEAST_EXPONENT, _EXPONENTS = math.log(2), 3.9
 _NEAR = 0.05  # m: offsets that differ by this differ clearly
 _CLOSE = 0.01  # m: likewise for distances to a surface
 _RARE = -1.5  # logit of existence at first
@@ -47,15 +45,20 @@ class _Queries(NamedTuple):
 class ObjectQueries(nn.Module):
     """Superquadrics with existence scores for a view, by queries that attend to its tokens.
 
-    Tokens are features of a trained network of volumes (`ViewTokens`). Most queries start at seen
-    points that are far from each other, some at learnt places, for objects that nobody sees. In
-    each layer they look at tokens as these lie from their object, in the world, in its own frame
-    and from its surface, and at each other; then they change their object (as Carion et al. 2020
-    and Zhu et al. 2021 for boxes). All layers are trained. Centre, half-axes and exponents are
-    bounded softly.
+    Tokens are features of a trained network of volumes (`ViewTokens`), or of an encoder of images
+    that learns with the rest (`ImageTokens`). Most queries start at seen points that are far from
+    each other, some at learnt places, for objects that nobody sees. In each layer they look at
+    tokens as these lie from their object, in the world, in its own frame and from its surface, and
+    at each other; then they change their object (as Carion et al. 2020 and Zhu et al. 2021 for
+    boxes). All layers are trained. Centre, half-axes and exponents are bounded softly.
+
+    With `denoised`, further queries of a training start near true objects, which they have to find,
+    or farther away, where they have to say that nothing is there (Zhang et al. 2023). They need no
+    matching. Other queries don't see them.
 
     Args:
-        encoder: a trained `shape_instance_vae`, whose encoder of views is taken.
+        encoder: a trained `shape_instance_vae`, whose encoder of views is taken; or the sizes of
+            an encoder of images (`sees: image`).
         seeded: queries at seen points, at most.
         free: queries at learnt places.
         tokens: seen points that are looked at, at most.
@@ -63,7 +66,8 @@ class ObjectQueries(nn.Module):
         layers: of the decoder.
         view_layers: of attention among tokens.
         heads: of attention.
-        frozen: leave the encoder as it is trained.
+        denoised: queries near each true object, and as many farther away, in training.
+        frozen: leave a trained encoder as it is.
 
     Raises:
         ConfigError: a number below one, more seeds than tokens, or channels that heads can't share.
@@ -81,6 +85,7 @@ class ObjectQueries(nn.Module):
         layers: int = 4,
         view_layers: int = 2,
         heads: int = 4,
+        denoised: int = 0,
         *,
         frozen: bool = True,
     ) -> None:
@@ -90,39 +95,54 @@ class ObjectQueries(nn.Module):
             "view_layers": view_layers, "heads": heads,
         }  # fmt: skip
         _check(sizes)
-        self.view = ViewTokens(encoder, tokens, width, view_layers, heads, frozen=frozen)
+        NOT_NEGATIVE.require(denoised=denoised)
+        self.view = encoder_of(encoder, tokens, width, view_layers, heads, frozen=frozen)
         self.recipe = {
             "_target_": f"{__name__}.ObjectQueries",
             "encoder": self.view.sizes,
             **sizes,
+            "denoised": denoised,
             "frozen": frozen,
         }
-        self.grid = self.view.grid
-        self.seeded, self.queries = seeded, seeded + free
+        self.grid, self.sees = self.view.grid, self.view.sees
+        self.seeded, self.queries, self.denoised = seeded, seeded + free, denoised
         self.seed = nn.Parameter(0.02 * torch.randn(width))
         self.free = nn.Parameter(0.02 * torch.randn(free, width))
+        self.noised = nn.Parameter(0.02 * torch.randn(width))
         spread, height = _HIDDEN
         starts = spread * torch.randn(free, 3)
         self.starts = nn.Parameter(torch.cat([starts[:, :2], starts[:, 2:].abs() + height], dim=-1))
         self.layers = nn.ModuleList([_Layer(width, heads) for _ in range(layers)])
 
-    def forward(self, batch: ViewedSetBatch) -> ObjectQueryPrediction:
-        """Training pass: a set of each layer."""
-        return ObjectQueryPrediction(self._sets(batch.condition, batch.points, batch.seen))
+    def forward(
+        self, batch: ViewedSetBatch, generator: torch.Generator | None = None
+    ) -> ObjectQueryPrediction:
+        """Training pass: a set of each layer.
+
+        Args:
+            batch: views and objects.
+            generator: of the noise of denoised queries, on the CPU; None: without these.
+        """
+        tokens = self.view(batch.condition, batch.points, batch.seen)
+        layers = self._sets(self._first(tokens), tokens)
+        if generator is None or not self.denoised:
+            return ObjectQueryPrediction(layers)
+        start = noised(batch.scenes, self.denoised, generator)
+        near = self._sets(self._near_truth(start), tokens)
+        return ObjectQueryPrediction(layers, [replace(one, matched=start.objects) for one in near])
 
     def predict(self, condition: Tensor, points: Tensor, seen: Tensor) -> QueriedSet:
         """The set of the last layer.
 
         Args:
-            condition: (B, 2, X, Y, Z), distances in units of the truncation.
-            points: (B, P, 3) m, world, of what is seen above the floor.
+            condition: what the encoder sees, as in `ViewedSetBatch`.
+            points: (B, P, 3) m, of what is seen above the floor.
             seen: (B, P) bool: points that count.
         """
-        return self._sets(condition, points, seen)[-1]
-
-    def _sets(self, condition: Tensor, points: Tensor, seen: Tensor) -> list[QueriedSet]:
         tokens = self.view(condition, points, seen)
-        queries = self._first(tokens)
+        return self._sets(self._first(tokens), tokens)[-1]
+
+    def _sets(self, queries: _Queries, tokens: Tokens) -> list[QueriedSet]:
         found = []
         for layer in self.layers:
             now = bounded(queries)
@@ -132,6 +152,11 @@ class ObjectQueries(nn.Module):
             found.append(bounded(queries, existence))
             queries = queries._replace(numbers=queries.numbers.detach())
         return found
+
+    def _near_truth(self, start: Noised) -> _Queries:
+        """Queries that start at objects with noise."""
+        features = self.noised.expand(*start.starts.shape[:2], -1)
+        return _Queries(features, start.starts, start.numbers, start.active)
 
     def _first(self, tokens: Tokens) -> _Queries:
         """Queries before the first layer: balls of typical size where they start."""
@@ -190,8 +215,8 @@ class _Layer(nn.Module):
         offsets = seen_from(now, now.positions)
         features = features + self.talk(asked, asked, offsets, queries.active)
         features = features + self.deep(self.norms[2](features))
-        told = self.head(self.norms[3](features))
-        return features, self.change(told).float(), self.existence(told)[..., 0].float()
+        last = self.head(self.norms[3](features))
+        return features, self.change(last).float(), self.existence(last)[..., 0].float()
 
 
 def bounded(queries: _Queries, existence: Tensor | None = None) -> QueriedSet:
@@ -201,18 +226,13 @@ def bounded(queries: _Queries, existence: Tensor | None = None) -> QueriedSet:
         queries: of which numbers and starts count.
         existence: (B, N) logits; None: none are known yet.
     """
-    numbers = queries.numbers
-    first = nn.functional.normalize(numbers[..., 3:6] + numbers.new_tensor([1.0, 0, 0]), dim=-1)
-    second = numbers[..., 6:9] + numbers.new_tensor([0, 1.0, 0])
-    second = second - (first * second).sum(dim=-1, keepdim=True) * first
-    second = nn.functional.normalize(second, dim=-1)
-    wide = _WIDEST * (numbers[..., 9:12] / _WIDEST).tanh()
+    positions, rotations, half_axes, exponents = told(queries.numbers, queries.starts)
     return QueriedSet(
-        numbers[..., 0] if existence is None else existence,
-        _TYPICAL * wide.exp(),
-        (_LEAST_EXPONENT + _EXPONENTS * numbers[..., 12:15].sigmoid()).exp(),
-        torch.stack([first, second, torch.linalg.cross(first, second)], dim=-1),
-        queries.starts + _REACH * numbers[..., :3],
+        queries.numbers[..., 0] if existence is None else existence,
+        half_axes,
+        exponents,
+        rotations,
+        positions,
         queries.active,
         queries.starts,
     )

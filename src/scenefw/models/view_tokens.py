@@ -13,9 +13,9 @@ from scenefw.core.types import GridSpec
 from scenefw.models.blocks import space_to_depth
 from scenefw.models.condition import ConditionAutoencoder
 from scenefw.models.farthest_points import farthest_points
+from scenefw.models.place_waves import WAVES, place_waves
 from scenefw.models.set_attention import attention
 
-_WAVES = 5  # octaves, the longest 1 m
 _CELLS = 4  # per side of the coarse map
 
 
@@ -59,6 +59,8 @@ class ViewTokens(nn.Module):
         ConfigError: the network has no such encoder.
     """
 
+    sees = "volume"
+
     def __init__(
         self,
         encoder: TrainedEncoder | Mapping[str, Any],
@@ -87,7 +89,7 @@ class ViewTokens(nn.Module):
             nn.LayerNorm(total), nn.Linear(total, width), nn.GELU(), nn.Linear(width, width)
         )
         self.cell = nn.Sequential(nn.LayerNorm(sum(widths[3:])), nn.Linear(sum(widths[3:]), width))
-        self.place = nn.Linear(3 + 6 * _WAVES, width)
+        self.place = nn.Linear(3 + 6 * WAVES, width)
         self.mixed = attention(width, layers, heads)
 
     def train(self, mode: bool = True) -> ViewTokens:
@@ -119,9 +121,7 @@ class ViewTokens(nn.Module):
 
     def placed(self, places: Tensor) -> Tensor:
         """Features (..., width) of where something is (..., 3) m."""
-        waves = 2 * torch.pi * 2.0 ** torch.arange(_WAVES, device=places.device)
-        angles = (places[..., None] * waves).flatten(-2)
-        found: Tensor = self.place(torch.cat([4 * places, angles.sin(), angles.cos()], dim=-1))
+        found: Tensor = self.place(place_waves(places))
         return found
 
     def _maps(self, condition: Tensor) -> list[Tensor]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,16 +12,18 @@ from scenefw.core import geometry
 from scenefw.core.evidence import FittedSuperquadric
 from scenefw.core.settings import PART, PROBABILITY
 from scenefw.core.types import Pose
-from scenefw.data.conditioning import condition
-from scenefw.data.seen_points import seen_points
-from scenefw.data.view_samples import points_of_view
+from scenefw.data.set_views import image_view, volume_view
+from scenefw.data.view_samples import points_of_view, width_of_view
 from scenefw.fitting.placed import in_frame_of, shape_of
 
 if TYPE_CHECKING:
+    from torch import Tensor
+
     from scenefw.core.batches import PartialTSDF
     from scenefw.core.queried_sets import QueriedSet
     from scenefw.core.query_protocols import ObjectQueryModel, TrainedObjectQueries
     from scenefw.core.types import GridSpec
+    from scenefw.data.set_views import SetView
 
 _CORNERS = 6  # of meshes that say where an object is
 _SHELLS = (1.0, 0.7, 0.4, 0.1)  # of sizes: so its inner points are spread
@@ -47,6 +50,7 @@ class QueriedObjects:
         PART.require(shared=shared)
         self.model: ObjectQueryModel = checkpoint.model
         self.points = points_of_view(checkpoint.metadata)
+        self.width = width_of_view(checkpoint.metadata)
         self.exists, self.shared = exists, shared
 
     @torch.no_grad()
@@ -60,17 +64,18 @@ class QueriedObjects:
             grid: of the partial TSDFs.
             generator: says which points are taken, on the CPU.
         """
-        if partial.depth is None or partial.cameras is None:
-            raise ValueError("queries need the depth images of partial TSDFs")
+        view = self._view(partial, grid, generator)
         device = next(self.model.parameters()).device  # type: ignore[attr-defined]
-        chances = torch.rand(len(partial.depth), self.points, generator=generator)
-        points, seen = seen_points(
-            partial.depth, partial.cameras, grid, chances.to(partial.depth.device)
-        )
-        found = self.model.predict(
-            condition(partial, grid).to(device), points.to(device), seen.to(device)
-        )
-        return [self._sure(found, row) for row in range(len(points))]
+        found = self.model.predict(*(one.to(device) for one in view[:3]))
+        found = _in_world(found, view.turn.to(device), view.origin.to(device))
+        return [self._sure(found, row) for row in range(len(view.points))]
+
+    def _view(self, partial: PartialTSDF, grid: GridSpec, generator: torch.Generator) -> SetView:
+        """What the network sees of views."""
+        if self.model.sees == "image":
+            return image_view(partial, grid, self.width)
+        chances = torch.rand(len(partial.distance), self.points, generator=generator)
+        return volume_view(partial, grid, chances)
 
     def _sure(self, found: QueriedSet, row: int) -> list[FittedSuperquadric]:
         chances = found.existence[row].sigmoid().cpu()
@@ -91,6 +96,16 @@ def shared_room(one: FittedSuperquadric, other: FittedSuperquadric) -> float:
     inner = np.concatenate([share * corners for share in _SHELLS])
     places = inner @ small.pose.rotation.T + small.pose.position
     return float((shape_of(large).value(in_frame_of(large, places)) < 1).mean())
+
+
+def _in_world(found: QueriedSet, turn: Tensor, origin: Tensor) -> QueriedSet:
+    """Objects of frames, whose turns (B, 3, 3) are from the world, with origins (B, 3) m."""
+    back = turn.transpose(-1, -2)
+    return replace(
+        found,
+        rotations=torch.einsum("bij,bnjk->bnik", back, found.rotations),
+        positions=torch.einsum("bij,bnj->bni", back, found.positions) + origin[:, None],
+    )
 
 
 def _superquadric(found: QueriedSet, row: int, query: int) -> FittedSuperquadric:

@@ -4,10 +4,14 @@ import lightning
 import pytest
 import torch
 from tests.unit.data.stacks_file import write_stacks
+from tests.unit.data.test_imaged_sets import viewpoints
 from tests.unit.learning.tiny import views
-from tests.unit.models.queries import RESOLUTION, queries
+from tests.unit.models.queries import RESOLUTION, image_queries, queries
 
 from scenefw.core.errors import ConfigError
+from scenefw.core.queried_sets import ObjectQueryPrediction
+from scenefw.core.types import GridSpec
+from scenefw.data.imaged_sets import ImagedSets
 from scenefw.data.viewed_sets import ViewedSets
 from scenefw.learning.checkpoint import OBJECT_QUERIES, load_checkpoint
 from scenefw.learning.object_queries import ObjectQueryLearning, figures, matched
@@ -66,6 +70,53 @@ def test_it_learns_one_batch_by_heart(stacks):
     assert after["val/overlap"] > 0.6
     assert after["val/count_error"] == 0
     assert after["val/centre_error"] < 0.02
+
+
+def test_denoised_queries_of_images_learn_to_find_their_objects(stacks):
+    """Near queries come nearer and far ones learn to be nothing, each by its own loss."""
+    made = ImagedSets(viewpoints(), GridSpec(32), stacks, limit=2, validation_limit=2,
+                      batch_size=2, distinct_batches=1, image_size=(64, 64), places=64)  # fmt: skip
+    module = ObjectQueryLearning(
+        image_queries(tokens=32, denoised=2), LOSSES, learning_rate=4e-3, average=0.0,
+        schedule=CosineDecay(steps=STEPS, warmup=5),
+    )  # fmt: skip
+    module.check(made)
+    batch = made.training_batch(made.train_dataloader().batch(0), torch.device("cpu"))
+
+    def scores():
+        """Loss of distances of denoised queries alone, and how sure near and far ones are."""
+        with torch.no_grad():
+            found = module.model(batch, torch.Generator().manual_seed(3))
+            last = found.denoised[-1]
+            alone = ObjectQueryPrediction([last])
+            sure = last.existence.sigmoid()
+            near = sure[last.matched >= 0].mean()
+            far = sure[(last.matched < 0) & last.active].mean()
+            return LOSSES["query_distance"](alone, batch), near - far
+
+    before, apart_before = scores()
+    trainer = lightning.Trainer(
+        accelerator="cpu", max_steps=STEPS, logger=False, enable_checkpointing=False,
+        enable_progress_bar=False, enable_model_summary=False, limit_val_batches=0,
+    )  # fmt: skip
+    trainer.fit(module, made)
+    after, apart = scores()
+    assert after < 0.85 * before  # sizes have a noise of 40 %
+    assert abs(apart_before) < 0.2
+    assert apart > 0.5
+
+
+def test_the_noise_of_a_step_follows_from_seed_and_step(stacks):
+    made = data(stacks)
+    batch = made.training_batch(made.train_dataloader().batch(0), torch.device("cpu"))
+    starts = []
+    for seed, step in ((0, 0), (0, 0), (0, 1), (1, 0)):
+        module = ObjectQueryLearning(queries(denoised=1), LOSSES, seed=seed)
+        module.batches_seen = step
+        starts.append(module.predict_batch(batch).denoised[0].starts)
+    assert torch.equal(starts[0], starts[1])
+    assert not torch.allclose(starts[0], starts[2])
+    assert not torch.allclose(starts[0], starts[3])
 
 
 def test_early_losses_stop_after_their_share_of_the_budget():

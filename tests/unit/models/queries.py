@@ -1,6 +1,6 @@
 """A small decoder of sets, its encoder, and views made by hand."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from tests.unit.learning.tiny import network
@@ -8,6 +8,7 @@ from tests.unit.learning.tiny import network
 from scenefw.core.batches import SceneParameters
 from scenefw.core.queried_sets import ViewedSetBatch
 from scenefw.core.types import GridSpec
+from scenefw.kernels.place_images import CELL, CHANNELS
 from scenefw.models.object_queries import ObjectQueries
 from scenefw.models.shape_instance_vae import ShapeInstanceVAE
 from scenefw.shapes.radial_distance import in_frame, radial_distance
@@ -33,6 +34,22 @@ def encoder(resolution=RESOLUTION):
 def queries(seed=0, **changed):
     torch.manual_seed(seed)
     return ObjectQueries(encoder(), **{**SIZES, "heads": 2, **changed})
+
+
+def image_queries(seed=0, **changed):
+    """One that sees images, whose places are the points of `image_batch_of`."""
+    torch.manual_seed(seed)
+    sizes = {"sees": "image", "widths": [8, 8, 16, 16]}
+    return ObjectQueries(sizes, **{**SIZES, "heads": 2, **changed})
+
+
+def image_batch_of(views=2, objects=3, seed=0, size=(32, 64)):
+    """The views of `batch_of` with any image: one point for each of its cells."""
+    cells = size[0] * size[1] // CELL**2
+    made = batch_of(views, objects, seed)
+    chosen = torch.linspace(0, made.points.shape[1] - 1, cells).long()
+    image = torch.randn(views, CHANNELS, *size, generator=torch.Generator().manual_seed(seed))
+    return replace(made, condition=image, points=made.points[:, chosen], seen=made.seen[:, chosen])
 
 
 def scenes_of(views=2, objects=3, seed=0):

@@ -4,7 +4,14 @@ from dataclasses import fields, replace
 
 import pytest
 import torch
-from tests.unit.models.queries import SIZES, batch_of, encoder, queries
+from tests.unit.models.queries import (
+    SIZES,
+    batch_of,
+    encoder,
+    image_batch_of,
+    image_queries,
+    queries,
+)
 
 from scenefw.core.errors import ConfigError
 from scenefw.models.farthest_points import farthest_points
@@ -135,3 +142,90 @@ def test_places_are_told_exactly_in_mixed_precision():
     exact = seen_from(objects, batch.points)
     with torch.autocast("cpu", torch.bfloat16):
         assert torch.equal(seen_from(objects, batch.points), exact)
+
+
+IMAGE_SIZES = [(32, 64), (96, 128)]
+
+
+@pytest.mark.parametrize("size", IMAGE_SIZES)
+def test_images_give_tokens_of_cells_and_coarse_ones(size):
+    model, batch = image_queries(), image_batch_of(size=size)
+    tokens = model.view(batch.condition, batch.points, batch.seen)
+    coarse = size[0] * size[1] // 32**2
+    assert tokens.features.shape == (2, SIZES["tokens"] + coarse, SIZES["width"])
+    assert tokens.counted[:, SIZES["tokens"] :].all()
+    assert same(model(batch).layers[-1], model.predict(batch.condition, batch.points, batch.seen))
+
+
+def test_tokens_are_read_off_the_cell_whose_place_they_have():
+    model, batch = image_queries(tokens=12, seeded=4).eval(), image_batch_of(size=(32, 64))
+    fine, _ = model.view._maps(batch.condition)
+    rows = fine.flatten(2).transpose(1, 2)
+    which, _ = farthest_points(batch.points, batch.seen, 12)
+    tokens = model.view(batch.condition, batch.points, batch.seen)
+    spots = batch.points.gather(1, which[..., None].expand(-1, -1, 3))
+    assert torch.equal(tokens.places[:, :12], spots)
+    alone = rows.gather(1, which[..., None].expand(-1, -1, rows.shape[-1]))
+    away = model.view._maps(batch.condition)[1].flatten(2).transpose(1, 2) + model.view.cell
+    inputs = torch.cat([alone + model.view.placed(spots), away], dim=1)
+    assert torch.allclose(
+        tokens.features, model.view.mixed(inputs, src_key_padding_mask=~tokens.counted), atol=1e-5
+    )
+
+
+def test_a_network_of_images_is_rebuilt_from_its_recipe_and_has_no_grid():
+    model, batch = image_queries(denoised=2), image_batch_of()
+    recipe = dict(model.recipe)
+    recipe.pop("_target_")
+    again = ObjectQueries(**recipe)
+    assert again.recipe == model.recipe
+    assert again.grid is None
+    assert again.sees == "image"
+    again.load_state_dict(model.state_dict())
+    args = (batch.condition, batch.points, batch.seen)
+    assert same(model.eval().predict(*args), again.eval().predict(*args), 1e-6)
+
+
+@pytest.mark.parametrize("made", [
+    (queries, batch_of), (image_queries, image_batch_of),
+])  # fmt: skip
+def test_denoised_queries_change_nothing_for_the_others(made):
+    make, views = made
+    batch = views()
+    plain = make(denoised=0).eval()
+    model = make(denoised=2).eval()
+    model.load_state_dict(plain.state_dict())
+    found = model(batch, torch.Generator().manual_seed(1))
+    for one, other in zip(found.layers, plain(batch).layers, strict=True):
+        assert same(one, other, 1e-6)
+    assert len(found.denoised) == SIZES["layers"]
+    assert len(found.taught) == 2 * SIZES["layers"]
+    assert not plain(batch, torch.Generator()).denoised
+    assert not model(batch).denoised
+
+
+def test_denoised_queries_are_near_their_objects_or_say_that_nothing_is_there():
+    model, batch = queries(denoised=3), batch_of()
+    found = model(batch, torch.Generator().manual_seed(0)).denoised[0]
+    matched = found.matched
+    present = batch.scenes.present
+    assert torch.equal(found.active.sum(dim=1), 6 * present.sum(dim=1))
+    for view in range(2):
+        for k in range(matched.shape[1]):
+            owner = int(matched[view, k])
+            gaps = (batch.scenes.positions[view] - found.starts[view, k]).norm(dim=-1)
+            if owner >= 0:
+                assert present[view, owner]
+                assert gaps[owner] < 0.07
+            elif found.active[view, k]:
+                assert gaps[present[view]].min() > 0.02
+    assert int((matched >= 0).sum()) == 3 * int(present.sum())
+
+
+def test_image_encoders_of_no_size_are_refused():
+    for widths in ([8, 8, 8], [8, 8, 8, 9], []):
+        with pytest.raises(ConfigError, match=r"model\.encoder\.widths") as caught:
+            ObjectQueries({"sees": "image", "widths": widths}, **SIZES, heads=2)
+        assert "\n" not in str(caught.value)
+    with pytest.raises(ConfigError, match="denoised"):
+        image_queries(denoised=-1)

@@ -1,0 +1,135 @@
+"""Tokens of a depth image: features of a small convolutional network at seen places."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from scenefw.core.errors import ConfigError
+from scenefw.kernels.place_images import CHANNELS
+from scenefw.models.farthest_points import farthest_points
+from scenefw.models.place_waves import WAVES, place_waves
+from scenefw.models.set_attention import attention
+from scenefw.models.view_tokens import Tokens
+
+IMAGE = "image"
+_LEVELS = 4
+_GROUPS = 8
+
+
+class ImageTokens(nn.Module):
+    """Sees a view as a small image of places (`data.place_images`), and learns from nothing.
+
+    Maps of four scales, each half the size of the one before, are joined from the coarsest to the
+    finest as in a feature pyramid (Lin et al. 2017). Tokens are read off at seen places that are
+    far from each other; the pixels of the coarsest map are tokens too.
+
+    Args:
+        encoder: `widths`, channels of the four maps, and `sees: image`.
+        tokens: seen places at most.
+        width: channels of a token.
+        layers: of attention among them.
+        heads: of attention.
+
+    Raises:
+        ConfigError: not four widths, or some that groups of 8 channels don't divide.
+    """
+
+    sees = IMAGE
+    grid = None  # any will do
+
+    def __init__(
+        self, encoder: Mapping[str, Any], tokens: int, width: int, layers: int, heads: int
+    ) -> None:
+        super().__init__()
+        widths = _checked(encoder)
+        self.sizes = {"sees": IMAGE, "widths": widths}
+        self.count = tokens
+        stages = [_stem(widths[0]), *map(_stage, widths, widths[1:])]
+        self.stages = nn.ModuleList(stages)
+        self.lateral = nn.ModuleList([nn.Conv2d(one, width, 1) for one in widths])
+        self.smooth = nn.Conv2d(width, width, 3, padding=1)
+        self.place = nn.Linear(3 + 6 * WAVES, width)
+        self.cell = nn.Parameter(0.02 * torch.randn(width))
+        self.mixed = attention(width, layers, heads)
+
+    def forward(self, condition: Tensor, points: Tensor, seen: Tensor) -> Tokens:
+        """Tokens of views: those of seen places as `farthest_points` takes them, then coarse ones.
+
+        Args:
+            condition: (B, C, H, W) of `place_image`.
+            points: (B, P, 3) m, a place for each cell of 4 x 4 pixels, row by row.
+            seen: (B, P) bool.
+        """
+        fine, coarse = self._maps(condition)
+        which, counted = farthest_points(points, seen, self.count)
+        places = points.gather(1, which[..., None].expand(-1, -1, 3))
+        rows = fine.flatten(2).transpose(1, 2)
+        read = rows.gather(1, which[..., None].expand(-1, -1, rows.shape[-1]))
+        away = coarse.flatten(2).transpose(1, 2) + self.cell
+        middle = points.new_zeros(len(points), away.shape[1], 3)
+        every = torch.cat([places, middle], dim=1)
+        there = torch.cat([counted, counted.new_ones(middle.shape[:2])], dim=1)
+        features = torch.cat([read + self.placed(places), away], dim=1)
+        return Tokens(self.mixed(features, src_key_padding_mask=~there), every, there)
+
+    def placed(self, places: Tensor) -> Tensor:
+        """Features (..., width) of where something is (..., 3) m."""
+        found: Tensor = self.place(place_waves(places))
+        return found
+
+    def _maps(self, image: Tensor) -> tuple[Tensor, Tensor]:
+        """Joined features of cells (B, width, H / 4, W / 4), and the coarsest ones."""
+        maps = []
+        for stage in self.stages:
+            image = stage(image)
+            maps.append(image)
+        joined = self.lateral[-1](maps[-1])
+        coarse = joined
+        for level in reversed(range(_LEVELS - 1)):
+            finer = self.lateral[level](maps[level])
+            joined = finer + nn.functional.interpolate(joined, size=finer.shape[-2:])
+        return self.smooth(joined), coarse
+
+
+class _Block(nn.Module):
+    """Two convolutions beside a shortcut (He et al. 2016), with group normalisation."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.inner = nn.Sequential(
+            nn.GroupNorm(_GROUPS, width), nn.GELU(), nn.Conv2d(width, width, 3, padding=1),
+            nn.GroupNorm(_GROUPS, width), nn.GELU(), nn.Conv2d(width, width, 3, padding=1),
+        )  # fmt: skip
+
+    def forward(self, features: Tensor) -> Tensor:
+        """Features of the same shape."""
+        found: Tensor = features + self.inner(features)
+        return found
+
+
+def _stem(width: int) -> nn.Sequential:
+    """To a quarter of the image's side, one cell a pixel."""
+    half = width // 2
+    return nn.Sequential(
+        nn.Conv2d(CHANNELS, half, 3, stride=2, padding=1), nn.GELU(),
+        nn.Conv2d(half, width, 3, stride=2, padding=1), _Block(width),
+    )  # fmt: skip
+
+
+def _stage(channels: int, width: int) -> nn.Sequential:
+    """To half the side."""
+    shrink = nn.Conv2d(channels, width, 2, stride=2)
+    return nn.Sequential(shrink, _Block(width), _Block(width))
+
+
+def _checked(encoder: Mapping[str, Any]) -> list[int]:
+    widths = list(encoder.get("widths", ()))
+    if len(widths) != _LEVELS or any(one < 1 or one % _GROUPS for one in widths):
+        raise ConfigError(
+            f"model.encoder.widths is {widths}; expected {_LEVELS} multiples of {_GROUPS}"
+        )
+    return widths

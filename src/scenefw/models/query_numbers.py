@@ -1,0 +1,125 @@
+"""Superquadrics as the numbers that queries change, and true ones with noise."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+from scenefw.kernels.precision import full_precision
+from scenefw.shapes.equal_descriptions import equal_descriptions
+
+if TYPE_CHECKING:
+    from scenefw.core.batches import SceneParameters
+
+SIZE = 15
+"""Numbers of an object: centre 3, two columns of its rotation 6, half-axes 3, exponents 3."""
+_REACH = 0.1  # m, of centres from where queries start, for a number of one
+_TYPICAL, _WIDEST = 0.06, 2.0  # m, of half-axes; most by which their logarithms differ from it
+_LEAST_EXPONENT, _EXPONENTS = math.log(2), 3.9
+_MOST = 0.98  # of what is bounded, so that its numbers stay finite
+_NOISE = (0.2, 0.4, 1.0)  # standard deviations: columns of rotations, sizes, exponents
+_NEAR, _FAR = 0.015, (0.05, 0.12)  # m: deviation of near starts along an axis; how far others are
+
+
+class Noised(NamedTuple):
+    """Where denoised queries start.
+
+    Args:
+        starts: (B, N, 3) m.
+        numbers: (B, N, 15).
+        active: (B, N) bool.
+        objects: (B, N) int64, the object near which each starts; -1: none is near.
+    """
+
+    starts: Tensor
+    numbers: Tensor
+    active: Tensor
+    objects: Tensor
+
+
+def told(numbers: Tensor, starts: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Positions, rotations, half-axes and exponents: any numbers make a solid.
+
+    Args:
+        numbers: (..., 15).
+        starts: (..., 3) m, what centres are told from.
+    """
+    first = nn.functional.normalize(numbers[..., 3:6] + numbers.new_tensor([1.0, 0, 0]), dim=-1)
+    second = numbers[..., 6:9] + numbers.new_tensor([0, 1.0, 0])
+    second = second - (first * second).sum(dim=-1, keepdim=True) * first
+    second = nn.functional.normalize(second, dim=-1)
+    wide = _WIDEST * (numbers[..., 9:12] / _WIDEST).tanh()
+    return (
+        starts + _REACH * numbers[..., :3],
+        torch.stack([first, second, torch.linalg.cross(first, second)], dim=-1),
+        _TYPICAL * wide.exp(),
+        (_LEAST_EXPONENT + _EXPONENTS * numbers[..., 12:15].sigmoid()).exp(),
+    )
+
+
+@full_precision()
+def numbers_of(scenes: SceneParameters) -> Tensor:
+    """Numbers (B, M, 15) of objects, told from their centres.
+
+    Of the 24 equal descriptions, the one that is turned least is taken. Sizes and exponents beyond
+    the bounds of `told` go to these.
+    """
+    ways = equal_descriptions().to(scenes.rotations)
+    turned = scenes.rotations[..., None, :, :] @ ways
+    best = turned.diagonal(dim1=-2, dim2=-1).sum(dim=-1).argmax(dim=-1)
+    rotations = turned.gather(2, best[..., None, None, None].expand(-1, -1, 1, 3, 3))[:, :, 0]
+    order = ways.abs().transpose(-1, -2)[best]
+    axes, exponents = (
+        (order @ one[..., None])[..., 0] for one in (scenes.half_axes, scenes.exponents)
+    )
+    columns = rotations.transpose(-1, -2)[..., :2, :].flatten(-2)
+    wide = ((axes.clamp_min(1e-4) / _TYPICAL).log() / _WIDEST).clamp(-_MOST, _MOST)
+    sharp = (exponents.clamp_min(1.0).log() - _LEAST_EXPONENT) / _EXPONENTS
+    return torch.cat(
+        [
+            torch.zeros_like(axes),
+            columns - columns.new_tensor([1.0, 0, 0, 0, 1.0, 0]),
+            _WIDEST * wide.atanh(),
+            sharp.clamp(1 - _MOST, _MOST).logit(),
+        ],
+        dim=-1,
+    )
+
+
+@torch.no_grad()
+def noised(scenes: SceneParameters, copies: int, generator: torch.Generator) -> Noised:
+    """Objects with noise: `copies` of each near it, and as many that are too far away.
+
+    Args:
+        scenes: of up to M objects; N is 2 M `copies`.
+        copies: of each object.
+        generator: of the noise, on the CPU.
+    """
+    device = scenes.positions.device
+    batch, most = scenes.present.shape
+    shape = (batch, most, 2 * copies)
+
+    def normal(size: int) -> Tensor:
+        return torch.randn(*shape, size, generator=generator).to(device)
+
+    turn, size, sharp = _NOISE
+    numbers = numbers_of(scenes)[:, :, None] + torch.cat(
+        [torch.zeros(*shape, 3, device=device), turn * normal(6), size * normal(3),
+         sharp * normal(3)], dim=-1,
+    )  # fmt: skip
+    least, most_far = _FAR
+    far = least + (most_far - least) * torch.rand(*shape, 1, generator=generator).to(device)
+    away = normal(3)
+    near = torch.arange(2 * copies, device=device) < copies
+    shift = torch.where(near[:, None], _NEAR * away, far * nn.functional.normalize(away, dim=-1))
+    active = scenes.present[:, :, None].expand(shape)
+    objects = torch.arange(most, device=device)[None, :, None].expand(shape)
+    return Noised(
+        (scenes.positions[:, :, None] + shift).flatten(1, 2),
+        numbers.flatten(1, 2),
+        active.flatten(1),
+        torch.where(near & active, objects, -1).flatten(1),
+    )

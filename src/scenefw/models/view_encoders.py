@@ -1,0 +1,36 @@
+"""Which encoder tells a decoder of sets what a view shows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from scenefw.models.image_tokens import IMAGE, ImageTokens
+from scenefw.models.view_tokens import TrainedEncoder, ViewTokens
+
+
+def encoder_of(
+    encoder: TrainedEncoder | Mapping[str, Any],
+    tokens: int,
+    width: int,
+    layers: int,
+    heads: int,
+    *,
+    frozen: bool,
+) -> ViewTokens | ImageTokens:
+    """The encoder of volumes of a trained network, or a new one of images.
+
+    Args:
+        encoder: a trained network of volumes, or sizes; `sees: image` makes one of images.
+        tokens: seen points at most.
+        width: channels of a token.
+        layers: of attention among them.
+        heads: of attention.
+        frozen: leave a trained encoder as it is.
+
+    Raises:
+        ConfigError: the network has no encoder of views, or sizes mean nothing.
+    """
+    if isinstance(encoder, Mapping) and encoder.get("sees") == IMAGE:
+        return ImageTokens(encoder, tokens, width, layers, heads)
+    return ViewTokens(encoder, tokens, width, layers, heads, frozen=frozen)
