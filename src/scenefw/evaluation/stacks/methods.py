@@ -115,14 +115,25 @@ _KNOWN = (
     ),
     _method(
         "object_queries",
-        "a decoder of sets, fitted to the view",
-        samples="a decoder of sets, fitted to the view",
+        "a decoder of sets on trained features, fitted to the view",
+        samples="a decoder of sets on trained features, fitted to the view",
         figure=" of a decoder of sets",
     ),
     _method(
         "queries_alone",
-        "a decoder of sets, as predicted",
+        "a decoder of sets on trained features, as predicted",
         figure=" of a decoder of sets alone",
+    ),
+    _method(
+        "image_queries",
+        "a decoder of sets that sees images, learnt from nothing, fitted to the view",
+        samples="a decoder of sets that sees images, fitted to the view",
+        figure=" of a decoder of sets that sees images",
+    ),
+    _method(
+        "image_queries_alone",
+        "a decoder of sets that sees images, learnt from nothing, as predicted",
+        figure=" of a decoder of sets that sees images, alone",
     ),
     _method(
         "hidden_objects",
