@@ -70,6 +70,6 @@ def with_bottoms(masks: Int32, points: Float64, placed: Mapping[int, PlacedShape
         if isinstance(one.shape, Vessel):
             at = np.nonzero((masks == 0) & (np.abs(points[..., 2]) < _BOTTOM))
             local = (raised[at] - one.pose.position) @ one.pose.rotation
-            within = one.shape.filled_distance(local) < 0
+            within = one.shape.holds(local)
             found[tuple(axis[within] for axis in at)] = label
     return found

@@ -62,6 +62,7 @@ def test_distances_are_those_to_a_fine_mesh(vessel):
     assert np.quantile(off, 0.95) < 0.003
     assert (vessel.wall_distance(places) < 0).mean() < 0.1
     filled = vessel.filled_distance(places)
+    np.testing.assert_array_equal(vessel.holds(places), filled < 0)
     inside = filled < -vessel.wall
     assert inside.any()
     assert (vessel.wall_distance(places[inside]) > 0).mean() > 0.9  # free, but under the lid
