@@ -144,7 +144,7 @@ def test_runs_of_a_sweep_begin_with_the_weights_of_their_seed(scenefw, tmp_path)
 
 @pytest.mark.exhaustive
 def test_baselines_are_trained_and_stand_in_table_5_1(scenefw, tmp_path):
-    words, files = ("debug=smoke", "size.resolution=64"), []
+    words, files = ("debug=smoke", "size.resolution=32"), []
     for name in BASELINES:
         out = f"paths.output={name}"
         done = scenefw("experiment=simstack", "run=train", f"ablation={name}", *words, out)

@@ -24,7 +24,7 @@ class ViewedSetBatch:
 
     Args:
         condition: what the encoder sees: volumes (B, 2, X, Y, Z) as in `ShapeInstanceBatch`, or
-            images (B, 10, H, W) of `place_image`.
+            images (B, 11, H, W) of `place_image`.
         points: (B, P, 3) m, of what is seen above the floor; any where there is none. For images
             one of each cell of 4 x 4 pixels, row by row.
         seen: (B, P) bool: points that count.

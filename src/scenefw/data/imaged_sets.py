@@ -9,12 +9,12 @@ import torch
 
 from scenefw.core.batches import CameraBatch, SceneParameters
 from scenefw.core.queried_sets import ViewedSetBatch
-from scenefw.core.settings import COUNT, POSITIVE, Range
+from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.data.places_about import CHANCES, placed_about, require_places
 from scenefw.data.ray_images import ray_images, scaled
 from scenefw.data.scene_batches import SceneBatches
-from scenefw.data.set_views import EVEN, view_of_places
-from scenefw.data.view_samples import image_facts
+from scenefw.data.set_views import image_shape, view_of_places
+from scenefw.data.view_samples import WIDTH_OF_VIEW, image_facts
 from scenefw.kernels.cameras import pixel_places
 from scenefw.kernels.transfer import to_device
 from scenefw.noise.frames import depth_noises, described
@@ -33,11 +33,10 @@ if TYPE_CHECKING:
 
 # Random streams, beside that of the order of scenes
 _VIEWS, _VALIDATION = 2, 3
-_WHOLE = Range(f"multiples of {EVEN}", lambda value: value > 0 and value % EVEN == 0)
 
 
 class ImagedSets(SceneBatches):
-    """Images of the scenes of two splits, in frames of their cameras (group `dataset`).
+    """Images of the scenes of two splits, in the frames of their views (group `dataset`).
 
     Camera, size and noise of scene i in epoch e depend on (seed, e, i) alone.
 
@@ -50,7 +49,7 @@ class ImagedSets(SceneBatches):
         batch_size: scenes per step.
         seed: seed of the order of scenes, and of views.
         distinct_batches: train on this many batches again and again, views and all; None means all.
-        image_size: width and height (pixels), multiples of 32.
+        width: pixels along images; both sides are rounded to multiples of 32 (`image_shape`).
         places: about each object, at which distances are learnt; half of them near its surface.
         near: how near (m, standard deviation).
         noise: disturbs the images as depth cameras do, applied in the order of the names.
@@ -70,19 +69,20 @@ class ImagedSets(SceneBatches):
         batch_size: int = 32,
         seed: int = 0,
         distinct_batches: int | None = None,
-        image_size: Sequence[int] = (128, 96),
+        width: int = WIDTH_OF_VIEW,
         places: int = 256,
         near: float = 0.01,
         noise: Mapping[str, Noise] | None = None,
         scale: float = 1.15,
     ) -> None:
         super().__init__(path, limit, validation_limit, batch_size, seed, distinct_batches)
-        COUNT.require(scale=scale)
-        _WHOLE.require(image_size=image_size)
+        COUNT.require(width=width, scale=scale)
         POSITIVE.require(near=near)
         require_places(places)
         self.viewpoints, self.grid = viewpoints, grid
-        self.lens = viewpoints.camera.resized(*image_size)
+        camera = viewpoints.camera
+        rows, columns = image_shape(width, camera.width, camera.height)
+        self.lens = camera.resized(columns, rows)
         self.places, self.near, self.scale = places, near, scale
         self.noise = depth_noises(noise, "images of sets")
 
@@ -132,7 +132,7 @@ class ImagedSets(SceneBatches):
         parameters = _mirrored(scaled(parameters, factors), mirrored > 0)
         depth, _ = ray_images(parameters, cameras, self.noise, seeds)
         places = torch.where(depth.isnan()[..., None], torch.nan, pixel_places(depth, cameras))
-        view = view_of_places(places, self.grid, poses[:, :3, 3])
+        view = view_of_places(places, self.grid, poses)
         there = _in_frame(parameters, view.turn, view.origin)
         chances = at_places.view(len(poses), slots, self.places, CHANCES)
         about, distances = placed_about(there, chances, self.near)

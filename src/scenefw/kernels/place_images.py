@@ -7,19 +7,19 @@ from torch import Tensor
 
 CELL = 4
 """Pixels along a side of a cell, for each of which a network has one feature."""
-CHANNELS = 10
+CHANNELS = 11
 """Of `place_image`."""
-_STEP = 0.02  # m, between next but one pixels: clearly the same surface below, another above
+_STEP = 0.02  # m, between pixels two apart: clearly the same surface below, another above
 _HEIGHT, _WIDE = 0.1, 0.2  # m
 _BOUND = 2.0  # of all channels
 
 
 def place_image(places: Tensor, above: Tensor) -> Tensor:
-    """What a network of images sees (B, 10, H, W).
+    """What a network of images sees (B, 11, H, W).
 
     Steps to the right and down (along x, y and z) say how surfaces lie and where they end. Then
-    come x, y and height of the place, and 1 for what stands on the floor. All are bounded softly,
-    as the floor may go on for metres.
+    come x, y and height of the place, 1 for what stands on the floor, and 1 for what is measured;
+    the others are 0 elsewhere. All are bounded softly, as the floor may go on for metres.
 
     Args:
         places: (B, H, W, 3) m, NaN where nothing is measured.
@@ -28,7 +28,8 @@ def place_image(places: Tensor, above: Tensor) -> Tensor:
     right, down = (_steps(places, axis) / _STEP for axis in (2, 1))
     scale = places.new_tensor([_WIDE, _WIDE, _HEIGHT])
     wide = torch.cat([right, down, places / scale], dim=-1)
-    channels = torch.cat([wide / (1 + wide.abs() / _BOUND), above[..., None]], dim=-1)
+    told = torch.stack([above, ~places.isnan().any(dim=-1)], dim=-1)
+    channels = torch.cat([wide / (1 + wide.abs() / _BOUND), told], dim=-1)
     return channels.nan_to_num(0.0).permute(0, 3, 1, 2).contiguous()
 
 

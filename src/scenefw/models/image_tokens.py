@@ -21,11 +21,12 @@ _GROUPS = 8
 
 
 class ImageTokens(nn.Module):
-    """Sees a view as a small image of places (`data.place_images`), and learns from nothing.
+    """Sees a view as a small image of places (`kernels.place_images`), and is trained from scratch.
 
     Maps of four scales, each half the size of the one before, are joined from the coarsest to the
     finest as in a feature pyramid (Lin et al. 2017). Tokens are read off at seen places that are
-    far from each other; the pixels of the coarsest map are tokens too.
+    far from each other. The pixels of the coarsest map are tokens too, in the middle of what is
+    seen there, or at the origin where nothing is.
 
     Args:
         encoder: `widths`, channels of the four maps, and `sees: image`.
@@ -69,11 +70,11 @@ class ImageTokens(nn.Module):
         places = points.gather(1, which[..., None].expand(-1, -1, 3))
         rows = fine.flatten(2).transpose(1, 2)
         read = rows.gather(1, which[..., None].expand(-1, -1, rows.shape[-1]))
-        away = coarse.flatten(2).transpose(1, 2) + self.cell
-        middle = points.new_zeros(len(points), away.shape[1], 3)
-        every = torch.cat([places, middle], dim=1)
-        there = torch.cat([counted, counted.new_ones(middle.shape[:2])], dim=1)
-        features = torch.cat([read + self.placed(places), away], dim=1)
+        middles = _middles(points, seen, fine.shape[-2:], coarse.shape[-2:])
+        every = torch.cat([places, middles], dim=1)
+        there = torch.cat([counted, counted.new_ones(middles.shape[:2])], dim=1)
+        around = coarse.flatten(2).transpose(1, 2) + self.cell
+        features = torch.cat([read, around], dim=1) + self.placed(every)
         return Tokens(self.mixed(features, src_key_padding_mask=~there), every, there)
 
     def placed(self, places: Tensor) -> Tensor:
@@ -109,6 +110,14 @@ class _Block(nn.Module):
         """Features of the same shape."""
         found: Tensor = features + self.inner(features)
         return found
+
+
+def _middles(points: Tensor, seen: Tensor, fine: torch.Size, coarse: torch.Size) -> Tensor:
+    """Means (B, T, 3) of the seen points (B, P, 3) in each of T coarse pixels; 0 where none are."""
+    counts = nn.functional.adaptive_avg_pool2d(seen.to(points.dtype).unflatten(1, fine), coarse)
+    kept = torch.where(seen[..., None], points, 0.0).transpose(1, 2).unflatten(2, fine)
+    sums = nn.functional.adaptive_avg_pool2d(kept, coarse)
+    return (sums / counts[:, None].clamp_min(1e-6)).flatten(2).transpose(1, 2)
 
 
 def _stem(width: int) -> nn.Sequential:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import torch
@@ -52,9 +51,10 @@ class ObjectQueries(nn.Module):
     at each other; then they change their object (as Carion et al. 2020 and Zhu et al. 2021 for
     boxes). All layers are trained. Centre, half-axes and exponents are bounded softly.
 
-    With `denoised`, further queries of a training start near true objects, which they have to find,
-    or farther away, where they have to say that nothing is there (Zhang et al. 2023). They need no
-    matching. Other queries don't see them.
+    With `denoised`, further queries of a training start near true objects, which they have to find
+    (Li et al. 2022), or farther away, where they have to say that nothing is there (Zhang et al.
+    2023). They need no matching. Each group of them, one of both kinds for each object, sees the
+    view and itself alone. In losses, sets of denoised queries weigh as much as the others.
 
     Args:
         encoder: a trained `shape_instance_vae`, whose encoder of views is taken; or the sizes of
@@ -66,8 +66,8 @@ class ObjectQueries(nn.Module):
         layers: of the decoder.
         view_layers: of attention among tokens.
         heads: of attention.
-        denoised: queries near each true object, and as many farther away, in training.
-        frozen: leave a trained encoder as it is.
+        denoised: groups of denoised queries, in training.
+        frozen: leave a trained encoder as it is; one of images always learns.
 
     Raises:
         ConfigError: a number below one, more seeds than tokens, or channels that heads can't share.
@@ -108,7 +108,8 @@ class ObjectQueries(nn.Module):
         self.seeded, self.queries, self.denoised = seeded, seeded + free, denoised
         self.seed = nn.Parameter(0.02 * torch.randn(width))
         self.free = nn.Parameter(0.02 * torch.randn(free, width))
-        self.noised = nn.Parameter(0.02 * torch.randn(width))
+        if denoised:
+            self.noised = nn.Parameter(0.02 * torch.randn(width))
         spread, height = _HIDDEN
         starts = spread * torch.randn(free, 3)
         self.starts = nn.Parameter(torch.cat([starts[:, :2], starts[:, 2:].abs() + height], dim=-1))
@@ -128,8 +129,11 @@ class ObjectQueries(nn.Module):
         if generator is None or not self.denoised:
             return ObjectQueryPrediction(layers)
         start = noised(batch.scenes, self.denoised, generator)
-        near = self._sets(self._near_truth(start), tokens)
-        return ObjectQueryPrediction(layers, [replace(one, matched=start.objects) for one in near])
+        groups = Tokens(*(one.repeat_interleave(self.denoised, dim=0) for one in tokens))
+        near = self._sets(self._near_truth(start), groups)
+        return ObjectQueryPrediction(
+            layers, [_of_views(one, start, len(batch.points)) for one in near]
+        )
 
     def predict(self, condition: Tensor, points: Tensor, seen: Tensor) -> QueriedSet:
         """The set of the last layer.
@@ -213,7 +217,8 @@ class _Layer(nn.Module):
         features = features + self.look(asked, tokens.features, offsets, tokens.counted)
         asked = self.norms[1](features) + about
         offsets = seen_from(now, now.positions)
-        features = features + self.talk(asked, asked, offsets, queries.active)
+        nobody = ~queries.active.any(dim=1, keepdim=True)  # softmax needs some that count
+        features = features + self.talk(asked, asked, offsets, queries.active | nobody)
         features = features + self.deep(self.norms[2](features))
         last = self.head(self.norms[3](features))
         return features, self.change(last).float(), self.existence(last)[..., 0].float()
@@ -236,6 +241,19 @@ def bounded(queries: _Queries, existence: Tensor | None = None) -> QueriedSet:
         queries.active,
         queries.starts,
     )
+
+
+def _of_views(found: QueriedSet, start: Noised, views: int) -> QueriedSet:
+    """Groups of denoised queries, several for a view, as one matched set for each view."""
+
+    def joined(values: Tensor) -> Tensor:
+        return values.unflatten(0, (views, -1)).flatten(1, 2)
+
+    return QueriedSet(
+        joined(found.existence), joined(found.half_axes), joined(found.exponents),
+        joined(found.rotations), joined(found.positions), joined(found.active),
+        joined(found.starts), matched=joined(start.objects),
+    )  # fmt: skip
 
 
 @torch.no_grad()

@@ -22,16 +22,17 @@ _LEAST_EXPONENT, _EXPONENTS = math.log(2), 3.9
 _MOST = 0.98  # of what is bounded, so that its numbers stay finite
 _NOISE = (0.2, 0.4, 1.0)  # standard deviations: columns of rotations, sizes, exponents
 _NEAR, _FAR = 0.015, (0.05, 0.12)  # m: deviation of near starts along an axis; how far others are
+_TAKEN = 0.04  # m from the middle of another object: that one is meant there
 
 
 class Noised(NamedTuple):
-    """Where denoised queries start.
+    """Where denoised queries start, G groups for each of B views, in rows one after the other.
 
     Args:
-        starts: (B, N, 3) m.
-        numbers: (B, N, 15).
-        active: (B, N) bool.
-        objects: (B, N) int64, the object near which each starts; -1: none is near.
+        starts: (B G, N, 3) m.
+        numbers: (B G, N, 15).
+        active: (B G, N) bool.
+        objects: (B G, N) int64, the object near which each starts; -1: none is near.
     """
 
     starts: Tensor
@@ -64,8 +65,8 @@ def told(numbers: Tensor, starts: Tensor) -> tuple[Tensor, Tensor, Tensor, Tenso
 def numbers_of(scenes: SceneParameters) -> Tensor:
     """Numbers (B, M, 15) of objects, told from their centres.
 
-    Of the 24 equal descriptions, the one that is turned least is taken. Sizes and exponents beyond
-    the bounds of `told` go to these.
+    Of the 24 equal descriptions, the one that is turned least is taken. Sizes and exponents keep to
+    98 % of the bounds of `told`, as numbers would be infinite there: exponents are 2.2 or more.
     """
     ways = equal_descriptions().to(scenes.rotations)
     turned = scenes.rotations[..., None, :, :] @ ways
@@ -90,36 +91,39 @@ def numbers_of(scenes: SceneParameters) -> Tensor:
 
 
 @torch.no_grad()
-def noised(scenes: SceneParameters, copies: int, generator: torch.Generator) -> Noised:
-    """Objects with noise: `copies` of each near it, and as many that are too far away.
+def noised(scenes: SceneParameters, groups: int, generator: torch.Generator) -> Noised:
+    """Objects with noise: in each group one start near each object, and one too far away.
+
+    What is too far from its own object doesn't count if another object is there.
 
     Args:
-        scenes: of up to M objects; N is 2 M `copies`.
-        copies: of each object.
+        scenes: of up to M objects; N is 2 M, first those that are near.
+        groups: for each view, G.
         generator: of the noise, on the CPU.
     """
     device = scenes.positions.device
     batch, most = scenes.present.shape
-    shape = (batch, most, 2 * copies)
+    shape = (batch, groups, 2, most)
 
     def normal(size: int) -> Tensor:
         return torch.randn(*shape, size, generator=generator).to(device)
 
     turn, size, sharp = _NOISE
-    numbers = numbers_of(scenes)[:, :, None] + torch.cat(
-        [torch.zeros(*shape, 3, device=device), turn * normal(6), size * normal(3),
-         sharp * normal(3)], dim=-1,
-    )  # fmt: skip
-    least, most_far = _FAR
-    far = least + (most_far - least) * torch.rand(*shape, 1, generator=generator).to(device)
-    away = normal(3)
-    near = torch.arange(2 * copies, device=device) < copies
-    shift = torch.where(near[:, None], _NEAR * away, far * nn.functional.normalize(away, dim=-1))
-    active = scenes.present[:, :, None].expand(shape)
-    objects = torch.arange(most, device=device)[None, :, None].expand(shape)
+    wrong = [torch.zeros(*shape, 3, device=device), turn * normal(6), size * normal(3),
+             sharp * normal(3)]  # fmt: skip
+    numbers = numbers_of(scenes)[:, None, None] + torch.cat(wrong, dim=-1)
+    away, chances = normal(3), torch.rand(*shape, 1, generator=generator).to(device)
+    low, high = _FAR
+    far = (low + (high - low) * chances) * nn.functional.normalize(away, dim=-1)
+    near = torch.tensor([True, False], device=device)[:, None]
+    starts = scenes.positions[:, None, None] + torch.where(near[..., None], _NEAR * away, far)
+    active = scenes.present[:, None, None].expand(shape)
+    gaps = torch.cdist(starts.flatten(1, 3), scenes.positions)
+    taken = ((gaps < _TAKEN) & scenes.present[:, None]).any(dim=-1).view(shape)
+    objects = torch.arange(most, device=device).expand(shape)
     return Noised(
-        (scenes.positions[:, :, None] + shift).flatten(1, 2),
-        numbers.flatten(1, 2),
-        active.flatten(1),
-        torch.where(near & active, objects, -1).flatten(1),
+        starts.flatten(2, 3).flatten(0, 1),
+        numbers.flatten(2, 3).flatten(0, 1),
+        (active & (near | ~taken)).flatten(2).flatten(0, 1),
+        torch.where(near & active, objects, -1).flatten(2).flatten(0, 1),
     )

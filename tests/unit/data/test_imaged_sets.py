@@ -45,10 +45,10 @@ def away_from_objects(batch):
     return torch.where(scenes.present[:, :, None], gaps, 9.0).amin(dim=1)
 
 
-@pytest.mark.parametrize("size", [(128, 96), (64, 32)])
+@pytest.mark.parametrize("size", [(128, 96), (64, 64)])
 def test_points_lie_on_objects_that_are_told_in_the_same_frame(stacks, size):
-    batch = data(stacks, image_size=size).training_batch(IndexBatch(0, torch.arange(4)), CPU)
-    assert batch.condition.shape == (4, 10, size[1], size[0])
+    batch = data(stacks, width=size[0]).training_batch(IndexBatch(0, torch.arange(4)), CPU)
+    assert batch.condition.shape == (4, 11, size[1], size[0])
     assert batch.points.shape == (4, size[0] * size[1] // 16, 3)
     assert batch.seen.any(dim=1).all()
     assert away_from_objects(batch)[batch.seen].max() < 1e-3
@@ -106,14 +106,14 @@ def test_training_scenes_become_larger_and_smaller_and_validation_scenes_do_not(
 
 
 def test_weights_are_told_how_wide_images_are(stacks):
-    assert width_of_view(data(stacks, image_size=(64, 32)).facts()) == 64
+    assert width_of_view(data(stacks, width=64).facts()) == 64
     assert width_of_view({}) == 128
 
 
 def test_numbers_that_mean_nothing_are_refused(stacks):
     for wrong, words in (
         ({"places": 3}, "places = 3"), ({"near": 0.0}, r"near = 0\.0"), ({"scale": 0.9}, "scale"),
-        ({"image_size": (100, 90)}, "multiples of 32"),
+        ({"width": 0}, "width = 0"),
     ):  # fmt: skip
         with pytest.raises(ConfigError, match=words) as caught:
             data(stacks, **wrong)

@@ -1,10 +1,13 @@
 """What decoders of sets are shown of views: images in the frames of their cameras."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
 from scenefw.core.batches import PartialTSDF
+from scenefw.core.errors import InputError
 from scenefw.core.geometry import look_at
 from scenefw.core.types import Camera, GridSpec
 from scenefw.data.seen_points import LOWEST
@@ -36,9 +39,13 @@ def turned(angle, width=640, height=480):
     return PartialTSDF(nothing, nothing > 0, torch.from_numpy(depth).float()[None], cameras)
 
 
-@pytest.mark.parametrize(("width", "shape"), [(128, (96, 128)), (64, (64, 64)), (100, (64, 96))])
-def test_images_keep_their_shape_and_have_whole_cells(width, shape):
-    view = image_view(turned(0.3), GRID, width)
+@pytest.mark.parametrize(("size", "width", "shape"), [
+    ((640, 480), 128, (96, 128)), ((640, 480), 64, (64, 64)), ((640, 480), 100, (64, 96)),
+    ((640, 360), 128, (64, 128)), ((320, 320), 128, (128, 128)), ((240, 320), 96, (128, 96)),
+])  # fmt: skip
+def test_images_keep_about_their_shape_and_have_whole_cells(size, width, shape):
+    view = image_view(turned(0.3, *size), GRID, width)
+    assert view.seen.any()
     assert view.condition.shape[-2:] == shape
     assert view.points.shape == (1, shape[0] * shape[1] // 16, 3)
 
@@ -67,10 +74,27 @@ def test_points_are_places_of_pixels_in_the_world():
     middle = every[every[..., 2] > LOWEST].mean(dim=0)
     assert torch.allclose(view.origin[0, :2], middle[:2], atol=0.005)
     assert view.origin[0, 2] == 0
-    eye = seen_from.cameras.T_world_camera[:, :3, 3]
-    ahead = torch.einsum("bij,bj->bi", view.turn, view.origin - eye)[0]
+    ahead = view.turn[0] @ seen_from.cameras.T_world_camera[0, :3, 2]
     assert ahead[0] > 0.5
     assert abs(ahead[1]) < 1e-5
+
+
+@pytest.mark.parametrize("down", [(0.0, 0.0, -1.0), (0.0, 1e-4, -1.0)])
+@pytest.mark.parametrize("measured", [0.0, 0.7])
+def test_a_camera_that_looks_straight_down_has_a_frame(down, measured):
+    """Its x is the top of the image, which looks away from a camera that is tilted a little."""
+    pose = np.eye(4)
+    pose[:3, 2] = down / np.linalg.norm(down)
+    pose[:3, 0] = [1.0, 0.0, 0.0]
+    pose[:3, 1] = np.cross(pose[:3, 2], pose[:3, 0])
+    pose[:3, 3] = [0.0, 0.0, 0.8]
+    cameras = stack_cameras([Camera(64, 64, 60.0, 60.0, 31.5, 31.5, pose)])
+    nothing = torch.zeros(1, 1, *GRID.shape)
+    depth = torch.full((1, 64, 64), measured)
+    view = image_view(PartialTSDF(nothing, nothing > 0, depth, cameras), GRID, 64)
+    assert torch.allclose(torch.linalg.det(view.turn), torch.ones(1))
+    assert torch.allclose(view.turn[0, 0], torch.tensor([0.0, 1.0, 0.0]), atol=1e-3)
+    assert view.seen.any() == (measured > 0)
 
 
 def test_what_is_not_measured_is_not_seen():
@@ -94,5 +118,9 @@ def test_views_without_images_are_refused():
     nothing = torch.zeros(1, 1, *GRID.shape)
     for made in (lambda one: image_view(one, GRID, 64),
                  lambda one: volume_view(one, GRID, torch.rand(1, 4))):  # fmt: skip
-        with pytest.raises(ValueError, match="depth images"):
+        with pytest.raises(InputError, match="depth images") as caught:
             made(PartialTSDF(nothing, nothing > 0))
+        assert "\n" not in str(caught.value)
+    seen = turned(0.1)
+    with pytest.raises(InputError, match="cameras"):
+        image_view(replace(seen, depth=seen.depth[:, ::2]), GRID, 64)

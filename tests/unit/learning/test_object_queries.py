@@ -75,7 +75,7 @@ def test_it_learns_one_batch_by_heart(stacks):
 def test_denoised_queries_of_images_learn_to_find_their_objects(stacks):
     """Near queries come nearer and far ones learn to be nothing, each by its own loss."""
     made = ImagedSets(viewpoints(), GridSpec(32), stacks, limit=2, validation_limit=2,
-                      batch_size=2, distinct_batches=1, image_size=(64, 64), places=64)  # fmt: skip
+                      batch_size=2, distinct_batches=1, width=64, places=64)  # fmt: skip
     module = ObjectQueryLearning(
         image_queries(tokens=32, denoised=2), LOSSES, learning_rate=4e-3, average=0.0,
         schedule=CosineDecay(steps=STEPS, warmup=5),
