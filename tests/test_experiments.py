@@ -203,18 +203,18 @@ def test_a_network_of_sets_predicts_what_it_was_trained_for(scenefw, tmp_path):
 
 
 @pytest.mark.exhaustive
-def test_three_roads_to_sets_stand_side_by_side(scenefw, tmp_path):
-    roads = {"object_queries": "queries", "image_queries": "image_queries"}
+def test_predictors_of_sets_stand_side_by_side(scenefw, tmp_path):
+    learnt = {"object_queries": "queries", "image_queries": "image_queries"}
     files = []
-    for name, key in roads.items():
+    for name, key in learnt.items():
         done = scenefw(f"experiment={name}", "debug=smoke", f"paths.output={name}")
         assert done.returncode == 0, done.stderr[-3000:]
         files.append(f"checkpoints.{key}={tmp_path / name / name}.safetensors")
-    words = ("run=evaluate", "evaluation=roads_to_sets", "debug=smoke", "size.resolution=64")
+    words = ("run=evaluate", "evaluation=set_predictors", "debug=smoke", "size.resolution=64")
     done = scenefw(*words, *files, "paths.output=out")
     assert done.returncode == 0, done.stderr[-3000:]
     figures = json.loads((tmp_path / "out" / "metrics.json").read_text())
-    rows = ("fitted", "zero_code", "set_flow", *roads, "queries_alone", "image_queries_alone")
+    rows = ("fitted", "zero_code", "set_flow", *learnt, "queries_alone", "image_queries_alone")
     assert {f"{row}/instance_iou" for row in rows} <= figures.keys()
     done = scenefw(*words, files[0], "paths.output=lacking")
     assert done.returncode == 2

@@ -15,12 +15,16 @@ if TYPE_CHECKING:
     from scenefw.core.batches import SceneParameters
     from scenefw.core.types import GridSpec
 
+VOLUME, IMAGE = "volume", "image"
+"""What networks of sets see of a view: a voxel grid, or a small image of places."""
+
 
 @dataclass(frozen=True)
 class ViewedSetBatch:
     """B views of superquadrics: what each shows, points that are seen, what is there.
 
-    All places are in one frame: the world, or for images one whose x points away from the camera.
+    All places, objects too, are in one frame: the world for volumes, and for images that of the
+    view (z up from the floor, x level and away from the camera; see `data.set_views.SetView`).
 
     Args:
         condition: what the encoder sees: volumes (B, 2, X, Y, Z) as in `ShapeInstanceBatch`, or

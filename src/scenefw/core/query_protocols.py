@@ -23,9 +23,11 @@ if TYPE_CHECKING:
 
 
 class ViewedSetData(TrainingData, Protocol):
-    """Partial views, points of what is seen, and objects (group `dataset`, `viewed_sets`)."""
+    """Views, seen points, and objects (group `dataset`, `viewed_sets` and `imaged_sets`)."""
 
     grid: GridSpec
+    sees: str
+    """What networks are shown: `VOLUME` or `IMAGE` of `core.queried_sets`."""
     most: int
     """The largest number of objects in a scene."""
 
@@ -46,7 +48,7 @@ class ObjectQueryLoss(Loss, Protocol):
         """Raises a ConfigError before the work if it doesn't fit these sets."""
 
     def __call__(self, prediction: ObjectQueryPrediction, batch: ViewedSetBatch) -> Tensor:
-        """A scalar from predictions of all layers, matched to objects."""
+        """A scalar from all sets of `prediction.taught`, matched to objects."""
 
 
 class ObjectQueryModel(Network, Protocol):
@@ -55,7 +57,7 @@ class ObjectQueryModel(Network, Protocol):
     grid: GridSpec | None
     """Of the views that it sees; None: it sees images, and any will do."""
     sees: str
-    """What its encoder sees: "volume" or "image"."""
+    """What its encoder sees: `VOLUME` or `IMAGE` of `core.queried_sets`."""
     queries: int
     """Objects that it predicts, most of which don't exist."""
 

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
-from scenefw.core.batches import CameraBatch, SceneParameters
-from scenefw.core.queried_sets import ViewedSetBatch
+from scenefw.core.batches import CameraBatch
+from scenefw.core.queried_sets import IMAGE, ViewedSetBatch
 from scenefw.core.settings import COUNT, POSITIVE
+from scenefw.data.moved_scenes import in_frames, mirrored, scaled
 from scenefw.data.places_about import CHANCES, placed_about, require_places
-from scenefw.data.ray_images import ray_images, scaled
+from scenefw.data.ray_images import ray_images
 from scenefw.data.scene_batches import SceneBatches
 from scenefw.data.set_views import image_shape, view_of_places
 from scenefw.data.view_samples import WIDTH_OF_VIEW, image_facts
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
-    from torch import Tensor
 
     from scenefw.core.batches import IndexBatch
     from scenefw.core.protocols import Noise
@@ -58,6 +58,8 @@ class ImagedSets(SceneBatches):
     Raises:
         ConfigError: a number that isn't positive, an odd number of places, or a factor below one.
     """
+
+    sees = IMAGE
 
     def __init__(
         self,
@@ -127,37 +129,13 @@ class ImagedSets(SceneBatches):
             to_places.uniform(slots * self.places * CHANCES).astype(np.float32),
             np.ascontiguousarray(to_noise.seeds(len(self.noise)).T),
         ]
-        intrinsics, poses, factors, mirrored, at_places, seeds = to_device(drawn, device)
+        intrinsics, poses, factors, flipped, at_places, seeds = to_device(drawn, device)
         cameras = CameraBatch(lens.width, lens.height, intrinsics, poses)
-        parameters = _mirrored(scaled(parameters, factors), mirrored > 0)
+        parameters = mirrored(scaled(parameters, factors), flipped > 0)
         depth, _ = ray_images(parameters, cameras, self.noise, seeds)
         places = torch.where(depth.isnan()[..., None], torch.nan, pixel_places(depth, cameras))
         view = view_of_places(places, self.grid, poses)
-        there = _in_frame(parameters, view.turn, view.origin)
+        there = in_frames(parameters, view.turn, view.origin)
         chances = at_places.view(len(poses), slots, self.places, CHANCES)
         about, distances = placed_about(there, chances, self.near)
         return ViewedSetBatch(view.condition, view.points, view.seen, there, about, distances)
-
-
-def _in_frame(scenes: SceneParameters, turn: Tensor, origin: Tensor) -> SceneParameters:
-    """Scenes in frames: turns (B, 3, 3) from the world, and origins (B, 3) m."""
-    return SceneParameters(
-        scenes.half_axes,
-        scenes.exponents,
-        torch.einsum("bij,bnjk->bnik", turn, scenes.rotations),
-        torch.einsum("bij,bnj->bni", turn, scenes.positions - origin[:, None]),
-        scenes.present,
-    )
-
-
-def _mirrored(scenes: SceneParameters, which: Tensor) -> SceneParameters:
-    """Some scenes in a mirror: y becomes -y. Superquadrics are their own mirror images."""
-    sign = torch.where(which, -1.0, 1.0)
-    flip = torch.stack([torch.ones_like(sign), sign, torch.ones_like(sign)], dim=-1)
-    return SceneParameters(
-        scenes.half_axes,
-        scenes.exponents,
-        scenes.rotations * flip[:, None, :, None] * sign[:, None, None, None],
-        scenes.positions * flip[:, None],
-        scenes.present,
-    )

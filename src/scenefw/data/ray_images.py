@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from scenefw.core.batches import SceneParameters
 from scenefw.kernels.cameras import floor_depths
 from scenefw.kernels.superquadric_rays import first_hits
 
@@ -15,7 +14,7 @@ if TYPE_CHECKING:
 
     from torch import Tensor
 
-    from scenefw.core.batches import CameraBatch
+    from scenefw.core.batches import CameraBatch, SceneParameters
     from scenefw.core.protocols import Noise
 
 _SAME = 0.02  # m: what reads a depth further off shows something else
@@ -43,15 +42,3 @@ def ray_images(
         noisy = one.apply(noisy, cameras, row)
     own = (noisy > 0) & ((noisy - depth).abs() < _SAME)
     return torch.where(noisy > 0, noisy, torch.nan), torch.where(own, owners, 0)
-
-
-def scaled(scenes: SceneParameters, factors: Tensor) -> SceneParameters:
-    """Scenes (B) times factors (B, 1), about the origin on the floor."""
-    by = factors[:, :, None]
-    return SceneParameters(
-        scenes.half_axes * by,
-        scenes.exponents,
-        scenes.rotations,
-        scenes.positions * by,
-        scenes.present,
-    )

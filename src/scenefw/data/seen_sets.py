@@ -13,8 +13,9 @@ from scenefw.core.batches import CameraBatch, IndexBatch, SceneParameters
 from scenefw.core.set_flows import SeenSetBatch
 from scenefw.core.settings import COUNT, NOT_NEGATIVE
 from scenefw.core.types import GridSpec
+from scenefw.data.moved_scenes import scaled
 from scenefw.data.object_ends import object_ends
-from scenefw.data.ray_images import ray_images, scaled
+from scenefw.data.ray_images import ray_images
 from scenefw.data.scene_batches import SceneBatches
 from scenefw.data.stacks import StackScenes
 from scenefw.data.view_frames import in_frame

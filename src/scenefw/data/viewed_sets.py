@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
-from scenefw.core.queried_sets import ViewedSetBatch
+from scenefw.core.queried_sets import VOLUME, ViewedSetBatch
 from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.data.conditioning import condition
 from scenefw.data.places_about import CHANCES, placed_about, require_places
@@ -49,6 +49,8 @@ class ViewedSets(SceneBatches):
     Raises:
         ConfigError: a number that isn't positive, or an odd number of places.
     """
+
+    sees = VOLUME
 
     def __init__(
         self,

@@ -37,7 +37,7 @@ class TrainingModule(ResumableModule, ABC):
         seed: of codes and dropout.
         initial: weights to start from; None: random ones.
         reinitialise: modules of the network that start from random weights even so.
-        channels_last: keep weights of convolutions in this memory format, which is fast.
+        channels_last: keep weights of convolutions channels last in memory, which is fast.
         compile: let torch.compile make the network's training pass faster; a text names a backend.
         optimizer: how gradients change weights; None means AdamW.
 
@@ -155,7 +155,7 @@ def _require_setup(name: str, loss: Loss, setup: Any) -> None:
 
 
 def _laid_out(model: nn.Module) -> nn.Module:
-    """The network with its convolutions in the memory format that is fast for them."""
+    """The network with weights of four and five dimensions, convolutions', channels last."""
     formats = {4: torch.channels_last, 5: torch.channels_last_3d}
     for weights in model.parameters():
         if weights.ndim in formats:

@@ -51,13 +51,13 @@ class ObjectQueryLearning(TrainingModule):
         weight_decay: of the optimiser; 0 makes AdamW Adam.
         schedule: factor of the learning rate; None means 0.99 every 5 epochs.
         average: decay of the moving average of weights that is validated and exported; 0: none.
-        seed: of the noise of denoised queries.
+        seed: of the noise of denoising queries.
         initial: weights to start from; None: random ones.
         reinitialise: modules of the network that start from random weights even so.
         matching: says which query stands for which object; None: the optimal assignment.
         early: share of the schedule's budget during which early losses count.
         dense: queries that stand for nothing learn the object at whose surface they start.
-        channels_last: memory format of the network.
+        channels_last: keep weights of convolutions channels last in memory, which is fast.
         compile: let torch.compile make the network's training pass faster; a text names a backend.
         optimizer: how gradients change weights; None means AdamW.
 
@@ -102,9 +102,15 @@ class ObjectQueryLearning(TrainingModule):
         """Grid and number of queries.
 
         Raises:
-            ConfigError: scenes have more objects than there are queries, or the encoder was trained
-                on another grid.
+            ConfigError: the network sees something else, scenes have more objects than there are
+                queries, or the encoder was trained on another grid.
         """
+        if data.sees != self.model.sees:
+            raise ConfigError(
+                f"the network sees views as {self.model.sees}s, the data are {data.sees}s; give "
+                "model=object_queries with dataset=viewed_sets, or model=image_queries with "
+                "dataset=imaged_sets"
+            )
         if data.most > self.model.queries:
             raise ConfigError(
                 f"the network has {self.model.queries} queries, the data have up to {data.most} "

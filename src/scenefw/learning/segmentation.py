@@ -38,7 +38,7 @@ class SegmentationLearning(TrainingModule):
         initial: weights to start from; None: random ones.
         reinitialise: modules of the network, such as body.decoder.3, that start from random weights
             even so, also where the checkpoint has none: the levels by which a network is deeper.
-        channels_last: memory format of the network, faster on CPUs and on tensor cores.
+        channels_last: keep weights of convolutions channels last in memory, which is fast.
         compile: let torch.compile make the network's training pass faster; a text names a backend.
         optimizer: how gradients change weights; None means AdamW.
     """

@@ -41,7 +41,9 @@ class QueryDistance:
         """Any decoder of sets gives superquadrics."""
 
     def __call__(self, prediction: ObjectQueryPrediction, batch: ViewedSetBatch) -> Tensor:
-        """A scalar, the mean over pairs that are taught, and over layers; 0 without any.
+        """A scalar, the mean over pairs that are taught; 0 without any.
+
+        It is the mean over all sets of `prediction.taught`.
 
         Raises:
             InputError: predictions are not matched.

@@ -25,7 +25,7 @@ class QueryExistence:
         """Any decoder of sets has existence scores."""
 
     def __call__(self, prediction: ObjectQueryPrediction, batch: ViewedSetBatch) -> Tensor:
-        """A scalar, the mean over queries that count, and over layers.
+        """A scalar, the mean over queries that count in all sets of `prediction.taught`.
 
         Raises:
             InputError: predictions are not matched.

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import torch
 from torch import Tensor, nn
 
 from scenefw.core.errors import ConfigError
+from scenefw.core.queried_sets import IMAGE
 from scenefw.kernels.place_images import CHANNELS
 from scenefw.models.farthest_points import farthest_points
-from scenefw.models.place_waves import WAVES, place_waves
+from scenefw.models.fourier_features import WAVES, fourier_features
 from scenefw.models.set_attention import attention
 from scenefw.models.view_tokens import Tokens
 
-IMAGE = "image"
 _LEVELS = 4
 _GROUPS = 8
 
@@ -79,7 +79,7 @@ class ImageTokens(nn.Module):
 
     def placed(self, places: Tensor) -> Tensor:
         """Features (..., width) of where something is (..., 3) m."""
-        found: Tensor = self.place(place_waves(places))
+        found: Tensor = self.place(fourier_features(places))
         return found
 
     def _maps(self, image: Tensor) -> tuple[Tensor, Tensor]:
@@ -136,9 +136,20 @@ def _stage(channels: int, width: int) -> nn.Sequential:
 
 
 def _checked(encoder: Mapping[str, Any]) -> list[int]:
-    widths = list(encoder.get("widths", ()))
-    if len(widths) != _LEVELS or any(one < 1 or one % _GROUPS for one in widths):
+    others = set(encoder) - {"sees", "widths"}
+    if others:
+        raise ConfigError(
+            f"model.encoder has {', '.join(sorted(others))}; an encoder of images has widths alone"
+        )
+    widths = encoder.get("widths", ())
+    if not _fitting(widths):
         raise ConfigError(
             f"model.encoder.widths is {widths}; expected {_LEVELS} multiples of {_GROUPS}"
         )
-    return widths
+    return list(widths)
+
+
+def _fitting(widths: Any) -> bool:
+    if not isinstance(widths, Sequence) or len(widths) != _LEVELS:
+        return False
+    return all(isinstance(one, int) and one > 0 and one % _GROUPS == 0 for one in widths)

@@ -9,7 +9,12 @@ import torch
 from torch import Tensor, nn
 
 from scenefw.core.errors import ConfigError
-from scenefw.core.queried_sets import ObjectQueryPrediction, QueriedSet, ViewedSetBatch
+from scenefw.core.queried_sets import (
+    VOLUME,
+    ObjectQueryPrediction,
+    QueriedSet,
+    ViewedSetBatch,
+)
 from scenefw.core.settings import NOT_NEGATIVE
 from scenefw.kernels.precision import full_precision
 from scenefw.models.query_numbers import SIZE, Noised, noised, told
@@ -51,10 +56,10 @@ class ObjectQueries(nn.Module):
     at each other; then they change their object (as Carion et al. 2020 and Zhu et al. 2021 for
     boxes). All layers are trained. Centre, half-axes and exponents are bounded softly.
 
-    With `denoised`, further queries of a training start near true objects, which they have to find
-    (Li et al. 2022), or farther away, where they have to say that nothing is there (Zhang et al.
-    2023). They need no matching. Each group of them, one of both kinds for each object, sees the
-    view and itself alone. In losses, sets of denoised queries weigh as much as the others.
+    With `denoised`, denoising queries of a training start near true objects, which they have to
+    find (Li et al. 2022), or farther away, where they have to say that nothing is there (Zhang et
+    al. 2023). They need no matching. Each group, one of both kinds for each object, sees the view
+    and itself alone. In losses, sets of denoising queries weigh as much as the others.
 
     Args:
         encoder: a trained `shape_instance_vae`, whose encoder of views is taken; or the sizes of
@@ -66,7 +71,7 @@ class ObjectQueries(nn.Module):
         layers: of the decoder.
         view_layers: of attention among tokens.
         heads: of attention.
-        denoised: groups of denoised queries, in training.
+        denoised: groups of denoising queries, in training.
         frozen: leave a trained encoder as it is; one of images always learns.
 
     Raises:
@@ -102,7 +107,7 @@ class ObjectQueries(nn.Module):
             "encoder": self.view.sizes,
             **sizes,
             "denoised": denoised,
-            "frozen": frozen,
+            **({"frozen": frozen} if self.view.sees == VOLUME else {}),
         }
         self.grid, self.sees = self.view.grid, self.view.sees
         self.seeded, self.queries, self.denoised = seeded, seeded + free, denoised
@@ -122,7 +127,7 @@ class ObjectQueries(nn.Module):
 
         Args:
             batch: views and objects.
-            generator: of the noise of denoised queries, on the CPU; None: without these.
+            generator: of the noise of denoising queries, on the CPU; None: without these.
         """
         tokens = self.view(batch.condition, batch.points, batch.seen)
         layers = self._sets(self._first(tokens), tokens)
@@ -244,7 +249,7 @@ def bounded(queries: _Queries, existence: Tensor | None = None) -> QueriedSet:
 
 
 def _of_views(found: QueriedSet, start: Noised, views: int) -> QueriedSet:
-    """Groups of denoised queries, several for a view, as one matched set for each view."""
+    """Groups of denoising queries, several for a view, as one matched set for each view."""
 
     def joined(values: Tensor) -> Tensor:
         return values.unflatten(0, (views, -1)).flatten(1, 2)

@@ -26,7 +26,7 @@ _TAKEN = 0.04  # m from the middle of another object: that one is meant there
 
 
 class Noised(NamedTuple):
-    """Where denoised queries start, G groups for each of B views, in rows one after the other.
+    """Where denoising queries start, G groups for each of B views, in rows one after the other.
 
     Args:
         starts: (B G, N, 3) m.

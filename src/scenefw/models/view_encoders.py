@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from scenefw.models.image_tokens import IMAGE, ImageTokens
+from scenefw.core.errors import ConfigError
+from scenefw.core.queried_sets import IMAGE
+from scenefw.models.image_tokens import ImageTokens
 from scenefw.models.view_tokens import TrainedEncoder, ViewTokens
 
 
@@ -31,6 +33,11 @@ def encoder_of(
     Raises:
         ConfigError: the network has no encoder of views, or sizes mean nothing.
     """
-    if isinstance(encoder, Mapping) and encoder.get("sees") == IMAGE:
+    if isinstance(encoder, Mapping) and "sees" in encoder:
+        if encoder["sees"] != IMAGE:
+            raise ConfigError(
+                f"model.encoder.sees is {encoder['sees']}; expected {IMAGE}, or weights of a "
+                "network of volumes by model.encoder.path"
+            )
         return ImageTokens(encoder, tokens, width, layers, heads)
     return ViewTokens(encoder, tokens, width, layers, heads, frozen=frozen)

@@ -9,11 +9,12 @@ import torch
 from torch import Tensor, nn
 
 from scenefw.core.errors import ConfigError
+from scenefw.core.queried_sets import VOLUME
 from scenefw.core.types import GridSpec
 from scenefw.models.blocks import space_to_depth
 from scenefw.models.condition import ConditionAutoencoder
 from scenefw.models.farthest_points import farthest_points
-from scenefw.models.place_waves import WAVES, place_waves
+from scenefw.models.fourier_features import WAVES, fourier_features
 from scenefw.models.set_attention import attention
 
 _CELLS = 4  # per side of the coarse map
@@ -59,7 +60,7 @@ class ViewTokens(nn.Module):
         ConfigError: the network has no such encoder.
     """
 
-    sees = "volume"
+    sees = VOLUME
 
     def __init__(
         self,
@@ -121,7 +122,7 @@ class ViewTokens(nn.Module):
 
     def placed(self, places: Tensor) -> Tensor:
         """Features (..., width) of where something is (..., 3) m."""
-        found: Tensor = self.place(place_waves(places))
+        found: Tensor = self.place(fourier_features(places))
         return found
 
     def _maps(self, condition: Tensor) -> list[Tensor]:

@@ -10,6 +10,7 @@ import torch
 
 from scenefw.core import geometry
 from scenefw.core.evidence import FittedSuperquadric
+from scenefw.core.queried_sets import IMAGE
 from scenefw.core.settings import PART, PROBABILITY
 from scenefw.core.types import Pose
 from scenefw.data.set_views import image_view, volume_view
@@ -62,7 +63,7 @@ class QueriedObjects:
         Args:
             partial: with its images.
             grid: of the partial TSDFs.
-            generator: says which points are taken, on the CPU.
+            generator: says which points a network of volumes is shown, on the CPU.
         """
         view = self._view(partial, grid, generator)
         device = next(self.model.parameters()).device  # type: ignore[attr-defined]
@@ -72,7 +73,7 @@ class QueriedObjects:
 
     def _view(self, partial: PartialTSDF, grid: GridSpec, generator: torch.Generator) -> SetView:
         """What the network sees of views."""
-        if self.model.sees == "image":
+        if self.model.sees == IMAGE:
             return image_view(partial, grid, self.width)
         chances = torch.rand(len(partial.distance), self.points, generator=generator)
         return volume_view(partial, grid, chances)

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 
 import torch
 from torch import Tensor
 
 
+@functools.cache
 def equal_descriptions() -> Tensor:
     """Rotations (24, 3, 3) that relabel axes, with signs: the solid stays what it is (sets.md).
 
     A superquadric of three exponents with rotation R, half-axes a and exponents r is the same as
-    one with R P, |P|^T a and |P|^T r.
+    one with R P, |P|^T a and |P|^T r. Callers share the tensor and only read it.
     """
     found = []
     for order in itertools.permutations(range(3)):

@@ -38,6 +38,11 @@ def stacks(tmp_path):
     return str(tmp_path / "stacks.npz")
 
 
+def images(stacks):
+    return ImagedSets(viewpoints(), GridSpec(RESOLUTION), stacks, limit=4, validation_limit=2,
+                      batch_size=2, width=64, places=64)  # fmt: skip
+
+
 def data(stacks, resolution=RESOLUTION, **options):
     sizes = {"limit": 4, "validation_limit": 2, "batch_size": 4, "points": 128, "places": 128}
     return ViewedSets(views(resolution), stacks, **{**sizes, **options})
@@ -151,6 +156,8 @@ def test_what_does_not_go_together_is_refused_in_one_line(stacks):
     cases = (
         (queries(), LOSSES, data(stacks, resolution=8), "grid.resolution=16"),
         (queries(seeded=1, free=1), LOSSES, made, "has 2 queries"),
+        (queries(), LOSSES, images(stacks), "sees views as volumes, the data are images"),
+        (image_queries(), LOSSES, made, "sees views as images, the data are volumes"),
         (queries(), {"tsdf": TsdfLoss()}, made, "loss tsdf is for trainings"),
     )
     for model, losses, given, words in cases:

@@ -284,9 +284,14 @@ def test_denoised_queries_are_near_their_objects_or_say_that_nothing_is_there():
 
 
 def test_image_encoders_of_no_size_are_refused():
-    for widths in ([8, 8, 8], [8, 8, 8, 9], []):
-        with pytest.raises(ConfigError, match=r"model\.encoder\.widths") as caught:
-            ObjectQueries({"sees": "image", "widths": widths}, **SIZES, heads=2)
+    cases = (
+        ({"widths": [8, 8, 8]}, "widths"), ({"widths": [8, 8, 8, 9]}, "widths"), ({}, "widths"),
+        ({"widths": 64}, "widths"), ({"sees": "images"}, "expected image"),
+        ({"widths": [8, 8, 8, 8], "depth": 3}, "has depth"),
+    )  # fmt: skip
+    for wrong, words in cases:
+        with pytest.raises(ConfigError, match=words) as caught:
+            ObjectQueries({"sees": "image", **wrong}, **SIZES, heads=2)
         assert "\n" not in str(caught.value)
     with pytest.raises(ConfigError, match="denoised"):
         image_queries(denoised=-1)

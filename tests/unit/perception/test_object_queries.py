@@ -12,7 +12,8 @@ from tests.unit.perception.test_fitted import partial_of
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.queried_sets import QueriedSet
 from scenefw.core.types import GridSpec
-from scenefw.data.view_samples import view_facts
+from scenefw.data.set_views import image_view
+from scenefw.data.view_samples import image_facts, view_facts
 from scenefw.fitting.joint import JointFit
 from scenefw.fitting.superquadrics import SuperquadricFit
 from scenefw.perception.evidence import EvidenceOfView
@@ -46,6 +47,20 @@ class Told(torch.nn.Module):
     def predict(self, condition, points, seen):
         self.saw = condition, points, seen
         return self.found
+
+
+class ToldOfImages(Told):
+    """The same boxes, in the frame of the view that it was shown."""
+
+    sees = "image"
+
+    def __init__(self, boxes, view):
+        super().__init__(boxes)
+        shift = self.found.positions - view.origin[:, None]
+        self.found = replace(
+            self.found, rotations=view.turn[:, None] @ self.found.rotations,
+            positions=torch.einsum("bij,bnj->bni", view.turn, shift),
+        )  # fmt: skip
 
 
 @dataclass
@@ -92,6 +107,23 @@ def test_what_is_predicted_becomes_a_scene():
     assert seen.all()
     gaps = np.min([np.abs(distance(points[0].numpy(), box)) for box in STACK], axis=0)
     assert np.quantile(gaps, 0.95) < 2e-3
+
+
+@pytest.mark.parametrize("eye", [(0.0, -0.85, 0.6), (0.7, 0.4, 0.5)])
+@pytest.mark.parametrize("width", [64, 128])
+def test_what_is_predicted_in_the_frame_of_an_image_stands_in_the_world(eye, width):
+    view, camera = view_of(48), camera_at(eye=eye)
+    nothing = replace(view, free=np.zeros_like(view.free))  # another side is free from here
+    partial = partial_of(nothing, camera)
+    seen = image_view(partial, view.grid, width)
+    assert abs(seen.turn[0, 0, 1]) > 0.1  # not the world's x
+    model = ToldOfImages(BOXES, seen)
+    method = ObjectQueryReconstructor(Loaded(model, view.grid, image_facts(width)))
+    (scene,) = method.complete(partial, view.grid, 1, torch.Generator())
+    assert overlap(scene, view) > 0.95
+    condition, points, _ = model.saw
+    assert condition.shape[-1] == width
+    assert torch.equal(points, seen.points)
 
 
 def test_rough_predictions_are_fitted_to_what_is_seen():

@@ -6,6 +6,7 @@ import pytest
 from tests.unit.perception.test_settling import HALF, estimate
 
 from scenefw.core.errors import ConfigError
+from scenefw.core.types import TriangleMesh
 from scenefw.perception.bodies import BodyMaker
 from scenefw.perception.ranked_by_stability import RankedByStability
 from scenefw.scenes.engines.pybullet_engine import PyBulletEngine
@@ -57,8 +58,18 @@ def test_evidence_counts_as_much_as_its_unit_says():
 def test_scenes_of_nothing_come_last():
     numbers, found = order(by(1.0, None, 2.0), STANDS, (), FALLS)
     assert numbers == [1, 3, 2]
-    assert found[2].details["stability"] == {"displacement": None}
+    assert found[2].details["stability"] == {"displacement": None, "left_out": 0}
     assert by().rank([]) == []
+
+
+def test_what_is_no_solid_counts_as_far():
+    pile = estimate(*STANDS)
+    mesh = pile.objects[0].mesh
+    opened = replace(pile.objects[0], mesh=TriangleMesh(mesh.vertices, mesh.faces[1:]))
+    opened = replace(pile, objects=(opened, pile.objects[1]))
+    found = by(1, 1, 1).rank([pile, opened, pile])
+    assert [one.details["stability"]["left_out"] for one in found] == [0, 0, 1]
+    assert found[2].details["stability"]["displacement"] == pytest.approx(0.1, abs=3e-3)
 
 
 def test_scenes_stay_as_they_are():

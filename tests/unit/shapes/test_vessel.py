@@ -69,6 +69,18 @@ def test_distances_are_those_to_a_fine_mesh(vessel):
     assert (vessel.wall_distance(places[filled > 0]) > -1e-9).all()
 
 
+@pytest.mark.parametrize("vessel", [MUG, BOWL, CUP])
+def test_what_it_holds_lies_in_its_mesh_with_a_lid_on(vessel):
+    o3d = pytest.importorskip("open3d")
+    places = np.random.default_rng(2).uniform(-0.12, 0.12, (4000, 3)).astype(np.float32)
+    filling, scene = vessel.filled_mesh(), o3d.t.geometry.RaycastingScene()
+    corners = o3d.core.Tensor(np.float32(filling.vertices))
+    scene.add_triangles(corners, o3d.core.Tensor(np.uint32(filling.faces)))
+    inside = scene.compute_occupancy(o3d.core.Tensor(places)).numpy() > 0
+    assert 0.01 < inside.mean() < 0.5
+    assert (vessel.holds(places.astype(np.float64)) == inside).mean() > 0.99
+
+
 @pytest.mark.parametrize("vessel", [MUG, BOWL])
 def test_its_moments_of_inertia_are_those_about_its_own_axes(vessel):
     points = np.random.default_rng(0).uniform(-0.1, 0.1, (400_000, 3))

@@ -1,6 +1,5 @@
 """The training: what differs from any other is the prediction and what is validated."""
 
-import torch
 from torch import Tensor
 
 from scenefw.core.batches import IndexBatch
@@ -16,7 +15,6 @@ class CountLearning(TrainingModule):
     """Trains a network to count (group `learning`); arguments are those of any training."""
 
     task = "object_count"
-    memory_format = torch.channels_last_3d
     model: CountNetwork
 
     def setup_with(self, data: CountedScenes) -> CountSetup:

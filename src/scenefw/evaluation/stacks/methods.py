@@ -126,13 +126,13 @@ _KNOWN = (
     ),
     _method(
         "image_queries",
-        "a decoder of sets that sees images, learnt from nothing, fitted to the view",
+        "a decoder of sets that sees images, trained from scratch, fitted to the view",
         samples="a decoder of sets that sees images, fitted to the view",
         figure=" of a decoder of sets that sees images",
     ),
     _method(
         "image_queries_alone",
-        "a decoder of sets that sees images, learnt from nothing, as predicted",
+        "a decoder of sets that sees images, trained from scratch, as predicted",
         figure=" of a decoder of sets that sees images, alone",
     ),
     _method(
