@@ -52,7 +52,7 @@ def load(
         name: `simstack` completes the objects of a depth image; `labelling` fuses RGB-D frames into
             a labelled height map; `scenes` draws scenes that nobody has seen; `decomposing` takes
             meshes of scenes, or depth images with poses, apart into objects.
-        overrides: as on the command line, such as `"fit=superquadrics"` or
+        overrides: as on the command line, such as `"parts=creases"` or
             `"run.pipeline.samples=1"`.
         settings: the same by name, such as `device="cpu"` or `checkpoint="my.safetensors"`.
 
