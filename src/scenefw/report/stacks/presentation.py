@@ -7,6 +7,7 @@ from scenefw.evaluation.stacks.confidence_results import ConfidenceResult
 from scenefw.evaluation.stacks.grasping_results import GraspingResult
 from scenefw.evaluation.stacks.labelled_masks import LabelledMaskResult
 from scenefw.evaluation.stacks.latent_space_results import LatentSpaceResult
+from scenefw.evaluation.stacks.ranking_results import RankingResult
 from scenefw.evaluation.stacks.results import ReconstructionResult
 from scenefw.evaluation.stacks.several_views_results import SeveralViewsResult
 from scenefw.evaluation.stacks.stability_results import StabilityResult
@@ -16,6 +17,7 @@ from scenefw.report.stacks.confidence import confidence_sections
 from scenefw.report.stacks.grasping import grasping_sections
 from scenefw.report.stacks.labelled_masks import labelled_mask_sections
 from scenefw.report.stacks.latent_space import latent_space_sections
+from scenefw.report.stacks.ranking import ranking_sections
 from scenefw.report.stacks.reconstruction import reconstruction_sections
 from scenefw.report.stacks.several_views import several_views_sections
 from scenefw.report.stacks.stability import stability_sections
@@ -27,6 +29,7 @@ _SHOWN_BY: dict[type, Show] = {
     GraspingResult: grasping_sections,
     LatentSpaceResult: lambda result, _: latent_space_sections(result),
     ConfidenceResult: lambda result, _: confidence_sections(result),
+    RankingResult: lambda result, _: ranking_sections(result),
     StabilityResult: lambda result, _: stability_sections(result),
 }
 
