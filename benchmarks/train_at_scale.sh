@@ -23,9 +23,16 @@
 #     dataset=tabletop_fused_maps_packed
 #
 # The last one takes crops of fused maps from outputs/fused_maps.npz, see docs/labelling.md.
+#
+# OUTPUT gets losses.csv, metrics.json, the state and the weights, in files of at most 15 MB. A state has
+# 16 bytes per weight (weights, average, two moments), 12 with Muon: 80 MB for 6.7 million. TOTAL_MB keeps
+# all files below a size: the state form `rounded` has 8 bytes per weight, or 6, and `average` 2 (the
+# moments start over). Weights that no longer fit are left out, as the state holds them. A network whose
+# smallest form is too large stops with one line before it trains. As long as the machine is there, calls
+# resume from outputs/at_scale, where every bit is kept.
 set -euo pipefail
 
-[ $# -ge 1 ] || { sed -n '2,27s/^# \?//p' "$0"; exit 2; }
+[ $# -ge 1 ] || { sed -n '2,34s/^# \?//p' "$0"; exit 2; }
 output=$(mkdir -p "$1" && cd "$1" && pwd)
 experiment=${2:-simstack}
 shift $(($# < 2 ? $# : 2))
