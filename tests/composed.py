@@ -2,6 +2,7 @@
 
 import contextlib
 import functools
+import re
 
 from omegaconf import DictConfig, ListConfig, OmegaConf, open_dict
 
@@ -20,7 +21,7 @@ def every():
             if is_global(path):
                 continue
             word = f"+{group}@every.{group}.{name}={name}"
-            if "@_global_.shared" in path.read_text(encoding="utf-8"):
+            if shares(path):
                 batches.insert(0, [word])  # Hydra takes what several options share but once
             elif len(batches[-1]) < BATCH:
                 batches[-1].append(word)
@@ -32,6 +33,15 @@ def every():
         for group, options in container(part).items():
             found.setdefault(group, {}).update(options)
     return found
+
+
+def shares(path):
+    """Whether an option, or one of its group that it is made of, sets what several share."""
+    text = path.read_text(encoding="utf-8")
+    made_of = [
+        path.with_name(f"{name}.yaml") for name in re.findall(r"^  - (\w+)\b(?!@)", text, re.M)
+    ]
+    return "@_global_.shared" in text or any(one.is_file() and shares(one) for one in made_of)
 
 
 @functools.cache

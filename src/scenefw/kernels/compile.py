@@ -27,6 +27,7 @@ others, code is compiled in a child process, and this process only ever reads it
 """
 
 import functools
+import gc
 import hashlib
 import inspect
 import os
@@ -55,6 +56,7 @@ Argument: TypeAlias = Tensor | float | bool | np.number | tuple[Any, ...]
 
 _IMPORT = re.compile(r"^from scenefw\.([\w.]+) import", re.MULTILINE)
 _PATIENCE = 300.0  # s, in which a loop is compiled on the slowest machine
+_STUCK = 10.0  # s in which a copy of this process that computes nothing waits for what never comes
 _THREADS_PER_BLOCK = 128
 _NO_TOOLKIT = ("DynamicLibNotFoundError", "DynamicLibNotAvailableError")
 """Errors of the finder of CUDA's libraries; numba's own are ImportErrors."""
@@ -212,6 +214,7 @@ def _compile_in_child(function: Any, types: tuple[Any, ...]) -> None:
     child = _copy_of_this_process()
     if child == 0:
         status = 1
+        gc.disable()  # ends of objects may wait for threads, and there are none here
         try:
             function.compile(types)
             status = 0
@@ -243,15 +246,32 @@ def _copy_of_this_process() -> int:
 
 
 def _wait(child: int) -> None:
-    """Until a process ends; one that takes too long is killed."""
+    """Until a process ends; one that takes too long, or that only waits, is killed.
+
+    A lock of another thread may be held in the copy for ever, in spite of all care.
+    """
     until, pause = time.monotonic() + _PATIENCE, 0.001
-    while time.monotonic() < until:
+    computed, moved = _computed(child), time.monotonic()
+    while time.monotonic() < min(until, moved + _STUCK):
         if os.waitpid(child, os.WNOHANG)[0]:
             return
         time.sleep(pause)
         pause = min(2 * pause, 0.05)
+        now = _computed(child)
+        if now is None or now != computed:
+            computed, moved = now, time.monotonic()
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
+
+
+def _computed(process: int) -> int | None:
+    """Ticks of the clock that a process has computed; None where the system doesn't tell."""
+    try:
+        told = Path(f"/proc/{process}/stat").read_text(encoding="ascii", errors="replace")
+    except OSError:
+        return None
+    fields = told.rpartition(")")[2].split()  # after the name, which may hold spaces
+    return int(fields[11]) + int(fields[12])
 
 
 def _in_cache(function: Any, types: tuple[Any, ...]) -> bool:

@@ -96,10 +96,17 @@ def legend(colours: Mapping[str, Sequence[float]], width: int) -> Picture:
     return np.asarray(strip, dtype=np.float32) / np.float32(255)
 
 
-def save_picture(picture: Picture, path: Path) -> None:
-    """Writes RGB (H, W, 3) in [0, 1]; the suffix chooses the format (.jpg, .png)."""
+def save_picture(picture: Picture, path: Path, *, fast: bool = False) -> None:
+    """Writes RGB (H, W, 3) in [0, 1]; the suffix chooses the format (.jpg, .png).
+
+    Args:
+        picture: to write.
+        path: the file, replaced as a whole.
+        fast: PNG files in a third of the time, a quarter larger.
+    """
     image = as_image(picture)
-    # Smaller PNG files take time: the best level saves a quarter, at two to three times as long
-    options = {"compress_level": 1} if path.suffix == ".png" else {"quality": 88, "optimize": True}
+    options: dict[str, int] = {"quality": 88, "optimize": True}
+    if path.suffix == ".png":
+        options = {"compress_level": 1 if fast else 6}
     with replacing(path) as temporary:
         image.save(temporary, **options)

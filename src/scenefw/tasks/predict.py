@@ -158,7 +158,8 @@ class Predict:
             folder / "overview.png", first, partial, colours_of(first), views, view.frame
         )
         if len(scenes) > 1:
-            save_picture(draw_hypotheses(scenes, solids, views), folder / "hypotheses.png")
+            shown = draw_hypotheses(scenes, solids, views)
+            save_picture(shown, folder / "hypotheses.png", fast=True)
 
     def _scenes(self, view: View) -> list[SceneEstimate]:
         """All hypotheses, or the most typical one, at rest if they settle."""

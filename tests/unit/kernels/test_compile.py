@@ -115,7 +115,10 @@ def test_a_process_is_copied_while_no_other_thread_compiles(double, monkeypatch)
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes can't be copied here")
-def test_a_copy_that_never_ends_is_killed(double, monkeypatch):
+@pytest.mark.parametrize("limit", ["_PATIENCE", "_STUCK"])
+def test_a_copy_that_never_ends_is_killed(double, monkeypatch, limit):
+    if limit == "_STUCK" and compiling._computed(os.getpid()) is None:
+        pytest.skip("the system doesn't tell what processes compute")
     fork = os.fork
 
     def stuck():
@@ -125,10 +128,33 @@ def test_a_copy_that_never_ends_is_killed(double, monkeypatch):
         return child
 
     monkeypatch.setattr(os, "fork", stuck)
-    monkeypatch.setattr(compiling, "_PATIENCE", 0.3)
+    monkeypatch.setattr(compiling, limit, 0.3)
+    target, start = torch.zeros(3), time.monotonic()
+    double()(3, torch.ones(3), target)
+    assert target.tolist() == [2, 2, 2]
+    assert time.monotonic() - start < 60  # not all of the other limit
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes can't be copied here")
+def test_a_copy_that_computes_is_waited_for(double, monkeypatch):
+    """Longer than one that only waits would be."""
+    fork, killed = os.fork, []
+
+    def slow():
+        child = fork()
+        if child == 0:
+            start = time.process_time()
+            while time.process_time() < start + 1.5:
+                pass
+        return child
+
+    monkeypatch.setattr(os, "fork", slow)
+    monkeypatch.setattr(os, "kill", lambda *of: killed.append(of))
+    monkeypatch.setattr(compiling, "_STUCK", 1.0)
     target = torch.zeros(3)
     double()(3, torch.ones(3), target)
     assert target.tolist() == [2, 2, 2]
+    assert not killed
 
 
 def test_no_element_is_no_launch():
