@@ -78,6 +78,30 @@ def test_rows_are_of_the_draws_that_rankings_put_first(tmp_path):
     assert first.views == result.views == evaluation(kept=KeptRows(tmp_path)).run().views
 
 
+class Kth:
+    """Puts one draw first."""
+
+    def __init__(self, number):
+        self.number = number
+
+    def rank(self, scenes):
+        return [scenes[0], scenes[self.number], *scenes[1:]]
+
+
+@pytest.mark.skipif(not shipped_scenes().exists(), reason="no shipped data set")
+def test_any_is_the_mean_of_all_draws_and_best_the_best_of_them():
+    pytest.importorskip("pybullet")
+    result = evaluation(rankings={str(k): Kth(k) for k in range(1, 5)}).run()
+    for view in result.views:
+        draws = [view.chosen[str(k)] for k in range(1, 5)]
+        for name, value in view.chosen["any"].items():
+            assert value == pytest.approx(np.mean([one[name] for one in draws]))
+        ious = [one["instance_iou"] for one in draws]
+        assert view.chosen["best"] == draws[int(np.argmax(ious))]
+        # Each is one voxel higher than the one before, so no two occupy the same
+        assert len({one["occupancy_iou"] for one in draws}) == 4
+
+
 def scores(iou, moved=0.0):
     return {"instance_iou": iou, "panoptic_quality": iou, "occupancy_iou": iou,
             "displacement": moved}  # fmt: skip
