@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
 from scenefw.core.errors import StorageError
+from scenefw.report.svg import compact
 
 Curve = Sequence[tuple[float, float]]
 
@@ -130,4 +131,4 @@ def to_svg(figure: Figure) -> str:
         )
     text = buffer.getvalue()
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    return text[text.index("<svg") :].replace(INK, "currentColor")
+    return compact(text[text.index("<svg") :]).replace(INK, "currentColor")

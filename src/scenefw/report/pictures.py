@@ -16,6 +16,7 @@ Picture = NDArray[np.float32]
 
 _TITLE = 22  # pixels above a tile
 _GAP = 6
+_WIDEST = 1000  # pixels of a picture in a document
 _LINE, _MARGIN, _CHIP, _APART = 22, 4, 17, 18  # pixels of a legend
 
 
@@ -110,3 +111,13 @@ def save_picture(picture: Picture, path: Path, *, fast: bool = False) -> None:
         options = {"compress_level": 1 if fast else 6}
     with replacing(path) as temporary:
         image.save(temporary, **options)
+
+
+def save_for_document(image: Image.Image, path: Path) -> None:
+    """Writes an image in as few bytes as documents need: WebP, at most 1000 pixels wide."""
+    image = image.convert("RGB")
+    if image.width > _WIDEST:
+        size = (_WIDEST, round(image.height * _WIDEST / image.width))
+        image = image.resize(size, Image.Resampling.LANCZOS)
+    with replacing(path) as temporary:
+        image.save(temporary, "webp", quality=70, method=6)

@@ -1,15 +1,17 @@
 """Results as Markdown for the project's documents, with the commands that made them."""
 
 import os
-import shutil
 from collections.abc import Mapping, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from scenefw.core.files import replacing, write_text
+from PIL import Image
+
+from scenefw.core.files import write_text
 from scenefw.core.final_split import Ledger
 from scenefw.report.blocks import Block, Code, Drawing, Picture, Points, Scenes, Section, Text
+from scenefw.report.pictures import save_for_document
 from scenefw.report.record import command_line, used_weights
 from scenefw.report.tables import Table, to_markdown
 
@@ -89,7 +91,7 @@ def _block(block: Block, target: Path, folder: Path, number: str) -> list[str]:
         case Picture(path, caption, _, shareable):
             if not shareable:
                 return []
-            picture = beside / Path(path).name
-            with replacing(picture) as temporary:
-                shutil.copyfile(folder / path, temporary)
+            picture = beside / f"{Path(path).stem}.webp"
+            with Image.open(folder / path) as image:
+                save_for_document(image, picture)
             return [f"![{caption}]({beside.name}/{picture.name})", "", caption, ""]

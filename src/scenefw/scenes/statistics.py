@@ -44,6 +44,7 @@ def draw(stored: StoredScenes, path: Path) -> None:
     """Writes a figure: objects per scene, split, extents, exponents, heights, places."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from PIL import Image
 
     here = present(stored)
     figure = Figure(figsize=(10, 5.6), layout="constrained")
@@ -66,5 +67,8 @@ def draw(stored: StoredScenes, path: Path) -> None:
     for index, axis in enumerate(axes):
         axis.spines[["top", "right"]].set_visible(False)
         axis.set_title("abcdef"[index], loc="left", fontsize=9)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    picture = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
     with replacing(path) as temporary:
-        FigureCanvasAgg(figure).print_png(str(temporary))
+        picture.quantize(64).save(temporary, optimize=True)

@@ -7,11 +7,11 @@ from pathlib import Path
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import require_name, require_writable
 from scenefw.report.markers import fill, read
-from scenefw.report.pictures import save_picture
+from scenefw.report.pictures import as_image, save_for_document
 from scenefw.report.two_sides import draw_two_sides
 from scenefw.tasks.predict import Predict
 
-_LARGEST = 200_000  # bytes
+_LARGEST = 50_000  # bytes
 _COLUMNS = 2
 _MARKER = "pictures"
 
@@ -87,15 +87,15 @@ class Pictures:
 
     def _draw(self, name: str, shown: Shown, target: Path) -> int:
         estimate = self.predict.predict(self._path(shown), self.predict.output / name)
-        path = target / f"{name}.png"
-        save_picture(draw_two_sides(estimate), path)
+        path = target / f"{name}.webp"
+        save_for_document(as_image(draw_two_sides(estimate)), path)
         if path.stat().st_size > _LARGEST:
             print(f"{path} has {path.stat().st_size / 1e3:.0f} kB, too large for a document")
         return len(estimate.objects)
 
     def _cell(self, name: str, shown: Shown, count: int) -> tuple[str, str]:
         words = f"{shown.words}: {count} object{'' if count == 1 else 's'} found"
-        return f"![{words}]({self.folder.as_posix()}/{name}.png)", words
+        return f"![{words}]({self.folder.as_posix()}/{name}.webp)", words
 
 
 def in_columns(cells: Sequence[tuple[str, str]], columns: int) -> str:

@@ -14,7 +14,7 @@ from scenefw.kernels.cameras import stack_cameras
 from scenefw.mapping.inverse_ray_tracing import InverseRayTracing
 from scenefw.renderers.sphere_tracer import SphereTracer
 from scenefw.report.palette import instance_colours
-from scenefw.report.pictures import beside, depth_picture, legend, save_picture
+from scenefw.report.pictures import beside, depth_picture, legend, save_for_document, save_picture
 from scenefw.report.stacks.examples import draw_example
 
 
@@ -82,6 +82,15 @@ def test_depth_picture_leaves_holes_white():
     assert (picture[0, 0] == 1).all()
     assert picture[0, 1].sum() > picture[9, 9].sum()  # near is light
     assert (depth_picture(np.zeros((4, 4), np.float32)) == 1).all()
+
+
+@pytest.mark.parametrize(("size", "small"), [((1250, 500), (1000, 400)), ((300, 700), (300, 700))])
+def test_pictures_of_documents_are_small(tmp_path, size, small):
+    path = tmp_path / "small.webp"
+    save_for_document(Image.new("RGBA", size, "red"), path)
+    with Image.open(path) as image:
+        assert (image.format, image.size) == ("WEBP", small)
+        assert np.abs(np.subtract(image.getpixel((5, 5)), (255, 0, 0))).max() < 8
 
 
 def test_tiles_in_rows(tmp_path):

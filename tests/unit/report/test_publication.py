@@ -2,6 +2,8 @@
 
 import re
 
+from PIL import Image
+
 from scenefw.report.blocks import Code, Drawing, Picture, Points, Section, Text
 from scenefw.report.publication import publish
 from scenefw.report.tables import Column, Table
@@ -21,8 +23,8 @@ RECORD = {
 def test_published_file_and_its_pictures(tmp_path):
     folder = tmp_path / "run"
     (folder / "pictures").mkdir(parents=True)
-    (folder / "pictures" / "open.png").write_bytes(b"open")
-    (folder / "pictures" / "secret.png").write_bytes(b"secret")
+    for name in ("open", "secret"):
+        Image.new("RGB", (1600, 300)).save(folder / "pictures" / f"{name}.png")
     section = Section(
         "Results",
         (
@@ -53,7 +55,7 @@ def test_published_file_and_its_pictures(tmp_path):
     assert "Unseen" not in text
     assert "/tmp/x" not in text
     pictures = re.findall(r"\]\((.*?)\)", text)
-    assert len(pictures) == 2
+    assert [picture.rpartition(".")[2] for picture in pictures] == ["svg", "webp"]
     assert all((target.parent / picture).is_file() for picture in pictures)
     assert not list(target.parent.rglob("*secret*"))
     assert "currentColor" not in next(target.parent.rglob("*.svg")).read_text()

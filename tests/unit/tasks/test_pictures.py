@@ -33,15 +33,15 @@ def test_pictures_and_the_table_that_shows_them(predict, tmp_path):
     assert task.run() == {"pa/objects": 1, "pb/objects": 2}
     text = document.read_text()
     assert text.startswith(
-        "# Title\n<!-- pictures -->\n| ![Thing a: 1 object found](docs/real/pa.png)"
+        "# Title\n<!-- pictures -->\n| ![Thing a: 1 object found](docs/real/pa.webp)"
     )
     assert "| Thing a: 1 object found | Thing b: 2 objects found |" in text
     assert text.endswith("<!-- /pictures -->\nend\n")
     for name in ("pa", "pb"):
-        picture = tmp_path / "docs" / "real" / f"{name}.png"
+        picture = tmp_path / "docs" / "real" / f"{name}.webp"
         assert Image.open(picture).size == (888, 330)
-        assert picture.stat().st_size < 150_000
-    assert sorted(p.name for p in (tmp_path / "docs" / "real").iterdir()) == ["pa.png", "pb.png"]
+        assert picture.stat().st_size < 30_000
+    assert sorted(p.name for p in (tmp_path / "docs" / "real").iterdir()) == ["pa.webp", "pb.webp"]
 
 
 def test_columns():

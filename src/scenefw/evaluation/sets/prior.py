@@ -84,7 +84,7 @@ class SetPriorEvaluation:
         steepest: of stable piles (degrees).
         shift: standard deviation of jitter (m).
         turn: standard deviation of jitter (degrees).
-        examples: scenes of each kind that are shown, and views with several draws.
+        examples: views shown with several draws; of each kind twice as many scenes are shown.
         draws: scenes of each kind; as many true ones are chosen; None: all.
         seed: of draws and references.
 
@@ -104,7 +104,7 @@ class SetPriorEvaluation:
         steepest: float = 30.0,
         shift: float = 0.01,
         turn: float = 5.0,
-        examples: int = 4,
+        examples: int = 2,
         draws: int | None = None,
         seed: int = 0,
     ) -> None:
@@ -139,7 +139,7 @@ class SetPriorEvaluation:
             new = nearest_scene(object_numbers(kinds[kind]), known)
             samples[kind] = self._scored(whole, new, track, kind)
         shown = {kind: [kinds[kind]] for kind in (DRAWN, TRUTH, SHUFFLED)}
-        first = {kind: chosen(one[0], range(self.examples)) for kind, one in shown.items()}
+        first = {kind: chosen(one[0], range(2 * self.examples)) for kind, one in shown.items()}
         several = [
             ViewDraws(_seen_first(view), self._given(view, row, 3), tuple(view.camera[0].tolist()))
             for row, view in enumerate(views[: self.examples])

@@ -18,6 +18,7 @@ from scenefw.report.shading import Solid, draw, turned
 
 _SIZE = (320, 240)  # of a tile: width, height (pixels)
 _SMOOTHED = 0.7  # voxels: labels are steps, surfaces aren't
+_ACROSS = 5  # tiles beside each other at most
 _TURN = 160.0  # degrees: what the camera doesn't see
 
 
@@ -40,6 +41,8 @@ def example_pictures(result: DecompositionResult, folder: Path) -> tuple[Picture
 def draw_example(example: SetExample) -> Float32:
     """RGB (H, W, 3): depth, truth and methods from the camera, and below from behind.
 
+    More than five tiles from one side take several rows.
+
     A predicted object has the colour of the true one that it is matched to. Methods that found
     nothing are left out, but for the first.
     """
@@ -49,6 +52,8 @@ def draw_example(example: SetExample) -> Float32:
     depth = Image.fromarray(np.rint(depth_picture(example.depth) * 255).astype(np.uint8))
     first = np.asarray(depth.resize(_SIZE), dtype=np.float32) / np.float32(255)
     shown = [name for i, (name, one) in enumerate(example.labels.items()) if i < 2 or one.any()]
+    columns = -(-(len(shown) + 1) // (1 + len(shown) // _ACROSS))
+    missing = -(len(shown) + 1) % columns
     tiles, titles = [], []
     for turn, corner, word in ((0.0, first, "depth"), (_TURN, np.ones_like(first), "from behind")):
         camera = turned(lens, points, turn)
@@ -58,7 +63,9 @@ def draw_example(example: SetExample) -> Float32:
             labels = renumbered_like(example.labels[name].astype(np.int32), truth)
             tiles.append(_drawn(labels, example.grid, camera))
             titles.append(called(name))
-    return beside(tiles, titles, columns=len(shown) + 1)
+        tiles += [np.ones_like(first)] * missing
+        titles += [""] * missing
+    return beside(tiles, titles, columns)
 
 
 def _drawn(labels: NDArray[np.int32], grid: GridSpec, camera: Camera) -> Float32:

@@ -15,7 +15,7 @@ from scenefw.evaluation.sets.results import (
 from scenefw.evaluation.several import SeveralResults
 from scenefw.report.blocks import Picture
 from scenefw.report.sets.codes import neighbour_map, principal_components
-from scenefw.report.sets.examples import distances
+from scenefw.report.sets.examples import distances, draw_example
 from scenefw.report.sets.presentation import SetResults
 
 GRID = GridSpec(16)
@@ -61,6 +61,16 @@ def test_the_page_has_the_thesiss_row_the_codes_and_pictures(tmp_path):
     with Image.open(tmp_path / picture.path) as image:
         pixels = np.asarray(image)
     assert pixels.std() > 10
+
+
+@pytest.mark.parametrize(("methods", "across", "down"), [(3, 5, 2), (5, 4, 4), (6, 4, 4)])
+def test_many_methods_take_several_rows(methods, across, down, monkeypatch):
+    monkeypatch.setattr("scenefw.report.sets.examples._SIZE", (40, 30))
+    (example,) = result().examples
+    labels = {"truth": example.labels["truth"]}
+    labels |= {f"method {i}": example.labels["ours"] for i in range(methods)}
+    picture = draw_example(replace(example, labels=labels))
+    assert picture.shape == (down * (30 + 22 + 6) - 6, across * (40 + 6) - 6, 3)
 
 
 def test_without_codes_or_a_thesis_nothing_is_invented(tmp_path):
