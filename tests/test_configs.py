@@ -128,7 +128,7 @@ def test_settings_are_data(path):
         assert banned not in text
 
 
-EXPERIMENTS = sorted(ROOT.glob("conf/experiment/[!_]*.yaml"))
+EXPERIMENTS = sorted(ROOT.glob("conf/experiment/**/[!_]*.yaml"))
 
 
 @pytest.mark.parametrize("path", EXPERIMENTS, ids=lambda p: p.stem)

@@ -69,7 +69,7 @@ def test_the_wheel_holds_configs_assets_and_templates(wheel):
     names = set(zipfile.ZipFile(wheel).namelist())
     assert "scenefw/conf/config.yaml" in names
     assert "scenefw/completion.bash" in names
-    configs = {f"scenefw/{p.relative_to(ROOT).as_posix()}" for p in ROOT.glob("conf/*/*.yaml")}
+    configs = {f"scenefw/{p.relative_to(ROOT).as_posix()}" for p in ROOT.glob("conf/*/**/*.yaml")}
     assert len(configs) > 200
     assert configs <= names
     assets = [p for p in (ROOT / "src/scenefw/assets").glob("*") if p.suffix != ".py"]

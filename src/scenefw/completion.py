@@ -108,8 +108,8 @@ def _choices(root: list[Any], typed: list[str], options: Options) -> dict[str, l
 def _overridden(path: Path) -> Iterator[tuple[str, list[str]]]:
     """What a file's list of defaults overrides, and those of files that it names."""
     entries = registry.settings(path).get("defaults", [])
-    named = (path.parent / f"{entry}.yaml" for entry in entries if isinstance(entry, str))
-    for beside in filter(Path.is_file, named):
+    named = (registry.named_beside(path, entry) for entry in entries if isinstance(entry, str))
+    for beside in filter(None, named):
         yield from _overridden(beside)
     yield from _entries(entries)
 

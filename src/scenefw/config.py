@@ -39,6 +39,18 @@ def conf_dir(package: str = "scenefw") -> Path:
     raise ConfigError(f"package {package} has no folder conf, neither in {root} nor beside its src")
 
 
+def files_in(conf: Path) -> Iterator[tuple[str, str, Path]]:
+    """Group, name and file of everything in a folder of configs; `thesis/simstack` is a name."""
+    for path in sorted(conf.glob("*/**/*.yaml")):
+        group, *parts = path.relative_to(conf).with_suffix("").parts
+        yield group, "/".join(parts), path
+
+
+def is_option(name: str) -> bool:
+    """Whether it can be chosen: what begins with _ is shared by options, or describes a group."""
+    return not name.rpartition("/")[2].startswith("_")
+
+
 def package_dir(package: str) -> Path:
     """The folder of an installed package, which is not imported.
 

@@ -80,7 +80,7 @@ def composed(path: Path) -> dict[str, Any]:
             continue
         typed, option = next(iter(entry.items())) if isinstance(entry, dict) else ("", entry)
         key, at, place = (typed or option).partition("@")
-        file = _file(path.parent, key, option if typed else "")
+        file = _file(path, key, option if typed else "")
         if file is None or place.startswith("_global_"):  # no part of the option
             continue
         part = composed(file)
@@ -92,11 +92,12 @@ def composed(path: Path) -> dict[str, Any]:
     return whole
 
 
-def _file(here: Path, group: str, option: Any) -> Path | None:
-    """The file of an entry of a defaults list; None for overrides and open choices."""
+def _file(path: Path, group: str, option: Any) -> Path | None:
+    """The file of an entry of a file's defaults list; None for overrides and open choices."""
     inside = group.lstrip("/") + (f"/{option}" if option else "")
-    relative = "" if group.startswith("/") else here.name
-    files = (folder / relative / f"{inside}.yaml" for folder in registry.folders())
+    if not group.startswith("/"):
+        return registry.named_beside(path, inside)
+    files = (folder / f"{inside}.yaml" for folder in registry.folders())
     return next((file for file in files if file.is_file()), None)
 
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
-from scenefw.config import conf_dir, package_dir, search_also
+from scenefw.config import conf_dir, files_in, is_option, package_dir, search_also
 from scenefw.core import assets
 from scenefw.core.errors import ConfigError
 
@@ -45,11 +45,11 @@ class Plugin:
 
     def options(self) -> Iterator[tuple[str, str]]:
         """Pairs (group, option) of everything it adds."""
-        return ((group, name) for group, name in self.files() if not name.startswith("_"))
+        return ((group, name) for group, name in self.files() if is_option(name))
 
     def files(self) -> Iterator[tuple[str, str]]:
         """The same, with what are not options: `_group` and files that options share."""
-        return ((path.parent.name, path.stem) for path in sorted(self.conf.glob("*/*.yaml")))
+        return ((group, name) for group, name, _ in files_in(self.conf))
 
 
 def activate() -> tuple[Plugin, ...]:

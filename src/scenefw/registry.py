@@ -40,9 +40,9 @@ def catalogue() -> dict[str, dict[str, Path]]:
     """Files of all options by group and name; groups in the order of the root, then others."""
     found: dict[str, dict[str, Path]] = {}
     for folder in folders():
-        for path in sorted(folder.glob("*/*.yaml")):
-            if not path.name.startswith("_"):
-                found.setdefault(path.parent.name, {})[path.stem] = path
+        for group, name, path in config.files_in(folder):
+            if config.is_option(name):
+                found.setdefault(group, {})[name] = path
     return {group: found[group] for group in _ordered(found)}
 
 
@@ -84,6 +84,19 @@ def options(group: str) -> dict[str, Path]:
 def folders() -> list[Path]:
     """Where options are: the core's folder, then those of plugins."""
     return [config.conf_dir(), *(plugin.conf for plugin in plugins.find())]
+
+
+def named_beside(path: Path, entry: str) -> Path | None:
+    """The file that an entry of a defaults list names in its own group; None if there is none.
+
+    Hydra looks from the folder of the group for what an option `thesis/simstack` names, and from
+    the folder of the file for what a file named by it names in turn.
+    """
+    whole = folders()
+    root = next((folder for folder in whole if path.is_relative_to(folder)), path.parents[1])
+    here = path.parent.relative_to(root)
+    files = (f / place / f"{entry}.yaml" for f in (root, *whole) for place in (here, here.parent))
+    return next((file for file in files if file.is_file()), None)
 
 
 def settings(path: Path) -> dict[str, Any]:

@@ -298,6 +298,8 @@ def _cuda_grid(per_element: Callable[..., None]) -> Any:
         f"    if i < count:\n"
         f"        per_element(i, {names})\n"
     )
+    if not hasattr(np, "row_stack"):  # gone in numpy 2.5, named by numba-cuda all the same
+        np.row_stack = np.vstack  # type: ignore[attr-defined]
     scope = {"cuda": cuda, "per_element": per_element}
     exec(source, scope)  # the text above, nothing from outside
     return cuda.jit(fastmath=True)(scope["grid"])

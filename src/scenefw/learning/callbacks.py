@@ -132,9 +132,8 @@ class ProgressBar(lightning.Callback):
                 losses=_losses(trainer),
             )
         elif not self.drawn:
-            epoch = module.batches_seen // module.batches_per_epoch
             print(
-                f"step {module.batches_seen} epoch {epoch}, {rate}, "
+                f"step {module.batches_seen} epoch {int(module.epochs_seen)}, {rate}, "
                 f"{module.seconds:.0f} s {_losses(trainer)}",
                 flush=True,
             )

@@ -20,6 +20,7 @@ from scenefw.core.errors import CheckpointError, ConfigError, SettingError
 from scenefw.core.files import replacing
 from scenefw.core.types import GridSpec
 from scenefw.core.versions import installed
+from scenefw.learning import renamed
 
 _FORMAT = "scenefw-checkpoint"
 _VERSION = 1
@@ -196,7 +197,7 @@ def read_header(path: Path | str) -> tuple[dict[str, Any], int]:
 
 def _read(path: Path) -> tuple[dict[str, Any], dict[str, torch.Tensor]]:
     with _opened(path) as (header, stored):
-        return header, {name: stored.get_tensor(name) for name in stored.keys()}  # noqa: SIM118
+        return header, {renamed.weight(n): stored.get_tensor(n) for n in stored.keys()}  # noqa: SIM118
 
 
 @contextmanager
@@ -239,7 +240,9 @@ def _header(text: str, path: Path) -> dict[str, Any]:
             grid = header["grid"]
             if grid is not None:
                 header["grid"] = GridSpec(**{**grid, "lower": tuple(grid["lower"])})
-            header["recipe"], header["metadata"]
+            header["recipe"] = renamed.recipe(header["recipe"])
+            header["metadata"] = renamed.facts(header["metadata"])
+            header["omitted"] = [renamed.weight(name) for name in header.get("omitted", ())]
     except (ValueError, KeyError, TypeError, AttributeError, ConfigError) as error:
         raise CheckpointError(
             f"the header of {path} is damaged ({error}); copy or train it again"

@@ -27,11 +27,8 @@ class Budget:
     epochs: int | None = None
     minutes: float | None = None
 
-    def shares(
-        self, steps: int, batches: int, batches_per_epoch: int, seconds: float
-    ) -> dict[str, tuple[float, str]]:
+    def shares(self, steps: int, epochs: float, seconds: float) -> dict[str, tuple[float, str]]:
         """By setting: the used share of its limit (1 = all), also in words."""
-        epochs = batches / batches_per_epoch
         used = {
             "max_steps": (steps, self.steps, f"{steps} of {self.steps} steps"),
             "max_epochs": (epochs, self.epochs, f"{epochs:.4g} of {self.epochs} epochs"),
@@ -51,12 +48,9 @@ class Budget:
 def finished(budget: Budget, state: dict[str, Any]) -> str | None:
     """Says in one line that a stored training has finished, and how to continue it."""
     mine = state["scenefw"]
-    shares = budget.shares(
-        state["global_step"],
-        mine["batches_seen"],
-        mine.get("batches_per_epoch") or mine["batches_seen"] + 1,
-        mine["seconds"],
-    )
+    steps = mine["batches_seen"]
+    epochs = mine.get("epochs_seen", steps / (mine.get("batches_per_epoch") or steps + 1))
+    shares = budget.shares(steps, epochs, mine["seconds"])
     used = [(words, name) for name, (share, words) in shares.items() if share >= 1]
     if not used:
         return None
@@ -90,7 +84,7 @@ class Limits(lightning.Callback):
 
     def share(self, trainer: lightning.Trainer, module: TrainingModule) -> float:
         """The used share of the nearest limit."""
-        shares = [share for share, _ in self._shares(trainer, module).values()]
+        shares = [share for share, _ in self._shares(module).values()]
         call = (self.clock() - self._began) / self.call if self.call else 0.0
         return min(max([call, *shares]), 1.0)
 
@@ -104,7 +98,7 @@ class Limits(lightning.Callback):
         """Stops at a limit."""
         now = self.clock()
         self._step, self._stepped = now - self._stepped, now
-        shares = self._shares(trainer, module)
+        shares = self._shares(module)
         counted = any(shares.get(n, (0, ""))[0] >= 1 for n in ("max_steps", "max_epochs"))
         if counted or self._agreed(trainer, module, shares.get("max_minutes", (0, ""))[0] >= 1):
             trainer.should_stop = True
@@ -128,12 +122,8 @@ class Limits(lightning.Callback):
         over |= self.call is not None and self.clock() - self._began + ending >= self.call
         return bool(trainer.strategy.broadcast(over)) if several else over
 
-    def _shares(
-        self, trainer: lightning.Trainer, module: TrainingModule
-    ) -> dict[str, tuple[float, str]]:
-        return self.budget.shares(
-            trainer.global_step, module.batches_seen, module.batches_per_epoch, module.seconds
-        )
+    def _shares(self, module: TrainingModule) -> dict[str, tuple[float, str]]:
+        return self.budget.shares(module.batches_seen, module.epochs_seen, module.seconds)
 
 
 def seconds_of(time_limit: str | None) -> float | None:

@@ -117,9 +117,9 @@ class TrainingModule(ResumableModule, ABC):
         """The weighted sum of the losses of the next batch.
 
         The loader starts again when a training is resumed within an epoch; so what is next follows
-        from the number of batches seen.
+        from the number of samples seen.
         """
-        batch = self.trainer.train_dataloader.batch(self.batches_seen)
+        batch = self.trainer.train_dataloader.batch(self.batch_number)
         made = self._side.run(self.device, lambda: self._training_batch(batch))
         self.times.drawn(self.device)
         prediction = self.predict_batch(made)

@@ -64,6 +64,6 @@ class Recording(lightning.Callback):
                 logger.end()
 
     def _log(self, module: TrainingModule, values: Mapping[str, float]) -> None:
-        epoch = max(module.batches_seen - 1, 0) // max(module.batches_per_epoch, 1)
+        epoch = max(module.batch_number - 1, 0) // max(module.batches_per_epoch, 1)
         for logger in self.loggers.values():
             logger.log(module.batches_seen, epoch, module.seconds, values)

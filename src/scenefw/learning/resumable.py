@@ -1,6 +1,6 @@
 """All of a training but its steps: optimiser, schedule, averaged weights, clock and state."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from typing import Any
 
@@ -9,6 +9,7 @@ import torch
 from torch import nn
 
 from scenefw.core.settings import NOT_NEGATIVE, POSITIVE, below
+from scenefw.learning import renamed
 from scenefw.learning.averaging import AveragedWeights
 from scenefw.learning.clock import Clock
 from scenefw.learning.costs import StepTimes, peak_memory
@@ -60,6 +61,8 @@ class ResumableModule(lightning.LightningModule):
         self.started_from: Mapping[str, Any] | None = None
         """Metadata of the initial weights."""
         self.batches_seen, self.samples_seen, self.batches_per_epoch = 0, 0, 0
+        self.may_change: Collection[str] = ()
+        """Facts of the training in which a state that it resumes from may differ."""
         self.describe: Callable[[], Mapping[str, Any]] = dict
         """Says how and on what it trains, for the state and for those who resume it."""
         self.clock, self.times = Clock(), StepTimes()
@@ -107,8 +110,22 @@ class ResumableModule(lightning.LightningModule):
         self.budget_done = self.schedule.done(progress)
         self.times.begin(self.device)
 
+    @property
+    def batch_number(self) -> int:
+        """How many batches of today's size it has seen; an earlier leg may have had others."""
+        return self.samples_seen // self._samples_per_batch
+
+    @property
+    def epochs_seen(self) -> float:
+        """Passes over the training data."""
+        return self.batch_number / max(self.batches_per_epoch, 1)
+
+    @property
+    def _samples_per_batch(self) -> int:
+        return int(self.trainer.datamodule.batch_size * self.trainer.world_size)
+
     def _progress(self) -> Progress:
-        epoch, position = divmod(self.batches_seen, self.batches_per_epoch)
+        epoch, position = divmod(self.batch_number, self.batches_per_epoch)
         if self.trainer.world_size == 1:
             self._agreed = self.seconds
         elif self.batches_seen % AGREE_EVERY == 0:  # one clock, else learning rates drift apart
@@ -119,7 +136,7 @@ class ResumableModule(lightning.LightningModule):
     def count_batch(self) -> None:
         """Counts one more batch."""
         self.batches_seen += 1
-        self.samples_seen += self.trainer.datamodule.batch_size * self.trainer.world_size
+        self.samples_seen += self._samples_per_batch
         self.clock.count()
 
     def optimizer_step(self, *arguments: Any, **options: Any) -> None:
@@ -137,9 +154,8 @@ class ResumableModule(lightning.LightningModule):
 
     def costs(self) -> dict[str, float]:
         """Samples per second, peak memory (MB) and the share of time spent waiting for data."""
-        samples = self.trainer.datamodule.batch_size * self.trainer.world_size
         return {
-            "samples_per_second": samples * self.clock.rate(self.batches_seen),
+            "samples_per_second": self._samples_per_batch * self.clock.rate(self.batches_seen),
             "memory_mb": peak_memory(self._trained_on or self.device) / 1e6,
             "share_of_data": self.times.share_of_data,
         }
@@ -177,19 +193,46 @@ class ResumableModule(lightning.LightningModule):
             "recipe": self.model.recipe,
             "batches_seen": self.batches_seen,
             "samples_seen": self.samples_seen,
+            "epochs_seen": self.epochs_seen,
             "facts": dict(self.describe()),
             "seconds": self.seconds,
             "batches_per_epoch": self.batches_per_epoch,
             "average": self.average.state_dict() if self.average is not None else None,
             "started_from": self.started_from,
+            "optimized": self._optimized(),
         }
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Restores the progress."""
+        """Restores the progress.
+
+        Names of earlier versions become today's, and moments follow the names of their weights. The
+        count of batches within an epoch means nothing to a leg whose epochs have other batches.
+        """
         state = checkpoint["scenefw"]
+        facts, before = (self.describe() if self.may_change else {}), renamed.facts(state["facts"])
+        if any(before.get(name) != facts.get(name) for name in self.may_change):
+            checkpoint.pop("loops", None)
+        checkpoint["state_dict"] = {
+            f"model.{renamed.weight(name.removeprefix('model.'))}": value
+            for name, value in checkpoint["state_dict"].items()
+        }
+        places = {renamed.weight(n): place for place, n in enumerate(state.get("optimized", ()))}
+        for optimizer in checkpoint.get("optimizer_states", ()) if places else ():
+            stored = optimizer["state"]
+            moments = [stored.get(places[name]) for name in self._optimized()]
+            optimizer["state"] = {i: own for i, own in enumerate(moments) if own is not None}
         self.batches_seen, self.clock.seconds = state["batches_seen"], state["seconds"]
         self.batches_per_epoch = state["batches_per_epoch"]
         self.samples_seen = state["samples_seen"]
         self.started_from = state.get("started_from", self.started_from)
         if self.average is not None and state["average"] is not None:
-            self.average.load_state_dict(state["average"])
+            values = {renamed.weight(n): v for n, v in state["average"]["values"].items()}
+            self.average.load_state_dict({**state["average"], "values": values})
+
+    def _optimized(self) -> list[str]:
+        """Names of weights in the order in which the optimiser's state numbers them."""
+        names = {id(weights): name for name, weights in self.model.named_parameters()}
+        optimizer = self.optimizer.make(
+            self.model, self.learning_rate, self.weight_decay, fused=False
+        )
+        return [names[id(w)] for group in optimizer.param_groups for w in group["params"]]

@@ -53,19 +53,20 @@ class StepDecay:
     Args:
         decay: factor of each drop.
         every: epochs between drops.
+        warmup: steps over which the rate rises from 0; for weights with a fresh optimiser.
     """
 
-    def __init__(self, decay: float = 0.99, every: int = 5) -> None:
+    def __init__(self, decay: float = 0.99, every: int = 5, warmup: int = 0) -> None:
         if not 0 < decay <= 1 or every < 1:
             raise ConfigError(
                 f"a schedule of steps has decay = {decay}, every = {every}; expected a factor up "
                 "to 1 and epochs"
             )
-        self.decay, self.every = decay, every
+        self.decay, self.every, self.warmup = decay, every, warmup
 
     def factor(self, progress: Progress) -> float:
         """Multiplies the learning rate of the next step."""
-        return self.decay ** (progress.epoch // self.every)
+        return _rise(progress, self.warmup) * self.decay ** (progress.epoch // self.every)
 
     def done(self, progress: Progress) -> float:
         """1, as there is no budget."""
@@ -78,19 +79,20 @@ class ExponentialDecay:
     Args:
         decay: factor after `every` steps.
         every: steps.
+        warmup: steps over which the rate rises from 0; for weights with a fresh optimiser.
     """
 
-    def __init__(self, decay: float = 0.96, every: int = 100_000) -> None:
+    def __init__(self, decay: float = 0.96, every: int = 100_000, warmup: int = 0) -> None:
         if not 0 < decay <= 1 or every < 1:
             raise ConfigError(
                 f"an exponential schedule has decay = {decay}, every = {every}; expected a factor "
                 "up to 1 and steps"
             )
-        self.decay, self.every = decay, every
+        self.decay, self.every, self.warmup = decay, every, warmup
 
     def factor(self, progress: Progress) -> float:
         """Multiplies the learning rate of the next step."""
-        return self.decay ** (progress.step / self.every)
+        return _rise(progress, self.warmup) * self.decay ** (progress.step / self.every)
 
     def done(self, progress: Progress) -> float:
         """1, as there is no budget."""
@@ -130,8 +132,7 @@ class CosineDecay:
     def factor(self, progress: Progress) -> float:
         """Multiplies the learning rate of the next step."""
         cosine = 0.5 * (1 + math.cos(math.pi * self.done(progress)))
-        rise = min((progress.step + 1) / max(self.warmup, 1), 1.0)
-        return rise * (self.lowest + (1 - self.lowest) * cosine)
+        return _rise(progress, self.warmup) * (self.lowest + (1 - self.lowest) * cosine)
 
     def done(self, progress: Progress) -> float:
         """Share of the budget that is used up, at most 1."""
@@ -141,3 +142,8 @@ class CosineDecay:
         if self.epochs:
             done = max(done, (progress.epoch + progress.share) / self.epochs)
         return min(done, 1.0)
+
+
+def _rise(progress: Progress, warmup: int) -> float:
+    """Factor within the warm-up, 1 after it."""
+    return min((progress.step + 1) / max(warmup, 1), 1.0)

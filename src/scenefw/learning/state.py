@@ -3,7 +3,7 @@
 import io
 import warnings
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from pickle import UnpicklingError
 from typing import Any
@@ -12,8 +12,9 @@ import torch
 from lightning.fabric.plugins import CheckpointIO
 from torch import Tensor, nn
 
-from scenefw.core.errors import CheckpointError
+from scenefw.core.errors import CheckpointError, ConfigError
 from scenefw.core.files import replacing
+from scenefw.learning import renamed
 
 _PLAIN = (dict, OrderedDict, list, tuple, str, bytes, int, float, bool, type(None))
 _TENSORS = (Tensor, nn.Parameter)
@@ -98,7 +99,10 @@ def read_state(
 
 
 def state_to_go_on(
-    path: Path, recipe: Mapping[str, Any], settings: Mapping[str, Any]
+    path: Path,
+    recipe: Mapping[str, Any],
+    settings: Mapping[str, Any],
+    may_change: Collection[str] = (),
 ) -> dict[str, Any]:
     """The state of a training that can be resumed; checked before the work.
 
@@ -106,9 +110,11 @@ def state_to_go_on(
         path: of the state.
         recipe: of the network.
         settings: what it learns from and how; validation may change.
+        may_change: names of further settings that may be others in this leg of the training.
 
     Raises:
         CheckpointError: it is damaged, of another network, or of a training with other settings.
+        ConfigError: the training has no fact of a name in `may_change`.
     """
     state = read_state(path, mapped=True)
     found, facts = _progress(state, path)
@@ -118,16 +124,23 @@ def state_to_go_on(
             f"the training in {path} had a different network ({', '.join(different)}); start over "
             "with run.fresh=true, or give another paths.training"
         )
+    unknown = sorted({*may_change} - settings.keys() - facts.keys())
+    if unknown:
+        raise ConfigError(
+            f"run.may_change names {unknown[0]}; the facts of this training are "
+            f"{', '.join(sorted(settings))}"
+        )
     learnt = {name: value for name, value in facts.items() if name not in OUTCOMES}
     changed = [
         f"{name} {before} instead of {now}"
         for name, before, now in _differences(learnt, settings)
-        if not name.startswith("validation_")
+        if not name.startswith("validation_") and name not in may_change
     ]
     if changed:
         raise CheckpointError(
             f"the training in {path} has different settings ({', '.join(changed)}); start over "
-            "with run.fresh=true, or keep this one in its own folder, paths.training=FOLDER"
+            "with run.fresh=true, keep this one in its own folder, paths.training=FOLDER, or, if "
+            "this is its next leg, name what may change, run.may_change=[batch_size]"
         )
     return state
 
@@ -140,7 +153,7 @@ def _progress(state: Mapping[str, Any], path: Path) -> tuple[dict[str, Any], dic
     missing += [name for name, kind in _PROGRESS.items() if not isinstance(own.get(name), kind)]
     if missing:
         raise CheckpointError(_damaged(f"the state {path}", f"no {', '.join(missing)}"))
-    return dict(own["recipe"]), dict(own["facts"])
+    return renamed.recipe(own["recipe"]), renamed.facts(own["facts"])
 
 
 def _differences(

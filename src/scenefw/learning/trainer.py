@@ -35,7 +35,8 @@ class TrainerSettings:
     Args:
         accelerator: cpu, cuda, cuda:1 or auto.
         devices: how many, each with a process of its own; auto takes all GPUs, or one CPU process.
-        precision: Lightning's name: 32-true, bf16-mixed or 16-mixed.
+        precision: Lightning's name: 32-true, bf16-mixed or 16-mixed; auto: bf16-mixed where the
+            device has instructions for it, else 32-true.
         max_epochs: end after this many passes over the training data; None or -1 means never.
         max_steps: end after this many steps; None or -1 means never.
         max_minutes: end after this time of training, all calls together; None or -1 means never.
@@ -95,7 +96,12 @@ class TrainerSettings:
     @property
     def precision(self) -> str:
         """Lightning's name of it."""
-        return str(self._options["precision"])
+        named = str(self._options["precision"])
+        if named != "auto":
+            return named
+        on_gpu = self._options["accelerator"] != "cpu" and torch.cuda.is_available()
+        fast = torch.cuda.is_bf16_supported() if on_gpu else _multiplies_bfloat16()
+        return "bf16-mixed" if fast else "32-true"
 
     @property
     def processes(self) -> int:
@@ -159,7 +165,10 @@ class TrainerSettings:
             )
         try:
             trainer = lightning.Trainer(
-                callbacks=list(callbacks), **self._options, **settings, **options
+                callbacks=list(callbacks),
+                **{**self._options, "precision": self.precision},
+                **settings,
+                **options,
             )
         except (ValueError, RuntimeError, MisconfigurationException) as error:
             line = " ".join(str(error).split())
@@ -198,4 +207,4 @@ def _multiplies_bfloat16() -> bool:
     """Whether products of bfloat16 run in instructions of this CPU."""
     if not torch.backends.mkldnn.is_available():
         return False
-    return bool(torch.ops.mkldnn._is_mkldnn_bf16_supported())
+    return torch.cpu._is_avx512_bf16_supported() or torch.cpu._is_amx_tile_supported()

@@ -2,7 +2,7 @@
 
 import shutil
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +44,8 @@ class Train:
         name: file name of the exported weights, without suffix.
         callbacks: what else happens beside the steps, by name; None: `progress` and `divergence`.
         loggers: what keeps losses and scores, by name; None: `csv`.
+        may_change: facts of the training, such as batch_size, in which the state that it resumes
+            may differ: its legs may have other batches, on another machine for example.
         half: export weights as float16.
         lean: leave out of the export what only training needs, such as the scene encoder.
     """
@@ -61,6 +63,7 @@ class Train:
         name: str = "simstack",
         callbacks: Mapping[str, lightning.Callback] | None = None,
         loggers: Mapping[str, TrainingLogger] | None = None,
+        may_change: Collection[str] = (),
         *,
         fresh: bool = False,
         half: bool = True,
@@ -78,6 +81,7 @@ class Train:
         self.callbacks = dict(callbacks)
         self.loggers = dict(loggers) if loggers is not None else {"csv": LossTable()}
         self.log_every, self.fresh, self.half, self.lean = log_every, fresh, half, lean
+        self.learning.may_change = self.may_change = tuple(may_change)
 
     def run(self) -> Mapping[str, Any]:
         """Trains until a limit of the trainer; returns steps, time, costs and the last scores.
@@ -124,7 +128,9 @@ class Train:
         """The state to resume from, if there is one."""
         if self.fresh or not self._state.exists():
             return None
-        return state_to_go_on(self._state, self.learning.model.recipe, self._settings())
+        return state_to_go_on(
+            self._state, self.learning.model.recipe, self._settings(), self.may_change
+        )
 
     def _fit(self) -> Any:
         """The work of one process."""
@@ -164,8 +170,8 @@ class Train:
 
     def _again(self, state: dict[str, Any]) -> Mapping[str, Any]:
         """The weights of a finished training, and its figures."""
-        self.learning.load_state_dict(state["state_dict"])
         self.learning.on_load_checkpoint(state)
+        self.learning.load_state_dict(state["state_dict"])
         if not (self.folder / self.weights).exists():
             self._export(state["scenefw"]["facts"])
         self._collect()
@@ -206,7 +212,7 @@ class Train:
             "steps": learning.batches_seen,
             "samples": learning.samples_seen,
             "seconds": round(learning.seconds, 1),
-            "epochs": round(learning.batches_seen / max(learning.batches_per_epoch, 1), 2),
+            "epochs": round(learning.epochs_seen, 2),
             "device": learning.device.type,
             "precision": self.trainer.precision,
             **self._settings(),

@@ -102,7 +102,7 @@ def test_validation_and_saving_fit_into_a_call():
     now = [0.0]
 
     class Module:
-        batches_seen, batches_per_epoch, seconds = 0, 10, 0.0
+        batches_seen, epochs_seen, seconds = 0, 0.0, 0.0
 
     class Trainer:
         world_size, global_step, should_stop = 1, 0, False

@@ -6,7 +6,7 @@ from collections import OrderedDict
 import numpy as np
 import pytest
 import torch
-from benchmarks import state_parts
+from benchmarks import travel
 from tests.unit.learning import plain
 
 from scenefw.core.errors import CheckpointError, StorageError
@@ -72,14 +72,14 @@ def test_code_in_a_state_ends_the_command_with_one_line(tmp_path, scenefw, form)
 
 
 def test_code_in_parts_of_a_state_does_not_run(tmp_path):
-    planted(tmp_path / "parts" / "state.part000", tmp_path / "mark", "zip")
+    planted(tmp_path / "parts" / "trainings.part000", tmp_path / "mark", "zip")
     planted(tmp_path / "last.ckpt", tmp_path / "mark", "zip")
+    with pytest.raises(CheckpointError, match="are damaged or incomplete"):
+        travel.unpack(tmp_path / "parts", tmp_path / "new")
     with pytest.raises(CheckpointError, match="not a state of a training"):
-        state_parts.join(tmp_path / "parts", tmp_path / "new.ckpt")
-    with pytest.raises(CheckpointError, match="not a state of a training"):
-        state_parts.split(tmp_path / "last.ckpt", tmp_path / "new")
+        travel.pack({"state": tmp_path / "last.ckpt"}, tmp_path / "new", 1.0)
     assert not (tmp_path / "mark").exists()
-    assert not (tmp_path / "new.ckpt").exists()
+    assert not (tmp_path / "new").exists()
 
 
 def test_what_is_written_is_read(tmp_path):
@@ -117,9 +117,9 @@ def test_a_file_of_something_else_is_damaged(tmp_path):
 
 
 def test_parts_of_another_file_are_one_line(tmp_path):
-    torch.save({"x": 1}, tmp_path / "state.part000")
-    with pytest.raises(CheckpointError, match="not a state of a training"):
-        state_parts.join(tmp_path, tmp_path / "last.ckpt")
+    torch.save({"x": 1}, tmp_path / "trainings.part000")
+    with pytest.raises(CheckpointError, match="hold no trainings"):
+        travel.unpack(tmp_path, tmp_path / "new")
 
 
 def test_a_full_disk_leaves_the_old_state_alone(tmp_path, full_disk):

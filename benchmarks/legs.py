@@ -1,0 +1,157 @@
+"""One leg of a training: where it starts from, the command that runs it, what came of it."""
+
+import csv
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from benchmarks.trainings import HERE, STATE, Ledger, Machine, Training
+from scenefw.core.errors import CheckpointError
+from scenefw.core.versions import versions
+from scenefw.learning.provenance import read_provenance
+from scenefw.learning.state import read_state
+
+WARMUP = 500
+"""Steps over which the rate rises where weights meet a fresh optimiser, as in scale=thesis."""
+_PREVIOUS, _DAMAGED = "previous.ckpt", "damaged.ckpt"
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a leg starts from.
+
+    Args:
+        samples: that the training has seen.
+        steps: of its state.
+        words: overrides that make it start there.
+        line: the same in words.
+    """
+
+    samples: int
+    steps: int
+    words: Sequence[str]
+    line: str
+
+
+def start_of(training: Training, folder: Path) -> Start:
+    """The newest good state in a folder, else the newest committed weights, else nothing.
+
+    A good state is kept as `previous.ckpt` while the leg replaces it; a damaged one is moved aside.
+    """
+    state, previous = folder / STATE, folder / _PREVIOUS
+    for path in (state, previous):
+        if not path.exists():
+            continue
+        try:
+            progress = read_state(path, mapped=True)["scenefw"]
+            seen, steps = progress["samples_seen"], progress["batches_seen"]
+        except (CheckpointError, KeyError) as error:
+            print(f"{training.name}: {error}; it is kept as {_DAMAGED}", flush=True)
+            path.replace(folder / _DAMAGED)
+            continue
+        if path == state:
+            previous.unlink(missing_ok=True)
+            os.link(state, previous)
+        else:
+            shutil.copyfile(previous, state)
+        earlier = (progress.get("started_from") or {}).get("samples", 0)
+        words = [f"learning.schedule.warmup={WARMUP}"] if earlier else []
+        return Start(seen + earlier, steps, words, f"goes on from {seen + earlier} samples")
+    weights = HERE / "weights" / f"{training.name}.safetensors"
+    if weights.exists():
+        samples = _samples_of(weights)
+        words = [f"learning.initial={weights}", f"learning.schedule.warmup={WARMUP}"]
+        line = (
+            f"no state in {folder}: starts from {weights.name} ({samples} samples) with a fresh "
+            f"optimiser and {WARMUP} steps of warm-up"
+        )
+        return Start(samples, 0, words, line)
+    return Start(0, 0, [], "starts from the beginning")
+
+
+def _samples_of(weights: Path) -> int:
+    facts = read_provenance(weights).metadata
+    return int(facts["samples"]) + int((facts.get("started_from") or {}).get("samples", 0))
+
+
+def command(
+    training: Training, machine: Machine, start: Start, folder: Path, seconds: float
+) -> list[str]:
+    """The command of a leg that ends within so many seconds."""
+    hours, rest = divmod(int(seconds), 3600)
+    limit = f"{hours // 24:02d}:{hours % 24:02d}:{rest // 60:02d}:{rest % 60:02d}"
+    places = (f"paths.training={folder}", f"paths.output={folder / 'run'}")
+    words = [*training.words(machine), *start.words, f"trainer.max_time={limit}", *places]
+    return [sys.executable, "-m", "scenefw", *words]
+
+
+def make_needed(training: Training, home: Path, seconds: float) -> None:
+    """Makes the data that a training needs, unless they are there.
+
+    Raises:
+        subprocess.CalledProcessError: they can't be made; what failed is printed.
+        subprocess.TimeoutExpired: time is over; the next call goes on.
+    """
+    for file, words in training.needs.items():
+        if not (home / file).exists():
+            print(f"{training.name} needs {file}: {' '.join(words)}", flush=True)
+            made = [sys.executable, "-m", "scenefw", *words, "parallel.workers=1"]
+            subprocess.run(made, cwd=home, check=True, timeout=seconds)
+
+
+def record(
+    training: Training,
+    ledger: Ledger,
+    folder: Path,
+    start: Start,
+    machine: str,
+    figures: Mapping[str, float],
+) -> dict[str, Any]:
+    """Adds the line of a leg that ended to the ledger, from what it left in its folder."""
+    state = read_state(folder / STATE, mapped=True)["scenefw"]
+    earlier = (state.get("started_from") or {}).get("samples", 0)
+    end = state["samples_seen"] + earlier
+    steps = max(state["batches_seen"] - start.steps, 1)
+    per_step = (end - start.samples) / steps
+    curve = [
+        [round(start.samples + (step - start.steps) * per_step), value]
+        for step, value in validations(folder / "losses.csv", training.figure)
+        if step > start.steps
+    ]
+    leg = {
+        "training": training.name,
+        "date": f"{datetime.now(UTC):%Y-%m-%d %H:%M}",
+        "commit": versions().get("commit"),
+        "machine": machine,
+        "samples": [start.samples, end],
+        "samples_per_second": round(figures.get("train/samples_per_second", 0.0), 2),
+        "waiting_for_data": round(figures.get("train/share_of_data", 0.0), 3),
+        "curve": curve,
+        "validation": {n: round(v, 5) for n, v in figures.items() if n.startswith("val/")},
+    }
+    ledger.add(leg)
+    return leg
+
+
+def figures_of(folder: Path) -> dict[str, float]:
+    """What the leg in a folder measured; nothing if it was killed before it wrote that."""
+    try:
+        return json.loads((folder / "run" / "metrics.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+
+
+def validations(table: Path, figure: str) -> list[tuple[int, float]]:
+    """Steps and values of a validation figure in a table of losses."""
+    if not table.exists():
+        return []
+    with table.open(newline="", encoding="utf-8") as file:
+        rows = [row for row in csv.DictReader(file) if row["name"] == figure]
+    return [(int(row["step"]), round(float(row["value"]), 5)) for row in rows]
