@@ -1,7 +1,7 @@
 """The ledger of trainings: what is trained, how far each has come, and whose turn it is.
 
-    python -m benchmarks.trainings                      prints the table, the most overdue first
-    python -m benchmarks.trainings --write FILE.md      puts it between the marks in a document
+    python -m benchmarks.trainings              prints the table, the most overdue first
+    python -m benchmarks.trainings --write      puts it into docs/training.md, as each leg does
 
 `trainings.yaml` says what is trained; `legs.jsonl` has a line for each leg that was run. States lie
 in the user's cache folder, or in $SCENEFW_TRAININGS, so that they outlive a checkout.
@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from omegaconf import OmegaConf
 from yaml import YAMLError
 
@@ -25,6 +26,7 @@ from scenefw.core.files import append_text, write_text
 
 HERE = Path(__file__).parent
 LEDGER = HERE / "trainings.yaml"
+DOCUMENT = HERE.parent / "docs" / "training.md"
 STATE = "last.ckpt"
 _MARKS = ("<!-- trainings -->", "<!-- end of trainings -->")
 _HOUR = 3600.0
@@ -95,7 +97,7 @@ class Ledger:
         except (OSError, TypeError, AttributeError, ValueError, KeyError, YAMLError) as error:
             line = squash(error)
             raise ConfigError(f"the ledger {path} can't be read ({line}); see {LEDGER}") from error
-        self._legs = path.with_name("legs.jsonl")
+        self.path, self._legs = path, path.with_name("legs.jsonl")
         text = self._legs.read_text(encoding="utf-8") if self._legs.exists() else ""
         self.legs: list[dict[str, Any]] = [json.loads(line) for line in text.splitlines()]
 
@@ -127,16 +129,18 @@ class Ledger:
         return sorted(left, key=lambda t: self.hours(t.name) / t.weight)
 
     def add(self, leg: Mapping[str, Any]) -> None:
-        """Appends a line."""
+        """Appends a line; that of the project's own ledger changes the table in its document."""
         self.legs.append(dict(leg))
         append_text(self._legs, json.dumps(leg) + "\n")
+        if self.path == LEDGER:
+            write_into(DOCUMENT, self.table())
 
     def table(self) -> list[list[str]]:
         """Rows of the printed table, its heading first."""
         rows = [
             ["training", "weight", "core hours", "samples", "of the recipe", "a core", "a GPU"],
         ]
-        rows[0] += ["figure", "first", "last"]
+        rows[0] += ["figure", "first", "last", "x 10", "x 100"]
         for training in self.overdue() + self._finished():
             curve = self.curve(training.name)
             rows.append(
@@ -151,6 +155,7 @@ class Ledger:
                     training.figure.removeprefix("val/"),
                     _point(curve[0]) if curve else "",
                     _point(curve[-1]) if curve else "",
+                    *(promise(curve, times) for times in (10, 100)),
                 ]
             )
         return rows
@@ -174,6 +179,21 @@ def states_folder() -> Path:
 def _training(name: str, entry: dict[str, Any]) -> Training:
     machines = {key: Machine(**entry.pop(key)) for key in ("core", "gpu")}
     return Training(name, **entry, **machines)
+
+
+def promise(curve: Sequence[tuple[int, float]], times: float) -> str:
+    """A figure between 0 and 1 after so many times the samples, if its error goes on falling.
+
+    The error, one minus the figure, is taken as a power of the number of samples (Hestness et al.
+    2017), fitted where the last three quarters of the samples were seen. Trainings stay behind it
+    where they have learnt what there is to learn.
+    """
+    late = [(n, value) for n, value in curve if 4 * n >= curve[-1][0] and 0 < value < 1]
+    if len(late) < 3:
+        return ""
+    samples, values = np.log([n for n, _ in late]), np.log([1 - value for _, value in late])
+    slope, level = np.polyfit(samples, values, 1)
+    return f"{1 - np.exp(level + slope * (samples[-1] + np.log(times))):.2f}"
 
 
 def _point(point: tuple[int, float]) -> str:
@@ -208,13 +228,13 @@ def main() -> None:
 
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--ledger", type=Path, default=LEDGER)
-    parser.add_argument("--write", type=Path, metavar="FILE.md")
+    parser.add_argument("--write", action="store_true")
     options = parser.parse_args()
     try:
         ledger = Ledger(options.ledger)
         heading, *rows = ledger.table()
         if options.write:
-            write_into(options.write, [heading, *rows])
+            write_into(DOCUMENT, [heading, *rows])
     except SceneFWError as error:
         sys.exit(f"error: {error}")
     table = Table(*heading, title=f"states: {states_folder()}")

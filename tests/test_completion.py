@@ -24,7 +24,9 @@ def test_options_of_a_group_also_in_lists_and_sweeps():
     assert set(completion.answers("scenefw loss=[tsdf,vo")) == names
     assert "noise=none,kinect" in completion.answers("scenefw -m noise=none,ki")
     assert completion.answers("scenefw experiment=simstack_s") == ["experiment=simstack_shipped"]
-    assert not any("=_" in answer for answer in completion.answers("scenefw experiment="))
+    assert "experiment=thesis/simstack" in completion.answers("scenefw experiment=thesis/s")
+    answers = completion.answers("scenefw experiment=")
+    assert not any("=_" in answer or "/_" in answer for answer in answers)
     assert completion.answers("scenefw --list rende") == ["renderer"]
     assert "checkpoint=simstack" in completion.answers("scenefw checkpoint=")
     assert completion.answers("scenefw nonsense.") == []
@@ -38,6 +40,7 @@ def test_options_of_a_group_also_in_lists_and_sweeps():
         (["run=predict"], "run.pipeline"),
         (["run=predict"], "reconstructor"),  # chosen by the option of `run`
         (["experiment=table_6_1"], "model"),  # by a file that the experiment names
+        (["experiment=thesis/simstack"], "learning"),  # by one that such a file names in turn
         (["loss=[tsdf,votes]"], "loss"),
     ],
 )

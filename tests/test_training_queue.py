@@ -65,6 +65,14 @@ def test_a_gpu_is_filled(tmp_path):
     assert [t.name for t in train_on_gpu.chosen(found, ["b", "a"])] == ["b", "a"]
 
 
+def test_a_promise_follows_the_power_of_the_samples():
+    curve = [(n, 1 - 8 * n**-0.5) for n in (100, 400, 600, 1000, 1200)]
+    assert trainings.promise(curve, 10) == f"{1 - 8 * 12000**-0.5:.2f}"
+    assert trainings.promise(curve, 100) == f"{1 - 8 * 120000**-0.5:.2f}"
+    assert trainings.promise(curve[:2], 10) == ""
+    assert trainings.promise([(n, 5.0) for n, _ in curve], 10) == ""
+
+
 def test_a_leg_is_a_line_and_the_table_shows_its_curve(tmp_path):
     found = ledger(tmp_path, (0, 10, 50))
     found.add({"training": "a", "samples": [0, 300], "curve": [[100, 0.25], [300, 0.75]]})
@@ -115,8 +123,8 @@ def test_every_leg_of_the_ledger_is_of_a_training():
 
 
 def test_the_documented_table_is_the_ledger():
-    page = trainings.HERE.parent / "docs" / "training.md"
-    assert markdown(Ledger().table()) in page.read_text(encoding="utf-8")
+    text = trainings.DOCUMENT.read_text(encoding="utf-8")
+    assert markdown(Ledger().table()) in text, "python -m benchmarks.trainings --write"
 
 
 @pytest.fixture
@@ -189,6 +197,33 @@ def test_a_network_of_a_plugin_killed_in_the_queue_ends_as_if_it_was_not(tmp_pat
         assert torch.equal(one["state_dict"][name], value)
     legs = Ledger(tmp_path / "trainings.yaml").legs
     assert [leg["samples"][1] for leg in legs] == [16, 16]
+
+
+@pytest.mark.exhaustive
+def test_all_trainings_of_the_ledger_go_through_the_script_of_gpus_on_a_cpu(tmp_path, warm):
+    entries = OmegaConf.load(trainings.LEDGER)
+    for entry in entries.values():
+        entry.command += ["debug=smoke", "run.snapshot_steps=1"]
+        entry.needs, entry.core.changes = {}, []
+    entries.thesis_set_autoencoder.command += ["dataset.path=large_stacks_v2"]
+    for folder in ("there", "here"):
+        (tmp_path / folder).mkdir()
+        OmegaConf.save(entries, tmp_path / folder / "trainings.yaml")
+
+    def run(folder, *words):
+        own = {**os.environ, "SCENEFW_TRAININGS": str(tmp_path / folder / "states")}
+        given = (tmp_path / "parts", "--ledger", tmp_path / folder / "trainings.yaml", *words)
+        done = warm("benchmarks.train_on_gpu", given, trainings.HERE.parent, own)
+        assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+
+    run("there", "--trainer", "cpu", "--limit", "300", "--training", *entries)
+    run("here", "--receive")
+    found = Ledger(tmp_path / "here" / "trainings.yaml")
+    assert {leg["training"] for leg in found.legs} == set(entries)
+    for leg in found.legs:
+        assert leg["samples"] == [0, 4]
+        assert leg["validation"]
+        assert (tmp_path / "here" / "states" / leg["training"] / STATE).exists()
 
 
 def queue(folder, states):

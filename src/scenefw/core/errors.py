@@ -62,7 +62,7 @@ class CheckpointError(SceneFWError):
 
 
 class TrainingError(SceneFWError):
-    """A training can't continue: its numbers are no longer finite."""
+    """A training can't continue: its numbers are no longer finite, or what computes them failed."""
 
 
 class StorageError(SceneFWError):

@@ -1,7 +1,7 @@
 """What all trainings share: the step, the losses, and the initial weights."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -38,7 +38,7 @@ class TrainingModule(ResumableModule, ABC):
         initial: weights to start from; None: random ones.
         reinitialise: modules of the network that start from random weights even so.
         channels_last: keep weights of convolutions channels last in memory, which is fast.
-        compile: let torch.compile make the network's training pass faster; a text names a backend.
+        compile: let torch.compile make network and losses faster; a text names a backend.
         optimizer: how gradients change weights; None means AdamW.
 
     Raises:
@@ -75,6 +75,7 @@ class TrainingModule(ResumableModule, ABC):
         )
         self.started_from = origin(initial) if initial is not None else None
         self.losses, self.seed = dict(losses), seed
+        self._called: dict[str, Callable[..., Tensor]] = dict(self.losses)
         self._side = SideStream()
 
     @abstractmethod
@@ -109,6 +110,15 @@ class TrainingModule(ResumableModule, ABC):
             "seed": self.seed,
         }
 
+    def on_fit_start(self) -> None:
+        """Compiles the losses, too."""
+        super().on_fit_start()
+        if self.compiled:
+            self._called = {
+                name: torch.compile(loss.__call__, backend=self.backend)
+                for name, loss in self.losses.items()
+            }
+
     def losses_now(self) -> Mapping[str, Loss]:
         """The losses that count in this step."""
         return self.losses
@@ -123,7 +133,7 @@ class TrainingModule(ResumableModule, ABC):
         made = self._side.run(self.device, lambda: self._training_batch(batch))
         self.times.drawn(self.device)
         prediction = self.predict_batch(made)
-        terms = {name: loss(prediction, made) for name, loss in self.losses_now().items()}
+        terms = {name: self._called[name](prediction, made) for name in self.losses_now()}
         total: Tensor = sum(self.losses[name].weight * term for name, term in terms.items())
         values = {f"train/{name}": term.detach() for name, term in terms.items()}
         self.log_dict({"train/total": total.detach(), **values}, batch_size=len(batch.indices))

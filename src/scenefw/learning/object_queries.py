@@ -58,7 +58,7 @@ class ObjectQueryLearning(TrainingModule):
         early: share of the schedule's budget during which early losses count.
         dense: queries that stand for nothing learn the object at whose surface they start.
         channels_last: keep weights of convolutions channels last in memory, which is fast.
-        compile: let torch.compile make the network's training pass faster; a text names a backend.
+        compile: let torch.compile make network and losses faster; a text names a backend.
         optimizer: how gradients change weights; None means AdamW.
 
     Raises:

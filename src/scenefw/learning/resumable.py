@@ -29,7 +29,7 @@ class ResumableModule(lightning.LightningModule):
         weight_decay: of the optimiser; 0 makes AdamW Adam.
         schedule: factor of the learning rate; None means 0.99 every 5 epochs.
         average: decay of the moving average of weights that is validated and exported; 0: none.
-        compile: let torch.compile make the network's training pass faster; a text names a backend.
+        compile: let torch.compile make network and losses faster; a text names a backend.
         optimizer: how gradients change weights; None means AdamW.
 
     Raises:
@@ -91,8 +91,7 @@ class ResumableModule(lightning.LightningModule):
         if self.average is not None:
             self.average.to(self.device)
         if self.compiled:  # only the call: names of weights and the recipe stay the same
-            backend = self.compiled if isinstance(self.compiled, str) else "inductor"
-            self.model.compile(backend=backend)
+            self.model.compile(backend=self.backend)
 
     def on_train_start(self) -> None:
         """Starts the clock."""
@@ -109,6 +108,11 @@ class ResumableModule(lightning.LightningModule):
             group["lr"] = rate * group.get(RATE, 1.0)
         self.budget_done = self.schedule.done(progress)
         self.times.begin(self.device)
+
+    @property
+    def backend(self) -> str:
+        """What torch.compile compiles with."""
+        return self.compiled if isinstance(self.compiled, str) else "inductor"
 
     @property
     def batch_number(self) -> int:

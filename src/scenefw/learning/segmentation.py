@@ -39,7 +39,7 @@ class SegmentationLearning(TrainingModule):
         reinitialise: modules of the network, such as body.decoder.3, that start from random weights
             even so, also where the checkpoint has none: the levels by which a network is deeper.
         channels_last: keep weights of convolutions channels last in memory, which is fast.
-        compile: let torch.compile make the network's training pass faster; a text names a backend.
+        compile: let torch.compile make network and losses faster; a text names a backend.
         optimizer: how gradients change weights; None means AdamW.
     """
 

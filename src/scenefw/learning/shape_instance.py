@@ -50,7 +50,7 @@ class ShapeInstanceLearning(TrainingModule):
         draw_from: share of the schedule's budget from which codes of the prior are drawn. Before,
             zero takes their place, as samples of a network that knows little differ in all.
         channels_last: keep weights of convolutions channels last in memory, which is fast.
-        compile: let torch.compile make the network's training pass faster; a text names a backend.
+        compile: let torch.compile make network and losses faster; a text names a backend.
         optimizer: how gradients change weights; None means AdamW.
     """
 

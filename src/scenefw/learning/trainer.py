@@ -208,3 +208,8 @@ def _multiplies_bfloat16() -> bool:
     if not torch.backends.mkldnn.is_available():
         return False
     return torch.cpu._is_avx512_bf16_supported() or torch.cpu._is_amx_tile_supported()
+
+
+def device_failed(error: Exception) -> bool:
+    """Whether torch or numba say that a GPU is gone or broke down; later calls to it fail, too."""
+    return isinstance(error, torch.AcceleratorError) or type(error).__name__ == "CudaAPIError"

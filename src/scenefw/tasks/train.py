@@ -8,6 +8,7 @@ from typing import Any
 
 import lightning
 
+from scenefw.core.errors import TrainingError
 from scenefw.core.files import replacing, require_free, require_name, require_writable
 from scenefw.core.settings import COUNT, NOT_NEGATIVE
 from scenefw.core.signals import stop_of
@@ -22,7 +23,7 @@ from scenefw.learning.module import TrainingModule
 from scenefw.learning.processes import processes
 from scenefw.learning.recording import Recording
 from scenefw.learning.state import read_state, state_to_go_on
-from scenefw.learning.trainer import TrainerSettings
+from scenefw.learning.trainer import TrainerSettings, device_failed
 from scenefw.report.record import command_line, read_record
 
 _STATE, _TABLE = "last.ckpt", "losses.csv"
@@ -93,7 +94,7 @@ class Train:
                 or seeds.
             ConfigError: network, losses and data don't go together.
             StorageError: a folder can't be written.
-            TrainingError: the training diverged, or a process of several failed.
+            TrainingError: the training diverged, the GPU or a process of several failed.
         """
         self.learning.describe = self._facts
         self.learning.check(self.data)
@@ -145,6 +146,11 @@ class Train:
                 if not isinstance(stop.__context__, KeyboardInterrupt):
                     raise
                 raise type(stop.__context__)(self._kept()) from stop
+            except Exception as error:
+                if not device_failed(error):
+                    raise
+                line = str(error).strip().partition("\n")[0]
+                raise TrainingError(f"the GPU failed ({line}); {self._kept()}") from error
         if interruption.number is not None:
             raise stop_of(interruption.number)(self._kept())
         self.learning.times.finish()
