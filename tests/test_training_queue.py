@@ -110,7 +110,8 @@ def test_entries_of_the_ledger_compose_on_both_machines():
         assert experiment in registry.names("experiment")
         networks = []
         for machine in (training.core, training.gpu):
-            whole = config.compose(training.words(machine))
+            fresh = ["learning.schedule.warmup=500", "learning.initial=weights.safetensors"]
+            whole = config.compose([*training.words(machine), *fresh])
             assert whole.paths.weights == training.name
             networks.append(OmegaConf.to_container(whole.model, resolve=True))
         assert networks[0] == networks[1], "one network for both machines"

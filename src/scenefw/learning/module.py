@@ -75,7 +75,7 @@ class TrainingModule(ResumableModule, ABC):
         )
         self.started_from = origin(initial) if initial is not None else None
         self.losses, self.seed = dict(losses), seed
-        self._called: dict[str, Callable[..., Tensor]] = dict(self.losses)
+        self._compiled: dict[str, Callable[..., Tensor]] = {}
         self._side = SideStream()
 
     @abstractmethod
@@ -114,7 +114,7 @@ class TrainingModule(ResumableModule, ABC):
         """Compiles the losses, too."""
         super().on_fit_start()
         if self.compiled:
-            self._called = {
+            self._compiled = {
                 name: torch.compile(loss.__call__, backend=self.backend)
                 for name, loss in self.losses.items()
             }
@@ -133,7 +133,10 @@ class TrainingModule(ResumableModule, ABC):
         made = self._side.run(self.device, lambda: self._training_batch(batch))
         self.times.drawn(self.device)
         prediction = self.predict_batch(made)
-        terms = {name: self._called[name](prediction, made) for name in self.losses_now()}
+        terms = {
+            name: self._compiled.get(name, loss)(prediction, made)
+            for name, loss in self.losses_now().items()
+        }
         total: Tensor = sum(self.losses[name].weight * term for name, term in terms.items())
         values = {f"train/{name}": term.detach() for name, term in terms.items()}
         self.log_dict({"train/total": total.detach(), **values}, batch_size=len(batch.indices))
