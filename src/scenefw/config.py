@@ -48,7 +48,7 @@ def files_in(conf: Path) -> Iterator[tuple[str, str, Path]]:
 
 def is_option(name: str) -> bool:
     """Whether it can be chosen: what begins with _ is shared by options, or describes a group."""
-    return not name.rpartition("/")[2].startswith("_")
+    return not any(part.startswith("_") for part in name.split("/"))
 
 
 def package_dir(package: str) -> Path:

@@ -14,7 +14,7 @@ from typing import Any
 from scenefw import config, plugins
 from scenefw.core.errors import ConfigError
 
-META = "_group.yaml"  # says what a group is; files whose names begin with _ are not options
+META = "_group.yaml"  # says what a group is; files and folders named _... hold no options
 
 
 @dataclass(frozen=True)
