@@ -244,8 +244,10 @@ def _read(path: Path) -> dict[str, np.ndarray]:
             arrays = {name: stored[name] for name in stored.files}
     except FileNotFoundError as error:
         raise StorageError(
-            f"no data set at {path}; make one with `python -m scenefw run=generate`, or leave "
-            f"dataset.path=null to use the shipped one (also by name: {', '.join(SHIPPED)})"
+            f"no data set at {path}; make one with `python -m scenefw run=generate` (those of the "
+            "thesis's chapter 6 with experiment=thesis/scenes_of_six or "
+            "thesis/scenes_of_four_to_eight), or leave dataset.path=null to use the shipped one "
+            f"(also by name: {', '.join(SHIPPED)})"
         ) from error
     except Exception as error:  # numpy raises many kinds for damaged archives
         raise StorageError(
