@@ -20,6 +20,10 @@ from scenefw.learning.state import read_state
 
 WARMUP = 500
 """Steps over which the rate rises where weights meet a fresh optimiser, as in scale=thesis."""
+ALONE = {"OMP_WAIT_POLICY": "PASSIVE"} | dict.fromkeys(
+    ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
+)
+"""Environment of one core, whose waiting thread sleeps."""
 _PREVIOUS, _DAMAGED = "previous.ckpt", "damaged.ckpt"
 
 
@@ -61,12 +65,12 @@ def start_of(training: Training, folder: Path) -> Start:
             os.link(state, previous)
         else:
             shutil.copyfile(previous, state)
-        earlier = (progress.get("started_from") or {}).get("samples", 0)
+        earlier = _samples_of(progress.get("started_from"))
         words = [f"learning.schedule.warmup={WARMUP}"] if earlier else []
         return Start(seen + earlier, steps, words, f"goes on from {seen + earlier} samples")
     weights = HERE / "weights" / f"{training.name}.safetensors"
     if weights.exists():
-        samples = _samples_of(weights)
+        samples = _samples_of(read_provenance(weights).metadata)
         words = [f"learning.initial={weights}", f"learning.schedule.warmup={WARMUP}"]
         line = (
             f"no state in {folder}: starts from {weights.name} ({samples} samples) with a fresh "
@@ -76,9 +80,11 @@ def start_of(training: Training, folder: Path) -> Start:
     return Start(0, 0, [], "starts from the beginning")
 
 
-def _samples_of(weights: Path) -> int:
-    facts = read_provenance(weights).metadata
-    return int(facts["samples"]) + int((facts.get("started_from") or {}).get("samples", 0))
+def _samples_of(facts: Mapping[str, Any] | None) -> int:
+    """Samples of a training, and of those whose weights it and its predecessors started from."""
+    if not facts:
+        return 0
+    return int(facts.get("samples", 0)) + _samples_of(facts.get("started_from"))
 
 
 def command(
@@ -103,7 +109,8 @@ def make_needed(training: Training, home: Path, seconds: float) -> None:
         if not (home / file).exists():
             print(f"{training.name} needs {file}: {' '.join(words)}", flush=True)
             made = [sys.executable, "-m", "scenefw", *words, "parallel.workers=1"]
-            subprocess.run(made, cwd=home, check=True, timeout=seconds)
+            own = os.environ | ALONE
+            subprocess.run(made, cwd=home, env=own, check=True, timeout=seconds)
 
 
 def record(
@@ -116,8 +123,7 @@ def record(
 ) -> dict[str, Any]:
     """Adds the line of a leg that ended to the ledger, from what it left in its folder."""
     state = read_state(folder / STATE, mapped=True)["scenefw"]
-    earlier = (state.get("started_from") or {}).get("samples", 0)
-    end = state["samples_seen"] + earlier
+    end = state["samples_seen"] + _samples_of(state.get("started_from"))
     steps = max(state["batches_seen"] - start.steps, 1)
     per_step = (end - start.samples) / steps
     curve = [

@@ -15,21 +15,26 @@ import sys
 import time
 from pathlib import Path
 
-from benchmarks.legs import command, figures_of, make_needed, record, start_of
+from benchmarks.legs import ALONE, command, figures_of, make_needed, record, start_of
 from benchmarks.trainings import LEDGER, Ledger, Training, states_folder
-from scenefw.core.errors import SceneFWError
+from scenefw.core.errors import ConfigError, SceneFWError
 
-ALONE = {"OMP_WAIT_POLICY": "PASSIVE"} | dict.fromkeys(
-    ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
-)
-"""One core, whose waiting thread sleeps."""
 _NICENESS = 10
 _AROUND = 30.0
 """Seconds of a call outside the time that the training counts: imports before, its line after."""
 
 
 def train(ledger: Ledger, training: Training, minutes: float) -> int:
-    """Runs a leg; returns its exit status."""
+    """Runs a leg; returns its exit status.
+
+    Raises:
+        ConfigError: there is no time to train.
+    """
+    if 60 * minutes <= _AROUND:
+        raise ConfigError(
+            f"--minutes {minutes:g} leaves no time to train: imports and the last snapshot take "
+            f"{_AROUND / 60:g}; give more"
+        )
     end = time.monotonic() + 60 * minutes - _AROUND
     home = states_folder()
     folder = home / training.name

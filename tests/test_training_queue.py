@@ -9,7 +9,7 @@ import time
 
 import pytest
 import torch
-from benchmarks import train_on_gpu, trainings
+from benchmarks import train_next, train_on_gpu, trainings
 from benchmarks.legs import start_of
 from benchmarks.trainings import STATE, Ledger, Machine, Training, markdown, write_into
 from omegaconf import OmegaConf
@@ -18,6 +18,7 @@ from tests.unit.learning import plain
 
 from scenefw import config, registry
 from scenefw.core.errors import ConfigError
+from scenefw.learning.state import write_state
 
 ENTRY = """
 {name}:
@@ -163,6 +164,20 @@ def test_without_a_state_the_committed_weights_are_the_start(tmp_path, training,
         "learning.schedule.warmup=500",
     ]
     assert "fresh optimiser" in start.line
+
+
+def test_samples_of_weights_that_started_from_weights_add_up(tmp_path, training):
+    state = {"samples_seen": 5, "batches_seen": 1}
+    chain = {"samples": 100, "started_from": {"samples": 1000, "started_from": None}}
+    write_state(tmp_path / STATE, {"scenefw": {**state, "started_from": chain}})
+    start = start_of(training, tmp_path)
+    assert start.samples == 1105
+    assert start.words == ["learning.schedule.warmup=500"]
+
+
+def test_too_little_time_is_one_line(tmp_path, training):
+    with pytest.raises(ConfigError, match=r"--minutes 0\.2 leaves no time to train"):
+        train_next.train(ledger(tmp_path, (0, 0, 0)), training, 0.2)
 
 
 QUEUE = """

@@ -92,10 +92,11 @@ def named_beside(path: Path, entry: str) -> Path | None:
     Hydra looks from the folder of the group for what an option `thesis/simstack` names, and from
     the folder of the file for what a file named by it names in turn.
     """
-    whole = folders()
-    root = next((folder for folder in whole if path.is_relative_to(folder)), path.parents[1])
-    here = path.parent.relative_to(root)
-    files = (f / place / f"{entry}.yaml" for f in (root, *whole) for place in (here, here.parent))
+    roots = folders()
+    root = next((folder for folder in roots if path.is_relative_to(folder)), path.parents[1])
+    group = path.parent.relative_to(root)
+    places = (group, group.parent)
+    files = (base / place / f"{entry}.yaml" for base in (root, *roots) for place in places)
     return next((file for file in files if file.is_file()), None)
 
 
