@@ -15,8 +15,8 @@ from scenefw.data.stacks import StackScenes
 from scenefw.data.views import ViewMaker
 from scenefw.learning.checkpoint import load_checkpoint
 from scenefw.mapping.inverse_ray_tracing import InverseRayTracing
-from scenefw.perception.optimised_code import OptimisedCode
-from scenefw.perception.reconstruction import NetworkReconstructor
+from scenefw.perception.completion.volume_network import NetworkReconstructor
+from scenefw.perception.multiview.optimised_code import OptimisedCode
 from scenefw.renderers.differentiable import Differentiable, thinned
 from scenefw.renderers.sphere_tracer import SphereTracer
 from scenefw.scenes.cameras import RandomViewpoints

@@ -13,15 +13,15 @@ from scenefw.core.errors import InputError, require_number
 from scenefw.core.settings import POSITIVE
 from scenefw.data.arrays import frame_of
 from scenefw.data.poses import require_metres
-from scenefw.perception.whole_scenes import WholeScene, read_whole_scene, taken_apart
+from scenefw.perception.multiview.whole_scenes import WholeScene, read_whole_scene, taken_apart
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from scenefw.api.settings import Settings
     from scenefw.data.intrinsics import Intrinsics
-    from scenefw.perception.mesh_views import MeshViews
-    from scenefw.perception.views_pipeline import ViewsPipeline
+    from scenefw.perception.multiview.mesh_views import MeshViews
+    from scenefw.perception.multiview.views_pipeline import ViewsPipeline
 
 
 class Decomposer:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from scenefw.core.labelling_protocols import Labelling, RunningLabelling
     from scenefw.core.types import Frame
     from scenefw.data.intrinsics import Intrinsics
-    from scenefw.perception.table_frame import TableFrame
+    from scenefw.perception.observation.table_frame import TableFrame
 
 
 class Labeller:

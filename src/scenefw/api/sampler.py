@@ -11,7 +11,7 @@ from scenefw.core.errors import require_whole
 
 if TYPE_CHECKING:
     from scenefw.api.settings import Settings
-    from scenefw.perception.scene_prior import ScenePrior
+    from scenefw.perception.completion.scene_prior import ScenePrior
 
 
 class Sampler:

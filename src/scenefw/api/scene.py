@@ -15,9 +15,9 @@ from scenefw.core.errors import InputError
 from scenefw.core.folders import replacing_folder
 from scenefw.core.types import Camera
 from scenefw.export.scene_folder import write_scene_files
-from scenefw.perception import editing
-from scenefw.perception.contacts import contact_words
-from scenefw.perception.stored_scenes import read_scene
+from scenefw.perception.editing import scene_editing
+from scenefw.perception.estimate.stored_scenes import read_scene
+from scenefw.perception.physics.contacts import contact_words
 from scenefw.report.palette import colours_of
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ class Scene:
     @cached_property
     def estimate(self) -> SceneEstimate:
         """The scene with volumes, which are made of meshes after a change."""
-        return editing.with_objects(self.origin, self.objects)
+        return scene_editing.with_objects(self.origin, self.objects)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -85,7 +85,7 @@ class Scene:
         Raises:
             InputError: there is none.
         """
-        return editing.named(self.objects, label)
+        return scene_editing.named(self.objects, label)
 
     def __repr__(self) -> str:
         return f"Scene({self.origin.frame.name!r}, objects {self.ids})"
@@ -98,7 +98,7 @@ class Scene:
         """
         objects = self.objects
         for label in labels:
-            objects = editing.removed(objects, label)
+            objects = scene_editing.removed(objects, label)
         return replace(self, objects=objects)
 
     def move(
@@ -120,7 +120,7 @@ class Scene:
         Raises:
             InputError: there is no such object, or numbers are wrong.
         """
-        return replace(self, objects=editing.moved_by(self.objects, label, by, turn, axis))
+        return replace(self, objects=scene_editing.moved_by(self.objects, label, by, turn, axis))
 
     def scale(self, label: int, factor: float) -> Scene:
         """With an object larger or smaller, standing at the height where it stood.
@@ -128,7 +128,7 @@ class Scene:
         Raises:
             InputError: there is no such object, or the factor is not positive.
         """
-        return replace(self, objects=editing.scaled(self.objects, label, factor))
+        return replace(self, objects=scene_editing.scaled(self.objects, label, factor))
 
     def swap(self, first: int, second: int) -> Scene:
         """With the shapes of two objects exchanged; ids stay with the places.
@@ -136,7 +136,7 @@ class Scene:
         Raises:
             InputError: there is no such object, or both are one.
         """
-        return replace(self, objects=editing.swapped(self.objects, first, second))
+        return replace(self, objects=scene_editing.swapped(self.objects, first, second))
 
     def add(self, item: ObjectEstimate | PlacedShape, by: ArrayLike = _NOWHERE) -> Scene:
         """With another object; it is the last one and has the next id.
@@ -148,7 +148,7 @@ class Scene:
         Raises:
             InputError: numbers are wrong.
         """
-        return replace(self, objects=editing.added(self.objects, item, by))
+        return replace(self, objects=scene_editing.added(self.objects, item, by))
 
     def add_superquadric(
         self,
@@ -168,7 +168,7 @@ class Scene:
         Raises:
             InputError: numbers are wrong.
         """
-        return self.add(editing.superquadric(half_axes, exponents, position, turn))
+        return self.add(scene_editing.superquadric(half_axes, exponents, position, turn))
 
     def join(self, other: Scene, by: ArrayLike = _NOWHERE) -> Scene:
         """With the objects of another scene too, which get the next ids.
@@ -185,7 +185,7 @@ class Scene:
                 f"join takes a Scene, got a {type(other).__name__}; give Scene.read(PATH), or "
                 "scene() of a prediction"
             )
-        return replace(self, objects=editing.joined(self.objects, other.objects, by))
+        return replace(self, objects=scene_editing.joined(self.objects, other.objects, by))
 
     def settle(self, *overrides: str) -> Scene:
         """With the objects at rest, by a simulation; those that would move far stay.
@@ -201,7 +201,7 @@ class Scene:
         (settling,) = settings.build("settling")
         with settings.computing():
             (settled,) = settling.settle([self.estimate])
-        estimate = editing.with_objects(self.origin, settled.objects)
+        estimate = scene_editing.with_objects(self.origin, settled.objects)
         return Scene.of(replace(estimate, details=settled.details))
 
     def save(self, path: str | Path, **settings: Any) -> Path:

@@ -13,10 +13,10 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.floors import Floor
 from scenefw.core.settings import COUNT
 from scenefw.kernels.cameras import stack_cameras
-from scenefw.perception.doctor import Doctor
-from scenefw.perception.estimates import cleaned, numbered_like, scene_estimate
-from scenefw.perception.floor import FloorFinder
-from scenefw.perception.workspace import Workspace, WorkspaceFinder
+from scenefw.perception.estimate.assembly import cleaned, numbered_like, scene_estimate
+from scenefw.perception.observation.doctor import Doctor
+from scenefw.perception.observation.floor import FloorFinder
+from scenefw.perception.observation.workspace import Workspace, WorkspaceFinder
 from scenefw.postprocessing.confidence import Calibration, confidences
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenefw.core.geometry import quaternion_from_rotation
-from scenefw.perception.points import world_points
+from scenefw.perception.observation.points import world_points
 from scenefw.report.palette import instance_colours
 from scenefw.report.window import vertices
 from scenefw.shapes.moments import moments

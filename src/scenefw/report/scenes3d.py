@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scenefw.perception.points import world_points
+from scenefw.perception.observation.points import world_points
 from scenefw.report.blocks import Scenes
 
 if TYPE_CHECKING:

@@ -17,9 +17,9 @@ from scenefw.core.folders import replacing_folder, require_replaceable
 from scenefw.core.settings import POSITIVE
 from scenefw.core.types import TriangleMesh
 from scenefw.export.meshes import write_ply
-from scenefw.perception.nearest_objects import nearest_objects
-from scenefw.perception.settling import words as settled_words
-from scenefw.perception.whole_scenes import read_whole_scene, scene_name, taken_apart
+from scenefw.perception.evidence.nearest_objects import nearest_objects
+from scenefw.perception.multiview.whole_scenes import read_whole_scene, scene_name, taken_apart
+from scenefw.perception.physics.settling import words as settled_words
 from scenefw.report.overview import write_overview
 from scenefw.report.page import write_scene_page
 from scenefw.report.scenes3d import Scene3D, layer, packed
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
     from scenefw.core.protocols import SceneFormat, Settling
     from scenefw.core.types import SceneEstimate
-    from scenefw.perception.mesh_views import MeshViews
-    from scenefw.perception.views_pipeline import SeenScene, ViewsPipeline
+    from scenefw.perception.multiview.mesh_views import MeshViews
+    from scenefw.perception.multiview.views_pipeline import SeenScene, ViewsPipeline
     from scenefw.report.palette import Colour
 
 _REACH = 0.01  # m: vertices farther from all objects belong to none

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 from scenefw.core.errors import IncompleteError, InputError
 from scenefw.core.files import require_apart, require_writable
-from scenefw.perception.doctor import ODD, UNUSABLE, unusable
-from scenefw.perception.examination import Examination
+from scenefw.perception.observation.doctor import ODD, UNUSABLE, unusable
+from scenefw.perception.observation.examination import Examination
 from scenefw.report.pictures import save_picture
 from scenefw.report.seen import draw_examination
 from scenefw.tasks.depth_images import DepthImages
 
 if TYPE_CHECKING:
-    from scenefw.perception.examination import Examiner
+    from scenefw.perception.observation.examination import Examiner
 
 
 class Examine:

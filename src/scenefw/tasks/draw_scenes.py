@@ -10,7 +10,7 @@ from scenefw.core.files import require_writable
 from scenefw.core.folders import replacing_folder
 from scenefw.core.protocols import SceneFormat
 from scenefw.core.types import SceneEstimate
-from scenefw.perception.scene_prior import ScenePrior
+from scenefw.perception.completion.scene_prior import ScenePrior
 from scenefw.report.drawn_scenes import draw_scenes
 from scenefw.report.page import write_scene_page
 from scenefw.report.palette import colours_of

@@ -13,11 +13,11 @@ from scenefw.core.files import require_writable
 from scenefw.core.folders import replacing_folder, require_replaceable
 from scenefw.core.protocols import SceneFormat, Settling
 from scenefw.core.types import SceneEstimate
-from scenefw.perception.contacts import contact_words
-from scenefw.perception.edit_words import USAGES, edited
-from scenefw.perception.editing import with_objects
-from scenefw.perception.settling import words as settled_words
-from scenefw.perception.stored_scenes import read_scene
+from scenefw.perception.editing.edit_words import USAGES, edited
+from scenefw.perception.editing.scene_editing import with_objects
+from scenefw.perception.estimate.stored_scenes import read_scene
+from scenefw.perception.physics.contacts import contact_words
+from scenefw.perception.physics.settling import words as settled_words
 from scenefw.report.blocks import Section
 from scenefw.report.console import print_tables
 from scenefw.report.edited import draw_edited, object_table
@@ -39,7 +39,7 @@ class Edit:
 
     Args:
         input: `scene.json` of a prediction, or the folder that holds it.
-        edits: in words, such as `move 1 0.1 0 0`; see `perception.edit_words`.
+        edits: in words, such as `move 1 0.1 0 0`; see `perception.editing.edit_words`.
         output: where the folder goes.
         settling: lets the objects come to rest afterwards; None leaves them where they are.
         exports: what writes further files of the scene, by name.

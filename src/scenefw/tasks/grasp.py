@@ -17,7 +17,7 @@ from scenefw.core.protocols import Grasping
 from scenefw.core.types import Float64, Pose, SceneEstimate
 from scenefw.core.versions import versions
 from scenefw.export.summary import plain
-from scenefw.perception.bodies import BodyMaker
+from scenefw.perception.physics.bodies import BodyMaker
 from scenefw.report.films import film_pictures, save_film
 from scenefw.report.grasps import draw_ranking, grasp_table
 from scenefw.report.pictures import save_picture

@@ -19,8 +19,8 @@ from scenefw.data.height_maps import load_map, save_map
 from scenefw.data.readers import find_images, read_frame
 from scenefw.data.recordings import STATE, MeasuredFrames, Recording
 from scenefw.data.sequences import open_sequence
-from scenefw.perception.placement import Placement
-from scenefw.perception.table_frame import TableFrame
+from scenefw.perception.observation.table_frame import TableFrame
+from scenefw.perception.physics.placement import Placement
 from scenefw.report.console import track
 from scenefw.report.labelling.growth import Growth
 from scenefw.report.labelling.pictures import map_picture
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from scenefw.core.labelling_protocols import Labelling, Odometry, RunningLabelling
     from scenefw.core.types import Frame
     from scenefw.data.recordings import NumberedFrames
-    from scenefw.perception.placement import Placed
+    from scenefw.perception.physics.placement import Placed
 
 MAP, PICTURE = "map.npz", "map.png"
 

@@ -13,8 +13,8 @@ from scenefw.core.files import require_writable
 from scenefw.core.folders import replacing_folder, require_replaceable
 from scenefw.core.protocols import SceneFormat, Settling
 from scenefw.core.types import SceneEstimate
+from scenefw.perception.physics.settling import words as settled_words
 from scenefw.perception.pipeline import Pipeline, View
-from scenefw.perception.settling import words as settled_words
 from scenefw.report.hypotheses import draw_hypotheses
 from scenefw.report.overview import write_overview
 from scenefw.report.page import write_scene_page

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from tests.unit.perception.multiview.test_views_pipeline import frames
 from tests.unit.perception.several import PAIR, boxes, fitted_parts
-from tests.unit.perception.test_views_pipeline import frames
 
 from scenefw.api.decomposer import Decomposer
 from scenefw.core.errors import ConfigError, InputError
@@ -11,8 +11,8 @@ from scenefw.core.types import GridSpec
 from scenefw.data.sequences import write_sequence
 from scenefw.export.meshes import write_ply
 from scenefw.mapping.inverse_ray_tracing import InverseRayTracing
-from scenefw.perception.mesh_views import MeshViews
-from scenefw.perception.views_pipeline import ViewsPipeline
+from scenefw.perception.multiview.mesh_views import MeshViews
+from scenefw.perception.multiview.views_pipeline import ViewsPipeline
 from scenefw.scenes.surround import SurroundingCameras
 
 METHOD = Decomposer(

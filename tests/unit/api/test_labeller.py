@@ -11,7 +11,7 @@ from scenefw.data.sequences import transformed, write_sequence
 from scenefw.labelling.by_height import ByHeight
 from scenefw.labelling.map_based import MapBased
 from scenefw.mapping.height_fusion import HeightFusion
-from scenefw.perception.table_frame import TableFrame
+from scenefw.perception.observation.table_frame import TableFrame
 
 TURN = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # z of the table is y of the recording
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from scenefw.core.settled import Settled
 from scenefw.core.types import Camera, Frame, GridSpec, SceneEstimate
-from scenefw.perception.settling import words
+from scenefw.perception.physics.settling import words
 
 
 def scene(settled: Settled) -> SceneEstimate:

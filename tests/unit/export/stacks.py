@@ -5,7 +5,7 @@ import trimesh
 
 from scenefw.core.geometry import rotation_from_quaternion
 from scenefw.core.types import Camera, Frame, GridSpec, SceneEstimate, TriangleMesh
-from scenefw.perception.objects import estimate_objects
+from scenefw.perception.estimate.objects import estimate_objects
 
 SIZES = ((0.20, 0.16, 0.10), (0.12, 0.14, 0.06), (0.08, 0.06, 0.09))
 COLOURS = [(0.0, 0.4, 0.7), (0.9, 0.6, 0.0), (0.0, 0.6, 0.5)]

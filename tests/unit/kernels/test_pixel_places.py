@@ -6,7 +6,7 @@ import torch
 
 from scenefw.core.types import Frame
 from scenefw.kernels.cameras import pixel_places, stack_cameras
-from scenefw.perception.points import world_points
+from scenefw.perception.observation.points import world_points
 from scenefw.scenes.cameras import RandomViewpoints
 
 

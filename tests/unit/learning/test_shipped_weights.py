@@ -17,7 +17,7 @@ from scenefw.mapping.inverse_ray_tracing import InverseRayTracing
 from scenefw.metrics.instances import instance_scores
 from scenefw.metrics.occupancy import occupancy_iou
 from scenefw.metrics.semantic import count_classes, mean_iou
-from scenefw.perception.reconstruction import NetworkReconstructor
+from scenefw.perception.completion.volume_network import NetworkReconstructor
 from scenefw.postprocessing.hough_voting import HoughVoting
 from scenefw.renderers.sphere_tracer import SphereTracer
 from scenefw.scenes.cameras import RandomViewpoints

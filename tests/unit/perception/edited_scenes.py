@@ -13,8 +13,8 @@ from scenefw.core.types import (
     SceneEstimate,
     TriangleMesh,
 )
-from scenefw.perception.editing import with_objects
-from scenefw.perception.objects import estimate_objects
+from scenefw.perception.editing.scene_editing import with_objects
+from scenefw.perception.estimate.objects import estimate_objects
 from scenefw.shapes.superquadric import Superquadric
 
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])

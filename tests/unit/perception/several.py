@@ -6,15 +6,15 @@ import trimesh
 from scenefw.core.types import TriangleMesh
 from scenefw.fitting.joint import JointFit
 from scenefw.fitting.superquadrics import SuperquadricFit
-from scenefw.perception.dealt_by_fit import DealtByFit
-from scenefw.perception.evidence import EvidenceOfView
-from scenefw.perception.fitted import Fitted
-from scenefw.perception.fitted_to_views import FittedToViews
-from scenefw.perception.grouped_by_evidence import GroupedByEvidence
-from scenefw.perception.hull_filling import HullFilling
-from scenefw.perception.part_guided import PartGuided
-from scenefw.perception.parts_of_views import PartsOfViews
-from scenefw.perception.seen_parts import SeenParts
+from scenefw.perception.completion.superquadrics import Fitted
+from scenefw.perception.evidence.gathering import EvidenceOfView
+from scenefw.perception.grouping.hulls import HullFilling
+from scenefw.perception.grouping.merging import GroupedByEvidence
+from scenefw.perception.grouping.reassignment import DealtByFit
+from scenefw.perception.grouping.relabelling import PartGuided
+from scenefw.perception.multiview.fitted_to_views import FittedToViews
+from scenefw.perception.multiview.parts_of_views import PartsOfViews
+from scenefw.perception.segmentation.crease_segmentation import SeenParts
 
 
 def fitted_parts(overlap=None):

@@ -8,10 +8,10 @@ from tests.unit.perception.test_pipeline import KnownBoxes
 from scenefw.core.errors import InputError
 from scenefw.core.types import GridSpec
 from scenefw.mapping.projective import Projective
-from scenefw.perception.grouped_by_network import GroupedByNetwork
-from scenefw.perception.part_guided import PartGuided
+from scenefw.perception.grouping.division import GroupedByNetwork
+from scenefw.perception.grouping.relabelling import PartGuided
 from scenefw.perception.pipeline import Pipeline
-from scenefw.perception.seen_parts import SeenParts
+from scenefw.perception.segmentation.crease_segmentation import SeenParts
 
 GRID = GridSpec(resolution=32)
 CAMERA = camera_at(eye=(0.0, -0.85, 0.6))

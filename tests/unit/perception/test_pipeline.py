@@ -15,8 +15,8 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import GridSpec
 from scenefw.export.summary import plain
 from scenefw.mapping.projective import Projective
+from scenefw.perception.observation.view_frames import seen_frames
 from scenefw.perception.pipeline import Pipeline
-from scenefw.perception.seen_frames import seen_frames
 from scenefw.postprocessing.confidence import Calibration
 
 

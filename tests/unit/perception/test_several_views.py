@@ -12,17 +12,17 @@ from scenefw.core.batches import Completion, SceneParameters, ShapeInstancePredi
 from scenefw.core.errors import ConfigError
 from scenefw.fitting.superquadrics import SuperquadricFit
 from scenefw.metrics.occupancy import occupancy_iou
-from scenefw.perception.conditioned import Conditioned
-from scenefw.perception.dealt_by_fit import DealtByFit
-from scenefw.perception.evidence import EvidenceOfView
-from scenefw.perception.fitted import Fitted
-from scenefw.perception.fitted_to_views import FittedToViews
-from scenefw.perception.grouped_by_evidence import GroupedByEvidence
-from scenefw.perception.optimised_code import OptimisedCode
-from scenefw.perception.parts_of_views import PartsOfViews, _refined
-from scenefw.perception.points import world_points
-from scenefw.perception.reconstruction import NetworkReconstructor
-from scenefw.perception.seen_frames import seen_frames
+from scenefw.perception.completion.superquadrics import Fitted
+from scenefw.perception.completion.volume_network import NetworkReconstructor
+from scenefw.perception.evidence.gathering import EvidenceOfView
+from scenefw.perception.grouping.merging import GroupedByEvidence
+from scenefw.perception.grouping.reassignment import DealtByFit
+from scenefw.perception.multiview.conditioned import Conditioned
+from scenefw.perception.multiview.fitted_to_views import FittedToViews
+from scenefw.perception.multiview.optimised_code import OptimisedCode
+from scenefw.perception.multiview.parts_of_views import PartsOfViews, _refined
+from scenefw.perception.observation.points import world_points
+from scenefw.perception.observation.view_frames import seen_frames
 from scenefw.renderers.differentiable import Differentiable
 from scenefw.representations.volumes import scene_volumes
 

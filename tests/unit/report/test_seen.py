@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
+from tests.unit.perception.observation.test_examination import EXAMINER, FRAME
 from tests.unit.perception.synthetic import camera_at, frame_of
-from tests.unit.perception.test_examination import EXAMINER, FRAME
 
 from scenefw.core.types import GridSpec
 from scenefw.report.seen import draw_examination

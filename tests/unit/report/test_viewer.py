@@ -16,7 +16,7 @@ from scenefw.export.mjcf import MJCF
 from scenefw.export.scene_files import GLB, PLY, Summary
 from scenefw.export.urdf import URDF
 from scenefw.mapping.projective import Projective
-from scenefw.perception.moved import moved, without
+from scenefw.perception.editing.transforms import moved, without
 from scenefw.perception.pipeline import Pipeline
 from scenefw.report.layers import Prediction
 from scenefw.report.viewer import Viewer

@@ -17,7 +17,7 @@ from tests.unit.tasks.recordings import table
 from scenefw.core.types import GridSpec
 from scenefw.export.scene_files import GLB
 from scenefw.mapping.projective import Projective
-from scenefw.perception.moved import without
+from scenefw.perception.editing.transforms import without
 from scenefw.perception.pipeline import Pipeline
 from scenefw.report.labelling.map_viewer import MapViewer
 from scenefw.report.layers import Prediction

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from tests.unit.perception.multiview.test_views_pipeline import frames
 from tests.unit.perception.several import PAIR, TABLE, boxes, fitted_parts
-from tests.unit.perception.test_views_pipeline import frames
 
 from scenefw.core import geometry
 from scenefw.core.errors import ConfigError, InputError, StorageError
@@ -16,8 +16,8 @@ from scenefw.data.sequences import write_sequence
 from scenefw.export.meshes import write_ply
 from scenefw.export.urdf import URDF
 from scenefw.mapping.inverse_ray_tracing import InverseRayTracing
-from scenefw.perception.mesh_views import MeshViews
-from scenefw.perception.views_pipeline import ViewsPipeline
+from scenefw.perception.multiview.mesh_views import MeshViews
+from scenefw.perception.multiview.views_pipeline import ViewsPipeline
 from scenefw.scenes.surround import SurroundingCameras
 from scenefw.tasks.decompose import Decompose
 

@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 from PIL import Image
-from tests.unit.perception.test_examination import EXAMINER, FRAME
+from tests.unit.perception.observation.test_examination import EXAMINER, FRAME
 
 from scenefw.core.errors import ConfigError, IncompleteError, InputError
 from scenefw.tasks.doctor import Examine

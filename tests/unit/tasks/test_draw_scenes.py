@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image
-from tests.unit.perception.test_scene_prior import GRID, HALF, Loaded, Told
+from tests.unit.perception.completion.test_scene_prior import GRID, HALF, Loaded, Told
 
 from scenefw.api.sampler import Sampler
 from scenefw.core.errors import ConfigError
 from scenefw.export.scene_files import OBJ
 from scenefw.learning.checkpoint import save_checkpoint
 from scenefw.models.set_flow import SetFlow
-from scenefw.perception.scene_prior import ScenePrior
-from scenefw.perception.stored_scenes import read_scene
+from scenefw.perception.completion.scene_prior import ScenePrior
+from scenefw.perception.estimate.stored_scenes import read_scene
 from scenefw.tasks.draw_scenes import DrawScenes
 
 SCENES = [[(0.0, 0.0, HALF), (0.0, 0.2, HALF)]]

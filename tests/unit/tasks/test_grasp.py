@@ -11,7 +11,7 @@ from scenefw.core.geometry import rigid, rotation_from_quaternion
 from scenefw.core.grasps import Ranking
 from scenefw.core.types import GridSpec
 from scenefw.mapping.projective import Projective
-from scenefw.perception.bodies import BodyMaker
+from scenefw.perception.physics.bodies import BodyMaker
 from scenefw.perception.pipeline import Pipeline
 from scenefw.report import films
 from scenefw.tasks.grasp import Grasp

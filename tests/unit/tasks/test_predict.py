@@ -15,9 +15,9 @@ from scenefw.export.urdf import URDF
 from scenefw.learning.checkpoint import save_checkpoint
 from scenefw.mapping.projective import Projective
 from scenefw.models.shape_instance_vae import ShapeInstanceVAE
-from scenefw.perception.bodies import BodyMaker
+from scenefw.perception.physics.bodies import BodyMaker
+from scenefw.perception.physics.settling import PhysicalSettling
 from scenefw.perception.pipeline import Pipeline
-from scenefw.perception.settling import PhysicalSettling
 from scenefw.scenes.engines.pybullet_engine import PyBulletEngine
 from scenefw.tasks.predict import Predict
 

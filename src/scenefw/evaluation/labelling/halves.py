@@ -14,8 +14,8 @@ from scenefw.data.recordings import MeasuredFrames
 from scenefw.data.sequences import open_sequence
 from scenefw.evaluation.labelling.measures import of_halves
 from scenefw.metrics.repeatability import agreement, chance_agreement, mutual_iou, plane_through
-from scenefw.perception.placement import Placement
-from scenefw.perception.table_frame import TableFrame
+from scenefw.perception.observation.table_frame import TableFrame
+from scenefw.perception.physics.placement import Placement
 
 if TYPE_CHECKING:
     from scenefw.core.height_maps import HeightMap

@@ -11,7 +11,7 @@ import torch
 from scenefw.core import geometry
 from scenefw.core.batches import SceneParameters
 from scenefw.core.types import PlacedShape, Pose, SceneObject
-from scenefw.perception.pushing_apart import pushed_apart
+from scenefw.perception.physics.pushing_apart import pushed_apart
 from scenefw.scenes.simulation import motions
 from scenefw.shapes.superquadric import Superquadric
 

@@ -12,7 +12,7 @@ import torch
 from scenefw.core.errors import ConfigError
 from scenefw.core.object_sets import ObjectSetPrediction
 from scenefw.core.settings import NOT_NEGATIVE, PART
-from scenefw.perception.chosen_objects import chosen_objects
+from scenefw.perception.completion.suppression import chosen_objects
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from scenefw.core.protocols import InstanceExtractor, Reconstructor
     from scenefw.core.training_protocols import DrawnSetModel, ObjectSetModel
     from scenefw.core.types import GridSpec
-    from scenefw.perception.set_network import TrainedSets
+    from scenefw.perception.completion.set_network import TrainedSets
 
 
 @dataclass(frozen=True)
@@ -174,7 +174,7 @@ class ReconstructedSet:
 
 
 class CompleteScene(Protocol):
-    """A method that takes complete volumes apart (`perception.all_sides.AllSides`)."""
+    """A method that takes complete volumes apart (`perception.multiview.all_sides.AllSides`)."""
 
     def decompose(self, tsdf: Tensor, grid: GridSpec, generator: torch.Generator) -> Completion:
         """The objects of one volume (m)."""

@@ -67,7 +67,7 @@ class SetPriorEvaluation:
 
     The references learn nothing: `shuffled` scenes are put together from shapes and positions of
     different training scenes, and `jittered` ones are true scenes whose objects are moved a little.
-    Drawn and shuffled scenes count as they are, pushed apart (`perception.pushing_apart`), and left
+    Drawn and shuffled scenes count as they are, pushed apart (`physics.pushing_apart`), and left
     to gravity, where those that fall are drawn anew with as many objects, as `ScenePrior` does.
     `training` scenes show what a perfect sampler of the training distribution would reach. All
     samples are of equal size. A pile is stable if no centre moves by `furthest` and no object

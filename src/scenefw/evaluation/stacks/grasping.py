@@ -30,7 +30,7 @@ from scenefw.evaluation.stacks.grasp_choices import Tried
 from scenefw.evaluation.stacks.grasping_results import GraspExample, GraspingResult, SceneGrasps
 from scenefw.kernels.cameras import camera_of
 from scenefw.matching.instances import renumbered_like
-from scenefw.perception.bodies import Bodies, BodyMaker
+from scenefw.perception.physics.bodies import Bodies, BodyMaker
 from scenefw.postprocessing.surfaces import instance_meshes
 
 _STREAM = 1  # the views on which reconstruction is scored

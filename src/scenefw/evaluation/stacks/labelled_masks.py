@@ -16,10 +16,10 @@ from scenefw.data.readers import find_images, read_frame
 from scenefw.evaluation.stacks.measures import OF_MARGINS, REFERENCE, at_margin, of_images
 from scenefw.metrics.masks import MaskScores, mask_scores
 from scenefw.metrics.seams import Seams, seam_scores
-from scenefw.perception.colour_edges import ColourEdges
-from scenefw.perception.points import world_points
-from scenefw.perception.seen_instances import seen_instances
-from scenefw.perception.seen_parts import SeenParts
+from scenefw.perception.evidence.visible_instances import seen_instances
+from scenefw.perception.observation.points import world_points
+from scenefw.perception.segmentation.colour_edges import ColourEdges
+from scenefw.perception.segmentation.crease_segmentation import SeenParts
 
 Which = Literal["scores", "reference"]
 NO_SEAMS = Seams()

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from scenefw.core.protocols import MappingMethod, Matching, Noise, Renderer, Track
     from scenefw.core.types import Float32
     from scenefw.data.stacks import SceneSet
-    from scenefw.perception.reconstruction import NetworkReconstructor
+    from scenefw.perception.completion.volume_network import NetworkReconstructor
 
 _VIEWS, _CODES, _ENDS = 31, 32, 33  # random streams
 

@@ -16,9 +16,9 @@ from scenefw.evaluation.stacks.ranking_results import ANY, BEST, FIRST, RankingR
 from scenefw.evaluation.stacks.several_views import SeenOften
 from scenefw.metrics.instances import instance_scores
 from scenefw.metrics.occupancy import occupancy_iou
-from scenefw.perception.displacement import displacement
-from scenefw.perception.estimates import scene_estimate
-from scenefw.perception.seen_frames import seen_frames
+from scenefw.perception.estimate.assembly import scene_estimate
+from scenefw.perception.observation.view_frames import seen_frames
+from scenefw.perception.ranking.displacement import displacement
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from scenefw.data.stacks import SceneSet
     from scenefw.data.views import ViewBatch
     from scenefw.evaluation.kept_rows import KeptRows
-    from scenefw.perception.bodies import BodyMaker
+    from scenefw.perception.physics.bodies import BodyMaker
     from scenefw.perception.pipeline import GridReconstructor
 
 _VIEWS, _CODES = 51, 52  # random streams

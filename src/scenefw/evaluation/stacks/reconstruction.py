@@ -44,7 +44,7 @@ from scenefw.metrics.occupancy import (
     occupancy_iou,
     probable_occupancy,
 )
-from scenefw.perception.partial_surface import instances_of
+from scenefw.perception.completion.partial_surface import instances_of
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

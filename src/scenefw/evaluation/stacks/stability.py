@@ -28,7 +28,7 @@ from scenefw.evaluation.stacks.published import published_of
 from scenefw.evaluation.stacks.seen_scenes import SceneViews, SeenScene, Streams
 from scenefw.evaluation.stacks.stability_results import TRUTH, Pile, StabilityResult, ViewPiles
 from scenefw.evaluation.stacks.visibility import VisibleSurface, visible_share
-from scenefw.perception.bodies import Bodies, BodyMaker
+from scenefw.perception.physics.bodies import Bodies, BodyMaker
 from scenefw.postprocessing.surfaces import instance_meshes
 from scenefw.scenes.simulation import motions
 

@@ -8,7 +8,7 @@ import torch
 
 from scenefw.core.types import Float32, Frame, Int32, SceneEstimate
 from scenefw.evaluation.stacks.examples import Example, Examples
-from scenefw.perception.objects import estimate_objects
+from scenefw.perception.estimate.objects import estimate_objects
 from scenefw.postprocessing.surfaces import instance_meshes
 from scenefw.report.blocks import Picture, Scenes
 from scenefw.report.palette import Colour, instance_colours

@@ -13,9 +13,9 @@ from scenefw.data.stacks import StackScenes, shipped_scenes
 from scenefw.evaluation.stacks.draw_results import DrawsResult, DrawView, half, scores
 from scenefw.evaluation.stacks.draws import DrawScoring, Truth, hidden_objects, owners_of, pairs_of
 from scenefw.evaluation.stacks.training_mean import TrainingMean
-from scenefw.perception.hull_filling import HullFilling
-from scenefw.perception.partial_surface import PartialSurface
-from scenefw.perception.seen_parts import SeenParts
+from scenefw.perception.completion.partial_surface import PartialSurface
+from scenefw.perception.grouping.hulls import HullFilling
+from scenefw.perception.segmentation.crease_segmentation import SeenParts
 from scenefw.postprocessing.connected_components import ConnectedComponents
 from scenefw.representations.volumes import scene_volumes
 

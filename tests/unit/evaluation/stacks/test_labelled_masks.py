@@ -17,10 +17,10 @@ from scenefw.data.outlines import Outlines
 from scenefw.data.stored_labels import StoredLabels
 from scenefw.evaluation.stacks.labelled_masks import LabelledMasks
 from scenefw.metrics.masks import mask_scores
-from scenefw.perception.colour_edges import ColourEdges
-from scenefw.perception.points import world_points
-from scenefw.perception.seen_instances import seen_instances
-from scenefw.perception.seen_parts import SeenParts
+from scenefw.perception.evidence.visible_instances import seen_instances
+from scenefw.perception.observation.points import world_points
+from scenefw.perception.segmentation.colour_edges import ColourEdges
+from scenefw.perception.segmentation.crease_segmentation import SeenParts
 
 CAMERA = Camera(160, 120, 150.0, 150.0, 79.5, 59.5, look_at((0.5, -0.5, 0.6), (0.0, 0.0, 0.05)))
 BOXES = [((-0.15, -0.1, 0.0), (0.0, 0.1, 0.1)), ((0.0, -0.1, 0.0), (0.15, 0.1, 0.15))]

@@ -14,7 +14,7 @@ from scenefw.evaluation.kept_rows import KeptRows
 from scenefw.evaluation.stacks.ranking import RankingEvaluation
 from scenefw.evaluation.stacks.ranking_results import RankingResult, ViewChoices
 from scenefw.mapping.projective import Projective
-from scenefw.perception.bodies import BodyMaker
+from scenefw.perception.physics.bodies import BodyMaker
 from scenefw.renderers.sphere_tracer import SphereTracer
 from scenefw.report.stacks.presentation import StackResults
 from scenefw.scenes.cameras import RandomViewpoints

@@ -17,7 +17,7 @@ from scenefw.evaluation.stacks.visibility import shown_pixels
 from scenefw.kernels.superquadric_rays import first_hits
 from scenefw.mapping.projective import Projective
 from scenefw.parallel.local import Local
-from scenefw.perception.partial_surface import PartialSurface
+from scenefw.perception.completion.partial_surface import PartialSurface
 from scenefw.postprocessing.connected_components import ConnectedComponents
 from scenefw.postprocessing.hough_voting import HoughVoting
 from scenefw.renderers.sphere_tracer import SphereTracer

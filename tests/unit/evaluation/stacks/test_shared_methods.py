@@ -2,7 +2,7 @@
 
 from scenefw import config
 from scenefw.execution.build import Builder
-from scenefw.perception.remembered import Remembered
+from scenefw.perception.cached import Remembered
 
 
 def test_methods_that_begin_with_the_same_scenes_ask_one_and_the_same_object():

@@ -1,0 +1,105 @@
+"""Objects of which a view shows nothing, drawn beside those that it shows."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from scenefw.core.errors import ConfigError
+from scenefw.fitting.placed import in_frame_of, shape_of
+from scenefw.perception.observation.free_space import SEEN_THROUGH, places_in, seen_through
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.random import Generator
+
+    from scenefw.core.evidence import FittedSuperquadric
+    from scenefw.core.training_protocols import TrainedWholeSetFlow
+    from scenefw.perception.completion.extent_inputs import SeenObjects
+    from scenefw.perception.evidence.gathering import View
+
+_INSIDE = 0.2  # share of a hidden object that may lie in others
+
+
+class HiddenObjects:
+    """Draws objects that the view hides wholly, given those that it shows.
+
+    A flow of whole sets draws how many there are, and then what they are, with seen objects held
+    where they are known to be. It knows no free space. So draws are rejected in which an object
+    lies where the view sees through, outside the grid or in another object, and the first that
+    remains is taken; if none does, one object fewer is tried, and so on. (If numbers were drawn
+    anew with each try, draws of many objects would be rejected more often than draws of few.)
+
+    Args:
+        checkpoint: of a flow of whole sets (`model=set_flow`).
+        tries: draws for each number of objects.
+        steps: of each draw.
+
+    Raises:
+        ConfigError: a number below one, or a network that draws nothing hidden.
+    """
+
+    def __init__(self, checkpoint: TrainedWholeSetFlow, tries: int = 8, steps: int = 20) -> None:
+        if min(tries, steps) < 1:
+            raise ConfigError(f"hidden objects have tries {tries} and steps {steps}; expected >= 1")
+        if not checkpoint.model.draws_hidden:
+            raise ConfigError(
+                "these weights draw no hidden objects; give checkpoints.scenes=FILE of a training "
+                "of model=set_flow, or reconstructor=set_flow"
+            )
+        self.model, self.tries, self.steps = checkpoint.model, tries, steps
+
+    @torch.no_grad()
+    def beside(
+        self,
+        known: Sequence[FittedSuperquadric],
+        seen: SeenObjects,
+        view: View,
+        random: Generator,
+    ) -> list[FittedSuperquadric]:
+        """Hidden objects of one scene, often none.
+
+        Args:
+            known: the seen objects, one for each of `seen`.
+            seen: what the view shows of them.
+            view: with seen free space.
+            random: for the draws.
+        """
+        generator = torch.Generator().manual_seed(int(random.integers(2**62)))
+        device = next(self.model.parameters()).device  # type: ignore[attr-defined]
+        batch = seen.batch(known, device)
+        for number in range(self.model.hidden_number(batch, generator), 0, -1):
+            rows = self.model.complete(batch, self.tries, number, generator, self.steps)
+            drawn = seen.in_world(rows)
+            for row in range(self.tries):
+                found = drawn.objects(row, first=len(known))
+                if possible(found, view, known):
+                    return found
+        return []
+
+
+def possible(
+    hidden: Sequence[FittedSuperquadric], view: View, others: Sequence[FittedSuperquadric]
+) -> bool:
+    """Whether objects lie neither where the view shows free space nor in other objects.
+
+    Args:
+        hidden: the objects.
+        view: with seen free space, and the grid outside which there is nothing.
+        others: objects beside which they are.
+    """
+    beside = list(others)
+    for one in hidden:
+        places = places_in(one)
+        if not view.grid.nearest_voxels(places)[1].all():
+            return False
+        if seen_through(places, view) > SEEN_THROUGH:
+            return False
+        solid = [shape_of(other).value(in_frame_of(other, places)) < 1 for other in beside]
+        if solid and np.any(solid, axis=0).mean() > _INSIDE:
+            return False
+        beside.append(one)
+    return True

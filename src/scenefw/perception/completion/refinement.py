@@ -1,0 +1,111 @@
+"""Predicted superquadrics fitted again to what a view shows of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE, above
+from scenefw.fitting.placed import signed_distance
+from scenefw.perception.completion.hidden_objects import possible
+from scenefw.perception.evidence.pseudo_observations import with_supposed
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from scenefw.core.evidence import Evidence, FittedSuperquadric
+    from scenefw.perception.evidence.gathering import EvidenceOfView, View
+
+
+class JoinedFit(Protocol):
+    """A fit of objects from where they are taken to be."""
+
+    def together(
+        self, evidence: Sequence[Evidence], start: Sequence[FittedSuperquadric]
+    ) -> list[FittedSuperquadric]:
+        """Superquadrics near those, fitted again such that none penetrates another."""
+
+
+class RefinedSets:
+    """Fits predicted objects to their seen points; where nothing is seen, the prediction counts.
+
+    Points of a predicted surface that lie away from all that is seen of its object are evidence as
+    well, less certain than seen ones. An object whose fit explains less than the prediction stays
+    as predicted. One of which too little is seen does so too, unless it lies where the view shows
+    that nothing is, or in another object: then it is left out.
+
+    Args:
+        fit: of superquadrics to evidence.
+        evidence: what a view says about an object.
+        near: seen points up to this far from the surface are explained (m).
+        least: seen points that an object must have to be fitted.
+        drawn_sigma: standard deviation of points of predicted surfaces (m).
+        beyond: points of predicted surfaces count that are further than this from seen ones (m).
+
+    Raises:
+        ConfigError: a number that isn't positive.
+    """
+
+    def __init__(
+        self,
+        fit: JoinedFit,
+        evidence: EvidenceOfView,
+        near: float = 0.006,
+        least: int = 60,
+        drawn_sigma: float = 0.008,
+        beyond: float = 0.01,
+    ) -> None:
+        POSITIVE.require(near=near)
+        COUNT.require(least=least)
+        NOT_NEGATIVE.require(beyond=beyond)
+        above(evidence.seen_sigma, "as what is seen is the more certain").require(
+            drawn_sigma=drawn_sigma
+        )
+        self.fit, self.evidence, self.near, self.least = fit, evidence, near, least
+        self.drawn_sigma, self.beyond = drawn_sigma, beyond
+
+    def refined(
+        self, objects: Mapping[int, FittedSuperquadric], view: View
+    ) -> dict[int, FittedSuperquadric]:
+        """Objects by label, as seen points and predictions say together.
+
+        Args:
+            objects: as predicted.
+            view: whose masks say which pixels show them.
+        """
+        evidence = {label: self.evidence.of(label, view) for label in objects}
+        enough = {k: one for k, one in evidence.items() if self._seen(one).sum() >= self.least}
+        start = [objects[label] for label in enough]
+        expected = [self._expected(*both) for both in zip(enough.values(), start, strict=True)]
+        fitted = self.fit.together(expected, start) if start else []
+        kept = {
+            label: self._better(one, objects[label], enough[label])
+            for label, one in zip(enough, fitted, strict=True)
+        }
+        for label, one in objects.items():
+            if label not in enough and possible([one], view, list(kept.values())):
+                kept[label] = one
+        return kept
+
+    def _better(
+        self, fitted: FittedSuperquadric, predicted: FittedSuperquadric, evidence: Evidence
+    ) -> FittedSuperquadric:
+        both = [
+            replace(one, distances=signed_distance(one, evidence.points))
+            for one in (fitted, predicted)
+        ]
+        explained = [self._explained(one, evidence) for one in both]
+        return both[0] if explained[0] >= explained[1] else both[1]
+
+    def _explained(self, one: FittedSuperquadric, evidence: Evidence) -> float:
+        return float((np.abs(one.distances[self._seen(evidence)]) < self.near).mean())
+
+    def _seen(self, evidence: Evidence) -> np.ndarray:
+        return np.asarray(evidence.sigmas == self.evidence.seen_sigma)
+
+    def _expected(self, evidence: Evidence, predicted: FittedSuperquadric) -> Evidence:
+        return with_supposed(
+            evidence, self._seen(evidence), predicted, self.drawn_sigma, self.beyond
+        )

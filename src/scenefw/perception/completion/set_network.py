@@ -1,0 +1,125 @@
+"""Scenes as a network of sets decomposes them: objects from codes, given one view."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+import torch
+from scipy import ndimage
+
+from scenefw.core.batches import Completion
+from scenefw.core.errors import ConfigError
+from scenefw.core.settings import NOT_NEGATIVE, PART
+from scenefw.data.conditioning import condition, require_grid
+from scenefw.perception.completion.suppression import chosen_objects
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+    from torch import Tensor
+
+    from scenefw.core.batches import PartialTSDF
+    from scenefw.core.object_sets import ObjectSetPrediction
+    from scenefw.core.types import Float32, GridSpec
+    from scenefw.postprocessing.confidence import Calibration
+
+
+_CLEAR = 0.1  # voxels, from the surface to a centre beside it at least
+
+
+class TrainedSets(Protocol):
+    """What a loaded checkpoint gives (`learning.checkpoint.load_checkpoint`)."""
+
+    model: Any
+    grid: GridSpec
+    metadata: Mapping[str, Any]
+
+
+class SetNetwork:
+    """Completes partial TSDFs with a network that predicts a set of objects, each from a code.
+
+    A network with a prior gives as many scenes as are asked for. The first is the prior's mean
+    if the view decides on it, else it is drawn as the others are. A network without a prior gives
+    one scene.
+
+    Args:
+        checkpoint: of the task object_sets, of a network that sees one view.
+        device: where the network runs.
+        smallest: a prediction of a lower volume is no object (m^3).
+        suppress: of predictions that overlap with this IoU or more the surest stays; None: all.
+        smoothing: standard deviation (voxels) of a Gaussian over distances, which are those to
+            borders of voxels; 0 for none.
+
+    Raises:
+        ConfigError: a number is out of range, or the network sees whole scenes alone.
+    """
+
+    calibration: Calibration | None = None
+
+    def __init__(
+        self,
+        checkpoint: TrainedSets,
+        device: str = "cpu",
+        smallest: float = 3e-5,
+        suppress: float | None = 0.3,
+        smoothing: float = 0.7,
+    ) -> None:
+        NOT_NEGATIVE.require(smallest=smallest, smoothing=smoothing)
+        PART.require(suppress=suppress)
+        self.device = torch.device(device)
+        self.model = checkpoint.model.to(self.device).eval()
+        if self.model.sees == "occupancy":
+            raise ConfigError(
+                "this network decomposes complete volumes, not views; give the checkpoint of a "
+                "training with model.sees=view (experiment=decomposition)"
+            )
+        self.grid, self.metadata = checkpoint.grid, dict(checkpoint.metadata)
+        self.smallest, self.suppress, self.smoothing = smallest, suppress, smoothing
+
+    @torch.no_grad()
+    def complete(
+        self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
+    ) -> list[Completion]:
+        """Complete scenes of B partial views, drawn where the network has a prior.
+
+        Raises:
+            InputError: the grid is not the one that the network was trained on.
+        """
+        require_grid(grid, self.grid)
+        seen = condition(partial, grid).to(self.device)
+        return [self._completion(one) for one in self._predictions(seen, samples, generator)]
+
+    def _predictions(
+        self, seen: Tensor, samples: int, generator: torch.Generator
+    ) -> list[ObjectSetPrediction]:
+        if not self.model.latent_shape:
+            return [self.model.decompose(seen)]
+        shape = (len(seen), *self.model.latent_shape)
+        every = torch.randn((samples, *shape), generator=generator)
+        if self.model.prior_sees_view:
+            every[0] = 0.0
+        return [self.model.sample(seen, latents) for latents in every.to(self.device)]
+
+    def _completion(self, prediction: ObjectSetPrediction) -> Completion:
+        rows = range(len(prediction.logits))
+        labels = [
+            chosen_objects(prediction, row, self.grid, self.smallest, self.suppress).labels
+            for row in rows
+        ]
+        tsdf = np.stack([self._distances(one > 0) for one in labels])
+        instances = torch.from_numpy(np.stack(labels).astype(np.int32)).to(self.device)
+        return Completion(torch.from_numpy(tsdf).to(self.device), instances)
+
+    def _distances(self, inside: NDArray[np.bool_]) -> Float32:
+        """Signed distances (X, Y, Z) to the border of what is inside (m), truncated."""
+        limit, voxel = self.grid.truncation, self.grid.voxel_size
+        if not inside.any():
+            return np.full(inside.shape, limit, np.float32)
+        edt = ndimage.distance_transform_edt
+        apart = np.where(inside, 0.5 - edt(inside), edt(~inside) - 0.5) * voxel
+        smooth = ndimage.gaussian_filter(apart, self.smoothing) if self.smoothing else apart
+        least = _CLEAR * voxel  # what is thin stays inside
+        kept = np.where(inside, np.minimum(smooth, -least), np.maximum(smooth, least))
+        return np.clip(kept, -limit, limit).astype(np.float32)

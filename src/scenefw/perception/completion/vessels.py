@@ -1,0 +1,176 @@
+"""Objects of a view that are vessels: into which it sees."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from scipy.ndimage import binary_erosion
+
+from scenefw.core.settings import NOT_NEGATIVE, POSITIVE, SHARE, at_least
+from scenefw.fitting.placed import signed_distance
+from scenefw.perception.observation.pixels import WIDTH
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from scenefw.core.evidence import FittedSuperquadric
+    from scenefw.core.types import Float32, Float64, GridSpec, Int32
+    from scenefw.fitting.vessels import FittedVessel
+    from scenefw.perception.evidence.gathering import Mask, View
+
+_BEFORE, _WITHIN = 0.02, 0.004  # m: so far before a seen point, nothing is so deep in a solid
+_THERE = 0.98  # share of a vessel in the grid
+_SECTIONS = 24  # of a surface that is looked up in free space
+
+
+class FitsVessels(Protocol):
+    """A fit of a vessel to points."""
+
+    def fit(self, points: Float64, eye: Float64) -> FittedVessel:
+        """The best vessel for points (N, 3) of the world that a camera at (3,) sees (m)."""
+
+
+class Vessels:
+    """Says which objects of a view are vessels, by their inside.
+
+    A vessel has to explain most of what is seen of an object, better than its superquadric does,
+    and enough of that has to lie on its inside, below the rim. So nothing becomes hollow into which
+    the view doesn't see. A superquadric doesn't explain what is seen through it: the far wall of a
+    bowl lies on the surface of an ellipsoid, but on the side that looks away. Most of a vessel's
+    width has to be seen, and it must not be flat, so that no wave of the floor becomes a plate.
+
+    Args:
+        fit: of a vessel to points.
+        points: of an object, at most.
+        edge: pixels (of an image 640 wide) at the ends of an object that don't count.
+        near: points up to this far from the surface are explained (m).
+        explained: share of the points that a vessel must explain.
+        better: by how much more than a superquadric.
+        inside: share of the points that must lie on its inside.
+        below: by how much these lie below its rim (m).
+        width: share of its diameter over which points must lie.
+        flattest: height that it must have (m).
+        through: share of its surface that may lie where the view sees through.
+        least: points that an object must have.
+
+    Raises:
+        ConfigError: a share outside 0..1, or another number that isn't positive.
+    """
+
+    def __init__(
+        self,
+        fit: FitsVessels,
+        points: int = 300,
+        edge: int = 2,
+        near: float = 0.006,
+        explained: float = 0.75,
+        better: float = 0.05,
+        inside: float = 0.1,
+        below: float = 0.008,
+        width: float = 0.75,
+        flattest: float = 0.015,
+        through: float = 0.15,
+        least: int = 100,
+    ) -> None:
+        SHARE.require(
+            explained=explained, better=better, inside=inside, width=width, through=through
+        )
+        POSITIVE.require(near=near)
+        at_least(10).require(points=points, least=least)
+        NOT_NEGATIVE.require(edge=edge, below=below, flattest=flattest)
+        self.fit, self.points, self.edge, self.near = fit, points, edge, near
+        self.explained, self.better = explained, better
+        self.inside, self.below, self.through, self.least = inside, below, through, least
+        self.width, self.flattest = width, flattest
+
+    def found(
+        self,
+        view: View,
+        labels: Iterable[int],
+        superquadrics: Mapping[int, FittedSuperquadric],
+    ) -> dict[int, FittedVessel]:
+        """The vessels among some objects of a view, by label.
+
+        Args:
+            view: with masks.
+            labels: of objects that are in the grid.
+            superquadrics: those that explain objects; `distances` are of their seen points.
+        """
+        kept: dict[int, FittedVessel] = {}
+        if view.eye is None:  # several views: seen from all around
+            return kept
+        free = binary_erosion(view.free)  # so that no wall lies in it by half a voxel
+        for label in labels:
+            points = self._points(view, label)
+            if len(points) < self.least:
+                continue
+            known = superquadrics.get(label)
+            reached = 0.0 if known is None else self._reached(known, points, view.eye)
+            wanted = max(self.explained, reached + self.better)
+            if wanted > 1:
+                continue
+            one = self.fit.fit(points, view.eye)
+            if self._share(one.distances) >= wanted and self._open(one, points, view.grid, free):
+                kept[label] = one
+        return kept
+
+    def _points(self, view: View, label: int) -> Float64:
+        """Points of an object, away from where its image ends: there they belong to nothing."""
+        own = view.masks == label
+        edge = round(self.edge * own.shape[1] / WIDTH)
+        inner = binary_erosion(own, iterations=edge) if edge else own
+        inner &= np.isfinite(view.points[..., 2])
+        points = view.points[inner if view.mixed is None else inner & ~view.mixed]
+        chosen = np.linspace(0, len(points) - 1, min(self.points, len(points))).astype(int)
+        return np.asarray(points[chosen], np.float64)
+
+    def _reached(self, known: FittedSuperquadric, points: Float64, eye: Float64) -> float:
+        """Share of the points that a superquadric explains on the side that looks at the camera."""
+        near = np.abs(signed_distance(known, points)) < self.near
+        way = eye - points
+        before = points + _BEFORE * way / np.linalg.norm(way, axis=1, keepdims=True)
+        return float((near & (signed_distance(known, before) > -_WITHIN)).mean())
+
+    def _share(self, distances: Float64) -> float:
+        return float((np.abs(distances) < self.near).mean())
+
+    def _open(self, one: FittedVessel, points: Float64, grid: GridSpec, free: Mask) -> bool:
+        """Whether the view sees into it, and none of its wall where it sees through."""
+        rim = one.pose.position[2] + one.shape.bottom + one.shape.height
+        within = one.inside & (points[:, 2] < rim - self.below)
+        seen = np.ptp(points[:, :2], axis=0).max()
+        narrow = seen < self.width * 2 * one.shape.radius
+        if within.mean() < self.inside or narrow or one.shape.height < self.flattest:
+            return False
+        corners = one.shape.mesh(_SECTIONS).vertices + one.pose.position
+        voxels, there = grid.nearest_voxels(corners)
+        through = free[tuple(voxels[there].T)]
+        return bool(there.mean() > _THERE and through.mean() < self.through)
+
+
+def with_vessels(
+    vessels: Mapping[int, FittedVessel], tsdf: Float32, instances: Int32, view: View
+) -> tuple[Float32, Int32]:
+    """TSDF and instances (X, Y, Z) with vessels in place of what was there.
+
+    Their walls are thinner than voxels, so volumes have them with a lid on. What lies in a vessel
+    keeps its voxels.
+
+    Args:
+        vessels: by label.
+        tsdf: (X, Y, Z) metres.
+        instances: (X, Y, Z) labels.
+        view: whose grid it is.
+    """
+    for label, one in vessels.items():
+        own = instances == label
+        tsdf = np.where(own, np.float32(view.grid.truncation), tsdf)
+        instances = np.where(own, 0, instances)
+        corners = one.shape.mesh(_SECTIONS).vertices + one.pose.position
+        box = view.grid.box_about(corners)
+        distance = one.shape.filled_distance(view.grid.centres()[box] - one.pose.position)
+        closer = (instances[box] == 0) & (distance < tsdf[box])
+        instances[box] = np.where(closer & (distance < 0), label, instances[box])
+        tsdf[box] = np.where(closer, distance, tsdf[box])
+    return tsdf.astype(np.float32), np.where(tsdf < 0, instances, 0).astype(np.int32)

@@ -1,0 +1,1 @@
+"""Changes of predicted scenes by hand."""

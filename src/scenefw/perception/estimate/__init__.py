@@ -1,0 +1,1 @@
+"""From the sets of objects to scene estimates."""

@@ -1,0 +1,112 @@
+"""From the volumes of a completed scene to its estimate: whole objects, meshes, masks."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, Any
+
+import torch
+
+from scenefw.core.types import SceneEstimate
+from scenefw.matching.instances import renumbered_like
+from scenefw.perception.estimate.carving import carve, whole_objects
+from scenefw.perception.estimate.mask_cleanup import with_bottoms, without_holes
+from scenefw.perception.estimate.objects import estimate_objects
+from scenefw.perception.evidence.visible_instances import seen_instances
+from scenefw.perception.observation.points import world_points
+from scenefw.postprocessing.surfaces import instance_meshes
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from torch import Tensor
+
+    from scenefw.core.batches import Completion, PartialTSDF
+    from scenefw.core.types import Frame, GridSpec, Int32
+
+_FLOOR = 0.005  # m: what is lower shows no object
+_SHAPE = ("tsdf", "votes")  # what objects are made of; other volumes are kept as they are
+
+
+def cleaned(sample: Completion, grid: GridSpec, partial: PartialTSDF | None = None) -> Completion:
+    """A scene whose objects are in one piece each, and numbered from 1 on.
+
+    Args:
+        sample: a batch of one.
+        grid: of its volumes.
+        partial: what lies in its free space, or below the floor, is taken away; None: nothing is.
+    """
+    shape = sample.tsdf[0] if partial is None else carve(sample.tsdf[0], partial, grid)
+    tsdf, instances = whole_objects(shape, sample.instances[0], grid)
+    return _followed(replace(sample, tsdf=tsdf[None]), instances)
+
+
+def numbered_like(sample: Completion, like: Int32) -> Completion:
+    """A scene whose objects have the labels of another one (X, Y, Z) where they are the same."""
+    labels = sample.instances[0]
+    fitted = torch.from_numpy(renumbered_like(labels.cpu().numpy(), like)).to(labels.device)
+    return _followed(sample, fitted)
+
+
+def scene_estimate(
+    sample: Completion,
+    grid: GridSpec,
+    frame: Frame,
+    sure: Mapping[int, float],
+    details: Mapping[str, Any],
+) -> SceneEstimate:
+    """The estimate of a completed scene.
+
+    Args:
+        sample: a batch of one.
+        grid: of its volumes.
+        frame: a view of it, with its pose.
+        sure: confidence of each object, by label.
+        details: facts worth keeping.
+    """
+    tsdf, instances = sample.tsdf[0], sample.instances[0]
+    placed = sample.placed[0] if sample.placed else {}
+    meshes = instance_meshes(tsdf, instances, grid)
+    meshes |= {label: one.mesh() for label, one in placed.items() if label in meshes}
+    return SceneEstimate(
+        estimate_objects(meshes, sure, placed),
+        grid,
+        tsdf.cpu().numpy(),
+        instances.cpu().numpy(),
+        frame,
+        {"grid": asdict(grid), **details},
+        {n: v[0].cpu().numpy() for n, v in sample.volumes.items() if n not in _SHAPE},
+        _masks(sample, grid, frame),
+    )
+
+
+def _masks(sample: Completion, grid: GridSpec, frame: Frame) -> Int32:
+    """Which object each pixel shows: as the method says, else by the volume at its point.
+
+    Where a method knows pixels, volumes give it no further ones: beside objects, pixels of blurred
+    edges lie near them, too. But holes in objects are filled.
+    """
+    points = world_points(frame)
+    if sample.masks is not None:
+        shapes = sample.placed[0] if sample.placed else {}
+        masks = with_bottoms(sample.masks[0].cpu().numpy(), points, shapes)
+        return without_holes(masks, points[..., 2])
+    instances = sample.instances[0].cpu().numpy()
+    return seen_instances(instances, points, grid, points[..., 2] > _FLOOR)
+
+
+def _followed(before: Completion, instances: Tensor) -> Completion:
+    """With other instances; masks and shapes get the label that most voxels of theirs have now."""
+    old, now = before.instances[0], {0: 0}
+    for label in torch.unique(old[old > 0]).tolist():
+        votes = torch.bincount(instances[(old == label) & (instances > 0)])
+        now[label] = int(votes.argmax()) if len(votes) else 0
+    masks = before.masks
+    if masks is not None:
+        table = torch.zeros(int(max(masks.max(), old.max())) + 1, dtype=torch.int32)
+        table[list(now)] = torch.tensor(list(now.values()), dtype=torch.int32)
+        masks = table.to(masks.device)[masks.long()]
+    placed = tuple(
+        {now[label]: one for label, one in view.items() if now.get(label)} for view in before.placed
+    )
+    return replace(before, instances=instances[None], masks=masks, placed=placed)

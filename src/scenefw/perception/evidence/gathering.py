@@ -1,0 +1,187 @@
+"""What a view says about one object: points of its surface, and places where it isn't."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import binary_erosion, maximum_filter
+from scipy.spatial import cKDTree
+
+from scenefw.core.evidence import Evidence
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE, above
+from scenefw.perception.evidence.silhouettes import passed_places
+from scenefw.perception.observation.pixels import WIDTH
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from scenefw.core.batches import PartialTSDF
+    from scenefw.core.types import Float32, Float64, GridSpec, Int32
+
+    Mask = NDArray[np.bool_]
+
+_BELOW = 0.006  # m: of points under the floor
+_LEFT = 0.25  # of an object's pixels: if borders take more, all count
+
+
+@dataclass(frozen=True)
+class View:
+    """A view and the scene that a network makes of it.
+
+    Args:
+        points: (H, W, 3) world coordinates of the pixels (m), NaN = no depth.
+        masks: (H, W) which object a pixel shows, 0 = none.
+        tsdf: (X, Y, Z) metres.
+        instances: (X, Y, Z) labels.
+        free: (X, Y, Z) seen to be free.
+        grid: of the volumes.
+        eye: (3,) where the camera is (m), or None.
+        mixed: (H, W) pixels whose depth lies between two surfaces; None: none are.
+    """
+
+    points: Float64
+    masks: Int32
+    tsdf: Float32
+    instances: Int32
+    free: Mask
+    grid: GridSpec
+    eye: Float64 | None = None
+    mixed: Mask | None = None
+
+
+def seen_free(partial: PartialTSDF, grid: GridSpec) -> list[Mask]:
+    """Voxels (X, Y, Z) that each view shows to be free, by more than a voxel."""
+    free = partial.observed & (partial.distance > grid.voxel_size)
+    return list(free[:, 0].cpu().numpy())
+
+
+class EvidenceOfView:
+    """Gathers what a view and a predicted scene say about an object.
+
+    Its seen points are near its surface. Where it isn't seen, the predicted surface is a weak
+    hint. It contains no place that was seen free, no point of another object, and nothing below the
+    floor.
+
+    Args:
+        seen_sigma: standard deviation of seen points from the surface (m).
+        hidden_sigma: of predicted ones (m).
+        outside_sigma: how deep a place outside may lie in the object (m).
+        seen: points at most; likewise the following.
+        hidden: predicted points.
+        outside: places of each kind outside.
+        border: pixels (of an image 640 wide) beside those of another object that don't count as
+            seen: some belong to it, and a few are enough to mislead the fit of a thin object.
+        beside: places outside on rays that pass the object closely, where the camera is known.
+
+    Raises:
+        ConfigError: a number isn't positive, or hidden points are as certain as seen ones.
+    """
+
+    def __init__(
+        self,
+        seen_sigma: float = 0.003,
+        hidden_sigma: float = 0.1,
+        outside_sigma: float = 0.004,
+        seen: int = 400,
+        hidden: int = 200,
+        outside: int = 200,
+        border: int = 0,
+        beside: int = 0,
+    ) -> None:
+        POSITIVE.require(seen_sigma=seen_sigma, outside_sigma=outside_sigma)
+        above(seen_sigma, "as what is seen is the more certain").require(hidden_sigma=hidden_sigma)
+        COUNT.require(seen=seen, hidden=hidden, outside=outside)
+        NOT_NEGATIVE.require(border=border, beside=beside)
+        self.seen_sigma, self.hidden_sigma = seen_sigma, hidden_sigma
+        self.outside_sigma = outside_sigma
+        self.seen, self.hidden, self.outside = seen, hidden, outside
+        self.border, self.beside = border, beside
+
+    def of(self, label: int, view: View) -> Evidence:
+        """The evidence about the object with this label; it may have no points."""
+        seen = _thinned(view.points[self._inner(label, view)], self.seen)
+        hidden = _thinned(self._hidden(label, view, seen), self.hidden)
+        points = np.concatenate([seen, hidden])
+        sigmas = np.repeat([self.seen_sigma, self.hidden_sigma], [len(seen), len(hidden)])
+        outside = self._outside(label, view, points) if len(points) else np.empty((0, 3))
+        return Evidence(points, sigmas, outside, np.full(len(outside), self.outside_sigma))
+
+    def _inner(self, label: int, view: View) -> Mask:
+        """Pixels that show the object, but for mixed ones and those at borders if enough remain."""
+        own: Mask = view.masks == label
+        if not own.any():
+            return own
+        if view.mixed is not None:
+            sure = own & ~view.mixed
+            own = sure if sure.sum() >= _LEFT * own.sum() else own
+        reach = round(self.border * own.shape[1] / WIDTH)
+        if reach == 0:
+            return own
+        box = tuple(slice(max(k - reach, 0), m + reach + 1) for k, m in _ends(own))
+        others = (view.masks[box] > 0) & (view.masks[box] != label)
+        inner = own.copy()
+        inner[box] &= ~maximum_filter(others, 2 * reach + 1)
+        return inner if inner.sum() >= _LEFT * own.sum() else own
+
+    def _hidden(self, label: int, view: View, seen: Float64) -> Float64:
+        """Points of the predicted surface that are away from all that is seen of the object."""
+        own = view.instances == label
+        if not own.any():
+            return np.empty((0, 3))
+        box = _room_about(own)
+        own, tsdf = own[box], view.tsdf[box]
+        places = np.nonzero(own & ~binary_erosion(own))
+        slope = np.stack(list(np.gradient(tsdf)), axis=-1)[places]
+        slope /= np.maximum(np.linalg.norm(slope, axis=1, keepdims=True), 1e-9)
+        points = view.grid.centres()[box][places] - tsdf[places][:, None] * slope
+        if not len(seen) or not len(points):
+            return np.asarray(points, dtype=np.float64)
+        return points[cKDTree(seen).query(points)[0] > 2 * view.grid.voxel_size]
+
+    def _outside(self, label: int, view: View, points: Float64) -> Float64:
+        room = 4 * view.grid.voxel_size
+        low, high = points.min(axis=0) - room, points.max(axis=0) + room
+        box = _box(view.grid, low, high)
+        centres, empty = view.grid.centres()[box], view.free[box]
+        shown = (view.masks > 0) & (view.masks != label)
+        others = view.points[shown if view.mixed is None else shown & ~view.mixed]
+        free = _thinned(_within(centres[empty], low, high), self.outside)
+        beside = _thinned(_within(others, low, high), self.outside)
+        x, y = np.meshgrid(*np.linspace(low[:2], high[:2], 10).T)
+        below = np.stack([x, y, np.full_like(x, -_BELOW)], axis=-1).reshape(-1, 3)
+        passed = np.empty((0, 3))
+        if view.eye is not None:
+            passed = passed_places(view.masks == label, view.points, view.eye, self.beside)
+        return np.concatenate([free, beside, below, passed])
+
+
+def _thinned(points: Float64, most: int) -> Float64:
+    """At most so many, evenly spread over their order."""
+    if len(points) <= most:
+        return np.asarray(points, dtype=np.float64)
+    return np.asarray(points[np.linspace(0, len(points) - 1, most).astype(int)], dtype=np.float64)
+
+
+def _within(points: Float64, low: Float64, high: Float64) -> Float64:
+    return points[((points > low) & (points < high)).all(axis=1)]
+
+
+def _room_about(own: Mask) -> tuple[slice, ...]:
+    """The box about what is marked, and two voxels more."""
+    return tuple(slice(max(low - 2, 0), high + 3) for low, high in _ends(own))
+
+
+def _ends(own: Mask) -> list[tuple[int, int]]:
+    """First and last index of what is marked, along each axis."""
+    axes = range(own.ndim)
+    along = [np.flatnonzero(own.any(axis=tuple(set(axes) - {k}))) for k in axes]
+    return [(int(places[0]), int(places[-1])) for places in along]
+
+
+def _box(grid: GridSpec, low: Float64, high: Float64) -> tuple[slice, ...]:
+    """Voxels whose centres may lie between two corners (m)."""
+    first = np.clip(np.floor(grid.to_voxels(low)).astype(int), 0, grid.resolution)
+    last = np.clip(np.ceil(grid.to_voxels(high)).astype(int) + 1, 0, grid.resolution)
+    return tuple(slice(a, b) for a, b in zip(first, last, strict=True))

@@ -1,0 +1,58 @@
+"""Which object's surface points lie nearest to."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from scenefw.perception.evidence.mesh_distances import MeshDistances
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from scenefw.core.types import Float64, Int32, ObjectEstimate
+
+_AT_ONCE = 50_000  # points: each takes some kilobytes
+
+
+def nearest_objects(
+    points: Float64, objects: Sequence[ObjectEstimate], reach: float
+) -> tuple[Int32, Float64]:
+    """Ids (N,) of the objects whose surface is nearest to points, and how far away it is (m).
+
+    Args:
+        points: (N, 3) world coordinates (m).
+        objects: with closed meshes.
+        reach: farther from a surface a point is nobody's: id 0, distance infinite (m).
+    """
+    labels = np.zeros(len(points), np.int32)
+    nearest = np.full(len(points), np.inf)
+    for item in objects:
+        distances = MeshDistances(item.mesh)
+        box = (points > distances.low - reach) & (points < distances.high + reach)
+        found = np.flatnonzero(box.all(axis=1))
+        for rows in np.split(found, range(_AT_ONCE, len(found), _AT_ONCE)) if len(found) else ():
+            away = np.abs(distances.at(points[rows]))
+            closer = (away < nearest[rows]) & (away <= reach)
+            labels[rows[closer]], nearest[rows[closer]] = item.id, away[closer]
+    return labels, nearest
+
+
+def explained_shares(
+    points: Float64, objects: Sequence[ObjectEstimate], near: float, reach: float
+) -> dict[int, float]:
+    """Of seen points that are an object's, the share that lies on its surface, by id.
+
+    Args:
+        points: (N, 3) world coordinates (m), without the floor.
+        objects: with closed meshes.
+        near: a point lies on a surface up to this far from it (m).
+        reach: a point is the nearest object's up to this far from it (m).
+    """
+    labels, distances = nearest_objects(points, objects, reach)
+    shares = {}
+    for item in objects:
+        own = distances[labels == item.id]
+        shares[item.id] = float((own < near).mean()) if len(own) else 0.0
+    return shares

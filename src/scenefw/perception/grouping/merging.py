@@ -1,0 +1,179 @@
+"""Parts of an image joined to objects where one superquadric explains several of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from scenefw.core.errors import ConfigError
+from scenefw.fitting.placed import OUTLIERS, robust_deviation, signed_distance
+from scenefw.perception.grouping.division import divide
+from scenefw.perception.segmentation.regions import hiding
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+    from scenefw.core.evidence import Evidence, FittedSuperquadric
+    from scenefw.core.protocols import ShapeFit
+    from scenefw.core.types import Float32, Float64, Int32
+    from scenefw.perception.evidence.gathering import EvidenceOfView, View
+    from scenefw.perception.grouping.splitting import SplitByEvidence
+
+    Group = frozenset[int]
+
+_POINTS = 200  # of a part, enough to say how well a shape explains it
+_SEGMENTS = 200  # between two parts
+_FARTHEST, _FAR = 2.0, 0.15  # sizes of the larger of two parts; m
+_THROUGH_FREE = 0.2  # share of them that may be seen through, at borders of voxels
+
+
+class GroupedByEvidence:
+    """Joins the parts that one superquadric explains as well as one for each.
+
+    Parts of which several of a network's instances have a large share are divided before that; if
+    the network is wrong, they are joined again.
+
+    What hides the middle of an object leaves two parts of it, and one superquadric goes on behind
+    what hides it. Two objects have none in common: their points are off its surface, it covers
+    places that are seen to be free, or one hides the other where they meet in the image. The pair
+    that is explained best is joined first.
+
+    Args:
+        fit: of superquadrics, each by itself.
+        evidence: what a view says about an object.
+        tolerance: how much more squared deviation, robust, of any part's points than with a
+            superquadric of its own, plus that of the places outside, is still one object.
+        least: parts of fewer pixels stay alone.
+        divided: share of a part's pixels from which on an instance is large; above 0.5 none is.
+        split: cuts parts that no superquadric explains before any are joined; None = nothing does.
+
+    Raises:
+        ConfigError: a number that isn't positive.
+    """
+
+    def __init__(
+        self,
+        fit: ShapeFit,
+        evidence: EvidenceOfView,
+        tolerance: float = 0.3,
+        least: int = 30,
+        divided: float = 0.3,
+        split: SplitByEvidence | None = None,
+    ) -> None:
+        if not tolerance > 0 or least < 4:
+            raise ConfigError(
+                f"tolerance is {tolerance} and least {least}; expected a positive number and at "
+                "least 4 pixels"
+            )
+        if not 0 < divided <= 1:
+            raise ConfigError(f"divided is {divided}; expected a share above 0, at most 1")
+        self.fit, self.evidence, self.tolerance, self.least = fit, evidence, tolerance, least
+        self.divided, self.split = divided, split
+
+    def objects(self, parts: Int32, view: View, depth: Float32) -> Int32:
+        """Objects (H, W), 0 = none, of parts (H, W) and a view whose masks are the network's."""
+        parts = divide(parts, view.masks, self.divided, depth)
+        parts = parts if self.split is None else self.split.parts(parts, view)
+        alone = replace(view, instances=np.zeros_like(view.instances))
+        sizes = np.bincount(parts.ravel())
+        large = [part for part in range(1, len(sizes)) if sizes[part] >= self.least]
+        points = {part: view.points[parts == part] for part in large}
+        groups: list[Group] = [frozenset([part]) for part in large]
+        hide = hiding(parts, depth)
+        pairs = [
+            (a, b) for a, b in combinations(groups, 2) if _may_be_one(a | b, points, view, hide)
+        ]
+        single = self._fits(groups, parts, alone)
+        apart = {part: self._robust(single[frozenset([part])][0], points[part]) for part in large}
+        costs = self._costs([a | b for a, b in pairs], parts, points, alone, apart)
+        while costs:
+            joined = min(costs, key=costs.__getitem__)
+            if costs[joined] > self.tolerance:
+                break
+            groups = [group for group in groups if not group <= joined]
+            costs = {pair: cost for pair, cost in costs.items() if not pair & joined}
+            further = [
+                joined | one for one in groups if _may_be_one(joined | one, points, view, hide)
+            ]
+            costs |= self._costs(further, parts, points, alone, apart)
+            groups.append(joined)
+        return _relabelled(parts, groups)
+
+    def _fits(
+        self, groups: Iterable[Group], parts: Int32, view: View
+    ) -> dict[Group, tuple[FittedSuperquadric, Evidence]]:
+        """One superquadric for each group, and what it is fitted to."""
+        evidence = {group: self._evidence(group, parts, view) for group in groups}
+        fitted = self.fit.fit(list(evidence.values()))
+        return dict(zip(evidence, zip(fitted, evidence.values(), strict=True), strict=True))
+
+    def _costs(
+        self,
+        groups: Iterable[Group],
+        parts: Int32,
+        points: dict[int, Float64],
+        view: View,
+        apart: dict[int, float],
+    ) -> dict[Group, float]:
+        """How much worse one superquadric explains each group than one for each part."""
+        found = {}
+        for group, (fitted, evidence) in self._fits(groups, parts, view).items():
+            worse = [self._robust(fitted, points[part]) - apart[part] for part in group]
+            found[group] = max(*worse, 0.0) + _inside(fitted, evidence)
+        return found
+
+    def _evidence(self, group: Group, parts: Int32, view: View) -> Evidence:
+        label = min(group)
+        masks = np.where(np.isin(parts, list(group)), label, parts)
+        return self.evidence.of(label, replace(view, masks=masks))
+
+    def _robust(self, fitted: FittedSuperquadric, points: Float64) -> float:
+        """Squared deviation of a part's points from a superquadric."""
+        some = points[:: -(-len(points) // _POINTS)]
+        return float(robust_deviation(fitted, some, self.evidence.seen_sigma).mean())
+
+
+def _inside(fitted: FittedSuperquadric, evidence: Evidence) -> float:
+    """Squared depth of the places outside that it contains, per point of its surface."""
+    depth = np.minimum(signed_distance(fitted, evidence.outside), 0) / evidence.outside_sigmas
+    return float(np.minimum(depth**2, OUTLIERS**2).sum() / len(evidence.points))
+
+
+def _may_be_one(
+    group: Group, points: dict[int, Float64], view: View, hide: NDArray[np.bool_]
+) -> bool:
+    """Whether segments between parts, which a convex object contains, miss what is free.
+
+    And whether none hides another (P + 1, P + 1), or lies so far away that a long shape through
+    both would say more about the gap between them than about what is seen.
+    """
+    for a, b in combinations(group, 2):
+        if hide[a, b]:
+            return False
+        rng = np.random.default_rng(0)
+        first, second = (points[part][rng.integers(len(points[part]), size=_SEGMENTS)]
+                         for part in (a, b))  # fmt: skip
+        larger = max(np.linalg.norm(np.ptp(some, axis=0)) for some in (first, second))
+        if cKDTree(first).query(second)[0].min() > max(_FARTHEST * larger, _FAR):
+            return False
+        share = np.linspace(0.2, 0.8, 4)[:, None, None]
+        voxels, inside = view.grid.nearest_voxels(first + share * (second - first))
+        x, y, z = np.moveaxis(np.clip(voxels, 0, view.grid.resolution - 1), -1, 0)
+        through = (view.free[x, y, z] & inside).any(axis=0)
+        if through.mean() > _THROUGH_FREE:
+            return False
+    return True
+
+
+def _relabelled(parts: Int32, groups: list[Group]) -> Int32:
+    """Parts (H, W) with one number per group; those of no group keep one of their own."""
+    numbers = np.arange(int(parts.max(initial=0)) + 1)
+    for group in groups:
+        numbers[list(group)] = min(group)
+    return np.searchsorted(np.unique(numbers), numbers)[parts].astype(np.int32)

@@ -1,0 +1,1 @@
+"""One scene from several views, or from a mesh."""

@@ -1,0 +1,109 @@
+"""Depth images of the surface of a whole scene, as cameras on all sides would take them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from scenefw.core import geometry
+from scenefw.core.errors import InputError
+from scenefw.core.types import Float64, Frame, TriangleMesh
+from scenefw.kernels.cameras import stack_cameras
+from scenefw.kernels.meshes import Tree
+from scenefw.perception.observation.points import world_points
+from scenefw.perception.observation.table_frame import TableFrame
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from scenefw.core.types import Camera
+    from scenefw.perception.multiview.all_sides import Surround
+
+_BELOW = (0.02, 0.3)  # m under a plane: sides of what it is the top of, not the room's floor
+_MOST_BELOW = 0.1  # of what is seen, if the plane is a table
+_STRIDE = 4  # pixels
+_RAISED = (0.015, 1.0)  # m: heights of what stands on the table
+_LARGEST = 0.55  # m: radius of what cameras try to see, so that they are near enough for a table
+_NOISE = 0.5  # per cent of vertices at either end that don't say where a scene ends
+
+
+@dataclass(frozen=True)
+class SeenMesh:
+    """A mesh on its table, and views of it.
+
+    Args:
+        mesh: in table coordinates: z up, table at z = 0.
+        T_table_mesh: (4, 4) from coordinates of the mesh as it was given to these.
+        frames: with poses in table coordinates.
+        note: how the table was found, in words.
+    """
+
+    mesh: TriangleMesh
+    T_table_mesh: Float64
+    frames: tuple[Frame, ...]
+    note: str
+
+
+class MeshViews:
+    """Renders a mesh from all sides, with its table as the plane z = 0.
+
+    The table is found in a view from above. A mesh without one stands on its lowest point.
+
+    Args:
+        cameras: places the cameras.
+        table: finds the table.
+    """
+
+    def __init__(self, cameras: Surround, table: TableFrame | None = None) -> None:
+        self.cameras, self.table = cameras, table or TableFrame()
+
+    def see(self, mesh: TriangleMesh, name: str) -> SeenMesh:
+        """Views of a mesh.
+
+        Args:
+            mesh: of a whole scene, z up (m).
+            name: of the scene.
+
+        Raises:
+            InputError: nothing stands on the table.
+        """
+        T, note = self._table(mesh, name)  # noqa: N806
+        placed = TriangleMesh(geometry.transform_points(T, mesh.vertices), mesh.faces)
+        height = placed.vertices[:, 2]
+        raised = placed.vertices[(height > _RAISED[0]) & (height < _RAISED[1])]
+        if not len(raised):
+            raise InputError(
+                f"nothing of {name} stands on the table, which is {note}; give a mesh in metres "
+                "with z up"
+            )
+        frames = _views(placed, self.cameras.around(*_ball(raised)), name, table=True)
+        return SeenMesh(placed, T, tuple(frames), note)
+
+    def _table(self, mesh: TriangleMesh, name: str) -> tuple[Float64, str]:
+        """The transform (4, 4) to table coordinates, and how it was found."""
+        frames = _views(mesh, self.cameras.around(*_ball(mesh.vertices)), name, table=False)
+        found = self.table.alignment(frames[-1], posed=True)
+        points = np.concatenate([world_points(frame, _STRIDE).reshape(-1, 3) for frame in frames])
+        seen = geometry.transform_points(found.T_table_world, points[~np.isnan(points[:, 2])])
+        below = (seen[:, 2] < -_BELOW[0]) & (seen[:, 2] > -_BELOW[1])
+        if found.table and below.mean() < _MOST_BELOW:
+            return found.T_table_world, "a plane of the mesh"
+        lowest = float(np.percentile(mesh.vertices[:, 2], _NOISE))
+        return geometry.rigid(np.eye(3), (0.0, 0.0, -lowest)), "at the lowest point of the mesh"
+
+
+def _views(mesh: TriangleMesh, cameras: Sequence[Camera], name: str, *, table: bool) -> list[Frame]:
+    tree = Tree(mesh.vertices[mesh.faces].astype(np.float32))
+    images = tree.depth(stack_cameras(cameras), table=table).numpy()
+    return [
+        Frame(image, camera, name=f"{name}, side {number}")
+        for number, (image, camera) in enumerate(zip(images, cameras, strict=True), start=1)
+    ]
+
+
+def _ball(points: Float64) -> tuple[Float64, float]:
+    """Centre and radius (m) of a ball about nearly all points (N, 3)."""
+    low, high = np.percentile(points, [_NOISE, 100 - _NOISE], axis=0)
+    return (low + high) / 2, min(float(np.linalg.norm(high - low)) / 2, _LARGEST)

@@ -1,0 +1,107 @@
+"""Whole scenes as they are given, a mesh or posed depth images, to views and to objects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from scenefw.core.errors import InputError
+from scenefw.data.sequences import open_sequence
+from scenefw.perception.multiview.scene_meshes import is_mesh, read_scene_mesh
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from scenefw.core.types import Float64, Frame, SceneEstimate, TriangleMesh
+    from scenefw.perception.multiview.mesh_views import MeshViews
+    from scenefw.perception.multiview.views_pipeline import SeenScene, ViewsPipeline
+
+
+@dataclass(frozen=True)
+class WholeScene:
+    """Views of a scene, and the mesh they were made of, if there is one.
+
+    Args:
+        name: of the scene.
+        frames: with poses in one world.
+        T_frames_file: (4, 4) from coordinates of the input, in its own unit and with its own axis
+            up, to those of the frames' poses.
+        mesh: in coordinates of the frames' poses.
+        note: what was done to get the views, in words.
+    """
+
+    name: str
+    frames: Sequence[Frame]
+    T_frames_file: Float64 = field(default_factory=lambda: np.eye(4))
+    mesh: TriangleMesh | None = None
+    note: str = ""
+
+
+def scene_name(path: Path | str) -> str:
+    """What a scene in a file or folder is called."""
+    whole = Path(path).resolve()
+    return whole.stem if is_mesh(whole) else whole.name
+
+
+def read_whole_scene(
+    path: Path | str,
+    pipeline: ViewsPipeline,
+    meshes: MeshViews,
+    mesh_scale: float = 1.0,
+    options: Mapping[str, Any] | None = None,
+) -> WholeScene:
+    """The views of a scene in a file or a folder.
+
+    Args:
+        path: a mesh, an RGB-D folder with poses, or a sequence in TUM's format.
+        pipeline: chooses among the images of a recording.
+        meshes: makes views of meshes.
+        mesh_scale: metres per unit of a mesh.
+        options: of `data.sequences.open_sequence`.
+
+    Raises:
+        InputError: nothing usable is there.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise InputError(
+            f"no file or folder {path}; give input=PATH of a mesh, or of a folder of depth images "
+            "with poses"
+        )
+    name = scene_name(path)
+    if is_mesh(path):
+        mesh, T = read_scene_mesh(path, mesh_scale)  # noqa: N806
+        seen = meshes.see(mesh, name)
+        note = f"the table is {seen.note}"
+        return WholeScene(name, seen.frames, seen.T_table_mesh @ T, seen.mesh, note)
+    if path.is_file():
+        raise InputError(
+            f"{path} is no mesh; one depth image is a matter of run=predict, several are given as "
+            "a folder with depth/, poses.txt and intrinsics.json"
+        )
+    recording = open_sequence(path, **dict(options or {}))
+    frames = [recording[number] for number in pipeline.chosen(recording.poses)]
+    return WholeScene(name, frames)
+
+
+def taken_apart(given: WholeScene, seen: SeenScene, pipeline: ViewsPipeline) -> SceneEstimate:
+    """The objects of a scene; `details["T_world_input"]` takes the input's coordinates to theirs.
+
+    Args:
+        given: as it was read.
+        seen: its views, made ready by the pipeline.
+        pipeline: finds the objects.
+
+    Raises:
+        InputError: the views contradict each other.
+    """
+    found = pipeline.complete(seen)
+    details = {
+        **found.details,
+        "table": given.note or found.details["table"],
+        "T_world_input": seen.moved @ given.T_frames_file,
+    }
+    return replace(found, frame=replace(found.frame, name=given.name), details=details)

@@ -1,0 +1,1 @@
+"""What a depth image says: floor, workspace, points, noise, free space."""

@@ -1,0 +1,278 @@
+"""Checks a real image before a prediction is made from it."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenefw.core.errors import InputError
+from scenefw.core.floors import Floor
+from scenefw.core.settings import NOT_NEGATIVE, SHARE, above, between
+from scenefw.core.types import Frame
+from scenefw.data.image_checks import check_depth
+from scenefw.perception.observation.colour_alignment import colour_shift
+from scenefw.perception.observation.workspace import Workspace
+
+GOOD, ODD, UNUSABLE = "good", "odd", "unusable"
+"""Verdicts: a prediction is made with an odd image, and none of an unusable one."""
+
+_FIELD_OF_VIEW = (15.0, 120.0)
+_FOCAL_RATIO = 1.2
+_OFF_CENTRE = 0.25
+_MIDDLE = 0.06  # of the sides: so near the middle, a centre belongs to an image of that shape
+_STACK_HEIGHT = 0.1  # where the middle of a stack is assumed, for its distance (m)
+_UNEVEN = 0.01  # m
+_LITTLE = 0.15  # share of the points that lie on the floor; where it is looked for, it has more
+_MANY, _ENOUGH = 4_000_000, 1_000_000  # pixels
+_MEMORY = 200.0  # bytes per pixel, as measured with 5 megapixels
+_MEND = re.compile(r"; |(?<=\?) ")
+
+
+@dataclass(frozen=True)
+class Check:
+    """What was looked at, and what to do about it.
+
+    Args:
+        name: of what was looked at, one word or two.
+        verdict: `GOOD`, `ODD` or `UNUSABLE`.
+        found: what is there, in words.
+        fix: what helps, in words; empty if it is good.
+    """
+
+    name: str
+    verdict: str
+    found: str
+    fix: str = ""
+
+    @property
+    def line(self) -> str:
+        """What is there and what helps, as one line."""
+        mark = " " if self.found.endswith("?") else "; "
+        return f"{self.found}{mark}{self.fix}" if self.fix else self.found
+
+
+class Doctor:
+    """Checks units, intrinsics, floor and scale; errors stop, warnings go with the result.
+
+    Args:
+        nearest: the camera should be this far from the stack at least (m).
+        farthest: and at most this far (m).
+        smallest: the largest object group should be this large at least (m).
+        least_measured: share of pixels that should have a depth.
+        flattest: the camera should look down by this much at least (degrees).
+        aligned: agreement of colour with depth at least (`colour_alignment.ColourShift`). 54 real
+            images have 0.79 and more; if their colour is moved by 14 to 24 pixels, 45 to 53 of them
+            have less than 0.6.
+
+    Raises:
+        ConfigError: a negative length, a share outside 0..1, or an angle outside 0..90 degrees.
+    """
+
+    def __init__(
+        self,
+        nearest: float = 0.4,
+        farthest: float = 1.75,
+        smallest: float = 0.05,
+        least_measured: float = 0.3,
+        flattest: float = 8.0,
+        aligned: float = 0.6,
+    ) -> None:
+        NOT_NEGATIVE.require(nearest=nearest, smallest=smallest)
+        above(nearest, "as it is the farther end").require(farthest=farthest)
+        SHARE.require(least_measured=least_measured, aligned=aligned)
+        between(0, 90).require(flattest=flattest)
+        self.nearest = nearest
+        self.farthest = farthest
+        self.smallest = smallest
+        self.least_measured = least_measured
+        self.flattest = flattest
+        self.aligned = aligned
+
+    def examine_frame(self, frame: Frame) -> list[str]:
+        """Warnings about a frame as read.
+
+        Raises:
+            InputError: no depth, the wrong unit, or intrinsics that no camera has.
+        """
+        return _warnings(self.check_frame(frame))
+
+    def examine_workspace(self, floor: Floor, workspace: Workspace) -> list[str]:
+        """Warnings about what was found: floor, distance, size of the objects, what is left out."""
+        return _warnings([*self.check_floor(floor), *self.check_workspace(workspace)])
+
+    def examine_workspaces(self, workspaces: Sequence[Workspace]) -> list[str]:
+        """Warnings about what doesn't fit into the cube of several views, or that it is empty."""
+        if not any(one.objects.any() for one in workspaces):
+            return _warnings([_nothing()])
+        return _warnings([_check_left_out(workspaces[0])])
+
+    def check_frame(self, frame: Frame) -> list[Check]:
+        """Unit of the depth, intrinsics, how much is measured, and whether colour is aligned."""
+        try:
+            check_depth(frame.depth, frame.name)
+        except InputError as error:
+            return [Check("unit", UNUSABLE, *_parted(error))]
+        median = float(np.median(frame.depth[frame.depth > 0]))
+        unit = Check("unit", GOOD, f"the median depth is {median:.2f} m")
+        checks = [unit, *_check_intrinsics(frame), self._check_measured(frame)]
+        checks += self._check_colour(frame)
+        return [*checks, *_check_pixels(frame)]
+
+    def check_floor(self, floor: Floor) -> list[Check]:
+        """Evenness of the floor, how much of it is seen, and how the camera stands over it."""
+        deviation = f"{floor.deviation * 1000:.0f} mm"
+        on_it = f"{floor.share:.0%} of the points lie on the floor, {deviation} off it"
+        even = Check("floor", GOOD, on_it)
+        if floor.deviation > _UNEVEN:
+            uneven = f"the floor is uneven or noisy ({deviation})"
+            even = Check("floor", ODD, uneven, "check the intrinsics")
+        elif floor.share < _LITTLE:
+            fix = "show more of the table; with floor=known: has the camera moved?"
+            even = Check("floor", ODD, f"only {on_it}", fix)
+        down = float(np.degrees(np.arcsin(np.clip(-floor.normal[2], -1, 1))))
+        where = (
+            f"the camera is {floor.height:.2f} m above the floor, looking {down:.0f} degrees down"
+        )
+        flat = down < self.flattest
+        fix = "look at the table from higher up, or check the intrinsics" if flat else ""
+        return [even, Check("tilt", ODD if flat else GOOD, where, fix)]
+
+    def check_workspace(self, workspace: Workspace) -> list[Check]:
+        """Distance and size of the objects, and what is left out; or that there are none."""
+        if not workspace.objects.any():
+            return [_nothing()]
+        eye = workspace.frame.camera.T_world_camera[:3, 3]
+        distance = float(np.linalg.norm(eye - (0, 0, _STACK_HEIGHT)))
+        near = self.nearest <= distance <= self.farthest
+        limits = f"{self.nearest:g} to {self.farthest:g} m"
+        width = float(workspace.size.max())
+        large = width >= self.smallest
+        size = " x ".join(f"{side * 100:.0f}" for side in workspace.size)
+        return [
+            Check(
+                "distance",
+                GOOD if near else ODD,
+                f"the camera is {distance:.2f} m from the objects, made for {limits}",
+                "" if near else "move it, or check the depth scale",
+            ),
+            Check(
+                "size",
+                GOOD if large else ODD,
+                f"the objects cover {size} cm"
+                if large
+                else f"the objects are only {width * 100:.1f} cm large",
+                "" if large else "check the depth scale",
+            ),
+            _check_left_out(workspace),
+        ]
+
+    def _check_measured(self, frame: Frame) -> Check:
+        measured = float(np.mean(frame.depth > 0))
+        few = measured < self.least_measured
+        return Check(
+            "measured",
+            ODD if few else GOOD,
+            f"{'only ' if few else ''}{measured:.0%} of the pixels have a depth",
+            "shiny, black or near things have none: change the view or the light" if few else "",
+        )
+
+    def _check_colour(self, frame: Frame) -> list[Check]:
+        shift = None if frame.colour is None else colour_shift(frame.depth, frame.colour)
+        if shift is None:
+            return []
+        if shift.agreement >= self.aligned:
+            return [Check("colour", GOOD, "edges of colour lie where depth jumps")]
+        ways = ((shift.columns, "to the left", "to the right"), (shift.rows, "above", "below"))
+        apart = [f"{abs(n)} pixels {back if n < 0 else forth}" for n, back, forth in ways if n]
+        found = f"edges of colour seem to lie {' and '.join(apart)}, seen from where depth jumps"
+        fix = "align colour to depth with your camera's software, or leave it out"
+        return [Check("colour", ODD, found, fix)]
+
+
+def _check_pixels(frame: Frame) -> list[Check]:
+    """Time and memory grow with the pixels, accuracy hardly does beyond a megapixel or so."""
+    if frame.depth.size <= _MANY:
+        return []
+    height, width = frame.depth.shape
+    every = int(np.ceil(np.sqrt(frame.depth.size / _ENOUGH)))
+    memory = frame.depth.size * _MEMORY / 1e9
+    found = f"{width} x {height} pixels take long and about {memory:.0f} GB of memory"
+    fix = f"give depth[::{every}, ::{every}] (masks too), and fx, fy, cx, cy divided by {every}"
+    return [Check("pixels", ODD, found, fix)]
+
+
+def _check_intrinsics(frame: Frame) -> list[Check]:
+    camera = frame.camera
+    sizes = ((camera.width, camera.fx), (camera.height, camera.fy))
+    views = [float(np.degrees(2 * np.arctan(side / (2 * focal)))) for side, focal in sizes]
+    angles = f"{views[0]:.0f} x {views[1]:.0f} degrees"
+    if not all(_FIELD_OF_VIEW[0] < view < _FIELD_OF_VIEW[1] for view in views):
+        found = (
+            f"intrinsics of {frame.name} give a view of {angles} with fx = {camera.fx:g} at "
+            f"{camera.width} x {camera.height} pixels"
+        )
+        fix = "give fx, fy, cx, cy in pixels of this image size"
+        return [Check("intrinsics", UNUSABLE, found, fix)]
+    square = 1 / _FOCAL_RATIO < camera.fx / camera.fy < _FOCAL_RATIO
+    off = (camera.cx / camera.width - 0.5, camera.cy / camera.height - 0.5)
+    turned = (camera.cx / camera.height - 0.5, camera.cy / camera.width - 0.5)
+    swapped = max(np.abs(turned)) < _MIDDLE < max(np.abs(off))
+    central = max(np.abs(off)) <= _OFF_CENTRE and not swapped
+    centre = f"centre ({camera.cx:g}, {camera.cy:g})"
+    return [
+        Check("intrinsics", GOOD, f"the view is {angles}")
+        if square
+        else Check(
+            "intrinsics",
+            ODD,
+            f"fx = {camera.fx:g} and fy = {camera.fy:g} differ",
+            "check the intrinsics",
+        ),
+        Check("centre", GOOD, f"the intrinsics' {centre} is near the middle of the image")
+        if central
+        else Check(
+            "centre",
+            ODD,
+            f"the intrinsics' {centre} is far from the middle of the image",
+            "swap cx and cy, or is the image turned?"
+            if swapped
+            else "are they of another image size?",
+        ),
+    ]
+
+
+def _nothing() -> Check:
+    fix = "check that objects are in view and that the depth scale is right"
+    return Check("objects", ODD, "nothing stands on the floor, or only what is flat", fix)
+
+
+def _check_left_out(workspace: Workspace) -> Check:
+    if not len(workspace.left_out):
+        return Check("groups", GOOD, "all objects fit into the cube")
+    where = ", ".join(f"({x:.2f}, {y:.2f})" for x, y in workspace.left_out)
+    return Check(
+        "groups",
+        ODD,
+        f"{len(workspace.left_out)} object group(s) at x, y = {where} m don't fit into the cube "
+        "with the others and are left out",
+        "take a picture of each group",
+    )
+
+
+def unusable(name: str, error: InputError) -> Check:
+    """A check that ended with an error."""
+    return Check(name, UNUSABLE, *_parted(error))
+
+
+def _parted(error: InputError) -> tuple[str, str]:
+    """What is wrong, and what helps: errors say both in one line."""
+    found, *rest = _MEND.split(str(error), maxsplit=1)
+    return found, "".join(rest)
+
+
+def _warnings(checks: Sequence[Check]) -> list[str]:
+    for check in checks:
+        if check.verdict == UNUSABLE:
+            raise InputError(check.line)
+    return [check.line for check in checks if check.verdict == ODD]

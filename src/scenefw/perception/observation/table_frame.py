@@ -1,0 +1,105 @@
+"""Transforms frames to table coordinates: z up, table at z = 0, seen part around the origin.
+
+Height maps lie on the table. A single image has no pose, tracked cameras start at the first one,
+and recorded poses may be of any world, so the floor finder of prediction says where the table is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from scenefw.core import geometry
+from scenefw.core.errors import InputError
+from scenefw.core.protocols import FloorFinding
+from scenefw.core.settings import POSITIVE
+from scenefw.core.types import Float64, Frame
+from scenefw.perception.observation.floor import FloorFinder
+from scenefw.perception.observation.points import world_points
+
+_HIGHEST = 0.3  # m above the table: anything higher is ignored when finding its middle
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """The transform from the world of some poses to table coordinates.
+
+    Args:
+        T_table_world: (4, 4), takes the old world's coordinates to the table's.
+        note: what was done, in words; empty if the poses were right already.
+        table: whether a table was found.
+    """
+
+    T_table_world: Float64
+    note: str = ""
+    table: bool = True
+
+
+class TableFrame:
+    """Finds the table in a frame and the transform that brings it to z = 0.
+
+    Args:
+        floor: finds the table.
+        farthest: points farther from the camera don't say where the middle is (m).
+        tilt: poses of a world whose plane z = 0 is off the table by no more than this are kept
+            (degrees).
+        level: the same for its height (m).
+
+    Raises:
+        ConfigError: a number that isn't positive.
+    """
+
+    def __init__(
+        self,
+        floor: FloorFinding | None = None,
+        farthest: float = 2.0,
+        tilt: float = 5.0,
+        level: float = 0.03,
+    ) -> None:
+        POSITIVE.require(farthest=farthest, tilt=tilt, level=level)
+        self.floor = floor or FloorFinder()
+        self.farthest, self.tilt, self.level = farthest, tilt, level
+
+    def rectified(self, frame: Frame) -> Frame:
+        """The frame in table coordinates, whatever its camera's pose was.
+
+        Raises:
+            InputError: no table is found.
+        """
+        pose = self._pose(frame)
+        return replace(frame, camera=frame.camera.moved(pose))
+
+    def alignment(self, frame: Frame, *, posed: bool) -> Alignment:
+        """The transform of a sequence to table coordinates, from its first frame.
+
+        Args:
+            frame: the first, with its pose in the old world.
+            posed: whether the old world may be the table's: then it is kept if its plane z = 0
+                holds the table (within `tilt` and `level`), or if no table is found.
+
+        Raises:
+            InputError: no table is found, and the poses have none either.
+        """
+        old = np.asarray(frame.camera.T_world_camera)
+        try:
+            floor = self.floor.find(frame)
+        except InputError as error:
+            if posed:
+                return Alignment(np.eye(4), f"poses are used as they are: {error}", table=False)
+            raise
+        normal = old[:3, :3] @ floor.normal
+        level = float(normal @ old[:3, 3]) - floor.height  # of the table along its normal
+        if posed and normal[2] > np.cos(np.radians(self.tilt)) and abs(level) < self.level:
+            return Alignment(np.eye(4))
+        note = "the table was found in the first frame and is the map's plane z = 0"
+        return Alignment(self._pose(frame) @ geometry.inverse(old), note)
+
+    def _pose(self, frame: Frame) -> Float64:
+        """Camera pose in table coordinates, with the origin in the middle of the seen part."""
+        pose = self.floor.find(frame).T_world_camera
+        points = world_points(replace(frame, camera=frame.camera.moved(pose)), stride=4)
+        near = (frame.depth[::4, ::4] > 0) & (frame.depth[::4, ::4] < self.farthest)
+        near &= np.abs(np.nan_to_num(points[..., 2], nan=np.inf)) < _HIGHEST
+        middle = np.median(points[near][:, :2], axis=0) if near.any() else np.zeros(2)
+        return geometry.rigid(np.eye(3), (-middle[0], -middle[1], 0.0)) @ pose

@@ -1,0 +1,1 @@
+"""Bodies of predicted objects, at rest and in contact."""

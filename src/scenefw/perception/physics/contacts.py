@@ -1,0 +1,152 @@
+"""Where objects of a scene run into each other or the floor, and which of them nothing carries."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from scenefw.perception.evidence.mesh_distances import MeshDistances
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from scenefw.core.types import Float64, ObjectEstimate
+
+_SAMPLES = 20  # points along each side of the box that two objects share
+_COLUMNS = 24  # places along each side of the footprint of an object
+_CORNERS = 3000  # vertices of an object that are places too, at most
+TOLERANCE = 0.005
+"""Metres: objects that touch may run into each other, or hover, by this much."""
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """Of two objects, or of one with the floor.
+
+    Args:
+        first: id.
+        second: id of the other one; 0 = the floor.
+        depth: how far they run into each other (m).
+        volume: that both fill (m^3); NaN for the floor.
+    """
+
+    first: int
+    second: int
+    depth: float
+    volume: float
+
+
+@dataclass(frozen=True)
+class Hover:
+    """Of an object that nothing carries.
+
+    Args:
+        id: of the object.
+        gap: how far it can sink straight down (m).
+        below: id of what it would meet; 0 = the floor.
+    """
+
+    id: int
+    gap: float
+    below: int
+
+
+def overlaps(objects: Sequence[ObjectEstimate], tolerance: float = TOLERANCE) -> list[Overlap]:
+    """Pairs of objects, and objects and the floor, that share more than touching ones do.
+
+    Args:
+        objects: closed meshes, world coordinates.
+        tolerance: depth that counts as touching (m).
+    """
+    solids = {item.id: MeshDistances(item.mesh) for item in objects}
+    found = [
+        Overlap(label, 0, -float(solid.low[2]), float("nan")) for label, solid in solids.items()
+    ]
+    found += [_overlap(a, solids[a], b, solids[b]) for a, b in combinations(solids, 2)]
+    return [one for one in found if one.depth > tolerance]
+
+
+def hovers(objects: Sequence[ObjectEstimate], tolerance: float = TOLERANCE) -> list[Hover]:
+    """Objects with neither the floor nor another object below them within the tolerance.
+
+    An object that leans out too far is carried all the same: whether a pile stands, a simulation
+    says.
+
+    Args:
+        objects: closed meshes, world coordinates.
+        tolerance: gap that counts as touching (m).
+    """
+    solids = {item.id: MeshDistances(item.mesh) for item in objects}
+    found = [_hover(label, solids) for label in solids]
+    return [one for one in found if one.gap > tolerance]
+
+
+def contact_words(objects: Sequence[ObjectEstimate], tolerance: float = TOLERANCE) -> list[str]:
+    """A line for each overlap and each object that nothing carries; none if all is well."""
+    lines = []
+    for one in overlaps(objects, tolerance):
+        depth = f"{1000 * one.depth:.0f} mm"
+        if one.second == 0:
+            lines.append(f"object {one.first} reaches {depth} below the floor")
+        else:
+            lines.append(
+                f"objects {one.first} and {one.second} run into each other by {depth} "
+                f"({1e6 * one.volume:.0f} cm³)"
+            )
+    for other in hovers(objects, tolerance):
+        below = f"object {other.below}" if other.below else "the floor"
+        lines.append(f"object {other.id} hovers {1000 * other.gap:.0f} mm above {below}")
+    return lines
+
+
+def _overlap(a: int, first: MeshDistances, b: int, second: MeshDistances) -> Overlap:
+    low, high = np.maximum(first.low, second.low), np.minimum(first.high, second.high)
+    if (low >= high).any():
+        return Overlap(a, b, 0.0, 0.0)
+    points = _lattice(low, high, _SAMPLES)
+    shared = points[first.inside(points)]
+    shared = shared[second.inside(shared)]
+    volume = float((high - low).prod()) * len(shared) / len(points)
+    depths = -(first.at(shared) + second.at(shared))  # thickness of what both fill, about there
+    return Overlap(a, b, float(depths.max(initial=0.0)), volume)
+
+
+def _hover(label: int, solids: dict[int, MeshDistances]) -> Hover:
+    own = solids[label]
+    best = Hover(label, max(float(own.low[2]), 0.0), 0)
+    for other, solid in solids.items():
+        if other == label or (solid.high[:2] < own.low[:2]).any():
+            continue
+        if (solid.low[:2] > own.high[:2]).any() or solid.low[2] > own.high[2]:
+            continue
+        places = _places(own, solid)
+        bottom, top, least = own.lowest(places), solid.highest(places), solid.lowest(places)
+        with np.errstate(invalid="ignore"):
+            below = least < bottom  # what comes from above, however deep, carries nothing
+            gaps = np.maximum(bottom - top, 0)[below]
+        if len(gaps) and gaps.min() < best.gap:
+            best = Hover(label, float(gaps.min()), other)
+    return best
+
+
+def _places(first: MeshDistances, second: MeshDistances) -> Float64:
+    """Places (N, 2) of the floor under both: a lattice, and below their vertices."""
+    low = np.maximum(first.low, second.low)[:2]
+    high = np.minimum(first.high, second.high)[:2]
+    axes = [np.linspace(a, b, _COLUMNS) for a, b in zip(low, high, strict=True)]
+    lattice = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    corners = []
+    for solid in (first, second):
+        own = solid.mesh.vertices[:: len(solid.mesh.vertices) // _CORNERS + 1, :2]
+        corners.append(own[((own >= low) & (own <= high)).all(axis=1)])
+    return np.concatenate([lattice, *corners])
+
+
+def _lattice(low: Float64, high: Float64, count: int) -> Float64:
+    """Middles (N, 3) of the cells of a box."""
+    steps = (np.arange(count) + 0.5) / count
+    axes = [a + steps * (b - a) for a, b in zip(low, high, strict=True)]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)

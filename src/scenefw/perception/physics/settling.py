@@ -1,0 +1,118 @@
+"""Predicted objects come to rest under gravity, and how far each moves says how stable they are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from scenefw.core.geometry import inverse
+from scenefw.core.protocols import Engine
+from scenefw.core.settings import COUNT, POSITIVE
+from scenefw.core.types import Float64, PlacedShape, SceneEstimate
+from scenefw.perception.editing.transforms import moved
+from scenefw.perception.physics.bodies import Bodies, BodyMaker
+from scenefw.scenes.simulation import Motion, motions
+
+
+class PhysicalSettling:
+    """Lets the objects of predicted scenes come to rest on the floor and on each other.
+
+    An object that moves further than `furthest` was wrong from the start, or was hit by one that
+    was: it stays as predicted, and so does one that is no solid. Details of the estimates say so,
+    object by object, under `settled`.
+
+    Args:
+        engine: simulates.
+        bodies: makes rigid bodies of the objects.
+        steps: of the simulation at most; it ends when everything rests.
+        furthest: an object that moves further stays as it was (m).
+        steepest: objects of a stable scene turn by less (degrees).
+        rank: puts the scene first whose objects move least.
+
+    Raises:
+        ConfigError: a number that isn't positive.
+    """
+
+    def __init__(
+        self,
+        engine: Engine,
+        bodies: BodyMaker,
+        steps: int = 2400,
+        furthest: float = 0.2,
+        steepest: float = 30.0,
+        *,
+        rank: bool = False,
+    ) -> None:
+        COUNT.require(steps=steps)
+        POSITIVE.require(furthest=furthest, steepest=steepest)
+        self.engine, self.bodies, self.steps = engine, bodies, steps
+        self.furthest, self.steepest, self.rank = furthest, steepest, rank
+
+    def settle(self, scenes: Sequence[SceneEstimate]) -> list[SceneEstimate]:
+        """Scenes of one image with their objects at rest; the most stable first if it ranks."""
+        settled = [self._settled(scene, number) for number, scene in enumerate(scenes, start=1)]
+        return sorted(settled, key=_displacement) if self.rank else settled
+
+    def _settled(self, scene: SceneEstimate, number: int) -> SceneEstimate:
+        meshes = {item.id: item.mesh for item in scene.objects}
+        placed: dict[int, PlacedShape] = {
+            item.id: item.placed for item in scene.objects if item.placed is not None
+        }
+        bodies = self.bodies.make(meshes, placed)
+        found = motions(list(bodies.bodies.values()), self.engine, self.steps, until_rest=True)
+        ends = dict(zip(bodies.bodies, found, strict=True))
+        kept = {label: one for label, one in ends.items() if one.shift <= self.furthest}
+        shifts = {
+            label: _shift(bodies.bodies[label].pose.matrix, one) for label, one in kept.items()
+        }
+        facts = self._facts(bodies, ends) | {"hypothesis": number}
+        after = moved(scene, shifts) if shifts else scene
+        return replace(after, details={**scene.details, "settled": facts})
+
+    def _facts(self, bodies: Bodies, ends: Mapping[int, Motion]) -> dict[str, Any]:
+        rows = [self._row(bodies, label, one) for label, one in ends.items()]
+        rows += [{"id": label, "stays": reason} for label, reason in bodies.left_out.items()]
+        steady = [m.shift <= self.furthest and m.turn < self.steepest for m in ends.values()]
+        facts: dict[str, Any] = {
+            "objects": sorted(rows, key=lambda row: row["id"]),
+            "displacement": float(np.mean([m.shift for m in ends.values()])) if ends else None,
+            "stable": bool(ends) and all(steady),
+        }
+        return facts if ends else facts | {"reason": "there is no solid to settle"}
+
+    def _row(self, bodies: Bodies, label: int, motion: Motion) -> dict[str, Any]:
+        row = {
+            "id": label,
+            "moved": motion.shift,
+            "turned": motion.turn,
+            "collides_as": bodies.collides_as(label),
+        }
+        if motion.shift <= self.furthest:
+            return row
+        if not np.isfinite(motion.shift):
+            return row | {"stays": "the simulation lost it"}
+        return row | {"stays": f"it moved further than {self.furthest:g} m"}
+
+
+def words(scene: SceneEstimate) -> str:
+    """One line: how far the objects of a settled scene moved, and which stayed, and why."""
+    facts = scene.details["settled"]
+    parts = []
+    for row in facts["objects"]:
+        far = f"{100 * row['moved']:.1f} cm and {row['turned']:.0f}°" if "moved" in row else ""
+        stays = f"stays as it was ({row['stays']})" if "stays" in row else f"moved {far}"
+        parts.append(f"object {row['id']} {stays}")
+    return "settled: " + ("; ".join(parts) or facts["reason"])
+
+
+def _shift(start: Float64, motion: Motion) -> Float64:
+    return np.asarray(motion.pose.matrix @ inverse(start))
+
+
+def _displacement(scene: SceneEstimate) -> float:
+    """Mean displacement of a scene's objects; scenes without any come last."""
+    found = scene.details["settled"]["displacement"]
+    return float("inf") if found is None else float(found)

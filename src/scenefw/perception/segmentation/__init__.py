@@ -1,0 +1,1 @@
+"""Which pixels show one object each, and where objects end."""

@@ -1,0 +1,177 @@
+"""Parts of a depth image by a trained network of affinities."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from scenefw.core.batches import CameraBatch
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, PROBABILITY, below
+from scenefw.perception.observation.pixels import WIDTH
+from scenefw.perception.observation.points import world_points
+from scenefw.perception.segmentation.crease_segmentation import (
+    floor_is_smooth,
+    floor_noise,
+    high_parts,
+)
+from scenefw.perception.segmentation.regions import (
+    EDGE,
+    grown,
+    joined_within,
+    large_parts,
+    linked_parts,
+    merged,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from scenefw.core.part_protocols import PartAffinityModel, TrainedPartAffinity
+    from scenefw.core.protocols import PartFinder
+    from scenefw.core.types import Camera, Float32, Float64, Frame, Int32
+    from scenefw.perception.segmentation.border_colours import BorderColours
+
+_EXACT = 5e-5  # m: no camera measures a floor 1 m away as well
+_JUMP = 0.01  # m: what is so much nearer or further than its thinned pixel is something else
+
+
+class AffinityParts:
+    """Cuts a depth image above the floor where a network finds different objects.
+
+    Pixels that surely show the same object are joined first, and others go to what is nearest along
+    the surface, but not across a jump of depth; where none is sure, those are joined that likely
+    show the same. Of two such regions that meet, all pixels along the border are asked: they are
+    joined if the mean is high enough, the surest first. So a few likely pixels join no objects.
+    Where the image has colour, strong edges of colour along a border lower its mean, and weak ones
+    raise it.
+    What neither jumps of depth nor creases cut is joined from a lower mean on: on things unlike
+    those it learnt from, the network cuts too often. Where a camera blurs edges, jumps say nothing.
+    Images are thinned to about the focal length that the network learnt from. Parts that it takes
+    for waves of the floor, or for what lies beyond a table's edge, are dropped, if it says which
+    pixels show objects; so are single pixels, as of ramps of depth beside objects.
+
+    Args:
+        checkpoint: of a network of affinities.
+        sure: probability of the same object from which on pixels are joined first.
+        same: mean along a border from which on the regions beside it are joined.
+        seed: pixels (of the thinned image) of the smallest region.
+        shown: parts whose pixels show an object less probably, on average, are dropped.
+        pixel: so are pixels that don't show one more probably than this, if the floor has noise;
+            without it, heights alone say where an object ends.
+        margin: points up to this height above the floor belong to it (m).
+        waves: so do points up to so many standard deviations of the floor's heights at the same
+            depth, if they are no higher than `lowest` and the floor waves.
+        smallest: parts of fewer pixels (of an image 640 wide) are dropped.
+        lowest: parts that rise no higher above the floor (m) are noise of it.
+        noisy: so are parts that rise no higher than so many standard deviations of its heights at
+            the same depth.
+        plain: cuts the image without learning; None: nothing is joined for lying in its parts.
+        agreed: mean along a border above which regions are joined that lie in one of its parts.
+        colours: what the colours along a border add to its mean, if the image has some; None: they
+            say nothing.
+
+    Raises:
+        ConfigError: a probability outside 0..1, a negative height, or fewer than 1 pixel.
+    """
+
+    def __init__(
+        self,
+        checkpoint: TrainedPartAffinity,
+        sure: float = 0.95,
+        same: float = 0.7,
+        seed: int = 12,
+        shown: float = 0.6,
+        pixel: float = 0.9,
+        margin: float = 0.005,
+        waves: float = 2.5,
+        smallest: float = 60.0,
+        lowest: float = 0.012,
+        noisy: float = 7.0,
+        plain: PartFinder | None = None,
+        agreed: float = 0.35,
+        colours: BorderColours | None = None,
+    ) -> None:
+        PROBABILITY.require(sure=sure, same=same, agreed=agreed)
+        below(1).require(shown=shown, pixel=pixel)
+        NOT_NEGATIVE.require(margin=margin, waves=waves, lowest=lowest, noisy=noisy)
+        COUNT.require(seed=seed, smallest=smallest)
+        self.model: PartAffinityModel = checkpoint.model
+        self.metadata = dict(checkpoint.metadata)
+        self.sure, self.same, self.seed = sure, same, seed
+        self.shown, self.pixel = shown, pixel
+        self.margin, self.waves, self.smallest = margin, waves, smallest
+        self.lowest, self.noisy, self.colours = lowest, noisy, colours
+        self.plain, self.agreed = plain, agreed
+
+    def segment(self, frame: Frame) -> Int32:
+        """Parts (H, W), 0 = none, of a frame whose camera has its pose (floor z = 0)."""
+        heights = world_points(frame)[..., 2]
+        at_one = floor_noise(heights, frame.depth)
+        noise = at_one * frame.depth.astype(np.float64) ** 2
+        step = max(1, round(frame.camera.fx / self.model.focal))
+        rows, columns = (np.arange(size) // step for size in frame.depth.shape)
+        depth = np.ascontiguousarray(np.nan_to_num(frame.depth[::step, ::step]), np.float32)
+        across, down, shown = self._said(depth, frame.camera, step)
+        smooth = floor_is_smooth(heights)
+        waves = self.waves * noise if smooth else 0.0
+        margin = np.clip(waves, self.margin, max(self.margin, self.lowest))
+        above = heights > margin  # NaN where no depth: not above
+        every = np.ix_(rows, columns)
+        if at_one > _EXACT:
+            above &= (shown > self.pixel)[every]
+        regions = self._regions(depth, across, down, above[::step, ::step])
+        if self.colours is not None and frame.colour is not None:
+            further = self.colours.added(regions, frame.colour, step)
+            across, down = (p + more for p, more in zip((across, down), further, strict=True))
+        joined = merged(regions, across, down, self.same)
+        if self.plain is not None and not smooth:
+            others = self.plain.segment(frame)[::step, ::step]
+            joined = joined_within(joined, others, across, down, self.agreed)
+        fewest = self.smallest * (frame.depth.shape[1] / WIDTH) ** 2
+        parts = large_parts(joined, max(1, round(fewest / step**2)))
+        unlikely = (parts > 0) & (_means(shown, parts) < self.shown)
+        parts = large_parts(np.where(unlikely, 0, parts).astype(np.int64), 1)
+        above &= ~unlikely[every]
+        near = np.abs(frame.depth - depth[every]) < _JUMP
+        parts = np.where(above & near, parts[every], 0).astype(np.int32)
+        lowest = np.maximum(self.lowest, self.noisy * noise)
+        return high_parts(grown(parts, above, frame.depth, EDGE), heights, lowest)
+
+    def _regions(
+        self, depth: Float32, across: Float32, down: Float32, above: NDArray[np.bool_]
+    ) -> Int32:
+        """Regions (H, W), 0 = none, of the thinned image, before neighbours are joined."""
+        sure = linked_parts(above, across > self.sure, down > self.sure)
+        regions = large_parts(sure, self.seed)
+        likely = linked_parts(above, across > self.same, down > self.same)
+        alone = ~np.isin(likely, likely[regions > 0])  # slivers, of which no few pixels are sure
+        further = large_parts(np.where(alone, likely, 0), self.seed)
+        regions = np.where(further > 0, further + regions.max(initial=0), regions)
+        return grown(regions, above, depth, EDGE)
+
+    @torch.no_grad()
+    def _said(self, depth: Float32, camera: Camera, step: int) -> tuple[Float32, Float32, Float32]:
+        """Probabilities that a pixel shows what the next one does, on the right and below.
+
+        The third (H, W) is that of showing an object, 1 if the network doesn't say it.
+        """
+        device = next(self.model.parameters()).device  # type: ignore[attr-defined]
+        inner = np.array([[camera.fx, camera.fy, camera.cx, camera.cy]], np.float32) / step
+        cameras = CameraBatch(
+            depth.shape[1],
+            depth.shape[0],
+            torch.from_numpy(inner).to(device),
+            torch.from_numpy(camera.T_world_camera[None].astype(np.float32)).to(device),
+        )
+        image = torch.from_numpy(depth)[None].to(device)
+        same: Float32 = self.model(image, cameras)[0].sigmoid().cpu().numpy()
+        shown = np.ones_like(depth) if self.model.shown is None else same[2]
+        return same[0, :, :-1], same[1, :-1], shown
+
+
+def _means(values: Float32, parts: Int32) -> Float64:
+    """Of each pixel (H, W), the mean of `values` (H, W) over its part."""
+    sums = np.bincount(parts.ravel(), values.ravel())
+    return np.asarray((sums / np.maximum(np.bincount(parts.ravel()), 1))[parts])

@@ -1,0 +1,85 @@
+"""What colour says about whether two regions of an image are one object."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import maximum_filter
+
+from scenefw.core.settings import NOT_NEGATIVE
+from scenefw.perception.observation.pixels import WIDTH
+from scenefw.perception.segmentation.colour_edges import colour_gradient
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from scenefw.core.types import Float32, Int32
+
+
+_MOST = 2.0  # of the strength of edges around objects
+_FAINT = 3.0  # of Lab a pixel: edges around objects of real images have 7 to 24
+
+
+class BorderColours:
+    """Raises probabilities of one object along borders where colour has no edge, or lowers them.
+
+    A border between two objects is mostly one of colour, too; where one object has been cut, colour
+    often goes on. The strength of an edge is that of its gradient, divided by that of edges around
+    all regions. A strength of `neutral` changes nothing. A weaker edge adds `weight` times the
+    difference, but at most `weight`, so colour alone joins nothing; a stronger one takes away as
+    much, up to twice the strength of edges around regions. Borders in depth lie some pixels off, so
+    the strongest edge within `reach` counts. In images without edges, as those of one colour are,
+    nothing changes.
+
+    Real things are more often of several pieces than simulated ones, from which the network has its
+    probabilities. So `neutral` is above 1: an edge as strong as those around objects still joins.
+
+    Args:
+        weight: of probability.
+        neutral: strength of an edge that changes nothing, in that of edges around objects.
+        reach: pixels of an image 640 wide.
+        smoothing: standard deviation of the image's smoothing, in the same pixels.
+
+    Raises:
+        ConfigError: a negative number.
+    """
+
+    def __init__(
+        self,
+        weight: float = 0.4,
+        neutral: float = 1.75,
+        reach: float = 3.0,
+        smoothing: float = 1.0,
+    ) -> None:
+        NOT_NEGATIVE.require(weight=weight, neutral=neutral, reach=reach, smoothing=smoothing)
+        self.weight, self.neutral = weight, neutral
+        self.reach, self.smoothing = reach, smoothing
+
+    def added(
+        self, regions: Int32, colour: NDArray[np.uint8], step: int
+    ) -> tuple[Float32, Float32]:
+        """What is added to the right (H, W - 1) and the lower (H - 1, W) neighbour's probability.
+
+        Args:
+            regions: (H, W), 0 = none, of a thinned image.
+            colour: RGB uint8 (H * step, W * step, 3) or a little smaller: the whole image, aligned
+                with the depth.
+            step: of the rows and columns of that image, every so many-th is in the thinned one.
+        """
+        edges = colour_gradient(colour, self.smoothing)
+        width = 2 * round(self.reach * colour.shape[1] / WIDTH) + 1
+        strong = maximum_filter(edges, width)[::step, ::step].astype(np.float32)
+        pairs = (strong[:, 1:], strong[:, :-1]), (strong[1:], strong[:-1])
+        objects = regions > 0
+        ends = objects[:, 1:] != objects[:, :-1], objects[1:] != objects[:-1]
+        around = [np.maximum(*pair)[end] for pair, end in zip(pairs, ends, strict=True)]
+        usual = float(np.median(np.concatenate(around))) if any(map(len, around)) else 0.0
+        if usual < _FAINT:
+            return np.zeros_like(pairs[0][0]), np.zeros_like(pairs[1][0])
+        across, down = (self._added((a + b) / (2 * usual)) for a, b in pairs)
+        return across, down
+
+    def _added(self, strength: Float32) -> Float32:
+        found = self.weight * np.minimum(self.neutral - np.minimum(strength, _MOST), 1.0)
+        return np.asarray(found, dtype=np.float32)

@@ -1,0 +1,110 @@
+"""Where objects end in the colour image, near their ends in depth."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt, find_objects, gaussian_filter
+from skimage.color import rgb2lab
+from skimage.filters import sobel
+from skimage.segmentation import watershed
+
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, at_least, below
+from scenefw.perception.observation.pixels import WIDTH
+from scenefw.perception.observation.points import world_points
+from scenefw.perception.segmentation.crease_segmentation import floor_is_smooth
+from scenefw.perception.segmentation.ramp_width import ramp_width
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from scenefw.core.types import Float64, Frame, Int32
+
+
+class ColourEdges:
+    """Moves ends of parts to edges of the colour image, by a watershed (Meyer 1994).
+
+    A stereo camera finds ends of objects only to within the window that it matches; its colour
+    image has them to a pixel. Pixels well inside a part stay its own, those well outside of all
+    parts stay outside. The band between is flooded from both along the gradient of colour in Lab,
+    so regions meet on its ridges. Where colour has no edge, they meet in the middle of the band.
+
+    The band is as wide as ramps of depth are (`ramp_width`). Images without ramps, of cameras that
+    match no windows, and those without colour stay as they are.
+
+    Args:
+        smoothing: standard deviation of the image's smoothing (pixels of an image 640 wide).
+        core: of the depth of a part in pixels, the share that lies outside of its core at most, so
+            that small parts have one.
+        narrowest: pixels from an edge to the end of its ramp, at least.
+        widest: the same, at most; both of an image 640 wide.
+
+    Raises:
+        ConfigError: a negative smoothing, a share that isn't in 0..1 or is 1, less than one pixel,
+            or a narrowest ramp that is wider than the widest.
+    """
+
+    def __init__(
+        self,
+        smoothing: float = 1.0,
+        core: float = 0.6,
+        narrowest: float = 2.0,
+        widest: float = 12.0,
+    ) -> None:
+        NOT_NEGATIVE.require(smoothing=smoothing)
+        below(1).require(core=core)
+        COUNT.require(narrowest=narrowest, widest=widest)
+        at_least(narrowest).require(widest=widest)
+        self.smoothing, self.core = smoothing, core
+        self.narrowest, self.widest = narrowest, widest
+
+    def moved(self, parts: Int32, frame: Frame) -> Int32:
+        """Parts (H, W) of a frame with its pose (floor z = 0); pixels without depth show none."""
+        heights = world_points(frame)[..., 2]
+        if frame.colour is None or not parts.any() or not floor_is_smooth(heights):
+            return parts
+        scale = frame.depth.shape[1] / WIDTH
+        away = distance_transform_edt(parts == 0)
+        width = ramp_width(heights, away, round(self.widest * scale))
+        if width < self.narrowest * scale:
+            return parts
+        refined = self.refined(parts, frame.colour, width)
+        return np.where(frame.depth > 0, refined, 0).astype(np.int32)
+
+    def refined(self, parts: Int32, colour: NDArray[np.uint8], width: int) -> Int32:
+        """Parts (H, W), 0 = none, with the same numbers.
+
+        Args:
+            parts: (H, W), 0 = none.
+            colour: (H, W, 3) RGB, aligned with them.
+            width: pixels to each side of an end of a part within which it may move.
+        """
+        outside = int(parts.max(initial=0)) + 1
+        cores = np.where(distance_transform_edt(parts == 0) > width, outside, 0)
+        for label, box in enumerate(find_objects(parts), start=1):
+            if box is not None:
+                around = _wider(box)
+                own = parts[around] == label
+                inside = distance_transform_edt(own)
+                cores[around][own & (inside > min(width, self.core * inside.max()))] = label
+        found = watershed(colour_gradient(colour, self.smoothing), cores)
+        return np.where(found == outside, 0, found).astype(np.int32)
+
+
+def colour_gradient(colour: NDArray[np.uint8], smoothing: float) -> Float64:
+    """How much colour changes at each pixel (H, W): the gradient in Lab.
+
+    Args:
+        colour: (H, W, 3) RGB.
+        smoothing: standard deviation of the smoothing before (pixels of an image 640 wide).
+    """
+    sigma = smoothing * colour.shape[1] / WIDTH
+    channels = np.moveaxis(rgb2lab(colour), -1, 0)
+    each = [sobel(gaussian_filter(channel, sigma)) for channel in channels]
+    return np.asarray(np.linalg.norm(each, axis=0))
+
+
+def _wider(box: tuple[slice, ...]) -> tuple[slice, ...]:
+    """A box with a pixel more on each side."""
+    return tuple(slice(max(side.start - 1, 0), side.stop + 1) for side in box)

@@ -1,0 +1,182 @@
+"""Edges of depth images, restored where a stereo camera has blurred them into ramps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from scipy.ndimage import distance_transform_edt, find_objects
+
+from scenefw.core.settings import COUNT, POSITIVE, at_least
+from scenefw.kernels.cameras import floor_depths, stack_cameras
+from scenefw.perception.observation.pixels import WIDTH
+from scenefw.perception.observation.points import world_points
+from scenefw.perception.observation.view_frames import seen_frames
+from scenefw.perception.segmentation.crease_segmentation import floor_is_smooth
+from scenefw.perception.segmentation.ramp_width import LEAST, ramp_width
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from scenefw.core.batches import PartialTSDF
+    from scenefw.core.protocols import MappingMethod, PartFinder
+    from scenefw.core.types import Float32, Float64, Frame, GridSpec, Int32
+    from scenefw.perception.segmentation.colour_edges import ColourEdges
+
+_ALIKE = 0.012  # m of depth between pixels of one surface
+_TALLEST = 0.25  # m
+
+
+class RestoredEdges:
+    """Gives images of stereo cameras the edges back that windows have blurred.
+
+    Such a camera matches windows. Across an edge, depth leads in a ramp from the object to what is
+    behind; the edge is in the middle of the ramp. A network says where objects end. How wide ramps
+    are is seen on the floor, whose heights are known: beside objects it seems to rise. If it does,
+    over `narrowest` pixels or more, pixels of an object that are so close to its end continue the
+    object's surface, and those of the floor lie on it. This is done where depth then jumps by
+    `jump`: where two parts touch, or a part stands on the floor, nothing was blurred.
+
+    Images whose floor doesn't wave, and images without ramps, stay as they are. Parts are those of
+    the image as it was: of what is restored, ends of ramps would be parts of their own.
+
+    Args:
+        parts: of the image: where objects end.
+        mapping: makes the partial TSDF of what is restored.
+        narrowest: pixels from an edge to the end of its ramp, at least.
+        widest: the same, at most; both of an image 640 wide.
+        jump: by which depth differs between the two sides of an edge, at least (m).
+        colour: moves ends of parts to edges of the colour image first, where there is one; None:
+            they stay in the middle of ramps. Masks that come with the view are not moved.
+
+    Raises:
+        ConfigError: less than one pixel, or a narrowest ramp that is wider than the widest.
+    """
+
+    def __init__(
+        self,
+        parts: PartFinder,
+        mapping: MappingMethod,
+        narrowest: float = 2.0,
+        widest: float = 12.0,
+        jump: float = 0.02,
+        colour: ColourEdges | None = None,
+    ) -> None:
+        COUNT.require(narrowest=narrowest, widest=widest)
+        POSITIVE.require(jump=jump)
+        at_least(narrowest).require(widest=widest)
+        self.parts, self.mapping = parts, mapping
+        self.narrowest, self.widest, self.jump = narrowest, widest, jump
+        self.colour = colour
+
+    def of(self, partial: PartialTSDF, grid: GridSpec) -> PartialTSDF:
+        """The partial TSDF of restored images and the parts in them, or the same one.
+
+        Args:
+            partial: with its images, whose cameras have poses (floor z = 0).
+            grid: of the TSDF.
+
+        Raises:
+            InputError: the partial TSDF came without its depth images.
+        """
+        frames = seen_frames(partial, "restoring edges")
+        heights = [world_points(frame)[..., 2] for frame in frames]
+        if partial.cameras is None or not any(map(floor_is_smooth, heights)):
+            return partial
+        parts = (
+            [self.parts.segment(frame) for frame in frames]
+            if partial.masks is None
+            else list(partial.masks.cpu().numpy())
+        )
+        colour = self.colour if partial.masks is None else None
+        restored = [self._image(*one, colour) for one in zip(frames, heights, parts, strict=True)]
+        depth, found = (
+            torch.from_numpy(np.stack(each)).to(partial.distance.device)
+            for each in zip(*restored, strict=True)
+        )
+        made = self.mapping.fuse(depth, grid, partial.cameras)
+        return replace(made, masks=partial.masks, parts=found, colours=partial.colours)
+
+    def _image(
+        self, frame: Frame, heights: Float64, parts: Int32, colour: ColourEdges | None
+    ) -> tuple[Float32, Int32]:
+        """The restored depth (H, W) and the parts in it, or those of the frame itself."""
+        if not parts.any() or not floor_is_smooth(heights):
+            return frame.depth, parts
+        parts = parts if colour is None else colour.moved(parts, frame)
+        scale = frame.depth.shape[1] / WIDTH
+        away = distance_transform_edt(parts == 0)
+        width = ramp_width(heights, away, round(self.widest * scale))
+        if width < self.narrowest * scale:
+            return frame.depth, parts
+        found = continued(frame.depth, parts, width)
+        tallest = min(_TALLEST, frame.camera.T_world_camera[2, 3])  # below it rays go down
+        on_floor = (away > 0) & (away <= width + 1) & (heights > LEAST) & (heights < tallest)
+        floor = floor_depths(stack_cameras([frame.camera]))[0].numpy()
+        found = np.where(on_floor, floor, found)
+        near = distances(jumps(found, parts, self.jump)) <= width + 1
+        return np.where(near, found, frame.depth), parts
+
+
+def continued(depth: Float32, parts: Int32, width: int) -> Float32:
+    """Depth (H, W) whose pixels within `width` of the end of a part continue its surface.
+
+    Inverse depth is linear along a plane. So a pixel gets twice that of the nearest pixel inside,
+    less that of the one as far again inside, if it is of the same surface.
+
+    Args:
+        depth: (H, W) metres, 0 = no measurement.
+        parts: (H, W), 0 = none.
+        width: pixels.
+    """
+    inside = (distances(jumps(depth, parts)) > width) & (depth > 0)
+    found = depth.copy()
+    for label, box in enumerate(find_objects(parts), start=1):
+        if box is None:
+            continue
+        own, image = parts[box] == label, depth[box]
+        inner = own & inside[box]
+        if not inner.any():
+            continue
+        away, nearest = distance_transform_edt(~inner, return_indices=True)
+        at = np.nonzero(own & ~inner & (image > 0) & (away <= 2 * width + 2))
+        here = tuple(axis[at] for axis in nearest)
+        further = tuple(
+            np.clip(2 * h - a, 0, size - 1)
+            for h, a, size in zip(here, at, image.shape, strict=True)
+        )
+        near, beyond = image[here], image[further]
+        alike = inner[further] & (np.abs(beyond - near) < _ALIKE)
+        found[box][at] = 1 / np.where(alike, 2 / near - 1 / np.where(alike, beyond, 1), 1 / near)
+    return found
+
+
+def jumps(depth: Float32, parts: Int32, least: float = 0.0) -> NDArray[np.bool_]:
+    """Pixels (H, W) beside which another part is, or none, in another depth.
+
+    Args:
+        depth: (H, W) metres, 0 = no measurement.
+        parts: (H, W), 0 = none.
+        least: by how much depth differs there (m); 0 takes all ends of parts.
+    """
+    found = np.zeros(parts.shape, dtype=bool)
+    for first, second in (
+        ((slice(None), slice(1, None)), (slice(None), slice(None, -1))),
+        ((slice(1, None), slice(None)), (slice(None, -1), slice(None))),
+    ):
+        ends = parts[first] != parts[second]
+        if least:
+            both = (depth[first] > 0) & (depth[second] > 0)
+            ends &= both & (np.abs(depth[first] - depth[second]) >= least)
+        found[first] |= ends
+        found[second] |= ends
+    return found
+
+
+def distances(marked: NDArray[np.bool_]) -> Float64:
+    """Pixels (H, W) to the nearest marked one, infinite if none is."""
+    if not marked.any():
+        return np.full(marked.shape, np.inf)
+    return np.asarray(distance_transform_edt(~marked))

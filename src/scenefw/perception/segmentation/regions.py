@@ -1,0 +1,242 @@
+"""Parts of a depth image: neighbouring pixels of similar depth belong together."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
+from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse.csgraph import connected_components, dijkstra
+
+from scenefw.core.types import Float32, Float64, Frame, Int32
+from scenefw.perception.observation.points import camera_points
+
+_NOISE = 0.002  # m between neighbouring pixels of one surface
+EDGE = 0.03
+"""m: where depth jumps as far from one pixel to the next, another object begins."""
+
+_SHORTEST = 3  # pixels of a border that say something
+
+_NEIGHBOURS = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]))
+
+
+def depth_parts(depth: Float32, among: NDArray[np.bool_], jump: float) -> NDArray[np.int64]:
+    """Components (H, W), from 1 on, of the pixels `among` that count; 0 elsewhere.
+
+    Args:
+        depth: (H, W) metres.
+        among: (H, W) pixels that belong to a part.
+        jump: neighbouring pixels further apart in depth belong to different parts (m).
+    """
+    near = [np.abs(depth[a] - depth[b]) < jump for a, b in _NEIGHBOURS]
+    return linked_parts(among, near[0], near[1])
+
+
+def linked_parts(
+    among: NDArray[np.bool_], across: NDArray[np.bool_], down: NDArray[np.bool_]
+) -> NDArray[np.int64]:
+    """Components (H, W), from 1 on, of the pixels `among` that links join; 0 elsewhere.
+
+    Args:
+        among: (H, W) pixels that belong to a part.
+        across: (H, W - 1) whether a pixel is joined to its right neighbour.
+        down: (H - 1, W) whether it is to the one below.
+    """
+    index = np.arange(among.size).reshape(among.shape)
+    rows, columns = [], []
+    linked = iter((across, down))
+    for a, b in _NEIGHBOURS:
+        joined = among[a] & among[b] & next(linked)
+        rows.append(index[a][joined])
+        columns.append(index[b][joined])
+    row, column = np.concatenate(rows), np.concatenate(columns)
+    links = coo_matrix((np.ones(len(row), bool), (row, column)), (among.size, among.size))
+    labels = connected_components(links, directed=False)[1].reshape(among.shape)
+    used = np.unique(labels[among])
+    return np.where(among, np.searchsorted(used, labels) + 1, 0)
+
+
+def merged(regions: Int32, across: Float32, down: Float32, least: float) -> NDArray[np.int64]:
+    """Regions (H, W) of which neighbours are joined, the pair with the highest mean border first.
+
+    Args:
+        regions: (H, W), 0 = none.
+        across: (H, W - 1) how surely a pixel and its right neighbour belong together.
+        down: (H - 1, W) the same for the one below.
+        least: mean along the border of two regions from which on they are joined.
+    """
+    sums, borders = along_borders(regions, across, down)
+    owner = np.arange(len(sums))
+    while True:
+        means = np.divide(sums, borders, out=np.zeros_like(sums), where=borders > 0)
+        kept, gone = np.unravel_index(means.argmax(), means.shape)
+        if means[kept, gone] < least or not borders[kept, gone]:
+            return owner[regions]
+        owner[owner == gone] = kept
+        for table in (sums, borders):
+            table[kept] += table[gone]
+            table[:, kept] += table[:, gone]
+            table[gone] = table[:, gone] = table[kept, kept] = 0
+
+
+def joined_within(
+    regions: NDArray[np.int64],
+    parts: Int32,
+    across: Float32,
+    down: Float32,
+    least: float,
+    share: float = 0.8,
+) -> NDArray[np.int64]:
+    """Regions (H, W) of which neighbours are joined that lie in one part of another segmentation.
+
+    Args:
+        regions: (H, W), 0 = none.
+        parts: (H, W) of the other segmentation, 0 = none.
+        across: (H, W - 1) how surely a pixel and its right neighbour belong together.
+        down: (H - 1, W) the same for the one below.
+        least: mean along the border of two regions above which they are joined.
+        share: of a region's pixels that a part must have for the region to lie in it.
+    """
+    sums, borders = along_borders(regions, across, down)
+    shared = np.zeros((len(sums), int(parts.max(initial=0)) + 1))
+    np.add.at(shared, (regions, parts), 1)
+    part = shared.argmax(axis=1)
+    within = (part > 0) & (shared.max(axis=1) >= share * shared.sum(axis=1))
+    both = within[:, None] & within & (part[:, None] == part)
+    both &= (borders >= _SHORTEST) & (sums > least * borders)
+    groups = connected_components(csr_matrix(both), directed=False)[1]
+    _, first = np.unique(groups, return_index=True)
+    return np.asarray(first[groups][regions], dtype=np.int64)
+
+
+def hiding(parts: Int32, depth: Float32, share: float = 0.9) -> NDArray[np.bool_]:
+    """Which parts (P + 1, P + 1) border on each other where one hides the other.
+
+    No convex object has such borders between two parts of its own.
+
+    Args:
+        parts: (H, W), 0 = none.
+        depth: (H, W) metres.
+        share: of a border's pixels at which depth must jump (`EDGE`).
+    """
+    across, down = (np.abs(depth[a] - depth[b]) > EDGE for a, b in _NEIGHBOURS)
+    jumps, borders = along_borders(parts, across, down)
+    found: NDArray[np.bool_] = (borders > 0) & (jumps >= share * borders)
+    return found
+
+
+def along_borders(
+    parts: NDArray[np.integer[Any]], across: NDArray[Any], down: NDArray[Any]
+) -> tuple[Float64, Float64]:
+    """Sums of values along the borders between parts, and the lengths of these borders (pixels).
+
+    Args:
+        parts: (H, W), 0 = none.
+        across: (H, W - 1) values between a pixel and its right neighbour.
+        down: (H - 1, W) the same for the one below.
+
+    Returns:
+        Two tables (P + 1, P + 1), symmetric.
+    """
+    count = int(parts.max(initial=0)) + 1
+    sums, lengths = np.zeros((2, count, count))
+    values = iter((across, down))
+    for a, b in _NEIGHBOURS:
+        value, first, second = next(values), parts[a], parts[b]
+        meet = (first != second) & (first > 0) & (second > 0)
+        for rows, columns in ((first, second), (second, first)):
+            np.add.at(sums, (rows[meet], columns[meet]), value[meet])
+            np.add.at(lengths, (rows[meet], columns[meet]), 1)
+    return sums, lengths
+
+
+def large_parts(components: NDArray[np.int64], smallest: int) -> NDArray[np.int32]:
+    """Components (H, W) of at least `smallest` pixels, renumbered from 1 on; others become 0."""
+    sizes = np.bincount(components.ravel())
+    kept = sizes >= smallest
+    kept[0] = False  # label 0 is the background
+    return (np.cumsum(kept) * kept)[components].astype(np.int32)
+
+
+def concave_creases(frame: Frame, cosine: float, reach: int) -> NDArray[np.bool_]:
+    """Pixels (H, W) at which the seen surface bends towards the camera, along rows or columns.
+
+    Three points of a row or a column, `reach` pixels apart, say how much: the middle one lies
+    behind the chord of the others, and the directions to and from it differ.
+
+    Args:
+        frame: its depth counts, in camera coordinates.
+        cosine: of the least angle between these directions.
+        reach: pixels.
+    """
+    points = camera_points(frame)
+    found = np.zeros(frame.depth.shape, dtype=bool)
+    for axis in (0, 1):
+        if found.shape[axis] <= 2 * reach:
+            continue
+        before, here, after = _thirds(points, axis, reach)
+        come, go = here - before, after - here
+        with np.errstate(invalid="ignore"):
+            bent = _dot(come, go) < cosine * np.sqrt(_dot(come, come) * _dot(go, go))
+            behind = _dot(come - go, here) > 0  # here: also the direction of its ray
+        middle = [slice(None), slice(None)]
+        middle[axis] = slice(reach, -reach)
+        found[tuple(middle)] |= bent & behind
+    return found
+
+
+def _thirds(points: Float64, axis: int, reach: int) -> tuple[Float64, Float64, Float64]:
+    """The points that have neighbours at `reach` on both sides of an axis, between these."""
+    size = points.shape[axis]
+    starts = ((0, size - 2 * reach), (reach, size - reach), (2 * reach, size))
+    spans = [points[start:stop] if axis == 0 else points[:, start:stop] for start, stop in starts]
+    return spans[0], spans[1], spans[2]
+
+
+def _dot(a: Float64, b: Float64) -> Float64:
+    return np.einsum("...i,...i->...", a, b)
+
+
+def grown(
+    labels: Int32, among: NDArray[np.bool_], depth: Float32, furthest: float = np.inf
+) -> Int32:
+    """Labels (H, W) that also cover the pixels `among` that can be reached through others.
+
+    Each takes the label that is nearest along the image, where a step costs a pixel and each
+    millimetre of depth beyond `_NOISE` another (Dijkstra's shortest paths from all labels at once).
+
+    Args:
+        labels: (H, W), 0 = none.
+        among: (H, W) pixels that may get one.
+        depth: (H, W) metres.
+        furthest: no step goes across a jump of depth above this (m).
+    """
+    todo = among & (labels == 0)
+    seeds = (labels > 0) & binary_dilation(todo)
+    if not todo.any() or not seeds.any():
+        return labels
+    number = np.cumsum((todo | seeds).ravel()).reshape(labels.shape) - 1
+    steps = _steps(depth, todo | seeds, number, furthest)
+    _, _, source = dijkstra(
+        steps, directed=False, indices=number[seeds], return_predecessors=True, min_only=True
+    )
+    own = labels[todo | seeds]
+    filled = labels.copy()
+    filled[todo | seeds] = np.where(source >= 0, own[np.maximum(source, 0)], own)
+    return filled
+
+
+def _steps(
+    depth: Float32, among: NDArray[np.bool_], number: NDArray[np.intp], furthest: float
+) -> csr_matrix:
+    """Costs between neighbours, by their numbers."""
+    rows, columns, costs = [], [], []
+    for a, b in _NEIGHBOURS:
+        both = among[a] & among[b] & (np.abs(depth[a] - depth[b]) <= furthest)
+        rise = np.abs(depth[a][both] - depth[b][both])
+        rows.append(number[a][both])
+        columns.append(number[b][both])
+        costs.append(1 + 1000 * np.maximum(rise - _NOISE, 0))
+    size = int(among.sum())
+    places = (np.concatenate(rows), np.concatenate(columns))
+    return csr_matrix((np.concatenate(costs), places), (size, size))

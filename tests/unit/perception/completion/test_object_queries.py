@@ -1,0 +1,167 @@
+"""Scenes that a decoder of sets predicts, as they are and fitted to the image."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+import torch
+from tests.unit.perception.completion.test_superquadrics import partial_of
+from tests.unit.perception.evidence.test_gathering import distance, view_of
+from tests.unit.perception.synthetic import STACK, camera_at
+
+from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.queried_sets import QueriedSet
+from scenefw.core.types import GridSpec
+from scenefw.data.set_views import image_view
+from scenefw.data.view_samples import image_facts, view_facts
+from scenefw.fitting.joint import JointFit
+from scenefw.fitting.superquadrics import SuperquadricFit
+from scenefw.perception.completion.object_queries import ObjectQueryReconstructor
+from scenefw.perception.completion.refinement import RefinedSets
+from scenefw.perception.evidence.gathering import EvidenceOfView
+
+BOXES = [(np.array(box.lower), np.array(box.upper)) for box in STACK]
+ROUGH = [(lower + 0.012, upper + 0.012) for lower, upper in BOXES]
+HIDDEN = (np.array([-0.02, 0.1, 0.0]), np.array([0.02, 0.14, 0.03]))
+IN_SIGHT = (np.array([-0.02, -0.3, 0.1]), np.array([0.02, -0.26, 0.14]))
+
+
+class Told(torch.nn.Module):
+    """Predicts boxes (lower, upper), of which the last is not there."""
+
+    sees = "volume"
+
+    def __init__(self, boxes):
+        super().__init__()
+        self.any = torch.nn.Parameter(torch.zeros(1))
+        ends = torch.from_numpy(np.array([*boxes, BOXES[0]])).float()[None]
+        count = ends.shape[1]
+        existence = torch.linspace(4, 2, count)[None].clone()
+        existence[:, -1] = -3.0
+        self.found = QueriedSet(
+            existence, (ends[:, :, 1] - ends[:, :, 0]) / 2, torch.full((1, count, 3), 60.0),
+            torch.eye(3).expand(1, count, 3, 3), ends.mean(dim=2),
+            torch.ones(1, count, dtype=torch.bool), ends.mean(dim=2),
+        )  # fmt: skip
+
+    def predict(self, condition, points, seen):
+        self.saw = condition, points, seen
+        return self.found
+
+
+class ToldOfImages(Told):
+    """The same boxes, in the frame of the view that it was shown."""
+
+    sees = "image"
+
+    def __init__(self, boxes, view):
+        super().__init__(boxes)
+        shift = self.found.positions - view.origin[:, None]
+        self.found = replace(
+            self.found, rotations=view.turn[:, None] @ self.found.rotations,
+            positions=torch.einsum("bij,bnj->bni", view.turn, shift),
+        )  # fmt: skip
+
+
+@dataclass
+class Loaded:
+    model: Told
+    grid: GridSpec
+    metadata: dict = field(default_factory=lambda: {"made": "by hand"})
+
+
+def complete(boxes, *, fitted=False, resolution=48):
+    view, camera = view_of(resolution), camera_at(eye=(0.0, -0.85, 0.6))
+    model = Told(boxes)
+    refined = RefinedSets(JointFit(SuperquadricFit()), EvidenceOfView()) if fitted else None
+    method = ObjectQueryReconstructor(Loaded(model, view.grid), refined)
+    assert method.metadata == {"made": "by hand"}
+    scenes = method.complete(partial_of(view, camera), view.grid, 2, torch.Generator())
+    assert len(scenes) == 2
+    return view, model, scenes[0]
+
+
+@pytest.mark.parametrize(("metadata", "points"), [({}, 1024), (view_facts(50), 50)])
+def test_networks_are_shown_as_many_points_as_in_their_training(metadata, points):
+    view, camera = view_of(48), camera_at(eye=(0.0, -0.85, 0.6))
+    method = ObjectQueryReconstructor(Loaded(Told(BOXES), view.grid, metadata))
+    method.complete(partial_of(view, camera), view.grid, 1, torch.Generator())
+    assert method.queried.model.saw[1].shape == (1, points, 3)
+
+
+def overlap(scene, view):
+    found, true = scene.tsdf[0].numpy() < 0, view.tsdf < 0
+    return (found & true).sum() / (found | true).sum()
+
+
+def test_what_is_predicted_becomes_a_scene():
+    view, model, scene = complete(BOXES)
+    assert overlap(scene, view) > 0.95
+    assert set(np.unique(scene.instances.numpy())) == {0, 1, 2}
+    assert list(scene.placed[0]) == [1, 2]
+    shown = scene.masks[0].numpy()
+    both = (view.masks > 0) & (shown > 0)
+    assert (shown[both] == view.masks[both]).mean() > 0.98
+    assert both.sum() > 0.97 * (view.masks > 0).sum()
+    _, points, seen = model.saw
+    assert seen.all()
+    gaps = np.min([np.abs(distance(points[0].numpy(), box)) for box in STACK], axis=0)
+    assert np.quantile(gaps, 0.95) < 2e-3
+
+
+@pytest.mark.parametrize("eye", [(0.0, -0.85, 0.6), (0.7, 0.4, 0.5)])
+@pytest.mark.parametrize("width", [64, 128])
+def test_what_is_predicted_in_the_frame_of_an_image_stands_in_the_world(eye, width):
+    view, camera = view_of(48), camera_at(eye=eye)
+    nothing = replace(view, free=np.zeros_like(view.free))  # another side is free from here
+    partial = partial_of(nothing, camera)
+    seen = image_view(partial, view.grid, width)
+    assert abs(seen.turn[0, 0, 1]) > 0.1  # not the world's x
+    model = ToldOfImages(BOXES, seen)
+    method = ObjectQueryReconstructor(Loaded(model, view.grid, image_facts(width)))
+    (scene,) = method.complete(partial, view.grid, 1, torch.Generator())
+    assert overlap(scene, view) > 0.95
+    condition, points, _ = model.saw
+    assert condition.shape[-1] == width
+    assert torch.equal(points, seen.points)
+
+
+def test_rough_predictions_are_fitted_to_what_is_seen():
+    view, _, rough = complete(ROUGH)
+    _, _, fitted = complete(ROUGH, fitted=True)
+    assert overlap(fitted, view) > overlap(rough, view) + 0.1
+    assert overlap(fitted, view) > 0.9
+
+
+def test_of_predictions_of_one_object_the_surer_is_kept():
+    _, _, scene = complete([BOXES[0], ROUGH[0], BOXES[1]])
+    assert len(scene.placed[0]) == 2
+
+
+def test_hidden_objects_stay_where_nothing_speaks_against_them():
+    _, _, scene = complete([*BOXES, HIDDEN], fitted=True)
+    assert len(scene.placed[0]) == 3
+    _, _, scene = complete([*BOXES, IN_SIGHT], fitted=True)
+    assert len(scene.placed[0]) == 2
+
+
+def test_a_view_without_objects_is_empty():
+    for fitted in (False, True):
+        _, _, scene = complete([], fitted=fitted)
+        assert (scene.instances == 0).all()
+        assert (scene.tsdf > 0).all()
+        assert (scene.masks == 0).all()
+        assert scene.placed == ({},)
+
+
+def test_what_it_cannot_do_is_said_in_one_line():
+    view, camera = view_of(32), camera_at(eye=(0.0, -0.85, 0.6))
+    loaded = Loaded(Told(BOXES), view.grid)
+    partial = replace(partial_of(view, camera), depth=None)
+    with pytest.raises(InputError, match="needs the depth images"):
+        ObjectQueryReconstructor(loaded).complete(partial, view.grid, 1, torch.Generator())
+    for wrong, words in (({"exists": 1.5}, r"exists = 1\.5"), ({"own": 0.0}, r"own = 0\.0")):
+        with pytest.raises(ConfigError, match=words):
+            ObjectQueryReconstructor(loaded, **wrong)
+    with pytest.raises(ConfigError, match=r"drawn_sigma = 0\.001"):
+        RefinedSets(JointFit(SuperquadricFit()), EvidenceOfView(), drawn_sigma=0.001)

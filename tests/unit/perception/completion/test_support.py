@@ -1,0 +1,99 @@
+"""Objects that nothing carries go on to the floor or to what is below them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+from tests.unit.perception.evidence.test_gathering import view_of
+
+from scenefw.core import geometry
+from scenefw.core.evidence import FittedSuperquadric
+from scenefw.core.types import Pose
+from scenefw.fitting.placed import shape_of
+from scenefw.perception.completion.support import standing
+
+
+def closed():
+    """A view that sees through nothing."""
+    view = view_of(32)
+    return replace(view, free=np.zeros_like(view.free))
+
+
+CLOSED = closed()
+
+
+@pytest.fixture(scope="module")
+def view():
+    return CLOSED
+
+
+def box(lower, upper, turn=None):
+    """A box by two corners; `turn` says how its own axes lie, its place stays."""
+    lower, upper = np.array(lower), np.array(upper)
+    turn = np.eye(3) if turn is None else turn
+    half = np.abs(turn.T @ (upper - lower)) / 2
+    pose = Pose((lower + upper) / 2, geometry.quaternion_from_rotation(turn))
+    return FittedSuperquadric(half, np.full(3, 40.0), pose, 0.0, np.empty(0))
+
+
+def ends(one):
+    """Lower and upper corner of the box about it."""
+    corners = shape_of(one).mesh(8).vertices @ one.pose.rotation.T + one.pose.position
+    return corners.min(axis=0), corners.max(axis=0)
+
+
+WAYS = [np.eye(3), np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]), np.diag([1.0, -1, -1])]
+
+
+@pytest.mark.parametrize("turn", WAYS)
+def test_a_box_in_the_air_goes_on_to_the_floor(view, turn):
+    one = box((0.0, 0.0, 0.05), (0.1, 0.06, 0.12), turn)
+    (found,) = standing([one], view)
+    lower, upper = ends(found)
+    assert np.allclose(lower, (0, 0, 0), atol=2e-3)
+    assert np.allclose(upper, (0.1, 0.06, 0.12), atol=2e-3)
+
+
+@pytest.mark.parametrize("turn", WAYS)
+def test_a_box_in_the_air_goes_on_to_the_box_below_it(view, turn):
+    below = box((-0.02, -0.02, 0.0), (0.12, 0.12, 0.03))
+    beside = box((0.3, 0.0, 0.0), (0.4, 0.1, 0.04))
+    found = standing([box((0.0, 0.0, 0.08), (0.1, 0.06, 0.12), turn), below, beside], view)
+    assert found[1:] == [below, beside]
+    assert abs(ends(found[0])[0][2] - 0.03) < 0.008
+    assert abs(ends(found[0])[1][2] - 0.12) < 2e-3
+
+
+def test_a_box_that_sinks_into_the_floor_ends_there(view):
+    (found,) = standing([box((0.0, 0.0, -0.02), (0.1, 0.06, 0.06))], view)
+    lower, upper = ends(found)
+    assert np.allclose([lower[2], upper[2]], [0.0, 0.06], atol=2e-3)
+    below = box((0.0, 0.0, -0.05), (0.1, 0.06, 0.002))  # nothing would be left of it
+    assert standing([below], view) == [below]
+
+
+def test_what_is_carried_or_tilted_or_seen_through_stays(view):
+    carried = [box((0, 0, 0), (0.1, 0.1, 0.05)), box((0.05, 0, 0.055), (0.15, 0.1, 0.1))]
+    assert standing(carried, view) == carried
+    tilted = box((0, 0, 0.05), (0.1, 0.06, 0.12), Rotation.from_euler("x", 40, True).as_matrix())
+    assert standing([tilted], view) == [tilted]
+    hanging = box((0.0, 0.0, 0.08), (0.1, 0.06, 0.12))
+    seen = replace(view, free=np.ones_like(view.free))
+    assert standing([hanging], seen) == [hanging]
+
+
+@given(
+    st.floats(-0.03, 0.1), st.floats(0.08, 0.2), st.floats(-17.0, 17.0), st.floats(-180.0, 180.0)
+)
+def test_the_upper_end_stays_and_the_lower_one_comes_to_the_floor(low, height, tilt, around):
+    turn = Rotation.from_euler("zx", (around, tilt), degrees=True).as_matrix()
+    one = box((0.0, 0.0, low), (0.08, 0.05, low + height), np.eye(3))
+    one = replace(one, pose=Pose(one.pose.position, geometry.quaternion_from_rotation(turn)))
+    (found,) = standing([one], CLOSED)
+    up = one.pose.rotation[:, 2]
+    tops = [x.pose.position + x.half_axes[2] * up for x in (one, found)]
+    assert np.allclose(*tops, atol=1e-6)
+    assert -0.01 < ends(found)[0][2] < 0.012  # on the floor, however it was before

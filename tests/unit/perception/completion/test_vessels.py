@@ -1,0 +1,231 @@
+"""Which objects of a view become hollow."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+from scipy.spatial import cKDTree
+
+import scenefw
+from scenefw.core.errors import ConfigError
+from scenefw.core.evidence import FittedSuperquadric
+from scenefw.core.geometry import look_at
+from scenefw.core.types import Camera, GridSpec, Pose, TriangleMesh
+from scenefw.fitting.vessels import VesselFit
+from scenefw.kernels.cameras import stack_cameras
+from scenefw.kernels.meshes import Tree
+from scenefw.noise.stereo import Stereo
+from scenefw.perception.completion.vessels import Vessels, with_vessels
+from scenefw.perception.evidence.gathering import View
+from scenefw.shapes.superquadric import Superquadric
+from scenefw.shapes.vessel import Vessel
+
+MUG = Vessel(0.04, 1.0, 1.0, 0.1, 0.004)
+BOWL = Vessel(0.08, 0.4, 0.5, 0.06, 0.004)
+CAN = Superquadric([0.04, 0.04, 0.05], [2, 2, 40])
+PLACE = (0.05, 0.02)
+
+
+def lens(eye, size=(320, 240)):
+    width, height = size
+    focal = 1.1 * width
+    pose = look_at(eye, (*PLACE, 0.04))
+    return Camera(width, height, focal, focal, (width - 1) / 2, (height - 1) / 2, pose)
+
+
+def pictured(mesh, camera):
+    """Depth (H, W) of a mesh that stands on the floor at `PLACE`, and where it is seen (H, W)."""
+    corners = mesh.vertices + [*PLACE, -mesh.vertices[:, 2].min()]
+    u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+    ahead = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(u.shape)])
+    ahead = np.moveaxis(ahead, 0, -1).reshape(-1, 3) @ camera.T_world_camera[:3, :3].T
+    eye = np.broadcast_to(camera.T_world_camera[:3, 3], ahead.shape)
+    rays = np.concatenate([eye, ahead], axis=1).astype(np.float32)
+    far, hit, _ = Tree(corners[mesh.faces].astype(np.float32)).cast(torch.from_numpy(rays))
+    shape = (camera.height, camera.width)
+    return far.numpy().reshape(shape), (hit.numpy() >= 0).reshape(shape)
+
+
+def view_of(mesh, eye, resolution=64, size=(320, 240)):
+    camera = lens(eye, size)
+    depth, shown = pictured(mesh, camera)
+    u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+    local = np.stack([(u - camera.cx) / camera.fx * depth, (v - camera.cy) / camera.fy * depth,
+                      depth], axis=-1)  # fmt: skip
+    pose = camera.T_world_camera
+    points = local @ pose[:3, :3].T + pose[:3, 3]
+    grid = GridSpec(resolution=resolution)
+    centres = grid.centres().reshape(-1, 3)
+    seen = (centres - pose[:3, 3]) @ pose[:3, :3]
+    columns = np.round(seen[:, 0] / seen[:, 2] * camera.fx + camera.cx).astype(int)
+    rows = np.round(seen[:, 1] / seen[:, 2] * camera.fy + camera.cy).astype(int)
+    inside = (columns >= 0) & (columns < camera.width) & (rows >= 0) & (rows < camera.height)
+    before = depth[np.where(inside, rows, 0), np.where(inside, columns, 0)]
+    free = inside & (seen[:, 2] < before - grid.voxel_size)
+    empty = np.full(grid.shape, grid.truncation, np.float32)
+    return View(points, shown.astype(np.int32), empty, np.zeros(grid.shape, np.int32),
+                free.reshape(grid.shape), grid, pose[:3, 3])  # fmt: skip
+
+
+def upright(shape, height):
+    pose = Pose(np.array([*PLACE, height]), np.array([1.0, 0, 0, 0]))
+    return FittedSuperquadric(shape.half_axes, shape.exponents, pose, 0.0, np.empty(0))
+
+
+EYES = [(0.1, -0.7, 0.55), (-0.4, 0.4, 0.6)]
+
+
+@pytest.mark.parametrize("size", [(320, 240), (640, 480)])
+@pytest.mark.parametrize("eye", EYES)
+@pytest.mark.parametrize("vessel", [MUG, BOWL])
+def test_what_one_sees_into_becomes_hollow(vessel, eye, size):
+    view = view_of(vessel.mesh(), eye, size=size)
+    found = Vessels(VesselFit()).found(view, [1], {})
+    assert list(found) == [1]
+    assert found[1].shape.radius == pytest.approx(vessel.radius, rel=0.06)
+    # A superquadric about it all is no better, as the far wall is seen through it
+    about = Superquadric([vessel.radius] * 2 + [vessel.height / 2], [2, 2, 40])
+    known = {1: upright(about, vessel.height / 2)}
+    assert list(Vessels(VesselFit()).found(view, [1], known)) == [1]
+
+
+@pytest.mark.parametrize("eye", EYES)
+def test_a_can_stays_solid_with_a_superquadric_and_without(eye):
+    view = view_of(CAN.mesh(24), eye)
+    assert Vessels(VesselFit()).found(view, [1], {1: upright(CAN, 0.05)}) == {}
+    assert Vessels(VesselFit()).found(view, [1], {}) == {}
+
+
+def test_a_mug_from_the_side_stays_solid():
+    view = view_of(MUG.mesh(), (0.0, -0.9, 0.06))
+    assert Vessels(VesselFit()).found(view, [1], {}) == {}
+
+
+def test_without_one_eye_and_with_few_points_nothing_is_hollow():
+    view = view_of(MUG.mesh(), EYES[0])
+    assert Vessels(VesselFit()).found(replace(view, eye=None), [1], {}) == {}
+    assert Vessels(VesselFit(), least=10**6).found(view, [1], {}) == {}
+
+
+def test_a_wall_where_the_view_sees_through_is_none():
+    view = view_of(MUG.mesh(), EYES[0])
+    everything = np.ones_like(view.free)
+    assert Vessels(VesselFit()).found(replace(view, free=everything), [1], {}) == {}
+
+
+def test_what_lies_in_a_vessel_keeps_its_voxels():
+    view = view_of(BOWL.mesh(), EYES[0])
+    found = Vessels(VesselFit()).found(view, [1], {})
+    ball = np.linalg.norm(view.grid.centres() - [*PLACE, 0.035], axis=-1) - 0.03
+    tsdf = np.minimum(ball, view.grid.truncation).astype(np.float32)
+    instances = np.where(ball < 0, 2, 0).astype(np.int32)
+    _, labels = with_vessels(found, tsdf, instances, view)
+    assert np.array_equal(labels == 2, instances == 2)
+    assert (labels == 1).sum() > 100
+
+
+def test_a_piece_of_a_large_or_a_flat_one_is_none():
+    view = view_of(BOWL.mesh(), EYES[0])
+    narrow = replace(view, masks=view.masks * (np.abs(view.points[..., 0] - PLACE[0]) < 0.02))
+    narrow = replace(narrow, masks=narrow.masks * (view.points[..., 1] > PLACE[1]))
+    assert Vessels(VesselFit()).found(narrow, [1], {}) == {}
+    assert Vessels(VesselFit(), flattest=0.07).found(view, [1], {}) == {}
+
+
+def test_a_vessel_that_ends_beyond_the_grid_is_none():
+    view = view_of(MUG.mesh(), EYES[0])
+    small = GridSpec(resolution=64, extent=0.2, lower=(PLACE[0] - 0.2, PLACE[1] - 0.1, -0.02))
+    free = np.zeros(small.shape, bool)
+    assert Vessels(VesselFit()).found(replace(view, grid=small, free=free), [1], {}) == {}
+
+
+@pytest.mark.parametrize("resolution", [64, 96])
+def test_volumes_have_a_lid_and_others_stay(resolution):
+    view = view_of(BOWL.mesh(), EYES[0], resolution)
+    found = Vessels(VesselFit()).found(view, [1], {})
+    other = np.linalg.norm(view.grid.centres() - [-0.2, 0.1, 0.05], axis=-1) - 0.05
+    tsdf = np.minimum(other, view.grid.truncation).astype(np.float32)
+    instances = np.where(tsdf < 0, 2, 0).astype(np.int32)
+    made, labels = with_vessels(found, tsdf, instances, view)
+    assert set(np.unique(labels)) == {0, 1, 2}
+    assert np.array_equal(labels == 2, instances == 2)
+    filled = (labels == 1).sum() * view.grid.voxel_size**3
+    t = np.linspace(0, 1, 2001)
+    true = np.pi * np.mean((0.08 * (0.4 + 0.6 * t**0.5)) ** 2) * 0.06
+    assert filled == pytest.approx(true, rel=0.15)
+    assert np.array_equal(made < 0, labels > 0)
+
+
+@pytest.mark.parametrize("wrong", [{"near": 0.0}, {"explained": 1.5}, {"points": 3}, {"edge": -1}])
+def test_bad_settings(wrong):
+    with pytest.raises(ConfigError, match=f"^{next(iter(wrong))} = "):
+        Vessels(VesselFit(), **wrong)
+
+
+HOLLOW = "ycb_video_frame/024_bowl ycb_video_frame/025_mug pybullet_urdf/bowl pybullet_urdf/mug"
+SOLID = "ycb_video_frame/005_tomato_soup_can ycb_video_frame/004_sugar_box object_sim/apple"
+_NOISE = Stereo(waves=0.05, window=2, edges=1.0, shadows=0.7)
+
+
+def off(scene, camera, mesh):
+    """Mean distance (mm) from the true surface to that of all objects, and back."""
+    truth = TriangleMesh(mesh.vertices + [*PLACE, -mesh.vertices[:, 2].min()], mesh.faces)
+    own = camera.T_world_camera @ np.linalg.inv(scene.estimate.frame.camera.T_world_camera)
+    found = trimesh.util.concatenate(
+        [
+            trimesh.Trimesh(item.mesh.vertices @ own[:3, :3].T + own[:3, 3], item.mesh.faces)
+            for item in scene.objects
+        ]
+    )
+    sides = [trimesh.Trimesh(truth.vertices, truth.faces), found]
+    points = [trimesh.sample.sample_surface(side, 6000, seed=0)[0] for side in sides]
+    ways = [cKDTree(points[k]).query(points[1 - k])[0].mean() for k in (0, 1)]
+    return 500 * sum(ways)
+
+
+@pytest.mark.exhaustive
+def test_real_bowls_and_mugs_are_met_and_solid_things_stay(real_data, capsys):
+    """Pictures of scanned meshes with noise of a stereo camera, from two sides each."""
+    models = {
+        name: scenefw.load("simstack", "run.pipeline.samples=1", *more)
+        for name, more in (("hollow", []), ("solid", ["reconstructor.vessels=null"]))
+    }
+    rng = np.random.default_rng(0)
+    rows = {}
+    for kind, names in (("hollow", HOLLOW), ("solid", SOLID)):
+        for name in names.split():
+            read = trimesh.load(Path(real_data) / "meshes" / f"{name}.ply", force="mesh")
+            middle = read.bounds.mean(axis=0) * [1, 1, 0]
+            mesh = TriangleMesh(np.asarray(read.vertices) - middle, np.asarray(read.faces))
+            for _ in range(2):
+                way, rise = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(28, 55))
+                flat = 0.75 * np.cos(rise)
+                eye = (flat * np.cos(way), flat * np.sin(way), 0.75 * np.sin(rise))
+                camera = lens(eye, (640, 480))
+                depth, shown = pictured(mesh, camera)
+                seeds = torch.tensor([int(rng.integers(2**40))])
+                image = torch.from_numpy(np.where(depth < 3, depth, 0))[None]
+                noisy = _NOISE.apply(image, stack_cameras([camera]), seeds)[0].numpy()
+                inner = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
+                scenes = {
+                    key: model.predict(noisy, inner, mask=(shown & (noisy > 0)).astype(np.int32))
+                    for key, model in models.items()
+                }
+                hollow = [type(i.placed.shape) is Vessel for i in scenes["hollow"].objects
+                          if i.placed]  # fmt: skip
+                errors = [off(scenes[key], camera, mesh) for key in ("hollow", "solid")]
+                rows.setdefault((kind, name), []).append([any(hollow), *errors])
+    with capsys.disabled():
+        for (_, name), values in rows.items():
+            share, with_it, without = np.mean(values, axis=0)
+            print(
+                f"\n{name}: hollow in {share:.0%}; {with_it:.1f} mm, without {without:.1f}", end=""
+            )
+    for kind, share in (("hollow", 0.7), ("solid", 0.0)):
+        found = np.concatenate([values for (k, _), values in rows.items() if k == kind])
+        assert found[:, 0].mean() >= share if share else not found[:, 0].any()
+    found = np.concatenate([values for (k, _), values in rows.items() if k == "hollow"])
+    assert found[:, 1].mean() < 0.7 * found[:, 2].mean()

@@ -1,0 +1,96 @@
+"""Holes of masks, beside hole filling by scipy."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+from tests.unit.perception.synthetic import camera_at
+
+from scenefw.core.types import Frame, PlacedShape, Pose
+from scenefw.perception.estimate.mask_cleanup import with_bottoms, without_holes
+from scenefw.perception.observation.points import world_points
+from scenefw.renderers.silhouettes import SolidViews
+from scenefw.shapes.superquadric import Superquadric
+from scenefw.shapes.vessel import Vessel
+
+
+def disc(size=60):
+    v, u = np.mgrid[:size, :size] - size // 2
+    return (np.hypot(u, v) < size // 3).astype(np.int32), np.hypot(u, v) < size // 6
+
+
+def test_holes_without_depth_or_below_the_floor_are_the_objects():
+    masks, hole = disc()
+    for inside in (np.nan, -0.1):
+        found = without_holes(np.where(hole, 0, masks), np.where(hole, inside, 0.05 * masks))
+        np.testing.assert_array_equal(found, masks)
+
+
+def test_a_hole_through_which_the_floor_is_seen_stays():
+    masks, hole = disc()
+    open_ = np.where(hole, 0, masks)
+    np.testing.assert_array_equal(without_holes(open_, 0.05 * open_), open_)
+
+
+def test_what_lies_between_two_objects_or_at_the_end_of_the_image_stays():
+    masks, hole = disc()
+    halves = np.where(hole, 0, masks * (1 + (np.arange(60) >= 30)))
+    heights = np.where(hole, np.nan, 0.05)
+    np.testing.assert_array_equal(without_holes(halves, heights), halves)
+    cut = np.where(hole, 0, masks)[:, 30:]  # the hole is open to one side
+    np.testing.assert_array_equal(without_holes(cut, heights[:, 30:]), cut)
+
+
+@given(st.integers(0, 1000))
+@settings(max_examples=25, deadline=None)
+def test_a_single_object_is_filled_as_scipy_fills_it(seed):
+    """Where all that is no object has no depth."""
+    random = np.random.default_rng(seed)
+    masks = (ndimage.gaussian_filter(random.normal(size=(40, 50)), 2) > 0).astype(np.int32)
+    heights = np.where(masks > 0, 0.05, np.nan)
+    expected = ndimage.binary_fill_holes(masks)
+    np.testing.assert_array_equal(without_holes(3 * masks, heights), 3 * expected)
+
+
+def test_each_hole_goes_to_the_object_around_it():
+    masks, hole = disc()
+    both = np.concatenate([2 * masks, 7 * masks], axis=1)
+    holes = np.concatenate([hole, hole], axis=1)
+    heights = np.where(holes, np.nan, np.where(both > 0, 0.05, 0.0))
+    np.testing.assert_array_equal(without_holes(np.where(holes, 0, both), heights), both)
+
+
+@pytest.mark.parametrize(("floor", "filled"), [(1, True), (4, False)])
+def test_a_hole_is_enclosed_by_most_of_its_border(floor, filled):
+    """A hole of 20 pixels of border, some of which meet the floor."""
+    masks = np.full((30, 30), 5, np.int32)
+    heights = np.full((30, 30), 0.05)
+    masks[10:15, 10:15], heights[10:15, 10:15] = 0, np.nan
+    masks[9, 10 : 10 + floor], heights[9, 10 : 10 + floor] = 0, 0.0
+    assert (without_holes(masks, heights)[12, 12] == 5) == filled
+
+
+@pytest.mark.parametrize("size", [(320, 240), (640, 480)])
+def test_the_bottom_of_a_bowl_is_the_bowls_and_the_floor_beside_isnt(size):
+    """A bowl whose bottom nearly lies on the floor, seen from above, beside its mesh's outline."""
+    bowl = Vessel(0.08, 0.5, 0.5, 0.05, 0.003)
+    pose = Pose(np.array([0.0, 0.0, -bowl.bottom]), np.array([1.0, 0.0, 0.0, 0.0]))
+    placed = {4: PlacedShape(bowl, pose), 5: PlacedShape(Superquadric([0.1] * 3, [2.0] * 3), pose)}
+    camera = camera_at(eye=(0.0, -0.3, 0.6), size=size)
+    depth, _ = SolidViews([placed[4].mesh()]).see(camera)
+    frame = Frame(depth, camera)
+    points = world_points(frame)
+    true = np.where(points[..., 2] > 1e-4, 4, 0).astype(np.int32)
+    seen = np.where(points[..., 2] > 0.005, true, 0)
+    assert (seen != true).sum() > 0.1 * (true > 0).sum()
+    found = with_bottoms(seen, points, placed)
+    assert (found != true).sum() < 0.02 * (true > 0).sum()
+    np.testing.assert_array_equal(with_bottoms(seen, points, {}), seen)
+
+
+def test_nothing_to_fill():
+    none = np.zeros((5, 6), np.int32)
+    assert not without_holes(none, np.full((5, 6), np.nan)).any()
+    full = none + 2
+    np.testing.assert_array_equal(without_holes(full, np.full((5, 6), np.nan)), full)

@@ -1,0 +1,170 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.unit.perception.observation.test_colour_alignment import painted
+from tests.unit.perception.synthetic import camera_at, frame_of
+
+from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.floors import Floor
+from scenefw.core.types import Camera, GridSpec
+from scenefw.perception import doctor
+from scenefw.perception.observation.colour_alignment import ColourShift
+from scenefw.perception.observation.doctor import Doctor
+from scenefw.perception.observation.floor import FloorFinder
+from scenefw.perception.observation.workspace import Workspace, WorkspaceFinder
+
+
+@pytest.fixture(scope="module")
+def frame():
+    return frame_of(camera_at())
+
+
+def with_camera(frame, **changes):
+    camera = frame.camera
+    settings = {k: getattr(camera, k) for k in ("width", "height", "fx", "fy", "cx", "cy")}
+    return replace(frame, camera=Camera(**(settings | changes)))
+
+
+def test_a_good_view_has_no_warning(frame):
+    assert Doctor().examine_frame(frame) == []
+    floor = FloorFinder().find(frame)
+    workspace = WorkspaceFinder().find(frame, floor, GridSpec())
+    assert Doctor().examine_workspace(floor, workspace) == []
+
+
+def test_millimetres_as_metres(frame):
+    with pytest.raises(InputError, match=r"millimetres given as metres\? .*depth_scale=0.001"):
+        Doctor().examine_frame(replace(frame, depth=frame.depth * 1000))
+
+
+def test_focal_length_of_another_size(frame):
+    with pytest.raises(InputError, match="give a view of"):
+        Doctor().examine_frame(with_camera(frame, fx=5000.0, fy=5000.0))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [({"fx": 500.0}, "differ"), ({"cx": 10.0}, "far from the middle")],
+)
+def test_odd_intrinsics_are_warned_of(frame, changes, words):
+    (warning,) = Doctor().examine_frame(with_camera(frame, **changes))
+    assert words in warning
+
+
+def test_few_measurements_are_warned_of(frame):
+    depth = frame.depth.copy()
+    depth[60:] = 0
+    (warning,) = Doctor().examine_frame(replace(frame, depth=depth))
+    assert "25%" in warning
+
+
+def test_colour_beside_the_depth_is_warned_of():
+    depth, colour = painted((320, 240), (0, 0))
+    good = replace(frame_of(camera_at()), depth=depth, colour=colour)
+    verdicts = {check.name: check for check in Doctor().check_frame(good)}
+    assert verdicts["colour"].verdict == "good"
+    (warning,) = Doctor().examine_frame(replace(good, colour=np.roll(colour, (-12, 8), (0, 1))))
+    assert warning.startswith("edges of colour seem to lie ")
+    assert " pixels to the right and " in warning
+    assert " pixels above, seen from where depth jumps; align colour to depth" in warning
+    assert Doctor(aligned=0.0).examine_frame(replace(good, colour=np.roll(colour, 12, 0))) == []
+
+
+def test_a_shift_along_one_axis_alone_is_told_alone(frame, monkeypatch):
+    monkeypatch.setattr(doctor, "colour_shift", lambda *_: ColourShift(0, -16, 0.2))
+    painted_frame = replace(frame, colour=np.zeros((*frame.depth.shape, 3), np.uint8))
+    (warning,) = Doctor().examine_frame(painted_frame)
+    assert "lie 16 pixels to the left, seen from where depth jumps" in warning
+
+
+def test_many_pixels_are_warned_of_with_a_remedy_that_helps(frame):
+    camera = frame.camera
+    many = np.kron(frame.depth, np.ones((30, 30), np.float32))
+    names = ("width", "height", "fx", "fy", "cx", "cy")
+    large = Camera(**{name: getattr(camera, name) * 30 for name in names})
+    (warning,) = Doctor().examine_frame(replace(frame, depth=many, camera=large))
+    megapixels = many.size / 1e6
+    assert f"{large.width} x {large.height} pixels take long and about" in warning
+    every = int(warning.partition("::")[2].partition(",")[0])
+    assert megapixels / every**2 <= 1 < megapixels / (every - 1) ** 2
+    assert warning.endswith(f"fx, fy, cx, cy divided by {every}")
+
+
+@pytest.mark.parametrize(
+    ("distance", "size", "left_out", "deviation", "words"),
+    [
+        (3.0, 0.3, (), 0.002, "3.0"),
+        (0.2, 0.3, (), 0.002, "0.2"),
+        (0.9, 0.02, (), 0.002, "2.0 cm"),
+        (0.9, 0.3, ((0.6, 0.1),), 0.002, "1 object group"),
+        (0.9, 0.3, (), 0.015, "15 mm"),
+    ],
+)
+def test_workspace_warnings(frame, distance, size, left_out, deviation, words):
+    pose = np.eye(4)
+    pose[2, 3] = 0.1 + distance
+    placed = replace(frame, camera=frame.camera.moved(pose))
+    workspace = Workspace(
+        placed,
+        np.ones(frame.depth.shape, dtype=bool),
+        np.full(3, size),
+        np.reshape(left_out, (-1, 2)),
+    )
+    floor = Floor(np.array([0.0, 0.0, -1.0]), distance, 0.5, deviation)
+    (warning,) = Doctor().examine_workspace(floor, workspace)
+    assert words in warning
+
+
+@pytest.mark.parametrize(("degrees", "verdict"), [(90, "good"), (30, "good"), (5, "odd")])
+def test_a_camera_that_looks_along_the_table_is_odd(degrees, verdict):
+    angle = np.radians(degrees)
+    floor = Floor(np.array([0.0, -np.cos(angle), -np.sin(angle)]), 0.5, 0.5, 0.002)
+    _, tilt = Doctor().check_floor(floor)
+    assert (tilt.verdict, bool(tilt.fix)) == (verdict, verdict == "odd")
+    assert f"looking {degrees} degrees down" in tilt.found
+
+
+def test_every_check_that_is_not_good_says_what_helps(frame):
+    odd = with_camera(frame, fx=500.0, cx=10.0)
+    few = np.where(np.arange(320) % 4 == 0, frame.depth, 0)
+    checks = Doctor().check_frame(replace(odd, depth=few))
+    assert [check.name for check in checks] == ["unit", "intrinsics", "centre", "measured"]
+    assert [check.verdict for check in checks] == ["good", "odd", "odd", "odd"]
+    assert all(bool(check.fix) == (check.verdict != "good") for check in checks)
+
+
+@pytest.mark.parametrize(
+    ("made", "setting"),
+    [
+        (lambda: Doctor(nearest=-1), "nearest"),
+        (lambda: Doctor(nearest=2, farthest=1), "farthest"),
+        (lambda: Doctor(least_measured=2), "least_measured"),
+        (lambda: Doctor(flattest=-3), "flattest"),
+        (lambda: FloorFinder(threshold=-0.01), "threshold"),
+        (lambda: FloorFinder(iterations=0), "iterations"),
+        (lambda: FloorFinder(least_share=1.5), "least_share"),
+        (lambda: WorkspaceFinder(least_height=-1), "least_height"),
+        (lambda: WorkspaceFinder(margin=-1), "margin"),
+    ],
+)
+def test_settings_out_of_range_are_named(made, setting):
+    with pytest.raises(ConfigError, match=setting):
+        made()
+
+
+def test_a_centre_of_the_turned_image_is_named():
+    camera = camera_at()
+    frame = frame_of(camera)
+    swapped = replace(camera, cx=camera.cy, cy=camera.cx)
+    (line,) = Doctor().examine_frame(replace(frame, camera=swapped.moved(np.eye(4))))
+    assert "far from the middle" in line
+    assert "swap cx and cy" in line
+
+
+@pytest.mark.parametrize(("share", "verdict"), [(0.5, "good"), (0.12, "odd")])
+def test_a_floor_of_which_little_is_seen_is_odd(share, verdict):
+    """As a known floor has it, if the camera has moved since."""
+    even, _ = Doctor().check_floor(Floor(np.array([0.0, 0.0, -1.0]), 0.8, share, 0.002))
+    assert (even.verdict, "moved?" in even.fix) == (verdict, verdict == "odd")
+    assert f"{share:.0%} of the points" in even.found

@@ -1,0 +1,337 @@
+"""Parts by a network of affinities: one that knows the truth, and one that is trained."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+import torch
+from hydra.utils import instantiate
+from scipy.ndimage import binary_erosion, gaussian_filter, grey_dilation
+from tests.composed import option
+from tests.unit.perception.synthetic import Box, camera_at, frame_of
+
+from scenefw.core.errors import ConfigError
+from scenefw.data.readers import read_frames
+from scenefw.learning.checkpoint import load_checkpoint
+from scenefw.losses.part_affinity import true_affinities
+from scenefw.metrics.masks import mask_scores
+from scenefw.perception import affinity_parts
+from scenefw.perception.observation.floor import FloorFinder
+from scenefw.perception.segmentation.affinity import AffinityParts
+from scenefw.perception.segmentation.border_colours import BorderColours
+from scenefw.perception.segmentation.crease_segmentation import SeenParts, floor_noise
+
+
+class Knowing(torch.nn.Module):
+    """Says of pixels whether their owners, an image (H, W), are the same."""
+
+    shown = None
+
+    def __init__(self, owners, focal):
+        super().__init__()
+        self.owners, self.focal = torch.from_numpy(owners.astype(np.int32)), focal
+        self.any = torch.nn.Parameter(torch.zeros(1))
+
+    def forward(self, depth, cameras):
+        step = round(self.owners.shape[1] / depth.shape[2])
+        same, _ = true_affinities(self.owners[None, ::step, ::step])
+        return torch.where(same, 4.0, -4.0)
+
+
+@dataclass
+class Loaded:
+    model: torch.nn.Module
+    metadata: dict = field(default_factory=dict)
+
+
+@pytest.fixture(scope="module")
+def seen():
+    camera = camera_at(eye=(0.0, -0.85, 0.6))
+    frame = frame_of(camera)
+    return replace(frame, camera=camera), frame.labels
+
+
+@pytest.mark.parametrize("thinned", [1, 2, 3])
+def test_true_affinities_give_true_parts(seen, thinned):
+    frame, owners = seen
+    focal = frame.camera.fx / thinned
+    parts = AffinityParts(Loaded(Knowing(owners, focal)), smallest=20).segment(frame)
+    above = (parts > 0) & (owners > 0)
+    assert above.sum() > 0.97 * (owners > 0).sum()
+    for label in np.unique(owners[owners > 0]):
+        most = np.bincount(parts[above & (owners == label)])
+        assert most.max() > 0.95 * most.sum()
+    assert parts.max() == len(np.unique(owners[owners > 0]))
+
+
+def test_pixels_beside_a_jump_go_to_what_they_show(monkeypatch):
+    """A sliver behind a box: a few pixels of the box, taken for it, would stretch it there."""
+    front, back = (
+        Box((-0.1, -0.2, 0.0), (0.1, -0.1, 0.15)),
+        Box((0.083, 0.2, 0.0), (0.13, 0.3, 0.1)),
+    )
+    camera = camera_at(eye=(0.0, -0.85, 0.35))
+    frame = replace(frame_of(camera, (front, back)), camera=camera)
+    owners = frame.labels
+    finder = AffinityParts(Loaded(Knowing(owners, camera.fx / 3)), smallest=10, seed=4)
+
+    def astray():
+        parts = finder.segment(frame)
+        assert parts.max() == 2
+        names = np.array([0, *(np.bincount(owners[parts == part]).argmax() for part in (1, 2))])
+        assert sorted(names) == [0, 1, 2]
+        return ((parts > 0) & (owners > 0) & (names[parts] != owners)).sum()
+
+    assert astray() == 0
+    monkeypatch.setattr(affinity_parts, "_JUMP", np.inf)
+    assert astray() > 0  # the image has such pixels
+
+
+@pytest.mark.parametrize("thinned", [1, 2])
+def test_a_sliver_behind_an_object_is_no_part_of_it(monkeypatch, thinned):
+    """Of what shows a few pixels behind a box, no neighbours surely are the same object."""
+    front, back = (
+        Box((-0.1, -0.2, 0.0), (0.1, -0.1, 0.15)),
+        Box((0.083, 0.2, 0.0), (0.13, 0.3, 0.1)),
+    )
+    camera = camera_at(eye=(0.0, -0.85, 0.35))
+    frame = replace(frame_of(camera, (front, back)), camera=camera)
+    owners = frame.labels
+    network = Knowing(owners, camera.fx / thinned)
+
+    def forward(depth, cameras):
+        logits = Knowing.forward(network, depth, cameras)
+        behind = torch.from_numpy(owners[::thinned, ::thinned] == 2)
+        return torch.where(behind & (logits > 0), 2.0, logits)  # likely, not surely
+
+    network.forward = forward
+    few = (owners == 2).sum() // thinned**2
+    for smallest, parts in ((1, 2), (4 * few, 1)):
+        finder = AffinityParts(Loaded(network), smallest=4 * smallest * thinned**2, seed=4)
+        found = finder.segment(frame)
+        assert found.max() == parts
+        assert len(np.unique(found[(owners == 1) & (found > 0)])) == 1
+        shared = np.unique(found[owners == 1]).tolist()
+        assert not np.isin(found[owners == 2], [one for one in shared if one > 0]).any()
+
+
+def test_images_without_objects_have_no_parts(seen):
+    frame, owners = seen
+    finder = AffinityParts(Loaded(Knowing(0 * owners, frame.camera.fx)))
+    assert finder.segment(replace(frame, depth=np.zeros_like(frame.depth))).max() == 0
+
+
+def test_a_few_likely_pixels_do_not_join_two_objects(seen):
+    """A gap of three pixels in the border: with a threshold alone they would."""
+    frame, owners = seen
+    network = Knowing(owners, frame.camera.fx)
+    true = network.forward(torch.from_numpy(frame.depth)[None], None)
+    rows, columns = np.nonzero((owners[:-1] == 2) & (owners[1:] == 1))
+    true[0, 1, rows[10:13], columns[10:13]] = 2.0
+    network.forward = lambda *_: true
+    assert AffinityParts(Loaded(network), smallest=20).segment(frame).max() == 2
+    joined = AffinityParts(Loaded(network), smallest=20, same=0.01).segment(frame).max()
+    assert joined == 1
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"sure": 1.0},
+        {"same": 0.0},
+        {"seed": 0},
+        {"agreed": 1.0},
+        {"shown": 1.0},
+        {"pixel": 1.0},
+        {"margin": -0.1},
+        {"smallest": 0},
+        {"lowest": -1.0},
+    ],
+)
+def test_bad_settings(seen, wrong):
+    with pytest.raises(ConfigError, match=f"^{next(iter(wrong))} = "):
+        AffinityParts(Loaded(Knowing(seen[1], 100.0)), **wrong)
+
+
+class Showing(Knowing):
+    """The same, and it knows which pixels show the objects of these labels."""
+
+    shown = True
+
+    def __init__(self, owners, focal, *shown):
+        super().__init__(owners, focal)
+        self.which = torch.from_numpy(np.isin(owners, shown))
+
+    def forward(self, depth, cameras):
+        step = round(self.owners.shape[1] / depth.shape[2])
+        third = torch.where(self.which[None, None, ::step, ::step], 3.0, -3.0)
+        return torch.cat([super().forward(depth, cameras), third], dim=1)
+
+
+@pytest.mark.parametrize("thinned", [1, 2])
+def test_what_shows_no_object_is_in_no_part(seen, thinned):
+    frame, owners = seen
+    focal = frame.camera.fx / thinned
+    every, first = (
+        AffinityParts(Loaded(Showing(owners, focal, *shown)), smallest=20).segment(frame)
+        for shown in ((1, 2), (1,))
+    )
+    plain = AffinityParts(Loaded(Knowing(owners, focal)), smallest=20).segment(frame)
+    near = 1.0 if thinned == 1 else 0.97  # the border of thinned pixels
+    assert (every == plain)[plain > 0].mean() >= near
+    assert not every[plain == 0].any()
+    assert first.max() == 1
+    other = (owners == 2) & (first > 0)
+    assert other.sum() < 0.03 * (owners == 2).sum()  # pixels of thinned images on its border
+    anything = AffinityParts(Loaded(Showing(owners, focal)), smallest=20, shown=0.0, pixel=0.0)
+    assert np.array_equal(anything.segment(frame), plain)
+
+
+def test_pixels_that_show_no_object_leave_their_part(seen):
+    """As those of a ramp beside an object: the part as a whole shows one."""
+    frame, owners = seen
+    model = Showing(owners, frame.camera.fx, 1, 2)
+    rim = (owners == 1) & ~binary_erosion(owners == 1, iterations=2)
+    model.which[torch.from_numpy(rim)] = False
+    exact = AffinityParts(Loaded(model), smallest=20).segment(frame)
+    rng = np.random.default_rng(0)
+    noise = 0.0005 * rng.normal(size=owners.shape).astype(np.float32)
+    frame = replace(frame, depth=np.where(owners > 0, frame.depth, frame.depth + noise))
+    found = AffinityParts(Loaded(model), smallest=20).segment(frame)
+    assert not found[rim].any()
+    kept = AffinityParts(Loaded(model), smallest=20, pixel=0.0).segment(frame)
+    assert (kept[rim] > 0).mean() > 0.7  # the rest stands on the floor
+    assert np.array_equal(found[~rim] > 0, kept[~rim] > 0)
+    assert np.array_equal(exact, kept)  # the floor of an image without noise is where heights end
+
+
+def test_parts_as_low_as_the_floor_waves_are_its_noise():
+    flat, box = Box((-0.2, -0.1, 0.0), (-0.05, 0.0, 0.015)), Box((0.05, -0.1, 0.0), (0.2, 0.0, 0.1))
+    camera = camera_at(eye=(0.0, -0.9, 0.5))
+    frame = replace(frame_of(camera, (flat, box)), camera=camera)
+    finder = AffinityParts(Loaded(Knowing(frame.labels, camera.fx)))
+    assert finder.segment(frame).max() == 2
+    rng = np.random.default_rng(0)
+    normal = rng.normal(size=frame.depth.shape).astype(np.float32)
+    waves = frame.depth + 0.007 * frame.depth**2 * normal
+    noisy = replace(frame, depth=np.where(frame.labels > 0, frame.depth, waves))
+    found = finder.segment(noisy)
+    assert found.max() >= 1
+    assert not (found[frame.labels == 1] > 0).any()
+    assert (found[frame.labels == 2] > 0).mean() > 0.9
+
+
+def test_things_lower_than_others_are_no_noise_of_the_floor():
+    """Flat things on half of the image, and their noise, are above it."""
+    rng = np.random.default_rng(0)
+    heights = 0.001 * rng.normal(size=(200, 200))
+    heights[:120] += 0.02
+    near, far = (np.full(heights.shape, z, np.float32) for z in (1.0, 2.0))
+    assert floor_noise(heights, near) == pytest.approx(0.001, rel=0.1)
+    assert floor_noise(heights, far) == pytest.approx(0.00025, rel=0.1)  # at 1 m
+    assert floor_noise(heights[:120], near[:120]) == 0  # no floor is seen
+    assert floor_noise(np.full((4, 4), np.nan), near[:4, :4]) == 0
+
+
+def test_what_was_moved_onto_the_floor_says_nothing_about_its_noise():
+    """Most of the image lies beyond the table, where depth is that of the floor."""
+    rng = np.random.default_rng(0)
+    heights = 0.002 * rng.normal(size=(200, 200))
+    heights[:160] = 1e-8 * rng.normal(size=(160, 200))
+    depth = np.ones(heights.shape, np.float32)
+    assert floor_noise(heights, depth) == pytest.approx(0.002, rel=0.1)
+
+
+def half_sure(thinned):
+    """A box that a network cuts in two, half sure that both are one: image, halves, network."""
+    camera = camera_at(eye=(0.0, -0.85, 0.6))
+    frame = replace(frame_of(camera, (Box((-0.15, -0.1, 0.0), (0.15, 0.1, 0.1)),)), camera=camera)
+    middle = frame.labels.shape[1] // 2
+    halves = np.where(frame.labels > 0, 1 + (np.arange(frame.labels.shape[1]) >= middle), 0)
+    network = Knowing(halves, camera.fx / thinned)
+
+    def forward(depth, cameras):
+        logits = Knowing.forward(network, depth, cameras)
+        box = torch.from_numpy(frame.labels[::thinned, ::thinned] > 0)
+        beside = box & torch.roll(box, -1, 1)
+        logits[:, 0] = torch.where(beside & (logits[:, 0] < 0), 0.0, logits[:, 0])
+        return logits
+
+    network.forward = forward
+    return frame, halves, network
+
+
+@pytest.mark.parametrize("thinned", [1, 2])
+def test_what_no_jump_and_no_crease_cuts_is_joined_from_a_lower_mean_on(thinned):
+    frame, _, network = half_sure(thinned)
+
+    def number(image=frame, **settings):
+        finder = AffinityParts(Loaded(network), same=0.6, smallest=20, **settings)
+        return finder.segment(image).max()
+
+    plain = SeenParts(smallest=20)
+    assert number() == 2
+    assert number(plain=plain) == 1
+    assert number(plain=plain, agreed=0.55) == 2
+    field = gaussian_filter(np.random.default_rng(0).normal(size=frame.depth.shape), 4)
+    noise = 0.002 * field / field.std()
+    waving = replace(frame, depth=(frame.depth + noise).astype(np.float32))  # of a stereo camera
+    assert number(waving, plain=plain) == number(waving)
+
+
+@pytest.mark.parametrize("thinned", [1, 2])
+def test_colour_decides_where_the_network_is_unsure(thinned):
+    frame, halves, network = half_sure(thinned)
+
+    def number(colours, *paints):
+        image = np.array(paints, np.uint8)[halves]
+        finder = AffinityParts(Loaded(network), same=0.6, smallest=20, colours=colours)
+        return finder.segment(replace(frame, colour=image)).max()
+
+    floor, red, blue = (90, 90, 80), (200, 40, 40), (40, 60, 200)
+    assert number(BorderColours(neutral=1.0), floor, red, red) == 1
+    assert number(BorderColours(neutral=1.0), floor, red, blue) == 2
+    assert number(None, floor, red, red) == 2
+    grey = AffinityParts(Loaded(network), same=0.6, smallest=20, colours=BorderColours())
+    assert grey.segment(frame).max() == 2
+
+
+@pytest.mark.exhaustive
+def test_shipped_weights_cut_real_images_better_than_creases_do(real_data):
+    """Parts alone, before fits join them: labelled images, and ten things on a wavy floor."""
+    folder = real_data / "real"
+    loaded = load_checkpoint(None, task="part_affinity", shipped="part_affinity")
+    methods = {"network": AffinityParts(loaded), "creases": instantiate(option("parts", "creases"))}
+    floor = FloorFinder()
+
+    def cut(method, frame):
+        pose = floor.find(frame).T_world_camera
+        return method.segment(replace(frame, camera=frame.camera.moved(pose)))
+
+    frames = read_frames(folder / "mosd_learn")
+    scores = {
+        name: [mask_scores(cut(method, frame), frame.labels) for frame in frames]
+        for name, method in methods.items()
+    }
+    for measure in ("overlap_f", "boundary_f"):
+        network, creases = (
+            np.mean([getattr(one, measure) for one in scores[name]]) for name in methods
+        )
+        assert network > creases
+    first = next(iter(read_frames(folder / "realsense_table")))
+    assert 10 <= cut(methods["network"], first).max() <= 20
+
+
+def test_waves_of_the_floor_beside_an_object_are_not_its(seen):
+    """A network that takes the floor around objects for theirs, and a floor that waves."""
+    frame, owners = seen
+    field = gaussian_filter(np.random.default_rng(0).normal(size=owners.shape), 4)
+    depth = frame.depth + np.where(owners > 0, 0, 0.008 * field / field.std())
+    noisy = replace(frame, depth=depth.astype(np.float32))
+    wide = grey_dilation(owners, size=(31, 31))
+    floor = (wide > 0) & (owners == 0)
+    network = Loaded(Knowing(wide, frame.camera.fx))
+    with_waves, without = (AffinityParts(network, waves=k).segment(noisy) > 0 for k in (0.0, 2.5))
+    assert with_waves[floor].mean() > 0.05
+    assert without[floor].mean() < 0.5 * with_waves[floor].mean()
+    assert without[owners > 0].mean() > 0.9 * with_waves[owners > 0].mean()
