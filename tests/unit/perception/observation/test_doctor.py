@@ -8,7 +8,7 @@ from tests.unit.perception.synthetic import camera_at, frame_of
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.floors import Floor
 from scenefw.core.types import Camera, GridSpec
-from scenefw.perception import doctor
+from scenefw.perception.observation import doctor
 from scenefw.perception.observation.colour_alignment import ColourShift
 from scenefw.perception.observation.doctor import Doctor
 from scenefw.perception.observation.floor import FloorFinder

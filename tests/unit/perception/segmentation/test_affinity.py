@@ -15,8 +15,8 @@ from scenefw.data.readers import read_frames
 from scenefw.learning.checkpoint import load_checkpoint
 from scenefw.losses.part_affinity import true_affinities
 from scenefw.metrics.masks import mask_scores
-from scenefw.perception import affinity_parts
 from scenefw.perception.observation.floor import FloorFinder
+from scenefw.perception.segmentation import affinity as affinity_parts
 from scenefw.perception.segmentation.affinity import AffinityParts
 from scenefw.perception.segmentation.border_colours import BorderColours
 from scenefw.perception.segmentation.crease_segmentation import SeenParts, floor_noise
