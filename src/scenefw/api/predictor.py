@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from scenefw.api.settings import Settings
     from scenefw.core.types import Frame
     from scenefw.data.intrinsics import Intrinsics
-    from scenefw.perception.pipeline import Pipeline
+    from scenefw.perception.pipeline import ReconstructionPipeline
 
 
 class Predictor:
@@ -33,7 +33,7 @@ class Predictor:
 
     def __init__(
         self,
-        pipeline: Pipeline,
+        pipeline: ReconstructionPipeline,
         computing: Callable[[], AbstractContextManager[None]] = nullcontext,
     ) -> None:
         self.pipeline = pipeline
@@ -79,10 +79,10 @@ class Predictor:
         frame = _frame(depth, intrinsics, color, depth_scale, name)
         known = None if mask is None else mask_of(mask, frame.depth.shape, frame.name)
         with self._computing():
-            view = self.pipeline.prepare(frame, known)
+            view = self.pipeline.observe(frame, known)
             for warning in view.warnings:
                 warnings.warn(f"{frame.name}: {warning}", stacklevel=2)
-            return Prediction(tuple(self.pipeline.hypotheses(view)))
+            return Prediction(tuple(self.pipeline.reconstruct(view)))
 
 
 def _frame(

@@ -82,19 +82,12 @@ class PartialTSDF:
         observed: (B, 1, X, Y, Z) bool: in front of a seen surface, or up to a voxel behind it.
         depth: (B, H, W) z-depth (m) that it was made of, for methods that look at pixels, or None.
         cameras: of these images, or None.
-        masks: (B, H, W) int32, ids of objects that are known to be in these images, 0 = none.
-        parts: (B, H, W) int32, parts of these images that an outer method found, perhaps before
-            it restored their edges, 0 = none; None: methods look for them.
-        colours: (B, H, W, 3) uint8 RGB of these images, or None.
     """
 
     distance: Tensor
     observed: Tensor
     depth: Tensor | None = None
     cameras: CameraBatch | None = None
-    masks: Tensor | None = None
-    parts: Tensor | None = None
-    colours: Tensor | None = None
 
     def of(self, index: int) -> PartialTSDF:
         """One view as a batch of one, without its image."""

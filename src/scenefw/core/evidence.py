@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from scenefw.core.types import Float64, Pose
 
 
@@ -26,6 +28,11 @@ class Evidence:
     sigmas: Float64
     outside: Float64 = field(default_factory=lambda: np.empty((0, 3)))
     outside_sigmas: Float64 = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def visible(self) -> NDArray[np.bool_]:
+        """(N,) which points were measured: the surest ones, if any was."""
+        return np.asarray(self.sigmas == self.sigmas.min(initial=np.inf))
 
 
 @dataclass(frozen=True, eq=False)

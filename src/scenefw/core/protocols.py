@@ -26,7 +26,6 @@ if TYPE_CHECKING:
         Float64,
         Frame,
         GridSpec,
-        Int32,
         Pose,
         Scene,
         SceneEstimate,
@@ -156,13 +155,6 @@ class FloorFinding(Protocol):
         """
 
 
-class PartFinder(Protocol):
-    """Cuts a depth image into parts of single objects, without saying which belong together."""
-
-    def segment(self, frame: Frame) -> Int32:
-        """Parts (H, W), 0 = none, of a frame whose camera has its pose (floor z = 0)."""
-
-
 class MappingMethod(Protocol):
     """Fuses depth images into a partial TSDF (group `mapping`)."""
 
@@ -259,15 +251,32 @@ class SeveralViewsReconstructor(Protocol):
 
 
 class ShapeFit(Protocol):
-    """A method that explains what views say about objects by superquadrics."""
+    """A method that explains what views say about objects by superquadrics (group `fit`)."""
 
     def fit(self, evidence: Sequence[Evidence]) -> list[FittedSuperquadric]:
-        """The best one for the evidence about each object; each has at least four points."""
+        """The best one for each object, as if there were no others; each has four points or more.
+
+        The result depends on the evidence about this object alone.
+        """
+
+    def separate(
+        self, evidence: Sequence[Evidence], fits: Sequence[FittedSuperquadric]
+    ) -> list[FittedSuperquadric]:
+        """The best ones such that none penetrates another."""
+
+    def together(
+        self, evidence: Sequence[Evidence], start: Sequence[FittedSuperquadric]
+    ) -> list[FittedSuperquadric]:
+        """Superquadrics near those, fitted again such that none penetrates another."""
 
     def draws(
-        self, evidence: Sequence[Evidence], count: int, generator: np.random.Generator
+        self,
+        evidence: Sequence[Evidence],
+        fits: Sequence[FittedSuperquadric],
+        count: int,
+        generator: np.random.Generator,
     ) -> list[list[FittedSuperquadric]]:
-        """`count` such lists: the best one, and then others that the evidence allows."""
+        """`count` lists of others that the evidence allows, none of which penetrates another."""
 
 
 class Settling(Protocol):

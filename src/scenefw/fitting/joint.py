@@ -31,7 +31,7 @@ class JointFit:
     The others begin as small cores and grow to their size, so that objects meet halfway.
 
     Args:
-        inner: fits objects one by one.
+        single: fits objects one by one.
         rounds: how often all are fitted again.
         resolution: of the others, in points along an edge of the cube about each.
         sigma: how deep a point of another may lie inside (m). It is large, so that
@@ -42,38 +42,49 @@ class JointFit:
     """
 
     def __init__(
-        self, inner: SuperquadricFit, rounds: int = 2, resolution: int = 6, sigma: float = 0.02
+        self, single: SuperquadricFit, rounds: int = 2, resolution: int = 6, sigma: float = 0.02
     ) -> None:
         COUNT.require(rounds=rounds)
         _EDGE.require(resolution=resolution)
         POSITIVE.require(sigma=sigma)
-        self.inner, self.rounds, self.resolution, self.sigma = inner, rounds, resolution, sigma
+        self.single, self.rounds, self.resolution, self.sigma = single, rounds, resolution, sigma
 
     def fit(self, evidence: Sequence[Evidence]) -> list[FittedSuperquadric]:
-        """The best superquadric for each."""
-        return self._apart(evidence, self.inner.fit(evidence))
+        """The best superquadric for each, as if there were no others."""
+        return self.single.fit(evidence)
 
-    def draws(
-        self, evidence: Sequence[Evidence], count: int, generator: Generator
-    ) -> list[list[FittedSuperquadric]]:
-        """The best superquadrics, and then draws that don't penetrate each other either.
+    def separate(
+        self, evidence: Sequence[Evidence], fits: Sequence[FittedSuperquadric]
+    ) -> list[FittedSuperquadric]:
+        """The best superquadrics such that none penetrates another.
 
         Args:
             evidence: about each object.
-            count: of results, with the best ones.
+            fits: the best one of each, as if there were no others.
+        """
+        return self._apart(evidence, list(fits))
+
+    def draws(
+        self,
+        evidence: Sequence[Evidence],
+        fits: Sequence[FittedSuperquadric],
+        count: int,
+        generator: Generator,
+    ) -> list[list[FittedSuperquadric]]:
+        """Draws of what the superquadrics may be as well; they don't penetrate each other either.
+
+        Args:
+            evidence: about each object.
+            fits: the best one of each, as if there were no others.
+            count: of draws.
             generator: of random numbers, for other expected sizes.
         """
-        alone = self.alone(evidence)
-        found = [self._apart(evidence, alone)]
-        for _ in range(count - 1):
-            sizes = self.inner.sizes(len(evidence), generator)
-            sized = self.inner.refit(evidence, alone, sizes)
-            found.append(self._apart(evidence, sized, sizes))
-        return found
-
-    def alone(self, evidence: Sequence[Evidence]) -> list[FittedSuperquadric]:
-        """The best superquadric for each, as if there were no others."""
-        return self.inner.fit(evidence)
+        draws = []
+        for _ in range(count):
+            sizes = self.single.sizes(len(evidence), generator)
+            sized = self.single.refit(evidence, fits, sizes)
+            draws.append(self._apart(evidence, sized, sizes))
+        return draws
 
     def together(
         self, evidence: Sequence[Evidence], start: Sequence[FittedSuperquadric]
@@ -84,7 +95,7 @@ class JointFit:
             evidence: about each object.
             start: superquadrics that are nearly right.
         """
-        return self._apart(evidence, self.inner.refit(evidence, start))
+        return self._apart(evidence, self.single.refit(evidence, start))
 
     def _apart(
         self,
@@ -102,7 +113,7 @@ class JointFit:
                 self._with(one, _near(fitted[k], _others(places, k)))
                 for k, one in enumerate(evidence)
             ]
-            fitted = self.inner.refit(joint, fitted, sizes)
+            fitted = self.single.refit(joint, fitted, sizes)
         return fitted
 
     def _with(self, evidence: Evidence, others: Float64) -> Evidence:

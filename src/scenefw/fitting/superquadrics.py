@@ -121,25 +121,39 @@ class SuperquadricFit:
             starts.append(start[None])
         return self._best(evidence, starts, (), stiffness) if evidence else []
 
+    def separate(
+        self, evidence: Sequence[Evidence], fits: Sequence[FittedSuperquadric]
+    ) -> list[FittedSuperquadric]:
+        """The fits as they are: each object stands by itself."""
+        return list(fits)
+
+    def together(
+        self, evidence: Sequence[Evidence], start: Sequence[FittedSuperquadric]
+    ) -> list[FittedSuperquadric]:
+        """Superquadrics near those, each by itself."""
+        return self.refit(evidence, start)
+
     def draws(
-        self, evidence: Sequence[Evidence], count: int, generator: Generator
+        self,
+        evidence: Sequence[Evidence],
+        fits: Sequence[FittedSuperquadric],
+        count: int,
+        generator: Generator,
     ) -> list[list[FittedSuperquadric]]:
-        """The best superquadrics, and then draws of what they may be as well.
+        """Draws of what the superquadrics may be as well.
 
         Each draw fits them again with other expected sizes (randomize-then-optimize, Bardsley et
         al. 2014): what the points decide stays, what they leave open varies.
 
         Args:
             evidence: about each object.
-            count: of results, with the best ones.
+            fits: the best ones.
+            count: of draws.
             generator: of random numbers.
         """
-        best = self.fit(evidence)
-        drawn = [
-            self.refit(evidence, best, self.sizes(len(evidence), generator))
-            for _ in range(count - 1)
+        return [
+            self.refit(evidence, fits, self.sizes(len(evidence), generator)) for _ in range(count)
         ]
-        return [best, *drawn]
 
     def sizes(self, count: int, generator: Generator) -> Sizes:
         """Random expected sizes of so many objects."""

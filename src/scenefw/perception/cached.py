@@ -1,68 +1,52 @@
-"""Another reconstructor's scenes, made once for all who ask for those of the same view."""
+"""A step whose last results are kept, for evaluations of methods that share it."""
 
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING, NamedTuple
-
-import torch
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
-    from torch import Tensor
+    from scenefw.core.types import Int32
+    from scenefw.perception.observation.observation import Observation
+    from scenefw.perception.steps import Objects
 
-    from scenefw.core.batches import Completion, PartialTSDF
-    from scenefw.core.types import GridSpec
-    from scenefw.perception.grouping.relabelling import Completing
-    from scenefw.postprocessing.confidence import Calibration
-
-
-class _Last(NamedTuple):
-    """What was asked for, the scenes, and the generator's state after they were made."""
-
-    partial: PartialTSDF
-    grid: GridSpec
-    samples: int
-    before: Tensor
-    after: Tensor
-    scenes: list[Completion]
-
-    def answers(
-        self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
-    ) -> bool:
-        """Whether the same is asked for, of the same view and with the same random numbers."""
-        same = partial is self.partial and (grid, samples) == (self.grid, self.samples)
-        return same and torch.equal(generator.get_state(), self.before)
+Result = TypeVar("Result")
 
 
-class Remembered:
-    """Remembers the last view's scenes, which several methods of an evaluation begin with.
+class Cached:
+    """Keeps the last results of a segmentation or a grouping.
 
-    Each thread remembers its own; a copy in another process begins with nothing. Nothing differs
-    from asking anew: neither the scenes nor the state in which the generator is left.
+    Nothing differs from asking anew. Each thread has its own results; a copy in another process
+    begins with nothing.
 
     Args:
-        inner: makes the scenes.
+        step: the segmentation or grouping.
+        size: results that are kept: views of a scene are asked for again with one view more.
     """
 
-    calibration: Calibration | None = None
+    def __init__(self, step: Any, size: int = 8) -> None:
+        self.step, self.size = step, size
+        self._results = threading.local()
 
-    def __init__(self, inner: Completing) -> None:
-        self.inner = inner
-        self.grid, self.metadata = inner.grid, inner.metadata
-        self._of_thread = threading.local()
+    def __reduce__(self) -> tuple[type[Cached], tuple[Any, int]]:
+        return Cached, (self.step, self.size)
 
-    def __reduce__(self) -> tuple[type[Remembered], tuple[Completing]]:
-        return Remembered, (self.inner,)
+    def segment(self, view: Observation) -> Int32:
+        """Segments (H, W) of a view."""
+        return self._once((view.partial,), lambda: self.step.segment(view))
 
-    def complete(
-        self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
-    ) -> list[Completion]:
-        """The inner method's complete scenes."""
-        last: _Last | None = self._of_thread.__dict__.get("last")
-        if last is None or not last.answers(partial, grid, samples, generator):
-            before = generator.get_state()
-            scenes = list(self.inner.complete(partial, grid, samples, generator))
-            last = _Last(partial, grid, samples, before, generator.get_state(), scenes)
-            self._of_thread.last = last
-        generator.set_state(last.after)
-        return list(last.scenes)
+    def group(self, segments: Int32, view: Observation) -> Objects:
+        """Objects of a view."""
+        return self._once((segments, view.partial), lambda: self.step.group(segments, view))
+
+    def _once(self, asked: tuple[object, ...], compute: Callable[[], Result]) -> Result:
+        entries: list[tuple[tuple[object, ...], Any]]
+        entries = self._results.__dict__.setdefault("entries", [])
+        for key, value in entries:
+            if all(a is b for a, b in zip(key, asked, strict=True)):
+                known: Result = value
+                return known
+        result = compute()
+        entries[:] = [*entries, (asked, result)][-self.size :]
+        return result

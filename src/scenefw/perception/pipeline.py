@@ -1,196 +1,178 @@
-"""From one real depth image to complete objects: checks, floor, workspace, network, objects."""
+"""From one depth image to complete objects, in nine steps."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import torch
 
 from scenefw.core import rng
-from scenefw.core.errors import ConfigError
-from scenefw.core.floors import Floor
+from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.settings import COUNT
-from scenefw.kernels.cameras import stack_cameras
-from scenefw.perception.estimate.assembly import cleaned, numbered_like, scene_estimate
-from scenefw.perception.observation.doctor import Doctor
-from scenefw.perception.observation.floor import FloorFinder
-from scenefw.perception.observation.workspace import Workspace, WorkspaceFinder
-from scenefw.postprocessing.confidence import Calibration, confidences
+from scenefw.perception.observation.observation import Observation
+from scenefw.perception.segmentation.marked import MarkedObjects
+from scenefw.perception.steps import Fits, Objects, ObjectSet
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Sequence
 
+    import numpy as np
     from numpy.typing import NDArray
 
     from scenefw.core.batches import Completion, PartialTSDF
-    from scenefw.core.protocols import FloorFinding, HypothesisRanking, MappingMethod
+    from scenefw.core.protocols import HypothesisRanking
     from scenefw.core.types import Frame, GridSpec, Int32, SceneEstimate
-
-    Mask = NDArray[np.bool_] | Int32
-
-
-class GridReconstructor(Protocol):
-    """A method that completes scenes on its own grid, and knows its origin."""
-
-    grid: GridSpec
-    metadata: dict[str, Any]
-    calibration: Calibration | None
-    """From how alike its samples are to how right objects are; None: it was not measured."""
-
-    def complete(
-        self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
-    ) -> Sequence[Completion]:
-        """Complete scenes of B partial views, once per code."""
+    from scenefw.perception.estimate.assembly import SceneAssembly
+    from scenefw.perception.steps import (
+        EdgeRestoration,
+        Grouping,
+        HollowReplacement,
+        ObjectFitting,
+        Observing,
+        Segmentation,
+        SetCompletion,
+    )
+    from scenefw.postprocessing.confidence import Calibration
 
 
-@dataclass(frozen=True)
-class View:
-    """A depth image made ready for the network.
+class ReconstructionPipeline:
+    """Completes the objects of a depth image; each step can be replaced, and None leaves it out.
+
+    Methods that learn nothing, and networks of volumes, are this class with other steps.
 
     Args:
-        frame: as it was read.
-        floor: what the objects stand on, in the frame's camera coordinates.
-        workspace: the frame in the world frame, and which pixels show objects.
-        partial: batch of one.
-        warnings: what looks wrong, one line each.
-    """
-
-    frame: Frame
-    floor: Floor
-    workspace: Workspace
-    partial: PartialTSDF
-    warnings: tuple[str, ...]
-
-
-class Pipeline:
-    """Completes the objects of a real depth image (thesis 5.2.4, "Real data experiments").
-
-    Args:
-        reconstructor: from partial TSDF to complete TSDF and instances.
-        mapping: from depth to partial TSDF.
-        floor: finds the floor.
-        workspace: finds the objects on it.
-        doctor: checks the image before, and what was found.
-        samples: latent codes tried; the first is the zero code and makes the result, the others
-            its confidences.
-        ranking: orders the others; None leaves them as they were drawn.
-        carve: also takes away what the network puts into seen free space or below the floor.
-        seed: of the codes.
+        observer: 1, brings an image into the frame of its floor; None: only views whose floor is
+            known can be completed (`complete`).
+        segmentation: 2, finds pixels that show the same object.
+        edges: 3, restores what a stereo camera has blurred.
+        grouping: 4, says which segments are one object, and makes rough volumes.
+        fit: 5, fits a superquadric to each object.
+        completion: 6, says what is hidden, several times.
+        hollow: 7, makes objects hollow that the view looks into.
+        assembly: 8, makes volumes, meshes, masks and confidences.
+        ranking: 9, orders the hypotheses after the first.
+        grid: of volumes; None: that of the completion.
+        samples: hypotheses; the first is the most typical one.
+        seed: of the random numbers.
 
     Raises:
-        ConfigError: no sample, or the reconstructor has no grid.
+        ConfigError: no sample.
     """
 
     def __init__(
         self,
-        reconstructor: GridReconstructor,
-        mapping: MappingMethod,
-        floor: FloorFinding | None = None,
-        workspace: WorkspaceFinder | None = None,
-        doctor: Doctor | None = None,
-        samples: int = 3,
+        assembly: SceneAssembly,
+        observer: Observing | None = None,
+        segmentation: Segmentation | None = None,
+        edges: EdgeRestoration | None = None,
+        grouping: Grouping | None = None,
+        fit: ObjectFitting | None = None,
+        completion: SetCompletion | None = None,
+        hollow: HollowReplacement | None = None,
         ranking: HypothesisRanking | None = None,
-        *,
-        carve: bool = True,
+        grid: GridSpec | None = None,
+        samples: int = 3,
         seed: int = 0,
     ) -> None:
         COUNT.require(samples=samples)
-        if reconstructor.grid is None:
-            raise ConfigError(
-                "the reconstructor has no grid; give grid=${grid} to what makes its volumes: "
-                "'reconstructor.grid=${grid}', or 'reconstructor.inner.inner.grid=${grid}' of fits"
-            )
-        self.reconstructor = reconstructor
-        self.mapping = mapping
-        self.floor = floor or FloorFinder()
-        self.workspace = workspace or WorkspaceFinder()
-        self.doctor = doctor or Doctor()
-        self.samples, self.ranking = samples, ranking
-        self.carve = carve
-        self.seed = seed
+        self.observer, self.segmentation, self.edges = observer, segmentation, edges
+        self.grouping, self.fit, self.completion = grouping, fit, completion
+        self.hollow, self.assembly, self.ranking = hollow, assembly, ranking
+        self.grid = grid if completion is None or completion.grid is None else completion.grid
+        self.metadata: dict[str, Any] = {} if completion is None else dict(completion.metadata)
+        self.samples, self.seed = samples, seed
 
     @property
-    def grid(self) -> GridSpec:
-        """The voxel grid of partial views and results."""
-        return self.reconstructor.grid
+    def calibration(self) -> Calibration | None:
+        """From how alike hypotheses are to how right objects are; None: it was not measured."""
+        return self.assembly.calibration
 
-    def estimate(self, frame: Frame) -> SceneEstimate:
-        """The complete scene of a frame, whose camera needs no pose.
-
-        Raises:
-            InputError: the image is unusable; the message says how to fix it.
-        """
-        return self.complete(self.prepare(frame))
-
-    def prepare(self, frame: Frame, mask: Mask | None = None) -> View:
-        """Checks, floor, workspace and partial TSDF of a frame.
+    def __call__(
+        self, frame: Frame, mask: NDArray[np.bool_] | Int32 | None = None
+    ) -> list[SceneEstimate]:
+        """The hypotheses of an image, the most typical one first.
 
         Args:
             frame: its camera needs no pose.
-            mask: (H, W) of what is known to be objects: booleans say where some are, whole numbers
-                which one a pixel shows (0 = none). Anything else above the floor is then ignored.
+            mask: (H, W) of what is known to be objects (`observation.observer`).
 
         Raises:
-            InputError: as `estimate`.
+            InputError: the image is unusable; the message says how to mend it.
         """
-        warnings = self.doctor.examine_frame(frame)
-        floor = self.floor.find(frame)
-        region = None if mask is None else mask > 0
-        workspace = self.workspace.find(frame, floor, self.grid, region)
-        warnings += self.doctor.examine_workspace(floor, workspace)
-        depth = torch.from_numpy(workspace.frame.depth)[None]
-        cameras = stack_cameras([workspace.frame.camera])
-        partial = self.mapping.fuse(depth, self.grid, cameras)
-        colour = workspace.frame.colour
-        if colour is not None:
-            partial = replace(partial, colours=torch.from_numpy(np.array(colour, order="C"))[None])
-        if mask is not None and mask.dtype != np.bool_:
-            known = np.where(workspace.objects, mask, 0).astype(np.int32)
-            partial = replace(partial, masks=torch.from_numpy(known)[None])
-        return View(frame, floor, workspace, partial, tuple(warnings))
+        return self.reconstruct(self.observe(frame, mask))
 
-    def complete(self, view: View) -> SceneEstimate:
-        """The complete scene of a view, the most typical one."""
-        return next(self._drawn(view))
+    def estimate(self, frame: Frame) -> SceneEstimate:
+        """The most typical scene of an image.
 
-    def hypotheses(self, view: View) -> Iterator[SceneEstimate]:
-        """A scene for each code: the most typical one, then drawn ones as they are ranked.
-
-        An object has the same id in all of them. Its confidence says how much the others agree.
+        Raises:
+            InputError: as `__call__`.
         """
-        scenes = self._drawn(view)
-        yield from scenes if self.ranking is None else self.ranking.rank(list(scenes))
+        return self.reconstruct(self.observe(frame), first_only=True)[0]
 
-    def _drawn(self, view: View) -> Iterator[SceneEstimate]:
-        samples = self._samples(view.partial)
-        for number, sample in enumerate(samples):
-            others = [other.instances[0] for i, other in enumerate(samples) if i != number]
-            sure = confidences(sample.instances[0], others, self.reconstructor.calibration)
-            yield self._scene(view, sample, sure)
+    def observe(
+        self, frame: Frame, mask: NDArray[np.bool_] | Int32 | None = None
+    ) -> Observation:
+        """Step 1, which finds out what is wrong with an image before anything takes long."""
+        if self.observer is None or self.grid is None:
+            missing = "observer" if self.observer is None else "grid"
+            raise ConfigError(f"the pipeline has no {missing}; give run.pipeline.{missing}")
+        return self.observer.observe(frame, self.grid, mask)
 
-    def _scene(self, view: View, sample: Completion, sure: Mapping[int, float]) -> SceneEstimate:
-        floor = view.floor
-        details = {
-            "floor": {
-                "normal": floor.normal,
-                "height": floor.height,
-                "share": floor.share,
-                "deviation": floor.deviation,
-            },
-            "samples": self.samples,
-            "seed": self.seed,
-            "checkpoint": self.reconstructor.metadata,
-            "warnings": list(view.warnings),
-        }
-        return scene_estimate(sample, self.grid, view.workspace.frame, sure, details)
+    def reconstruct(self, view: Observation, *, first_only: bool = False) -> list[SceneEstimate]:
+        """Steps 2 to 9: the scenes of an observation, the most typical one first.
 
-    def _samples(self, partial: PartialTSDF) -> list[Completion]:
-        """The scene of each code, without contradictions; an object has the same label in all."""
+        Args:
+            view: the observation.
+            first_only: only the most typical one, whose confidences come from all.
+        """
         generator = torch.Generator().manual_seed(rng.torch_seed(self.seed))
-        samples = self.reconstructor.complete(partial, self.grid, self.samples, generator)
-        seen = partial if self.carve else None
-        whole = [cleaned(sample, self.grid, seen) for sample in samples]
-        first = whole[0].instances[0].cpu().numpy()
-        return whole[:1] + [numbered_like(sample, first) for sample in whole[1:]]
+        sets = self.hypotheses(view, self.samples, generator)
+        origin = {"samples": self.samples, "seed": self.seed, "checkpoint": self.metadata}
+        scenes = self.assembly.assemble(sets, view, origin)  # 8
+        if first_only:
+            return [next(scenes)]
+        return list(scenes) if self.ranking is None else self.ranking.rank(list(scenes))  # 9
+
+    def hypotheses(
+        self, view: Observation, samples: int, generator: torch.Generator
+    ) -> Sequence[ObjectSet]:
+        """Steps 2 to 7: sets of objects that there may be, the most typical one first.
+
+        Args:
+            view: the observation.
+            samples: how many sets.
+            generator: of the random numbers, on the CPU.
+        """
+        objects = Objects(None)
+        segmentation = self.segmentation if view.masks is None else MarkedObjects()
+        if segmentation is not None:
+            segments = segmentation.segment(view)  # 2
+            if self.edges is not None:
+                view, segments = self.edges.restore(view, segments)  # 3
+            objects = Objects(segments)
+            if self.grouping is not None:
+                objects = self.grouping.group(segments, view)  # 4
+        fits = Fits(objects) if self.fit is None else self.fit.fit(objects, view)  # 5
+        sets: Sequence[ObjectSet] = [ObjectSet(objects)] * samples
+        if self.completion is not None:
+            sets = self.completion.complete(fits, view, samples, generator)  # 6
+        return sets if self.hollow is None else self.hollow.replace(sets, view)  # 7
+
+    def complete(
+        self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
+    ) -> list[Completion]:
+        """Volumes of the hypotheses of a view whose floor is known to be z = 0, as they are.
+
+        Args:
+            partial: of one view.
+            grid: its grid.
+            samples: hypotheses.
+            generator: of the random numbers, on the CPU.
+
+        Raises:
+            InputError: there are several views, or the steps need its image and it has none.
+        """
+        if len(partial.distance) != 1:
+            raise InputError(f"there are {len(partial.distance)} views; complete one after another")
+        view = Observation.of_partial(partial, grid)
+        return self.assembly.volumes(self.hypotheses(view, samples, generator), view)

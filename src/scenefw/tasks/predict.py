@@ -13,8 +13,9 @@ from scenefw.core.files import require_writable
 from scenefw.core.folders import replacing_folder, require_replaceable
 from scenefw.core.protocols import SceneFormat, Settling
 from scenefw.core.types import SceneEstimate
+from scenefw.perception.observation.observation import Observation
 from scenefw.perception.physics.settling import words as settled_words
-from scenefw.perception.pipeline import Pipeline, View
+from scenefw.perception.pipeline import ReconstructionPipeline
 from scenefw.report.hypotheses import draw_hypotheses
 from scenefw.report.overview import write_overview
 from scenefw.report.page import write_scene_page
@@ -58,7 +59,7 @@ class Predict:
     def __init__(
         self,
         input: str | Path | None,  # noqa: A002 - named as the setting on the command line
-        pipeline: Pipeline,
+        pipeline: ReconstructionPipeline,
         output: str | Path = "outputs",
         intrinsics: str | Path | None = None,
         depth_scale: float | None = None,
@@ -130,7 +131,7 @@ class Predict:
             StorageError: the folder can't be written.
         """
         frame, mask = self.images.read(image)
-        view = self.pipeline.prepare(frame, mask)
+        view = self.pipeline.observe(frame, mask)
         for warning in view.warnings:
             print(f"{frame.name}: {warning}", file=sys.stderr)
         estimate, *others = self._scenes(view)
@@ -149,22 +150,21 @@ class Predict:
                 self._draw(temporary, view, [estimate, *others])
         return estimate
 
-    def _draw(self, folder: Path, view: View, scenes: Sequence[SceneEstimate]) -> None:
+    def _draw(self, folder: Path, view: Observation, scenes: Sequence[SceneEstimate]) -> None:
         """Pictures of the most typical scene, and of all of them side by side if there are more."""
         solids, first = solids_of(scenes), scenes[0]
         views = two_views(solids[0], first)
         partial = view.partial.distance[0, 0].cpu().numpy()
         write_overview(
-            folder / "overview.png", first, partial, colours_of(first), views, view.frame
+            folder / "overview.png", first, partial, colours_of(first), views, view.source
         )
         if len(scenes) > 1:
             shown = draw_hypotheses(scenes, solids, views)
             save_picture(shown, folder / "hypotheses.png", fast=True)
 
-    def _scenes(self, view: View) -> list[SceneEstimate]:
+    def _scenes(self, view: Observation) -> list[SceneEstimate]:
         """All hypotheses, or the most typical one, at rest if they settle."""
-        several = self.hypotheses
-        scenes = list(self.pipeline.hypotheses(view)) if several else [self.pipeline.complete(view)]
+        scenes = self.pipeline.reconstruct(view, first_only=not self.hypotheses)
         if self.settling is None:
             return scenes
         settled = self.settling.settle(scenes)

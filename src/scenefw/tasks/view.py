@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from scenefw.core.protocols import SceneFormat, Settling
-    from scenefw.perception.pipeline import Pipeline
+    from scenefw.perception.pipeline import ReconstructionPipeline
 
 
 class View:
@@ -54,7 +54,7 @@ class View:
     def __init__(
         self,
         input: str | Path | None,  # noqa: A002 - named as the setting on the command line
-        pipeline: Pipeline,
+        pipeline: ReconstructionPipeline,
         output: str | Path = "outputs",
         intrinsics: str | Path | None = None,
         depth_scale: float | None = None,
@@ -110,8 +110,8 @@ class View:
             InputError: it is unusable.
         """
         frame, mask = self.images.read(image)
-        view = self.pipeline.prepare(frame, mask)
+        view = self.pipeline.observe(frame, mask)
         for warning in view.warnings:
             print(f"{frame.name}: {warning}", file=sys.stderr)
         partial = view.partial.distance[0, 0].cpu().numpy()
-        return Prediction(tuple(self.pipeline.hypotheses(view)), frame, partial)
+        return Prediction(tuple(self.pipeline.reconstruct(view)), frame, partial)

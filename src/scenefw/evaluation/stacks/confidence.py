@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
     from scenefw.core.protocols import MappingMethod, Noise, Renderer, Track
     from scenefw.data.stacks import SceneSet
-    from scenefw.perception.pipeline import GridReconstructor
+    from scenefw.core.types import GridSpec
+    from scenefw.perception.pipeline import ReconstructionPipeline
 
 _VIEWS, _CODES = 41, 42  # random streams
 
@@ -53,7 +54,7 @@ class ConfidenceEvaluation:
     def __init__(
         self,
         scenes: SceneSet,
-        method: GridReconstructor,
+        method: ReconstructionPipeline,
         viewpoints: Viewpoints,
         renderer: Renderer,
         mapping: MappingMethod,
@@ -67,8 +68,9 @@ class ConfidenceEvaluation:
         if samples < 2:
             raise ConfigError(f"size.samples is {samples}: agreement needs 2 samples or more")
         if method.grid is None:
-            raise ConfigError("the method has no grid; give evaluation.method.inner.inner.grid")
+            raise ConfigError("the method has no grid; give evaluation.method.grid")
         self.scenes, self.method, self.samples = scenes, method, samples
+        self.grid: GridSpec = method.grid
         self.maker = ViewMaker(method.grid, viewpoints, renderer, mapping, noise)
         self.seed, self.device, self.kept = seed, device, kept
         self.workers = workers_on(device, workers)
@@ -95,7 +97,7 @@ class ConfidenceEvaluation:
         batch = seen.batches[0]
         generator = torch.Generator().manual_seed(seen.codes)
         first, *others = self.method.complete(
-            batch.partial, self.method.grid, self.samples, generator
+            batch.partial, self.grid, self.samples, generator
         )
         said = confidences(first.instances[0], [one.instances[0] for one in others])
         if not said:

@@ -16,7 +16,8 @@ from scenefw.data.readers import find_images, read_frame
 from scenefw.evaluation.stacks.measures import OF_MARGINS, REFERENCE, at_margin, of_images
 from scenefw.metrics.masks import MaskScores, mask_scores
 from scenefw.metrics.seams import Seams, seam_scores
-from scenefw.perception.evidence.visible_instances import seen_instances
+from scenefw.perception.evidence.visible_instances import visible_instances
+from scenefw.perception.observation.observation import Observation
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.segmentation.colour_edges import ColourEdges
 from scenefw.perception.segmentation.crease_segmentation import SeenParts
@@ -317,8 +318,9 @@ class LabelledMasks:
         }
 
     def _plain(self, reference: SeenParts, frame: Frame) -> Int32:
-        parts = reference.segment(frame)
-        return parts if self.colour is None else self.colour.moved(parts, frame)
+        view = Observation(frame)
+        parts = reference.segment(view)
+        return parts if self.colour is None else self.colour.moved(parts, view)
 
     def _scored(self, predicted: Int32, true: Int32) -> Scored:
         return Scored(
@@ -344,7 +346,7 @@ def shown(estimate: SceneEstimate) -> Int32:
         return estimate.masks
     points = world_points(estimate.frame)
     above = points[..., 2] > _FLOOR  # NaN where no depth: not above
-    return seen_instances(estimate.instances, points, estimate.grid, above)
+    return visible_instances(estimate.instances, points, estimate.grid, above)
 
 
 def _above(labels: Int32, heights: Float64, margin: float) -> Int32:

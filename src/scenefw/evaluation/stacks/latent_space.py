@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from scenefw.core.protocols import MappingMethod, Matching, Noise, Renderer, Track
     from scenefw.core.types import Float32
     from scenefw.data.stacks import SceneSet
-    from scenefw.perception.completion.volume_network import NetworkReconstructor
+    from scenefw.perception.completion.volume_network import VolumeNetwork
 
 _VIEWS, _CODES, _ENDS = 31, 32, 33  # random streams
 
@@ -68,7 +68,7 @@ class LatentSpaceEvaluation:
     def __init__(
         self,
         scenes: SceneSet,
-        network: NetworkReconstructor,
+        network: VolumeNetwork,
         viewpoints: Viewpoints,
         renderer: Renderer,
         mapping: MappingMethod,

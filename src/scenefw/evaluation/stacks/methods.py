@@ -107,7 +107,7 @@ _KNOWN = (
     ),
     _method("fusion", "TSDF fusion (no learning)", learns=False),
     _method(
-        "set_flow",
+        "set_extents",
         "superquadrics fitted to a network's parts, hidden parts by a flow of sets",
         samples="superquadrics fitted to a network's parts, then drawn by a flow of sets",
         figure=" of fits and a flow of sets",

@@ -17,7 +17,7 @@ from scenefw.evaluation.stacks.several_views import SeenOften
 from scenefw.metrics.instances import instance_scores
 from scenefw.metrics.occupancy import occupancy_iou
 from scenefw.perception.estimate.assembly import scene_estimate
-from scenefw.perception.observation.view_frames import seen_frames
+from scenefw.perception.observation.observation import Observation
 from scenefw.perception.ranking.displacement import displacement
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from scenefw.data.views import ViewBatch
     from scenefw.evaluation.kept_rows import KeptRows
     from scenefw.perception.physics.bodies import BodyMaker
-    from scenefw.perception.pipeline import GridReconstructor
+    from scenefw.perception.pipeline import ReconstructionPipeline
 
 _VIEWS, _CODES = 51, 52  # random streams
 _DRAW = "draw"  # key in details that says which draw a scene is
@@ -74,7 +74,7 @@ class RankingEvaluation:
     def __init__(
         self,
         scenes: SceneSet,
-        method: GridReconstructor,
+        method: ReconstructionPipeline,
         rankings: Mapping[str, HypothesisRanking | None],
         viewpoints: Viewpoints,
         renderer: Renderer,
@@ -95,7 +95,7 @@ class RankingEvaluation:
         if not self.rankings:
             raise ConfigError("there is no ranking to score; give evaluation.rankings.NAME")
         if method.grid is None:
-            raise ConfigError("the method has no grid; give evaluation.method.inner.inner.grid")
+            raise ConfigError("the method has no grid; give evaluation.method.grid")
         self.scenes, self.method, self.grid = scenes, method, method.grid
         self.maker = ViewMaker(method.grid, viewpoints, renderer, mapping, noise)
         self.engine, self.bodies = engine, bodies
@@ -123,7 +123,7 @@ class RankingEvaluation:
         batch = seen.batches[0]
         generator = torch.Generator().manual_seed(seen.codes)
         samples = self.method.complete(batch.partial, self.grid, 1 + self.draws, generator)
-        (frame,) = seen_frames(batch.partial, "a ranking of hypotheses")
+        frame = Observation.of_partial(batch.partial, self.grid).frame
         scenes = [
             scene_estimate(one, self.grid, frame, {}, {_DRAW: number})
             for number, one in enumerate(samples)

@@ -353,7 +353,7 @@ class ReconstructionEvaluation:
         shapes = [tsdf for tsdf, _ in pairs]
         return {
             name: self._instance_scores(
-                [instances_of(tsdf[None], extractor, grid)[0] for tsdf in shapes], batch
+                [instances_of(tsdf, extractor, grid) for tsdf in shapes], batch
             )
             for name, extractor in self.extractors.items()
         }

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import Tensor
 
-    from scenefw.core.types import Float64
-    from scenefw.perception.evidence.gathering import View
+    from scenefw.core.types import Float64, Int32
+    from scenefw.perception.observation.observation import ViewGeometry
 
 _USUAL = ObjectSamples()
 _NEAR = 0.006  # m: points further from the fit belong to something else
@@ -39,8 +39,9 @@ class SeenObjects:
     """What a view shows of objects that were fitted to it, in the frame in which networks see it.
 
     Args:
-        view: with masks.
-        labels: of the objects in its masks, one slot each.
+        view: one camera's.
+        masks: (H, W) which object a pixel shows.
+        labels: of objects in the masks, one slot each.
         fitted: superquadrics that explain them.
         random: says which points are taken.
         rows: how often they are shown, each time by other points.
@@ -49,7 +50,8 @@ class SeenObjects:
 
     def __init__(
         self,
-        view: View,
+        view: ViewGeometry,
+        masks: Int32,
         labels: Sequence[int],
         fitted: Sequence[FittedSuperquadric],
         random: Generator,
@@ -64,15 +66,15 @@ class SeenObjects:
         points = torch.zeros(rows, len(labels), samples.points, 3)
         sizes = torch.zeros(rows, len(labels))
         for slot, label in enumerate(labels):
-            own = view.points[view.masks == label]
+            own = view.points[masks == label]
             explained = own[np.abs(signed_distance(fitted[slot], own)) < _NEAR]
             own = explained if len(explained) else own
             chosen = random.integers(len(own), size=(rows, samples.points))
             points[:, slot] = torch.from_numpy(own[chosen])
-            sizes[:, slot] = (view.masks == label).mean()
+            sizes[:, slot] = (masks == label).mean()
         eye = torch.from_numpy(np.asarray(view.eye, dtype=np.float32)).expand(rows, 3)
         seen = torch.ones(rows, len(labels), dtype=torch.bool)
-        self._seen = points, seen, sizes, _ends(view, labels, eye, random, samples), eye
+        self._seen = points, seen, sizes, _ends(view, masks, labels, eye, random, samples), eye
         self._turn, self._origin = view_frame(points, seen, eye)
 
     def batch(self, objects: Sequence[FittedSuperquadric], device: torch.device) -> SeenSetBatch:
@@ -181,11 +183,16 @@ def along(axes: Float64, rotation: Float64, numbers: Float64) -> Float64:
 
 
 def _ends(
-    view: View, labels: Sequence[int], eye: Tensor, random: Generator, samples: ObjectSamples
+    view: ViewGeometry,
+    masks: Int32,
+    labels: Sequence[int],
+    eye: Tensor,
+    random: Generator,
+    samples: ObjectSamples,
 ) -> Tensor:
     """Where the images of objects end (1, N, E, 7), at the resolution of training."""
-    step = max(1, round(view.masks.shape[1] / samples.width))
-    masks = view.masks[::step, ::step]
+    step = max(1, round(masks.shape[1] / samples.width))
+    masks = masks[::step, ::step]
     owners = np.zeros(masks.shape, np.int64)
     for slot, label in enumerate(labels):
         owners[masks == label] = slot + 1

@@ -1,217 +1,183 @@
-"""Superquadrics of a view whose hidden parts a trained flow of sets draws."""
+"""Superquadrics whose hidden extents a trained network samples, of all objects jointly."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 
-from scenefw.core.settings import COUNT, NOT_NEGATIVE, above
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
 from scenefw.data.view_samples import ObjectSamples
 from scenefw.fitting.placed import signed_distance
 from scenefw.perception.completion.extent_inputs import SeenObjects
-from scenefw.perception.completion.superquadrics import Fitted
-from scenefw.perception.completion.support import standing
-from scenefw.perception.evidence.pseudo_observations import with_supposed
-from scenefw.perception.observation.free_space import surely_free
+from scenefw.perception.completion.support import extend_to_support
+from scenefw.perception.evidence.pseudo_observations import add_predicted_surface
+from scenefw.perception.steps import ObjectSet
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from numpy.random import Generator
 
     from scenefw.core.evidence import Evidence, FittedSuperquadric
+    from scenefw.core.protocols import ShapeFit
     from scenefw.core.set_flows import SeenSetBatch
     from scenefw.core.training_protocols import TrainedSetFlow
+    from scenefw.core.types import GridSpec
     from scenefw.perception.completion.hidden_objects import HiddenObjects
-    from scenefw.perception.completion.vessels import Vessels
-    from scenefw.perception.evidence.gathering import EvidenceOfView, View
-    from scenefw.perception.grouping.relabelling import Completing
-    from scenefw.perception.segmentation.edge_restoration import RestoredEdges
-    from scenefw.postprocessing.confidence import Calibration
+    from scenefw.perception.evidence.tolerances import Tolerances
+    from scenefw.perception.observation.observation import Observation, ViewGeometry
+    from scenefw.perception.steps import Fits
+
+    Shapes = Sequence[FittedSuperquadric]
 
 
-class SizedFit(Protocol):
-    """A fit of objects, alone and then with expected sizes."""
+class ExtentSampling:
+    """Samples how far objects go on where they are hidden, and fits them again (flow matching).
 
-    def fit(self, evidence: Sequence[Evidence]) -> list[FittedSuperquadric]:
-        """The best superquadric for each."""
-
-    def draws(
-        self, evidence: Sequence[Evidence], count: int, generator: Generator
-    ) -> list[list[FittedSuperquadric]]:
-        """The best superquadrics, and then draws of what they may be as well."""
-
-    def alone(self, evidence: Sequence[Evidence]) -> list[FittedSuperquadric]:
-        """The best superquadric for each, as if there were no others."""
-
-    def together(
-        self, evidence: Sequence[Evidence], start: Sequence[FittedSuperquadric]
-    ) -> list[FittedSuperquadric]:
-        """Superquadrics near those, fitted again such that none penetrates another."""
-
-
-class DrawnSets(Fitted):
-    """Superquadrics fitted to the view, and to draws of a network where nothing is seen.
-
-    Objects that the image shows are fitted (`Fitted`). The network sees their points, for each draw
-    others, and draws how far each of them goes on. What would hang in the air goes on to what is
-    below it, and what would sink into the floor ends there (`standing`). Points of a drawn surface
-    that lie away from all that is seen of its object are evidence about it as well. All are fitted
-    again, from what was drawn, so that what is seen decides where it speaks; an object that then
-    lies where the view sees through is taken as it was fitted alone. For the first sample
-    the faces and exponents of objects are in the middle of several draws. Objects of which nothing
-    is seen are drawn by `hidden`.
+    A network samples the hidden extents of all objects jointly, from a random subset of their
+    visible points per sample. What would hang in the air goes on to what is below it, and what
+    would sink into the floor ends there. Points of a sampled surface that lie away from all that is
+    visible of its object are pseudo-observations: all objects are fitted again, so measurements
+    decide where there are some. An object that then lies in free space is taken as it was fitted
+    without the network. The first hypothesis is the median of several samples.
 
     Args:
-        inner: makes the scenes.
         fit: of superquadrics to evidence.
-        evidence: what a view says about an object.
-        checkpoint: of a flow of sets.
-        near: seen points up to this far from the surface are explained (m).
-        explained: share of seen points that a superquadric must explain to be taken.
-        least: seen points that an object must have to be fitted.
-        lowest: how high above the floor what was not predicted must reach to be an object (m).
-        steps: of each draw.
-        votes: draws whose middle the first sample takes; 0: it is the fit without a network.
+        tolerances: say which superquadrics explain their objects.
+        checkpoint: of a flow of sets that samples extents.
+        steps: of each sample.
+        median_of: samples whose median the first hypothesis takes; 0: the fit without a network.
         spread: standard deviation of the noise that further samples start from; 1 as in training.
-            What is drawn is fitted to the view again, which makes samples more alike than draws.
-        drawn_sigma: standard deviation of points of drawn surfaces (m).
-        beyond: points of drawn surfaces count that are further than this from all seen ones (m).
-        hidden: adds objects of which nothing is seen to drawn scenes; None adds none.
-        calibration: from how alike samples are to how right objects are; None: not measured.
-        vessels: says which objects are hollow; None: none are.
-        edges: restores those of the images first; None: images stay as they are.
-        drawn: the first sample is the best, further ones are drawn; without it, all are the best.
+            Samples are fitted to the view again, which makes hypotheses more alike than samples.
+        pseudo_sigma: standard deviation of points of sampled surfaces (m).
+        min_gap: points of sampled surfaces count that are further than this from all visible ones
+            (m).
+        hidden: adds objects of which nothing is visible to further hypotheses; None adds none.
 
     Raises:
         ConfigError: a number that isn't positive.
     """
 
+    grid: GridSpec | None = None
+
     def __init__(
         self,
-        inner: Completing,
-        fit: SizedFit,
-        evidence: EvidenceOfView,
+        fit: ShapeFit,
+        tolerances: Tolerances,
         checkpoint: TrainedSetFlow,
-        near: float = 0.006,
-        explained: float = 0.75,
-        least: int = 60,
-        lowest: float = 0.015,
-        steps: int = 20,
-        votes: int = 32,
-        spread: float = 1.0,
-        drawn_sigma: float = 0.008,
-        beyond: float = 0.01,
+        steps: int,
+        median_of: int,
+        spread: float,
+        pseudo_sigma: float,
+        min_gap: float,
         hidden: HiddenObjects | None = None,
-        calibration: Calibration | None = None,
-        vessels: Vessels | None = None,
-        edges: RestoredEdges | None = None,
-        *,
-        drawn: bool = True,
     ) -> None:
-        super().__init__(
-            inner, fit, evidence, near, explained, least, lowest, vessels, edges, drawn=drawn
-        )
         COUNT.require(steps=steps)
-        NOT_NEGATIVE.require(votes=votes, beyond=beyond, spread=spread)
-        above(evidence.seen_sigma, "as what is seen is the more certain").require(
-            drawn_sigma=drawn_sigma
-        )
-        self.sized, self.model, self.hidden = fit, checkpoint.model, hidden
-        self.steps, self.votes, self.spread = steps, votes, spread
-        self.drawn_sigma, self.beyond = drawn_sigma, beyond
-        self.calibration = calibration
+        NOT_NEGATIVE.require(median_of=median_of, min_gap=min_gap, spread=spread)
+        POSITIVE.require(pseudo_sigma=pseudo_sigma)
+        self.fit, self.tolerances = fit, tolerances
+        self.model, self.hidden = checkpoint.model, hidden
+        self.steps, self.median_of, self.spread = steps, median_of, spread
+        self.pseudo_sigma, self.min_gap = pseudo_sigma, min_gap
         self.metadata = dict(checkpoint.metadata)
 
-    def superquadrics(
-        self, view: View, count: int = 1, random: Generator | None = None
-    ) -> list[dict[int, FittedSuperquadric]]:
-        """Objects that a superquadric explains, by label; in draws also those that nobody sees.
-
-        Args:
-            view: with the predicted volumes.
-            count: of results: the best one, then draws.
-            random: for the draws.
-        """
-        random = np.random.default_rng(0) if random is None else random
-        enough = self._enough(view)
-        if not enough:
-            return [{} for _ in range(count)]
-        given = list(enough.values())
-        alone = self.sized.alone(given)
-        rows = max(self.votes + count - 1, 1)
-        seen = SeenObjects(  # each draw sees other points
-            view, list(enough), alone, random, rows, ObjectSamples.of(self.metadata)
-        )
-        draws = seen.in_world(self._draw(seen, alone, rows, random))
-        clear = surely_free(view)
-        plain, results = self._standing(alone, given, clear), []
-        for number in range(count):
-            row = self.votes + number - 1
-            if number == 0 and not self.votes:
-                found = self.sized.together(given, alone)
+    def complete(
+        self, fits: Fits, view: Observation, samples: int, generator: torch.Generator
+    ) -> list[ObjectSet]:
+        """The median of samples, and then further ones; in these also objects that nobody sees."""
+        random = np.random.default_rng(int(torch.randint(2**62, (1,), generator=generator)))
+        if not fits.evidence:
+            return [ObjectSet(fits.objects, {})] * samples
+        evidence, alone = list(fits.evidence.values()), list(fits.superquadrics.values())
+        rows = max(self.median_of + samples - 1, 1)
+        shown = SeenObjects(  # in each row by other points
+            view, fits.objects.pixels, list(fits.evidence), alone, random, rows,
+            ObjectSamples.of(self.metadata),
+        )  # fmt: skip
+        drawn = shown.in_world(self._draw(shown, alone, rows, random))
+        unsampled = self._supported(alone, evidence, view)
+        sets = []
+        for number in range(samples):
+            if number == 0 and not self.median_of:
+                shapes: Shapes = self.fit.together(evidence, alone)
             else:
-                taken = slice(row, row + 1) if number else slice(self.votes)
-                found = self._near(standing(draws.middle(taken, alone), clear), given)
-            found = self._standing(found, given, clear)
-            kept = self._kept(found, plain, enough, clear)
+                row = self.median_of + number - 1
+                chosen = slice(row, row + 1) if number else slice(self.median_of)
+                shapes = self._refitted(drawn.middle(chosen, alone), evidence, view)
+            shapes = self._supported(shapes, evidence, view)
+            hypothesis = self._accepted(fits, shapes, unsampled, view)
             if self.hidden is not None and number > 0:
-                known = [kept.get(label, one) for label, one in zip(enough, found, strict=True)]
-                first = int(max(view.instances.max(initial=0), view.masks.max(initial=0))) + 1
-                kept |= dict(enumerate(self.hidden.beside(known, seen, view, random), first))
-            results.append(kept)
-        return results
+                hypothesis = self._with_hidden(hypothesis, shapes, shown, view, random)
+            sets.append(hypothesis)
+        return sets
 
     @torch.no_grad()
     def _draw(
-        self,
-        seen: SeenObjects,
-        fitted: Sequence[FittedSuperquadric],
-        count: int,
-        random: Generator,
+        self, shown: SeenObjects, alone: Shapes, rows: int, random: Generator
     ) -> SeenSetBatch:
         generator = torch.Generator().manual_seed(int(random.integers(2**62)))
         device = next(self.model.parameters()).device  # type: ignore[attr-defined]
-        spread = [1.0] * self.votes + [self.spread] * (count - self.votes)
-        return self.model.sample(
-            seen.batch(fitted, device), count, generator, self.steps, spread[:count]
-        )
+        spread = [1.0] * self.median_of + [self.spread] * (rows - self.median_of)
+        batch = shown.batch(alone, device)
+        return self.model.sample(batch, rows, generator, self.steps, spread[:rows])
 
-    def _near(
-        self, drawn: Sequence[FittedSuperquadric], evidence: Sequence[Evidence]
+    def _refitted(
+        self, sampled: Shapes, evidence: Sequence[Evidence], view: ViewGeometry
     ) -> list[FittedSuperquadric]:
-        """Superquadrics that explain what is seen, and are as drawn where nothing is."""
-        expected = [self._expected(*both) for both in zip(evidence, drawn, strict=True)]
-        return self.sized.together(expected, drawn)
+        """Superquadrics that explain what is visible, and are as sampled where nothing is."""
+        sampled = extend_to_support(sampled, view.clear, view.grid)
+        expected = [
+            add_predicted_surface(each, shape, self.pseudo_sigma, self.min_gap)
+            for each, shape in zip(evidence, sampled, strict=True)
+        ]
+        return self.fit.together(expected, sampled)
 
     @staticmethod
-    def _standing(
-        objects: Sequence[FittedSuperquadric], evidence: Sequence[Evidence], view: View
+    def _supported(
+        shapes: Shapes, evidence: Sequence[Evidence], view: ViewGeometry
     ) -> list[FittedSuperquadric]:
-        """Objects that stand, with their distances from what is seen of them."""
+        """Shapes that stand, with their distances from what is visible of them."""
         return [
-            replace(one, distances=signed_distance(one, given.points))
-            for one, given in zip(standing(objects, view), evidence, strict=True)
+            replace(shape, distances=signed_distance(shape, each.points))
+            for shape, each in zip(
+                extend_to_support(shapes, view.clear, view.grid), evidence, strict=True
+            )
         ]
 
-    def _expected(self, evidence: Evidence, drawn: FittedSuperquadric) -> Evidence:
-        return with_supposed(evidence, self._seen(evidence), drawn, self.drawn_sigma, self.beyond)
+    def _accepted(
+        self, fits: Fits, shapes: Shapes, unsampled: Shapes, view: ViewGeometry
+    ) -> ObjectSet:
+        """Each object as it was sampled, else as fitted without, if that agrees with the view."""
+        shape_of = {}
+        for (label, evidence), *candidates in zip(
+            fits.evidence.items(), shapes, unsampled, strict=True
+        ):
+            for shape in candidates:
+                if self.tolerances.accept(shape, evidence, view):
+                    shape_of[label] = shape
+                    break
+        return ObjectSet(fits.objects, shape_of, evidence=fits.evidence)
 
-    def _kept(
+    def _with_hidden(
         self,
-        found: Sequence[FittedSuperquadric],
-        alone: Sequence[FittedSuperquadric],
-        enough: Mapping[int, Evidence],
-        view: View,
-    ) -> dict[int, FittedSuperquadric]:
-        """Each object as it was drawn, else as fitted alone, if that agrees with what is seen."""
-        kept = {}
-        for label, one, plain in zip(enough, found, alone, strict=True):
-            if self._agrees(one, enough[label], view):
-                kept[label] = one
-            elif self._agrees(plain, enough[label], view):
-                kept[label] = plain
-        return kept
+        hypothesis: ObjectSet,
+        shapes: Shapes,
+        shown: SeenObjects,
+        view: Observation,
+        random: Generator,
+    ) -> ObjectSet:
+        """The hypothesis with objects that the view hides wholly."""
+        if self.hidden is None or hypothesis.superquadrics is None:
+            return hypothesis
+        objects, shape_of = hypothesis.objects, dict(hypothesis.superquadrics)
+        visible = [
+            shape_of.get(label, shape)
+            for label, shape in zip(hypothesis.evidence, shapes, strict=True)
+        ]
+        labels = [objects.pixels, *([] if objects.instances is None else [objects.instances])]
+        first = 1 + max(int(image.max(initial=0)) for image in labels)
+        shape_of |= dict(enumerate(self.hidden.beside(visible, shown, view, random), first))
+        return replace(hypothesis, superquadrics=shape_of)

@@ -9,7 +9,7 @@ import torch
 
 from scenefw.core.errors import ConfigError
 from scenefw.fitting.placed import in_frame_of, shape_of
-from scenefw.perception.observation.free_space import SEEN_THROUGH, places_in, seen_through
+from scenefw.perception.observation.free_space import free_ratio, places_in
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,8 +19,9 @@ if TYPE_CHECKING:
     from scenefw.core.evidence import FittedSuperquadric
     from scenefw.core.training_protocols import TrainedWholeSetFlow
     from scenefw.perception.completion.extent_inputs import SeenObjects
-    from scenefw.perception.evidence.gathering import View
+    from scenefw.perception.observation.observation import ViewGeometry
 
+_MAX_FREE_RATIO = 0.05  # share of a hidden object that may lie in free space
 _INSIDE = 0.2  # share of a hidden object that may lie in others
 
 
@@ -48,7 +49,7 @@ class HiddenObjects:
         if not checkpoint.model.draws_hidden:
             raise ConfigError(
                 "these weights draw no hidden objects; give checkpoints.scenes=FILE of a training "
-                "of model=set_flow, or reconstructor=set_flow"
+                "of model=set_flow, or completion=set_extents"
             )
         self.model, self.tries, self.steps = checkpoint.model, tries, steps
 
@@ -57,7 +58,7 @@ class HiddenObjects:
         self,
         known: Sequence[FittedSuperquadric],
         seen: SeenObjects,
-        view: View,
+        view: ViewGeometry,
         random: Generator,
     ) -> list[FittedSuperquadric]:
         """Hidden objects of one scene, often none.
@@ -82,7 +83,9 @@ class HiddenObjects:
 
 
 def possible(
-    hidden: Sequence[FittedSuperquadric], view: View, others: Sequence[FittedSuperquadric]
+    hidden: Sequence[FittedSuperquadric],
+    view: ViewGeometry,
+    others: Sequence[FittedSuperquadric],
 ) -> bool:
     """Whether objects lie neither where the view shows free space nor in other objects.
 
@@ -96,7 +99,7 @@ def possible(
         places = places_in(one)
         if not view.grid.nearest_voxels(places)[1].all():
             return False
-        if seen_through(places, view) > SEEN_THROUGH:
+        if free_ratio(places, view.free, view.grid) > _MAX_FREE_RATIO:
             return False
         solid = [shape_of(other).value(in_frame_of(other, places)) < 1 for other in beside]
         if solid and np.any(solid, axis=0).mean() > _INSIDE:

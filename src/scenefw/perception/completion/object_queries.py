@@ -7,25 +7,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
-from scenefw.core.batches import Completion
 from scenefw.core.settings import POSITIVE
 from scenefw.data.seen_points import LOWEST
 from scenefw.fitting.placed import signed_distance
 from scenefw.perception.completion.queried_objects import QueriedObjects
-from scenefw.perception.completion.superquadrics import with_superquadrics
-from scenefw.perception.evidence.gathering import View, seen_free
-from scenefw.perception.observation.points import world_points
-from scenefw.perception.observation.view_frames import seen_frames
+from scenefw.perception.observation.observation import JointGeometry
+from scenefw.perception.steps import Objects, ObjectSet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from scenefw.core.batches import PartialTSDF
     from scenefw.core.evidence import FittedSuperquadric
     from scenefw.core.query_protocols import TrainedObjectQueries
-    from scenefw.core.types import Float64, Frame, GridSpec, Int32
+    from scenefw.core.types import Float64, Int32
     from scenefw.perception.completion.refinement import RefinedSets
-    from scenefw.postprocessing.confidence import Calibration
+    from scenefw.perception.observation.observation import Observation
+    from scenefw.perception.steps import Fits
 
 
 class ObjectQueryReconstructor:
@@ -46,8 +43,6 @@ class ObjectQueryReconstructor:
         ConfigError: a share outside 0..1, or a distance that isn't positive.
     """
 
-    calibration: Calibration | None = None
-
     def __init__(
         self,
         checkpoint: TrainedObjectQueries,
@@ -63,41 +58,21 @@ class ObjectQueryReconstructor:
         self.metadata: dict[str, Any] = dict(checkpoint.metadata)
 
     def complete(
-        self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
-    ) -> list[Completion]:
-        """`samples` times the same complete scenes.
+        self, fits: Fits, view: Observation, samples: int, generator: torch.Generator
+    ) -> list[ObjectSet]:
+        """`samples` times the same complete scene; fits count for nothing.
 
         Raises:
-            InputError: the partial TSDF came without its depth images.
+            InputError: the view came without its image.
         """
-        frames = seen_frames(partial, "a decoder of sets")
-        free = seen_free(partial, grid)
-        rows = self.queried.of(partial, grid, generator)
-        views = [
-            self._seen(found, frame, empty, grid)
-            for found, frame, empty in zip(rows, frames, free, strict=True)
-        ]
-        device = partial.distance.device
-        nothing = np.stack([view.tsdf for view, _ in views])
-        scene = Completion(
-            torch.from_numpy(nothing).to(device),
-            torch.zeros(nothing.shape, dtype=torch.int32, device=device),
-            masks=torch.from_numpy(np.stack([view.masks for view, _ in views])).to(device),
-        )
-        return [with_superquadrics(scene, views)] * samples
-
-    def _seen(
-        self, found: Sequence[FittedSuperquadric], frame: Frame, free: Any, grid: GridSpec
-    ) -> tuple[View, dict[int, FittedSuperquadric]]:
-        """A view of which nothing is predicted but masks, and its objects by label."""
-        points = world_points(frame)
-        masks = owners(found, points, self.own)
-        nothing = np.full(grid.shape, grid.truncation, np.float32)
-        labels = np.zeros(grid.shape, np.int32)
-        eye = frame.camera.T_world_camera[:3, 3]
-        view = View(points, masks, nothing, labels, free, grid, eye)
-        objects = dict(enumerate(found, 1))
-        return view, objects if self.refined is None else self.refined.refined(objects, view)
+        points = view.points
+        (predicted,) = self.queried.of(view.partial, view.grid, generator)
+        objects = Objects(owners(predicted, points, self.own))
+        shapes = dict(enumerate(predicted, 1))
+        if self.refined is not None:
+            plain = JointGeometry(points, view.grid, view.free, view.eye)  # no pixel is left out
+            shapes = self.refined.refined(shapes, objects, plain)
+        return [ObjectSet(objects, shapes)] * samples
 
 
 def owners(objects: Sequence[FittedSuperquadric], points: Float64, near: float) -> Int32:

@@ -1,46 +1,56 @@
-"""The reference without learning: what was seen, and nothing else."""
+"""The reference without learning: what is visible, and nothing else."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 import torch
-from torch import Tensor
 
-from scenefw.core.batches import Completion, PartialTSDF
-from scenefw.core.protocols import InstanceExtractor
-from scenefw.core.types import GridSpec
+from scenefw.core.settings import NOT_NEGATIVE
+from scenefw.perception.steps import Objects, ObjectSet
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from scenefw.core.protocols import InstanceExtractor
+    from scenefw.core.types import GridSpec
+    from scenefw.perception.observation.observation import Observation
+    from scenefw.perception.steps import Fits
 
 
 class PartialSurface:
-    """The partial TSDF itself as the scene: only what was seen, nothing completed.
+    """The partial TSDF itself as the scene: only what is visible, nothing completed.
 
-    Unseen space is free, so behind the seen front the surface closes where the fused distances end.
-    The evaluation is of objects alone: everything below `clearance` above the floor is cut off,
-    which removes the seen floor and the lowest rim of the objects.
+    Unseen space is free, so behind the visible front the surface closes where the fused distances
+    end. The evaluation is of objects alone: everything below `clearance` above the floor is cut
+    off, which removes the visible floor and the lowest rim of the objects.
 
     Args:
         extractor: instances of that shape; its votes are all 0.
         clearance: height of the cut above the floor z = 0 (voxels).
     """
 
-    def __init__(self, extractor: InstanceExtractor, clearance: float = 1.0) -> None:
-        self.extractor = extractor
-        self.clearance = clearance
+    grid: GridSpec | None = None
 
-    @property
-    def grid(self) -> None:
-        """It takes any."""
-        return None
+    def __init__(self, extractor: InstanceExtractor, clearance: float = 1.0) -> None:
+        NOT_NEGATIVE.require(clearance=clearance)
+        self.extractor, self.clearance = extractor, clearance
+        self.metadata: dict[str, Any] = {}  # of no checkpoint
 
     def complete(
-        self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
-    ) -> list[Completion]:
-        """`samples` times the same scenes."""
+        self, fits: Fits, view: Observation, samples: int, generator: torch.Generator
+    ) -> list[ObjectSet]:
+        """`samples` times the same scene; fits count for nothing."""
+        partial, grid = view.partial, view.grid
         heights = torch.from_numpy(grid.centres()[0, 0, :, 2]).float()
         cut = (self.clearance * grid.voxel_size - heights).to(partial.distance.device)
-        tsdf = torch.maximum(partial.distance[:, 0].float(), cut.clamp(-grid.truncation))
+        tsdf = torch.maximum(partial.distance[0, 0].float(), cut.clamp(-grid.truncation))
         tsdf = tsdf.clamp(max=grid.truncation)
-        return [Completion(tsdf, instances_of(tsdf, self.extractor, grid))] * samples
+        instances = instances_of(tsdf, self.extractor, grid).cpu().numpy()
+        return [ObjectSet(Objects(None, tsdf.cpu().numpy(), instances))] * samples
 
 
 def instances_of(tsdf: Tensor, extractor: InstanceExtractor, grid: GridSpec) -> Tensor:
-    """Instances (B, X, Y, Z) int32 of TSDFs (B, X, Y, Z) without votes."""
-    votes = torch.zeros(3, *tsdf.shape[1:], device=tsdf.device)
-    return torch.stack([extractor.extract(volume, votes, grid)[0] for volume in tsdf])
+    """Instances (X, Y, Z) int32 of a TSDF (X, Y, Z; m) without votes."""
+    votes = torch.zeros(3, *tsdf.shape, device=tsdf.device)
+    return extractor.extract(tsdf, votes, grid)[0]

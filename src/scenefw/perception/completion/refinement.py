@@ -3,29 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE, above
 from scenefw.fitting.placed import signed_distance
 from scenefw.perception.completion.hidden_objects import possible
-from scenefw.perception.evidence.pseudo_observations import with_supposed
+from scenefw.perception.evidence.pseudo_observations import add_predicted_surface
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from scenefw.core.evidence import Evidence, FittedSuperquadric
-    from scenefw.perception.evidence.gathering import EvidenceOfView, View
-
-
-class JoinedFit(Protocol):
-    """A fit of objects from where they are taken to be."""
-
-    def together(
-        self, evidence: Sequence[Evidence], start: Sequence[FittedSuperquadric]
-    ) -> list[FittedSuperquadric]:
-        """Superquadrics near those, fitted again such that none penetrates another."""
+    from scenefw.core.protocols import ShapeFit
+    from scenefw.perception.evidence.gathering import EvidenceOfView
+    from scenefw.perception.observation.observation import ViewGeometry
+    from scenefw.perception.steps import Objects
 
 
 class RefinedSets:
@@ -50,7 +44,7 @@ class RefinedSets:
 
     def __init__(
         self,
-        fit: JoinedFit,
+        fit: ShapeFit,
         evidence: EvidenceOfView,
         near: float = 0.006,
         least: int = 60,
@@ -67,24 +61,25 @@ class RefinedSets:
         self.drawn_sigma, self.beyond = drawn_sigma, beyond
 
     def refined(
-        self, objects: Mapping[int, FittedSuperquadric], view: View
+        self, predicted: Mapping[int, FittedSuperquadric], objects: Objects, view: ViewGeometry
     ) -> dict[int, FittedSuperquadric]:
         """Objects by label, as seen points and predictions say together.
 
         Args:
-            objects: as predicted.
-            view: whose masks say which pixels show them.
+            predicted: superquadrics.
+            objects: which pixels show them.
+            view: of their image.
         """
-        evidence = {label: self.evidence.of(label, view) for label in objects}
+        evidence = {label: self.evidence.of(label, objects, view) for label in predicted}
         enough = {k: one for k, one in evidence.items() if self._seen(one).sum() >= self.least}
-        start = [objects[label] for label in enough]
+        start = [predicted[label] for label in enough]
         expected = [self._expected(*both) for both in zip(enough.values(), start, strict=True)]
         fitted = self.fit.together(expected, start) if start else []
         kept = {
-            label: self._better(one, objects[label], enough[label])
+            label: self._better(one, predicted[label], enough[label])
             for label, one in zip(enough, fitted, strict=True)
         }
-        for label, one in objects.items():
+        for label, one in predicted.items():
             if label not in enough and possible([one], view, list(kept.values())):
                 kept[label] = one
         return kept
@@ -106,6 +101,4 @@ class RefinedSets:
         return np.asarray(evidence.sigmas == self.evidence.seen_sigma)
 
     def _expected(self, evidence: Evidence, predicted: FittedSuperquadric) -> Evidence:
-        return with_supposed(
-            evidence, self._seen(evidence), predicted, self.drawn_sigma, self.beyond
-        )
+        return add_predicted_surface(evidence, predicted, self.drawn_sigma, self.beyond)

@@ -8,11 +8,11 @@ import numpy as np
 import torch
 from scipy import ndimage
 
-from scenefw.core.batches import Completion
 from scenefw.core.errors import ConfigError
 from scenefw.core.settings import NOT_NEGATIVE, PART
 from scenefw.data.conditioning import condition, require_grid
 from scenefw.perception.completion.suppression import chosen_objects
+from scenefw.perception.steps import Objects, ObjectSet
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import Tensor
 
-    from scenefw.core.batches import PartialTSDF
     from scenefw.core.object_sets import ObjectSetPrediction
     from scenefw.core.types import Float32, GridSpec
-    from scenefw.postprocessing.confidence import Calibration
+    from scenefw.perception.observation.observation import Observation
+    from scenefw.perception.steps import Fits
 
 
 _CLEAR = 0.1  # voxels, from the surface to a centre beside it at least
@@ -56,8 +56,6 @@ class SetNetwork:
         ConfigError: a number is out of range, or the network sees whole scenes alone.
     """
 
-    calibration: Calibration | None = None
-
     def __init__(
         self,
         checkpoint: TrainedSets,
@@ -80,16 +78,17 @@ class SetNetwork:
 
     @torch.no_grad()
     def complete(
-        self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
-    ) -> list[Completion]:
-        """Complete scenes of B partial views, drawn where the network has a prior.
+        self, fits: Fits, view: Observation, samples: int, generator: torch.Generator
+    ) -> list[ObjectSet]:
+        """Complete scenes, drawn where the network has a prior; fits count for nothing.
 
         Raises:
             InputError: the grid is not the one that the network was trained on.
         """
-        require_grid(grid, self.grid)
-        seen = condition(partial, grid).to(self.device)
-        return [self._completion(one) for one in self._predictions(seen, samples, generator)]
+        require_grid(view.grid, self.grid)
+        inputs = condition(view.partial, view.grid).to(self.device)
+        predictions = self._predictions(inputs, samples, generator)
+        return [ObjectSet(self._objects(prediction)) for prediction in predictions]
 
     def _predictions(
         self, seen: Tensor, samples: int, generator: torch.Generator
@@ -102,15 +101,9 @@ class SetNetwork:
             every[0] = 0.0
         return [self.model.sample(seen, latents) for latents in every.to(self.device)]
 
-    def _completion(self, prediction: ObjectSetPrediction) -> Completion:
-        rows = range(len(prediction.logits))
-        labels = [
-            chosen_objects(prediction, row, self.grid, self.smallest, self.suppress).labels
-            for row in rows
-        ]
-        tsdf = np.stack([self._distances(one > 0) for one in labels])
-        instances = torch.from_numpy(np.stack(labels).astype(np.int32)).to(self.device)
-        return Completion(torch.from_numpy(tsdf).to(self.device), instances)
+    def _objects(self, prediction: ObjectSetPrediction) -> Objects:
+        labels = chosen_objects(prediction, 0, self.grid, self.smallest, self.suppress).labels
+        return Objects(None, self._distances(labels > 0), labels.astype(np.int32))
 
     def _distances(self, inside: NDArray[np.bool_]) -> Float32:
         """Signed distances (X, Y, Z) to the border of what is inside (m), truncated."""

@@ -9,14 +9,15 @@ import numpy as np
 
 from scenefw.core.types import Pose
 from scenefw.fitting.placed import in_frame_of, shape_of
-from scenefw.perception.observation.free_space import seen_through
+from scenefw.perception.observation.free_space import free_ratio
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from scenefw.core.evidence import FittedSuperquadric
-    from scenefw.core.types import Float64
-    from scenefw.perception.evidence.gathering import View
+    from scenefw.core.types import Float64, GridSpec
 
 _GAP = 0.01  # m: what is no higher above something stands on it
 _UPRIGHT = 0.95  # cosine between an axis and the vertical from which on it is the one that grows
@@ -26,7 +27,9 @@ _LEAST = 0.004  # m, of half-axes
 _THROUGH = 0.1  # share of what is added that may lie where the view sees through
 
 
-def standing(objects: Sequence[FittedSuperquadric], view: View) -> list[FittedSuperquadric]:
+def extend_to_support(
+    objects: Sequence[FittedSuperquadric], free: NDArray[np.bool_], grid: GridSpec
+) -> list[FittedSuperquadric]:
     """Objects, of which those that hang in the air go on to what is below; none is in the floor.
 
     A view from above shows the top of a box and no side, and how high it is nobody sees. Whatever
@@ -36,15 +39,20 @@ def standing(objects: Sequence[FittedSuperquadric], view: View) -> list[FittedSu
 
     Args:
         objects: superquadrics, in the world.
-        view: with seen free space.
+        free: (X, Y, Z) what the view shows to be free.
+        grid: of free space.
     """
     return [
-        _let_down(one, [other for other in objects if other is not one], view) for one in objects
+        _let_down(one, [other for other in objects if other is not one], free, grid)
+        for one in objects
     ]
 
 
 def _let_down(
-    one: FittedSuperquadric, others: Sequence[FittedSuperquadric], view: View
+    one: FittedSuperquadric,
+    others: Sequence[FittedSuperquadric],
+    free: NDArray[np.bool_],
+    grid: GridSpec,
 ) -> FittedSuperquadric:
     vertical = one.pose.rotation[2]
     axis = int(np.abs(vertical).argmax())
@@ -61,7 +69,7 @@ def _let_down(
         carried |= inside.any(axis=1)
     there = int(carried.argmax()) if carried.any() else len(heights)
     gap = lowest - (heights[there] if carried.any() else 0.0)
-    if gap <= _GAP or seen_through(below[:there], view) > _THROUGH:
+    if gap <= _GAP or free_ratio(below[:there], free, grid) > _THROUGH:
         return one
     return _longer(one, axis, gap)
 

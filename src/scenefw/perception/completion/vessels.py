@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -12,16 +13,21 @@ from scenefw.fitting.placed import signed_distance
 from scenefw.perception.observation.pixels import WIDTH
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from numpy.typing import NDArray
 
     from scenefw.core.evidence import FittedSuperquadric
-    from scenefw.core.types import Float32, Float64, GridSpec, Int32
+    from scenefw.core.types import Float64, GridSpec, Int32
     from scenefw.fitting.vessels import FittedVessel
-    from scenefw.perception.evidence.gathering import Mask, View
+    from scenefw.perception.observation.observation import Observation, ViewGeometry
+    from scenefw.perception.steps import ObjectSet
+
+    Mask = NDArray[np.bool_]
 
 _BEFORE, _WITHIN = 0.02, 0.004  # m: so far before a seen point, nothing is so deep in a solid
 _THERE = 0.98  # share of a vessel in the grid
-_SECTIONS = 24  # of a surface that is looked up in free space
+VESSEL_SECTIONS = 24  # of a surface that is looked up in volumes
 
 
 class FitsVessels(Protocol):
@@ -84,25 +90,36 @@ class Vessels:
         self.inside, self.below, self.through, self.least = inside, below, through, least
         self.width, self.flattest = width, flattest
 
-    def found(
+    def replace(self, sets: Sequence[ObjectSet], view: Observation) -> list[ObjectSet]:
+        """Hypotheses in which objects that the view looks into are vessels, the same in all."""
+        first = sets[0]
+        if first.superquadrics is None:
+            return list(sets)
+        masks = first.objects.pixels
+        vessels = self.detect(masks, view, first.evidence, first.superquadrics)
+        return [with_vessels(each, vessels) for each in sets]
+
+    def detect(
         self,
-        view: View,
+        masks: Int32,
+        view: ViewGeometry,
         labels: Iterable[int],
         superquadrics: Mapping[int, FittedSuperquadric],
     ) -> dict[int, FittedVessel]:
         """The vessels among some objects of a view, by label.
 
         Args:
-            view: with masks.
+            masks: (H, W) which object a pixel shows.
+            view: of one camera.
             labels: of objects that are in the grid.
-            superquadrics: those that explain objects; `distances` are of their seen points.
+            superquadrics: those that explain objects.
         """
         kept: dict[int, FittedVessel] = {}
         if view.eye is None:  # several views: seen from all around
             return kept
-        free = binary_erosion(view.free)  # so that no wall lies in it by half a voxel
+        free = view.clear  # so that no wall lies in it by half a voxel
         for label in labels:
-            points = self._points(view, label)
+            points = self._points(masks, view, label)
             if len(points) < self.least:
                 continue
             known = superquadrics.get(label)
@@ -115,9 +132,9 @@ class Vessels:
                 kept[label] = one
         return kept
 
-    def _points(self, view: View, label: int) -> Float64:
+    def _points(self, masks: Int32, view: ViewGeometry, label: int) -> Float64:
         """Points of an object, away from where its image ends: there they belong to nothing."""
-        own = view.masks == label
+        own = masks == label
         edge = round(self.edge * own.shape[1] / WIDTH)
         inner = binary_erosion(own, iterations=edge) if edge else own
         inner &= np.isfinite(view.points[..., 2])
@@ -143,34 +160,14 @@ class Vessels:
         narrow = seen < self.width * 2 * one.shape.radius
         if within.mean() < self.inside or narrow or one.shape.height < self.flattest:
             return False
-        corners = one.shape.mesh(_SECTIONS).vertices + one.pose.position
+        corners = one.shape.mesh(VESSEL_SECTIONS).vertices + one.pose.position
         voxels, there = grid.nearest_voxels(corners)
         through = free[tuple(voxels[there].T)]
         return bool(there.mean() > _THERE and through.mean() < self.through)
 
 
-def with_vessels(
-    vessels: Mapping[int, FittedVessel], tsdf: Float32, instances: Int32, view: View
-) -> tuple[Float32, Int32]:
-    """TSDF and instances (X, Y, Z) with vessels in place of what was there.
-
-    Their walls are thinner than voxels, so volumes have them with a lid on. What lies in a vessel
-    keeps its voxels.
-
-    Args:
-        vessels: by label.
-        tsdf: (X, Y, Z) metres.
-        instances: (X, Y, Z) labels.
-        view: whose grid it is.
-    """
-    for label, one in vessels.items():
-        own = instances == label
-        tsdf = np.where(own, np.float32(view.grid.truncation), tsdf)
-        instances = np.where(own, 0, instances)
-        corners = one.shape.mesh(_SECTIONS).vertices + one.pose.position
-        box = view.grid.box_about(corners)
-        distance = one.shape.filled_distance(view.grid.centres()[box] - one.pose.position)
-        closer = (instances[box] == 0) & (distance < tsdf[box])
-        instances[box] = np.where(closer & (distance < 0), label, instances[box])
-        tsdf[box] = np.where(closer, distance, tsdf[box])
-    return tsdf.astype(np.float32), np.where(tsdf < 0, instances, 0).astype(np.int32)
+def with_vessels(hypothesis: ObjectSet, vessels: Mapping[int, FittedVessel]) -> ObjectSet:
+    """The hypothesis with vessels in place of the superquadrics of these labels."""
+    solid = hypothesis.superquadrics or {}
+    solid = {label: shape for label, shape in solid.items() if label not in vessels}
+    return replace(hypothesis, superquadrics=solid, vessels=vessels)

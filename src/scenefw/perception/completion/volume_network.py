@@ -11,6 +11,7 @@ from torch.nn.functional import pad
 from scenefw.core.batches import Completion
 from scenefw.core.errors import ConfigError
 from scenefw.data.conditioning import condition, require_grid
+from scenefw.perception.steps import Objects, ObjectSet
 from scenefw.representations.tsdf import TSDF
 from scenefw.representations.vote_field import VoteField
 
@@ -22,8 +23,9 @@ if TYPE_CHECKING:
     from scenefw.core.batches import PartialTSDF
     from scenefw.core.protocols import InstanceExtractor, Representation
     from scenefw.core.training_protocols import ShapeInstanceModel
-    from scenefw.core.types import GridSpec
-    from scenefw.postprocessing.confidence import Calibration
+    from scenefw.core.types import GridSpec, Int32
+    from scenefw.perception.observation.observation import Observation
+    from scenefw.perception.steps import Fits
 
 
 _CODES_AT_ONCE = 5  # of which the network encodes the view once
@@ -37,8 +39,8 @@ class TrainedNetwork(Protocol):
     metadata: Mapping[str, Any]
 
 
-class NetworkReconstructor:
-    """Completes partial TSDFs with a trained network and several latent codes.
+class VolumeNetwork:
+    """Completes partial TSDFs with a trained network and several latent codes (SIMstack).
 
     The first sample decodes the zero code, the most typical scene; the others decode codes from
     N(0, I), times the temperature, that are drawn together (`coupled_codes`). A network without
@@ -62,8 +64,6 @@ class NetworkReconstructor:
     Raises:
         ConfigError: smoothing or temperature is negative, or the network lacks an output.
     """
-
-    calibration: Calibration | None = None
 
     def __init__(
         self,
@@ -150,10 +150,20 @@ class NetworkReconstructor:
         return torch.cat([typical, self.temperature * drawn])
 
     def complete(
-        self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
-    ) -> list[Completion]:
-        """Complete scenes of `samples` codes, with all their volumes."""
-        return self._completions(self.volumes(partial, grid, samples, generator), grid)
+        self, fits: Fits, view: Observation, samples: int, generator: torch.Generator
+    ) -> list[ObjectSet]:
+        """Complete scenes of `samples` codes, with all their volumes; fits count for nothing."""
+        volumes = self.volumes(view.partial, view.grid, samples, generator)
+        return [ObjectSet(objects_of(each)) for each in self._completions(volumes, view.grid)]
+
+    def group(self, segments: Int32, view: Observation) -> Objects:
+        """The most typical scene as rough volumes of segments (`grouping.relabelling`)."""
+        return self.typical(view)
+
+    def typical(self, view: Observation) -> Objects:
+        """The most typical scene of a view, which needs no image."""
+        codes = torch.zeros(1, 1, self.model.latent_size)
+        return objects_of(self.complete_with(view.partial, view.grid, codes)[0])
 
     def _completions(
         self, volumes: Sequence[dict[str, Tensor]], grid: GridSpec
@@ -168,6 +178,12 @@ class NetworkReconstructor:
         votes = volumes.get("votes", tsdf.new_zeros(1, 3, 1, 1, 1).expand(-1, -1, *tsdf.shape[2:]))
         pairs = zip(tsdf[:, 0], votes.expand(len(tsdf), -1, -1, -1, -1), strict=True)
         return torch.stack([self.extractor.extract(tsdf, votes, grid)[0] for tsdf, votes in pairs])
+
+
+def objects_of(scene: Completion) -> Objects:
+    """Predicted volumes of a scene, a batch of one, as objects of which no pixel is known."""
+    tsdf, instances = scene.tsdf[0].cpu().numpy(), scene.instances[0].cpu().numpy()
+    return Objects(None, tsdf, instances, scene.volumes)
 
 
 def _require_outputs(

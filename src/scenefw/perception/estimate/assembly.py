@@ -1,4 +1,4 @@
-"""From the volumes of a completed scene to its estimate: whole objects, meshes, masks."""
+"""From hypotheses of objects to scene estimates: volumes, whole objects, meshes, masks."""
 
 from __future__ import annotations
 
@@ -10,22 +10,79 @@ import torch
 from scenefw.core.types import SceneEstimate
 from scenefw.matching.instances import renumbered_like
 from scenefw.perception.estimate.carving import carve, whole_objects
+from scenefw.perception.estimate.composition import composed
 from scenefw.perception.estimate.mask_cleanup import with_bottoms, without_holes
 from scenefw.perception.estimate.objects import estimate_objects
-from scenefw.perception.evidence.visible_instances import seen_instances
+from scenefw.perception.evidence.visible_instances import visible_instances
 from scenefw.perception.observation.points import world_points
+from scenefw.postprocessing.confidence import Calibration, confidences
 from scenefw.postprocessing.surfaces import instance_meshes
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from torch import Tensor
 
     from scenefw.core.batches import Completion, PartialTSDF
     from scenefw.core.types import Frame, GridSpec, Int32
+    from scenefw.perception.observation.observation import Observation
+    from scenefw.perception.steps import ObjectSet
 
 _FLOOR = 0.005  # m: what is lower shows no object
 _SHAPE = ("tsdf", "votes")  # what objects are made of; other volumes are kept as they are
+
+
+class SceneAssembly:
+    """Makes scene estimates of hypotheses (group `assembly`).
+
+    Args:
+        carve: takes away what lies in free space or below the floor.
+        calibration: from how alike hypotheses are to how right objects are; None: not measured.
+    """
+
+    def __init__(self, calibration: Calibration | None = None, *, carve: bool = True) -> None:
+        self.calibration, self.carve = calibration, carve
+
+    def volumes(self, sets: Sequence[ObjectSet], view: Observation) -> list[Completion]:
+        """TSDF and instances of each hypothesis as it is, once of one that stands several times."""
+        scenes = {id(each): composed(each, view) for each in {id(s): s for s in sets}.values()}
+        return [scenes[id(each)] for each in sets]
+
+    def assemble(
+        self, sets: Sequence[ObjectSet], view: Observation, origin: Mapping[str, Any]
+    ) -> Iterator[SceneEstimate]:
+        """The scene of each hypothesis; an object has the same id in all of them.
+
+        Its confidence says how much the other hypotheses agree.
+
+        Args:
+            sets: the most typical one first.
+            view: that shows the scene.
+            origin: facts of the method, for the details.
+        """
+        partial = view.partial if self.carve else None
+        scenes = [cleaned(scene, view.grid, partial) for scene in self.volumes(sets, view)]
+        first = scenes[0].instances[0].cpu().numpy()
+        scenes = scenes[:1] + [numbered_like(scene, first) for scene in scenes[1:]]
+        frame = view.frame if view.workspace is None else view.workspace.frame
+        for number, scene in enumerate(scenes):
+            others = [other.instances[0] for i, other in enumerate(scenes) if i != number]
+            sure = confidences(scene.instances[0], others, self.calibration)
+            yield scene_estimate(scene, view.grid, frame, sure, _details(view, origin))
+
+
+def _details(view: Observation, origin: Mapping[str, Any]) -> dict[str, Any]:
+    """Facts worth keeping of a prediction."""
+    floor = view.floor
+    known = {} if floor is None else {
+        "floor": {
+            "normal": floor.normal,
+            "height": floor.height,
+            "share": floor.share,
+            "deviation": floor.deviation,
+        }
+    }  # fmt: skip
+    return {**known, **origin, "warnings": list(view.warnings)}
 
 
 def cleaned(sample: Completion, grid: GridSpec, partial: PartialTSDF | None = None) -> Completion:
@@ -92,7 +149,7 @@ def _masks(sample: Completion, grid: GridSpec, frame: Frame) -> Int32:
         masks = with_bottoms(sample.masks[0].cpu().numpy(), points, shapes)
         return without_holes(masks, points[..., 2])
     instances = sample.instances[0].cpu().numpy()
-    return seen_instances(instances, points, grid, points[..., 2] > _FLOOR)
+    return visible_instances(instances, points, grid, points[..., 2] > _FLOOR)
 
 
 def _followed(before: Completion, instances: Tensor) -> Completion:

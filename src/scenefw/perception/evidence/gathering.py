@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,44 +16,14 @@ from scenefw.perception.observation.pixels import WIDTH
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from scenefw.core.batches import PartialTSDF
-    from scenefw.core.types import Float32, Float64, GridSpec, Int32
+    from scenefw.core.types import Float64, GridSpec, Int32
+    from scenefw.perception.observation.observation import ViewGeometry
+    from scenefw.perception.steps import Objects
 
     Mask = NDArray[np.bool_]
 
 _BELOW = 0.006  # m: of points under the floor
 _LEFT = 0.25  # of an object's pixels: if borders take more, all count
-
-
-@dataclass(frozen=True)
-class View:
-    """A view and the scene that a network makes of it.
-
-    Args:
-        points: (H, W, 3) world coordinates of the pixels (m), NaN = no depth.
-        masks: (H, W) which object a pixel shows, 0 = none.
-        tsdf: (X, Y, Z) metres.
-        instances: (X, Y, Z) labels.
-        free: (X, Y, Z) seen to be free.
-        grid: of the volumes.
-        eye: (3,) where the camera is (m), or None.
-        mixed: (H, W) pixels whose depth lies between two surfaces; None: none are.
-    """
-
-    points: Float64
-    masks: Int32
-    tsdf: Float32
-    instances: Int32
-    free: Mask
-    grid: GridSpec
-    eye: Float64 | None = None
-    mixed: Mask | None = None
-
-
-def seen_free(partial: PartialTSDF, grid: GridSpec) -> list[Mask]:
-    """Voxels (X, Y, Z) that each view shows to be free, by more than a voxel."""
-    free = partial.observed & (partial.distance > grid.voxel_size)
-    return list(free[:, 0].cpu().numpy())
 
 
 class EvidenceOfView:
@@ -99,18 +68,20 @@ class EvidenceOfView:
         self.seen, self.hidden, self.outside = seen, hidden, outside
         self.border, self.beside = border, beside
 
-    def of(self, label: int, view: View) -> Evidence:
+    def of(self, label: int, objects: Objects, view: ViewGeometry) -> Evidence:
         """The evidence about the object with this label; it may have no points."""
-        seen = _thinned(view.points[self._inner(label, view)], self.seen)
-        hidden = _thinned(self._hidden(label, view, seen), self.hidden)
+        seen = _thinned(view.points[self._inner(label, objects.pixels, view)], self.seen)
+        hidden = _thinned(self._hidden(label, objects, view, seen), self.hidden)
         points = np.concatenate([seen, hidden])
         sigmas = np.repeat([self.seen_sigma, self.hidden_sigma], [len(seen), len(hidden)])
-        outside = self._outside(label, view, points) if len(points) else np.empty((0, 3))
+        outside = np.empty((0, 3))
+        if len(points):
+            outside = self._outside(label, objects.pixels, view, points)
         return Evidence(points, sigmas, outside, np.full(len(outside), self.outside_sigma))
 
-    def _inner(self, label: int, view: View) -> Mask:
+    def _inner(self, label: int, masks: Int32, view: ViewGeometry) -> Mask:
         """Pixels that show the object, but for mixed ones and those at borders if enough remain."""
-        own: Mask = view.masks == label
+        own: Mask = masks == label
         if not own.any():
             return own
         if view.mixed is not None:
@@ -120,18 +91,22 @@ class EvidenceOfView:
         if reach == 0:
             return own
         box = tuple(slice(max(k - reach, 0), m + reach + 1) for k, m in _ends(own))
-        others = (view.masks[box] > 0) & (view.masks[box] != label)
+        others = (masks[box] > 0) & (masks[box] != label)
         inner = own.copy()
         inner[box] &= ~maximum_filter(others, 2 * reach + 1)
         return inner if inner.sum() >= _LEFT * own.sum() else own
 
-    def _hidden(self, label: int, view: View, seen: Float64) -> Float64:
+    def _hidden(
+        self, label: int, objects: Objects, view: ViewGeometry, seen: Float64
+    ) -> Float64:
         """Points of the predicted surface that are away from all that is seen of the object."""
-        own = view.instances == label
+        if objects.instances is None or objects.tsdf is None:
+            return np.empty((0, 3))
+        own = objects.instances == label
         if not own.any():
             return np.empty((0, 3))
         box = _room_about(own)
-        own, tsdf = own[box], view.tsdf[box]
+        own, tsdf = own[box], objects.tsdf[box]
         places = np.nonzero(own & ~binary_erosion(own))
         slope = np.stack(list(np.gradient(tsdf)), axis=-1)[places]
         slope /= np.maximum(np.linalg.norm(slope, axis=1, keepdims=True), 1e-9)
@@ -140,12 +115,14 @@ class EvidenceOfView:
             return np.asarray(points, dtype=np.float64)
         return points[cKDTree(seen).query(points)[0] > 2 * view.grid.voxel_size]
 
-    def _outside(self, label: int, view: View, points: Float64) -> Float64:
+    def _outside(
+        self, label: int, masks: Int32, view: ViewGeometry, points: Float64
+    ) -> Float64:
         room = 4 * view.grid.voxel_size
         low, high = points.min(axis=0) - room, points.max(axis=0) + room
         box = _box(view.grid, low, high)
         centres, empty = view.grid.centres()[box], view.free[box]
-        shown = (view.masks > 0) & (view.masks != label)
+        shown = (masks > 0) & (masks != label)
         others = view.points[shown if view.mixed is None else shown & ~view.mixed]
         free = _thinned(_within(centres[empty], low, high), self.outside)
         beside = _thinned(_within(others, low, high), self.outside)
@@ -153,7 +130,7 @@ class EvidenceOfView:
         below = np.stack([x, y, np.full_like(x, -_BELOW)], axis=-1).reshape(-1, 3)
         passed = np.empty((0, 3))
         if view.eye is not None:
-            passed = passed_places(view.masks == label, view.points, view.eye, self.beside)
+            passed = passed_places(masks == label, view.points, view.eye, self.beside)
         return np.concatenate([free, beside, below, passed])
 
 

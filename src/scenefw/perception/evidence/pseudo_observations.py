@@ -1,4 +1,4 @@
-"""What is seen of an object, with a supposed surface where nothing is seen."""
+"""A predicted surface as pseudo-observations where an object is hidden."""
 
 from __future__ import annotations
 
@@ -11,34 +11,28 @@ from scipy.spatial import cKDTree
 from scenefw.fitting.placed import shape_of
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from scenefw.core.evidence import Evidence, FittedSuperquadric
 
-_CORNERS = 6  # of the mesh of the supposed surface
+_CORNERS = 6  # of the mesh of the predicted surface
 
 
-def with_supposed(
-    evidence: Evidence,
-    seen: NDArray[np.bool_],
-    supposed: FittedSuperquadric,
-    sigma: float,
-    beyond: float,
+def add_predicted_surface(
+    evidence: Evidence, predicted: FittedSuperquadric, sigma: float, min_gap: float
 ) -> Evidence:
-    """Seen points, and those of a supposed surface that lie away from them.
+    """Visible points, and those of a predicted surface that lie away from them.
 
     Args:
-        evidence: about one object.
-        seen: (N,) which of its points are seen; the others are left out.
-        supposed: the object as a network predicts or draws it.
+        evidence: about one object; points that were not measured are left out.
+        predicted: the object as a network predicts or samples it.
         sigma: standard deviation of points of its surface (m).
-        beyond: they count if further than this from all seen ones (m).
+        min_gap: they count if further than this from all visible ones (m).
     """
-    surface = shape_of(supposed).mesh(_CORNERS).vertices
-    surface = surface @ supposed.pose.rotation.T + supposed.pose.position
-    away = surface[cKDTree(evidence.points[seen]).query(surface)[0] > beyond]
+    visible = evidence.points[evidence.visible]
+    surface = shape_of(predicted).mesh(_CORNERS).vertices
+    surface = surface @ predicted.pose.rotation.T + predicted.pose.position
+    hidden = surface[cKDTree(visible).query(surface)[0] > min_gap]
     return replace(
         evidence,
-        points=np.concatenate([evidence.points[seen], away]),
-        sigmas=np.concatenate([evidence.sigmas[seen], np.full(len(away), sigma)]),
+        points=np.concatenate([visible, hidden]),
+        sigmas=np.concatenate([evidence.sigmas[evidence.visible], np.full(len(hidden), sigma)]),
     )

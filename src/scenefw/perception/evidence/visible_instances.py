@@ -7,7 +7,7 @@ from scipy.ndimage import distance_transform_edt, find_objects, map_coordinates
 from scenefw.core.types import Float64, GridSpec, Int32
 
 
-def seen_instances(
+def visible_instances(
     instances: Int32,
     points: Float64,
     grid: GridSpec,

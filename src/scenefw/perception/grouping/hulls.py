@@ -2,97 +2,72 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
-from scenefw.core.batches import Completion
-from scenefw.core.errors import ConfigError
 from scenefw.perception.estimate.carving import carve
-from scenefw.perception.observation.points import world_points
-from scenefw.perception.observation.view_frames import seen_frames
+from scenefw.perception.steps import Objects
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from scenefw.core.batches import PartialTSDF
-    from scenefw.core.protocols import PartFinder
-    from scenefw.core.types import Float32, Float64, Frame, GridSpec, Int32
-    from scenefw.postprocessing.confidence import Calibration
+    from scenefw.core.types import Float32, Float64, GridSpec, Int32
+    from scenefw.perception.observation.observation import Observation, ViewGeometry
+    from scenefw.perception.steps import Segmentation
 
 _PLANES_AT_ONCE = 16
 _MOST_POINTS = 1500  # of a part: hulls of more have hundreds of faces and are hardly larger
 
 
 class HullFilling:
-    """Fills the convex hull of each part of a depth image down to the floor.
+    """Fills the convex hull of each segment of a depth image down to the floor (group `grouping`).
 
-    A hull is that of a part's points and of their footprints on the floor z = 0. Where hulls
-    overlap, the part whose seen points are nearest has the voxel. What the view shows to be free is
-    taken away again.
+    A hull is that of a segment's points and of their footprints on the floor z = 0. Where hulls
+    overlap, the segment whose visible points are nearest has the voxel. What the view shows to be
+    free is taken away again. It learns nothing.
 
     Args:
-        parts: of the image; None: those that come with the partial TSDF.
-        grid: of its volumes; None takes that of the other methods that it is compared with.
+        segmentation: whose segments are filled instead; None: those that are given.
     """
 
-    calibration: Calibration | None = None
+    def __init__(self, segmentation: Segmentation | None = None) -> None:
+        self.segmentation = segmentation
 
-    def __init__(self, parts: PartFinder | None, grid: GridSpec | None = None) -> None:
-        self.parts, self.grid = parts, grid
-        self.metadata: dict[str, Any] = {}  # of no checkpoint
+    def group(self, segments: Int32, view: Observation) -> Objects:
+        """Each segment as an object, with its hull.
 
-    def complete(
-        self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
-    ) -> list[Completion]:
-        """`samples` times the same complete scenes.
-
-        Raises:
-            InputError: the partial TSDF came without its depth images.
-            ConfigError: nothing looks for parts, and it came without them.
+        Args:
+            segments: (H, W), 0 = none; numbers may have gaps.
+            view: of their image.
         """
-        device = partial.distance.device
-        frames = seen_frames(partial, "hull filling")
-        rows = [
-            self._scene(frame, parts, grid)
-            for frame, parts in zip(frames, self._parts(partial, frames), strict=True)
-        ]
-        tsdf = torch.from_numpy(np.stack([distance for distance, _ in rows])).to(device)
-        tsdf = torch.stack([carve(one, partial.of(i), grid) for i, one in enumerate(tsdf)])
-        labels = torch.from_numpy(np.stack([owner for _, owner in rows])).to(device)
-        instances = torch.where(tsdf < 0, labels, torch.zeros_like(labels))
-        return [Completion(tsdf, instances)] * samples
+        if self.segmentation is not None:
+            segments = self.segmentation.segment(view)
+        tsdf, owner = hulls(segments, view)
+        carved = carve(torch.from_numpy(tsdf), view.partial, view.grid).numpy()
+        return Objects(segments, carved, np.where(carved < 0, owner, 0).astype(np.int32))
 
-    def _parts(self, partial: PartialTSDF, frames: Sequence[Frame]) -> Iterable[Int32]:
-        if self.parts is not None:
-            return map(self.parts.segment, frames)
-        if partial.parts is None:
-            raise ConfigError("hull filling needs parts of the image; give its setting parts")
-        return partial.parts.cpu().numpy()
 
-    def _scene(self, frame: Frame, labels: Int32, grid: GridSpec) -> tuple[Float32, Any]:
-        """Distances (X, Y, Z) metres and the part (X, Y, Z) int32 that each voxel belongs to."""
-        points = world_points(frame)
-        distance = np.full(grid.shape, grid.truncation, np.float32)
-        owner = np.zeros(grid.shape, np.int32)
-        nearest = np.full(grid.shape, np.inf, np.float32)
-        centres = grid.centres()
-        for part in np.unique(labels[labels > 0]):  # numbers may have gaps
-            seen = thinned(points[labels == part])
-            filled = hull_distance(seen, centres, grid)
-            if filled is None:
-                continue
-            box, values = filled
-            distance[box] = np.minimum(distance[box], values)
-            inside = values < 0
-            apart = np.full(values.shape, np.inf, np.float32)
-            apart[inside] = cKDTree(seen).query(centres[box][inside])[0]
-            closer = apart < nearest[box]
-            owner[box][closer] = part
-            nearest[box] = np.minimum(nearest[box], apart)
-        return distance, owner
+def hulls(segments: Int32, view: ViewGeometry) -> tuple[Float32, Int32]:
+    """Distances (X, Y, Z; m) to hulls, and the segment (X, Y, Z) whose hull a voxel may lie in."""
+    grid, centres = view.grid, view.grid.centres()
+    distance = np.full(grid.shape, grid.truncation, np.float32)
+    owner = np.zeros(grid.shape, np.int32)
+    nearest = np.full(grid.shape, np.inf, np.float32)
+    for label in np.unique(segments[segments > 0]):
+        points = thinned(view.points[segments == label])
+        hull = hull_distance(points, centres, grid)
+        if hull is None:
+            continue
+        box, values = hull
+        distance[box] = np.minimum(distance[box], values)
+        inside = values < 0
+        to_points = np.full(values.shape, np.inf, np.float32)
+        to_points[inside] = cKDTree(points).query(centres[box][inside])[0]
+        closer = to_points < nearest[box]
+        owner[box][closer] = label
+        nearest[box] = np.minimum(nearest[box], to_points)
+    return distance, owner
 
 
 def thinned(points: Float64) -> Float64:

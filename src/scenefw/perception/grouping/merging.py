@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import combinations
 from typing import TYPE_CHECKING
 
@@ -11,8 +10,8 @@ from scipy.spatial import cKDTree
 
 from scenefw.core.errors import ConfigError
 from scenefw.fitting.placed import OUTLIERS, robust_deviation, signed_distance
-from scenefw.perception.grouping.division import divide
 from scenefw.perception.segmentation.regions import hiding
+from scenefw.perception.steps import Objects
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -22,8 +21,8 @@ if TYPE_CHECKING:
     from scenefw.core.evidence import Evidence, FittedSuperquadric
     from scenefw.core.protocols import ShapeFit
     from scenefw.core.types import Float32, Float64, Int32
-    from scenefw.perception.evidence.gathering import EvidenceOfView, View
-    from scenefw.perception.grouping.splitting import SplitByEvidence
+    from scenefw.perception.evidence.gathering import EvidenceOfView
+    from scenefw.perception.observation.observation import ViewGeometry
 
     Group = frozenset[int]
 
@@ -36,9 +35,6 @@ _THROUGH_FREE = 0.2  # share of them that may be seen through, at borders of vox
 class GroupedByEvidence:
     """Joins the parts that one superquadric explains as well as one for each.
 
-    Parts of which several of a network's instances have a large share are divided before that; if
-    the network is wrong, they are joined again.
-
     What hides the middle of an object leaves two parts of it, and one superquadric goes on behind
     what hides it. Two objects have none in common: their points are off its surface, it covers
     places that are seen to be free, or one hides the other where they meet in the image. The pair
@@ -50,8 +46,6 @@ class GroupedByEvidence:
         tolerance: how much more squared deviation, robust, of any part's points than with a
             superquadric of its own, plus that of the places outside, is still one object.
         least: parts of fewer pixels stay alone.
-        divided: share of a part's pixels from which on an instance is large; above 0.5 none is.
-        split: cuts parts that no superquadric explains before any are joined; None = nothing does.
 
     Raises:
         ConfigError: a number that isn't positive.
@@ -63,24 +57,16 @@ class GroupedByEvidence:
         evidence: EvidenceOfView,
         tolerance: float = 0.3,
         least: int = 30,
-        divided: float = 0.3,
-        split: SplitByEvidence | None = None,
     ) -> None:
         if not tolerance > 0 or least < 4:
             raise ConfigError(
                 f"tolerance is {tolerance} and least {least}; expected a positive number and at "
                 "least 4 pixels"
             )
-        if not 0 < divided <= 1:
-            raise ConfigError(f"divided is {divided}; expected a share above 0, at most 1")
         self.fit, self.evidence, self.tolerance, self.least = fit, evidence, tolerance, least
-        self.divided, self.split = divided, split
 
-    def objects(self, parts: Int32, view: View, depth: Float32) -> Int32:
-        """Objects (H, W), 0 = none, of parts (H, W) and a view whose masks are the network's."""
-        parts = divide(parts, view.masks, self.divided, depth)
-        parts = parts if self.split is None else self.split.parts(parts, view)
-        alone = replace(view, instances=np.zeros_like(view.instances))
+    def merge(self, parts: Int32, view: ViewGeometry, depth: Float32) -> Int32:
+        """Objects (H, W), 0 = none, of parts (H, W) of a depth image (H, W; m)."""
         sizes = np.bincount(parts.ravel())
         large = [part for part in range(1, len(sizes)) if sizes[part] >= self.least]
         points = {part: view.points[parts == part] for part in large}
@@ -89,9 +75,9 @@ class GroupedByEvidence:
         pairs = [
             (a, b) for a, b in combinations(groups, 2) if _may_be_one(a | b, points, view, hide)
         ]
-        single = self._fits(groups, parts, alone)
+        single = self._fits(groups, parts, view)
         apart = {part: self._robust(single[frozenset([part])][0], points[part]) for part in large}
-        costs = self._costs([a | b for a, b in pairs], parts, points, alone, apart)
+        costs = self._costs([a | b for a, b in pairs], parts, points, view, apart)
         while costs:
             joined = min(costs, key=costs.__getitem__)
             if costs[joined] > self.tolerance:
@@ -101,12 +87,12 @@ class GroupedByEvidence:
             further = [
                 joined | one for one in groups if _may_be_one(joined | one, points, view, hide)
             ]
-            costs |= self._costs(further, parts, points, alone, apart)
+            costs |= self._costs(further, parts, points, view, apart)
             groups.append(joined)
         return _relabelled(parts, groups)
 
     def _fits(
-        self, groups: Iterable[Group], parts: Int32, view: View
+        self, groups: Iterable[Group], parts: Int32, view: ViewGeometry
     ) -> dict[Group, tuple[FittedSuperquadric, Evidence]]:
         """One superquadric for each group, and what it is fitted to."""
         evidence = {group: self._evidence(group, parts, view) for group in groups}
@@ -118,7 +104,7 @@ class GroupedByEvidence:
         groups: Iterable[Group],
         parts: Int32,
         points: dict[int, Float64],
-        view: View,
+        view: ViewGeometry,
         apart: dict[int, float],
     ) -> dict[Group, float]:
         """How much worse one superquadric explains each group than one for each part."""
@@ -128,10 +114,10 @@ class GroupedByEvidence:
             found[group] = max(*worse, 0.0) + _inside(fitted, evidence)
         return found
 
-    def _evidence(self, group: Group, parts: Int32, view: View) -> Evidence:
+    def _evidence(self, group: Group, parts: Int32, view: ViewGeometry) -> Evidence:
         label = min(group)
         masks = np.where(np.isin(parts, list(group)), label, parts)
-        return self.evidence.of(label, replace(view, masks=masks))
+        return self.evidence.of(label, Objects(masks), view)
 
     def _robust(self, fitted: FittedSuperquadric, points: Float64) -> float:
         """Squared deviation of a part's points from a superquadric."""
@@ -146,7 +132,7 @@ def _inside(fitted: FittedSuperquadric, evidence: Evidence) -> float:
 
 
 def _may_be_one(
-    group: Group, points: dict[int, Float64], view: View, hide: NDArray[np.bool_]
+    group: Group, points: dict[int, Float64], view: ViewGeometry, hide: NDArray[np.bool_]
 ) -> bool:
     """Whether segments between parts, which a convex object contains, miss what is free.
 

@@ -1,29 +1,29 @@
-"""Objects of several views, rid of those that only repeat what others explain."""
+"""Pixels go to the object on whose superquadric they lie."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from scenefw.core.settings import PART, POSITIVE, SHARE, at_least
 from scenefw.fitting.placed import signed_distance
+from scenefw.perception.steps import Objects
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from scenefw.core.evidence import FittedSuperquadric
     from scenefw.core.protocols import ShapeFit
-    from scenefw.core.types import Float32, Int32
-    from scenefw.perception.evidence.gathering import EvidenceOfView, View
-    from scenefw.perception.grouping.relabelling import Grouping
+    from scenefw.core.types import Int32
+    from scenefw.perception.evidence.gathering import EvidenceOfView
+    from scenefw.perception.observation.observation import ViewGeometry
 
     Distances = NDArray[np.float64]
 
 
 class DealtByFit:
-    """Another grouping's objects, with each pixel at the one whose superquadric it lies on.
+    """Gives each pixel to the object on whose superquadric it lies.
 
     A view in which two objects look like one makes a part that belongs to neither. If other views
     show both, their superquadrics explain what that part shows; then it is given up, and its pixels
@@ -31,7 +31,6 @@ class DealtByFit:
     superquadric describes keep theirs: there, to be off the own surface says nothing.
 
     Args:
-        inner: says which parts are one object.
         fit: of superquadrics, each by itself.
         evidence: what views say about an object.
         near: seen points up to this far from a surface are explained (m).
@@ -46,7 +45,6 @@ class DealtByFit:
 
     def __init__(
         self,
-        inner: Grouping,
         fit: ShapeFit,
         evidence: EvidenceOfView,
         near: float = 0.005,
@@ -58,12 +56,11 @@ class DealtByFit:
         PART.require(explained=explained)
         SHARE.require(trusted=trusted)
         at_least(4).require(least=least)
-        self.inner, self.fit, self.evidence = inner, fit, evidence
+        self.fit, self.evidence = fit, evidence
         self.near, self.explained, self.trusted, self.least = near, explained, trusted, least
 
-    def objects(self, parts: Int32, view: View, depth: Float32) -> Int32:
-        """Objects (H, W), 0 = none, of parts (H, W) of one image or of several, stacked."""
-        objects = self.inner.objects(parts, view, depth)
+    def reassign(self, objects: Int32, view: ViewGeometry) -> Int32:
+        """Objects (H, W), 0 = none, of one image or of several, stacked."""
         while True:
             labels, away = self._distances(objects, view)
             repeated = self._repeated(objects, labels, away)
@@ -75,13 +72,12 @@ class DealtByFit:
             objects = objects.copy()
             objects[own] = nearest
 
-    def _distances(self, objects: Int32, view: View) -> tuple[Int32, Distances]:
+    def _distances(self, objects: Int32, view: ViewGeometry) -> tuple[Int32, Distances]:
         """Labels (N,) of large objects, and distances (N, H, W) of pixels to their surfaces (m)."""
         found, pixels = np.unique(objects[objects > 0], return_counts=True)
         labels = found[pixels >= self.least]
-        alone = replace(view, masks=objects, instances=np.zeros_like(view.instances))
         fits: list[FittedSuperquadric] = self.fit.fit(
-            [self.evidence.of(int(label), alone) for label in labels]
+            [self.evidence.of(int(label), Objects(objects), view) for label in labels]
         )
         away = np.full((len(labels), *objects.shape), np.inf)
         shown = objects > 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +13,7 @@ from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.fitting.placed import robust_deviation, signed_distance
 from scenefw.perception.evidence.silhouettes import box_about
 from scenefw.perception.observation.pixels import WIDTH
+from scenefw.perception.steps import Objects
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,7 +23,8 @@ if TYPE_CHECKING:
     from scenefw.core.evidence import FittedSuperquadric
     from scenefw.core.protocols import ShapeFit
     from scenefw.core.types import Int32
-    from scenefw.perception.evidence.gathering import EvidenceOfView, View
+    from scenefw.perception.evidence.gathering import EvidenceOfView
+    from scenefw.perception.observation.observation import ViewGeometry
 
 _FAR = 2.0  # deviations of pixels that the second superquadric starts from
 _POOR = 0.3  # squared deviation of a part that one superquadric doesn't explain
@@ -74,17 +76,16 @@ class SplitByEvidence:
         self.fit, self.evidence, self.gain, self.share = fit, evidence, gain, share
         self.left, self.smallest, self.rounds = left, smallest, rounds
 
-    def parts(self, parts: Int32, view: View) -> Int32:
+    def split(self, parts: Int32, view: ViewGeometry) -> Int32:
         """Parts (H, W), 0 = none, some of them cut; new ones have new numbers."""
-        alone = replace(view, instances=np.zeros_like(view.instances))
         sizes = np.bincount(parts.ravel())
         large = np.flatnonzero(sizes >= 4 * self._smallest(parts))
         waiting = [(int(part), 0) for part in large[large > 0]]
         while waiting:
-            fitted = self._fitted([part for part, _ in waiting], parts, alone)
+            fitted = self._fitted([part for part, _ in waiting], parts, view)
             further = []
             for (part, depth), one in zip(waiting, fitted, strict=True):
-                cut = self._cut(part, parts, one, alone)
+                cut = self._cut(part, parts, one, view)
                 if cut is not None:
                     if depth + 1 < _DEEPEST:
                         further += [(part, depth + 1), (int(cut.max()), depth + 1)]
@@ -92,7 +93,9 @@ class SplitByEvidence:
             waiting = further
         return parts
 
-    def _cut(self, part: int, parts: Int32, one: FittedSuperquadric, view: View) -> Int32 | None:
+    def _cut(
+        self, part: int, parts: Int32, one: FittedSuperquadric, view: ViewGeometry
+    ) -> Int32 | None:
         """The parts with this one cut in two; None if that explains no more."""
         own = parts == part
         before = self._deviations(one, view, own)
@@ -111,7 +114,7 @@ class SplitByEvidence:
         return trial.parts if saved > self.gain else None
 
     def _started(
-        self, part: int, parts: Int32, one: FittedSuperquadric, view: View
+        self, part: int, parts: Int32, one: FittedSuperquadric, view: ViewGeometry
     ) -> _Trial | None:
         """The largest region off the surface as a part of its own."""
         own = parts == part
@@ -126,7 +129,9 @@ class SplitByEvidence:
         cut = np.where(regions == sizes.argmax(), parts.max() + 1, parts).astype(np.int32)
         return _Trial(cut, np.empty(0)) if self._large(part, cut) else None
 
-    def _dealt(self, part: int, parts: Int32, own: NDArray[np.bool_], view: View) -> _Trial | None:
+    def _dealt(
+        self, part: int, parts: Int32, own: NDArray[np.bool_], view: ViewGeometry
+    ) -> _Trial | None:
         """Both pieces fitted, and the pixels of both given to the nearer surface."""
         new = int(parts.max())
         both = [self._deviations(f, view, own) for f in self._fitted([part, new], parts, view)]
@@ -149,11 +154,12 @@ class SplitByEvidence:
     def _smallest(self, parts: Int32) -> float:
         return self.smallest * (parts.shape[1] / WIDTH) ** 2
 
-    def _fitted(self, labels: Sequence[int], parts: Int32, view: View) -> list[FittedSuperquadric]:
-        masked = replace(view, masks=parts)
-        return self.fit.fit([self.evidence.of(label, masked) for label in labels])
+    def _fitted(
+        self, labels: Sequence[int], parts: Int32, view: ViewGeometry
+    ) -> list[FittedSuperquadric]:
+        return self.fit.fit([self.evidence.of(label, Objects(parts), view) for label in labels])
 
     def _deviations(
-        self, fitted: FittedSuperquadric, view: View, own: NDArray[np.bool_]
+        self, fitted: FittedSuperquadric, view: ViewGeometry, own: NDArray[np.bool_]
     ) -> NDArray[np.float64]:
         return robust_deviation(fitted, view.points[own], self.evidence.seen_sigma)

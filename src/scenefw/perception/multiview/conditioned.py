@@ -23,11 +23,11 @@ class Conditioned:
     itself as the scene, plain TSDF fusion.
 
     Args:
-        inner: completes a partial TSDF that has no image.
+        method: completes a partial TSDF that has no image.
     """
 
-    def __init__(self, inner: Reconstructor) -> None:
-        self.inner, self.grid = inner, inner.grid
+    def __init__(self, method: Reconstructor) -> None:
+        self.method, self.grid = method, method.grid
 
     def complete(
         self,
@@ -36,9 +36,9 @@ class Conditioned:
         samples: int,
         generator: torch.Generator,
     ) -> list[Completion]:
-        """Complete scenes of the inner method.
+        """Complete scenes of the method.
 
         Raises:
             InputError: no view, or views that contradict each other.
         """
-        return list(self.inner.complete(fused(views, grid), grid, samples, generator))
+        return list(self.method.complete(fused(views, grid), grid, samples, generator))

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from scenefw.fitting.placed import shape_of
-from scenefw.mapping.several_views import require_agreement, stacked
-from scenefw.perception.completion.superquadrics import Fitted, with_superquadrics
-from scenefw.perception.completion.support import standing
-from scenefw.perception.evidence.gathering import View, seen_free
-from scenefw.perception.evidence.visible_instances import seen_instances
-from scenefw.perception.observation.points import world_points
-from scenefw.perception.observation.view_frames import seen_frames
+from scenefw.mapping.several_views import fused, require_agreement
+from scenefw.perception.completion.superquadrics import accepted
+from scenefw.perception.completion.support import extend_to_support
+from scenefw.perception.completion.vessels import with_vessels
+from scenefw.perception.estimate.composition import composed
+from scenefw.perception.observation.observation import JointGeometry, Observation
+from scenefw.perception.steps import ObjectSet
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -23,27 +23,72 @@ if TYPE_CHECKING:
 
     from scenefw.core.batches import Completion, PartialTSDF
     from scenefw.core.evidence import FittedSuperquadric
-    from scenefw.core.protocols import SeveralViewsReconstructor
-    from scenefw.core.types import Float64, GridSpec
+    from scenefw.core.protocols import ShapeFit
+    from scenefw.core.types import GridSpec
     from scenefw.fitting.vessels import FittedVessel
+    from scenefw.perception.completion.vessels import Vessels
+    from scenefw.perception.completion.volume_network import VolumeNetwork
+    from scenefw.perception.evidence.object_fit import ObjectFit
+    from scenefw.perception.evidence.tolerances import Tolerances
+    from scenefw.perception.steps import Objects
 
 _CORNERS = 6  # of meshes that say how high an object is
 _DEEP = 0.01  # m
 
 
+class ObjectsOfViews(Protocol):
+    """Says which objects several views show together."""
+
+    def group(
+        self, views: Sequence[Observation], joint: JointGeometry, generator: torch.Generator
+    ) -> Objects:
+        """The objects, with rough volumes."""
+
+
+class FusedVolumes:
+    """The most typical scene of a network that sees the TSDF fused from all views.
+
+    Args:
+        network: completes a partial TSDF.
+    """
+
+    def __init__(self, network: VolumeNetwork) -> None:
+        self.network = network
+
+    def group(
+        self, views: Sequence[Observation], joint: JointGeometry, generator: torch.Generator
+    ) -> Objects:
+        """The network's objects."""
+        partial = fused([view.partial for view in views], joint.grid)
+        return self.network.typical(Observation(None, partial, joint.grid))
+
+
 class FittedToViews:
-    """Replaces objects by superquadrics fitted to the seen points and free space of all views.
+    """Superquadrics fitted to the visible points and free space of all views.
 
     An object that no superquadric explains in all views keeps its volume. What is mostly
     below the floor, or ends hardly above it, is noise of the floor and goes.
 
     Args:
-        inner: makes the scenes; if these have masks, they are of all views, one below the other.
-        fitted: how one view is fitted; all views are given to it as if they were one image.
+        objects: says which objects there are.
+        fit: of each object; all views are given to it as if they were one image.
+        shapes: fits of all objects together.
+        tolerances: say which superquadrics explain their objects.
+        hollow: says which objects are hollow; None: none are.
+        grid: of volumes; None: any.
     """
 
-    def __init__(self, inner: SeveralViewsReconstructor, fitted: Fitted) -> None:
-        self.inner, self.fitted, self.grid = inner, fitted, inner.grid
+    def __init__(
+        self,
+        objects: ObjectsOfViews,
+        fit: ObjectFit,
+        shapes: ShapeFit,
+        tolerances: Tolerances,
+        hollow: Vessels | None = None,
+        grid: GridSpec | None = None,
+    ) -> None:
+        self.objects, self.fit, self.shapes = objects, fit, shapes
+        self.tolerances, self.hollow, self.grid = tolerances, hollow, grid
 
     def complete(
         self,
@@ -52,60 +97,64 @@ class FittedToViews:
         samples: int,
         generator: torch.Generator,
     ) -> list[Completion]:
-        """Complete scenes of sharp objects, the best fit of each scene of the inner method.
+        """`samples` times the same complete scene of sharp objects.
 
         Raises:
             InputError: no view, views that contradict each other, or that came without images.
         """
         require_agreement(views, grid)
-        everything = stacked(views)
-        frames = seen_frames(everything, "a fit")
-        points = np.concatenate([world_points(frame) for frame in frames])
-        eyes = [frame.camera.T_world_camera[:3, 3] for frame in frames]
-        free = np.any(seen_free(everything, grid), axis=0)
-        scenes = self.inner.complete(views, grid, samples, generator)
-        once = {id(scene): scene for scene in scenes}
-        sharp = {key: self._sharp(one, points, eyes, free, grid) for key, one in once.items()}
-        return [sharp[id(scene)] for scene in scenes]
+        observations = [Observation.of_partial(view, grid) for view in views]
+        joint = JointGeometry(
+            np.concatenate([view.points for view in observations]),
+            grid,
+            np.any([view.free for view in observations], axis=0),
+        )
+        objects = self.objects.group(observations, joint, generator)
+        fits = self.fit.fit(objects, joint)
+        evidence, alone = list(fits.evidence.values()), list(fits.superquadrics.values())
+        shapes = self.shapes.separate(evidence, alone)
+        hypothesis = accepted(fits, shapes, self.tolerances, joint)
+        hypothesis = self._without_sunk(hypothesis, observations, joint)
+        scene = composed(hypothesis, observations[0])
+        return [replace(scene, masks=None)] * samples
 
-    def _sharp(
+    def _without_sunk(
+        self, hypothesis: ObjectSet, views: Sequence[Observation], joint: JointGeometry
+    ) -> ObjectSet:
+        """The hypothesis with its vessels, and without objects that are noise of the floor."""
+        accepted_shapes = dict(hypothesis.superquadrics or {})
+        shape_of_label = {k: _out_of_floor(shape, joint) for k, shape in accepted_shapes.items()}
+        sunk = [k for k, shape in shape_of_label.items() if _sunk(shape, self.fit.min_height)]
+        objects = hypothesis.objects
+        if objects.instances is not None:
+            remaining = np.where(np.isin(objects.instances, sunk), 0, objects.instances)
+            objects = replace(objects, instances=remaining)
+        vessels = self._vessels(objects, views, joint, accepted_shapes)
+        solid = {k: shape for k, shape in shape_of_label.items() if k not in sunk}
+        return with_vessels(replace(hypothesis, objects=objects, superquadrics=solid), vessels)
+
+    def _vessels(
         self,
-        scene: Completion,
-        points: Float64,
-        eyes: Sequence[Float64],
-        free: np.ndarray,
-        grid: GridSpec,
-    ) -> Completion:
-        tsdf, instances = scene.tsdf[0].cpu().numpy(), scene.instances[0].cpu().numpy()
-        if scene.masks is None:
-            masks = seen_instances(instances, points, grid, points[..., 2] > 0)
-        else:
-            masks = scene.masks[0].cpu().numpy()
-        view = View(points, masks, tsdf, instances, free, grid)
-        (fits,) = self.fitted.superquadrics(view)
-        found = {label: _out_of_floor(one, view) for label, one in fits.items()}
-        sunk = [label for label, one in found.items() if _sunk(one, self.fitted.lowest)]
-        kept = replace(view, instances=np.where(np.isin(instances, sunk), 0, instances))
-        hollow = self._hollow(kept, eyes, fits)
-        solid = {k: one for k, one in found.items() if k not in sunk and k not in hollow}
-        return with_superquadrics(replace(scene, masks=None), [(kept, solid)], [hollow])
-
-    def _hollow(
-        self, view: View, eyes: Sequence[Float64], found: Mapping[int, FittedSuperquadric]
+        objects: Objects,
+        views: Sequence[Observation],
+        joint: JointGeometry,
+        shapes: Mapping[int, FittedSuperquadric],
     ) -> dict[int, FittedVessel]:
         """Vessels, each as the view shows it into which it is seen first."""
-        hollow: dict[int, FittedVessel] = {}
-        places = np.split(view.points, len(eyes))
-        masks = np.split(view.masks, len(eyes))
-        for eye, place, mask in zip(eyes, places, masks, strict=True):
-            one = replace(view, points=place, masks=mask, eye=eye)
-            hollow = self.fitted.hollow(one, found) | hollow
-        return hollow
+        vessels: dict[int, FittedVessel] = {}
+        if self.hollow is None:
+            return vessels
+        masks = np.split(objects.pixels, len(views))
+        for view, mask in zip(views, masks, strict=True):
+            single = replace(joint, points=view.points, eye=view.eye)
+            labels = self.fit.visible(replace(objects, masks=mask), single)
+            vessels = self.hollow.detect(mask, single, labels, shapes) | vessels
+        return vessels
 
 
-def _out_of_floor(one: FittedSuperquadric, view: View) -> FittedSuperquadric:
+def _out_of_floor(one: FittedSuperquadric, view: JointGeometry) -> FittedSuperquadric:
     """What reaches far below the floor, as a fit to a shape it isn't may, ends there instead."""
-    return standing([one], view)[0] if _heights(one)[0] < -_DEEP else one
+    return extend_to_support([one], view.free, view.grid)[0] if _heights(one)[0] < -_DEEP else one
 
 
 def _sunk(one: FittedSuperquadric, lowest: float) -> bool:

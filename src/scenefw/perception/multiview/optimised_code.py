@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from scenefw.core.batches import Completion, PartialTSDF
     from scenefw.core.types import GridSpec
-    from scenefw.perception.completion.volume_network import NetworkReconstructor
+    from scenefw.perception.completion.volume_network import VolumeNetwork
     from scenefw.renderers.differentiable import Differentiable
 
 
@@ -43,7 +43,7 @@ class OptimisedCode:
 
     def __init__(
         self,
-        network: NetworkReconstructor,
+        network: VolumeNetwork,
         renderer: Differentiable,
         iterations: int = 30,
         rate: float = 0.1,

@@ -1,127 +1,84 @@
-"""Objects found in each view alone, and which of them are the same: learns nothing."""
+"""Objects that each view shows by itself, and which of them are the same."""
 
 from __future__ import annotations
 
-import threading
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 from scipy.ndimage import binary_erosion, distance_transform_edt
 from scipy.spatial import cKDTree
 
-from scenefw.core.batches import Completion, PartialTSDF
-from scenefw.core.errors import InputError
-from scenefw.mapping.several_views import require_agreement, stacked
-from scenefw.perception.evidence.gathering import View, seen_free
 from scenefw.perception.grouping.hulls import hull_distance, thinned
-from scenefw.perception.observation.points import world_points
-from scenefw.perception.observation.view_frames import seen_frames
+from scenefw.perception.observation.observation import JointGeometry
+from scenefw.perception.steps import Objects
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    import torch
     from numpy.typing import NDArray
 
-    from scenefw.core.protocols import Reconstructor
     from scenefw.core.types import Float32, Float64, GridSpec, Int32
-    from scenefw.perception.grouping.relabelling import Grouping
+    from scenefw.perception.grouping.relabelling import Merging, Reassignment
     from scenefw.perception.multiview.same_surface import SameSurface
+    from scenefw.perception.observation.observation import Observation
+    from scenefw.perception.steps import Grouping, Segmentation
 
-_REMEMBERED = 8  # views: a seventh one often comes with the six before it
 _COARSE = 320  # pixels: width of the images that say which parts are one object
 
 
 class PartsOfViews:
-    """Joins the objects that another method finds in each view if they are one in all views.
+    """Joins the objects that each view shows if they are one in all views.
 
-    What one view shows of an object may be cut or joined wrongly, so all views decide together:
-    `grouping` gets the objects of all as parts of one image, with the free space of all. The hull
-    of all that is seen of an object is its volume, without what any view saw free.
+    What one view shows of an object may be cut or joined wrongly, so all views decide together: the
+    objects of all are merged as parts of one image, with the free space of all. The hull of all
+    that is visible of an object is its volume, without what any view saw free.
 
     Args:
-        inner: finds objects in one view, and says which pixels show them.
-        grouping: says which objects of all views are one.
-        overlap: joins what shows the same surface before that; None: only the grouping joins.
+        segmentation: finds segments of one view.
+        grouping: says which segments of one view are one object.
+        merge: says which objects of all views are one.
+        reassign: gives pixels to the objects that they lie on, in all views.
+        overlap: joins what shows the same surface before that; None: only `merge` joins.
     """
 
     def __init__(
-        self, inner: Reconstructor, grouping: Grouping, overlap: SameSurface | None = None
-    ) -> None:
-        self.inner, self.grouping, self.grid = inner, grouping, inner.grid
-        self.overlap = overlap
-        self._of_thread = threading.local()
-
-    def __reduce__(self) -> tuple[type[PartsOfViews], tuple[Any, ...]]:
-        return PartsOfViews, (self.inner, self.grouping, self.overlap)
-
-    def complete(
         self,
-        views: Sequence[PartialTSDF],
-        grid: GridSpec,
-        samples: int,
-        generator: torch.Generator,
-    ) -> list[Completion]:
-        """`samples` times the same scene, with masks (1, V H, W) of all views.
+        segmentation: Segmentation,
+        grouping: Grouping,
+        merge: Merging,
+        reassign: Reassignment,
+        overlap: SameSurface | None = None,
+    ) -> None:
+        self.segmentation, self.grouping = segmentation, grouping
+        self.merge, self.reassign, self.overlap = merge, reassign, overlap
 
-        Raises:
-            InputError: no view, views that contradict each other, or a method without masks.
-        """
-        require_agreement(views, grid)
-        alone = [self._alone(view, grid, generator) for view in views]
+    def group(
+        self, views: Sequence[Observation], joint: JointGeometry, generator: torch.Generator
+    ) -> Objects:
+        """Objects with masks (V H, W) of all views, one below the other."""
+        alone = [
+            self.grouping.group(self.segmentation.segment(view), view).pixels for view in views
+        ]
         parts = _numbered(alone)
-        frames = seen_frames(stacked(views), "joining")
-        points = np.concatenate([world_points(frame) for frame in frames])
-        free = np.any(seen_free(stacked(views), grid), axis=0)
-        masks = parts if len(views) == 1 else self._joined(parts, points, len(views), free, grid)
-        tsdf, instances = hulls(masks, points, free, grid)
-        device = views[0].distance.device
-        scene = Completion(
-            torch.from_numpy(tsdf)[None].to(device),
-            torch.from_numpy(instances)[None].to(device),
-            masks=torch.from_numpy(masks)[None].to(device),
-        )
-        return [scene] * samples
+        masks = parts if len(views) == 1 else self._joined(parts, len(views), joint)
+        return Objects(masks, *hulls(masks, joint.points, joint.free, joint.grid))
 
-    def _joined(
-        self, parts: Int32, points: Float64, views: int, free: NDArray[np.bool_], grid: GridSpec
-    ) -> Int32:
-        """Objects (V H, W) of parts (V H, W) with their points (V H, W, 3)."""
+    def _joined(self, parts: Int32, views: int, joint: JointGeometry) -> Int32:
+        """Objects (V H, W) of parts (V H, W)."""
         step = max(1, parts.shape[1] // _COARSE)
         if self.overlap is not None:
             images = np.split(parts, views)
-            places = np.split(points, views)
+            places = np.split(joint.points, views)
             table = self.overlap.joined(
                 [image[::step, ::step] for image in images],
                 [place[::step, ::step] for place in places],
             )
             parts = table[parts].astype(np.int32)
         few = parts[::step, ::step]
-        nothing = np.zeros(grid.shape, np.int32)
-        view = View(
-            points[::step, ::step],
-            np.zeros_like(few),
-            nothing.astype(np.float32),
-            nothing,
-            free,
-            grid,
-        )
-        objects = self.grouping.objects(few, view, np.zeros(few.shape, np.float32))
-        return _refined(objects, few, parts, step)
-
-    def _alone(self, view: PartialTSDF, grid: GridSpec, generator: torch.Generator) -> Int32:
-        """Masks (H, W) of one view, made once for all sets it is in."""
-        last: list[tuple[PartialTSDF, GridSpec, Int32]]
-        last = self._of_thread.__dict__.setdefault("last", [])
-        for one, its_grid, result in last:
-            if one is view and its_grid == grid:
-                return result
-        scene = self.inner.complete(view, grid, 1, generator)[0]
-        if scene.masks is None:
-            raise InputError("the method of single views doesn't say which pixels show its objects")
-        result = scene.masks[0].cpu().numpy()
-        last[:] = [*last, (view, grid, result)][-_REMEMBERED:]
-        return result
+        coarse = JointGeometry(joint.points[::step, ::step], joint.grid, joint.free)
+        objects = self.merge.merge(few, coarse, np.zeros(few.shape, np.float32))
+        return _refined(self.reassign.reassign(objects, coarse), few, parts, step)
 
 
 def _numbered(alone: Sequence[Int32]) -> Int32:

@@ -8,7 +8,6 @@ import numpy as np
 from scipy.ndimage import binary_dilation, binary_opening, maximum_filter1d
 
 from scenefw.perception.observation.pixels import WIDTH
-from scenefw.perception.segmentation.crease_segmentation import floor_is_smooth
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -35,8 +34,7 @@ def mixed_pixels(points: Float64, eye: Float64) -> Mask:
     A jump from one pixel to the next is no ramp: depth has to change on both sides of a pixel. Nor
     is a surface that is wider than windows are, or ends in a jump: a ramp leads to what is behind.
     The ends of a ramp, where depth changes on one side alone, belong to it. Where the camera looks
-    along the floor, tops of boxes are as steep, so the limit is lower there. An image whose floor
-    is flat, or noisy without waves, isn't one of windows and has no ramps.
+    along the floor, tops of boxes are as steep, so the limit is lower there.
 
     Args:
         points: (H, W, 3) of the pixels, world coordinates, floor z = 0 (m), NaN = no depth.
@@ -45,8 +43,6 @@ def mixed_pixels(points: Float64, eye: Float64) -> Mask:
     rays = points - eye
     away = np.linalg.norm(rays, axis=-1)
     found = np.zeros(away.shape, dtype=bool)
-    if not floor_is_smooth(points[..., 2]):
-        return found
     rays /= away[..., None]
     reach = max(1, round(_REACH * points.shape[1] / WIDTH))
     onto_floor = np.degrees(np.arcsin(np.clip(-rays[..., 2], 0, 1)))

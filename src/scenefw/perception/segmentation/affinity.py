@@ -10,12 +10,7 @@ import torch
 from scenefw.core.batches import CameraBatch
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, PROBABILITY, below
 from scenefw.perception.observation.pixels import WIDTH
-from scenefw.perception.observation.points import world_points
-from scenefw.perception.segmentation.crease_segmentation import (
-    floor_is_smooth,
-    floor_noise,
-    high_parts,
-)
+from scenefw.perception.segmentation.crease_segmentation import high_parts
 from scenefw.perception.segmentation.regions import (
     EDGE,
     grown,
@@ -29,9 +24,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from scenefw.core.part_protocols import PartAffinityModel, TrainedPartAffinity
-    from scenefw.core.protocols import PartFinder
-    from scenefw.core.types import Camera, Float32, Float64, Frame, Int32
+    from scenefw.core.types import Camera, Float32, Float64, Int32
+    from scenefw.perception.observation.observation import Observation
     from scenefw.perception.segmentation.border_colours import BorderColours
+    from scenefw.perception.steps import Segmentation
 
 _EXACT = 5e-5  # m: no camera measures a floor 1 m away as well
 _JUMP = 0.01  # m: what is so much nearer or further than its thinned pixel is something else
@@ -89,7 +85,7 @@ class AffinityParts:
         smallest: float = 60.0,
         lowest: float = 0.012,
         noisy: float = 7.0,
-        plain: PartFinder | None = None,
+        plain: Segmentation | None = None,
         agreed: float = 0.35,
         colours: BorderColours | None = None,
     ) -> None:
@@ -105,21 +101,19 @@ class AffinityParts:
         self.lowest, self.noisy, self.colours = lowest, noisy, colours
         self.plain, self.agreed = plain, agreed
 
-    def segment(self, frame: Frame) -> Int32:
-        """Parts (H, W), 0 = none, of a frame whose camera has its pose (floor z = 0)."""
-        heights = world_points(frame)[..., 2]
-        at_one = floor_noise(heights, frame.depth)
-        noise = at_one * frame.depth.astype(np.float64) ** 2
+    def segment(self, view: Observation) -> Int32:
+        """Parts (H, W), 0 = none, of a depth image."""
+        frame, heights = view.frame, view.heights
+        noise, smooth = view.noise.at(view.depth), view.noise.is_correlated
         step = max(1, round(frame.camera.fx / self.model.focal))
         rows, columns = (np.arange(size) // step for size in frame.depth.shape)
         depth = np.ascontiguousarray(np.nan_to_num(frame.depth[::step, ::step]), np.float32)
         across, down, shown = self._said(depth, frame.camera, step)
-        smooth = floor_is_smooth(heights)
         waves = self.waves * noise if smooth else 0.0
         margin = np.clip(waves, self.margin, max(self.margin, self.lowest))
         above = heights > margin  # NaN where no depth: not above
         every = np.ix_(rows, columns)
-        if at_one > _EXACT:
+        if view.noise.sigma > _EXACT:
             above &= (shown > self.pixel)[every]
         regions = self._regions(depth, across, down, above[::step, ::step])
         if self.colours is not None and frame.colour is not None:
@@ -127,7 +121,7 @@ class AffinityParts:
             across, down = (p + more for p, more in zip((across, down), further, strict=True))
         joined = merged(regions, across, down, self.same)
         if self.plain is not None and not smooth:
-            others = self.plain.segment(frame)[::step, ::step]
+            others = self.plain.segment(view)[::step, ::step]
             joined = joined_within(joined, others, across, down, self.agreed)
         fewest = self.smallest * (frame.depth.shape[1] / WIDTH) ** 2
         parts = large_parts(joined, max(1, round(fewest / step**2)))

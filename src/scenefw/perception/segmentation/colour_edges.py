@@ -12,14 +12,13 @@ from skimage.segmentation import watershed
 
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, at_least, below
 from scenefw.perception.observation.pixels import WIDTH
-from scenefw.perception.observation.points import world_points
-from scenefw.perception.segmentation.crease_segmentation import floor_is_smooth
 from scenefw.perception.segmentation.ramp_width import ramp_width
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from scenefw.core.types import Float64, Frame, Int32
+    from scenefw.core.types import Float64, Int32
+    from scenefw.perception.observation.observation import Observation
 
 
 class ColourEdges:
@@ -59,18 +58,17 @@ class ColourEdges:
         self.smoothing, self.core = smoothing, core
         self.narrowest, self.widest = narrowest, widest
 
-    def moved(self, parts: Int32, frame: Frame) -> Int32:
-        """Parts (H, W) of a frame with its pose (floor z = 0); pixels without depth show none."""
-        heights = world_points(frame)[..., 2]
-        if frame.colour is None or not parts.any() or not floor_is_smooth(heights):
+    def moved(self, parts: Int32, view: Observation) -> Int32:
+        """Parts (H, W) of a depth image; pixels without depth show none."""
+        if view.colour is None or not parts.any() or not view.noise.is_correlated:
             return parts
-        scale = frame.depth.shape[1] / WIDTH
+        scale = view.depth.shape[1] / WIDTH
         away = distance_transform_edt(parts == 0)
-        width = ramp_width(heights, away, round(self.widest * scale))
+        width = ramp_width(view.heights, away, round(self.widest * scale))
         if width < self.narrowest * scale:
             return parts
-        refined = self.refined(parts, frame.colour, width)
-        return np.where(frame.depth > 0, refined, 0).astype(np.int32)
+        refined = self.refined(parts, view.colour, width)
+        return np.where(view.depth > 0, refined, 0).astype(np.int32)
 
     def refined(self, parts: Int32, colour: NDArray[np.uint8], width: int) -> Int32:
         """Parts (H, W), 0 = none, with the same numbers.

@@ -8,18 +8,12 @@ import numpy as np
 
 from scenefw.core.settings import NOT_NEGATIVE, POSITIVE
 from scenefw.perception.observation.pixels import WIDTH
-from scenefw.perception.observation.points import world_points
 from scenefw.perception.segmentation.regions import concave_creases, depth_parts, grown, large_parts
 
 if TYPE_CHECKING:
-    from scenefw.core.types import Float32, Float64, Frame, Int32
+    from scenefw.core.types import Float64, Int32
+    from scenefw.perception.observation.observation import Observation
 
-_ABOUT = 0.03  # m: depth below the floor that may be its noise
-_EXACT = 1e-5  # m: no measurement is as close to the floor, over many pixels
-_WAVES, _ALIKE = 0.015, 0.92  # m, of heights of the floor; correlation of neighbours
-_FEWEST = 200  # pixels below the floor that say how noisy it is
-_SOME = 0.1  # share of the floor's pixels that have noise, if it has
-_NORMAL = 1.4826  # from a normal distribution's median deviation to its standard deviation
 _TOP = 0.95  # share of a part below its top, against single pixels
 
 
@@ -71,10 +65,10 @@ class SeenParts:
             grow=self.grow,
         )
 
-    def segment(self, frame: Frame) -> Int32:
-        """Parts (H, W), 0 = none, of a frame whose camera has its pose (floor z = 0)."""
+    def segment(self, view: Observation) -> Int32:
+        """Parts (H, W), 0 = none, of a depth image."""
+        frame, heights = view.frame, view.heights
         scale = frame.depth.shape[1] / WIDTH
-        heights = world_points(frame)[..., 2]
         above = heights > self.margin  # NaN where no depth: not above
         reach = max(1, round(self.reach * scale))
         smooth = above & ~concave_creases(frame, float(np.cos(np.radians(self.crease))), reach)
@@ -91,38 +85,3 @@ def high_parts(parts: Int32, heights: Float64, lowest: float | Float64) -> Int32
     tops = [np.quantile(above[parts == k], _TOP) for k in range(1, parts.max(initial=0) + 1)]
     kept = np.array([False, *(top > 0 for top in tops)])
     return (np.cumsum(kept) * kept)[parts].astype(np.int32)
-
-
-def floor_is_smooth(heights: Float64) -> bool:
-    """Whether the floor waves: its heights (H, W; m, NaN = no depth) are wrong alike in neighbours.
-
-    So they are where a camera matches windows of two images, and not where each pixel has an error
-    of its own. Neighbours of active stereo cameras correlate by 0.95 to 0.99, those of structured
-    light by 0.9 at most. Images larger than 640 x 480 are compared that many pixels further apart.
-    """
-    alike, k = [], max(1, round(heights.shape[1] / WIDTH))
-    for first, second in ((heights[k:], heights[:-k]), (heights[:, k:], heights[:, :-k])):
-        about = (np.abs(first) < _WAVES) & (np.abs(second) < _WAVES)
-        least = max(_FEWEST, _SOME * about.sum())
-        about &= (np.abs(first) > _EXACT) & (np.abs(second) > _EXACT)
-        if about.sum() < least:
-            return False
-        alike.append(np.corrcoef(first[about], second[about])[0, 1])
-    return bool(np.mean(alike) > _ALIKE)
-
-
-def floor_noise(heights: Float64, depth: Float32) -> float:
-    """Robust standard deviation (m) of the floor's heights at a depth of 1 m; 0 if little is seen.
-
-    It grows with the square of depth, as errors of triangulation do. Only what lies below z = 0
-    counts: above it may be objects. What lies on it exactly has been moved there, from beyond the
-    table.
-
-    Args:
-        heights: (H, W) metres, NaN = no depth.
-        depth: (H, W) metres.
-    """
-    below = (heights < -_EXACT) & (heights > -_ABOUT)
-    if below.sum() < _FEWEST:
-        return 0.0
-    return float(_NORMAL * np.median(-heights[below] / depth[below] ** 2))

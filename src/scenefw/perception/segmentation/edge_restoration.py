@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 from scipy.ndimage import distance_transform_edt, find_objects
 
 from scenefw.core.settings import COUNT, POSITIVE, at_least
 from scenefw.kernels.cameras import floor_depths, stack_cameras
 from scenefw.perception.observation.pixels import WIDTH
-from scenefw.perception.observation.points import world_points
-from scenefw.perception.observation.view_frames import seen_frames
-from scenefw.perception.segmentation.crease_segmentation import floor_is_smooth
 from scenefw.perception.segmentation.ramp_width import LEAST, ramp_width
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from scenefw.core.batches import PartialTSDF
-    from scenefw.core.protocols import MappingMethod, PartFinder
-    from scenefw.core.types import Float32, Float64, Frame, GridSpec, Int32
+    from scenefw.core.protocols import MappingMethod
+    from scenefw.core.types import Float32, Float64, Int32
+    from scenefw.perception.observation.observation import Observation
     from scenefw.perception.segmentation.colour_edges import ColourEdges
 
 _ALIKE = 0.012  # m of depth between pixels of one surface
@@ -39,11 +34,10 @@ class RestoredEdges:
     object's surface, and those of the floor lie on it. This is done where depth then jumps by
     `jump`: where two parts touch, or a part stands on the floor, nothing was blurred.
 
-    Images whose floor doesn't wave, and images without ramps, stay as they are. Parts are those of
+    Images without correlated noise, and images without ramps, stay as they are. Parts are those of
     the image as it was: of what is restored, ends of ramps would be parts of their own.
 
     Args:
-        parts: of the image: where objects end.
         mapping: makes the partial TSDF of what is restored.
         narrowest: pixels from an edge to the end of its ramp, at least.
         widest: the same, at most; both of an image 640 wide.
@@ -57,7 +51,6 @@ class RestoredEdges:
 
     def __init__(
         self,
-        parts: PartFinder,
         mapping: MappingMethod,
         narrowest: float = 2.0,
         widest: float = 12.0,
@@ -67,57 +60,33 @@ class RestoredEdges:
         COUNT.require(narrowest=narrowest, widest=widest)
         POSITIVE.require(jump=jump)
         at_least(narrowest).require(widest=widest)
-        self.parts, self.mapping = parts, mapping
+        self.mapping = mapping
         self.narrowest, self.widest, self.jump = narrowest, widest, jump
         self.colour = colour
 
-    def of(self, partial: PartialTSDF, grid: GridSpec) -> PartialTSDF:
-        """The partial TSDF of restored images and the parts in them, or the same one.
+    def restore(self, view: Observation, parts: Int32) -> tuple[Observation, Int32]:
+        """The view with restored depth, and the parts (H, W) in it; or both as they were.
 
         Args:
-            partial: with its images, whose cameras have poses (floor z = 0).
-            grid: of the TSDF.
-
-        Raises:
-            InputError: the partial TSDF came without its depth images.
+            view: as measured.
+            parts: (H, W) of its image, 0 = none. If someone has marked them, they stay.
         """
-        frames = seen_frames(partial, "restoring edges")
-        heights = [world_points(frame)[..., 2] for frame in frames]
-        if partial.cameras is None or not any(map(floor_is_smooth, heights)):
-            return partial
-        parts = (
-            [self.parts.segment(frame) for frame in frames]
-            if partial.masks is None
-            else list(partial.masks.cpu().numpy())
-        )
-        colour = self.colour if partial.masks is None else None
-        restored = [self._image(*one, colour) for one in zip(frames, heights, parts, strict=True)]
-        depth, found = (
-            torch.from_numpy(np.stack(each)).to(partial.distance.device)
-            for each in zip(*restored, strict=True)
-        )
-        made = self.mapping.fuse(depth, grid, partial.cameras)
-        return replace(made, masks=partial.masks, parts=found, colours=partial.colours)
-
-    def _image(
-        self, frame: Frame, heights: Float64, parts: Int32, colour: ColourEdges | None
-    ) -> tuple[Float32, Int32]:
-        """The restored depth (H, W) and the parts in it, or those of the frame itself."""
-        if not parts.any() or not floor_is_smooth(heights):
-            return frame.depth, parts
-        parts = parts if colour is None else colour.moved(parts, frame)
-        scale = frame.depth.shape[1] / WIDTH
+        if not parts.any() or not view.noise.is_correlated:
+            return view, parts
+        if self.colour is not None and view.masks is None:
+            parts = self.colour.moved(parts, view)
+        scale, camera = view.depth.shape[1] / WIDTH, view.camera
         away = distance_transform_edt(parts == 0)
-        width = ramp_width(heights, away, round(self.widest * scale))
+        width = ramp_width(view.heights, away, round(self.widest * scale))
         if width < self.narrowest * scale:
-            return frame.depth, parts
-        found = continued(frame.depth, parts, width)
-        tallest = min(_TALLEST, frame.camera.T_world_camera[2, 3])  # below it rays go down
-        on_floor = (away > 0) & (away <= width + 1) & (heights > LEAST) & (heights < tallest)
-        floor = floor_depths(stack_cameras([frame.camera]))[0].numpy()
-        found = np.where(on_floor, floor, found)
-        near = distances(jumps(found, parts, self.jump)) <= width + 1
-        return np.where(near, found, frame.depth), parts
+            return view, parts
+        depth = continued(view.depth, parts, width)
+        tallest = min(_TALLEST, camera.T_world_camera[2, 3])  # below it rays go down
+        on_floor = (away > 0) & (away <= width + 1)
+        on_floor &= (view.heights > LEAST) & (view.heights < tallest)
+        depth = np.where(on_floor, floor_depths(stack_cameras([camera]))[0].numpy(), depth)
+        beside_jump = distances(jumps(depth, parts, self.jump)) <= width + 1
+        return view.restored(np.where(beside_jump, depth, view.depth), self.mapping), parts
 
 
 def continued(depth: Float32, parts: Int32, width: int) -> Float32:

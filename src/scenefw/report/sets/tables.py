@@ -17,7 +17,7 @@ _NOTE = (
 )
 _METHODS = {
     "scenefw": "the one that this experiment trains",
-    "set_flow": "fitted hulls with hidden parts by a flow of sets",
+    "set_extents": "fitted hulls, hidden extents sampled by a network",
     "fitted_parts": "the scene's distances rendered from all sides, superquadrics fitted to parts "
     "of all images between creases (no learning)",
     "network_parts": "as fitted parts, with parts that a network finds",

@@ -14,7 +14,7 @@ _NAMES = {
     TRUTH: "true scenes",
     "drawn": "predictions, drawn codes",
     "typical": "predictions, zero code",
-    "set_flow": "superquadrics fitted to a network's parts, hidden parts by a flow of sets",
+    "set_extents": "superquadrics fitted to a network's parts, hidden extents sampled by a network",
     "fitted": "predictions, superquadrics fitted to the view",
     "fitted_hulls": "superquadrics fitted to parts of the image (no learning)",
 }

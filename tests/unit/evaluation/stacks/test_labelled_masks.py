@@ -17,7 +17,7 @@ from scenefw.data.outlines import Outlines
 from scenefw.data.stored_labels import StoredLabels
 from scenefw.evaluation.stacks.labelled_masks import LabelledMasks
 from scenefw.metrics.masks import mask_scores
-from scenefw.perception.evidence.visible_instances import seen_instances
+from scenefw.perception.evidence.visible_instances import visible_instances
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.segmentation.colour_edges import ColourEdges
 from scenefw.perception.segmentation.crease_segmentation import SeenParts
@@ -57,7 +57,7 @@ def _shown(estimate):
     """What the pixels more than 5 mm above the floor show."""
     points = world_points(estimate.frame)
     above = points[..., 2] > 0.005
-    return seen_instances(estimate.instances, points, estimate.grid, above)
+    return visible_instances(estimate.instances, points, estimate.grid, above)
 
 
 class _Method:

@@ -1,0 +1,123 @@
+"""Volumes of a hypothesis: superquadrics and vessels among rough volumes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from scipy.ndimage import binary_dilation
+
+from scenefw.core.batches import Completion, SceneParameters
+from scenefw.core.types import PlacedShape
+from scenefw.fitting.placed import shape_of
+from scenefw.perception.completion.vessels import VESSEL_SECTIONS
+from scenefw.representations.volumes import scene_volumes
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from torch import Tensor
+
+    from scenefw.core.evidence import FittedSuperquadric
+    from scenefw.core.types import Float32, GridSpec, Int32
+    from scenefw.fitting.vessels import FittedVessel
+    from scenefw.perception.observation.observation import Observation
+    from scenefw.perception.steps import Objects, ObjectSet
+
+_REACH = 4  # voxels around rough volumes whose distances stay too
+
+
+def composed(hypothesis: ObjectSet, view: Observation) -> Completion:
+    """The scene of a hypothesis, a batch of one on the device of the view.
+
+    Args:
+        hypothesis: whose volumes stay as they are if it has no superquadrics.
+        view: that shows it.
+    """
+    objects, device = hypothesis.objects, view.partial.distance.device
+    if hypothesis.superquadrics is None:
+        if objects.tsdf is None or objects.instances is None:
+            raise TypeError("a hypothesis needs superquadrics or volumes")
+        tsdf, instances = objects.tsdf, objects.instances
+    else:
+        tsdf, instances = with_superquadrics(objects, hypothesis.superquadrics, view.grid)
+        tsdf, instances = with_vessels(tsdf, instances, hypothesis.vessels, view.grid)
+    shapes = hypothesis.superquadrics or {}
+    placed = {k: PlacedShape(shape_of(shape), shape.pose) for k, shape in shapes.items()}
+    placed |= {k: PlacedShape(v.shape, v.pose) for k, v in hypothesis.vessels.items()}
+    masks = objects.masks
+    return Completion(
+        torch.from_numpy(tsdf)[None].to(device),
+        torch.from_numpy(instances)[None].to(device),
+        objects.volumes,
+        None if masks is None else torch.from_numpy(masks)[None].to(device),
+        () if hypothesis.superquadrics is None else (placed,),
+    )
+
+
+def with_superquadrics(
+    objects: Objects, superquadrics: Mapping[int, FittedSuperquadric], grid: GridSpec
+) -> tuple[Float32, Int32]:
+    """TSDF and instances (X, Y, Z) of superquadrics, and of the objects that stay as they are.
+
+    Args:
+        objects: with their volumes, if there are some.
+        superquadrics: by label.
+        grid: of the volumes.
+    """
+    tsdf = np.full(grid.shape, grid.truncation, np.float32)
+    instances = np.zeros(grid.shape, np.int32)
+    if objects.tsdf is not None and objects.instances is not None:
+        instances = np.where(
+            np.isin(objects.instances, list(superquadrics)), 0, objects.instances
+        )
+        around = binary_dilation(instances > 0, iterations=_REACH) & (objects.instances == 0)
+        tsdf = np.where((instances > 0) | around, objects.tsdf, tsdf)
+    if superquadrics:
+        labels = np.array(list(superquadrics), np.int32)
+        volumes = scene_volumes(_parameters(list(superquadrics.values())), grid)
+        sharp, owner = volumes.tsdf[0, 0].numpy(), volumes.instances[0].numpy()
+        closer = sharp < tsdf
+        instances = np.where(
+            closer & (owner > 0), labels[np.maximum(owner - 1, 0)], np.where(closer, 0, instances)
+        )
+        tsdf = np.minimum(tsdf, sharp)
+    return tsdf.astype(np.float32), np.where(tsdf < 0, instances, 0).astype(np.int32)
+
+
+def with_vessels(
+    tsdf: Float32, instances: Int32, vessels: Mapping[int, FittedVessel], grid: GridSpec
+) -> tuple[Float32, Int32]:
+    """TSDF and instances (X, Y, Z) with vessels in place of what was there.
+
+    Args:
+        tsdf: (X, Y, Z) metres.
+        instances: (X, Y, Z) labels.
+        vessels: by label.
+        grid: of the volumes.
+    """
+    for label, vessel in vessels.items():
+        inside = instances == label
+        tsdf = np.where(inside, np.float32(grid.truncation), tsdf)
+        instances = np.where(inside, 0, instances)
+        corners = vessel.shape.mesh(VESSEL_SECTIONS).vertices + vessel.pose.position
+        box = grid.box_about(corners)
+        distance = vessel.shape.filled_distance(grid.centres()[box] - vessel.pose.position)
+        closer = (instances[box] == 0) & (distance < tsdf[box])
+        instances[box] = np.where(closer & (distance < 0), label, instances[box])
+        tsdf[box] = np.where(closer, distance, tsdf[box])
+    return tsdf.astype(np.float32), np.where(tsdf < 0, instances, 0).astype(np.int32)
+
+
+def _parameters(shapes: Sequence[FittedSuperquadric]) -> SceneParameters:
+    def stacked(rows: Sequence[Any]) -> Tensor:
+        return torch.from_numpy(np.stack(rows)[None].astype(np.float32))
+
+    return SceneParameters(
+        stacked([shape.half_axes for shape in shapes]),
+        stacked([shape.exponents for shape in shapes]),
+        stacked([shape.pose.rotation for shape in shapes]),
+        stacked([shape.pose.position for shape in shapes]),
+        torch.ones(1, len(shapes), dtype=torch.bool),
+    )

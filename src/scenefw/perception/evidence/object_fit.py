@@ -1,0 +1,85 @@
+"""A superquadric for each object of which enough is visible."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from scenefw.core.settings import COUNT, NOT_NEGATIVE
+from scenefw.perception.evidence.visible_instances import visible_instances
+from scenefw.perception.steps import Fits
+
+if TYPE_CHECKING:
+    from scenefw.core.evidence import Evidence
+    from scenefw.core.protocols import ShapeFit
+    from scenefw.perception.evidence.gathering import EvidenceOfView
+    from scenefw.perception.observation.observation import ViewGeometry
+    from scenefw.perception.steps import Objects
+
+_MIN_INSIDE_RATIO = 0.98  # of visible points that lie in the grid
+_TOP = 0.95  # quantile of heights that is a top, against single pixels
+
+
+class ObjectFit:
+    """Fits a superquadric to each object by itself (thesis eqs 5.8 to 5.12).
+
+    It explains an object's visible points, with rough volumes as a weak hint where it is hidden,
+    and contains nothing that is free, no point of another object, and nothing below the floor.
+    Where a mask has no volume, it is an object if it stands in the grid and above the floor.
+
+    Args:
+        fit: of superquadrics to evidence.
+        evidence: what a view says about an object.
+        min_points: visible points that an object must have.
+        min_height: above the floor that an object without a volume must reach (m).
+
+    Raises:
+        ConfigError: no point, or a negative height.
+    """
+
+    def __init__(
+        self, fit: ShapeFit, evidence: EvidenceOfView, min_points: int, min_height: float
+    ) -> None:
+        COUNT.require(min_points=min_points)
+        NOT_NEGATIVE.require(min_height=min_height)
+        self.shape_fit, self.evidence = fit, evidence
+        self.min_points, self.min_height = min_points, min_height
+
+    def fit(self, objects: Objects, view: ViewGeometry) -> Fits:
+        """Superquadrics of objects, each as if there were no others.
+
+        Args:
+            objects: without masks, a pixel shows the volume that its point lies in.
+            view: of their image.
+        """
+        if objects.masks is None and objects.instances is not None:
+            above = view.points[..., 2] > 0
+            masks = visible_instances(objects.instances, view.points, view.grid, above)
+            objects = replace(objects, masks=masks)
+        evidence = self.visible(objects, view)
+        shapes = self.shape_fit.fit(list(evidence.values())) if evidence else []
+        return Fits(objects, evidence, dict(zip(evidence, shapes, strict=True)))
+
+    def visible(self, objects: Objects, view: ViewGeometry) -> dict[int, Evidence]:
+        """Evidence about objects of which enough is visible, by label."""
+        masks = objects.pixels
+        volumes = np.zeros(0, np.int32) if objects.instances is None else objects.instances
+        in_volume = np.unique(volumes[volumes > 0])
+        labels = np.union1d(in_volume, masks[masks > 0]).astype(int).tolist()
+        evidence = {
+            label: self.evidence.of(label, objects, view)
+            for label in labels
+            if label in in_volume or self._stands(label, objects, view)
+        }
+        sigma = self.evidence.seen_sigma
+        return {k: e for k, e in evidence.items() if (e.sigmas == sigma).sum() >= self.min_points}
+
+    def _stands(self, label: int, objects: Objects, view: ViewGeometry) -> bool:
+        """Whether what is visible of an object without a volume is in the grid and above it."""
+        points = view.points[objects.pixels == label]
+        voxels = view.grid.to_voxels(points)
+        inside = ((voxels > 0) & (voxels < view.grid.resolution - 1)).all(axis=-1)
+        high = np.quantile(points[:, 2], _TOP) > self.min_height
+        return bool(inside.mean() > _MIN_INSIDE_RATIO and high)

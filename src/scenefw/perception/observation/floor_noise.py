@@ -1,0 +1,86 @@
+"""How noisy a floor looks, and whether errors of neighbouring pixels are alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from scenefw.perception.observation.pixels import WIDTH
+
+if TYPE_CHECKING:
+    from scenefw.core.types import Float32, Float64
+
+_MAX_DEPTH_BELOW = 0.03  # m below the floor that may be its noise
+_EXACT = 1e-5  # m: no measurement is as close to the floor, over many pixels
+_MAX_HEIGHT = 0.015  # m from the floor: what is farther away isn't the floor
+_MIN_CORRELATION = 0.92  # stereo matching has 0.95 to 0.99, structured light at most 0.9
+_MIN_PIXELS = 200  # below the floor that say how noisy it is
+_MIN_NOISY_RATIO = 0.1  # of the floor's pixels that have noise, if it has
+_MAD_TO_SIGMA = 1.4826  # from a normal distribution's median deviation to its standard deviation
+
+
+@dataclass(frozen=True)
+class FloorNoise:
+    """Errors of the heights of a floor.
+
+    Args:
+        sigma: robust standard deviation at a depth of 1 m (m); it grows with depth squared, as
+            errors of triangulation do. 0 if little of the floor is visible.
+        is_correlated: errors of neighbouring pixels correlate, as in stereo matching and not in
+            structured light.
+    """
+
+    sigma: float
+    is_correlated: bool
+
+    @classmethod
+    def of(cls, heights: Float64, depth: Float32) -> FloorNoise:
+        """The noise of an image.
+
+        Args:
+            heights: (H, W) metres above the floor, NaN = no depth.
+            depth: (H, W) metres.
+        """
+        return cls(floor_sigma(heights, depth), has_correlated_noise(heights))
+
+    def at(self, depth: Float32) -> Float64:
+        """Standard deviations (m) of heights at depths (m)."""
+        return np.asarray(self.sigma * depth.astype(np.float64) ** 2)
+
+
+def has_correlated_noise(heights: Float64) -> bool:
+    """True if height errors of neighbouring floor pixels correlate, as in stereo matching.
+
+    In images wider than 640 pixels, pixels are compared that many times further apart.
+
+    Args:
+        heights: (H, W) metres above the floor, NaN = no depth.
+    """
+    correlations, step = [], max(1, round(heights.shape[1] / WIDTH))
+    columns = heights[:, step:], heights[:, :-step]
+    for first, second in ((heights[step:], heights[:-step]), columns):
+        on_floor = (np.abs(first) < _MAX_HEIGHT) & (np.abs(second) < _MAX_HEIGHT)
+        min_pixels = max(_MIN_PIXELS, _MIN_NOISY_RATIO * on_floor.sum())
+        on_floor &= (np.abs(first) > _EXACT) & (np.abs(second) > _EXACT)
+        if on_floor.sum() < min_pixels:
+            return False
+        correlations.append(np.corrcoef(first[on_floor], second[on_floor])[0, 1])
+    return bool(np.mean(correlations) > _MIN_CORRELATION)
+
+
+def floor_sigma(heights: Float64, depth: Float32) -> float:
+    """Robust standard deviation (m) of the floor's heights at a depth of 1 m; 0 if little is seen.
+
+    Only what lies below z = 0 counts: above it may be objects. What lies on it exactly has been
+    moved there, from beyond the table.
+
+    Args:
+        heights: (H, W) metres, NaN = no depth.
+        depth: (H, W) metres.
+    """
+    below = (heights < -_EXACT) & (heights > -_MAX_DEPTH_BELOW)
+    if below.sum() < _MIN_PIXELS:
+        return 0.0
+    return float(_MAD_TO_SIGMA * np.median(-heights[below] / depth[below] ** 2))

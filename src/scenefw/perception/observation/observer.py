@@ -1,0 +1,76 @@
+"""Brings a depth image into the frame of its floor, and checks it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from scenefw.kernels.cameras import camera_of, stack_cameras
+from scenefw.perception.observation.observation import Observation
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from scenefw.core.protocols import FloorFinding, MappingMethod
+    from scenefw.core.types import Frame, GridSpec, Int32
+    from scenefw.perception.observation.doctor import Doctor
+    from scenefw.perception.observation.workspace import WorkspaceFinder
+
+
+class Observer:
+    """Finds floor and objects of a depth image, and fuses it (thesis 5.2.4, real data).
+
+    Args:
+        mapping: from depth to partial TSDF.
+        floor: finds the floor.
+        workspace: finds the objects on it.
+        doctor: checks the image before, and the floor and the objects after.
+    """
+
+    def __init__(
+        self,
+        mapping: MappingMethod,
+        floor: FloorFinding,
+        workspace: WorkspaceFinder,
+        doctor: Doctor,
+    ) -> None:
+        self.mapping, self.floor = mapping, floor
+        self.workspace, self.doctor = workspace, doctor
+
+    def observe(
+        self, frame: Frame, grid: GridSpec, mask: NDArray[np.bool_] | Int32 | None = None
+    ) -> Observation:
+        """The observation of a frame.
+
+        Args:
+            frame: its camera needs no pose.
+            grid: the cube about the objects.
+            mask: (H, W) of what is known to be objects: booleans say where some are, whole numbers
+                which one a pixel shows (0 = none). Anything else above the floor is then ignored.
+
+        Raises:
+            InputError: the image is unusable; the message says how to mend it.
+        """
+        warnings = self.doctor.examine_frame(frame)
+        floor = self.floor.find(frame)
+        region = None if mask is None else mask > 0
+        workspace = self.workspace.find(frame, floor, grid, region)
+        warnings += self.doctor.examine_workspace(floor, workspace)
+        cameras = stack_cameras([workspace.frame.camera])
+        partial = self.mapping.fuse(torch.from_numpy(workspace.frame.depth)[None], grid, cameras)
+        ids = None
+        if mask is not None and mask.dtype != np.bool_:
+            ids = np.where(workspace.objects, mask, 0).astype(np.int32)
+        return Observation(
+            replace(workspace.frame, camera=camera_of(cameras, 0)),  # as volumes know it
+            partial,
+            grid,
+            ids,
+            frame,
+            floor,
+            workspace,
+            tuple(warnings),
+        )

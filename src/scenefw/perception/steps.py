@@ -1,0 +1,158 @@
+"""What the steps of a reconstruction hand to each other, and what each step must do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol
+
+from scenefw.core.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+    import torch
+    from numpy.typing import NDArray
+    from torch import Tensor
+
+    from scenefw.core.evidence import Evidence, FittedSuperquadric
+    from scenefw.core.types import Float32, Frame, GridSpec, Int32, SceneEstimate
+    from scenefw.fitting.vessels import FittedVessel
+    from scenefw.perception.observation.observation import Observation, ViewGeometry
+
+
+@dataclass(frozen=True, eq=False)
+class Objects:
+    """Objects as far as a step knows them: which pixels show them, and roughly their room.
+
+    Args:
+        masks: (H, W) which object a pixel shows, 0 = none; None: nobody has said it.
+        tsdf: (X, Y, Z) metres; None: no volume is known.
+        instances: (X, Y, Z) labels; None likewise.
+        volumes: further ones of a network, batches of one, by name of their representation.
+    """
+
+    masks: Int32 | None
+    tsdf: Float32 | None = None
+    instances: Int32 | None = None
+    volumes: Mapping[str, Tensor] = field(default_factory=dict)
+
+    @property
+    def pixels(self) -> Int32:
+        """The masks.
+
+        Raises:
+            InputError: nobody has said which pixels show the objects.
+        """
+        if self.masks is None:
+            raise InputError("this method doesn't say which pixels show its objects")
+        return self.masks
+
+
+@dataclass(frozen=True, eq=False)
+class Fits:
+    """Superquadrics fitted to visible objects, each as if there were no others.
+
+    Args:
+        objects: all, those without a fit too.
+        evidence: about objects of which enough is visible, by label.
+        superquadrics: one for each of these, by label.
+    """
+
+    objects: Objects
+    evidence: Mapping[int, Evidence] = field(default_factory=dict)
+    superquadrics: Mapping[int, FittedSuperquadric] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectSet:
+    """One hypothesis of a scene.
+
+    Args:
+        objects: masks, and volumes of those that no shape explains.
+        superquadrics: by label; None: volumes stay as they are.
+        vessels: by label.
+        evidence: about objects of which enough is visible, by label.
+    """
+
+    objects: Objects
+    superquadrics: Mapping[int, FittedSuperquadric] | None = None
+    vessels: Mapping[int, FittedVessel] = field(default_factory=dict)
+    evidence: Mapping[int, Evidence] = field(default_factory=dict)
+
+
+class Observing(Protocol):
+    """Step 1: an image in the frame of its floor."""
+
+    def observe(
+        self, frame: Frame, grid: GridSpec, mask: NDArray[np.bool_] | Int32 | None = None
+    ) -> Observation:
+        """The observation of an image.
+
+        Raises:
+            InputError: the image is unusable; the message says how to mend it.
+        """
+
+
+class Segmentation(Protocol):
+    """Step 2: pixels that show the same object (group `segmentation`)."""
+
+    def segment(self, view: Observation, /) -> Int32:
+        """Segments (H, W), 0 = none, of a depth image above its floor z = 0.
+
+        Args:
+            view: its `depth`, `camera` and `colour` are those of a `Frame`.
+        """
+
+
+class EdgeRestoration(Protocol):
+    """Step 3: edges as they were before the camera blurred them (group `edges`)."""
+
+    def restore(self, view: Observation, segments: Int32) -> tuple[Observation, Int32]:
+        """The view and its segments with sharp edges."""
+
+
+class Grouping(Protocol):
+    """Step 4: which segments are one object (group `grouping`)."""
+
+    def group(self, segments: Int32, view: Observation) -> Objects:
+        """The objects, with rough volumes."""
+
+
+class ObjectFitting(Protocol):
+    """Step 5: a superquadric for each visible object."""
+
+    def fit(self, objects: Objects, view: ViewGeometry) -> Fits:
+        """The best one for each of which enough is visible."""
+
+
+class SetCompletion(Protocol):
+    """Step 6: what is hidden, several times (group `completion`)."""
+
+    @property
+    def grid(self) -> GridSpec | None:
+        """The grid that its volumes must have; None: any."""
+
+    @property
+    def metadata(self) -> Mapping[str, Any]:
+        """Where its weights are from; empty without."""
+
+    def complete(
+        self, fits: Fits, view: Observation, samples: int, generator: torch.Generator
+    ) -> Sequence[ObjectSet]:
+        """`samples` hypotheses, the most typical one first, or one if all would be the same."""
+
+
+class HollowReplacement(Protocol):
+    """Step 7: bowls, cups and mugs (group `hollow`)."""
+
+    def replace(self, sets: Sequence[ObjectSet], view: Observation) -> Sequence[ObjectSet]:
+        """The hypotheses, in which objects that the view looks into are hollow."""
+
+
+class Assembly(Protocol):
+    """Step 8: volumes, meshes, masks and confidences of hypotheses."""
+
+    def assemble(
+        self, sets: Sequence[ObjectSet], view: Observation, origin: Mapping[str, Any]
+    ) -> Sequence[SceneEstimate]:
+        """The scenes; an object has the same id in all. `origin` goes into their details."""
