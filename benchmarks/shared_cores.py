@@ -21,7 +21,7 @@ from benchmarks.harness import Job, Timed
 from benchmarks.training_data import data_side
 from scenefw.core.cores import supplies
 from scenefw.core.types import GridSpec
-from scenefw.core.waiting import chosen, yielding
+from scenefw.core.waiting import environment_decides, yielding
 from scenefw.losses.partial_tsdf import PartialTsdfLoss
 from scenefw.losses.sample_spread import SampleSpread
 from scenefw.losses.tsdf import TsdfLoss
@@ -55,7 +55,7 @@ def steps(*, waits: bool, busy: bool) -> Timed:
     step = training()
 
     def run() -> None:
-        with beside(1 if busy else 0), yielding(torch.get_num_threads, wanted=waits):
+        with beside(1 if busy else 0), yielding(torch.get_num_threads, enabled=waits):
             for _ in range(STEPS):
                 step()
 
@@ -76,7 +76,7 @@ def beside(count: int) -> Iterator[None]:
 
 
 _WHAT = f"{STEPS} training steps, 8 scenes, 32^3, cpu"
-_TO_COMPARE = bool(supplies()) and not chosen()
+_TO_COMPARE = bool(supplies()) and not environment_decides()
 JOBS = (
     [
         Job(

@@ -194,12 +194,12 @@ def _place_in_sweep() -> str:
 
     if not HydraConfig.initialized() or HydraConfig.get().mode != RunMode.MULTIRUN:
         return ""
-    known, count = HydraConfig.get(), config.runs_of_sweep(sys.argv[1:])
-    number = int(known.job.num) + 1
-    place = f"run {number} of {count} of the sweep, {known.job.override_dirname}"
-    one_by_one = str(known.launcher.get("_target_")).endswith("BasicLauncher")
-    left = f"; not started: {count - number}" if one_by_one else ""
-    return f" ({place}{left})"
+    settings, count = HydraConfig.get(), config.runs_of_sweep(sys.argv[1:])
+    number = int(settings.job.num) + 1
+    place = f"run {number} of {count} of the sweep, {settings.job.override_dirname}"
+    one_by_one = str(settings.launcher.get("_target_")).endswith("BasicLauncher")
+    note = f"; not started: {count - number}" if one_by_one else ""
+    return f" ({place}{note})"
 
 
 def _complaint(error: Exception, composing: bool) -> str | None:
@@ -224,7 +224,7 @@ def _misconfigured(error: Exception) -> ConfigError:
     words = sys.argv[1:]
     pairs = zip(["", *words], words, strict=False)
     overrides = [w for before, w in pairs if not w.startswith("-") and before not in _WITH_VALUE]
-    options = {group: sorted(found) for group, found in registry.catalogue().items()}
+    options = {group: sorted(names) for group, names in registry.catalogue().items()}
     return config.explain(error, overrides, options)
 
 

@@ -80,8 +80,8 @@ def _require_methods(setting: str, node: Any, part: _Part) -> None:
     if not isinstance(node, DictConfig):
         return
     if part.several and "_target_" not in node:
-        for name, each in node.items():
-            _require_methods(f"{setting}.{name!s}", each, part._replace(several=False))
+        for name, child in node.items():
+            _require_methods(f"{setting}.{name!s}", child, part._replace(several=False))
         return
     built = None if node.get("_partial_") else _imported(node.get("_target_"))
     if not inspect.isclass(built) or not _is_protocol(part.protocol):
@@ -95,15 +95,15 @@ def _require_methods(setting: str, node: Any, part: _Part) -> None:
 
 
 def _values(
-    config: DictConfig, key: str, seen: set[str]
+    config: DictConfig, key: str, visited_keys: set[str]
 ) -> Iterator[tuple[str, Any, _Argument | _Part]]:
     """Settings, values and arguments of a node and of all that it refers to, each node once."""
     from omegaconf import DictConfig, ListConfig, OmegaConf
 
     node: Any = OmegaConf.select(config, key)
-    if key in seen or not isinstance(node, DictConfig | ListConfig):
+    if key in visited_keys or not isinstance(node, DictConfig | ListConfig):
         return
-    seen.add(key)
+    visited_keys.add(key)
     arguments = _arguments(node.get("_target_")) if isinstance(node, DictConfig) else {}
     for name in list(node) if isinstance(node, DictConfig) else range(len(node)):
         if OmegaConf.is_missing(node, name):
@@ -114,19 +114,19 @@ def _values(
             value = OmegaConf.to_container(value, resolve=True)
         if argument is not None:
             yield setting, value, argument
-        yield from _values(config, setting, seen)
+        yield from _values(config, setting, visited_keys)
 
 
-def _origin(config: DictConfig, setting: str, written: Any) -> str:
+def _origin(config: DictConfig, setting: str, raw: Any) -> str:
     """The setting that a reference finally leads to."""
     from omegaconf import OmegaConf
 
-    while isinstance(written, str) and (found := _REFERENCE.fullmatch(written)):
-        parent, _, name = found[1].rpartition(".")
+    while isinstance(raw, str) and (match := _REFERENCE.fullmatch(raw)):
+        parent, _, name = match[1].rpartition(".")
         holder: Any = OmegaConf.select(config, parent) if parent else config
         if not OmegaConf.is_dict(holder) or name not in holder:
             break  # the default of oc.select
-        setting, written = found[1], as_written(holder, name)
+        setting, raw = match[1], as_written(holder, name)
     return setting
 
 
@@ -142,13 +142,13 @@ def _arguments(target: Any) -> Mapping[str, _Argument | _Part]:
     if built is None:
         return {}
     names = {**PROTOCOLS, **getattr(inspect.getmodule(built), "__dict__", {})}
-    found: dict[str, _Argument | _Part] = {}
+    arguments: dict[str, _Argument | _Part] = {}
     for name, parameter in inspect.signature(built).parameters.items():
         plain = _argument(parameter.annotation, parameter.default)
         argument = plain or _part(parameter.annotation, names)
         if argument is not None:
-            found[name] = argument
-    return found
+            arguments[name] = argument
+    return arguments
 
 
 def _imported(target: Any) -> Any:
@@ -164,34 +164,34 @@ def _imported(target: Any) -> Any:
 
 
 def _argument(annotation: Any, default: Any) -> _Argument | None:
-    parts = _written(annotation).split(" | ")
-    inner = [found[1] for part in parts if (found := _SEQUENCE.fullmatch(part))]
+    parts = _annotation_text(annotation).split(" | ")
+    inner = [match[1] for part in parts if (match := _SEQUENCE.fullmatch(part))]
     kinds = {part for part in parts if not _SEQUENCE.fullmatch(part)}
     if inner and kinds <= {"None"}:
         kinds |= {word for part in inner for word in part.split(", ") if word != "..."}
     elif inner:
         return None
-    known = None if default is inspect.Parameter.empty else default
-    return _Argument(frozenset(kinds), bool(inner), known) if kinds <= set(_WORDS) else None
+    default_value = None if default is inspect.Parameter.empty else default
+    return _Argument(frozenset(kinds), bool(inner), default_value) if kinds <= set(_WORDS) else None
 
 
 def _part(annotation: Any, names: Mapping[str, Any]) -> _Part | None:
     """The protocol or class of ours that an annotation names, alone or in a mapping."""
-    words = [word for word in _written(annotation).split(" | ") if word != "None"]
-    found = _MAPPING.fullmatch(words[0]) if len(words) == 1 else None
-    name = (found[1] if found else words[0] if len(words) == 1 else "").rpartition(".")[2]
+    words = [word for word in _annotation_text(annotation).split(" | ") if word != "None"]
+    match = _MAPPING.fullmatch(words[0]) if len(words) == 1 else None
+    name = (match[1] if match else words[0] if len(words) == 1 else "").rpartition(".")[2]
     protocol: Any = names.get(name)
     ours = inspect.isclass(protocol) and protocol.__module__.partition(".")[0] == "scenefw"
     if not (_is_protocol(protocol) or ours):
         return None
-    return _Part(protocol, found is not None)
+    return _Part(protocol, match is not None)
 
 
-def _is_protocol(known: Any) -> bool:
-    return bool(getattr(known, "_is_protocol", False))
+def _is_protocol(candidate: Any) -> bool:
+    return bool(getattr(candidate, "_is_protocol", False))
 
 
-def _written(annotation: Any) -> str:
+def _annotation_text(annotation: Any) -> str:
     """An annotation as written, whether or not it has been evaluated."""
     if isinstance(annotation, type) and not hasattr(annotation, "__args__"):
         return annotation.__name__
@@ -204,7 +204,7 @@ def _written(annotation: Any) -> str:
 def _fits(value: Any, argument: _Argument) -> bool:
     if argument.sequence and value is not None:
         inner = _Argument(argument.kinds - {"None"}, False, None)
-        return isinstance(value, list) and all(_fits(each, inner) for each in value)
+        return isinstance(value, list) and all(_fits(element, inner) for element in value)
     if value is None:
         return "None" in argument.kinds
     if isinstance(value, bool):

@@ -38,12 +38,12 @@ def answers(line: str) -> list[str]:
     command = (i for i, typed in enumerate(words) if Path(typed).name == "scenefw")
     typed = words[next(command, -1) + 1 :]
     options = registry.catalogue()
-    found: Iterable[str] = _overrides(word, typed, options)
+    candidates: Iterable[str] = _overrides(word, typed, options)
     if typed and typed[-1] == "--list":
-        found = options
+        candidates = options
     elif word.startswith("-"):
-        found = _FLAGS
-    return sorted({answer for answer in found if answer.startswith(word)})
+        candidates = _FLAGS
+    return sorted({answer for answer in candidates if answer.startswith(word)})
 
 
 def _overrides(word: str, typed: list[str], options: Options) -> Iterator[str]:
@@ -55,8 +55,8 @@ def _overrides(word: str, typed: list[str], options: Options) -> Iterator[str]:
     """
     bare = word.lstrip("+~")
     sign = word[: len(word) - len(bare)]
-    key, given, value = bare.partition("=")
-    if given:
+    key, equals, value = bare.partition("=")
+    if equals:
         begun = value[: max(value.rfind(","), value.rfind("[")) + 1]  # of a list or a sweep
         yield from (f"{sign}{key}={begun}{name}" for name in _values(key, typed, options))
         return
@@ -95,14 +95,14 @@ def _node(path: str, typed: list[str], options: Options) -> Any:
 
 def _choices(root: list[Any], typed: list[str], options: Options) -> dict[str, list[str]]:
     """Chosen options by group: those of the root, changed by what it or the words choose."""
-    chosen = dict(_entries(root))
+    choices = dict(_entries(root))
     pairs = (word.partition("=") for word in typed)
-    given = {key: value.strip("[]").split(",") for key, _, value in pairs if key in options}
-    for group in dict.fromkeys([*_CHOOSING, *given]):
-        for name in given.get(group, chosen.get(group, [])):
+    typed_choices = {key: value.strip("[]").split(",") for key, _, value in pairs if key in options}
+    for group in dict.fromkeys([*_CHOOSING, *typed_choices]):
+        for name in typed_choices.get(group, choices.get(group, [])):
             if name in options.get(group, {}):
-                chosen |= dict(_overridden(options[group][name]))
-    return chosen | given
+                choices |= dict(_overridden(options[group][name]))
+    return choices | typed_choices
 
 
 def _overridden(path: Path) -> Iterator[tuple[str, list[str]]]:

@@ -57,10 +57,10 @@ def package_dir(package: str) -> Path:
     Raises:
         ConfigError: it isn't installed.
     """
-    found = importlib.util.find_spec(package)
-    if found is None or not found.submodule_search_locations:
+    spec = importlib.util.find_spec(package)
+    if spec is None or not spec.submodule_search_locations:
         raise ConfigError(f"package {package} is not installed; its configs can't be found")
-    return Path(next(iter(found.submodule_search_locations)))
+    return Path(next(iter(spec.submodule_search_locations)))
 
 
 def search_also(folders: Sequence[Path]) -> None:
@@ -120,8 +120,10 @@ def compose_once(words: Sequence[str], folders: Sequence[Path]) -> None:
     know_choices()
     files = (path for folder in folders for path in folder.rglob("*.yaml"))
     texts = (path.read_text(encoding="utf-8", errors="replace") for path in files)
-    asked = any("hydra.mode" in word for word in words) or any("MULTIRUN" in text for text in texts)
-    if not asked:
+    sets_mode = any("hydra.mode" in word for word in words) or any(
+        "MULTIRUN" in text for text in texts
+    )
+    if not sets_mode:
         Hydra.get_mode = lambda *_, **__: None  # type: ignore[method-assign]
 
 
@@ -140,7 +142,7 @@ def compose_lean() -> None:
 
     @functools.wraps(complete)
     def lean(overrides: Any, defaults: list[Any], self_added: bool) -> Any:
-        if any(each.is_interpolation() for each in defaults):
+        if any(entry.is_interpolation() for entry in defaults):
             return complete(overrides, defaults, self_added)
         return OmegaConf.create({})
 
@@ -155,21 +157,21 @@ def know_choices() -> None:
     from hydra.core.hydra_config import HydraConfig
     from omegaconf import OmegaConf
 
-    def chosen(group: str) -> str | None:
+    def chosen_option(group: str) -> str | None:
         if not HydraConfig.initialized():
             return None
         option = HydraConfig.get().runtime.choices.get(group)
         return None if option is None else str(option)
 
-    OmegaConf.register_new_resolver("chosen", chosen, replace=True)
+    OmegaConf.register_new_resolver("chosen", chosen_option, replace=True)
 
 
-def near_misses(name: str, known: Sequence[str]) -> str:
+def near_misses(name: str, names: Sequence[str]) -> str:
     """Asks what the user may have meant, or lists what there is if nothing is similar."""
-    close = difflib.get_close_matches(name, known, n=3, cutoff=0.6)
+    close = difflib.get_close_matches(name, names, n=3, cutoff=0.6)
     if close:
         return "did you mean " + " or ".join(close) + "?"
-    return "there are " + ", ".join(sorted(known)) if known else "there are none"
+    return "there are " + ", ".join(sorted(names)) if names else "there are none"
 
 
 def explain(
@@ -198,7 +200,7 @@ def explain(
 
 def quoted(text: str) -> str:
     """Any text in the grammar of overrides."""
-    escaped = _BEFORE_QUOTE.sub(lambda found: 2 * found[1] + found[2].replace("'", "\\'"), text)
+    escaped = _BEFORE_QUOTE.sub(lambda match: 2 * match[1] + match[2].replace("'", "\\'"), text)
     return f"'{escaped}'"
 
 
@@ -229,10 +231,10 @@ def _for_shell(word: str) -> str:
 
 
 def _ambiguous(error: Exception) -> str | None:
-    found = _AMBIGUOUS.search(str(error))
-    if found is None:
+    match = _AMBIGUOUS.search(str(error))
+    if match is None:
         return None
-    key, value = found[1], found[2]
+    key, value = match[1], match[2]
     return (
         f"{key}={value} has a comma; a value with one needs quotes of its own, "
         f"{_for_shell(f'{key}={quoted(value)}')}, several values are '{key}=[{value}]', and a "
@@ -267,7 +269,7 @@ def _unknown_option(override: Override, options: Mapping[str, Sequence[str]]) ->
         return None
     if override.value() is None:
         return f"{group}=null names no option; ~{group} leaves the group out"
-    for name in _chosen(override):
+    for name in _option_names(override):
         if name not in options[group]:
             return f"group {group} has no option '{name}'; {near_misses(name, options[group])}"
     return None
@@ -275,15 +277,15 @@ def _unknown_option(override: Override, options: Mapping[str, Sequence[str]]) ->
 
 def _unchosen(error: Exception, options: Mapping[str, Sequence[str]]) -> str | None:
     """Asks for an option of a group that is read but has none chosen."""
-    found = _ABSENT.search(str(error))
-    group = (found[1] or found[2]) if found else ""
+    match = _ABSENT.search(str(error))
+    group = (match[1] or match[2]) if match else ""
     if group not in options:
         return None
-    known = ", ".join(options[group])
-    return f"no {group} is chosen; give {group}=..., or an experiment that does (there are {known})"
+    names = ", ".join(options[group])
+    return f"no {group} is chosen; give {group}=..., or an experiment that does (there are {names})"
 
 
-def _chosen(override: Override) -> Iterator[str]:
+def _option_names(override: Override) -> Iterator[str]:
     value: Any = override.value()
     if override.is_sweep_override():
         values = list(override.sweep_string_iterator())
@@ -310,10 +312,10 @@ def _unknown_key(overrides: Sequence[Override], options: Mapping[str, Sequence[s
 def _near_keys(key: str, keys: Sequence[str]) -> str:
     """Asks for keys that end in the same name or are spelled alike; else says how to see all."""
     leaf = key.rpartition(".")[2]
-    same = [k for k in keys if k.rpartition(".")[2] == leaf]
+    leaf_matches = [k for k in keys if k.rpartition(".")[2] == leaf]
     shallow = [k for k in keys if k.count(".") <= key.count(".")]
-    alike = difflib.get_close_matches(key, shallow, n=2, cutoff=0.76)
-    close = [*difflib.get_close_matches(key, same, n=2, cutoff=0.5), *alike]
+    spelling_matches = difflib.get_close_matches(key, shallow, n=2, cutoff=0.76)
+    close = [*difflib.get_close_matches(key, leaf_matches, n=2, cutoff=0.5), *spelling_matches]
     if close:
         return f"did you mean {' or '.join(dict.fromkeys(close))}?"
     return "--cfg job lists all keys"

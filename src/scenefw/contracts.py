@@ -20,18 +20,18 @@ _NAME = re.compile(r"[A-Za-z_]\w*")
 
 def _classes_of_core() -> Iterator[tuple[str, type]]:
     """Every class that a module of `core` defines, so that a new module is known by being there."""
-    for found in pkgutil.iter_modules(core.__path__, f"{core.__name__}."):
-        module = importlib.import_module(found.name)
+    for info in pkgutil.iter_modules(core.__path__, f"{core.__name__}."):
+        module = importlib.import_module(info.name)
         for name, value in vars(module).items():
             if inspect.isclass(value) and value.__module__ == module.__name__:
                 yield name, value
 
 
 _CLASSES = dict(_classes_of_core())
-PROTOCOLS = {name: one for name, one in _CLASSES.items() if one.__dict__.get("_is_protocol")}
+PROTOCOLS = {name: cls for name, cls in _CLASSES.items() if cls.__dict__.get("_is_protocol")}
 """The protocols of `core` by name."""
 
-_CROSSING = frozenset(name for name, one in _CLASSES.items() if is_dataclass(one))
+_CROSSING = frozenset(name for name, cls in _CLASSES.items() if is_dataclass(cls))
 """Data that crosses floors: its classes are final, so one never stands for another."""
 
 
@@ -46,31 +46,33 @@ def protocol_named(name: str) -> type:
     return _protocol(PROTOCOLS.get(name), name)
 
 
-def _protocol(found: Any, name: str) -> type:
-    if not getattr(found, "_is_protocol", False):
+def _protocol(candidate: Any, name: str) -> type:
+    if not getattr(candidate, "_is_protocol", False):
         raise AttributeError(f"{name} is not a protocol")
-    checked: type = found
-    return checked
+    protocol: type = candidate
+    return protocol
 
 
-def problems(found: type, protocol: type) -> Iterator[str]:
+def problems(cls: type, protocol: type) -> Iterator[str]:
     """What a class lacks or does differently from a protocol, each in a few words.
 
     Compares methods, how many arguments they take, the types of `core` that they take and
     give, and attributes that the class or its `__init__` sets.
     """
-    yield from wrong_methods(found, protocol)
-    yield from (f"has no attribute {name}" for name in _missing_attributes(found, protocol))
+    yield from wrong_methods(cls, protocol)
+    yield from (f"has no attribute {name}" for name in _missing_attributes(cls, protocol))
 
 
-def wrong_methods(found: type, protocol: type) -> Iterator[str]:
+def wrong_methods(cls: type, protocol: type) -> Iterator[str]:
     """As `problems`, but only for methods."""
     for name, promised in methods(protocol).items():
-        own = getattr(found, name, None)
-        if own is None:
+        method = getattr(cls, name, None)
+        if method is None:
             yield f"has no {name}"
-        elif callable(own) and inspect.isfunction(inspect.unwrap(own)):
-            yield from _wrong_signature(name, inspect.signature(own), inspect.signature(promised))
+        elif callable(method) and inspect.isfunction(inspect.unwrap(method)):
+            yield from _wrong_signature(
+                name, inspect.signature(method), inspect.signature(promised)
+            )
 
 
 def methods(protocol: type) -> dict[str, Any]:
@@ -85,28 +87,28 @@ def methods(protocol: type) -> dict[str, Any]:
 
 def attributes(protocol: type) -> frozenset[str]:
     """Names of attributes and properties that a protocol and those it extends promise."""
-    found: set[str] = set()
+    names: set[str] = set()
     for base in _protocols(protocol):
-        found |= set(inspect.get_annotations(base))
-        found |= {n for n, v in vars(base).items() if isinstance(v, property)}
-    return frozenset(name for name in found if not name.startswith("_"))
+        names |= set(inspect.get_annotations(base))
+        names |= {n for n, v in vars(base).items() if isinstance(v, property)}
+    return frozenset(name for name in names if not name.startswith("_"))
 
 
 def _protocols(protocol: type) -> list[type]:
     return [base for base in protocol.__mro__ if base.__dict__.get("_is_protocol", False)]
 
 
-def _missing_attributes(found: type, protocol: type) -> list[str]:
-    there: set[str] = set()
-    for base in found.__mro__:
-        there |= set(vars(base)) | set(inspect.get_annotations(base)) | _set_by_init(base)
-    return sorted(attributes(protocol) - there)
+def _missing_attributes(cls: type, protocol: type) -> list[str]:
+    names: set[str] = set()
+    for base in cls.__mro__:
+        names |= set(vars(base)) | set(inspect.get_annotations(base)) | _set_by_init(base)
+    return sorted(attributes(protocol) - names)
 
 
 @cache
-def _set_by_init(found: type) -> frozenset[str]:
+def _set_by_init(cls: type) -> frozenset[str]:
     """Attributes that `__init__` sets on `self`."""
-    init = vars(found).get("__init__")
+    init = vars(cls).get("__init__")
     try:
         tree = ast.parse(textwrap.dedent(inspect.getsource(init)))  # type: ignore[arg-type]
     except (OSError, TypeError, SyntaxError):
@@ -116,11 +118,11 @@ def _set_by_init(found: type) -> frozenset[str]:
 
 
 def _wrong_signature(
-    name: str, own: inspect.Signature, promised: inspect.Signature
+    name: str, signature: inspect.Signature, promised: inspect.Signature
 ) -> Iterator[str]:
     theirs = list(promised.parameters.values())[1:]
     try:
-        bound = own.bind(
+        bound = signature.bind(
             None,
             *(p for p in theirs if p.kind is p.POSITIONAL_OR_KEYWORD),
             **{p.name: p for p in theirs if p.kind is p.KEYWORD_ONLY},
@@ -128,15 +130,18 @@ def _wrong_signature(
     except TypeError as error:
         yield f"has another {name}: {error}"
         return
-    pairs = ((own.parameters[n], given) for n, given in list(bound.items())[1:])
-    for mine, given in pairs:
-        if isinstance(given, inspect.Parameter):
-            taken, handed = _types(mine.annotation), _types(given.annotation)
-            if taken and handed and not handed <= taken:
-                yield f"takes {_listed(taken)} in {name}, not {_listed(handed - taken)}"
-    made, wanted = _types(own.return_annotation), _types(promised.return_annotation)
-    if made and wanted and not made <= wanted:
-        yield f"gives {_listed(made)} from {name}, not {_listed(wanted)}"
+    pairs = ((signature.parameters[n], argument) for n, argument in list(bound.items())[1:])
+    for parameter, argument in pairs:
+        if isinstance(argument, inspect.Parameter):
+            parameter_types = _types(parameter.annotation)
+            argument_types = _types(argument.annotation)
+            if parameter_types and argument_types and not argument_types <= parameter_types:
+                excess = _listed(argument_types - parameter_types)
+                yield f"takes {_listed(parameter_types)} in {name}, not {excess}"
+    return_types = _types(signature.return_annotation)
+    promised_types = _types(promised.return_annotation)
+    if return_types and promised_types and not return_types <= promised_types:
+        yield f"gives {_listed(return_types)} from {name}, not {_listed(promised_types)}"
 
 
 def _types(annotation: Any) -> frozenset[str]:

@@ -57,15 +57,15 @@ def _inherited(
     for base in node.bases:
         name = base.value if isinstance(base, ast.Subscript) else base
         if isinstance(name, ast.Name):
-            found = arguments(imported.get(name.id, f"{module}.{name.id}"), roots)
-            if found:
-                return found
+            base_arguments = arguments(imported.get(name.id, f"{module}.{name.id}"), roots)
+            if base_arguments:
+                return base_arguments
     return {}
 
 
 def described(docstring: str) -> dict[str, str]:
     """What the section `Args:` of a docstring says about each argument."""
-    found: dict[str, list[str]] = {}
+    descriptions: dict[str, list[str]] = {}
     lines = iter(docstring.splitlines())
     for line in lines:
         if line.strip() == "Args:":
@@ -78,10 +78,10 @@ def described(docstring: str) -> dict[str, str]:
         if not line.strip() or depth < indent:
             break
         if depth == indent and entry:
-            found[entry[1]] = [entry[2]]
-        elif found:
-            next(reversed(found.values())).append(line.strip())
-    return {name: " ".join(words) for name, words in found.items()}
+            descriptions[entry[1]] = [entry[2]]
+        elif descriptions:
+            next(reversed(descriptions.values())).append(line.strip())
+    return {name: " ".join(words) for name, words in descriptions.items()}
 
 
 def _defaults(node: ast.ClassDef | ast.FunctionDef) -> Iterator[tuple[str, str | None]]:

@@ -26,8 +26,8 @@ def print_catalogue() -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    found = plugins.find()
-    owners = {pair: plugin.name for plugin in found for pair in plugin.options()}
+    all_plugins = plugins.find()
+    owners = {pair: plugin.name for plugin in all_plugins for pair in plugin.options()}
     table = Table("group", "option", "what it is", "plugin", title="scenefw: group=option")
     for group, options in registry.catalogue().items():
         info = registry.group(group)
@@ -71,12 +71,12 @@ def print_group(name: str) -> None:
 
 def composed(path: Path) -> dict[str, Any]:
     """An option with what its defaults list brings in, references unresolved."""
-    own = registry.settings(path)
-    entries = own.pop("defaults", [])
-    whole: dict[str, Any] = {}
+    settings = registry.settings(path)
+    entries = settings.pop("defaults", [])
+    composition: dict[str, Any] = {}
     for entry in entries if "_self_" in entries else [*entries, "_self_"]:
         if entry == "_self_":
-            _merge(whole, own)
+            _merge(composition, settings)
             continue
         typed, option = next(iter(entry.items())) if isinstance(entry, dict) else ("", entry)
         key, at, place = (typed or option).partition("@")
@@ -88,8 +88,8 @@ def composed(path: Path) -> dict[str, Any]:
             place = key
         for name in reversed(place.split(".") if place else []):
             part = {name: part}
-        _merge(whole, part)
-    return whole
+        _merge(composition, part)
+    return composition
 
 
 def _file(path: Path, group: str, option: Any) -> Path | None:
@@ -101,26 +101,29 @@ def _file(path: Path, group: str, option: Any) -> Path | None:
     return next((file for file in files if file.is_file()), None)
 
 
-def _merge(whole: dict[str, Any], part: dict[str, Any]) -> None:
+def _merge(target: dict[str, Any], part: dict[str, Any]) -> None:
     for name, value in part.items():
-        if isinstance(value, dict) and isinstance(whole.get(name), dict):
-            _merge(whole[name], value)
+        if isinstance(value, dict) and isinstance(target.get(name), dict):
+            _merge(target[name], value)
         else:
-            whole[name] = value
+            target[name] = value
 
 
 def _rows(node: dict[str, Any], roots: list[Path], prefix: str = "") -> Iterator[Row]:
     """Arguments of a component and of those within it."""
     target = node.get("_target_")
-    known = arguments(target, roots) if isinstance(target, str) else {}
-    names = [*known, *(name for name in node if name not in known and not name.startswith("_"))]
+    signature = arguments(target, roots) if isinstance(target, str) else {}
+    names = [
+        *signature,
+        *(name for name in node if name not in signature and not name.startswith("_")),
+    ]
     for name in names:
-        argument = known.get(name, Argument(None, ""))
+        argument = signature.get(name, Argument(None, ""))
         value: Any = node.get(name)
         inner = isinstance(value, dict) and _has_target(value)
         if target and name in node:
-            shown = str(value["_target_"]) if inner and "_target_" in value else _as_typed(value)
-            yield prefix + name, "" if inner and "_target_" not in value else shown, argument.about
+            text = str(value["_target_"]) if inner and "_target_" in value else _as_typed(value)
+            yield prefix + name, "" if inner and "_target_" not in value else text, argument.about
         elif target:
             yield prefix + name, argument.default or "", argument.about
         if inner:
@@ -147,8 +150,8 @@ def roots() -> Iterator[Path]:
     for plugin in plugins.find():
         if plugin.source is not None:
             yield plugin.source
-        elif (found := importlib.util.find_spec(plugin.package)) and found.origin:
-            yield Path(found.origin).parents[1]
+        elif (spec := importlib.util.find_spec(plugin.package)) and spec.origin:
+            yield Path(spec.origin).parents[1]
 
 
 def _console() -> Console:

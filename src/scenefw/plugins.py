@@ -58,15 +58,15 @@ def activate() -> tuple[Plugin, ...]:
     Raises:
         ConfigError: two plugins, or a plugin and the core, have an option of one name.
     """
-    found = find()
-    refuse_clashes(found)
-    for plugin in found:
+    plugins = find()
+    refuse_clashes(plugins)
+    for plugin in plugins:
         if plugin.source is not None and str(plugin.source) not in sys.path:
             sys.path.append(str(plugin.source))
-    if found:
-        search_also([plugin.conf for plugin in found])
-        assets.search_also(plugin.assets for plugin in found if plugin.assets is not None)
-    return found
+    if plugins:
+        search_also([plugin.conf for plugin in plugins])
+        assets.search_also(plugin.assets for plugin in plugins if plugin.assets is not None)
+    return plugins
 
 
 def find() -> tuple[Plugin, ...]:
@@ -91,10 +91,10 @@ def refuse_clashes(plugins: Sequence[Plugin]) -> None:
     for plugin in plugins:
         for group, option in plugin.files():
             is_core = (core / group / f"{option}.yaml").exists()
-            other = "the core" if is_core else owners.setdefault((group, option), plugin.name)
-            if other != plugin.name:
+            owner = "the core" if is_core else owners.setdefault((group, option), plugin.name)
+            if owner != plugin.name:
                 raise ConfigError(
-                    f"plugin {plugin.name} brings {group}={option}, a name that {other} has "
+                    f"plugin {plugin.name} brings {group}={option}, a name that {owner} has "
                     f"already; rename {plugin.conf / group / option}.yaml"
                 )
 
@@ -119,9 +119,9 @@ def _read(folder: Path) -> Plugin:
     if not declared:
         raise ValueError(f'pyproject.toml has no [project.entry-points."{ENTRY_POINTS}"]')
     name, package = next(iter(declared.items()))
-    for needed in (folder / "src" / package, folder / "conf"):
-        if not needed.is_dir():
-            raise ValueError(f"there is no folder {needed.relative_to(folder)}")
+    for subfolder in (folder / "src" / package, folder / "conf"):
+        if not subfolder.is_dir():
+            raise ValueError(f"there is no folder {subfolder.relative_to(folder)}")
     source = folder / "src"
     return Plugin(name, package, folder / "conf", source, source / package / "assets")
 

@@ -38,12 +38,12 @@ class Group:
 
 def catalogue() -> dict[str, dict[str, Path]]:
     """Files of all options by group and name; groups in the order of the root, then others."""
-    found: dict[str, dict[str, Path]] = {}
+    files: dict[str, dict[str, Path]] = {}
     for folder in folders():
         for group, name, path in config.files_in(folder):
             if config.is_option(name):
-                found.setdefault(group, {})[name] = path
-    return {group: found[group] for group in _ordered(found)}
+                files.setdefault(group, {})[name] = path
+    return {group: files[group] for group in _ordered(files)}
 
 
 def groups() -> dict[str, Group]:
@@ -75,10 +75,10 @@ def options(group: str) -> dict[str, Path]:
     Raises:
         ConfigError: there is no such group.
     """
-    known = catalogue()
-    if group not in known:
-        raise ConfigError(f"no group '{group}'; {config.near_misses(group, list(known))}")
-    return known[group]
+    files = catalogue()
+    if group not in files:
+        raise ConfigError(f"no group '{group}'; {config.near_misses(group, list(files))}")
+    return files[group]
 
 
 def folders() -> list[Path]:
@@ -116,18 +116,18 @@ def settings(path: Path) -> dict[str, Any]:
     return {str(key): value for key, value in loaded.items()} if isinstance(loaded, dict) else {}
 
 
-def _ordered(found: Iterable[str]) -> list[str]:
+def _ordered(group_names: Iterable[str]) -> list[str]:
     """Groups as `config.yaml` chooses them, then those that it doesn't know."""
     places = _places(config.conf_dir() / f"{config.ROOT_CONFIG}.yaml")
-    return sorted(found, key=lambda name: (places.get(name, len(places)), name))
+    return sorted(group_names, key=lambda name: (places.get(name, len(places)), name))
 
 
 @functools.cache
 def _places(root: Path) -> dict[str, int]:
     """Where the root config chooses each group; that file doesn't change while a program runs."""
     entries = settings(root)["defaults"]
-    chosen = [str(next(iter(entry))) for entry in entries if isinstance(entry, dict)]
-    return {name: place for place, name in enumerate(chosen)}
+    group_names = [str(next(iter(entry))) for entry in entries if isinstance(entry, dict)]
+    return {name: place for place, name in enumerate(group_names)}
 
 
 def names(group: str) -> list[str]:
@@ -166,21 +166,21 @@ def build(group: str, name: str, **overrides: Any) -> Any:
 
     _file(group, name)
     plugins.activate()
-    whole = config.compose([f"+{group}@component={name}"])
-    unknown = sorted(set(overrides) - {str(key) for key in whole.component})
+    composition = config.compose([f"+{group}@component={name}"])
+    unknown = sorted(set(overrides) - {str(key) for key in composition.component})
     if unknown:
-        known = sorted(str(key) for key in whole.component if key != "_target_")
-        misses = config.near_misses(unknown[0], known)
+        arguments = sorted(str(key) for key in composition.component if key != "_target_")
+        misses = config.near_misses(unknown[0], arguments)
         raise ConfigError(f"{group} {name} has no argument '{unknown[0]}'; {misses}")
     try:
-        return instantiate(whole.component, _convert_="all", **overrides)
+        return instantiate(composition.component, _convert_="all", **overrides)
     except InstantiationException as error:
         raise ConfigError(f"cannot build {group} {name}: {config.squash(error)}") from error
 
 
 def _file(group: str, name: str) -> Path:
-    known = options(group)
-    if name not in known:
-        misses = config.near_misses(name, list(known))
+    files = options(group)
+    if name not in files:
+        misses = config.near_misses(name, list(files))
         raise ConfigError(f"group {group} has no option '{name}'; {misses}")
-    return known[name]
+    return files[name]

@@ -27,8 +27,8 @@ SMOKE = ("experiment=object_count", "debug=smoke", "device=cpu")
 
 def test_two_steps_a_score_and_a_card(scenefw, tmp_path):
     words = (*SMOKE, "size.test_scenes=2", "run.train.log_every=1")
-    done = scenefw(*words, "paths.output=out")
-    assert done.returncode == 0, done.stderr[-3000:]
+    process = scenefw(*words, "paths.output=out")
+    assert process.returncode == 0, process.stderr[-3000:]
     figures = json.loads((tmp_path / "out" / "metrics.json").read_text())
     assert figures["train/steps"] == 2
     assert figures["views"] == 2
@@ -36,16 +36,16 @@ def test_two_steps_a_score_and_a_card(scenefw, tmp_path):
     assert figures["gain"] == pytest.approx(gain)
     assert "p(8)" in (tmp_path / "out" / "report.html").read_text()
     weights = ("checkpoint=out/object_count.safetensors", "run.results=[out]")
-    done = scenefw("experiment=object_count", "run=card", *weights, "paths.output=card")
-    assert done.returncode == 0, done.stderr[-3000:]
+    process = scenefw("experiment=object_count", "run=card", *weights, "paths.output=card")
+    assert process.returncode == 0, process.stderr[-3000:]
     assert "| log score (nats) ↓ |" in (tmp_path / "card" / "object_count.md").read_text()
 
 
 def test_weights_that_ship_are_found_by_name_and_beat_random_ones():
     """On 12 views of the test split, by the log score, beside the base rate too."""
     plugins.activate()
-    chosen = ("experiment=object_count", "run=evaluate", "device=cpu", "size.test_scenes=12")
-    evaluation = Builder(config.compose(chosen)).build("evaluation")
+    words = ("experiment=object_count", "run=evaluate", "device=cpu", "size.test_scenes=12")
+    evaluation = Builder(config.compose(words)).build("evaluation")
     shipped = evaluation.methods["network"]
     assert shipped.model.recipe["_target_"] == "scenefw_object_count.network.CountNetwork"
     torch.manual_seed(0)
@@ -64,31 +64,32 @@ def _arguments(recipe):
 def test_the_loss_is_the_logarithm_of_the_probability_of_the_truth():
     probabilities = np.array([[0.5, 0.3, 0.2], [0.1, 0.1, 0.8]])
     batch = CountBatch(torch.zeros(2, 2, 4, 4, 4), torch.tensor([2, 3]))
-    found = LogScore()(torch.from_numpy(np.log(probabilities)) + 7.0, batch)
-    assert float(found) == pytest.approx(-(np.log(0.3) + np.log(0.8)) / 2)
+    loss = LogScore()(torch.from_numpy(np.log(probabilities)) + 7.0, batch)
+    assert float(loss) == pytest.approx(-(np.log(0.3) + np.log(0.8)) / 2)
 
 
 def test_figures_of_two_views_counted_by_hand():
-    given = {"network": np.array([0.2, 0.8]), "base_rate": np.array([0.5, 0.5])}
-    views = (CountedView(0, 2, given), CountedView(1, 1, given))
+    probabilities = {"network": np.array([0.2, 0.8]), "base_rate": np.array([0.5, 0.5])}
+    views = (CountedView(0, 2, probabilities), CountedView(1, 1, probabilities))
     figures = CountResult(views, ("network", "base_rate")).figures
     assert figures["log_score"] == pytest.approx(-np.log(0.8 * 0.2) / 2)
     assert figures["base_rate/log_score"] == pytest.approx(np.log(2))
     assert (figures["accuracy"], figures["count_error"]) == (0.5, 0.5)
-    assert CountedView(0, 3, given).scores("network")["log_score"] > 100  # was given nothing
+    # What was given nothing
+    assert CountedView(0, 3, probabilities).scores("network")["log_score"] > 100
 
 
 def test_the_base_rate_is_that_of_the_training_scenes():
     scenes = StackScenes("stacks_v1", "train")  # of 3 or 4 objects
     partial = PartialTSDF(torch.zeros(2, 1, 4, 4, 4), torch.ones(2, 1, 4, 4, 4, dtype=torch.bool))
-    found = BaseRate(scenes).probabilities(partial, GridSpec(4))
+    rates = BaseRate(scenes).probabilities(partial, GridSpec(4))
     share = float(
         (scenes.parameters([*range(len(scenes))]).present.sum(dim=1) == 3).double().mean()
     )
-    assert found.shape == (2, 8)
-    assert found.sum(dim=1).tolist() == pytest.approx([1, 1])
-    assert float(found[0, 2]) == pytest.approx(share, abs=1e-3)
-    assert 0 < float(found[0, 6]) < 1e-3
+    assert rates.shape == (2, 8)
+    assert rates.sum(dim=1).tolist() == pytest.approx([1, 1])
+    assert float(rates[0, 2]) == pytest.approx(share, abs=1e-3)
+    assert 0 < float(rates[0, 6]) < 1e-3
 
 
 class Sure:
@@ -106,8 +107,8 @@ def test_two_boxes_are_cut_apart():
     distance[..., 2:6, 2:6, 4:8] = distance[..., 10:14, 10:14, 4:8] = -0.01
     partial = PartialTSDF(distance, torch.ones_like(distance, dtype=torch.bool))
     codes = torch.Generator().manual_seed(0)
-    found = CountedParts(Sure()).complete(partial, grid, 2, codes)
-    for scenes in found:
+    completions = CountedParts(Sure()).complete(partial, grid, 2, codes)
+    for scenes in completions:
         first, second = (scenes.instances[0, a:b, a:b, 4:8] for a, b in ((2, 6), (10, 14)))
         assert len(first.unique()) == len(second.unique()) == 1
         assert {int(first[0, 0, 0]), int(second[0, 0, 0])} == {1, 2}

@@ -52,23 +52,23 @@ def test_normals_of_a_plane_are_exact_up_to_an_edge():
     depth = -0.7 / slope
     depth[:, 40:] -= 0.2  # a second, nearer surface: normals must not bridge the two
     cloud = PointClouds().of_frame(Frame(depth.astype(np.float32), camera))
-    left = cloud.points[:, 2] < 1e-4
-    assert left.sum() == 40 * 60
-    assert angle(cloud.normals[left], np.array([0, 0, 1])).max() < 0.2
+    plane_mask = cloud.points[:, 2] < 1e-4
+    assert plane_mask.sum() == 40 * 60
+    assert angle(cloud.normals[plane_mask], np.array([0, 0, 1])).max() < 0.2
 
 
 def test_strides_take_every_nth_pixel():
     frame = sphere_frame(160)
-    every, fourth = PointClouds().of_frame(frame), PointClouds(stride=2).of_frame(frame)
-    assert len(fourth) == pytest.approx(len(every) / 4, rel=0.05)
+    full_cloud, sparse_cloud = PointClouds().of_frame(frame), PointClouds(stride=2).of_frame(frame)
+    assert len(sparse_cloud) == pytest.approx(len(full_cloud) / 4, rel=0.05)
 
 
 def test_ply_is_read_back_by_another_library(tmp_path):
     cloud = PointClouds(stride=3).of_frame(sphere_frame(160))
     cloud.save(tmp_path / "ball.ply")
-    read = trimesh.load(tmp_path / "ball.ply")
-    np.testing.assert_allclose(read.vertices, cloud.points, atol=1e-6)
-    stored = read.metadata["_ply_raw"]["vertex"]["data"]
+    ply = trimesh.load(tmp_path / "ball.ply")
+    np.testing.assert_allclose(ply.vertices, cloud.points, atol=1e-6)
+    stored = ply.metadata["_ply_raw"]["vertex"]["data"]
     np.testing.assert_allclose(np.ravel(stored["nx"]), cloud.normals[:, 0], atol=1e-6)
     np.testing.assert_array_equal(np.ravel(stored["label"]), cloud.labels)
 

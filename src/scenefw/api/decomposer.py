@@ -79,15 +79,15 @@ class Decomposer:
         require_number(mesh_scale, "mesh_scale", "metres per unit of a mesh")
         POSITIVE.require(mesh_scale=mesh_scale)
         with self._computing():
-            given = (
+            whole_scene = (
                 self._read(scene, intrinsics, poses, depth_scale, mesh_scale)
                 if isinstance(scene, str | Path)
                 else self._posed(scene, intrinsics, poses, depth_scale, name)
             )
-            seen = self.pipeline.prepare(given.frames)
-            for warning in seen.warnings:
-                warnings.warn(f"{given.name}: {warning}", stacklevel=2)
-            return Prediction((taken_apart(given, seen, self.pipeline),))
+            observation = self.pipeline.prepare(whole_scene.frames)
+            for warning in observation.warnings:
+                warnings.warn(f"{whole_scene.name}: {warning}", stacklevel=2)
+            return Prediction((taken_apart(whole_scene, observation, self.pipeline),))
 
     def _read(
         self,
@@ -115,17 +115,17 @@ class Decomposer:
         depth_scale: float | None,
         name: str,
     ) -> WholeScene:
-        for given in (images, [] if poses is None else poses):
-            if not isinstance(given, Sized):
+        for value in (images, [] if poses is None else poses):
+            if not isinstance(value, Sized):
                 raise InputError(
-                    f"got a {type(given).__name__}; give a path, or a list of depth images, K, and "
+                    f"got a {type(value).__name__}; give a path, or a list of depth images, K, and "
                     "a list of poses"
                 )
         if intrinsics is None or poses is None or len(poses) != len(images):
             count = 0 if poses is None else len(poses)
-            known = "no intrinsics" if intrinsics is None else "intrinsics"
+            phrase = "no intrinsics" if intrinsics is None else "intrinsics"
             raise InputError(
-                f"{len(images)} depth images of {name} came with {count} poses and {known}; give "
+                f"{len(images)} depth images of {name} came with {count} poses and {phrase}; give "
                 "K (3, 3), and a pose (4, 4) of each, camera to world"
             )
         frames = [
@@ -140,5 +140,5 @@ class Decomposer:
         ]
         cameras = [frame.camera.T_world_camera for frame in frames]
         require_metres(cameras, name)
-        chosen = self.pipeline.chosen(cameras)
-        return WholeScene(name, [frames[number] for number in chosen])
+        numbers = self.pipeline.chosen(cameras)
+        return WholeScene(name, [frames[number] for number in numbers])

@@ -28,18 +28,18 @@ def writer(path: Path, settings: dict[str, Any]) -> SceneFormat:
     Raises:
         InputError: an unknown suffix or setting.
     """
-    known, broken = _formats()
-    named = [suffix for suffix in known if path.name.lower().endswith(suffix)]
-    if not named:
-        others = f" ({'; '.join(broken)})" if broken else ""
+    classes, broken = _formats()
+    suffixes = [suffix for suffix in classes if path.name.lower().endswith(suffix)]
+    if not suffixes:
+        note = f" ({'; '.join(broken)})" if broken else ""
         raise InputError(
-            f"no format writes '{path.suffix}' of {path}; give one of {', '.join(known)}{others}"
+            f"no format writes '{path.suffix}' of {path}; give one of {', '.join(classes)}{note}"
         )
     try:
-        written: SceneFormat = known[max(named, key=len)](**settings)
+        scene_format: SceneFormat = classes[max(suffixes, key=len)](**settings)
     except TypeError as error:
         raise InputError(f"{path.suffix} files: {error}; see docs/api.md") from error
-    return written
+    return scene_format
 
 
 def _formats() -> tuple[dict[str, type[Any]], list[str]]:
@@ -48,7 +48,7 @@ def _formats() -> tuple[dict[str, type[Any]], list[str]]:
     A plugin that is broken must not hurt those who write another format.
     """
     plugins.activate()
-    known: dict[str, type[Any]] = {made.suffix: made for made in _ALWAYS}
+    classes: dict[str, type[Any]] = {format_class.suffix: format_class for format_class in _ALWAYS}
     broken = []
     for name, file in registry.options(_GROUP).items():
         for node in registry.settings(file).values():
@@ -56,9 +56,9 @@ def _formats() -> tuple[dict[str, type[Any]], list[str]]:
                 continue
             module, _, attribute = node["_target_"].rpartition(".")
             try:
-                made = pkgutil.resolve_name(f"{module}:{attribute}")
+                format_class = pkgutil.resolve_name(f"{module}:{attribute}")
             except (ImportError, AttributeError, SyntaxError, NameError) as error:
                 broken.append(f"export={name} can't be loaded: {error}")
                 continue
-            known[made.suffix] = made
-    return known, broken
+            classes[format_class.suffix] = format_class
+    return classes, broken

@@ -66,7 +66,7 @@ def load(
                 f"scenefw.load takes words, got {word!r} ({type(word).__name__}); give a name and "
                 'settings, such as scenefw.load("simstack", device="cpu")'
             )
-    words = [*overrides, *(f"{key}={_written(value)}" for key, value in settings.items())]
+    words = [*overrides, *(f"{key}={_override_value(value)}" for key, value in settings.items())]
     if name == "simstack":
         from scenefw.api.predictor import Predictor
 
@@ -74,8 +74,8 @@ def load(
     if name == "labelling":
         from scenefw.api.labeller import Labeller
 
-        chosen = any(word.partition("=")[0] == "labelling" for word in words)
-        strategy = [] if chosen else ["labelling=hybrid"]
+        has_strategy = any(word.partition("=")[0] == "labelling" for word in words)
+        strategy = [] if has_strategy else ["labelling=hybrid"]
         return Labeller.built(Settings(["run=label", *strategy, *words]))
     if name == "scenes":
         from scenefw.api.sampler import Sampler
@@ -85,16 +85,16 @@ def load(
         from scenefw.api.decomposer import Decomposer
 
         return Decomposer.built(Settings(["run=decompose", *words]))
-    known = near_misses(name, ["simstack", "labelling", "scenes", "decomposing"])
-    raise ConfigError(f"scenefw.load has no '{name}'; {known}")
+    suggestion = near_misses(name, ["simstack", "labelling", "scenes", "decomposing"])
+    raise ConfigError(f"scenefw.load has no '{name}'; {suggestion}")
 
 
-def _written(value: Setting) -> str:
+def _override_value(value: Setting) -> str:
     """A value in the grammar of the command line."""
     if value is None or isinstance(value, bool):
         return {None: "null", True: "true", False: "false"}[value]
     if isinstance(value, list | tuple):
-        return f"[{','.join(map(_written, value))}]"
+        return f"[{','.join(map(_override_value, value))}]"
     if isinstance(value, int | float):
         return repr(value)
     text = str(value)

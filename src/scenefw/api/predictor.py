@@ -77,9 +77,9 @@ class Predictor:
         """
         require_number(depth_scale, "depth_scale", "metres per unit of integer depth, or None")
         frame = _frame(depth, intrinsics, color, depth_scale, name)
-        known = None if mask is None else mask_of(mask, frame.depth.shape, frame.name)
+        object_mask = None if mask is None else mask_of(mask, frame.depth.shape, frame.name)
         with self._computing():
-            view = self.pipeline.observe(frame, known)
+            view = self.pipeline.observe(frame, object_mask)
             for warning in view.warnings:
                 warnings.warn(f"{frame.name}: {warning}", stacklevel=2)
             return Prediction(tuple(self.pipeline.reconstruct(view)))

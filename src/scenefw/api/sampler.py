@@ -47,7 +47,7 @@ class Sampler:
             InputError: the count is no whole number from 1 on, or the seed none from 0 on.
             ConfigError: no draw of a scene stands.
         """
-        require_whole(count, "count", least=1)
+        require_whole(count, "count", minimum=1)
         require_whole(seed, "seed")
         with self._computing():
-            return [Scene.of(one) for one in self.prior.scenes(count, seed)]
+            return [Scene.of(estimate) for estimate in self.prior.scenes(count, seed)]

@@ -66,5 +66,5 @@ class Settings:
         return threads(self.config.threads, yields=self.config.yielding)
 
     def _explained(self, error: Exception) -> ConfigError:
-        options = {group: sorted(found) for group, found in registry.catalogue().items()}
+        options = {group: sorted(names) for group, names in registry.catalogue().items()}
         return config.explain(error, self.words, options)

@@ -20,8 +20,8 @@ def folders() -> tuple[Path, ...]:
 
 def weights() -> dict[str, list[Path]]:
     """Files by name; several where packages use the same name."""
-    found: dict[str, list[Path]] = {}
+    paths: dict[str, list[Path]] = {}
     for folder in folders():
         for path in sorted(folder.glob(f"*{SUFFIX}")):
-            found.setdefault(path.stem, []).append(path)
-    return found
+            paths.setdefault(path.stem, []).append(path)
+    return paths

@@ -35,8 +35,8 @@ class CameraBatch:
 
     def of(self, index: int) -> CameraBatch:
         """One camera as a batch of one."""
-        one = slice(index, index + 1)
-        return CameraBatch(self.width, self.height, self.intrinsics[one], self.T_world_camera[one])
+        row = slice(index, index + 1)
+        return CameraBatch(self.width, self.height, self.intrinsics[row], self.T_world_camera[row])
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class PartialTSDF:
         """One view as a batch of one, without its image."""
         return PartialTSDF(self.distance[index : index + 1], self.observed[index : index + 1])
 
-    def joined(self, other: PartialTSDF) -> PartialTSDF:
+    def merge(self, other: PartialTSDF) -> PartialTSDF:
         """Both views of each scene as one, without images: the smaller |distance| wins (eq. 5.19).
 
         A voxel is observed if either view observes it.

@@ -20,11 +20,11 @@ class Supply:
 
     Args:
         cores: how many.
-        used: seconds of them that all programs have used so far.
+        busy_seconds: seconds of them that all programs have used so far.
     """
 
     cores: float
-    used: Callable[[], float]
+    busy_seconds: Callable[[], float]
 
 
 class Neighbours:
@@ -32,26 +32,32 @@ class Neighbours:
 
     Args:
         supplies: what the process may not exceed, and shares.
-        own: seconds of cores that this process has used so far.
+        process_seconds: seconds of cores that this process has used so far.
     """
 
     def __init__(
-        self, supplies: list[Supply], own: Callable[[], float] = time.process_time
+        self, supplies: list[Supply], process_seconds: Callable[[], float] = time.process_time
     ) -> None:
-        self._supplies, self._own = supplies, own
+        self._supplies, self._process_seconds = supplies, process_seconds
         self._before = self._now()
 
     def crowd(self, threads: int) -> bool:
         """Whether other programs have left fewer than `threads` cores since the last call."""
         before, self._before = self._before, self._now()
-        at, own, *used = (now - then for now, then in zip(self._before, before, strict=True))
+        elapsed, process_seconds, *busy_seconds = (
+            now - then for now, then in zip(self._before, before, strict=True)
+        )
         return any(
-            (seconds - own) / at + threads > supply.cores + _SLACK
-            for seconds, supply in zip(used, self._supplies, strict=True)
+            (seconds - process_seconds) / elapsed + threads > supply.cores + _SLACK
+            for seconds, supply in zip(busy_seconds, self._supplies, strict=True)
         )
 
     def _now(self) -> list[float]:
-        return [time.monotonic(), self._own(), *(supply.used() for supply in self._supplies)]
+        return [
+            time.monotonic(),
+            self._process_seconds(),
+            *(supply.busy_seconds() for supply in self._supplies),
+        ]
 
 
 def supplies() -> list[Supply]:
@@ -74,15 +80,15 @@ def quota(groups: Path = _GROUPS, mount: Path = _MOUNT) -> Supply | None:
         groups: lines `number:controllers:path`, as /proc/self/cgroup has.
         mount: where control groups lie.
     """
-    found = [*_second_version(groups, mount), *_first_version(groups, mount)]
-    return min(found, key=lambda supply: supply.cores, default=None)
+    quotas = [*_second_version(groups, mount), *_first_version(groups, mount)]
+    return min(quotas, key=lambda supply: supply.cores, default=None)
 
 
 def _busy(stat: Path, allowed: frozenset[str]) -> float:
     """Seconds that some cores have spent on programs and the system."""
     lines = (line.split() for line in stat.read_text().splitlines() if line.startswith("cpu"))
     ticks = 0
-    for name, user, nice, system, _idle, _wait, interrupts, soft, *_rest in lines:
+    for name, user, nice, system, _idle, _wait, interrupts, soft, *_ in lines:
         if name in allowed:
             ticks += sum(map(int, (user, nice, system, interrupts, soft)))
     return ticks / os.sysconf("SC_CLK_TCK")

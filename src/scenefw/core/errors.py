@@ -52,9 +52,9 @@ class SettingError(ConfigError):
         self.name, self.value, self.expected = name, value, expected
 
     def __str__(self) -> str:
-        shown = list(self.value) if isinstance(self.value, tuple) else self.value
-        shown = "null" if shown is None else shown
-        return f"{self.name} = {shown}: expected {self.expected}"
+        value = list(self.value) if isinstance(self.value, tuple) else self.value
+        value = "null" if value is None else value
+        return f"{self.name} = {value}: expected {self.expected}"
 
 
 class CheckpointError(SceneFWError):
@@ -87,11 +87,11 @@ def require_number(value: Any, name: str, expected: str) -> None:
         raise InputError(f"{name} is {value!r} ({type(value).__name__}); expected {expected}")
 
 
-def require_whole(value: Any, name: str, least: int = 0) -> None:
+def require_whole(value: Any, name: str, minimum: int = 0) -> None:
     """Checks a whole number that Python code was given.
 
     Raises:
-        InputError: it is no whole number, or less than `least`.
+        InputError: it is no whole number, or less than `minimum`.
     """
-    if isinstance(value, bool) or not isinstance(value, Integral) or int(value) < least:
-        raise InputError(f"{name} is {value!r}; expected a whole number, {least} or more")
+    if isinstance(value, bool) or not isinstance(value, Integral) or int(value) < minimum:
+        raise InputError(f"{name} is {value!r}; expected a whole number, {minimum} or more")

@@ -33,18 +33,18 @@ PNG a SyntaxError.
 """
 
 
-_kept: set[Path] = set()  # files of somebody else
+_protected_files: set[Path] = set()  # files of somebody else
 
 
 @contextmanager
 def keeping(files: Iterable[Path]) -> Iterator[None]:
     """Within the block, `replacing` refuses to replace these files."""
-    added = {Path(os.path.realpath(file)) for file in files} - _kept
-    _kept.update(added)
+    added = {Path(os.path.realpath(file)) for file in files} - _protected_files
+    _protected_files.update(added)
     try:
         yield
     finally:
-        _kept.difference_update(added)
+        _protected_files.difference_update(added)
 
 
 def require_free(target: Path | str) -> None:
@@ -53,7 +53,7 @@ def require_free(target: Path | str) -> None:
     Raises:
         StorageError: it would replace one that is kept.
     """
-    if Path(os.path.realpath(target)) in _kept:
+    if Path(os.path.realpath(target)) in _protected_files:
         raise StorageError(
             f"{target} is not of a run of scenefw, and would be lost; give another paths.output, "
             "or move it away"
@@ -130,9 +130,9 @@ def append_text(target: Path | str, text: str) -> None:
 
 
 def _write_all(file: io.RawIOBase, content: bytes) -> None:
-    rest = memoryview(content)
-    while rest:  # a nearly full disk writes a part, and fails at the next
-        rest = rest[file.write(rest) or 0 :]
+    remainder = memoryview(content)
+    while remainder:  # a nearly full disk writes a part, and fails at the next
+        remainder = remainder[file.write(remainder) or 0 :]
 
 
 def require_writable(folder: Path | str) -> Path:
@@ -163,13 +163,13 @@ def require_name(name: str, setting: str) -> str:
     return name
 
 
-def require_apart(output: Path | str, given: Path | str) -> None:
+def require_apart(output: Path | str, source: Path | str) -> None:
     """Finds out before the work whether results would get among the images they are made of.
 
     Raises:
         ConfigError: the output is the folder of the input, or one of its folders of images.
     """
-    folder, target = Path(given).resolve(), Path(output).resolve()
+    folder, target = Path(source).resolve(), Path(output).resolve()
     images = [folder / name for name in ("", "depth", "rgb", "labels", "poses")]
     if folder.is_dir() and target in images:
         raise ConfigError(
@@ -204,16 +204,16 @@ def unreadable(error: Exception, advice: str = "") -> str:
     return f"{words}; {advice}" if advice else words
 
 
-def _mode(file: Path, given: Path) -> int | None:
+def _mode(file: Path, target: Path) -> int | None:
     """Permissions of a file that is to be replaced, or None if there is none."""
     try:
-        found = file.lstat().st_mode
+        mode = file.lstat().st_mode
     except FileNotFoundError:
         return None
-    if not stat.S_ISREG(found):  # or links in a circle
-        what = "a folder" if stat.S_ISDIR(found) else "no plain file"
-        raise StorageError(f"cannot write {given}: it is {what}; give another path")
-    return stat.S_IMODE(found)
+    if not stat.S_ISREG(mode):  # or links in a circle
+        kind = "a folder" if stat.S_ISDIR(mode) else "no plain file"
+        raise StorageError(f"cannot write {target}: it is {kind}; give another path")
+    return stat.S_IMODE(mode)
 
 
 def _beside(file: Path, suffix: str, mode: int) -> Path:

@@ -21,10 +21,10 @@ _looks: ContextVar[dict[str, str] | None] = ContextVar("looks", default=None)
 @contextmanager
 def opened() -> Iterator[Mapping[str, str]]:
     """Lets data sets read their final parts; yields those read, SHA-256 by name."""
-    found: dict[str, str] = {}
-    token = _looks.set(found)
+    digests: dict[str, str] = {}
+    token = _looks.set(digests)
     try:
-        yield found
+        yield digests
     finally:
         _looks.reset(token)
 
@@ -39,13 +39,13 @@ def look(name: str, digest: str) -> None:
     Raises:
         ConfigError: the final split is not open.
     """
-    found = _looks.get()
-    if found is None:
+    digests = _looks.get()
+    if digests is None:
         raise ConfigError(
             f"the final split of {name} is for releases; evaluate it with "
             "run=evaluate split=final report.publish=FILE, which counts it, or take split=test"
         )
-    found[name] = digest
+    digests[name] = digest
 
 
 def looks() -> Mapping[str, str]:

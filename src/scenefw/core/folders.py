@@ -45,7 +45,7 @@ def replacing_folder(target: Path | str, *, listed: bool = True) -> Iterator[Pat
         if listed:
             _write_manifest(new, _digests(new))
         if real.exists():
-            _keep_others(real, new)
+            _keep_foreign_files(real, new)
         _swap(real, new, temporary / "old")
 
 
@@ -59,15 +59,15 @@ def adding_to_folder(target: Path | str) -> Iterator[Path]:
     real = Path(os.path.realpath(target))
     with _beside(real) as temporary:
         yield temporary
-        added, known = _digests(temporary), _listed(real) or {}
-        others = set(_others(real, known))
+        added, manifest = _digests(temporary), _listed(real) or {}
+        foreign_files = set(_foreign_files(real, manifest))
         for name in added:
-            if name in others:
+            if name in foreign_files:
                 raise _in_the_way(Path(target) / name)
         for name in added:
             (real / name).parent.mkdir(parents=True, exist_ok=True)
             (temporary / name).replace(real / name)
-        _write_manifest(real, {**known, **added})
+        _write_manifest(real, {**manifest, **added})
 
 
 def require_replaceable(target: Path | str) -> None:
@@ -80,14 +80,14 @@ def require_replaceable(target: Path | str) -> None:
     if not folder.exists():
         return
     try:
-        known = _listed(folder)
-        found = sorted(one.name for one in folder.iterdir() if one.name != MANIFEST)
-        if found and known is None:
+        manifest = _listed(folder)
+        names = sorted(entry.name for entry in folder.iterdir() if entry.name != MANIFEST)
+        if names and manifest is None:
             raise StorageError(
-                f"{folder} is no folder of results: it holds other files, such as {found[0]}; "
+                f"{folder} is no folder of results: it holds other files, such as {names[0]}; "
                 "give another folder, or move them away"
             )
-        changed = sorted(set(_others(folder, known or {})) & set(known or {}))
+        changed = sorted(set(_foreign_files(folder, manifest or {})) & set(manifest or {}))
     except OSError as error:
         raise unwritable(target, error) from error
     if changed:
@@ -134,14 +134,16 @@ def _put_back(old: Path, target: Path) -> None:
         ) from error
 
 
-def _keep_others(target: Path, new: Path) -> None:
+def _keep_foreign_files(target: Path, new: Path) -> None:
     """Links the files of somebody else into the new folder, so that nothing has to be undone."""
-    others = _others(target, _listed(target) or {})
-    for name in others:
+    foreign_files = _foreign_files(target, _listed(target) or {})
+    for name in foreign_files:
         above = (new / parent for parent in Path(name).parents)
-        if os.path.lexists(new / name) or any(one.exists() and not one.is_dir() for one in above):
+        if os.path.lexists(new / name) or any(
+            folder.exists() and not folder.is_dir() for folder in above
+        ):
             raise _in_the_way(target / name)
-    for name in others:
+    for name in foreign_files:
         (new / name).parent.mkdir(parents=True, exist_ok=True)
         _link(target / name, new / name)
 
@@ -159,10 +161,12 @@ def _in_the_way(path: Path) -> StorageError:
     )
 
 
-def _others(folder: Path, known: dict[str, str]) -> list[str]:
+def _foreign_files(folder: Path, manifest: dict[str, str]) -> list[str]:
     """Names of the files there that scenefw didn't write, or that were changed since."""
     names = [name for name in _names(folder) if name != MANIFEST]
-    return [name for name in names if name not in known or _digest(folder / name) != known[name]]
+    return [
+        name for name in names if name not in manifest or _digest(folder / name) != manifest[name]
+    ]
 
 
 def _names(folder: Path) -> Iterator[str]:

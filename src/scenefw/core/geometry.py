@@ -61,10 +61,10 @@ def inverse(transform: ArrayLike) -> Array:
 def transform_points(transform: ArrayLike, points: ArrayLike) -> Array:
     """Points (..., 3) moved by a 4x4 matrix."""
     t = np.asarray(transform, dtype=np.float64)
-    given = np.asarray(points, dtype=np.float64)
+    array = np.asarray(points, dtype=np.float64)
     # As one matrix: of images numpy would multiply row by row, which takes three times as long
-    moved: Array = given.reshape(-1, given.shape[-1]) @ t[:3, :3].T + t[:3, 3]
-    return moved.reshape(given.shape)
+    transformed: Array = array.reshape(-1, array.shape[-1]) @ t[:3, :3].T + t[:3, 3]
+    return transformed.reshape(array.shape)
 
 
 def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> Array:

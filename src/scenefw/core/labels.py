@@ -22,7 +22,7 @@ Sources = NDArray[np.uint8]
 _TOLERANCE = 1e-6  # float32 probabilities this close to uniform count as uniform
 
 
-def known(probabilities: Float32) -> NDArray[np.bool_]:
+def known_mask(probabilities: Float32) -> NDArray[np.bool_]:
     """(V, V) where probabilities (C, V, V) are not uniform."""
     return np.asarray(probabilities.max(axis=0) > 1 / len(probabilities) + _TOLERANCE)
 
@@ -38,7 +38,7 @@ def labelled(
         classes: their names.
         sources: where labels come from, (V, V) or one for all.
     """
-    named = height_map.seen & known(probabilities)
+    named = height_map.seen & known_mask(probabilities)
     labels = np.where(named, probabilities.argmax(axis=0), UNKNOWN).astype(np.int32)
     origin = np.where(named, sources, NO_SOURCE).astype(np.uint8)
     return replace(

@@ -41,8 +41,8 @@ def settings_of(component: Any) -> Any:
     if inspect.isroutine(component) or inspect.isclass(component):
         return f"{component.__module__}.{component.__qualname__}"
     kind = type(component)
-    own = {name: settings_of(value) for name, value in sorted(public(component).items())}
-    return {"_target_": f"{kind.__module__}.{kind.__qualname__}", **own}
+    attributes = {name: settings_of(value) for name, value in sorted(public(component).items())}
+    return {"_target_": f"{kind.__module__}.{kind.__qualname__}", **attributes}
 
 
 def public(component: object) -> dict[str, Any]:

@@ -63,11 +63,11 @@ class Measure:
         Raises:
             ConfigError: there is no such argument.
         """
-        known = [field.name for field in fields(self)]
-        unknown = [name for name in changes if name not in known]
+        names = [field.name for field in fields(self)]
+        unknown = [name for name in changes if name not in names]
         if unknown:
             raise ConfigError(
-                f"a measure has no {unknown[0]!r}; give {', '.join(known[:-1])} or {known[-1]}"
+                f"a measure has no {unknown[0]!r}; give {', '.join(names[:-1])} or {names[-1]}"
             )
         return replace(self, **changes)
 
@@ -84,7 +84,7 @@ Measures = Mapping[str, Measure]
 """By the name of the figure."""
 
 
-def joined(parts: Iterable[tuple[str, Measures]]) -> dict[str, Measure]:
+def join_measures(parts: Iterable[tuple[str, Measures]]) -> dict[str, Measure]:
     """Measures of several parts, whose figures are called `<part>/<figure>`."""
     return {
         f"{part}/{name}": measure.within(part)
@@ -113,8 +113,8 @@ def read_measures(folder: Path) -> dict[str, Measure]:
     if not path.is_file():
         return {}
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-        return {name: Measure(**entry) for name, entry in found.items()}
+        entries = json.loads(path.read_text(encoding="utf-8"))
+        return {name: Measure(**entry) for name, entry in entries.items()}
     except (OSError, ValueError, TypeError, AttributeError, ConfigError) as error:
         raise InputError(f"{path} is damaged ({error}); run that evaluation again") from error
 

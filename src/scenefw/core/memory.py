@@ -26,8 +26,8 @@ def available_memory(root: Path | str = "/") -> int | None:
     Args:
         root: of the file system.
     """
-    found = [_machine(Path(root)), *_groups(Path(root))]
-    return min((free for free in found if free is not None), default=None)
+    amounts = [_machine(Path(root)), *_groups(Path(root))]
+    return min((free for free in amounts if free is not None), default=None)
 
 
 def _machine(root: Path) -> int | None:

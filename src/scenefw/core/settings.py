@@ -46,9 +46,9 @@ PART = Range("a share above 0, up to 1", lambda value: 0 < value <= 1)
 PROBABILITY = Range("a probability above 0 and below 1", lambda value: 0 < value < 1)
 
 
-def at_least(least: float) -> Range:
-    """Numbers from `least` on."""
-    return Range(f"{least:g} or more", lambda value: value >= least)
+def at_least(low: float) -> Range:
+    """Numbers from `low` on."""
+    return Range(f"{low:g} or more", lambda value: value >= low)
 
 
 def below(high: float) -> Range:

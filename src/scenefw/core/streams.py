@@ -62,6 +62,6 @@ def _unread(stream: Any) -> bool:
         number = stream.fileno()
     except (AttributeError, OSError, ValueError):  # None, closed, or a text in memory
         return False
-    asked = select.poll()
-    asked.register(number, 0)  # errors are reported in any case
-    return any(event & select.POLLERR for _, event in asked.poll(0))
+    poller = select.poll()
+    poller.register(number, 0)  # errors are reported in any case
+    return any(event & select.POLLERR for _, event in poller.poll(0))

@@ -221,8 +221,8 @@ class PlacedShape:
 
     def mesh(self) -> TriangleMesh:
         """Its surface in world coordinates."""
-        own = self.shape.mesh()
-        return TriangleMesh(geometry.transform_points(self.pose.matrix, own.vertices), own.faces)
+        mesh = self.shape.mesh()
+        return TriangleMesh(geometry.transform_points(self.pose.matrix, mesh.vertices), mesh.faces)
 
 
 @dataclass(frozen=True)

@@ -19,14 +19,14 @@ def installed(names: Iterable[str]) -> dict[str, str]:
 
     A checkout of scenefw that nobody has installed is asked for its own (`PYTHONPATH=src`).
     """
-    found = {}
+    releases = {}
     for name in names:
         try:
-            found[name] = metadata.version(name)
+            releases[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
             if name == "scenefw" and _PROJECT.is_file():
-                found[name] = tomllib.loads(_PROJECT.read_text())["project"]["version"]
-    return found
+                releases[name] = tomllib.loads(_PROJECT.read_text())["project"]["version"]
+    return releases
 
 
 def versions() -> dict[str, str]:
@@ -37,9 +37,9 @@ def versions() -> dict[str, str]:
 @cache
 def _versions() -> dict[str, str]:
     """Of this process: a folder of images asks for every scene."""
-    found = {"python": platform.python_version()} | installed(_RECORDED)
+    releases = {"python": platform.python_version()} | installed(_RECORDED)
     commit = _commit(_PROJECT.parent)
-    return found | ({"commit": commit} if commit else {})
+    return releases | ({"commit": commit} if commit else {})
 
 
 def sources() -> str:

@@ -22,23 +22,23 @@ from scenefw.core.cores import Neighbours, supplies
 _INTERVAL = 0.5  # seconds between checks: /proc/stat counts in hundredths
 _QUIET_LOOKS = 3  # checks until threads spin again
 _MAPS = Path("/proc/self/maps")
-_CHOSEN = ("OMP_NUM_THREADS", "OMP_WAIT_POLICY", "GOMP_SPINCOUNT")
+_VARIABLES = ("OMP_NUM_THREADS", "OMP_WAIT_POLICY", "GOMP_SPINCOUNT")
 
 
 @contextmanager
-def yielding(threads: Callable[[], int], *, wanted: bool = True) -> Iterator[None]:
+def yielding(threads: Callable[[], int], *, enabled: bool = True) -> Iterator[None]:
     """Within the block, waiting threads sleep while other programs need the cores.
 
     Args:
         threads: how many compute.
-        wanted: if not, or if OpenMP's variables of the environment choose, nothing is done.
+        enabled: if not, or if OpenMP's variables of the environment choose, nothing is done.
     """
-    found = supplies() if wanted and not chosen() else []
-    if not found:
+    cores = supplies() if enabled and not environment_decides() else []
+    if not cores:
         yield
         return
     over = threading.Event()
-    watch = threading.Thread(target=_watch, args=(Neighbours(found), threads, over), daemon=True)
+    watch = threading.Thread(target=_watch, args=(Neighbours(cores), threads, over), daemon=True)
     watch.start()
     try:
         yield
@@ -47,9 +47,9 @@ def yielding(threads: Callable[[], int], *, wanted: bool = True) -> Iterator[Non
         watch.join()
 
 
-def chosen() -> bool:
+def environment_decides() -> bool:
     """Whether the environment says how many threads compute, or how they wait."""
-    return any(name in os.environ for name in _CHOSEN)
+    return any(name in os.environ for name in _VARIABLES)
 
 
 def _watch(neighbours: Neighbours, threads: Callable[[], int], over: threading.Event) -> None:
@@ -97,9 +97,9 @@ def pools() -> list[str]:
 def _own_pool(library: str, ready: threading.Event, over: threading.Event) -> None:
     """A pool belongs to the thread that first computes in parallel, and ends with it."""
     try:
-        nothing = ctypes.cast(ctypes.CDLL(None).sched_yield, ctypes.c_void_p)
+        no_op = ctypes.cast(ctypes.CDLL(None).sched_yield, ctypes.c_void_p)
         count = ctypes.c_uint(len(os.sched_getaffinity(0)) + 1)
-        ctypes.CDLL(library).GOMP_parallel(nothing, None, count, ctypes.c_uint(0))
+        ctypes.CDLL(library).GOMP_parallel(no_op, None, count, ctypes.c_uint(0))
     finally:
         ready.set()
     over.wait()

@@ -62,8 +62,8 @@ class StackViews:
         self.scenes, self.viewpoints, self.split = scenes, viewpoints, split
         self.noise = depth_noises(noise, "annotated views")
         self.seed, self.detail = seed, detail
-        every = (item.shape for i in range(len(scenes)) for item in scenes.objects(i))
-        names = {name for shape in every if (name := _name(shape))}
+        shapes = (item.shape for i in range(len(scenes)) for item in scenes.objects(i))
+        names = {name for shape in shapes if (name := _name(shape))}
         self.categories = tuple(sorted(names)) or ("object",)
 
     def __len__(self) -> int:
@@ -110,7 +110,9 @@ class StackViews:
             "seed": self.seed,
             "detail": self.detail,
             "camera": repr(camera),
-            "noise": {name: settings_of(one) for name, one in sorted(self.noise.items())},
+            "noise": {
+                name: settings_of(noise_model) for name, noise_model in sorted(self.noise.items())
+            },
         }
 
     def _key(self, scene: int, number: int, item: SceneObject) -> Hashable:
@@ -126,10 +128,10 @@ class StackViews:
 
     def _disturbed(self, depth: Float32, camera: Camera, random: np.random.Generator) -> Float32:
         seeds = random.integers(2**63 - 1, size=(len(self.noise), 1))
-        seen, cameras = torch.from_numpy(depth)[None], stack_cameras([camera])
-        for one, row in zip(self.noise.values(), seeds, strict=True):
-            seen = one.apply(seen, cameras, torch.from_numpy(row))
-        return seen[0].numpy()
+        noisy, cameras = torch.from_numpy(depth)[None], stack_cameras([camera])
+        for noise_model, row in zip(self.noise.values(), seeds, strict=True):
+            noisy = noise_model.apply(noisy, cameras, torch.from_numpy(row))
+        return noisy[0].numpy()
 
 
 @dataclass(frozen=True, eq=False)

@@ -69,20 +69,20 @@ def mask_of(mask: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray[np.bo
     Raises:
         InputError: another shape or type, or no pixel is in it.
     """
-    given = _array(mask, "mask", name)
-    if given.shape != tuple(shape):
+    values = _array(mask, "mask", name)
+    if values.shape != tuple(shape):
         raise InputError(
-            f"mask of {name} has shape {given.shape}, its depth {tuple(shape)}; both must be "
+            f"mask of {name} has shape {values.shape}, its depth {tuple(shape)}; both must be "
             "aligned images of the same size"
         )
-    if given.dtype.kind not in "bui":
+    if values.dtype.kind not in "bui":
         raise InputError(
-            f"mask of {name} is of {given.dtype}; give booleans, or whole numbers that say which "
+            f"mask of {name} is of {values.dtype}; give booleans, or whole numbers that say which "
             "object a pixel shows (0 = none)"
         )
-    if not (given > 0).any():
+    if not (values > 0).any():
         raise InputError(f"mask of {name} holds no pixel; leave it out, or mark objects in it")
-    return given if given.dtype == np.bool_ else np.maximum(given, 0).astype(np.int32)
+    return values if values.dtype == np.bool_ else np.maximum(values, 0).astype(np.int32)
 
 
 def read_mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_] | Int32:
@@ -128,12 +128,12 @@ def _rigid(pose: ArrayLike, name: str) -> NDArray[np.float64]:
     return pose_of([str(value) for value in matrix.ravel()], f"pose of {name}")
 
 
-def _array(given: Any, what: str, name: str) -> NDArray[Any]:
+def _array(values: Any, quantity: str, name: str) -> NDArray[Any]:
     try:
-        return np.asarray(given)
+        return np.asarray(values)
     except (TypeError, ValueError, RuntimeError) as error:
-        kind = type(given).__name__
+        kind = type(values).__name__
         raise InputError(
-            f"{what} of {name} is a {kind} that NumPy can't read; give an array (of a tensor, "
+            f"{quantity} of {name} is a {kind} that NumPy can't read; give an array (of a tensor, "
             "tensor.detach().cpu().numpy())"
         ) from error

@@ -79,39 +79,41 @@ class Bag:
         colour: str | None = None,
         info: str | None = None,
     ) -> None:
-        self.path, self.wanted = path, (depth, colour, info)
+        self.path, self.topic_names = path, (depth, colour, info)
 
-    def frames(self, every: int = 1, most: int | None = None) -> Iterator[RecordedFrame]:
+    def frames(self, stride: int = 1, max_frames: int | None = None) -> Iterator[RecordedFrame]:
         """Every n-th depth image.
 
         Args:
-            every: how many to go on.
-            most: images at most; None means all.
+            stride: how many to go on.
+            max_frames: images at most; None means all.
 
         Raises:
             InputError: the bag is damaged, or has no such topics or no known encoding.
             MissingDependencyError: rosbags isn't installed.
         """
         with self._opened() as reader:
-            kinds = {one.topic: _kind(one.msgtype) for one in reader.connections}
-            topics = topics_of(kinds, *self.wanted)
+            kinds = {
+                connection.topic: _kind(connection.msgtype) for connection in reader.connections
+            }
+            topics = topics_of(kinds, *self.topic_names)
             matrix, unit = self._constants(reader, topics)
             colour: NDArray[np.uint8] | None = None
-            number = made = 0
+            number = count = 0
             for topic, time, message in self._messages(reader, [topics.depth, topics.colour]):
                 if topic == topics.colour:
                     colour = colour_of(message, topic)
                     continue
                 number += 1
-                if (number - 1) % every:
+                if (number - 1) % stride:
                     continue
                 depth = depth_of(message, topic, unit)
                 fits = colour is not None and colour.shape[:2] == depth.shape
                 yield RecordedFrame(depth, matrix, colour if fits else None, time * 1e-9)
-                made += 1
-                if made == most:
+                count += 1
+                if count == max_frames:
                     return
-            if not made:
+            if not count:
                 raise InputError(f"{self.path} has no image of topic {topics.depth}")
 
     @contextmanager
@@ -136,8 +138,10 @@ class Bag:
     def _messages(
         self, reader: Any, topics: Sequence[str | None]
     ) -> Iterator[tuple[str, int, Any]]:
-        chosen = [one for one in reader.connections if one.topic in topics]
-        for connection, time, raw in reader.messages(connections=chosen):
+        connections = [
+            connection for connection in reader.connections if connection.topic in topics
+        ]
+        for connection, time, raw in reader.messages(connections=connections):
             yield connection.topic, time, reader.deserialize(raw, connection.msgtype)
 
     def _constants(self, reader: Any, topics: Topics) -> tuple[NDArray[np.float64], float]:
@@ -145,8 +149,8 @@ class Bag:
         matrix, unit = None, None
         for topic, _, message in self._messages(reader, [topics.info, topics.unit]):
             if topic == topics.info and matrix is None:
-                known = {name.lower(): value for name, value in vars(message).items()}
-                matrix = np.array(known["k"], np.float64).reshape(3, 3)  # K in ROS 1, k in ROS 2
+                fields = {name.lower(): value for name, value in vars(message).items()}
+                matrix = np.array(fields["k"], np.float64).reshape(3, 3)  # K in ROS 1, k in ROS 2
             elif topic == topics.unit and unit is None:
                 unit = float(message.data)
             if matrix is not None and (unit is not None or topics.unit is None):
@@ -175,29 +179,31 @@ def topics_of(
             raise InputError(f"there is no topic {name}; the bag has {_listed(kinds)}")
     pictures = [name for name, kind in sorted(kinds.items()) if kind in (_IMAGE, _COMPRESSED)]
     if depth is None:
-        found = [name for name in pictures if "depth" in name.lower()]
-        found.sort(key=lambda name: ("aligned" not in name, kinds[name] != _IMAGE, len(name)))
-        if not found:
+        candidates = [name for name in pictures if "depth" in name.lower()]
+        candidates.sort(key=lambda name: ("aligned" not in name, kinds[name] != _IMAGE, len(name)))
+        if not candidates:
             raise InputError(
                 f"no topic with images is named depth; give run.depth=TOPIC of {_listed(kinds)}"
             )
-        depth = found[0]
+        depth = candidates[0]
     if info is None:
-        places = [one for one, kind in kinds.items() if kind == _INFO]
-        near = sorted(places, key=lambda one: -_shared(one, depth))
-        if not near or _shared(near[0], depth) < 2:  # "" and one more
+        places = [topic for topic, kind in kinds.items() if kind == _INFO]
+        neighbours = sorted(places, key=lambda topic: -_shared(topic, depth))
+        if not neighbours or _shared(neighbours[0], depth) < 2:  # "" and one more
             raise InputError(
                 f"no topic beside {depth} has intrinsics; give run.info=TOPIC of {_listed(kinds)}"
             )
-        info = near[0]
+        info = neighbours[0]
     if colour is None and "aligned" in depth:
         words = ("color", "colour", "rgb")
-        found = [n for n in pictures if any(w in n.lower() for w in words) and "depth" not in n]
-        found.sort(key=lambda name: (kinds[name] != _IMAGE, len(name)))
-        colour = found[0] if found else None
+        candidates = [
+            n for n in pictures if any(w in n.lower() for w in words) and "depth" not in n
+        ]
+        candidates.sort(key=lambda name: (kinds[name] != _IMAGE, len(name)))
+        colour = candidates[0] if candidates else None
     units = [name for name in kinds if name.endswith("/option/Depth_Units/value")]
-    near = [name for name in units if _shared(name, depth) > 2]  # of the same sensor
-    return Topics(depth, info, colour, near[0] if near else None)
+    neighbours = [name for name in units if _shared(name, depth) > 2]  # of the same sensor
+    return Topics(depth, info, colour, neighbours[0] if neighbours else None)
 
 
 def depth_of(message: Any, topic: str, unit: float = _MILLIMETRES) -> NDArray[np.float32]:
@@ -249,14 +255,14 @@ def colour_of(message: Any, topic: str) -> NDArray[np.uint8]:
 def _rows(message: Any, kind: np.dtype[Any], channels: int, topic: str) -> NDArray[Any]:
     """Pixels (H, W, channels); rows of messages may be longer than their pixels."""
     height, width, step = int(message.height), int(message.width), int(message.step)
-    used = width * channels * kind.itemsize
+    row_bytes = width * channels * kind.itemsize
     data = np.frombuffer(bytes(message.data), np.uint8)
-    if step < used or len(data) < height * step:
+    if step < row_bytes or len(data) < height * step:
         raise InputError(
             f"an image of {topic} has {len(data)} bytes in rows of {step}, which is too little for "
             f"{width} x {height} pixels of {message.encoding}"
         )
-    rows = data[: height * step].reshape(height, step)[:, :used]
+    rows = data[: height * step].reshape(height, step)[:, :row_bytes]
     typed = np.ascontiguousarray(rows).view(kind.newbyteorder(">" if message.is_bigendian else "<"))
     return typed.reshape(height, width, channels).astype(kind)
 
@@ -273,14 +279,14 @@ def _kind(name: str) -> str:
     return name.rpartition("/")[2]
 
 
-def _shared(one: str, other: str) -> int:
+def _shared(first: str, second: str) -> int:
     """How many words two topics begin with alike."""
-    same = 0
-    for a, b in zip(one.split("/"), other.split("/"), strict=False):
+    count = 0
+    for a, b in zip(first.split("/"), second.split("/"), strict=False):
         if a != b:
             break
-        same += 1
-    return same
+        count += 1
+    return count
 
 
 def _listed(kinds: dict[str, str]) -> str:

@@ -45,9 +45,9 @@ def compounds(
     """
     batch, slots = scenes.present.shape
     numbers = streams.uniform(_DRAWS * slots).reshape(batch, slots, _DRAWS).astype(np.float32)
-    drawn, those = to_device([numbers, changed[:, None]], scenes.positions.device)
-    second = _second_pieces(scenes, drawn[..., 2:12], those & (drawn[..., 0] < pieces))
-    holes = _holes(scenes, drawn[..., 12:16], those & (drawn[..., 1] < hollow))
+    draws, changed_mask = to_device([numbers, changed[:, None]], scenes.positions.device)
+    second = _second_pieces(scenes, draws[..., 2:12], changed_mask & (draws[..., 0] < pieces))
+    holes = _holes(scenes, draws[..., 12:16], changed_mask & (draws[..., 1] < hollow))
     none = SceneParameters(
         second.half_axes, second.exponents, second.rotations, second.positions,
         torch.zeros_like(second.present),
@@ -55,7 +55,7 @@ def compounds(
     return _together(scenes, second), _together(holes, none)
 
 
-def _holes(scenes: SceneParameters, drawn: Tensor, which: Tensor) -> SceneParameters:
+def _holes(scenes: SceneParameters, draws: Tensor, mask: Tensor) -> SceneParameters:
     """What is cut out of the objects to hollow, as superquadrics that lie in them.
 
     A hole has the object's shape, narrower by a wall on all sides but along one axis. Along that
@@ -64,37 +64,37 @@ def _holes(scenes: SceneParameters, drawn: Tensor, which: Tensor) -> SceneParame
 
     Args:
         scenes: the objects.
-        drawn: (B, N, 4) in [0, 1): wall, bottom, which axis, and whether that is any of the three.
-        which: (B, N) objects that get a hole.
+        draws: (B, N, 4) in [0, 1): wall, bottom, which axis, and whether that is any of the three.
+        mask: (B, N) objects that get a hole.
     """
     upward = scenes.rotations[:, :, 2]
-    anywhere = drawn[..., 3] < 0.2
-    axis = torch.where(anywhere, (3 * drawn[..., 2]).long().clamp_max(2), upward.abs().argmax(-1))
+    anywhere = draws[..., 3] < 0.2
+    axis = torch.where(anywhere, (3 * draws[..., 2]).long().clamp_max(2), upward.abs().argmax(-1))
     sign = torch.where(upward.gather(2, axis[..., None])[..., 0] < 0, -1.0, 1.0)
-    chosen = torch.nn.functional.one_hot(axis, 3).float()
-    wall = _between(drawn[..., 0], *_WALL)[..., None]
-    moved = sign[..., None] * _between(drawn[..., 1], *_BOTTOM)[..., None] * chosen
-    places = scenes.positions + _turned(scenes, moved * scenes.half_axes)
-    axes = (scenes.half_axes * torch.where(chosen > 0, 1.0, 1 - wall)).clamp_min(1e-3)
-    return SceneParameters(axes, scenes.exponents, scenes.rotations, places, scenes.present & which)
+    axis_mask = torch.nn.functional.one_hot(axis, 3).float()
+    wall = _between(draws[..., 0], *_WALL)[..., None]
+    shift = sign[..., None] * _between(draws[..., 1], *_BOTTOM)[..., None] * axis_mask
+    places = scenes.positions + _turned(scenes, shift * scenes.half_axes)
+    axes = (scenes.half_axes * torch.where(axis_mask > 0, 1.0, 1 - wall)).clamp_min(1e-3)
+    return SceneParameters(axes, scenes.exponents, scenes.rotations, places, scenes.present & mask)
 
 
-def _second_pieces(scenes: SceneParameters, drawn: Tensor, which: Tensor) -> SceneParameters:
+def _second_pieces(scenes: SceneParameters, draws: Tensor, mask: Tensor) -> SceneParameters:
     """A piece of each object that goes through its surface: a handle, a neck, a foot."""
-    axis = (3 * drawn[..., 0]).long().clamp_max(2)
-    chosen = torch.nn.functional.one_hot(axis, 3).float()
-    sign = torch.where(drawn[..., 1] < 0.5, -1.0, 1.0)[..., None]
-    away = sign * _between(drawn[..., 2], *_AWAY)[..., None]
-    aside = _ASIDE * (2 * drawn[..., 3:6] - 1)
-    local = scenes.half_axes * torch.where(chosen > 0, away, aside)
-    low, high = (float(np.log(one)) for one in _EXPONENTS)
-    exponents = _between(drawn[..., 9], low, high).exp()[..., None].expand_as(local)
+    axis = (3 * draws[..., 0]).long().clamp_max(2)
+    axis_mask = torch.nn.functional.one_hot(axis, 3).float()
+    sign = torch.where(draws[..., 1] < 0.5, -1.0, 1.0)[..., None]
+    along = sign * _between(draws[..., 2], *_AWAY)[..., None]
+    aside = _ASIDE * (2 * draws[..., 3:6] - 1)
+    local = scenes.half_axes * torch.where(axis_mask > 0, along, aside)
+    low, high = (float(np.log(exponent)) for exponent in _EXPONENTS)
+    exponents = _between(draws[..., 9], low, high).exp()[..., None].expand_as(local)
     return SceneParameters(
-        (scenes.half_axes * _between(drawn[..., 6:9], *_PIECE)).clamp_min(_THINNEST),
+        (scenes.half_axes * _between(draws[..., 6:9], *_PIECE)).clamp_min(_THINNEST),
         exponents,
         scenes.rotations,
         scenes.positions + _turned(scenes, local),
-        scenes.present & which,
+        scenes.present & mask,
     )
 
 

@@ -40,11 +40,14 @@ def shape_instance_batch(
         representations: by name.
         truths: also the volumes in the units of their representations.
     """
-    made = {name: one.of_scenes(scenes) for name, one in representations.items()}
-    targets = {
-        name: one.to_network(made[name], scenes.grid) for name, one in representations.items()
+    volumes = {
+        name: representation.of_scenes(scenes) for name, representation in representations.items()
     }
-    return ShapeInstanceBatch(condition(partial, scenes.grid), targets, made if truths else {})
+    targets = {
+        name: representation.to_network(volumes[name], scenes.grid)
+        for name, representation in representations.items()
+    }
+    return ShapeInstanceBatch(condition(partial, scenes.grid), targets, volumes if truths else {})
 
 
 def require_grid(of_view: GridSpec, of_network: GridSpec) -> None:

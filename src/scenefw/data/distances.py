@@ -28,23 +28,23 @@ def distance_images(depth: Tensor, cameras: CameraBatch, geometry: str = DEPTH) 
         ConfigError: another geometry.
     """
     if geometry == DEPTH:
-        found = depth
+        distances = depth
     elif geometry == HEIGHT:
-        found = _heights(depth, cameras)
+        distances = _heights(depth, cameras)
     elif geometry == PLANE:
-        found = heights_above_planes(depth, cameras)
+        distances = heights_above_planes(depth, cameras)
     else:
         raise ConfigError(f"geometry = {geometry!r}; expected {DEPTH}, {HEIGHT} or {PLANE}")
-    return torch.where(depth > 0, found, torch.nan)
+    return torch.where(depth > 0, distances, torch.nan)
 
 
 def distance_image(frame: Frame, geometry: str = DEPTH) -> NDArray[np.float32]:
     """(H, W) float32 metres of one view, as `distance_images`."""
     depth = torch.from_numpy(frame.depth.copy())[None].float()
-    found: NDArray[np.float32] = distance_images(depth, stack_cameras([frame.camera]), geometry)[
-        0
-    ].numpy()
-    return found
+    distances: NDArray[np.float32] = distance_images(
+        depth, stack_cameras([frame.camera]), geometry
+    )[0].numpy()
+    return distances
 
 
 def _heights(depth: Tensor, cameras: CameraBatch) -> Tensor:

@@ -40,10 +40,10 @@ class EpochBatches:
         COUNT.require(distinct_batches=distinct)
         share = scenes // world if seed is not None else len(range(rank, scenes, world))
         if batch_size < 1 or share < (batch_size if seed is not None else 1):
-            each = f" of each of {world} processes" if world > 1 else ""
+            per_process = f" of each of {world} processes" if world > 1 else ""
             raise ConfigError(
                 f"dataset.batch_size = {batch_size}: expected 1 to {share}, the number of "
-                f"scenes{each}; lower it or raise dataset.limit"
+                f"scenes{per_process}; lower it or raise dataset.limit"
             )
         self.scenes, self.batch_size, self.seed = scenes, batch_size, seed
         self.rank, self.world, self.distinct = rank, world, distinct
@@ -61,8 +61,8 @@ class EpochBatches:
         """Batch `number`, counted through all epochs."""
         epoch, position = divmod(number % self.distinct if self.distinct else number, len(self))
         start = position * self.batch_size
-        chosen = self._order(epoch)[start : start + self.batch_size]
-        return IndexBatch(epoch, torch.from_numpy(chosen.copy()))
+        indices = self._order(epoch)[start : start + self.batch_size]
+        return IndexBatch(epoch, torch.from_numpy(indices.copy()))
 
     def _order(self, epoch: int) -> np.ndarray:
         if self.seed is None:

@@ -27,12 +27,13 @@ def read_exr(path: Path) -> Float32:
     try:
         with OpenEXR.File(str(path), separate_channels=True) as file:
             channels = {
-                name: np.array(each.pixels, np.float32) for name, each in file.channels().items()
+                name: np.array(channel.pixels, np.float32)
+                for name, channel in file.channels().items()
             }
     except (OSError, RuntimeError, ValueError, TypeError) as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"cannot read {path}: {reason}; is the file complete?") from error
-    name = next((one for one in (*_CHANNELS, *channels) if one in channels), None)
+    name = next((key for key in (*_CHANNELS, *channels) if key in channels), None)
     if name is None:
         raise InputError(f"{path} has no channel; store depth as channel Z")
     return np.where(channels[name] < _NOTHING, channels[name], 0)

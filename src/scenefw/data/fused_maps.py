@@ -64,7 +64,7 @@ class FusedMaps:
 
     def facts(self) -> dict[str, Any]:
         """Number of views, and the noise of scenes, in turns."""
-        noise = [": ".join([n, *described(each)]) for n, each in self.noise.items()]
+        noise = [": ".join([n, *described(noises)]) for n, noises in self.noise.items()]
         return {"frames": self.frames, "noise": noise}
 
     def _fuse(self, scene: int) -> HeightMap:
@@ -79,18 +79,20 @@ class FusedMaps:
         noise = in_turns(self.noise, scene)
         settings: list[Any] = [self.frames, settings_of(self.heights)]
         if noise:
-            every = [[name, settings_of(one)] for name, one in sorted(noise.items())]
-            settings += [self.seed, every]
+            noise_settings = [
+                [name, settings_of(noise_model)] for name, noise_model in sorted(noise.items())
+            ]
+            settings += [self.seed, noise_settings]
         digest = hashlib.sha256(json.dumps(settings).encode())
         truth = self.source.truth(scene)
-        shown: list[NDArray[Any] | None] = [truth.heights, truth.colour, truth.labels]
+        parts: list[NDArray[Any] | None] = [truth.heights, truth.colour, truth.labels]
         first, last = (
             next(iter(self.source.frames(scene, 1, start))) for start in (0, self.frames - 1)
         )
         for view in (first, last):
             lens = view.camera
             digest.update(repr((lens.width, lens.height)).encode() + lens.matrix.tobytes())
-            shown += [lens.T_world_camera, view.depth, view.colour, view.labels]
-        for part in shown:
+            parts += [lens.T_world_camera, view.depth, view.colour, view.labels]
+        for part in parts:
             digest.update(b"none" if part is None else np.ascontiguousarray(part).tobytes())
         return f"{first.name.replace('/', '_')}_{digest.hexdigest()[:16]}"

@@ -125,20 +125,21 @@ def _saved(content: dict[str, NDArray[Any]], path: Path, grid: HeightGrid | None
             f"{path} is a map of version {'none' if version is None else version}, expected "
             f"{VERSION}; fuse and save the map again with this version of scenefw"
         )
-    missing = [key for key in ("grid", *_TYPES) if key not in content and key not in _OPTIONAL]
-    if missing:
-        raise InputError(f"map {path} lacks {', '.join(missing)}; save the map again")
-    found = _grid(content["grid"], path)
-    if grid is not None and found != grid:
+    missing_keys = [key for key in ("grid", *_TYPES) if key not in content and key not in _OPTIONAL]
+    if missing_keys:
+        raise InputError(f"map {path} lacks {', '.join(missing_keys)}; save the map again")
+    stored_grid = _grid(content["grid"], path)
+    if grid is not None and stored_grid != grid:
         raise InputError(
-            f"map {path} lies on {found}, expected {grid}; load it with its own grid or fuse again"
+            f"map {path} lies on {stored_grid}, expected {grid}; load it with its own grid or "
+            "fuse again"
         )
-    fields = {name: _array(content, name, kind, found, path) for name, kind in _TYPES.items()}
+    fields = {name: _array(content, name, kind, stored_grid, path) for name, kind in _TYPES.items()}
     probabilities = fields["probabilities"]
     if probabilities is not None:  # float16 leaves sums near 1
         fields["probabilities"] = probabilities / probabilities.sum(axis=0)
     classes = tuple(str(name) for name in content.get("classes", ()))
-    return SavedMap(HeightMap(found, **fields, classes=classes), _states(content))  # type: ignore[arg-type]
+    return SavedMap(HeightMap(stored_grid, **fields, classes=classes), _states(content))  # type: ignore[arg-type]
 
 
 def _grid(values: NDArray[Any], path: Path) -> HeightGrid:

@@ -99,5 +99,5 @@ def _unusable(depth: Array) -> str:
         "infinite": np.isinf(depth).sum(),
         "negative": (np.isfinite(depth) & (depth < 0)).sum(),
     }
-    found = [f"{count} {what}" for what, count in counts.items() if count]
-    return f"of {depth.size} pixels {', '.join(found)}"
+    phrases = [f"{count} {kind}" for kind, count in counts.items() if count]
+    return f"of {depth.size} pixels {', '.join(phrases)}"

@@ -44,7 +44,7 @@ def folder_poses(
         poses = _listed(file, images)
         unordered = file.read_text(encoding="utf-8").startswith(UNORDERED)
     elif (path / "poses").is_dir():
-        poses = [_alone(path / "poses", image) for image in images]
+        poses = [_image_pose(path / "poses", image) for image in images]
     elif require:
         raise no_poses(path, "poses.txt", "one line per depth image")
     else:
@@ -55,10 +55,10 @@ def folder_poses(
     return poses
 
 
-def no_poses(path: Path, file: str, what: str) -> InputError:
+def no_poses(path: Path, file: str, content: str) -> InputError:
     """The error that a sequence has no poses."""
     return InputError(
-        f"{path} has no camera poses: expected {file} with {what}; add it, or track the camera "
+        f"{path} has no camera poses: expected {file} with {content}; add it, or track the camera "
         "(run=label run.estimate_poses=true)"
     )
 
@@ -73,8 +73,8 @@ def require_times(
     stems = [Path(words[0]).stem for words in lines]
     if not all(_TIME.fullmatch(stem) for stem in stems):
         return
-    apart = np.array([float(stem) for stem in stems]) - times
-    wrong = np.flatnonzero(np.abs(apart - np.median(apart)) > largest_delay)
+    offsets = np.array([float(stem) for stem in stems]) - times
+    wrong = np.flatnonzero(np.abs(offsets - np.median(offsets)) > largest_delay)
     if wrong.size:
         first = int(wrong[0])
         raise InputError(
@@ -100,29 +100,29 @@ def _listed(file: Path, images: Sequence[Path]) -> Poses:
 
 def _named(file: Path, lines: Sequence[Sequence[str]], images: Sequence[Path]) -> Poses:
     """Poses of lines that begin with names of images; lines of other images are left out."""
-    found: dict[str, Sequence[str]] = {}
+    words_by_key: dict[str, Sequence[str]] = {}
     for number, words in enumerate(lines, start=1):
         if len(words) not in _NAMED:
             raise InputError(
                 f"line {number} of {file} holds {len(words)} words, but others begin with the name "
                 "of an image; give a name in each line or in none"
             )
-        if found.setdefault(_key(words[0]), words) is not words:
+        if words_by_key.setdefault(_key(words[0]), words) is not words:
             raise InputError(f"{file} has two poses of image {words[0]}; keep one")
-    missing = [image for image in images if _key(image.name) not in found]
-    if missing:
+    missing_images = [image for image in images if _key(image.name) not in words_by_key]
+    if missing_images:
         raise InputError(
-            f"{file} has no pose for {missing[0]} ({len(missing)} of {len(images)} images have "
-            "none); begin each line with the name of its image, or leave names out and give one "
-            "line per image in their order (2 before 10)"
+            f"{file} has no pose for {missing_images[0]} ({len(missing_images)} of {len(images)} "
+            "images have none); begin each line with the name of its image, or leave names out and "
+            "give one line per image in their order (2 before 10)"
         )
     return [
-        pose_of(found[_key(image.name)][1:], f"the line of {image.stem} in {file}")
+        pose_of(words_by_key[_key(image.name)][1:], f"the line of {image.stem} in {file}")
         for image in images
     ]
 
 
-def _alone(folder: Path, image: Path) -> NDArray[np.float64]:
+def _image_pose(folder: Path, image: Path) -> NDArray[np.float64]:
     """The pose in the file that is named as an image."""
     file = folder / f"{image.stem}.txt"
     if not file.is_file():
@@ -133,7 +133,7 @@ def _alone(folder: Path, image: Path) -> NDArray[np.float64]:
 def _key(name: str) -> str:
     """A name as names are compared: depth/7.png is 7, and 000007 is as well."""
     stem = re.sub(r"\.(png|npy|jpe?g)$", "", name.rpartition("/")[2], flags=re.IGNORECASE)
-    whole, point, fraction = stem.partition(".")
-    if not whole.isdigit() or (point and not fraction.isdigit()):
+    integer, point, fraction = stem.partition(".")
+    if not integer.isdigit() or (point and not fraction.isdigit()):
         return stem
-    return f"{whole.lstrip('0')}.{fraction.rstrip('0')}"
+    return f"{integer.lstrip('0')}.{fraction.rstrip('0')}"

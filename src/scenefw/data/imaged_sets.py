@@ -121,7 +121,7 @@ class ImagedSets(SceneBatches):
         change = to_change.uniform(2) if changed else np.full((len(streams), 2), 0.5)
         slots = parameters.present.shape[1]
         lens = self.lens
-        drawn: list[NDArray[Any]] = [
+        arrays: list[NDArray[Any]] = [
             np.array([[lens.fx, lens.fy, lens.cx, lens.cy]] * len(streams), np.float32),
             self.viewpoints.poses(to_camera).astype(np.float32),
             (self.scale ** (2 * change[:, :1] - 1)).astype(np.float32),
@@ -129,13 +129,13 @@ class ImagedSets(SceneBatches):
             to_places.uniform(slots * self.places * CHANCES).astype(np.float32),
             np.ascontiguousarray(to_noise.seeds(len(self.noise)).T),
         ]
-        intrinsics, poses, factors, flipped, at_places, seeds = to_device(drawn, device)
+        intrinsics, poses, factors, flipped, at_places, seeds = to_device(arrays, device)
         cameras = CameraBatch(lens.width, lens.height, intrinsics, poses)
         parameters = mirrored(scaled(parameters, factors), flipped > 0)
         depth, _ = ray_images(parameters, cameras, self.noise, seeds)
         places = torch.where(depth.isnan()[..., None], torch.nan, pixel_places(depth, cameras))
         view = view_of_places(places, self.grid, poses)
-        there = in_frames(parameters, view.turn, view.origin)
+        objects = in_frames(parameters, view.turn, view.origin)
         chances = at_places.view(len(poses), slots, self.places, CHANCES)
-        about, distances = placed_about(there, chances, self.near)
-        return ViewedSetBatch(view.condition, view.points, view.seen, there, about, distances)
+        about, distances = placed_about(objects, chances, self.near)
+        return ViewedSetBatch(view.condition, view.points, view.seen, objects, about, distances)

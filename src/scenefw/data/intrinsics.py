@@ -45,33 +45,35 @@ def read_intrinsics(path: Path) -> NDArray[np.float64]:
     raise InputError(f"unknown intrinsics format '{suffix}' of {path}; use .json, .yaml or .txt")
 
 
-def intrinsic_matrix(given: Intrinsics, name: str) -> NDArray[np.float64]:
+def intrinsic_matrix(intrinsics: Intrinsics, name: str) -> NDArray[np.float64]:
     """Intrinsic matrix K (3, 3) in pixels of whatever holds it.
 
     Args:
-        given: K itself, a camera, `{"fx": ..., "fy": ..., "cx": ..., "cy": ...}` or a matrix by one
-            of the names that files use, the four numbers fx fy cx cy, or the path of a file.
+        intrinsics: K itself, a camera, `{"fx": ..., "fy": ..., "cx": ..., "cy": ...}` or a matrix
+            by one of the names that files use, the four numbers fx fy cx cy, or the path of a file.
         name: of the image, for messages.
 
     Raises:
         InputError: it is none of these, or a file that `read_intrinsics` can't read.
     """
-    if isinstance(given, Camera):
-        return given.matrix
-    if isinstance(given, str | Path):
-        return read_intrinsics(Path(given))
+    if isinstance(intrinsics, Camera):
+        return intrinsics.matrix
+    if isinstance(intrinsics, str | Path):
+        return read_intrinsics(Path(intrinsics))
     try:
-        return _from_content(dict(given) if isinstance(given, Mapping) else given, name)
+        return _from_content(
+            dict(intrinsics) if isinstance(intrinsics, Mapping) else intrinsics, name
+        )
     except (ValueError, TypeError) as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"intrinsics of {name} aren't numbers ({reason}); {_EXPECTED}") from error
 
 
-def require_size(given: Intrinsics, height: int, width: int, name: str) -> None:
+def require_size(intrinsics: Intrinsics, height: int, width: int, name: str) -> None:
     """Checks intrinsics that say what size of image they are of.
 
     Args:
-        given: as `intrinsic_matrix` takes them: a camera, or a file or dict with `width` and
+        intrinsics: as `intrinsic_matrix` takes them: a camera, or a file or dict with `width` and
             `height`; all else is of any size.
         height: of the image.
         width: of the image.
@@ -80,7 +82,7 @@ def require_size(given: Intrinsics, height: int, width: int, name: str) -> None:
     Raises:
         InputError: they are of another size.
     """
-    size = _size(given)
+    size = _size(intrinsics)
     if size is None or size == (width, height):
         return
     turned = size == (height, width)
@@ -90,15 +92,15 @@ def require_size(given: Intrinsics, height: int, width: int, name: str) -> None:
     )
 
 
-def _size(given: Intrinsics) -> tuple[int, int] | None:
+def _size(intrinsics: Intrinsics) -> tuple[int, int] | None:
     """Width and height of the image that intrinsics are of, where they say it."""
-    if isinstance(given, Camera):
-        return given.width, given.height
-    if isinstance(given, str | Path):
-        path = Path(given)
+    if isinstance(intrinsics, Camera):
+        return intrinsics.width, intrinsics.height
+    if isinstance(intrinsics, str | Path):
+        path = Path(intrinsics)
         content = _structured(path) if path.suffix.lower() in _STRUCTURED else None
     else:
-        content = given
+        content = intrinsics
     if not isinstance(content, Mapping):
         return None
     width, height = content.get("width"), content.get("height")
@@ -116,10 +118,10 @@ def camera_from_matrix(K: ArrayLike, height: int, width: int, name: str) -> Came
     Raises:
         InputError: K has another shape or can't belong to an image of this size.
     """
-    given = np.asarray(K)
-    if given.dtype.kind not in "uif":
-        raise InputError(f"intrinsics of {name} are of {given.dtype}; {_EXPECTED} in pixels")
-    matrix = given.astype(np.float64)
+    values = np.asarray(K)
+    if values.dtype.kind not in "uif":
+        raise InputError(f"intrinsics of {name} are of {values.dtype}; {_EXPECTED} in pixels")
+    matrix = values.astype(np.float64)
     if matrix.shape != (3, 3):
         raise InputError(f"intrinsics of {name} have shape {matrix.shape}; {_EXPECTED}")
     (fx, _, cx), (_, fy, cy) = matrix[:2]

@@ -99,9 +99,9 @@ class ViewSamples:
         self.images, self.jitter, self.seed, self.geometry = images, jitter, seed, geometry
         moving = geometry == HEIGHT  # nothing else depends on where the camera is believed to be
         self.noise = {
-            name: one
-            for name, one in sorted((noise or {}).items())
-            if moving or not isinstance(one, PoseNoise)
+            name: noise_model
+            for name, noise_model in sorted((noise or {}).items())
+            if moving or not isinstance(noise_model, PoseNoise)
         }
         self._depth_noise = [n for n in self.noise.values() if not isinstance(n, PoseNoise)]
         self._pose_noise = [n for n in self.noise.values() if isinstance(n, PoseNoise)]
@@ -135,12 +135,12 @@ class ViewSamples:
     def _disturbed(
         self, views: LabelledViews, noise: Streams, light: Streams, *tracking: Streams
     ) -> LabelledViews:
-        drawn: list[NDArray] = [np.ascontiguousarray(noise.seeds(len(self._depth_noise)).T)]
-        for one, draws in zip(self._pose_noise, tracking, strict=True):
-            drawn.append(one.moves(draws.uniform(one.DRAWS)).astype(np.float32))
+        arrays: list[NDArray] = [np.ascontiguousarray(noise.seeds(len(self._depth_noise)).T)]
+        for noise_model, draws in zip(self._pose_noise, tracking, strict=True):
+            arrays.append(noise_model.moves(draws.uniform(noise_model.DRAWS)).astype(np.float32))
         if self.jitter is not None:
-            drawn.append(self.jitter.draw(light).astype(np.float32))
-        seeds, *changes = to_device(drawn, views.depth.device)
+            arrays.append(self.jitter.draw(light).astype(np.float32))
+        seeds, *changes = to_device(arrays, views.depth.device)
         depth, colour, poses = views.depth, views.colour, views.cameras.T_world_camera
         for disturb, row in zip(self._depth_noise, seeds, strict=True):
             depth = disturb.apply(depth, views.cameras, row)
@@ -262,13 +262,13 @@ class RenderedViews:
         small = [array.astype(np.float32) for array in (intrinsics, poses)]
         if epoch is None or self.renew == 1:
             *where, f, pose = to_device([scenes, lenses, *small], device)
-            seen = self._look(where, device)
-            colour = seen.colour.permute(0, 3, 1, 2)
+            pictures = self._look(where, device)
+            colour = pictures.colour.permute(0, 3, 1, 2)
         else:
-            seen, f, pose = self._renewed(indices, epoch, [scenes, lenses, *small], device)
-            colour = image_tensors(seen.colour)
+            pictures, f, pose = self._renewed(indices, epoch, [scenes, lenses, *small], device)
+            colour = image_tensors(pictures.colour)
         cameras = CameraBatch(lens.width, lens.height, f, pose)
-        return LabelledViews(colour, seen.distance, seen.labels, cameras)
+        return LabelledViews(colour, pictures.distance, pictures.labels, cameras)
 
     def poses(
         self, indices: NDArray[np.int64], epoch: int | None
@@ -276,11 +276,13 @@ class RenderedViews:
         """Scenes (B,) and `T_world_camera` (B, 4, 4) of an epoch's views."""
         scenes, views = np.divmod(indices, self.views)
         if epoch is None:
-            own = [self.source.camera(int(s), int(v)) for s, v in zip(scenes, views, strict=True)]
-            poses = np.stack([np.asarray(camera.T_world_camera) for camera in own])
+            cameras = [
+                self.source.camera(int(s), int(v)) for s, v in zip(scenes, views, strict=True)
+            ]
+            poses = np.stack([np.asarray(camera.T_world_camera) for camera in cameras])
         else:
-            each = self._round(indices, epoch) * len(self) + indices
-            streams = Streams.of(self.seed, _CAMERA, indices=each)
+            stream_indices = self._round(indices, epoch) * len(self) + indices
+            streams = Streams.of(self.seed, _CAMERA, indices=stream_indices)
             poses = self.source.poses(streams.uniform(self.source.DRAWS))
         return scenes.astype(np.int32), poses
 
@@ -300,23 +302,23 @@ class RenderedViews:
         self,
         indices: NDArray[np.int64],
         epoch: int,
-        drawn: Sequence[NDArray],
+        arrays: Sequence[NDArray],
         device: torch.device,
     ) -> tuple[Pictures, Tensor, Tensor]:
         """Kept views, of which those of another round are rendered first; intrinsics and poses."""
-        kept = self._pool(device)
+        pool = self._pool(device)
         rounds = self._round(indices, epoch)
         new = np.flatnonzero(self._rounds[indices] != rounds)
         self._rounds[indices] = rounds
-        moved = to_device([indices, *drawn, indices[new], *(a[new] for a in drawn[:2])], device)
-        places, _, _, intrinsics, poses, targets, *where = moved
+        tensors = to_device([indices, *arrays, indices[new], *(a[new] for a in arrays[:2])], device)
+        places, _, _, intrinsics, poses, targets, *where = tensors
         if len(new):
-            seen = self._look(where, device)
-            kept.distance[targets] = seen.distance
-            kept.labels[targets] = seen.labels
-            kept.colour[targets] = image(seen.colour)
-        chosen = Pictures(kept.distance[places], kept.labels[places], kept.colour[places])
-        return chosen, intrinsics, poses
+            pictures = self._look(where, device)
+            pool.distance[targets] = pictures.distance
+            pool.labels[targets] = pictures.labels
+            pool.colour[targets] = image(pictures.colour)
+        selection = Pictures(pool.distance[places], pool.labels[places], pool.colour[places])
+        return selection, intrinsics, poses
 
     def _pool(self, device: torch.device) -> Pictures:
         """All views on a device; on another one than before none is rendered yet."""

@@ -64,8 +64,8 @@ def surroundings(path: Path) -> Surroundings:
 def _bop(path: Path, root: Path) -> Surroundings:
     file = root / "scene_camera.json"
     try:
-        known = json.loads(file.read_text(encoding="utf-8"))
-        camera = known[str(int(path.stem))]
+        cameras = json.loads(file.read_text(encoding="utf-8"))
+        camera = cameras[str(int(path.stem))]
         matrix = np.array(camera["cam_K"], np.float64).reshape(3, 3)
         scale = float(camera.get("depth_scale", 1.0)) * MILLIMETRES
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:

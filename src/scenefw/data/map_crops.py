@@ -113,8 +113,8 @@ class MapCrops:
 
     def facts(self) -> dict[str, Any]:
         """What maps they are cut from, and how they are disturbed."""
-        own = {"scenes": len(self.maps), "height_noise": self.height_noise, "unseen": self.unseen}
-        return {**own, **self.maps.facts()}
+        facts = {"scenes": len(self.maps), "height_noise": self.height_noise, "unseen": self.unseen}
+        return {**facts, **self.maps.facts()}
 
     def prepare(self, device: torch.device) -> None:
         """Brings all maps to the device."""
@@ -128,37 +128,37 @@ class MapCrops:
         self.prepare(device)
         stream = (_HELD_OUT,) if epoch is None else (_CROP, epoch)
         streams = Streams.of(self.seed, *stream, indices=indices)
-        where, light, noise, cut = streams.split(4)
+        where, light, noise, line = streams.split(4)
         changed = epoch is not None
-        drawn = [indices // self.crops, *self._places(where, flips=changed and self.flips)]
+        arrays = [indices // self.crops, *self._places(where, flips=changed and self.flips)]
         if changed:
-            drawn += [noise.seeds(1)[:, 0], self._lines(cut).astype(np.float32)]
-            drawn += [self.jitter.draw(light).astype(np.float32)] if self.jitter else []
-        scenes, rows, columns, *changes = to_device(drawn, device)
-        crop = self._cut(self._resident[device], scenes, rows, columns)
+            arrays += [noise.seeds(1)[:, 0], self._lines(line).astype(np.float32)]
+            arrays += [self.jitter.draw(light).astype(np.float32)] if self.jitter else []
+        scenes, rows, columns, *changes = to_device(arrays, device)
+        crop = self._crop(self._resident[device], scenes, rows, columns)
         return self._changed(crop, *changes) if changed else crop
 
     def _places(self, where: Streams, *, flips: bool) -> list[NDArray[np.int64]]:
         """Rows (B, H) and columns (B, W) of each crop, backwards where it is flipped."""
         vertices = next(iter(self._resident.values())).labels.shape[-1]
-        draws, found = where.uniform(4), []
+        draws, indices = where.uniform(4), []
         for axis, length in enumerate(self.size[::-1]):
             first = (draws[:, axis] * (max(vertices - length, 0) + 1)).astype(np.int64)
             along = np.arange(min(length, vertices))
-            back = (draws[:, 2 + axis, None] < 0.5) & flips
-            found.append(first[:, None] + np.where(back, along[::-1], along))
-        return found
+            flipped = (draws[:, 2 + axis, None] < 0.5) & flips
+            indices.append(first[:, None] + np.where(flipped, along[::-1], along))
+        return indices
 
-    def _lines(self, cut: Streams) -> Float64:
+    def _lines(self, streams: Streams) -> Float64:
         """Row, column (pixels) and direction of the line of each crop; NaN = no line."""
-        draws = cut.uniform(4)
+        draws = streams.uniform(4)
         angle, no_line = 2 * np.pi * draws[:, 2], draws[:, 3] >= self.unseen
         place = draws[:, :2] * self.size[::-1]
         lines = np.column_stack([place, np.sin(angle), np.cos(angle)])
         lines[no_line] = np.nan
         return lines
 
-    def _cut(
+    def _crop(
         self, maps: LabelledMaps, scenes: Tensor, rows: Tensor, columns: Tensor
     ) -> SegmentationBatch:
         at = (scenes[:, None, None], rows[:, :, None], columns[:, None, :])
@@ -171,7 +171,7 @@ class MapCrops:
     ) -> SegmentationBatch:
         colour = self.jitter.apply(crop.colour, *factors) if self.jitter else crop.colour
         heights = self._noisy(crop.distance, seeds)
-        hidden = _beyond(lines, crop.labels)
+        hidden = _hidden_mask(lines, crop.labels)
         return SegmentationBatch(
             colour.masked_fill(hidden[:, None], 0.0),
             heights.masked_fill(hidden[:, None], torch.nan),
@@ -193,7 +193,7 @@ class MapCrops:
         return torch.where(heights.isnan(), heights, noisy - _LIFT)
 
 
-def _beyond(lines: Tensor, labels: Tensor) -> Tensor:
+def _hidden_mask(lines: Tensor, labels: Tensor) -> Tensor:
     """(B, H, W) whether pixels lie on one side of their crop's line; none where it is NaN."""
     row, column, sine, cosine = lines[:, :, None, None].unbind(1)
     y = torch.arange(labels.shape[1], device=labels.device)[:, None]
@@ -243,15 +243,15 @@ class StoredMaps:
             ConfigError: a fused map lies on another grid than the truth, or that has no labels.
         """
         truth = self.source.truth(scene)
-        shown = truth if self.fused is None else self.fused(scene)
-        if truth.labels is None or shown.heights.shape != truth.labels.shape:
+        height_map = truth if self.fused is None else self.fused(scene)
+        if truth.labels is None or height_map.heights.shape != truth.labels.shape:
             raise ConfigError(
-                f"the map of scene {scene} has {shown.heights.shape} vertices and its truth "
+                f"the map of scene {scene} has {height_map.heights.shape} vertices and its truth "
                 f"{truth.heights.shape} with{'' if truth.labels is not None else 'out'} labels; "
                 "give maps and truth on one grid"
             )
-        labels = np.where(shown.seen, truth.labels, UNKNOWN).astype(np.int8)
-        return shown.colour, shown.heights, labels
+        labels = np.where(height_map.seen, truth.labels, UNKNOWN).astype(np.int8)
+        return height_map.colour, height_map.heights, labels
 
 
 class RenderedMaps:
@@ -285,14 +285,14 @@ class RenderedMaps:
         for scene, top in enumerate(scenes.tops.tolist()):
             row = torch.tensor([scene], dtype=torch.int32, device=device)
             lens = torch.from_numpy(map_lens(grid, top)[None]).to(device)
-            seen = scenes.render(row, lens, (grid.vertices, grid.vertices))
-            colour[scene] = image(seen.colour[0])
-            heights[scene] = (top - seen.distance[0]).clamp(min=0)
-            labels[scene] = seen.labels[0]
+            pictures = scenes.render(row, lens, (grid.vertices, grid.vertices))
+            colour[scene] = image(pictures.colour[0])
+            heights[scene] = (top - pictures.distance[0]).clamp(min=0)
+            labels[scene] = pictures.labels[0]
         return LabelledMaps(colour, heights, labels)
 
 
 def stacked(maps: Iterable[tuple[NDArray, NDArray, NDArray]], device: torch.device) -> LabelledMaps:
     """Colour, heights and labels of maps of one size, on a device."""
-    moved = [tuple(torch.from_numpy(a).to(device) for a in arrays) for arrays in maps]
-    return LabelledMaps(*(torch.stack(parts) for parts in zip(*moved, strict=True)))
+    tensors = [tuple(torch.from_numpy(a).to(device) for a in arrays) for arrays in maps]
+    return LabelledMaps(*(torch.stack(parts) for parts in zip(*tensors, strict=True)))

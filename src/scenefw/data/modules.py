@@ -107,5 +107,7 @@ class StackData(SceneBatches):
     ) -> ShapeInstanceBatch:
         parameters = scenes.parameters(batch.indices, device)
         streams = self.streams(batch, stream)
-        made = self.views.make(parameters, streams, counts)
-        return shape_instance_batch(made.partial, made.scenes, self.representations, truths=truths)
+        views = self.views.make(parameters, streams, counts)
+        return shape_instance_batch(
+            views.partial, views.scenes, self.representations, truths=truths
+        )

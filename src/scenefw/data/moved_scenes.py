@@ -19,12 +19,12 @@ def scaled(scenes: SceneParameters, factors: Tensor) -> SceneParameters:
     return replace(scenes, half_axes=scenes.half_axes * by, positions=scenes.positions * by)
 
 
-def mirrored(scenes: SceneParameters, which: Tensor) -> SceneParameters:
-    """Those scenes that `which` (B,) names, in a mirror: y becomes -y.
+def mirrored(scenes: SceneParameters, mask: Tensor) -> SceneParameters:
+    """Those scenes that `mask` (B,) names, in a mirror: y becomes -y.
 
     Superquadrics are their own mirror images, so rotations stay proper ones.
     """
-    sign = torch.where(which, -1.0, 1.0)
+    sign = torch.where(mask, -1.0, 1.0)
     flip = torch.stack([torch.ones_like(sign), sign, torch.ones_like(sign)], dim=-1)
     return replace(
         scenes,

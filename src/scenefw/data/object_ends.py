@@ -31,11 +31,11 @@ def object_ends(points: Tensor, owners: Tensor, eye: Tensor, chances: Tensor) ->
     batch, slots, _ = chances.shape
     reach = points - eye[:, None, None]
     distance = reach.norm(dim=-1)
-    known = torch.isfinite(distance)
+    valid = torch.isfinite(distance)
     beside = torch.stack([_shifted(owners, *step, -1) for step in _BESIDE], dim=1)
-    seen = torch.stack([_shifted(known, *step, False) for step in _BESIDE], dim=1)
-    here = owners[:, None]
-    ends = (here > 0) & (here <= slots) & known[:, None] & seen & (beside != here)
+    valid_beside = torch.stack([_shifted(valid, *step, False) for step in _BESIDE], dim=1)
+    owner = owners[:, None]
+    ends = (owner > 0) & (owner <= slots) & valid[:, None] & valid_beside & (beside != owner)
     view, way, row, column = ends.nonzero().unbind(1)
     key = view * slots + owners[view, row, column].long() - 1
     order = key.argsort(stable=True)
@@ -43,26 +43,26 @@ def object_ends(points: Tensor, owners: Tensor, eye: Tensor, chances: Tensor) ->
     if not len(key):
         return points.new_zeros(*chances.shape, SIZE)
     starts = counts.flatten().cumsum(0).view_as(counts) - counts
-    taken = starts + (chances * counts).long().minimum((counts - 1).clamp_min(0))
-    taken = order[taken.clamp_max(len(order) - 1)]
-    view, row, column = view[taken], row[taken], column[taken]
-    steps = torch.tensor(_BESIDE, device=points.device)[way[taken]]
+    picks = starts + (chances * counts).long().minimum((counts - 1).clamp_min(0))
+    picks = order[picks.clamp_max(len(order) - 1)]
+    view, row, column = view[picks], row[picks], column[picks]
+    steps = torch.tensor(_BESIDE, device=points.device)[way[picks]]
     first = reach[view, row, column]
     second = reach[view, row + steps[..., 0], column + steps[..., 1]]
-    near, far = first.norm(dim=-1, keepdim=True), second.norm(dim=-1, keepdim=True)
-    ray = first / near
-    across = second / far - (second / far * ray).sum(dim=-1, keepdim=True) * ray
+    first_range, second_range = first.norm(dim=-1, keepdim=True), second.norm(dim=-1, keepdim=True)
+    ray = first / first_range
+    across = second / second_range - (second / second_range * ray).sum(dim=-1, keepdim=True) * ray
     outward = torch.nn.functional.normalize(across, dim=-1)
-    further = (far - near).clamp(-_FAR, _FAR)
-    found = torch.cat([points[view, row, column], outward, further], dim=-1)
-    return torch.where(counts[..., None] > 0, found, 0.0)
+    gap = (second_range - first_range).clamp(-_FAR, _FAR)
+    samples = torch.cat([points[view, row, column], outward, gap], dim=-1)
+    return torch.where(counts[..., None] > 0, samples, 0.0)
 
 
 def _shifted(image: Tensor, rows: int, columns: int, outside: float) -> Tensor:
     """What is beside each pixel of (B, H, W)."""
-    moved = image.roll((-rows, -columns), dims=(1, 2)).clone()
+    neighbours = image.roll((-rows, -columns), dims=(1, 2)).clone()
     if rows:
-        moved[:, -1 if rows > 0 else 0] = outside
+        neighbours[:, -1 if rows > 0 else 0] = outside
     if columns:
-        moved[:, :, -1 if columns > 0 else 0] = outside
-    return moved
+        neighbours[:, :, -1 if columns > 0 else 0] = outside
+    return neighbours

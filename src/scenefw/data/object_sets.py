@@ -72,15 +72,15 @@ class ObjectSetViews(SceneBatches):
         return object_set_batch(self.views.make(parameters, streams), self.grid)
 
 
-def object_set_batch(made: ViewBatch, grid: GridSpec) -> ObjectSetBatch:
+def object_set_batch(views: ViewBatch, grid: GridSpec) -> ObjectSetBatch:
     """Views as networks of sets take them, and the objects of their scenes.
 
     A voxel belongs to the object in which it lies deepest, so objects share none.
     """
-    instances, parameters = made.volumes.instances, made.superquadrics
-    batch, most = parameters.present.shape
-    present = torch.zeros(batch, most + 1, dtype=torch.bool, device=instances.device)
+    instances, parameters = views.volumes.instances, views.superquadrics
+    batch, slots = parameters.present.shape
+    present = torch.zeros(batch, slots + 1, dtype=torch.bool, device=instances.device)
     present.scatter_(1, instances.flatten(1).long(), value=True)
     lower = torch.tensor(grid.lower, device=instances.device)
     centres = (parameters.positions - lower) * (2 / grid.extent) - 1
-    return ObjectSetBatch(condition(made.partial, grid), instances, present[:, 1:], centres)
+    return ObjectSetBatch(condition(views.partial, grid), instances, present[:, 1:], centres)

@@ -37,10 +37,10 @@ class Outlines:
     """
 
     def __init__(self, folder: Path | str | None = None) -> None:
-        self.folder = None if folder is None else _found(folder)
+        self.folder = None if folder is None else _resolve_folder(folder)
 
     @property
-    def wanted(self) -> str:
+    def hint(self) -> str:
         """Where outlines are looked for."""
         if self.folder is None:
             return (
@@ -60,7 +60,7 @@ class Outlines:
         return None if path is None else _read(path)
 
 
-def _found(folder: Path | str) -> Path:
+def _resolve_folder(folder: Path | str) -> Path:
     sets = {path.name: path for root in assets.folders() for path in root.glob(f"{_FOLDER}/*/")}
     if str(folder) in sets:
         return sets[str(folder)]
@@ -75,7 +75,9 @@ def _read(path: Path) -> Int32:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         size = (int(content["imageHeight"]), int(content["imageWidth"]))
-        shapes = [(str(one["label"]), _group(one), _polygon(one)) for one in content["shapes"]]
+        shapes = [
+            (str(shape["label"]), _group(shape), _polygon(shape)) for shape in content["shapes"]
+        ]
     except _ODD as error:
         raise LabelsError(
             f"cannot read {path} ({str(error) or type(error).__name__}); expected a file of "

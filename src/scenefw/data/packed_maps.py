@@ -61,12 +61,12 @@ class PackedMaps:
         facts = _facts(self.path)
         self.classes = tuple(facts["classes"])
         if split not in facts["maps"]:
-            known = ", ".join(facts["maps"])
-            raise ConfigError(f"{path} has no maps of the split '{split}'; there are {known}")
+            splits = ", ".join(facts["maps"])
+            raise ConfigError(f"{path} has no maps of the split '{split}'; there are {splits}")
         if limit is not None and limit < 1:
             raise ConfigError(f"limit = {limit}: expected 1 map or more, or null for all")
-        held = facts["maps"][split]
-        self._count, self._provenance = held if limit is None else min(held, limit), facts["made"]
+        count = facts["maps"][split]
+        self._count, self._provenance = count if limit is None else min(count, limit), facts["made"]
 
     def __len__(self) -> int:
         """Number of maps."""
@@ -95,11 +95,11 @@ class PackedMaps:
 def packed(colour: NDArray[np.uint8], heights: NDArray[np.float32], labels: NDArray) -> bytes:
     """A map as bytes: colour (V, V, 3), heights (V, V) with NaN = unseen, labels (V, V)."""
     steps = np.rint((np.nan_to_num(heights, nan=_LOWEST) - _LOWEST) / STEP).clip(0, 2**16 - 1)
-    known = np.where(np.isfinite(heights), labels, UNKNOWN)
-    planes = (steps.astype(np.uint16) >> 8, steps.astype(np.uint16) & 255, known - UNKNOWN)
+    valid_labels = np.where(np.isfinite(heights), labels, UNKNOWN)
+    planes = (steps.astype(np.uint16) >> 8, steps.astype(np.uint16) & 255, valid_labels - UNKNOWN)
     exact = _encoded(np.stack(planes, axis=-1).astype(np.uint8), lossless=True)
-    seen = _encoded(colour, quality=QUALITY)
-    return len(exact).to_bytes(8, "little") + exact + seen
+    colour_bytes = _encoded(colour, quality=QUALITY)
+    return len(exact).to_bytes(8, "little") + exact + colour_bytes
 
 
 def unpacked(content: bytes) -> Map:
@@ -118,7 +118,7 @@ def save_maps(
     maps: Iterable[tuple[str, bytes]],
     classes: Sequence[str],
     megabytes: float | None = None,
-    made: dict[str, Any] | None = None,
+    provenance: dict[str, Any] | None = None,
 ) -> dict[str, int]:
     """Writes packed maps until the file would grow beyond a size; how many of each split it holds.
 
@@ -127,25 +127,30 @@ def save_maps(
         maps: splits and packed maps.
         classes: names by class id.
         megabytes: most that the file may have; None = any.
-        made: says of the training maps how they were made, as plain data.
+        provenance: says of the training maps how they were made, as plain data.
 
     Raises:
         StorageError: the file can't be written, or no map fits.
     """
-    held: dict[str, int] = {}
+    counts: dict[str, int] = {}
     with replacing(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
         size = _HELD
         for split, content in maps:
             size += len(content) + _HELD
             if megabytes is not None and size > megabytes * 1e6:
                 break
-            _write(archive, f"{split}/{held.get(split, 0)}", np.frombuffer(content, np.uint8))
-            held[split] = held.get(split, 0) + 1
-        if not held:
+            _write(archive, f"{split}/{counts.get(split, 0)}", np.frombuffer(content, np.uint8))
+            counts[split] = counts.get(split, 0) + 1
+        if not counts:
             raise StorageError(f"no map fits into {megabytes} MB; allow more")
-        facts = {"format": _FORMAT, "classes": list(classes), "maps": held, "made": made or {}}
+        facts = {
+            "format": _FORMAT,
+            "classes": list(classes),
+            "maps": counts,
+            "made": provenance or {},
+        }
         _write(archive, "facts", np.frombuffer(json.dumps(facts).encode(), np.uint8))
-    return held
+    return counts
 
 
 def _write(archive: zipfile.ZipFile, name: str, array: NDArray[np.uint8]) -> None:

@@ -92,13 +92,13 @@ def load_painting(
     painted, colours = _picture(path, height_map), palette(classes)
     labels = np.full(height_map.grid.shape, UNKNOWN, np.int32)
     untouched = (painted == _canvas(height_map, colours)).all(-1)
-    known = untouched.copy()
+    valid = untouched.copy()
     for index, colour in enumerate(colours):
         match = (painted == colour).all(-1)
         labels[match] = index
-        known |= match
-    if not known.all():
-        raise _unknown_colours(path, painted[~known], classes, colours)
+        valid |= match
+    if not valid.all():
+        raise _unknown_colours(path, painted[~valid], classes, colours)
     if background is not None:
         labels[untouched] = classes.index(background)
     labels[~height_map.seen] = UNKNOWN
@@ -153,37 +153,37 @@ def require_agreement(
     Raises:
         InputError: hardly any pixel sees the map.
     """
-    shares = [_agrees(each, view(height_map, each.camera), tolerance).mean() for each in views]
+    shares = [_agrees(frame, view(height_map, frame.camera), tolerance).mean() for frame in views]
     if not shares or np.mean(shares) < _LEAST_AGREEMENT:
-        found = (
+        finding = (
             f"see the map in {np.mean(shares):.1%} of their pixels" if shares else "have no pose"
         )
         raise InputError(
-            f"views of {name} {found}; give the recording that the map was made of (maps of "
+            f"views of {name} {finding}; give the recording that the map was made of (maps of "
             "earlier versions don't store its world: make a new one with run=label)"
         )
 
 
-def _agrees(frame: Frame, seen: Frame, tolerance: float) -> NDArray[np.bool_]:
+def _agrees(frame: Frame, rendering: Frame, tolerance: float) -> NDArray[np.bool_]:
     """Pixels (H, W) of a frame whose depth is that of the map as its camera sees it."""
-    measured = (frame.depth > 0) & (seen.depth > 0)
-    return np.asarray(measured & (np.abs(frame.depth - seen.depth) <= tolerance))
+    measured = (frame.depth > 0) & (rendering.depth > 0)
+    return np.asarray(measured & (np.abs(frame.depth - rendering.depth) <= tolerance))
 
 
 def _labelled(
     height_map: HeightMap, views: Iterable[Frame | Camera], border: int, tolerance: float
 ) -> Iterator[Frame]:
-    for each in views:
-        camera = each if isinstance(each, Camera) else each.camera
-        seen = view(height_map, camera)
-        if seen.labels is None:
+    for viewpoint in views:
+        camera = viewpoint if isinstance(viewpoint, Camera) else viewpoint.camera
+        rendering = view(height_map, camera)
+        if rendering.labels is None:
             continue
-        labels = without_borders(seen.labels, border)
-        if isinstance(each, Camera):
-            yield replace(seen, labels=labels)
+        labels = without_borders(rendering.labels, border)
+        if isinstance(viewpoint, Camera):
+            yield replace(rendering, labels=labels)
         else:
-            agrees = _agrees(each, seen, tolerance)
-            yield replace(each, labels=np.where(agrees, labels, UNKNOWN).astype(np.int32))
+            agrees = _agrees(viewpoint, rendering, tolerance)
+            yield replace(viewpoint, labels=np.where(agrees, labels, UNKNOWN).astype(np.int32))
 
 
 def without_borders(labels: NDArray[np.int32], border: int) -> NDArray[np.int32]:
@@ -248,16 +248,16 @@ def _classes(path: Path) -> tuple[str, ...]:
 def _unknown_colours(
     path: Path, pixels: NDArray[np.uint8], classes: Sequence[str], colours: NDArray[np.uint8]
 ) -> InputError:
-    found, counts = np.unique(pixels, axis=0, return_counts=True)
+    values, counts = np.unique(pixels, axis=0, return_counts=True)
     order = np.argsort(-counts, kind="stable")
-    listed = ", ".join(f"{tuple(found[i].tolist())}: {counts[i]}" for i in order[:_LISTED])
-    more = f" and {len(found) - _LISTED} more" if len(found) > _LISTED else ""
-    known = ", ".join(
+    listed = ", ".join(f"{tuple(values[i].tolist())}: {counts[i]}" for i in order[:_LISTED])
+    more = f" and {len(values) - _LISTED} more" if len(values) > _LISTED else ""
+    choices = ", ".join(
         f"{name} {tuple(colour.tolist())}" for name, colour in zip(classes, colours, strict=True)
     )
     return InputError(
-        f"painting {path} has {len(pixels)} pixels of {len(found)} unknown colour(s) ({listed}"
-        f"{more}); paint with the palette's exact colours, no soft brush: {known}"
+        f"painting {path} has {len(pixels)} pixels of {len(values)} unknown colour(s) ({listed}"
+        f"{more}); paint with the palette's exact colours, no soft brush: {choices}"
     )
 
 

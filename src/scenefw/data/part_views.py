@@ -132,16 +132,18 @@ class PartViews(SceneBatches):
         streams = self.streams(batch, stream)
         to_camera, to_scale, to_noise, to_change, to_end, to_floor = streams.split(6)
         chances = to_scale.uniform(4)
-        least, most = scale
+        minimum, maximum = scale
         lens = self.lens
-        drawn: list[NDArray[Any]] = [
+        arrays: list[NDArray[Any]] = [
             np.array([[lens.fx, lens.fy, lens.cx, lens.cy]] * len(streams), np.float32),
             self.viewpoints.poses(to_camera).astype(np.float32),
-            (least * (most / least) ** chances[:, :1, None]).astype(np.float32),
+            (minimum * (maximum / minimum) ** chances[:, :1, None]).astype(np.float32),
             np.ascontiguousarray(to_noise.seeds(len(self.noise)).T),
             self._floors(to_floor),
         ]
-        intrinsics, poses, factors, seeds, found = to_device(drawn, scenes.positions.device)
+        intrinsics, poses, factors, seeds, floor_motions = to_device(
+            arrays, scenes.positions.device
+        )
         cameras = CameraBatch(*self.image_size, intrinsics, poses)
         scenes = SceneParameters(
             scenes.half_axes * factors, scenes.exponents, scenes.rotations,
@@ -154,19 +156,19 @@ class PartViews(SceneBatches):
         owners = torch.where(depth < around, owners, 0)
         depth = torch.where(owners > 0, depth, torch.where(around < _FARTHEST, around, 0.0))
         depth, owners = self._traced(scenes, cameras, traced, depth, owners)
-        for one, row in zip(self.noise.values(), seeds, strict=True):
-            depth = one.apply(depth, cameras, row)
-        cameras = CameraBatch(*self.image_size, intrinsics, found @ poses)
+        for noise_model, row in zip(self.noise.values(), seeds, strict=True):
+            depth = noise_model.apply(depth, cameras, row)
+        cameras = CameraBatch(*self.image_size, intrinsics, floor_motions @ poses)
         return PartViewBatch(depth, owners, cameras)
 
     def _floors(self, streams: Streams) -> NDArray[np.float32]:
         """Motions (B, 4, 4) of the world by which a floor is found wrongly."""
         normal = ndtri(streams.uniform(3))
         slopes = np.radians(self.tilt) * normal[:, :2]
-        moved = np.tile(np.eye(4), (len(streams), 1, 1))
-        moved[:, :3, :3] = Rotation.from_rotvec(np.pad(slopes, ((0, 0), (0, 1)))).as_matrix()
-        moved[:, 2, 3] = self.lift * normal[:, 2]
-        return moved.astype(np.float32)
+        motions = np.tile(np.eye(4), (len(streams), 1, 1))
+        motions[:, :3, :3] = Rotation.from_rotvec(np.pad(slopes, ((0, 0), (0, 1)))).as_matrix()
+        motions[:, 2, 3] = self.lift * normal[:, 2]
+        return motions.astype(np.float32)
 
     def _traced(
         self,
@@ -180,13 +182,13 @@ class PartViews(SceneBatches):
         rows = torch.from_numpy(np.flatnonzero(traced)).to(exact.device)
         if not len(rows):
             return exact, owners
-        some = SceneParameters(*(getattr(scenes, name)[rows] for name in vars(scenes)))
-        seen = self._trace(some, CameraBatch(cameras.width, cameras.height,
-                                             cameras.intrinsics[rows],
-                                             cameras.T_world_camera[rows]))  # fmt: skip
-        near = (seen[0] - exact[rows]).abs() < _SAME
-        whose = torch.where(near, owners[rows], seen[1])
-        return exact.index_copy(0, rows, seen[0]), owners.index_copy(0, rows, whose)
+        subset = SceneParameters(*(getattr(scenes, name)[rows] for name in vars(scenes)))
+        rendering = self._trace(subset, CameraBatch(cameras.width, cameras.height,
+                                                    cameras.intrinsics[rows],
+                                                    cameras.T_world_camera[rows]))  # fmt: skip
+        same_surface = (rendering[0] - exact[rows]).abs() < _SAME
+        whose = torch.where(same_surface, owners[rows], rendering[1])
+        return exact.index_copy(0, rows, rendering[0]), owners.index_copy(0, rows, whose)
 
     def _exact(
         self,
@@ -205,7 +207,9 @@ class PartViews(SceneBatches):
 
     def _trace(self, scenes: SceneParameters, cameras: CameraBatch) -> tuple[Tensor, Tensor]:
         """Depth through TSDFs, and the objects that its voxels are of."""
-        made = scene_volumes(scenes, self.volumes)
-        seen = self.renderer.render_surface(made.tsdf, made.instances, self.volumes, cameras)
-        depth = torch.where(seen.depth < _FARTHEST, seen.depth, 0.0)
-        return depth, seen.instances.clamp_min(0)
+        exact_volumes = scene_volumes(scenes, self.volumes)
+        surface = self.renderer.render_surface(
+            exact_volumes.tsdf, exact_volumes.instances, self.volumes, cameras
+        )
+        depth = torch.where(surface.depth < _FARTHEST, surface.depth, 0.0)
+        return depth, surface.instances.clamp_min(0)

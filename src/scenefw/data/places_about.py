@@ -29,7 +29,7 @@ def require_places(places: int) -> None:
         raise SettingError("places", places, "an even number of 2 or more")
 
 
-def placed_about(scenes: SceneParameters, chances: Tensor, near: float) -> tuple[Tensor, Tensor]:
+def placed_about(scenes: SceneParameters, chances: Tensor, sigma: float) -> tuple[Tensor, Tensor]:
     """Places (B, M, Q, 3) about objects (m, world), and distances (B, M, Q) to them (m).
 
     The first half lie near points of the surface that lie behind random ones of the six faces of a
@@ -38,22 +38,22 @@ def placed_about(scenes: SceneParameters, chances: Tensor, near: float) -> tuple
     Args:
         scenes: of up to M objects.
         chances: (B, M, Q, 7) uniform in [0, 1).
-        near: standard deviation of the distance of the first half from the surface (m).
+        sigma: standard deviation of the distance of the first half from the surface (m).
     """
     half_axes, exponents = scenes.half_axes[:, :, None], scenes.exponents[:, :, None]
     local = 2 * chances[..., 2:5] - 1
     axis = (3 * chances[..., :1]).long().clamp_max(2)
     on_box = local.scatter(-1, axis, torch.where(chances[..., 1:2] < 0.5, -1.0, 1.0)) * half_axes
-    away = torch.linalg.vector_norm(on_box, dim=-1).clamp_min(1e-6)
-    beyond = radial_distance(on_box, half_axes, exponents)
+    radius = torch.linalg.vector_norm(on_box, dim=-1).clamp_min(1e-6)
+    excess = radial_distance(on_box, half_axes, exponents)
     normal = (-2 * (1 - chances[..., 5]).clamp_min(1e-7).log()).sqrt()
-    shift = near * normal * (2 * torch.pi * chances[..., 6]).cos()
-    close = on_box * (1 + (shift - beyond) / away)[..., None]
+    shift = sigma * normal * (2 * torch.pi * chances[..., 6]).cos()
+    close = on_box * (1 + (shift - excess) / radius)[..., None]
     factor, room = _ROOM
     half = chances.shape[2] // 2
     wide = local * (factor * half_axes + room)
     local = torch.cat([close[:, :, :half], wide[:, :, half:]], dim=2)
     places = torch.einsum("bmij,bmqj->bmqi", scenes.rotations, local) + scenes.positions[:, :, None]
-    there = scenes.present[:, :, None]
-    distances = torch.where(there, radial_distance(local, half_axes, exponents), 0.0)
-    return torch.where(there[..., None], places, 0.0), distances
+    present = scenes.present[:, :, None]
+    distances = torch.where(present, radial_distance(local, half_axes, exponents), 0.0)
+    return torch.where(present[..., None], places, 0.0), distances

@@ -38,7 +38,7 @@ def ray_images(
     if not noise:
         return depth, owners
     noisy = depth
-    for one, row in zip(noise.values(), seeds, strict=True):
-        noisy = one.apply(noisy, cameras, row)
-    own = (noisy > 0) & ((noisy - depth).abs() < _SAME)
-    return torch.where(noisy > 0, noisy, torch.nan), torch.where(own, owners, 0)
+    for noise_model, row in zip(noise.values(), seeds, strict=True):
+        noisy = noise_model.apply(noisy, cameras, row)
+    same_surface = (noisy > 0) & ((noisy - depth).abs() < _SAME)
+    return torch.where(noisy > 0, noisy, torch.nan), torch.where(same_surface, owners, 0)

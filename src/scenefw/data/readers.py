@@ -115,8 +115,8 @@ def read_frame(
             raise InputError(
                 f"{path} is a recording; run=unpack_bag input={path} makes images of it"
             )
-        known = ", ".join(_READERS)
-        raise InputError(f"unknown format '{path.suffix}' of {path}; expected one of {known}")
+        suffixes = ", ".join(_READERS)
+        raise InputError(f"unknown format '{path.suffix}' of {path}; expected one of {suffixes}")
     try:
         around = surroundings(path) if around is None else around
         frame = reader(path, intrinsics, depth_scale, around)
@@ -138,8 +138,8 @@ def read_labels(path: Path | str) -> NDArray[np.int32] | None:
         return None
     try:
         with np.load(path, allow_pickle=False) as file:
-            found = {k: file[k] for k in ("instances", "label") if k in file.files}
-            return _npz_labels(found, path)
+            arrays = {k: file[k] for k in ("instances", "label") if k in file.files}
+            return _npz_labels(arrays, path)
     except DAMAGED as error:
         raise InputError(f"cannot read {path}: {unreadable(error, _COMPLETE)}") from error
 
@@ -168,7 +168,7 @@ def _read_npz(
         raise InputError(
             f"{path} has no intrinsics K (3, 3); store them in it or give run.intrinsics=PATH"
         )
-    matrix = content["K"] if intrinsics is None else _given(intrinsics, path, depth.shape)
+    matrix = content["K"] if intrinsics is None else _checked_matrix(intrinsics, path, depth.shape)
     return _frame(depth, matrix, path, colour=content.get("rgb"), labels=_npz_labels(content, path))
 
 
@@ -190,14 +190,14 @@ def _npz_labels(content: dict[str, Array], path: Path) -> Array | None:
     if key is None:
         return None
     labels = content[key]
-    if labels.dtype.kind not in "uib" and not _whole(labels):
+    if labels.dtype.kind not in "uib" and not _holds_integers(labels):
         raise InputError(
             f"{key} of {path} is of {labels.dtype}; give whole numbers, or leave it out"
         )
     return labels.astype(np.int32) if key == "instances" else decode_labels(labels)
 
 
-def _whole(values: Array) -> bool:
+def _holds_integers(values: Array) -> bool:
     """Whether floats are whole numbers."""
     return values.dtype.kind == "f" and bool((values == np.round(values)).all())
 
@@ -261,7 +261,7 @@ def _frame(
     return Frame(depth, camera, colour, labels, path.stem)
 
 
-def _given(intrinsics: Intrinsics, path: Path, shape: tuple[int, ...]) -> Array:
+def _checked_matrix(intrinsics: Intrinsics, path: Path, shape: tuple[int, ...]) -> Array:
     matrix = intrinsic_matrix(intrinsics, path.name)
     if len(shape) == 2:
         require_size(intrinsics, *shape, path.name)
@@ -272,7 +272,7 @@ def _matrix(
     path: Path, intrinsics: Intrinsics | None, shape: tuple[int, ...], around: Surroundings
 ) -> Array:
     if intrinsics is not None:
-        return _given(intrinsics, path, shape)
+        return _checked_matrix(intrinsics, path, shape)
     if around.matrix is not None:
         return around.matrix
     stems = (path.stem, f"{path.stem}.intrinsics", *_INTRINSICS_STEMS)
@@ -281,7 +281,7 @@ def _matrix(
             for suffix in _INTRINSICS_SUFFIXES:
                 candidate = folder / (stem + suffix)
                 if candidate.is_file():
-                    return _given(candidate, path, shape)
+                    return _checked_matrix(candidate, path, shape)
     raise InputError(
         f"no intrinsics for {path}; put {path.stem}.json or intrinsics.json with fx, fy, cx, cy "
         "beside it, or give run.intrinsics=PATH"
@@ -297,14 +297,14 @@ def _read_colour(path: Path, shape: tuple[int, ...]) -> NDArray[np.uint8] | None
             for word in _COLOUR_WORDS
             for suffix in (".png", ".jpg", ".jpeg")
         ]
-    found = (path.with_name(name) for name in names if path.with_name(name).is_file())
-    return _picture(next(found, None), shape)
+    paths = (path.with_name(name) for name in names if path.with_name(name).is_file())
+    return _picture(next(paths, None), shape)
 
 
-def _picture(found: Path | None, shape: tuple[int, ...]) -> NDArray[np.uint8] | None:
-    if found is None:
+def _picture(path: Path | None, shape: tuple[int, ...]) -> NDArray[np.uint8] | None:
+    if path is None:
         return None
-    with Image.open(found) as image:
+    with Image.open(path) as image:
         colour = np.array(image.convert("RGB"))
     return colour if colour.shape[:2] == tuple(shape) else None
 

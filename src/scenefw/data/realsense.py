@@ -50,12 +50,12 @@ class RealSense:
         self.recording, self.size, self.rate = recording, size, rate
         self.align, self.warm_up = align, warm_up
 
-    def frames(self, every: int = 1, most: int | None = None) -> Iterator[RecordedFrame]:
-        """Every n-th pair of images; those of a camera go on until `most`.
+    def frames(self, stride: int = 1, max_frames: int | None = None) -> Iterator[RecordedFrame]:
+        """Every n-th pair of images; those of a camera go on until `max_frames`.
 
         Args:
-            every: how many to go on.
-            most: images at most; None means all.
+            stride: how many to go on.
+            max_frames: images at most; None means all.
 
         Raises:
             InputError: there is no camera, it sends nothing, or the file is no recording.
@@ -67,24 +67,24 @@ class RealSense:
             kind = {"depth": library.stream.depth, "colour": library.stream.color}.get(self.align)
             aligned = kind is not None and library.align(kind)
             skipped = 0 if self.recording else self.warm_up
-            number = made = 0
-            while made != most:
-                there, pair = pipeline.try_wait_for_frames(_PATIENCE)
-                if not there:
+            number = count = 0
+            while count != max_frames:
+                success, pair = pipeline.try_wait_for_frames(_PATIENCE)
+                if not success:
                     break
                 number += 1
-                if number <= skipped or (number - 1 - skipped) % every:
+                if number <= skipped or (number - 1 - skipped) % stride:
                     continue
-                found = _frame(aligned.process(pair) if aligned else pair, units, aligned)
-                if found is not None:
-                    made += 1
-                    yield found
+                frame = _frame(aligned.process(pair) if aligned else pair, units, aligned)
+                if frame is not None:
+                    count += 1
+                    yield frame
         finally:
             pipeline.stop()
-        if not made or (most is not None and not self.recording and made < most):
+        if not count or (max_frames is not None and not self.recording and count < max_frames):
             where = self.recording or "the camera"
             raise InputError(
-                f"{where} sent {made} pairs of depth and colour in time; is depth recorded, and "
+                f"{where} sent {count} pairs of depth and colour in time; is depth recorded, and "
                 "the camera at a USB 3 port?"
             )
 

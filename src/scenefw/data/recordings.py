@@ -34,8 +34,8 @@ class Recording:
     def state(self) -> dict[str, NDArray[Any]]:
         """Arrays that `from_state` restores it from."""
         poses = np.array(self.poses, dtype=np.float64).reshape(-1, 4, 4)
-        known: dict[str, NDArray[Any]] = {"names": np.array(self.names, np.str_), "poses": poses}
-        return known if self.T_map_world is None else known | {"T_map_world": self.T_map_world}
+        arrays: dict[str, NDArray[Any]] = {"names": np.array(self.names, np.str_), "poses": poses}
+        return arrays if self.T_map_world is None else arrays | {"T_map_world": self.T_map_world}
 
     @classmethod
     def from_state(cls, state: Mapping[str, NDArray[Any]]) -> Recording:

@@ -33,8 +33,8 @@ class ResidentScenes:
                 "renderer mesh_raycaster, or dataset=tabletop_views and tabletop_maps"
             )
         self.source, self.renderer = source, source.renderer
-        many = Local(workers)
-        self.parallel = many if len(source.numbers) > _FEW else Local(1)
+        pool = Local(workers)
+        self.parallel = pool if len(source.numbers) > _FEW else Local(1)
         self._tables: dict[torch.device, Tables] = {}
 
     def on(self, device: torch.device) -> Tables:

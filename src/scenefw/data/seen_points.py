@@ -35,12 +35,12 @@ def seen_points(
     places = pixel_places(depth, cameras).flatten(1, 2)
     lower = places.new_tensor(grid.lower)
     inside = ((places > lower) & (places < lower + grid.extent)).all(dim=-1)
-    there = (depth.flatten(1) > 0) & inside & (places[..., 2] > LOWEST)
-    counts = there.sum(dim=1, keepdim=True)
-    order = (~there).to(torch.uint8).argsort(dim=1, stable=True)
+    valid = (depth.flatten(1) > 0) & inside & (places[..., 2] > LOWEST)
+    counts = valid.sum(dim=1, keepdim=True)
+    order = (~valid).to(torch.uint8).argsort(dim=1, stable=True)
     points = chances.shape[1]
     shares = (torch.arange(points, device=chances.device) + chances) / points
     ranks = (shares * counts).long().minimum((counts - 1).clamp_min(0))
     pixels = order.gather(1, ranks)
-    found = places.gather(1, pixels[..., None].expand(-1, -1, 3))
-    return found, (counts > 0).expand(-1, points)
+    samples = places.gather(1, pixels[..., None].expand(-1, -1, 3))
+    return samples, (counts > 0).expand(-1, points)

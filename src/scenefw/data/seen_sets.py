@@ -128,7 +128,7 @@ class SeenSets(SceneBatches):
         change = to_change.uniform(3) if changed else np.full((len(streams), 3), 0.5)
         scale = self.scale ** (2 * change[:, :1] - 1)
         slots = parameters.present.shape[1]
-        drawn: list[NDArray[Any]] = [
+        arrays: list[NDArray[Any]] = [
             np.array([_intrinsics(self.lens)] * len(streams), np.float32),
             self.viewpoints.poses(to_camera).astype(np.float32),
             scale.astype(np.float32),
@@ -138,14 +138,14 @@ class SeenSets(SceneBatches):
             to_ends.uniform(3 * slots * self.ends).astype(np.float32),
             np.ascontiguousarray(to_noise.seeds(len(self.noise)).T),
         ]
-        intrinsics, poses, factors, mirrored, sigmas, *random, seeds = to_device(drawn, device)
+        intrinsics, poses, factors, mirrored, sigmas, *random, seeds = to_device(arrays, device)
         cameras = CameraBatch(self.lens.width, self.lens.height, intrinsics, poses)
         parameters = scaled(parameters, factors)
         depth, owners = ray_images(parameters, cameras, self.noise, seeds)
-        made = self._seen(parameters, cameras, depth, owners, sigmas, *random)
-        return _mirrored(made, mirrored > 0)
+        views = self._view_batch(parameters, cameras, depth, owners, sigmas, *random)
+        return _mirrored(views, mirrored > 0)
 
-    def _seen(
+    def _view_batch(
         self,
         scenes: SceneParameters,
         cameras: CameraBatch,
@@ -162,16 +162,18 @@ class SeenSets(SceneBatches):
         order = flat.argsort(dim=1, stable=True)
         starts = counts.cumsum(dim=1) - counts
         chances = random.view(batch, 3, slots, self.points)
-        own = counts[:, 1:, None]
-        places = starts[:, 1:, None] + (chances[:, 0] * own).long().minimum((own - 1).clamp_min(0))
+        pixel_counts = counts[:, 1:, None]
+        places = starts[:, 1:, None] + (chances[:, 0] * pixel_counts).long().minimum(
+            (pixel_counts - 1).clamp_min(0)
+        )
         pixels = order.gather(1, places.clamp_max(flat.shape[1] - 1).flatten(1))
         noise = sigmas * _normal(chances[:, 1], chances[:, 2]).flatten(1)
         points = places_of(depth.flatten(1).gather(1, pixels) + noise, pixels, cameras)
-        seen = counts[:, 1:] >= self.least
+        visible = counts[:, 1:] >= self.least
         points = points.view(batch, slots, self.points, 3)
         return in_frame(
-            torch.where(seen[..., None, None], points, 0.0),
-            seen,
+            torch.where(visible[..., None, None], points, 0.0),
+            visible,
             counts[:, 1:] / flat.shape[1],
             self._ends(depth, owners, cameras, sigmas, at_ends.view(batch, 3, slots, self.ends)),
             cameras.T_world_camera[:, :3, 3],
@@ -187,10 +189,10 @@ class SeenSets(SceneBatches):
         ends = object_ends(points, owners, eye, chances[:, 0])
         noise = sigmas[..., None] * _normal(chances[:, 1], chances[:, 2])
         ray = torch.nn.functional.normalize(ends[..., :3] - eye[:, None, None], dim=-1)
-        moved = torch.cat(
+        shift = torch.cat(
             [noise[..., None] * ray, torch.zeros_like(ray), -noise[..., None]], dim=-1
         )
-        return torch.where(ends.any(dim=-1, keepdim=True), ends + moved, 0.0)
+        return torch.where(ends.any(dim=-1, keepdim=True), ends + shift, 0.0)
 
 
 def _intrinsics(lens: Any) -> list[float]:
@@ -202,16 +204,16 @@ def _normal(first: Tensor, second: Tensor) -> Tensor:
     return (-2 * (1 - first).clamp_min(1e-7).log()).sqrt() * (2 * torch.pi * second).cos()
 
 
-def _mirrored(batch: SeenSetBatch, which: Tensor) -> SeenSetBatch:
+def _mirrored(batch: SeenSetBatch, mask: Tensor) -> SeenSetBatch:
     """Some views seen in a mirror: y becomes -y. Superquadrics are their own mirror images."""
-    sign = torch.where(which, -1.0, 1.0)
+    sign = torch.where(mask, -1.0, 1.0)
     flip = torch.stack([torch.ones_like(sign), sign, torch.ones_like(sign)], dim=-1)
     rotations = batch.rotations * flip[:, None, :, None] * sign[:, None, None, None]
-    both = torch.cat([flip, flip, torch.ones_like(sign)[:, None]], dim=-1)
+    end_flip = torch.cat([flip, flip, torch.ones_like(sign)[:, None]], dim=-1)
     return replace(
         batch,
         points=batch.points * flip[:, None, None],
-        ends=batch.ends * both[:, None, None],
+        ends=batch.ends * end_flip[:, None, None],
         camera=batch.camera * flip,
         rotations=rotations,
         positions=batch.positions * flip[:, None],

@@ -111,7 +111,7 @@ class RGBDFolder(_Sequence):
             raise InputError(f"no depth image in {folder}; expected 16-bit .png or .npy files")
         poses = folder_poses(path, depths, largest_jump, require_poses)
         colours, labels = _beside(path, _COLOURS, depths), _beside(path, ("labels",), depths)
-        entries = [_Entry(*each) for each in zip(depths, colours, labels, poses, strict=True)]
+        entries = [_Entry(*parts) for parts in zip(depths, colours, labels, poses, strict=True)]
         self._frames = _Frames(entries, _intrinsics(path, intrinsics), depth_scale, Surroundings())
 
 
@@ -168,10 +168,10 @@ class TUMSequence(_Sequence):
             for words, colour, pose in zip(depths, colour_of, pose_of, strict=True)
             if pose >= 0 or not require_poses
         ]
-        known = [entry.pose for entry in entries if entry.pose is not None]
-        pose_files.require_metres(known, str(path))
+        entry_poses = [entry.pose for entry in entries if entry.pose is not None]
+        pose_files.require_metres(entry_poses, str(path))
         if largest_jump is not None:
-            pose_files.require_smooth(known, largest_jump, str(path))
+            pose_files.require_smooth(entry_poses, largest_jump, str(path))
         around = Surroundings(TUM_UNIT)
         self._frames = _Frames(entries, _intrinsics(path, intrinsics), depth_scale, around)
 
@@ -238,8 +238,8 @@ def _write_frame(folder: Path, index: int, frame: Frame) -> None:
     if frame.colour is not None:
         _write_image(folder / "rgb" / f"{index:06d}.png", frame.colour)
     if frame.labels is not None:
-        known = np.where(frame.labels == UNKNOWN, IGNORED, frame.labels).astype(np.uint8)
-        _write_image(folder / "labels" / f"{index:06d}.png", known)
+        labels = np.where(frame.labels == UNKNOWN, IGNORED, frame.labels).astype(np.uint8)
+        _write_image(folder / "labels" / f"{index:06d}.png", labels)
 
 
 @dataclass(frozen=True)
@@ -274,26 +274,27 @@ def _beside(path: Path, names: Sequence[str], depths: list[Path]) -> list[Path |
     folder = next((path / name for name in names if (path / name).is_dir()), None)
     if folder is None:
         return [None] * len(depths)
-    found: list[Path | None] = []
+    images: list[Path | None] = []
     for depth in depths:
         files = (folder / f"{depth.stem}{suffix}" for suffix in _IMAGES)
         file = next((file for file in files if file.is_file()), None)
         if file is None:
             raise InputError(f"no image {folder / depth.stem}.png beside {depth}; add it")
-        found.append(file)
-    return found
+        images.append(file)
+    return images
 
 
-def _intrinsics(path: Path, given: Path | str | None) -> Path:
-    candidates = [Path(given)] if given else [path / name for name in _INTRINSICS]
-    found = next((file for file in candidates if file.is_file()), None)
-    if found is None:
+def _intrinsics(path: Path, override: Path | str | None) -> Path:
+    candidates = [Path(override)] if override else [path / name for name in _INTRINSICS]
+    intrinsics_file = next((file for file in candidates if file.is_file()), None)
+    if intrinsics_file is None:
         raise InputError(
-            f"no intrinsics {given or f'in {path}'}; put intrinsics.json with fx, fy, cx, cy there "
-            "or give run.intrinsics=PATH (the TUM benchmark's own default: 525, 525, 319.5, 239.5)"
+            f"no intrinsics {override or f'in {path}'}; put intrinsics.json with fx, fy, cx, cy "
+            "there or give run.intrinsics=PATH (the TUM benchmark's own default: 525, 525, 319.5, "
+            "239.5)"
         )
-    read_intrinsics(found)
-    return found
+    read_intrinsics(intrinsics_file)
+    return intrinsics_file
 
 
 def _timed(path: Path) -> tuple[NDArray[np.float64], list[list[str]]]:
@@ -322,15 +323,15 @@ def _timed_poses(path: Path) -> tuple[NDArray[np.float64], list[NDArray[np.float
 
 
 def _nearest(
-    times: NDArray[np.float64], others: NDArray[np.float64], most: float
+    times: NDArray[np.float64], candidates: NDArray[np.float64], max_delay: float
 ) -> NDArray[np.int64]:
-    """Index of the nearest other time, -1 where none is within `most` seconds."""
-    after = np.clip(np.searchsorted(others, times), 1, max(len(others) - 1, 1))
+    """Index of the nearest other time, -1 where none is within `max_delay` seconds."""
+    after = np.clip(np.searchsorted(candidates, times), 1, max(len(candidates) - 1, 1))
     before = after - 1
-    after = np.minimum(after, len(others) - 1)
-    closer = np.abs(others[after] - times) < np.abs(others[before] - times)
+    after = np.minimum(after, len(candidates) - 1)
+    closer = np.abs(candidates[after] - times) < np.abs(candidates[before] - times)
     nearest = np.where(closer, after, before)
-    return np.where(np.abs(others[nearest] - times) <= most, nearest, -1)
+    return np.where(np.abs(candidates[nearest] - times) <= max_delay, nearest, -1)
 
 
 def _size(path: Path) -> tuple[int, int]:

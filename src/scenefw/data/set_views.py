@@ -56,10 +56,10 @@ def volume_view(partial: PartialTSDF, grid: GridSpec, chances: Tensor) -> SetVie
         InputError: partial TSDFs without images.
     """
     depth, cameras = _images(partial)
-    points, seen = seen_points(depth, cameras, grid, chances.to(depth.device))
+    points, valid = seen_points(depth, cameras, grid, chances.to(depth.device))
     turn = torch.eye(3, device=points.device).expand(len(points), 3, 3)
     origin = points.new_zeros(len(points), 3)
-    return SetView(condition(partial, grid), points, seen, turn, origin)
+    return SetView(condition(partial, grid), points, valid, turn, origin)
 
 
 def image_shape(width: int, camera_width: int, camera_height: int) -> tuple[int, int]:
@@ -90,12 +90,12 @@ def image_view(partial: PartialTSDF, grid: GridSpec, width: int) -> SetView:
     depth = require_depth(depth, cameras)
     height, width = image_shape(width, cameras.width, cameras.height)
     rows, columns = (
-        ((torch.arange(few, device=depth.device) + 0.5) * (many / few)).long()
-        for few, many in ((height, cameras.height), (width, cameras.width))
+        ((torch.arange(size, device=depth.device) + 0.5) * (full_size / size)).long()
+        for size, full_size in ((height, cameras.height), (width, cameras.width))
     )
     pixels = (rows[:, None] * cameras.width + columns).flatten().expand(len(depth), -1)
-    read = depth.flatten(1).gather(1, pixels)
-    places = torch.where((read > 0)[..., None], places_of(read, pixels, cameras), torch.nan)
+    samples = depth.flatten(1).gather(1, pixels)
+    places = torch.where((samples > 0)[..., None], places_of(samples, pixels, cameras), torch.nan)
     return view_of_places(places.view(-1, height, width, 3), grid, cameras.T_world_camera)
 
 
@@ -115,8 +115,8 @@ def view_of_places(places: Tensor, grid: GridSpec, poses: Tensor) -> SetView:
     origin = middle * middle.new_tensor([1.0, 1.0, 0.0])
     turn = _level(poses)
     local = torch.einsum("bij,bhwj->bhwi", turn, places - origin[:, None, None])
-    points, seen = cell_points(local, above)
-    return SetView(place_image(local, above), points, seen, turn, origin)
+    points, valid = cell_points(local, above)
+    return SetView(place_image(local, above), points, valid, turn, origin)
 
 
 def _level(poses: Tensor) -> Tensor:
@@ -129,9 +129,9 @@ def _level(poses: Tensor) -> Tensor:
     x, y = nn.functional.normalize(
         torch.where(unclear, ahead.new_tensor([1.0, 0.0]), ahead), dim=-1
     ).unbind(dim=-1)
-    zero, one = torch.zeros_like(x), torch.ones_like(x)
+    zero, unit = torch.zeros_like(x), torch.ones_like(x)
     rows = [torch.stack([x, y, zero], -1), torch.stack([-y, x, zero], -1),
-            torch.stack([zero, zero, one], -1)]  # fmt: skip
+            torch.stack([zero, zero, unit], -1)]  # fmt: skip
     return torch.stack(rows, dim=1)
 
 

@@ -83,7 +83,7 @@ class StackScenes:
         self.paths = [data_file(entry, split) for entry in several]
         parts = [_split(file, split, limit) for file in self.paths]
         self.sizes = _sizes(self.paths, [len(arrays["index"]) for arrays in parts])
-        arrays = _joined(parts)
+        arrays = _join(parts)
         self.split = split
         self.indices = arrays["index"]
         self.masses = arrays["masses"]
@@ -105,15 +105,15 @@ class StackScenes:
             InputError: on the way to another device, an object is not a convex solid.
         """
         device = torch.device(device or "cpu")
-        chosen = torch.as_tensor(indices, dtype=torch.int64).cpu()
-        (rows,) = to_device([chosen.numpy()], device)
-        return _each(self._on(device), lambda field: field.index_select(0, rows))
+        positions = torch.as_tensor(indices, dtype=torch.int64).cpu()
+        (rows,) = to_device([positions.numpy()], device)
+        return _map_fields(self._on(device), lambda field: field.index_select(0, rows))
 
     def objects(self, row: int) -> tuple[SceneObject, ...]:
         """The objects of the scene at a position in this split, as rigid bodies."""
-        one = _each(self._resident[torch.device("cpu")], lambda field: field[row])
+        scene = _map_fields(self._resident[torch.device("cpu")], lambda field: field[row])
         axes, exponents, rotations, positions = (
-            getattr(one, name).numpy().astype(np.float64)
+            getattr(scene, name).numpy().astype(np.float64)
             for name in ("half_axes", "exponents", "rotations", "positions")
         )
         return tuple(
@@ -122,14 +122,14 @@ class StackScenes:
                 Pose(positions[i], geometry.quaternion_from_rotation(rotations[i])),
                 float(self.masses[row, i]),
             )
-            for i in np.flatnonzero(one.present.numpy())
+            for i in np.flatnonzero(scene.present.numpy())
         )
 
     def _on(self, device: torch.device) -> SceneParameters:
         if device not in self._resident:
-            everything = self._resident[torch.device("cpu")]
-            require_solids(everything)
-            self._resident[device] = _each(everything, lambda field: field.to(device))
+            scenes = self._resident[torch.device("cpu")]
+            require_solids(scenes)
+            self._resident[device] = _map_fields(scenes, lambda field: field.to(device))
         return self._resident[device]
 
     def manifest(self) -> dict[str, object]:
@@ -144,12 +144,12 @@ def shipped_scenes(name: str = "stacks", split: str = "train") -> Path:
     Raises:
         ConfigError: the package has no such data set.
     """
-    known = name if name in SHIPPED else f"{name}{_LATEST}"
-    if known not in SHIPPED:
+    full_name = name if name in SHIPPED else f"{name}{_LATEST}"
+    if full_name not in SHIPPED:
         raise ConfigError(f"no data set {name} ships; there are {', '.join(SHIPPED)}")
-    if split == FINAL and known not in FINAL_PARTS:
-        raise ConfigError(f"{known} has no final part; there are {', '.join(FINAL_PARTS)}")
-    file = SHIPPED[known]
+    if split == FINAL and full_name not in FINAL_PARTS:
+        raise ConfigError(f"{full_name} has no final part; there are {', '.join(FINAL_PARTS)}")
+    file = SHIPPED[full_name]
     file = file.replace(".npz", "_final.npz") if split == FINAL else file
     return Path(str(resources.files("scenefw") / "assets" / file))
 
@@ -184,7 +184,7 @@ def _split(path: Path, split: str, limit: int | None) -> dict[str, np.ndarray]:
     return {name: array[rows] for name, array in arrays.items()}
 
 
-def _joined(sets: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+def _join(sets: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
     """Joins data sets; scenes with fewer objects get empty slots."""
     slots = max(arrays["half_axes"].shape[1] for arrays in sets)
     return {
@@ -196,8 +196,8 @@ def _joined(sets: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
 def _padded(array: np.ndarray, slots: int) -> np.ndarray:
     if array.ndim < 2:
         return array
-    missing = slots - array.shape[1]
-    return np.pad(array, [(0, 0), (0, missing), *[(0, 0)] * (array.ndim - 2)])
+    padding = slots - array.shape[1]
+    return np.pad(array, [(0, 0), (0, padding), *[(0, 0)] * (array.ndim - 2)])
 
 
 def _parameters(arrays: dict[str, np.ndarray]) -> SceneParameters:
@@ -216,7 +216,7 @@ def _parameters(arrays: dict[str, np.ndarray]) -> SceneParameters:
     return SceneParameters(*[*numbers, torch.from_numpy(present)])
 
 
-def _each(parameters: SceneParameters, change: Callable[[Tensor], Tensor]) -> SceneParameters:
+def _map_fields(parameters: SceneParameters, change: Callable[[Tensor], Tensor]) -> SceneParameters:
     names = (field.name for field in dataclasses.fields(parameters))
     return SceneParameters(*(change(getattr(parameters, name)) for name in names))
 
@@ -258,11 +258,11 @@ def _read(path: Path) -> dict[str, np.ndarray]:
 
 
 def _require_arrays(arrays: dict[str, np.ndarray], path: Path) -> None:
-    missing = {*_SHAPES, "masses", "count", "index", "split"} - arrays.keys()
-    if missing:
+    missing_names = {*_SHAPES, "masses", "count", "index", "split"} - arrays.keys()
+    if missing_names:
         raise StorageError(
-            f"{path} lacks {', '.join(sorted(missing))}, so it is not a data set of stacks; give "
-            "an .npz made by `run=generate`"
+            f"{path} lacks {', '.join(sorted(missing_names))}, so it is not a data set of stacks; "
+            "give an .npz made by `run=generate`"
         )
     for name, width in _SHAPES.items():
         array = arrays[name]
@@ -289,9 +289,9 @@ def rows_of(splits: np.ndarray, split: str, limit: int | None, path: Path) -> np
         raise ConfigError(f"split is {split!r}, expected one of all, {', '.join(SPLITS)}")
     if limit is not None and limit < 1:
         raise ConfigError(f"the limit of scenes is {limit}, expected at least 1 or null for all")
-    everything = np.arange(len(splits))
+    row_numbers = np.arange(len(splits))
     final = splits == SPLITS.index(FINAL)
-    rows = everything[~final if split == "all" else splits == SPLITS.index(split)]
+    rows = row_numbers[~final if split == "all" else splits == SPLITS.index(split)]
     if len(rows) == 0:
         raise ConfigError(f"{path} holds no scene of the split {split}; generate more scenes")
     return rows[:limit]

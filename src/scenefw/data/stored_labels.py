@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 class StoredLabels:
     """Labels in the `.npz` of an image: `instances`, or `label` as `decode_labels` reads it."""
 
-    wanted = "expected an array `label` or `instances` in each .npz, or evaluation=outlined"
+    hint = "expected an array `label` or `instances` in each .npz, or evaluation=outlined"
 
     def of(self, image: Path) -> Int32 | None:
         """Labels (H, W) of an image: -1 unknown, 0 no object, 1..N; None if it has none.

@@ -61,33 +61,33 @@ def surrounding_depths(
     if not changed.any():
         return depth
     numbers = streams.uniform(_DRAWS).astype(np.float32)
-    drawn, those = to_device([numbers, changed], depth.device)
-    table = _drawn_table(scenes, drawn)
+    draws, changed_mask = to_device([numbers, changed], depth.device)
+    table = _drawn_table(scenes, draws)
     places = pixel_places(depth, cameras)[..., :2]
     along = torch.einsum("bhwc,bec->behw", places, table.outward)
-    beyond = (along > table.reach[:, :, None, None]).any(dim=1) & those[:, None, None]
+    off_table = (along > table.reach[:, :, None, None]).any(dim=1) & changed_mask[:, None, None]
     above = cameras.T_world_camera[:, 2, 3]
     lower = depth * (1 + table.height / above)[:, None, None]
-    depth = torch.where(beyond, lower, depth)
-    things, _ = first_hits(_things(table, _middles(scenes), cameras, those), cameras)
+    depth = torch.where(off_table, lower, depth)
+    things, _ = first_hits(_things(table, _middles(scenes), cameras, changed_mask), cameras)
     return torch.where((things > 0) & (things < depth), things, depth)
 
 
-def _drawn_table(scenes: SceneParameters, drawn: Tensor) -> _Table:
-    first = 2 * np.pi * drawn[:, 0]
-    angles = torch.stack([first, first + np.pi * (0.25 + 0.5 * drawn[:, 1])], dim=1)
+def _drawn_table(scenes: SceneParameters, draws: Tensor) -> _Table:
+    first = 2 * np.pi * draws[:, 0]
+    angles = torch.stack([first, first + np.pi * (0.25 + 0.5 * draws[:, 1])], dim=1)
     outward = torch.stack([angles.cos(), angles.sin()], dim=-1)
     # A box about an object reaches so far along a direction
     turned = torch.einsum("bec,bncj->benj", outward, scenes.rotations[:, :, :2])
     sides = (turned.abs() * scenes.half_axes[:, None]).sum(dim=-1)
     ends = torch.einsum("bec,bnc->ben", outward, scenes.positions[..., :2]) + sides
     ends = torch.where(scenes.present[:, None], ends, -torch.inf).amax(dim=-1)
-    reach = ends + _between(drawn[:, 3 : 3 + _EDGES], *_GAP)
-    second = drawn[:, 3 + _EDGES] < _SECOND
+    reach = ends + _between(draws[:, 3 : 3 + _EDGES], *_GAP)
+    second = draws[:, 3 + _EDGES] < _SECOND
     reach[:, 1] = torch.where(second, reach[:, 1], torch.inf)
     return _Table(
-        outward, reach, _between(drawn[:, 2], *_DROP),
-        drawn[:, 3 + 2 * _EDGES :].unflatten(1, (_THINGS, -1)),
+        outward, reach, _between(draws[:, 2], *_DROP),
+        draws[:, 3 + 2 * _EDGES :].unflatten(1, (_THINGS, -1)),
     )  # fmt: skip
 
 
@@ -98,26 +98,28 @@ def _middles(scenes: SceneParameters) -> Tensor:
     return places.sum(dim=1) / count
 
 
-def _things(table: _Table, middles: Tensor, cameras: CameraBatch, those: Tensor) -> SceneParameters:
+def _things(
+    table: _Table, middles: Tensor, cameras: CameraBatch, changed_mask: Tensor
+) -> SceneParameters:
     """Superquadrics (B, `_THINGS`) that stand on the floor, beyond the first edge.
 
     None stands nearer to the camera than its table: it would hide what is on that.
     """
-    drawn = table.things
-    half_axes = _between(drawn[..., :3], *_SIZE)
-    angle = 2 * np.pi * drawn[..., 3]
-    zero, one = torch.zeros_like(angle), torch.ones_like(angle)
+    draws = table.things
+    half_axes = _between(draws[..., :3], *_SIZE)
+    angle = 2 * np.pi * draws[..., 3]
+    zero, unit = torch.zeros_like(angle), torch.ones_like(angle)
     rotations = torch.stack(
-        [angle.cos(), -angle.sin(), zero, angle.sin(), angle.cos(), zero, zero, zero, one], dim=-1
+        [angle.cos(), -angle.sin(), zero, angle.sin(), angle.cos(), zero, zero, zero, unit], dim=-1
     ).unflatten(-1, (3, 3))
     outward = table.outward[:, :1]
     beside = torch.stack([-outward[..., 1], outward[..., 0]], dim=-1)
     radius = half_axes[..., :2].norm(dim=-1)
-    away = table.reach[:, :1] + radius + _between(drawn[..., 4], *_AWAY)
-    aside = (middles[:, None] * beside).sum(dim=-1) + _ASIDE * (2 * drawn[..., 5] - 1)
-    places = away[..., None] * outward + aside[..., None] * beside
+    along = table.reach[:, :1] + radius + _between(draws[..., 4], *_AWAY)
+    aside = (middles[:, None] * beside).sum(dim=-1) + _ASIDE * (2 * draws[..., 5] - 1)
+    places = along[..., None] * outward + aside[..., None] * beside
     levels = half_axes[..., 2:] - table.height[:, None, None]
-    exponents = _between(drawn[..., 6:7], 2.0, 12.0).expand_as(half_axes)
+    exponents = _between(draws[..., 6:7], 2.0, 12.0).expand_as(half_axes)
     eyes = cameras.T_world_camera[:, None, :2, 3]
     nearest = (places - eyes).norm(dim=-1) - radius
     behind = nearest > (middles[:, None] - eyes).norm(dim=-1)
@@ -126,7 +128,7 @@ def _things(table: _Table, middles: Tensor, cameras: CameraBatch, those: Tensor)
         exponents.contiguous(),
         rotations,
         torch.cat([places, levels], dim=-1),
-        (drawn[..., 7] < _PRESENT) & behind & those[:, None],
+        (draws[..., 7] < _PRESENT) & behind & changed_mask[:, None],
     )
 
 

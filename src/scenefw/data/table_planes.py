@@ -44,9 +44,11 @@ def table_planes(depth: Tensor, cameras: CameraBatch) -> Tensor:
     z, weight = z.flatten(1), share.flatten(1)
     plane = _solved(points, 1 / z, weight)
     for scale in _SCALES:
-        near, far = noise.clamp(min=scale), noise.clamp(min=max(scale, _BELOW))
+        upper_scale, lower_scale = noise.clamp(min=scale), noise.clamp(min=max(scale, _BELOW))
         height = (1 - z * _applied(points, plane)) / plane.norm(dim=1, keepdim=True)
-        share = torch.where(height > 0, _ABOVE * _biweight(height / near), _biweight(height / far))
+        share = torch.where(
+            height > 0, _ABOVE * _biweight(height / upper_scale), _biweight(height / lower_scale)
+        )
         plane = _solved(points, 1 / z, weight * share)
     for _ in range(_SYMMETRIC):
         height = (1 - z * _applied(points, plane)) / plane.norm(dim=1, keepdim=True)
@@ -57,10 +59,10 @@ def table_planes(depth: Tensor, cameras: CameraBatch) -> Tensor:
 
 def _blocks(depth: Tensor, cameras: CameraBatch) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Rays x and y, mean depths z and shares of measured pixels of blocks, as float64."""
-    known = ((depth > 0) & depth.isfinite()).double()
+    valid = ((depth > 0) & depth.isfinite()).double()
     size = 2 * [max(1, cameras.width // _ACROSS)]
-    share = avg_pool2d(known, size)
-    total = avg_pool2d(torch.where(known > 0, depth, 0.0).double(), size)
+    share = avg_pool2d(valid, size)
+    total = avg_pool2d(torch.where(valid > 0, depth, 0.0).double(), size)
     x, y = (part.double() for part in _rays(cameras, depth))
     x, y = avg_pool2d(x, [1, size[0]]), avg_pool2d(y, [size[0], 1])
     return x, y, torch.where(share > 0, total / share.clamp(min=1e-9), 1.0), share
@@ -89,13 +91,13 @@ def _solved(points: Tensor, inverse: Tensor, weight: Tensor) -> Tensor:
     right = (weighted * inverse[..., None]).sum(dim=1)
     ridge = 1e-9 * (1 + matrix.diagonal(dim1=1, dim2=2).sum(dim=1))
     matrix = matrix + ridge[:, None, None] * torch.eye(3, device=matrix.device, dtype=matrix.dtype)
-    found: Tensor = torch.linalg.solve(matrix, right)
-    return found
+    planes: Tensor = torch.linalg.solve(matrix, right)
+    return planes
 
 
-def _noise(depth: Tensor, known: Tensor) -> Tensor:
+def _noise(depth: Tensor, valid: Tensor) -> Tensor:
     """Standard deviations (B,) of depth (m) by second differences along rows (1.4826 MAD)."""
     second = (depth[:, :, :-2] - 2 * depth[:, :, 1:-1] + depth[:, :, 2:]).abs()
-    whole = known[:, :, :-2] & known[:, :, 1:-1] & known[:, :, 2:]
-    median = torch.where(whole, second, torch.nan).flatten(1).nanmedian(dim=1).values
+    valid_triples = valid[:, :, :-2] & valid[:, :, 1:-1] & valid[:, :, 2:]
+    median = torch.where(valid_triples, second, torch.nan).flatten(1).nanmedian(dim=1).values
     return 1.4826 / 6**0.5 * median.nan_to_num(0.0)

@@ -116,8 +116,8 @@ class TabletopScenes:
         high = [self.reach, self.reach, self.heights[1], np.deg2rad(self.angles[1]), 2 * np.pi]
         x, y, height, angle, side, roll = (low + np.subtract([*high, 2 * np.pi], low) * draws).T
         target = np.stack([x, y, np.zeros_like(x)], axis=-1)
-        away = height * np.tan(angle)
-        eye = target + np.stack([away * np.cos(side), away * np.sin(side), height], axis=-1)
+        offset = height * np.tan(angle)
+        eye = target + np.stack([offset * np.cos(side), offset * np.sin(side), height], axis=-1)
         poses = look_at(eye, target)
         c, s = np.cos(roll)[:, None], np.sin(roll)[:, None]
         right, down = poses[:, :3, 0].copy(), poses[:, :3, 1].copy()
@@ -129,28 +129,30 @@ class TabletopScenes:
         views = range(start, start + count)
         store = self._store(scene)
         for block in store.blocks(views) if store else [views]:
-            found = store.load(block) if store else {}
-            missing = [view for view in block if view not in found]
-            if missing:
-                cameras = [self.camera(scene, view) for view in missing]
-                made = self.renderer.frames(self._geometry(scene), cameras)
-                new = {view: exact(frame) for view, frame in zip(missing, made, strict=True)}
+            stored_views = store.load(block) if store else {}
+            missing_views = [view for view in block if view not in stored_views]
+            if missing_views:
+                cameras = [self.camera(scene, view) for view in missing_views]
+                frames = self.renderer.frames(self._geometry(scene), cameras)
+                new = {
+                    view: exact(frame) for view, frame in zip(missing_views, frames, strict=True)
+                }
                 if store:
                     store.add(block, new)
-                found |= new
+                stored_views |= new
             for view in block:
                 name = f"tabletop/{self.numbers[scene]}/{view}"
-                yield found[view].frame(self.camera(scene, view), name)
+                yield stored_views[view].frame(self.camera(scene, view), name)
 
     def truth(self, scene: int) -> HeightMap:
         """Orthographic heights, colour and labels of the scene; every vertex is seen."""
         store = self._store(scene)
-        known = store.load_truth(self.grid, self.classes) if store else None
-        if known is None:
-            known = self.renderer.height_map(self._geometry(scene), self.grid)
+        height_map = store.load_truth(self.grid, self.classes) if store else None
+        if height_map is None:
+            height_map = self.renderer.height_map(self._geometry(scene), self.grid)
             if store:
-                store.add_truth(known)
-        return known
+                store.add_truth(height_map)
+        return height_map
 
     def _geometry(self, scene: int) -> TabletopGeometry:
         """Keeps the last requested scene and what the renderer made of it."""

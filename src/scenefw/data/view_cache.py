@@ -90,14 +90,14 @@ class ViewCache:
         Raises:
             StorageError: the folder can't be written.
         """
-        known = {**self.load(block), **views}
-        numbers = sorted(known)
+        all_views = {**self.load(block), **views}
+        numbers = sorted(all_views)
         _write(
             self._file(block),
             numbers=np.array(numbers, dtype=np.int64),
-            depth=np.stack([known[i].depth for i in numbers]),
-            colour=np.stack([known[i].colour for i in numbers]),
-            labels=np.stack([known[i].labels for i in numbers]),
+            depth=np.stack([all_views[i].depth for i in numbers]),
+            colour=np.stack([all_views[i].colour for i in numbers]),
+            labels=np.stack([all_views[i].labels for i in numbers]),
         )
 
     def load_truth(self, grid: HeightGrid, classes: tuple[str, ...]) -> HeightMap | None:

@@ -102,15 +102,15 @@ class ViewedSets(SceneBatches):
         streams = self.streams(batch, stream)
         to_view, to_points, to_places = streams.split(3)
         slots = parameters.present.shape[1]
-        drawn = [
+        arrays = [
             to_points.uniform(self.points).astype(np.float32),
             to_places.uniform(slots * self.places * CHANCES).astype(np.float32),
         ]
-        at_points, at_places = to_device(drawn, device)
-        made = self.views.make(parameters, to_view)
-        moved = made.superquadrics
-        points, seen = seen_points(made.depth, made.cameras, self.grid, at_points)
+        at_points, at_places = to_device(arrays, device)
+        views = self.views.make(parameters, to_view)
+        objects = views.superquadrics
+        points, valid = seen_points(views.depth, views.cameras, self.grid, at_points)
         chances = at_places.view(len(points), slots, self.places, CHANCES)
-        places, distances = placed_about(moved, chances, self.near)
-        view = condition(made.partial, self.grid)
-        return ViewedSetBatch(view, points, seen, moved, places, distances)
+        places, distances = placed_about(objects, chances, self.near)
+        view = condition(views.partial, self.grid)
+        return ViewedSetBatch(view, points, valid, objects, places, distances)

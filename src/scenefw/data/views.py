@@ -120,24 +120,26 @@ class ViewMaker:
             counts: (B,) views of each scene, fused into one partial TSDF; None means one each.
         """
         to_motion, to_camera, to_noise, to_cameras, to_noises = streams.split(5)
-        drawn = self._drawn(to_camera, to_noise)
+        arrays = self._draw_views(to_camera, to_noise)
         if self.augmentation is not None:
-            drawn.append(self.augmentation.draw(to_motion).astype(np.float32))
+            arrays.append(self.augmentation.draw(to_motion).astype(np.float32))
         device = parameters.positions.device
-        tensors = to_device(drawn, device)
+        tensors = to_device(arrays, device)
         if self.augmentation is not None:
             parameters = self.augmentation.apply(parameters, tensors[3])
-        made = self._see(parameters, self._cameras(tensors), tensors[2])
+        views = self._see(parameters, self._cameras(tensors), tensors[2])
         if counts is None:
-            return made
+            return views
         for number in range(1, int(counts.max(initial=1))):
             rows = np.flatnonzero(counts > number)
-            one_each = [Streams(to.split(number)[-1].keys[rows]) for to in (to_cameras, to_noises)]
-            tensors = to_device([rows, *self._drawn(*one_each)], device)
-            made = self._seen_again(made, tensors[0], self._cameras(tensors[1:]), tensors[3])
-        return made
+            view_streams = [
+                Streams(to.split(number)[-1].keys[rows]) for to in (to_cameras, to_noises)
+            ]
+            tensors = to_device([rows, *self._draw_views(*view_streams)], device)
+            views = self._seen_again(views, tensors[0], self._cameras(tensors[1:]), tensors[3])
+        return views
 
-    def _drawn(self, to_camera: Streams, to_noise: Streams) -> list[NDArray[Any]]:
+    def _draw_views(self, to_camera: Streams, to_noise: Streams) -> list[NDArray[Any]]:
         """Intrinsics (B, 4), poses (B, 4, 4) and seeds of noise (N, B) of one view of each."""
         lens = self._lens(self.viewpoints.camera)
         return [
@@ -146,9 +148,9 @@ class ViewMaker:
             np.ascontiguousarray(to_noise.seeds(len(self.noise)).T),
         ]
 
-    def _cameras(self, drawn: Sequence[Tensor]) -> CameraBatch:
+    def _cameras(self, tensors: Sequence[Tensor]) -> CameraBatch:
         lens = self._lens(self.viewpoints.camera)
-        return CameraBatch(lens.width, lens.height, drawn[0], drawn[1])
+        return CameraBatch(lens.width, lens.height, tensors[0], tensors[1])
 
     def make_one(
         self, parameters: SceneParameters | SolidScenes, rng: np.random.Generator
@@ -171,21 +173,21 @@ class ViewMaker:
         return ViewBatch(scenes, depth, cameras, self.mapping.fuse(depth, self.grid, cameras))
 
     def _seen_again(
-        self, made: ViewBatch, rows: Tensor, cameras: CameraBatch, seeds: Tensor
+        self, views: ViewBatch, rows: Tensor, cameras: CameraBatch, seeds: Tensor
     ) -> ViewBatch:
         """The same scenes, of which those in `rows` have a further view."""
-        depth = self._depth(made.scenes.chosen(rows), cameras, seeds)
-        further = self.mapping.fuse(depth, self.grid, cameras)
-        known = made.partial
-        both = PartialTSDF(known.distance[rows], known.observed[rows]).joined(further)
-        distance = known.distance.index_copy(0, rows, both.distance)
-        observed = known.observed.index_copy(0, rows, both.observed)
-        return replace(made, partial=PartialTSDF(distance, observed))
+        depth = self._depth(views.scenes.chosen(rows), cameras, seeds)
+        partial = self.mapping.fuse(depth, self.grid, cameras)
+        previous = views.partial
+        union = PartialTSDF(previous.distance[rows], previous.observed[rows]).merge(partial)
+        distance = previous.distance.index_copy(0, rows, union.distance)
+        observed = previous.observed.index_copy(0, rows, union.observed)
+        return replace(views, partial=PartialTSDF(distance, observed))
 
     def _depth(self, scenes: SceneBatch, cameras: CameraBatch, seeds: Tensor) -> Tensor:
         depth = self.renderer.render_scenes(scenes, cameras)
-        for one, row in zip(self.noise.values(), seeds, strict=True):
-            depth = one.apply(depth, cameras, row)
+        for noise_model, row in zip(self.noise.values(), seeds, strict=True):
+            depth = noise_model.apply(depth, cameras, row)
         return depth
 
 

@@ -35,7 +35,7 @@ class VisibleMasks:
         ConfigError: a negative number.
     """
 
-    wanted = "expected masks SCENE/mask_visib/NAME_*.png of BOP beside SCENE/depth/NAME.png"
+    hint = "expected masks SCENE/mask_visib/NAME_*.png of BOP beside SCENE/depth/NAME.png"
 
     def __init__(self, smallest: float = 100.0) -> None:
         NOT_NEGATIVE.require(smallest=smallest)
@@ -57,9 +57,9 @@ class VisibleMasks:
         for file, mask in zip(files, masks, strict=True):
             if mask.shape != labels.shape:
                 raise LabelsError(f"{file} has another size than {files[0]}; export them again")
-            seen = mask.sum() >= max(fewest, 1)
-            number += int(seen)
-            labels[mask] = number if seen else -1
+            visible = mask.sum() >= max(fewest, 1)
+            number += int(visible)
+            labels[mask] = number if visible else -1
         return labels
 
 

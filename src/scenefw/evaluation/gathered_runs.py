@@ -8,7 +8,7 @@ from typing import Any
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import in_order
-from scenefw.core.measures import MEASURES_FILE, Measure, joined, read_measures
+from scenefw.core.measures import MEASURES_FILE, Measure, join_measures, read_measures
 
 _FEW = 9  # columns, where none of those asked for is there
 _TRAINING = ("train/", "val/")  # figures of a training
@@ -50,7 +50,7 @@ class RunsResult:
     @property
     def measures(self) -> dict[str, Measure]:
         """Those of the columns, for every run."""
-        return joined((run.name, self.columns) for run in self.runs)
+        return join_measures((run.name, self.columns) for run in self.runs)
 
 
 class GatheredRuns:
@@ -85,52 +85,56 @@ class GatheredRuns:
             InputError: there are none, a file is damaged, no run has a figure to show, or none has
                 measures.
         """
-        found = in_order(path.parent for path in self.input.rglob("metrics.json"))
-        if not found:
+        folders = in_order(path.parent for path in self.input.rglob("metrics.json"))
+        if not folders:
             raise InputError(
                 f"no metrics.json below {self.input}; give the folder of a sweep (-m) whose runs "
                 "are finished"
             )
-        overrides = [_overrides(folder) for folder in found]
+        overrides = [_overrides(folder) for folder in folders]
         shared = tuple(w for w in overrides[0] if all(w in words for words in overrides[1:]))
-        own = [[w for w in words if w not in shared] for words in overrides]
+        distinct_overrides = [[w for w in words if w not in shared] for words in overrides]
         runs = tuple(
-            Run(", ".join(words) or folder.name, _read(folder / "metrics.json"), _settings(words))
-            for words, folder in zip(own, found, strict=True)
+            Run(
+                ", ".join(words) or folder.name,
+                _read_json(folder / "metrics.json"),
+                _settings(words),
+            )
+            for words, folder in zip(distinct_overrides, folders, strict=True)
         )
-        return RunsResult(runs, self._columns(runs, self._measures(found, runs)), shared)
+        return RunsResult(runs, self._columns(runs, self._measures(folders, runs)), shared)
 
     def _measures(self, folders: Sequence[Path], runs: Sequence[Run]) -> dict[str, Measure]:
         """The measures of all runs; the first run counts where they differ. Trainings have none."""
-        found: dict[str, Measure] = {}
+        measures: dict[str, Measure] = {}
         for folder in reversed(folders):
-            found |= read_measures(folder)
+            measures |= read_measures(folder)
         evaluated = any(not name.startswith(_TRAINING) for run in runs for name in run.figures)
-        if not found and evaluated:
+        if not measures and evaluated:
             raise InputError(
                 f"no {MEASURES_FILE} beside the figures below {self.input}, which earlier versions "
                 "did not write; run the sweep again"
             )
-        return found
+        return measures
 
     def _columns(self, runs: Sequence[Run], measures: Mapping[str, Measure]) -> dict[str, Measure]:
         """The columns that a run has figures for, else some that differ; each with its heading."""
-        asked = {
+        requested = {
             name: c for name, c in self.columns.items() if any(name in r.figures for r in runs)
         }
-        shown: dict[str, Measure] = {}
-        for name, changes in (asked or _differing(runs, measures)).items():
+        columns: dict[str, Measure] = {}
+        for name, changes in (requested or _differing(runs, measures)).items():
             measure = _changed(measures.get(name, Measure(name)), name, changes)
-            if measure.heading in {other.heading for other in shown.values()}:
+            if measure.heading in {column.heading for column in columns.values()}:
                 part = name.partition("/")[0]
                 measure = replace(measure, heading=f"{measure.heading}, {part}")
-            shown[name] = measure
-        if not shown:
+            columns[name] = measure
+        if not columns:
             raise InputError(
                 f"the runs below {self.input} have none of the figures {', '.join(self.columns)}; "
                 "and none that differs; give evaluation.columns of theirs (metrics.json)"
             )
-        return shown
+        return columns
 
 
 def _differing(
@@ -151,7 +155,7 @@ def _changed(measure: Measure, name: str, changes: Mapping[str, Any]) -> Measure
 
 def _overrides(folder: Path) -> Sequence[str]:
     record = folder / "run.json"
-    words = _read(record).get("overrides", []) if record.is_file() else []
+    words = _read_json(record).get("overrides", []) if record.is_file() else []
     return [word for word in words if not word.startswith(("paths.", "hydra."))]
 
 
@@ -160,11 +164,11 @@ def _settings(words: Sequence[str]) -> dict[str, str]:
     return {key.lstrip("+~"): value for key, _, value in pairs}
 
 
-def _read(path: Path) -> dict[str, Any]:
+def _read_json(path: Path) -> dict[str, Any]:
     try:
-        read: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(
             f"{path} is damaged ({error}); run that part of the sweep again"
         ) from error
-    return read
+    return content

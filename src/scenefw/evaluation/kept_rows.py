@@ -40,16 +40,16 @@ class KeptRows:
         Raises:
             StorageError: the file can't be read or written.
         """
-        known = self._fingerprint()
+        fingerprint = self._fingerprint()
         lines = self._lines()
         rows: Rows = {}
-        if lines and _parsed(lines[0]) == {"of": known}:
+        if lines and _parsed(lines[0]) == {"of": fingerprint}:
             for line in lines[1:]:
-                found = _parsed(line)
-                if isinstance(found, Mapping) and {"key", "row"} <= found.keys():
-                    rows[found["key"]] = found["row"]
+                entry = _parsed(line)
+                if isinstance(entry, Mapping) and {"key", "row"} <= entry.keys():
+                    rows[entry["key"]] = entry["row"]
         text = "".join(f"{_line(key, row)}\n" for key, row in rows.items())
-        write_text(self.path, json.dumps({"of": known}) + "\n" + text)
+        write_text(self.path, json.dumps({"of": fingerprint}) + "\n" + text)
         if rows:
             print(f"{len(rows)} finished parts of {self.path} are used again", file=sys.stderr)
         return rows
@@ -62,7 +62,7 @@ class KeptRows:
         """
         append_text(self.path, f"{_line(key, row)}\n")
 
-    def done(self) -> None:
+    def discard(self) -> None:
         """All parts are finished: a later run computes them anew."""
         self.path.unlink(missing_ok=True)
 
@@ -79,14 +79,14 @@ class KeptRows:
         text = settings.read_bytes() if settings.is_file() else b""
         weights: Any = {}
         if record.is_file():
-            known = json.loads(record.read_text(encoding="utf-8"))
-            weights = [known.get("weights"), known.get("versions")]
-        known = [weights, sources()]
-        return hashlib.sha256(text + json.dumps(known, sort_keys=True).encode()).hexdigest()
+            contents = json.loads(record.read_text(encoding="utf-8"))
+            weights = [contents.get("weights"), contents.get("versions")]
+        provenance = [weights, sources()]
+        return hashlib.sha256(text + json.dumps(provenance, sort_keys=True).encode()).hexdigest()
 
 
 def kept_or_made(
-    kept: KeptRows | None,
+    row_store: KeptRows | None,
     items: Mapping[str, Any],
     make: Callable[[list[Any], Callable[[Any, Any], None]], list[Any]],
     packed: Callable[[Any], object],
@@ -95,21 +95,21 @@ def kept_or_made(
     """Results of all items, in their order, those that are kept without making them.
 
     Args:
-        kept: where finished ones are; None makes all.
+        row_store: where finished ones are; None makes all.
         items: by key.
         make: results of some items, in their order; calls its second argument with each item and
             its result as soon as that is there.
         packed: a result as JSON types.
         unpacked: the result of these.
     """
-    if kept is None:
+    if row_store is None:
         return make(list(items.values()), lambda *_: None)
-    rows = {key: row for key, row in kept.read().items() if key in items}
+    rows = {key: row for key, row in row_store.read().items() if key in items}
     keys = {id(item): key for key, item in items.items()}
-    missing = [item for key, item in items.items() if key not in rows]
-    made = make(missing, lambda item, result: kept.add(keys[id(item)], packed(result)))
-    fresh = {keys[id(item)]: result for item, result in zip(missing, made, strict=True)}
-    kept.done()
+    pending = [item for key, item in items.items() if key not in rows]
+    results = make(pending, lambda item, result: row_store.add(keys[id(item)], packed(result)))
+    fresh = {keys[id(item)]: result for item, result in zip(pending, results, strict=True)}
+    row_store.discard()
     return [fresh[key] if key in fresh else unpacked(rows[key]) for key in items]
 
 

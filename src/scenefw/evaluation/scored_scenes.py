@@ -24,7 +24,7 @@ def scored_scenes(
     count: int,
     restored: Callable[[Any], Score],
     track: Track,
-    kept: KeptRows | None = None,
+    row_store: KeptRows | None = None,
     workers: int | None = None,
     packed: Callable[[Any], object] = asdict,
 ) -> list[Score]:
@@ -35,15 +35,17 @@ def scored_scenes(
         count: of the scenes.
         restored: a score of what `packed` gave, after it was written and read as JSON.
         track: shows a bar of the loop.
-        kept: where scores are kept as soon as they are there; those of an earlier run that was cut
-            off are taken from it. None keeps none.
+        row_store: where scores are kept as soon as they are there; those of an earlier run that
+            was cut off are taken from it. None keeps none.
         workers: scenes at once, as of `side_by_side`.
         packed: a score as JSON types; by default the fields of a dataclass.
     """
     return kept_or_made(
-        kept,
+        row_store,
         {str(row): row for row in range(count)},
-        lambda some, done: side_by_side(score, some, track, "scenes", workers, done),
+        lambda pending, on_result: side_by_side(
+            score, pending, track, "scenes", workers, on_result
+        ),
         packed,
         restored,
     )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from scenefw.core.errors import ConfigError
-from scenefw.core.measures import joined
+from scenefw.core.measures import join_measures
 
 if TYPE_CHECKING:
     from scenefw.core.measures import Measure
@@ -32,7 +32,7 @@ class SeveralResults:
     @property
     def measures(self) -> dict[str, Measure]:
         """Units, digits and published values of the figures."""
-        return joined((name, part.measures) for name, part in self.parts.items())
+        return join_measures((name, part.measures) for name, part in self.parts.items())
 
 
 class Several:

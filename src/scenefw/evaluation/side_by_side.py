@@ -25,9 +25,9 @@ def side_by_side(
     work: Callable[[Item], Result],
     items: Sequence[Item],
     track: Track,
-    what: str,
+    title: str,
     workers: int | None = None,
-    done: Callable[[Item, Result], None] = lambda *_: None,
+    on_result: Callable[[Item, Result], None] = lambda *_: None,
 ) -> list[Result]:
     """Results in the order of the items, the same as from one worker with one thread.
 
@@ -37,35 +37,35 @@ def side_by_side(
         work: on one item, in any thread. torch and numba compute with one thread there.
         items: in their order.
         track: shows how many are done.
-        what: they are, in a word or two.
+        title: what the items are, in a word or two.
         workers: items at once; None: as many as torch has threads, at most eight. One works in
             this thread, with all threads of torch and numba.
-        done: called with each item and its result, in their order, in this thread.
+        on_result: called with each item and its result, in their order, in this thread.
     """
     count = min(torch.get_num_threads(), _MOST) if workers is None else workers
     if count < 2:
-        return collected(map(work, items), items, track, what, done)
+        return collected(map(work, items), items, track, title, on_result)
     with _one_thread_each(), closing(_results(work, items, count)) as results:
-        return collected(results, items, track, what, done)
+        return collected(results, items, track, title, on_result)
 
 
 def collected(
     results: Iterator[Result],
     items: Sequence[Item],
     track: Track,
-    what: str,
-    done: Callable[[Item, Result], None] = lambda *_: None,
+    title: str,
+    on_result: Callable[[Item, Result], None] = lambda *_: None,
 ) -> list[Result]:
     """Results that come in the order of the items, with a bar of them."""
-    found = []
-    for item in track(items, what):
+    outputs = []
+    for item in track(items, title):
         result = next(results)
-        done(item, result)
-        found.append(result)
-    return found
+        on_result(item, result)
+        outputs.append(result)
+    return outputs
 
 
-def alone(work: Callable[[Item], Result], item: Item) -> Result:
+def run_single_threaded(work: Callable[[Item], Result], item: Item) -> Result:
     """The result of an item with one thread, for processes that are as many as the cores."""
     with _one_thread_each():
         return work(item)

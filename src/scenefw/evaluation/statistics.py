@@ -74,20 +74,20 @@ def bootstrap_interval(
         resamples: how often scenes are drawn.
     """
     array, owners = np.asarray(values, dtype=np.float64), np.asarray(scenes)
-    kept = np.isfinite(array).all(axis=1)
-    _, place = np.unique(owners[kept], return_inverse=True)
+    valid = np.isfinite(array).all(axis=1)
+    _, place = np.unique(owners[valid], return_inverse=True)
     count = int(place.max(initial=-1)) + 1
     if not count:
         return Interval(float("nan"), float("nan"), float("nan"), 0)
     sums = np.zeros((count, array.shape[1]))
-    np.add.at(sums, place, array[kept])
+    np.add.at(sums, place, array[valid])
     means = sums / np.bincount(place)[:, None]
-    whole = float(statistic(means.mean(axis=0)))
+    estimate = float(statistic(means.mean(axis=0)))
     if count == 1:
-        return Interval(whole, float("nan"), float("nan"), 1)
-    found = statistic(_redrawn(count, resamples) @ means / count)
-    low, high = np.quantile(found, [0.5 - confidence / 2, 0.5 + confidence / 2])
-    return Interval(whole, float(low), float(high), count)
+        return Interval(estimate, float("nan"), float("nan"), 1)
+    replicates = statistic(_redrawn(count, resamples) @ means / count)
+    low, high = np.quantile(replicates, [0.5 - confidence / 2, 0.5 + confidence / 2])
+    return Interval(estimate, float(low), float(high), count)
 
 
 def median_interval(
@@ -102,23 +102,25 @@ def median_interval(
         resamples: how often scenes are drawn.
     """
     array, owners = np.asarray(values, dtype=np.float64), np.asarray(scenes)
-    kept = np.isfinite(array)
-    array, place = array[kept], np.unique(owners[kept], return_inverse=True)[1]
+    valid = np.isfinite(array)
+    array, place = array[valid], np.unique(owners[valid], return_inverse=True)[1]
     if not len(array):
         return Interval(float("nan"), float("nan"), float("nan"), 0)
     count = int(place.max()) + 1
-    whole = float(np.median(array))
+    estimate = float(np.median(array))
     if count == 1:
-        return Interval(whole, float("nan"), float("nan"), 1)
+        return Interval(estimate, float("nan"), float("nan"), 1)
     order = np.argsort(array, kind="stable")
     weights = _redrawn(count, resamples)[:, place[order]].cumsum(axis=1)
     middle = (weights >= weights[:, -1:] / 2).argmax(axis=1)
     low, high = np.quantile(array[order][middle], [0.5 - confidence / 2, 0.5 + confidence / 2])
-    return Interval(whole, float(low), float(high), count)
+    return Interval(estimate, float(low), float(high), count)
 
 
 @lru_cache(maxsize=8)
 def _redrawn(count: int, resamples: int) -> NDArray[np.float64]:
     """How often each of `count` scenes is drawn in each resample, always the same."""
-    drawn = np.random.default_rng(0).multinomial(count, np.full(count, 1 / count), size=resamples)
-    return drawn.astype(np.float64)
+    multiplicities = np.random.default_rng(0).multinomial(
+        count, np.full(count, 1 / count), size=resamples
+    )
+    return multiplicities.astype(np.float64)

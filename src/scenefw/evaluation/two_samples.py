@@ -42,10 +42,10 @@ def energy_distance(
         random.multinomial(size, np.full(size, 1 / size), resamples).astype(np.float64)
         for size in sizes
     )
-    between, inside, others = cdist(first, second), cdist(first, first), cdist(second, second)
-    mean = _energy(np.ones_like(x[:1]), np.ones_like(y[:1]), between, inside, others)[0]
-    found = _energy(x, y, between, inside, others)
-    low, high = np.quantile(found, [0.5 - confidence / 2, 0.5 + confidence / 2])
+    between, within_x, within_y = cdist(first, second), cdist(first, first), cdist(second, second)
+    mean = _energy(np.ones_like(x[:1]), np.ones_like(y[:1]), between, within_x, within_y)[0]
+    replicates = _energy(x, y, between, within_x, within_y)
+    low, high = np.quantile(replicates, [0.5 - confidence / 2, 0.5 + confidence / 2])
     return Interval(float(mean), float(low), float(high), min(sizes))
 
 
@@ -64,15 +64,15 @@ def permutation_test(first: Array, second: Array, resamples: int = 1000) -> floa
     random = np.random.default_rng(0)
     order = np.argsort(random.random((resamples, len(rows))), axis=1)
     order[0] = np.arange(len(rows))  # as it is
-    chosen = (order < len(first)).astype(np.float64)
-    found = _energy(chosen, 1 - chosen, gaps, gaps, gaps)
-    return float((found >= found[0] - 1e-12).mean())
+    membership = (order < len(first)).astype(np.float64)
+    energies = _energy(membership, 1 - membership, gaps, gaps, gaps)
+    return float((energies >= energies[0] - 1e-12).mean())
 
 
-def _energy(x: Array, y: Array, between: Array, inside: Array, others: Array) -> Array:
+def _energy(x: Array, y: Array, between: Array, within_x: Array, within_y: Array) -> Array:
     """Of rows as often as weights (R, N) and (R, M) say."""
     across = ((x @ between) * y).sum(axis=1) / (x.sum(axis=1) * y.sum(axis=1))
-    return np.asarray(2 * across - _spread(x, inside) - _spread(y, others))
+    return np.asarray(2 * across - _spread(x, within_x) - _spread(y, within_y))
 
 
 def _spread(weights: Array, gaps: Array) -> Array:

@@ -61,10 +61,10 @@ class Builder:
             return functools.partial(self.build, str(node[LATER]))
         if _TARGET not in node:
             return {name: self._child(node, name, f"{key}.{name!s}") for name in node}
-        own = node._get_full_key("") or key  # where it is defined, not where it is referenced
-        if own not in self._built:
-            self._built[own] = self._call(node, own)
-        return self._built[own]
+        full_key = node._get_full_key("") or key  # where it is defined, not where it is referenced
+        if full_key not in self._built:
+            self._built[full_key] = self._call(node, full_key)
+        return self._built[full_key]
 
     def _child(self, node: DictConfig | ListConfig, name: Any, key: str) -> Any:
         from omegaconf import OmegaConf
@@ -74,14 +74,14 @@ class Builder:
         return self._node(node[name], key)
 
     def _call(self, node: DictConfig, key: str) -> Any:
-        made = _imported(str(node[_TARGET]), key)
+        component = _imported(str(node[_TARGET]), key)
         names = [name for name in node if name not in _OF_HYDRA]
         arguments = {str(name): self._child(node, name, f"{key}.{name!s}") for name in names}
         if node.get(_PARTIAL):
-            return functools.partial(made, **arguments)
-        _require_arguments(made, arguments, key)
+            return functools.partial(component, **arguments)
+        _require_arguments(component, arguments, key)
         try:
-            return made(**arguments)
+            return component(**arguments)
         except SettingError as error:
             if error.name not in arguments:  # of a part that the class makes by itself
                 raise
@@ -91,7 +91,7 @@ class Builder:
             raise
         except Exception as error:
             raise ConfigError(
-                f"{key} cannot be built: {_name(made)} says {type(error).__name__}: {error}"
+                f"{key} cannot be built: {_name(component)} says {type(error).__name__}: {error}"
             ) from error
 
 
@@ -100,38 +100,40 @@ def _typed(node: DictConfig, name: str, key: str) -> str:
     from omegaconf import OmegaConf
 
     raw: Any = OmegaConf.to_container(node, resolve=False)
-    taken = re.fullmatch(r"\$\{([a-z]\w*(?:\.\w+)*)\}", str(raw[name]))
-    return taken[1] if taken else f"{key}.{name}"
+    reference = re.fullmatch(r"\$\{([a-z]\w*(?:\.\w+)*)\}", str(raw[name]))
+    return reference[1] if reference else f"{key}.{name}"
 
 
 def _imported(target: str, key: str) -> Callable[..., Any]:
     try:
-        found: Callable[..., Any] = pkgutil.resolve_name(target)
+        component: Callable[..., Any] = pkgutil.resolve_name(target)
     except Exception as error:  # whatever the code of a plugin raises
         raise ConfigError(
             f"{key}: cannot import {target} ({type(error).__name__}: {error})"
         ) from error
-    return found
+    return component
 
 
-def _require_arguments(made: Callable[..., Any], given: Mapping[str, Any], key: str) -> None:
+def _require_arguments(
+    component: Callable[..., Any], arguments: Mapping[str, Any], key: str
+) -> None:
     """Says which argument is unknown or missing, where that can be known before the call."""
     try:
-        taken = inspect.signature(made).parameters
+        parameters = inspect.signature(component).parameters
     except (TypeError, ValueError):  # written in C
         return
-    if not any(p.kind is p.VAR_KEYWORD for p in taken.values()):
-        for name in given:
-            if name not in taken:
+    if not any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
+        for name in arguments:
+            if name not in parameters:
                 raise ConfigError(
-                    f"{key}.{name}: {_name(made)} has no argument {name}; "
-                    f"{near_misses(name, list(taken))}"
+                    f"{key}.{name}: {_name(component)} has no argument {name}; "
+                    f"{near_misses(name, list(parameters))}"
                 )
-    for name, p in taken.items():
+    for name, p in parameters.items():
         required = p.default is p.empty and p.kind not in (p.VAR_KEYWORD, p.VAR_POSITIONAL)
-        if required and name not in given:
-            raise ConfigError(f"{key}.{name} is not set, and {_name(made)} needs it")
+        if required and name not in arguments:
+            raise ConfigError(f"{key}.{name} is not set, and {_name(component)} needs it")
 
 
-def _name(made: Callable[..., Any]) -> str:
-    return getattr(made, "__name__", str(made))
+def _name(component: Callable[..., Any]) -> str:
+    return getattr(component, "__name__", str(component))

@@ -15,12 +15,12 @@ class Leftovers:
 
     Args:
         folder: of the run; an empty `run.json`, by which a run takes a folder, doesn't count.
-        given: it was named by the user, so it stays even if it is empty.
+        keep_folder: it was named by the user, so it stays even if it is empty.
     """
 
-    def __init__(self, folder: Path, *, given: bool = False) -> None:
-        self.folder, self.given = folder, given
-        self.others = self._others()
+    def __init__(self, folder: Path, *, keep_folder: bool = False) -> None:
+        self.folder, self.keep_folder = folder, keep_folder
+        self.times = self._modification_times()
         self.records = {
             name: content
             for name in (SETTINGS, RECORD, FIGURES)
@@ -29,14 +29,14 @@ class Leftovers:
 
     def restore(self) -> None:
         """Restores the earlier run's files or removes the folder, unless others are new."""
-        if self._others() != self.others:
+        if self._modification_times() != self.times:
             return
         for name in (SETTINGS, RECORD, FIGURES):
             if name in self.records:
                 self._put_back(name)
             else:
                 (self.folder / name).unlink(missing_ok=True)
-        if not self.given:
+        if not self.keep_folder:
             with suppress(OSError):  # it holds an earlier run
                 self.folder.rmdir()
 
@@ -44,9 +44,9 @@ class Leftovers:
         with suppress(StorageError), replacing(self.folder / name) as temporary:
             temporary.write_bytes(self.records[name])  # a full disk has been reported already
 
-    def _others(self) -> dict[str, int]:
+    def _modification_times(self) -> dict[str, int]:
         """Modification times of all other files there."""
         if not self.folder.is_dir():
             return {}
-        found = (f for f in self.folder.iterdir() if f.name not in (SETTINGS, RECORD, FIGURES))
-        return {file.name: file.lstat().st_mtime_ns for file in found}
+        files = (f for f in self.folder.iterdir() if f.name not in (SETTINGS, RECORD, FIGURES))
+        return {file.name: file.lstat().st_mtime_ns for file in files}

@@ -16,14 +16,15 @@ class _Noted:
     """What there was before.
 
     Args:
-        missing: the folder of the command and those above it that weren't there, innermost first.
+        missing_folders: the folder of the command and those above it that weren't there, innermost
+            first.
         sweep: the folder of a sweep.
-        held: what it held.
+        entries: what it held.
     """
 
-    missing: list[Path] = field(default_factory=list)
+    missing_folders: list[Path] = field(default_factory=list)
     sweep: Path | None = None
-    held: set[Path] = field(default_factory=set)
+    entries: set[Path] = field(default_factory=set)
 
 
 _noted = _Noted()
@@ -37,13 +38,13 @@ class MadeFolders(Callback):
 
     def on_run_start(self, config: Any, **_: Any) -> None:
         """Hydra calls it with all settings."""
-        _noted.missing = _missing(Path(config.hydra.run.dir))
+        _noted.missing_folders = _missing_folders(Path(config.hydra.run.dir))
 
     def on_multirun_start(self, config: Any, **_: Any) -> None:
         """Hydra calls it with all settings."""
         _noted.sweep = Path(config.hydra.sweep.dir).absolute()
-        _noted.missing = _missing(_noted.sweep)
-        _noted.held = set(_noted.sweep.iterdir()) if _noted.sweep.is_dir() else set()
+        _noted.missing_folders = _missing_folders(_noted.sweep)
+        _noted.entries = set(_noted.sweep.iterdir()) if _noted.sweep.is_dir() else set()
 
 
 @contextmanager
@@ -57,15 +58,15 @@ def empty_ones_removed() -> Iterator[None]:
     finally:
         if _noted.sweep is not None:
             _clear_sweep(_noted.sweep)
-        for folder in _noted.missing:
+        for folder in _noted.missing_folders:
             _remove(folder)
 
 
 def _clear_sweep(sweep: Path) -> None:
     with suppress(OSError):  # it was never made
-        for entry in set(sweep.iterdir()) - _noted.held:
+        for entry in set(sweep.iterdir()) - _noted.entries:
             _remove(entry)
-        if set(sweep.iterdir()) - _noted.held == {sweep / _SWEEP}:
+        if set(sweep.iterdir()) - _noted.entries == {sweep / _SWEEP}:
             (sweep / _SWEEP).unlink()
 
 
@@ -74,6 +75,6 @@ def _remove(folder: Path) -> None:
         folder.rmdir()
 
 
-def _missing(folder: Path) -> list[Path]:
+def _missing_folders(folder: Path) -> list[Path]:
     folder = folder.absolute()
-    return [each for each in (folder, *folder.parents) if not each.exists()]
+    return [path for path in (folder, *folder.parents) if not path.exists()]

@@ -40,10 +40,10 @@ def require_input(config: DictConfig) -> None:
     Raises:
         InputError: it is not there.
     """
-    given = config.get("input")
+    source = config.get("input")
     ours = str(config.run.get("_target_")).startswith("scenefw.")  # a plugin may mean no path
-    if ours and isinstance(given, str) and not Path(given).exists():
-        raise InputError(f"no file or folder {given}; give input=PATH of one that is there")
+    if ours and isinstance(source, str) and not Path(source).exists():
+        raise InputError(f"no file or folder {source}; give input=PATH of one that is there")
 
 
 def strangers(output: Path) -> list[Path]:
@@ -71,9 +71,9 @@ def require_no_strangers(output: Path) -> None:
         StorageError: it does.
     """
     names = {file.name for file in strangers(output)}
-    found = next((name for name in _WRITTEN if name in names), None)
-    if found is not None:
+    clash = next((name for name in _WRITTEN if name in names), None)
+    if clash is not None:
         raise StorageError(
-            f"{output / found} is not of a run of scenefw (there is no {RECORD}), and would be "
+            f"{output / clash} is not of a run of scenefw (there is no {RECORD}), and would be "
             "lost; give another paths.output, or move it away"
         )

@@ -30,11 +30,11 @@ def settings_read(config: DictConfig, key: str = "run") -> frozenset[str]:
     Returns:
         Full keys such as `run.page` and, where that refers to it, `report.title`.
     """
-    found: set[str] = set()
+    read_keys: set[str] = set()
     waiting = [key]
     while waiting:
-        waiting += _visit(config, waiting.pop(), found)
-    return frozenset(found)
+        waiting += _visit(config, waiting.pop(), read_keys)
+    return frozenset(read_keys)
 
 
 def require_read(
@@ -58,14 +58,18 @@ def require_read(
     """
     from hydra.core.override_parser.overrides_parser import OverridesParser
 
-    read = frozenset[str]().union(*(settings_read(config, key) for key in keys))
+    read_keys = frozenset[str]().union(*(settings_read(config, key) for key in keys))
     for override in OverridesParser.create().parse_overrides(list(overrides)):
         place = _place(override, options, config)
-        if place is not None and not _is_read(place, read):
-            others = [word.partition("@") for word in choices or {}]
-            places = [at for group, _, at in others if group == override.key_or_group and at]
-            near = [f"{override.key_or_group}@{at}" for at in places if _is_read(at, read)]
-            raise ConfigError(_complaint(override, place, near or _similar(place, read), config))
+        if place is not None and not _is_read(place, read_keys):
+            choice_parts = [word.partition("@") for word in choices or {}]
+            places = [at for group, _, at in choice_parts if group == override.key_or_group and at]
+            suggestions = [
+                f"{override.key_or_group}@{at}" for at in places if _is_read(at, read_keys)
+            ]
+            raise ConfigError(
+                _complaint(override, place, suggestions or _similar(place, read_keys), config)
+            )
 
 
 def _place(
@@ -80,59 +84,63 @@ def _place(
     if name not in options:
         return name.replace("/", ".")
     place = override.package or name
-    known = OmegaConf.select(config, place, throw_on_missing=False) is not None
-    return place if known else None  # experiments and scales change settings everywhere
+    exists = OmegaConf.select(config, place, throw_on_missing=False) is not None
+    return place if exists else None  # experiments and scales change settings everywhere
 
 
-def _is_read(place: str, read: Collection[str]) -> bool:
-    return any(key == place or key.startswith((f"{place}.", f"{place}[")) for key in read)
+def _is_read(place: str, read_keys: Collection[str]) -> bool:
+    return any(key == place or key.startswith((f"{place}.", f"{place}[")) for key in read_keys)
 
 
-def _complaint(override: Override, place: str, near: Sequence[str], config: DictConfig) -> str:
+def _complaint(
+    override: Override, place: str, suggestions: Sequence[str], config: DictConfig
+) -> str:
     from omegaconf import OmegaConf
 
     task = str(OmegaConf.select(config, "run._target_")).rpartition(".")[2]
     line = f"{override.input_line} changes nothing: this run ({task}) does not read {place}"
-    if not near:
+    if not suggestions:
         return f"{line}; leave it out, or choose a run or option that reads it"
     value = override.get_value_element_as_str()
-    return f"{line}; did you mean {' or '.join(f'{key}={value}' for key in near)}?"
+    return f"{line}; did you mean {' or '.join(f'{key}={value}' for key in suggestions)}?"
 
 
-def _similar(place: str, read: Collection[str]) -> list[str]:
+def _similar(place: str, read_keys: Collection[str]) -> list[str]:
     """Settings that the run reads with the same last word."""
     leaf = place.rpartition(".")[2]
-    return sorted(key for key in read if key.rpartition(".")[2] == leaf and "." in place)[:_SHOWN]
+    matches = sorted(key for key in read_keys if key.rpartition(".")[2] == leaf and "." in place)
+    return matches[:_SHOWN]
 
 
-def _visit(config: DictConfig, key: str, found: set[str]) -> Iterator[str]:
+def _visit(config: DictConfig, key: str, read_keys: set[str]) -> Iterator[str]:
     """Notes a key and those below it; yields the keys that they refer to."""
     from omegaconf import OmegaConf
 
-    if key in found:
+    if key in read_keys:
         return
-    found.add(key)
+    read_keys.add(key)
     parent, _, name = key.rpartition(".")
     holder: Any = OmegaConf.select(config, parent) if parent else config
     if not OmegaConf.is_dict(holder) or name not in holder:
         return
-    own = ".".join(filter(None, [holder._get_full_key(""), name]))  # the holder may be a reference
-    written = as_written(holder, name)
-    if not isinstance(written, str) and OmegaConf.is_config(holder[name]):
-        written = OmegaConf.to_container(holder[name], resolve=False, throw_on_missing=False)
-    yield from _below(written, own, found)
+    # The holder may be a reference
+    full_key = ".".join(filter(None, [holder._get_full_key(""), name]))
+    raw = as_written(holder, name)
+    if not isinstance(raw, str) and OmegaConf.is_config(holder[name]):
+        raw = OmegaConf.to_container(holder[name], resolve=False, throw_on_missing=False)
+    yield from _below(raw, full_key, read_keys)
 
 
-def _below(raw: Any, key: str, found: set[str]) -> Iterator[str]:
-    found.add(key)
+def _below(raw: Any, key: str, read_keys: set[str]) -> Iterator[str]:
+    read_keys.add(key)
     if isinstance(raw, dict):
         for name, value in raw.items():
             if name == LATER:
                 yield str(value)
-            yield from _below(value, f"{key}.{name}", found)
+            yield from _below(value, f"{key}.{name}", read_keys)
     elif isinstance(raw, list):
         for value in raw:
-            yield from _below(value, key, found)
+            yield from _below(value, key, read_keys)
     elif isinstance(raw, str):
         for dots, target in _REFERENCE.findall(raw):
             yield _absolute(dots, target, key)

@@ -69,13 +69,13 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
     require_input(config)
     check_types(config, "run")
     output = Path(config.paths.output).absolute()
-    kept = strangers(output) if _is_given() else []
+    foreign_files = strangers(output) if _is_given() else []
     output = _own_folder(output)
     config.paths.output = str(output)
-    before = Leftovers(output, given=_is_given())
+    before = Leftovers(output, keep_folder=_is_given())
     try:
-        with keeping(kept):
-            figures = _work(config, output, overrides, kept)
+        with keeping(foreign_files):
+            figures = _work(config, output, overrides, foreign_files)
     except IncompleteError:
         print(output)
         raise
@@ -99,7 +99,7 @@ def _is_given() -> bool:
 
 
 def _work(
-    config: DictConfig, output: Path, overrides: list[str], kept: list[Path]
+    config: DictConfig, output: Path, overrides: list[str], foreign_files: list[Path]
 ) -> dict[str, Any]:
     """Builds the task and runs it; its figures."""
     from omegaconf import OmegaConf
@@ -114,8 +114,8 @@ def _work(
         "overrides": overrides,
         "weights": used_weights(plain),
     }
-    if kept:  # a later run keeps them, too
-        record[KEPT] = sorted(file.name for file in kept)
+    if foreign_files:  # a later run keeps them, too
+        record[KEPT] = sorted(file.name for file in foreign_files)
     if config.get("deterministic"):
         make_deterministic()
     _seed_initial_weights(config.seed)
@@ -185,23 +185,23 @@ def _is_free(folder: Path) -> bool:
     return True
 
 
-def pick_device(wanted: str) -> str:
+def pick_device(device: str) -> str:
     """The device to use: `auto` takes the GPU where both torch and numba can use it.
 
     Raises:
         ConfigError: a GPU is requested but there is none, or the name is unknown.
     """
-    if wanted == "cpu":
+    if device == "cpu":
         return "cpu"
     import torch
 
-    if wanted == "auto":
+    if device == "auto":
         return "cuda" if torch.cuda.is_available() and _numba_has_gpu() else "cpu"
-    if not str(wanted).startswith("cuda"):
-        raise ConfigError(f"device={wanted} is unknown; give cpu, cuda or auto")
+    if not str(device).startswith("cuda"):
+        raise ConfigError(f"device={device} is unknown; give cpu, cuda or auto")
     if not torch.cuda.is_available():
-        raise ConfigError(f"device={wanted} but torch sees no GPU; give device=cpu")
-    return str(wanted)
+        raise ConfigError(f"device={device} but torch sees no GPU; give device=cpu")
+    return str(device)
 
 
 def _numba_has_gpu() -> bool:

@@ -6,7 +6,7 @@ from typing import Any
 
 from scenefw.core.cores import quota
 from scenefw.core.errors import ConfigError
-from scenefw.core.waiting import chosen, yielding
+from scenefw.core.waiting import environment_decides, yielding
 
 
 @contextmanager
@@ -20,14 +20,14 @@ def threads(count: int | None, *, yields: bool) -> Iterator[None]:
     """
     import torch
 
-    if count is None and not chosen():
+    if count is None and not environment_decides():
         limit = quota()
         if limit is not None and limit.cores < torch.get_num_threads():
             count = max(int(limit.cores), 1)
     with ExitStack() as stack:
         if count is not None:
             stack.enter_context(_exactly(count))
-        stack.enter_context(yielding(torch.get_num_threads, wanted=yields))
+        stack.enter_context(yielding(torch.get_num_threads, enabled=yields))
         yield
 
 

@@ -26,20 +26,20 @@ def used_weights(config: Mapping[str, Any], key: str = "run") -> dict[str, str]:
     from scenefw.learning.checkpoint import weights_file
     from scenefw.learning.provenance import digest
 
-    found: dict[str, str] = {}
+    digests: dict[str, str] = {}
     for node in nodes:
         try:
             path = weights_file(node.get("path"), node.get("shipped") or "simstack")
         except CheckpointError:
             continue
         if path.is_file():
-            found |= _named(path, digest(path), found)
-    return found
+            digests |= _named(path, digest(path), digests)
+    return digests
 
 
-def _named(path: Path, sha256: str, found: Mapping[str, str]) -> dict[str, str]:
-    same = found.get(path.name, sha256) == sha256
-    return {path.name if same else f"{path.parent.name}/{path.name}": sha256}
+def _named(path: Path, sha256: str, digests: Mapping[str, str]) -> dict[str, str]:
+    is_unambiguous = digests.get(path.name, sha256) == sha256
+    return {path.name if is_unambiguous else f"{path.parent.name}/{path.name}": sha256}
 
 
 def _loaders(node: Any, config: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:

@@ -71,15 +71,15 @@ class BodyMaker:
         return [self._body(item) for item in estimate.objects]
 
     def _body(self, item: ObjectEstimate) -> Body:
-        whole = moments(item.mesh)
-        if whole.volume < _LEAST_VOLUME:
+        body_moments = moments(item.mesh)
+        if body_moments.volume < _LEAST_VOLUME:
             raise InputError(
-                f"object {item.id} has a volume of {whole.volume:.1g} m^3, so no mass; export GLB, "
-                "PLY or OBJ instead"
+                f"object {item.id} has a volume of {body_moments.volume:.1g} m^3, so no mass; "
+                "export GLB, PLY or OBJ instead"
             )
-        pose = Pose(whole.pose.position, item.pose.quaternion)
+        pose = Pose(body_moments.pose.position, item.pose.quaternion)
         mesh = TriangleMesh((item.mesh.vertices - pose.position) @ pose.rotation, item.mesh.faces)
-        mass, spread = self.density * whole.volume, moments(mesh).covariance
+        mass, spread = self.density * body_moments.volume, moments(mesh).covariance
         return Body(
             f"object_{item.id:02d}",
             pose,

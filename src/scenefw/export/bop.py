@@ -60,7 +60,7 @@ class BOP:
                 for item, number in zip(view.objects, numbers, strict=True)
             ]
             measured = view.frame.depth > 0
-            infos[view_number] = [_info(one, measured) for one in view.silhouettes]
+            infos[view_number] = [_info(silhouette, measured) for silhouette in view.silhouettes]
         write_json(folder / "scene_camera.json", cameras)
         write_json(folder / "scene_gt.json", truths)
         write_json(folder / "scene_gt_info.json", infos)
@@ -71,17 +71,17 @@ class BOP:
         Raises:
             StorageError: a file can't be written.
         """
-        known: dict[int, dict[str, Any]] = {}
+        infos: dict[int, dict[str, Any]] = {}
         kinds: dict[int, str] = {}
         for scene in track(range(len(scenes)), "models"):
             for item in scenes.objects(scene):
                 number = numbers[item.key]
-                if number not in known:
+                if number not in infos:
                     mesh = _model(item)
                     _write_ply(root / "models" / f"obj_{number:06d}.ply", mesh)
-                    known[number] = _model_info(mesh, item.symmetries)
+                    infos[number] = _model_info(mesh, item.symmetries)
                     kinds[number] = scenes.categories[item.category]
-        write_json(root / "models" / "models_info.json", dict(sorted(known.items())))
+        write_json(root / "models" / "models_info.json", dict(sorted(infos.items())))
         write_json(root / "models" / "categories.json", dict(sorted(kinds.items())))
         camera = next(iter(scenes.views(0, 1))).frame.camera
         values = {key: getattr(camera, key) for key in ("width", "height", "fx", "fy", "cx", "cy")}
@@ -111,12 +111,12 @@ def _pose(item: AnnotatedObject, camera: Camera, number: int) -> dict[str, Any]:
 def _info(silhouette: Silhouette, measured: np.ndarray) -> dict[str, Any]:
     visible = int(silhouette.visible.sum())
     rows, columns = np.nonzero(silhouette.visible)
-    shown = None
+    visible_box = None
     if visible:
-        shown = (int(columns.min()), int(rows.min()), int(columns.max()), int(rows.max()))
+        visible_box = (int(columns.min()), int(rows.min()), int(columns.max()), int(rows.max()))
     return {
         "bbox_obj": _box(silhouette.box if visible else None),
-        "bbox_visib": _box(shown),
+        "bbox_visib": _box(visible_box),
         "px_count_all": silhouette.pixels,
         "px_count_valid": int((silhouette.mask & measured).sum()),
         "px_count_visib": visible,
@@ -187,9 +187,9 @@ def _normals(mesh: TriangleMesh) -> Float64:
     of_faces = _unit(of_faces)
     normals = np.zeros_like(mesh.vertices)
     for corner in range(3):
-        one = _unit(corners[:, (corner + 1) % 3] - corners[:, corner])
-        other = _unit(corners[:, (corner + 2) % 3] - corners[:, corner])
-        angle = np.arccos(np.clip((one * other).sum(axis=1), -1, 1))
+        first_edge = _unit(corners[:, (corner + 1) % 3] - corners[:, corner])
+        second_edge = _unit(corners[:, (corner + 2) % 3] - corners[:, corner])
+        angle = np.arccos(np.clip((first_edge * second_edge).sum(axis=1), -1, 1))
         np.add.at(normals, mesh.faces[:, corner], of_faces * angle[:, None])
     return _unit(normals)
 

@@ -56,10 +56,12 @@ class COCO:
                     "T_world_camera": camera.T_world_camera.tolist(),
                 }
             )
-            for item, one, model in zip(view.objects, view.silhouettes, numbers, strict=True):
-                if one.visible.any():
-                    known = {"image": number, "category_id": item.category + 1, "object_id": model}
-                    annotations.append(known | _annotation(one))
+            for item, silhouette, model in zip(
+                view.objects, view.silhouettes, numbers, strict=True
+            ):
+                if silhouette.visible.any():
+                    ids = {"image": number, "category_id": item.category + 1, "object_id": model}
+                    annotations.append(ids | _annotation(silhouette))
         write_json(folder / _PART, {"images": images, "annotations": annotations})
 
     def finish(self, root: Path, scenes: AnnotatedScenes, numbers: Mapping[Hashable, int]) -> None:
@@ -76,9 +78,9 @@ class COCO:
                 for key in ("file_name", "depth_file_name"):
                     image[key] = f"{scenes.split}/{folder.name}/{image[key]}"
                 images.append({"id": len(images) + 1, "scene_id": int(folder.name), **image})
-            for one in part["annotations"]:
-                image_id = first + one.pop("image")
-                annotations.append({"id": len(annotations) + 1, "image_id": image_id, **one})
+            for annotation in part["annotations"]:
+                image_id = first + annotation.pop("image")
+                annotations.append({"id": len(annotations) + 1, "image_id": image_id, **annotation})
         categories = [
             {"id": number, "name": name, "supercategory": "object"}
             for number, name in enumerate(scenes.categories, start=1)

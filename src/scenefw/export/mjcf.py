@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 
 from scenefw.core.files import write_text
 from scenefw.export.bodies import DENSITY, Body, BodyMaker
-from scenefw.export.xml_files import numbers, rgba, written
+from scenefw.export.xml_files import numbers, rgba, xml_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -59,7 +59,7 @@ class MJCF:
         ET.SubElement(world, "geom", name="floor", type="plane", size="2 2 0.1", rgba=".9 .9 .9 1")
         for body, colour in zip(self._maker.bodies(estimate), colours, strict=True):
             _add(assets, world, body, colour)
-        write_text(path, written(root))
+        write_text(path, xml_text(root))
 
 
 def _add(assets: ET.Element, world: ET.Element, body: Body, colour: Colour) -> None:
@@ -71,8 +71,8 @@ def _add(assets: ET.Element, world: ET.Element, body: Body, colour: Colour) -> N
         node, "inertial", pos="0 0 0", mass=numbers([body.mass]), fullinertia=numbers(inertia)
     )
     _add_mesh(assets, f"{body.name}_seen", body.mesh)
-    seen = {"class": "seen", "mesh": f"{body.name}_seen", "rgba": rgba(colour)}
-    ET.SubElement(node, "geom", seen)
+    visual = {"class": "seen", "mesh": f"{body.name}_seen", "rgba": rgba(colour)}
+    ET.SubElement(node, "geom", visual)
     for i, part in enumerate(body.collision, start=1):
         name = f"{body.name}_touching_{i}"
         _add_mesh(assets, name, part)

@@ -130,7 +130,7 @@ def _labels(checkpoint: Checkpoint) -> NamedNetwork:
         {"colour": (BATCH, 3, *image), "distance": (BATCH, 1, *image)},
         {"scores": (BATCH, network.classes, *image)},
         example,
-        tuple(dict(zip((BATCH, *map(str, image)), each, strict=True)) for each in sides),
+        tuple(dict(zip((BATCH, *map(str, image)), size, strict=True)) for size in sides),
         {key: metadata[key] for key in ("classes", "input", "geometry") if key in metadata}
         | {"window": {"stride": stride, "margin": network.margin}},
     )
@@ -158,8 +158,8 @@ class _DrawnSets(nn.Module):
         return _named(self.network.sample(volume, latent), self.outputs)
 
 
-def _named(found: ObjectSetPrediction, outputs: tuple[str, ...]) -> tuple[Tensor, ...]:
-    return tuple(getattr(found, name) for name in outputs)
+def _named(prediction: ObjectSetPrediction, outputs: tuple[str, ...]) -> tuple[Tensor, ...]:
+    return tuple(getattr(prediction, name) for name in outputs)
 
 
 def _sets(checkpoint: Checkpoint) -> NamedNetwork:
@@ -172,10 +172,10 @@ def _sets(checkpoint: Checkpoint) -> NamedNetwork:
         inputs["condition"] = (BATCH, 2, *side)
     if network.latent_shape:
         inputs["latent"] = (BATCH, *network.latent_shape)
-    every = {"logits": side, "existence": (), "centres": (3,), "boxes": (2, 3)}
+    shapes = {"logits": side, "existence": (), "centres": (3,), "boxes": (2, 3)}
     gives: dict[str, tuple[str | int, ...]] = {
-        name: (BATCH, network.slots, *rest)
-        for name, rest in every.items()
+        name: (BATCH, network.slots, *shape)
+        for name, shape in shapes.items()
         if name == "logits" or name in network.gives
     }
 

@@ -82,8 +82,8 @@ def session(file: Path | bytes, threads: int | None = None) -> Any:
     options = runtime.SessionOptions()
     options.intra_op_num_threads = threads or torch.get_num_threads()
     options.inter_op_num_threads = 1
-    given = file if isinstance(file, bytes) else str(file)
-    return runtime.InferenceSession(given, options, providers=["CPUExecutionProvider"])
+    model = file if isinstance(file, bytes) else str(file)
+    return runtime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
 
 
 def compare(content: bytes, network: NamedNetwork, tolerance: float, seed: int = 0) -> float:
@@ -97,12 +97,12 @@ def compare(content: bytes, network: NamedNetwork, tolerance: float, seed: int =
     for number, sizes in enumerate(network.sizes):
         inputs = network.example(sizes, torch.Generator().manual_seed(seed + number))
         with torch.no_grad():
-            wanted = network.module(*inputs)
+            references = network.module(*inputs)
         feeds = {n: x.numpy() for n, x in zip(network.inputs, inputs, strict=True)}
-        found = run.run(list(network.outputs), feeds)
-        for name, one, other in zip(network.outputs, wanted, found, strict=True):
-            difference = float(np.abs(one.numpy() - other).max())
-            allowed = tolerance * max(1.0, float(one.abs().max()))
+        results = run.run(list(network.outputs), feeds)
+        for name, reference, result in zip(network.outputs, references, results, strict=True):
+            difference = float(np.abs(reference.numpy() - result).max())
+            allowed = tolerance * max(1.0, float(reference.abs().max()))
             if not difference <= allowed:
                 raise InputError(
                     f"onnxruntime's {name} differs from torch's by {difference:.2g}, expected at "
@@ -138,12 +138,12 @@ def _exported(network: NamedNetwork, generator: torch.Generator) -> Any:
             "torch.export can trace, for inputs of any size that isn't fixed"
         ) from error
     model = program.model_proto
-    for one, shape in zip(
+    for tensor, shape in zip(
         (*model.graph.input, *model.graph.output),
         (*network.inputs.values(), *network.outputs.values()),
         strict=True,
     ):
-        for dimension, size in zip(one.type.tensor_type.shape.dim, shape, strict=True):
+        for dimension, size in zip(tensor.type.tensor_type.shape.dim, shape, strict=True):
             if isinstance(size, str):
                 if not dimension.dim_param:
                     raise InputError(

@@ -36,9 +36,9 @@ class PLY:
         starts = np.cumsum([0, *counts])[:-1]
         vertices = np.concatenate([np.zeros((0, 3)), *(mesh.vertices for mesh in meshes)])
         faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]
-        joined = np.concatenate([np.zeros((0, 3), np.int64), *faces])
+        all_faces = np.concatenate([np.zeros((0, 3), np.int64), *faces])
         rows = np.repeat(np.reshape(np.asarray(colours, np.float64), (-1, 3)), counts, axis=0)
-        write_ply(path, TriangleMesh(vertices, joined), rows)
+        write_ply(path, TriangleMesh(vertices, all_faces), rows)
 
 
 class OBJ:

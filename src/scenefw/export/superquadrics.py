@@ -29,17 +29,17 @@ class Superquadrics:
 
     def write(self, path: Path, estimate: SceneEstimate, colours: Sequence[Colour]) -> None:
         """Writes the file, atomically."""
-        found = [
+        entries = [
             {"id": int(item.id), **shape_numbers(item.placed)}
             for item in estimate.objects
             if item.placed is not None and _convex(item.placed)
         ]
-        others = [
+        unexplained_ids = [
             int(item.id)
             for item in estimate.objects
             if item.placed is None or not _convex(item.placed)
         ]
-        content = {"superquadrics": found, "unexplained": others}
+        content = {"superquadrics": entries, "unexplained": unexplained_ids}
         write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
 
 

@@ -12,7 +12,7 @@ from scenefw.core.files import write_text
 from scenefw.core.folders import replacing_folder
 from scenefw.export.bodies import DENSITY, Body, BodyMaker
 from scenefw.export.scene_files import obj_lines
-from scenefw.export.xml_files import numbers, rgba, written
+from scenefw.export.xml_files import numbers, rgba, xml_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -54,12 +54,12 @@ class URDF:
         with replacing_folder(path.with_name(f"{path.stem}_urdf")) as folder:
             for body, colour in zip(self._maker.bodies(estimate), colours, strict=True):
                 _write_meshes(folder, body)
-                alone = ET.Element("robot", name=body.name)
-                _add_link(alone, body, colour, "")
-                write_text(folder / f"{body.name}.urdf", written(alone))
+                robot = ET.Element("robot", name=body.name)
+                _add_link(robot, body, colour, "")
+                write_text(folder / f"{body.name}.urdf", xml_text(robot))
                 _add_link(scene, body, colour, f"{folder.name}/")
                 _add_joint(scene, body)
-        write_text(path, written(scene))
+        write_text(path, xml_text(scene))
 
 
 def _add_joint(scene: ET.Element, body: Body) -> None:
@@ -92,12 +92,12 @@ def _add_link(robot: ET.Element, body: Body, colour: Colour, folder: str) -> Non
         if i <= j
     }
     ET.SubElement(inertial, "inertia", entries)
-    seen, *touching = _files(body)
+    visual_file, *collision_files = _files(body)
     visual = ET.SubElement(link, "visual")
-    ET.SubElement(ET.SubElement(visual, "geometry"), "mesh", filename=folder + seen)
+    ET.SubElement(ET.SubElement(visual, "geometry"), "mesh", filename=folder + visual_file)
     material = ET.SubElement(visual, "material", name=f"{body.name}_colour")
     ET.SubElement(material, "color", rgba=rgba(colour))
-    for name in touching:
+    for name in collision_files:
         shape = ET.SubElement(ET.SubElement(link, "collision"), "geometry")
         ET.SubElement(shape, "mesh", filename=folder + name)
 

@@ -14,7 +14,7 @@ def rgba(colour: Iterable[float]) -> str:
     return numbers([*colour, 1.0])
 
 
-def written(root: ET.Element) -> str:
+def xml_text(root: ET.Element) -> str:
     """The text of a file."""
     ET.indent(root)
     return f'<?xml version="1.0"?>\n{ET.tostring(root, encoding="unicode")}\n'

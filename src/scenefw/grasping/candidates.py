@@ -76,36 +76,40 @@ class SuctionCandidates:
         self, label: int, item: SceneObject, surfaces: Surfaces, eye: Float64
     ) -> list[Grasp] | str:
         load = self.safety * item.mass * _GRAVITY
-        least = min(self.payload, self.cup.force / self.safety / _GRAVITY)
-        if item.mass > least:
-            return f"it is too heavy: about {item.mass:.1f} kg, at most {least:.1f} kg can be held"
+        max_mass = min(self.payload, self.cup.force / self.safety / _GRAVITY)
+        if item.mass > max_mass:
+            return (
+                f"it is too heavy: about {item.mass:.1f} kg, at most {max_mass:.1f} kg can be held"
+            )
         random = rng.generator(self.seed, label)
         points, normals = sample_surface(surfaces.meshes[label], self.points, random)
-        seen = surfaces.seen(points, normals, eye)
-        open_ = np.any([surfaces.seen(points, normals, one) for one in _eyes(points)], axis=0)
+        visible = surfaces.is_visible(points, normals, eye)
+        open_ = np.any(
+            [surfaces.is_visible(points, normals, camera) for camera in _eyes(points)], axis=0
+        )
         reached = open_ & (normals[:, 2] > np.cos(np.radians(self.steepest)))
         if not reached.any():
             return "no part of its surface can be reached from above or aside"
-        if not self.hidden and not (reached & seen).any():
+        if not self.hidden and not (reached & visible).any():
             return "the camera saw no part of it that can be reached"
-        allowed = np.flatnonzero(reached if self.hidden else reached & seen)
+        allowed = np.flatnonzero(reached if self.hidden else reached & visible)
         poses = [frame_along(-normals[i], points[i]) for i in allowed]
         seals = np.array([self.cup.seal(surfaces, p[:3, 3], p[:3, 2], label) for p in poses])
         if not seals.any():
             return f"it is nowhere flat enough for a cup of {200 * self.cup.radius:.0f} cm"
         flat = np.flatnonzero(seals > 0)
-        held = [i for i in flat if self.cup.carries(poses[i], item.pose.position, load)]
-        if not held:
+        carriable = [i for i in flat if self.cup.carries(poses[i], item.pose.position, load)]
+        if not carriable:
             return f"it would tip off the cup: about {item.mass:.1f} kg too far aside"
-        found: list[Grasp] = []
-        for i in _spread(np.array([poses[i] for i in held]), seals[held])[: self.most]:
-            one = held[i]
-            ways = (False, True) if self._steep(poses[one]) else (False,)
-            found += [
-                Grasp(label, poses[one], way, float(seals[one]), bool(seen[allowed[one]]))
+        grasps: list[Grasp] = []
+        for i in _spread(np.array([poses[i] for i in carriable]), seals[carriable])[: self.most]:
+            index = carriable[i]
+            ways = (False, True) if self._steep(poses[index]) else (False,)
+            grasps += [
+                Grasp(label, poses[index], way, float(seals[index]), bool(visible[allowed[index]]))
                 for way in ways
             ]
-        return found
+        return grasps
 
     def _steep(self, pose: Float64) -> bool:
         return bool(-pose[2, 2] < np.cos(np.radians(self.aside)))
@@ -121,10 +125,10 @@ def _eyes(points: Float64) -> Float64:
 def _spread(poses: Float64, seals: Float64) -> list[int]:
     """An order of poses (N, 4, 4): the best seal first, then always what is farthest from those."""
     places = np.concatenate([poses[:, :3, 3] / 0.1, poses[:, :3, 2]], axis=1)
-    chosen = [int(seals.argmax())]
-    gaps = np.linalg.norm(places - places[chosen[0]], axis=1)
-    while len(chosen) < len(places):
-        chosen.append(int((gaps * (0.5 + seals)).argmax()))
-        gaps = np.minimum(gaps, np.linalg.norm(places - places[chosen[-1]], axis=1))
-        gaps[chosen] = -1.0
-    return chosen
+    order = [int(seals.argmax())]
+    gaps = np.linalg.norm(places - places[order[0]], axis=1)
+    while len(order) < len(places):
+        order.append(int((gaps * (0.5 + seals)).argmax()))
+        gaps = np.minimum(gaps, np.linalg.norm(places - places[order[-1]], axis=1))
+        gaps[order] = -1.0
+    return order

@@ -83,28 +83,32 @@ class LiftSimulation:
         self._last: tuple[Mapping[int, SceneObject], Surfaces] | None = None
 
     def feasible(
-        self, objects: Mapping[int, SceneObject], grasps: Sequence[Grasp], most: int
+        self, objects: Mapping[int, SceneObject], grasps: Sequence[Grasp], max_contacts: int
     ) -> list[Grasp]:
-        """The first `most` contacts among grasps that the arm reaches without touching anything.
+        """The first `max_contacts` contacts that the arm reaches without touching anything.
 
         Their poses are turned about the cup's axis as suits the arm. Grasps of one contact count
         once.
         """
         handles = self._fill(objects, 0)
         arm = self.arm.enter(self.engine.world)
-        bodies, found = [_FLOOR, *handles.values()], dict[bytes, list[Grasp]]()
+        bodies, reachable_grasps = [_FLOOR, *handles.values()], dict[bytes, list[Grasp]]()
         for start in range(0, len(grasps), _AT_ONCE):
             turned = [self._turned(grasp) for grasp in grasps[start : start + _AT_ONCE]]
-            joints, fine = self._reach([one for turns in turned for one in turns])
+            joints, fine = self._reach([grasp for turns in turned for grasp in turns])
             for number, turns in enumerate(turned):
                 contact = turns[0].point.tobytes()
-                if len(found) >= most and contact not in found:
-                    return [grasp for some in found.values() for grasp in some]
-                for i, one in enumerate(turns, start=number * self.turns):
+                if len(reachable_grasps) >= max_contacts and contact not in reachable_grasps:
+                    return [
+                        grasp
+                        for contact_grasps in reachable_grasps.values()
+                        for grasp in contact_grasps
+                    ]
+                for i, candidate in enumerate(turns, start=number * self.turns):
                     if fine[i] and self._clear(arm, joints[i], bodies):
-                        found.setdefault(contact, []).append(one)
+                        reachable_grasps.setdefault(contact, []).append(candidate)
                         break
-        return [grasp for some in found.values() for grasp in some]
+        return [grasp for contact_grasps in reachable_grasps.values() for grasp in contact_grasps]
 
     def lift(self, objects: Mapping[int, SceneObject], grasp: Grasp, *, film: bool = False) -> Lift:
         """What becomes of a grasp in a scene at rest."""
@@ -115,7 +119,7 @@ class LiftSimulation:
         approach, taking = self._poses(grasp, meeting.distance)
         joints = self._path(grasp, approach, taking)
         if joints is None:
-            still = {other: 0.0 for other in objects if other != label}
+            still = {neighbour: 0.0 for neighbour in objects if neighbour != label}
             return Lift(label, "the arm doesn't reach it", still)
         shots = _Shots(arm, handles, self.engine) if film else None
         arm.place(joints[0])
@@ -139,41 +143,46 @@ class LiftSimulation:
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"_last": None}
 
-    def _fill(self, objects: Mapping[int, SceneObject], held: int) -> dict[int, int]:
+    def _fill(self, objects: Mapping[int, SceneObject], held_label: int) -> dict[int, int]:
         self.engine.reset()
-        return {label: self.engine.add(item, held=label == held) for label, item in objects.items()}
+        return {
+            label: self.engine.add(item, multibody=label == held_label)
+            for label, item in objects.items()
+        }
 
     def _turned(self, grasp: Grasp) -> list[Grasp]:
         """The grasp with the cup turned about its axis, step by step."""
-        found = []
+        grasps = []
         for angle in 2 * np.pi * np.arange(self.turns) / self.turns:
             turn = np.eye(4)
             turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-            found.append(replace(grasp, pose=grasp.pose @ turn))
-        return found
+            grasps.append(replace(grasp, pose=grasp.pose @ turn))
+        return grasps
 
     def _reach(self, grasps: Sequence[Grasp]) -> tuple[list[Float64], NDArray[np.bool_]]:
         """Joint angles (P, 7) of each approach, and whether all of the way can be reached."""
         chain, to_foot = self.arm.chain, inverse(self.arm.foot)
         ways = [self._poses(grasp, self.before) for grasp in grasps]
-        angles, done = chain.anchors(to_foot @ np.array([grasp.pose for grasp in grasps]))
-        back, coming = chain.path(to_foot @ np.array([w[0][::-1] for w in ways]), angles, done)
+        angles, reached = chain.anchors(to_foot @ np.array([grasp.pose for grasp in grasps]))
+        reverse_path, coming = chain.path(
+            to_foot @ np.array([w[0][::-1] for w in ways]), angles, reached
+        )
         for outward in (False, True):  # ways of one kind have as many poses
             rows = np.flatnonzero(coming & np.array([g.outward == outward for g in grasps]))
             if len(rows):
                 poses = to_foot @ np.array([ways[i][1] for i in rows])
-                coming[rows] = chain.path(poses, angles[rows], done[rows])[1]
-        return list(back[:, ::-1]), coming
+                coming[rows] = chain.path(poses, angles[rows], reached[rows])[1]
+        return list(reverse_path[:, ::-1]), coming
 
     def _path(
         self, grasp: Grasp, approach: Sequence[Float64], taking: Sequence[Float64]
     ) -> Float64 | None:
         """Joint angles (P, 7) of a whole way; None if the arm doesn't reach some of it."""
         chain, to_foot = self.arm.chain, inverse(self.arm.foot)
-        angles, done = chain.anchors(to_foot @ grasp.pose[None])
-        back, came = chain.path(to_foot @ np.array([approach[::-1]]), angles, done)
-        after, went = chain.path(to_foot @ np.array([taking]), back[:, 0], came)
-        return np.concatenate([back[0, ::-1], after[0]]) if went[0] else None
+        angles, reached = chain.anchors(to_foot @ grasp.pose[None])
+        reverse_path, came = chain.path(to_foot @ np.array([approach[::-1]]), angles, reached)
+        after, went = chain.path(to_foot @ np.array([taking]), reverse_path[:, 0], came)
+        return np.concatenate([reverse_path[0, ::-1], after[0]]) if went[0] else None
 
     def _clear(self, arm: Arm, path: Float64, bodies: Sequence[int]) -> bool:
         for joints in path:
@@ -241,13 +250,13 @@ class LiftSimulation:
     def _shifts(
         self, objects: Mapping[int, SceneObject], handles: Mapping[int, int], label: int
     ) -> dict[int, float]:
-        found = {}
-        for other, item in objects.items():
-            if other != label:
-                end = self.engine.pose(handles[other]).position
+        shifts = {}
+        for neighbour, item in objects.items():
+            if neighbour != label:
+                end = self.engine.pose(handles[neighbour]).position
                 far = float(np.linalg.norm(end - item.pose.position))
-                found[other] = min(far, 10.0) if np.isfinite(far) else 10.0
-        return found
+                shifts[neighbour] = min(far, 10.0) if np.isfinite(far) else 10.0
+        return shifts
 
     def _film(self, objects: Mapping[int, SceneObject], shots: _Shots) -> Film:
         robot = self.arm.meshes()
@@ -266,7 +275,7 @@ class _Shots:
     def step(self, count: int) -> None:
         """Takes a picture if it is time for one."""
         if self._steps % _PICTURE == 0:
-            objects = [self._engine.pose(one).matrix for one in self._handles.values()]
+            objects = [self._engine.pose(handle).matrix for handle in self._handles.values()]
             self.poses.append(np.concatenate([self._arm.poses(), np.reshape(objects, (-1, 4, 4))]))
         self._steps += count
 
@@ -283,6 +292,6 @@ def _along(start: Float64, direction: Float64, length: float) -> list[Float64]:
 
 
 def _shifted(pose: Float64, by: Float64) -> Float64:
-    moved = pose.copy()
-    moved[:3, 3] += by
-    return moved
+    new_pose = pose.copy()
+    new_pose[:3, 3] += by
+    return new_pose

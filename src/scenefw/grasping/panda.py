@@ -138,12 +138,12 @@ class PandaArm:
 
         soft = self.tool - self.bellows
         rings = [(0.03, 0.0, 0.02), (self.rod, 0.02, soft), (self.cup, soft, self.tool)]
-        made = [
+        cylinders = [
             trimesh.creation.cylinder(radius, segment=[[0, 0, low], [0, 0, high]], sections=24)
             for radius, low, high in rings
         ]
-        whole = trimesh.util.concatenate(made)
-        return TriangleMesh(np.array(whole.vertices), np.array(whole.faces))
+        mesh = trimesh.util.concatenate(cylinders)
+        return TriangleMesh(np.array(mesh.vertices), np.array(mesh.faces))
 
 
 class Arm:
@@ -178,13 +178,13 @@ class Arm:
             physicsClientId=self._client,
         )
 
-    def touches(self, others: Sequence[int], clearance: float) -> bool:
+    def touches(self, bodies: Sequence[int], clearance: float) -> bool:
         """Whether a moving link comes closer than `clearance` to other bodies where it is (m)."""
-        for other in others:
-            near = self._bullet.getClosestPoints(
-                self._body, other, clearance, physicsClientId=self._client
+        for body in bodies:
+            closest_points = self._bullet.getClosestPoints(
+                self._body, body, clearance, physicsClientId=self._client
             )
-            if any(point[3] > 0 for point in near):
+            if any(point[3] > 0 for point in closest_points):
                 return True
         return False
 
@@ -259,9 +259,9 @@ def _folder() -> Path:
 def _link_meshes() -> tuple[TriangleMesh, ...]:
     import trimesh
 
-    found = []
+    meshes = []
     for number in range(_JOINTS + 1):
         path = _folder() / "meshes" / "collision" / f"link{number}.obj"
         mesh = trimesh.load(path, force="mesh", process=False, skip_materials=True)
-        found.append(TriangleMesh(np.array(mesh.vertices), np.array(mesh.faces)))
-    return tuple(found)
+        meshes.append(TriangleMesh(np.array(mesh.vertices), np.array(mesh.faces)))
+    return tuple(meshes)

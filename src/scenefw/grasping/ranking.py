@@ -52,20 +52,22 @@ class SuctionGrasping:
             return Ranking((), {}, {})
         resting = self._rested(objects)
         left_out: dict[int, str] = {}
-        found: list[RankedGrasp] = []
+        ranked_grasps: list[RankedGrasp] = []
         for label, grasps in self.candidates.find(objects, eye).items():
             if isinstance(grasps, str):
                 left_out[label] = grasps
                 continue
             motion = resting[label].pose.matrix @ inverse(objects[label].pose.matrix)
             rehearsed = [grasp.moved(motion) for grasp in grasps]
-            kept = self.lifting.feasible(resting, rehearsed, self.contacts)
-            if not kept:
+            feasible_grasps = self.lifting.feasible(resting, rehearsed, self.contacts)
+            if not feasible_grasps:
                 left_out[label] = "the arm reaches none of its contacts without touching something"
-            back = inverse(motion)
-            for one in kept:
-                found.append(RankedGrasp(one.moved(back), one, self.lift(resting, one)))
-        return Ranking(tuple(sorted(found, key=self._order)), left_out, resting)
+            inverse_motion = inverse(motion)
+            for grasp in feasible_grasps:
+                ranked_grasps.append(
+                    RankedGrasp(grasp.moved(inverse_motion), grasp, self.lift(resting, grasp))
+                )
+        return Ranking(tuple(sorted(ranked_grasps, key=self._order)), left_out, resting)
 
     def lift(self, objects: Mapping[int, SceneObject], grasp: Grasp, *, film: bool = False) -> Lift:
         """What becomes of a grasp in a scene whose objects rest."""
@@ -78,7 +80,7 @@ class SuctionGrasping:
             for (label, item), end in zip(objects.items(), ends, strict=True)
         }
 
-    def _order(self, one: RankedGrasp) -> tuple[bool, float, float]:
-        rounded = float(np.floor(one.lift.disturbance / self.alike))
-        wrong = not one.lift.lifted or one.lift.label != one.grasp.label
-        return wrong, rounded, -one.grasp.seal
+    def _order(self, ranked_grasp: RankedGrasp) -> tuple[bool, float, float]:
+        rounded = float(np.floor(ranked_grasp.lift.disturbance / self.alike))
+        wrong = not ranked_grasp.lift.lifted or ranked_grasp.lift.label != ranked_grasp.grasp.label
+        return wrong, rounded, -ranked_grasp.grasp.seal

@@ -29,13 +29,15 @@ class Chain:
         joints: poses (N, 4, 4) of the joints' frames in the frame before, at angle 0.
         tip: (4, 4) pose of the tip in the last joint's frame.
         limits: (N, 2) lowest and highest angles (radians).
-        rest: (N,) angles that starts are near to.
+        rest_angles: (N,) angles that starts are near to.
     """
 
-    def __init__(self, joints: Float64, tip: Float64, limits: Float64, rest: Float64) -> None:
+    def __init__(
+        self, joints: Float64, tip: Float64, limits: Float64, rest_angles: Float64
+    ) -> None:
         self.joints, self.tip = joints, tip
         self.lower, self.upper = limits[:, 0] + _MARGIN, limits[:, 1] - _MARGIN
-        self.rest = rest
+        self.rest_angles = rest_angles
 
     def forward(self, angles: Float64) -> tuple[Float64, Float64]:
         """Frames of the joints (B, N, 4, 4) and of the tip (B, 4, 4) at angles (B, N)."""
@@ -61,58 +63,63 @@ class Chain:
             starts: (B, N) angles to begin with.
             rounds: at most.
         """
-        angles, done = starts.copy(), np.zeros(len(starts), dtype=bool)
+        angles, converged = starts.copy(), np.zeros(len(starts), dtype=bool)
         for _ in range(rounds):
-            todo = np.flatnonzero(~done)
+            todo = np.flatnonzero(~converged)
             frames, tip = self.forward(angles[todo])
             error = _difference(tip, poses[todo])
             off = np.linalg.norm(error[:, :3], axis=1)
             turned = np.linalg.norm(error[:, 3:], axis=1)
-            done[todo] = (off < _OFF) & (turned < _TURNED)
-            if done[todo].all():
+            converged[todo] = (off < _OFF) & (turned < _TURNED)
+            if converged[todo].all():
                 break
             step = _step(frames, tip, error)
             angles[todo] = np.clip(angles[todo] + step, self.lower, self.upper)
-        return angles, done
+        return angles, converged
 
     def anchors(self, poses: Float64) -> tuple[Float64, np.ndarray]:
         """Angles and success as of `solve`, from several starts one after the other."""
-        angles, done = np.tile(self.rest, (len(poses), 1)), np.zeros(len(poses), dtype=bool)
+        angles, converged = (
+            np.tile(self.rest_angles, (len(poses), 1)),
+            np.zeros(len(poses), dtype=bool),
+        )
         azimuth = np.arctan2(poses[:, 1, 3], poses[:, 0, 3])
-        for start in _starts(self.rest):
-            todo = np.flatnonzero(~done)
+        for start in _starts(self.rest_angles):
+            todo = np.flatnonzero(~converged)
             if not len(todo):
                 break
             begin = np.tile(start, (len(todo), 1))
             begin[:, 0] = azimuth[todo]
             begin = np.clip(begin, self.lower, self.upper)
-            angles[todo], done[todo] = self.solve(poses[todo], begin)
-        return angles, done
+            angles[todo], converged[todo] = self.solve(poses[todo], begin)
+        return angles, converged
 
-    def path(self, poses: Float64, angles: Float64, done: np.ndarray) -> tuple[Float64, np.ndarray]:
+    def path(
+        self, poses: Float64, angles: Float64, active: np.ndarray
+    ) -> tuple[Float64, np.ndarray]:
         """Angles (B, P, N) that follow poses (B, P, 4, 4), each from the last, and success (B,).
 
         Args:
             poses: of B ways.
             angles: (B, N) near the first poses.
-            done: (B,) ways to follow.
+            active: (B,) ways to follow.
         """
-        found, fine = [], done.copy()
+        waypoints, fine = [], active.copy()
         for i in range(poses.shape[1]):
             after, reached = self.solve(poses[:, i], angles, rounds=25)
             fine &= reached & (np.abs(after - angles).max(axis=1) < _JUMP)
-            found.append(after)
+            waypoints.append(after)
             angles = after
-        return np.stack(found, axis=1), fine
+        return np.stack(waypoints, axis=1), fine
 
 
-def read_chain(robot: Element, names: Sequence[str], rest: Float64, tip: Float64) -> Chain:
+def read_chain(robot: Element, names: Sequence[str], rest_angles: Float64, tip: Float64) -> Chain:
     """The chain of some joints of a URDF, all about z.
 
     Args:
         robot: the URDF's root.
         names: of the joints, one after the other.
-        rest: angles (N,).
+        rest_angles: angles (N,).
         tip: (4, 4) in the frame of the last joint.
     """
     joints = {joint.get("name"): joint for joint in robot.findall("joint")}
@@ -123,7 +130,7 @@ def read_chain(robot: Element, names: Sequence[str], rest: Float64, tip: Float64
         assert limit is not None, name
         frames.append(_frame(_numbers(origin, "xyz"), _numbers(origin, "rpy")))
         limits.append([float(limit.get("lower", 0)), float(limit.get("upper", 0))])
-    return Chain(np.array(frames), tip, np.array(limits), rest)
+    return Chain(np.array(frames), tip, np.array(limits), rest_angles)
 
 
 def _numbers(element: Element, name: str) -> Float64:
@@ -138,10 +145,10 @@ def _frame(xyz: Float64, rpy: Float64) -> Float64:
     return rigid(about_z @ about_y @ about_x, xyz)
 
 
-def _starts(rest: Float64) -> Float64:
+def _starts(rest_angles: Float64) -> Float64:
     """Angles (S, N) around the rest position, always the same."""
-    others = np.random.default_rng(0).normal(0, 0.7, (4, len(rest)))
-    return rest + np.concatenate([np.zeros((1, len(rest))), others])
+    offsets = np.random.default_rng(0).normal(0, 0.7, (4, len(rest_angles)))
+    return rest_angles + np.concatenate([np.zeros((1, len(rest_angles))), offsets])
 
 
 def _difference(tip: Float64, poses: Float64) -> Float64:

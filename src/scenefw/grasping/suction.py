@@ -87,18 +87,18 @@ class SuctionCup:
         moment = np.cross(centre - pose[:3, 3], force)
         return self.holds(pose[:3, :3].T @ force, pose[:3, :3].T @ moment)
 
-    def meet(self, surfaces: Surfaces, pose: Float64, before: float, beyond: float) -> Meeting:
+    def meet(self, surfaces: Surfaces, pose: Float64, before: float, overshoot: float) -> Meeting:
         """What the cup meets on its way along its axis, and whether it seals there.
 
         Args:
             surfaces: of the scene.
             pose: (4, 4) of the cup where it is meant to touch.
             before: how far before that it starts (m).
-            beyond: how far beyond that it goes at most (m).
+            overshoot: how far beyond that it goes at most (m).
         """
         start, axis = pose[:3, 3] - before * pose[:3, 2], pose[:3, 2]
         (distance,), (label,) = surfaces.cast(start[None], axis)
-        if distance > before + beyond:
+        if distance > before + overshoot:
             return Meeting(0, before, 0.0)
         seal = self.seal(surfaces, start + distance * axis, axis, int(label))
         return Meeting(int(label), float(distance), seal)
@@ -108,12 +108,12 @@ class SuctionCup:
         across = _across(axis)
         turns = [(r * self.radius, 2 * np.pi * i / n) for r, n in _RINGS for i in range(n)]
         offsets = np.array([[r * np.cos(a), r * np.sin(a)] for r, a in turns])
-        found, labels = surfaces.cast(point - _START * axis + offsets @ across, axis)
+        distances, labels = surfaces.cast(point - _START * axis + offsets @ across, axis)
         if (labels != label).any():
             return 0.0
         design = np.column_stack([offsets, np.ones(len(offsets))])
-        plane, *_ = np.linalg.lstsq(design, found, rcond=None)
-        bend = float(np.abs(found - design @ plane).max()) / self.give
+        plane, *_ = np.linalg.lstsq(design, distances, rcond=None)
+        bend = float(np.abs(distances - design @ plane).max()) / self.give
         tilt = float(np.linalg.norm(plane[:2])) * self.radius / self.give
         return max(0.0, 1.0 - max(bend, tilt))
 

@@ -39,18 +39,18 @@ class Surfaces:
         """
         starts = np.asarray(origins, dtype=np.float64)
         rays = np.concatenate([starts, np.broadcast_to(directions, starts.shape)], axis=1)
-        found = self._tree.cast(torch.from_numpy(np.float32(rays)), table=False)
-        distance, hit = found[0].double().numpy(), found[1].numpy()
+        intersections = self._tree.cast(torch.from_numpy(np.float32(rays)), table=False)
+        distance, hit = intersections[0].double().numpy(), intersections[1].numpy()
         if not len(self._labels):
             return np.full(len(starts), np.inf), np.zeros(len(starts), np.int32)
         labels = np.where(hit >= 0, self._labels[np.maximum(hit, 0)], 0).astype(np.int32)
         return np.where(hit >= 0, distance, np.inf), labels
 
-    def seen(self, points: Float64, normals: Float64, eye: Float64) -> np.ndarray:
+    def is_visible(self, points: Float64, normals: Float64, eye: Float64) -> np.ndarray:
         """Which surface points (N, 3) face a position and have nothing in between, (N,) bool."""
-        away = points - eye
-        distance = np.linalg.norm(away, axis=1)
-        directions = away / distance[:, None]
+        rays = points - eye
+        distance = np.linalg.norm(rays, axis=1)
+        directions = rays / distance[:, None]
         facing = (directions * normals).sum(axis=1) < 0
         hit, _ = self.cast(np.broadcast_to(eye, points.shape), directions)
         return np.asarray(facing & (hit > distance - _SKIN))

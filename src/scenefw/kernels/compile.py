@@ -64,14 +64,14 @@ _NO_TOOLKIT = ("DynamicLibNotFoundError", "DynamicLibNotAvailableError")
 
 def sources(package: Path) -> list[Path]:
     """Files of all kernels of scenefw in a folder, and of the modules whose constants they read."""
-    found = set((package / "kernels").glob("*.py"))
-    new = found
+    paths = set((package / "kernels").glob("*.py"))
+    new = paths
     while new:
         modules = {name for file in new for name in _IMPORT.findall(file.read_text("utf-8"))}
         files = {package.joinpath(*name.split(".")).with_suffix(".py") for name in modules}
-        new = {file for file in files if file.is_file()} - found
-        found |= new
-    return sorted(found)
+        new = {file for file in files if file.is_file()} - paths
+        paths |= new
+    return sorted(paths)
 
 
 def _cache_folder() -> Path:
@@ -251,15 +251,15 @@ def _wait(child: int) -> None:
     A lock of another thread may be held in the copy for ever, in spite of all care.
     """
     until, pause = time.monotonic() + _PATIENCE, 0.001
-    computed, moved = _computed(child), time.monotonic()
-    while time.monotonic() < min(until, moved + _STUCK):
+    computed, last_progress = _computed(child), time.monotonic()
+    while time.monotonic() < min(until, last_progress + _STUCK):
         if os.waitpid(child, os.WNOHANG)[0]:
             return
         time.sleep(pause)
         pause = min(2 * pause, 0.05)
         now = _computed(child)
         if now is None or now != computed:
-            computed, moved = now, time.monotonic()
+            computed, last_progress = now, time.monotonic()
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
 
@@ -267,10 +267,10 @@ def _wait(child: int) -> None:
 def _computed(process: int) -> int | None:
     """Ticks of the clock that a process has computed; None where the system doesn't tell."""
     try:
-        told = Path(f"/proc/{process}/stat").read_text(encoding="ascii", errors="replace")
+        stat_line = Path(f"/proc/{process}/stat").read_text(encoding="ascii", errors="replace")
     except OSError:
         return None
-    fields = told.rpartition(")")[2].split()  # after the name, which may hold spaces
+    fields = stat_line.rpartition(")")[2].split()  # after the name, which may hold spaces
     return int(fields[11]) + int(fields[12])
 
 

@@ -43,21 +43,26 @@ def _means(faces, vertices, crossed, normals, smooth):
             vertex = faces[face, k]
             order[filled[vertex]] = face
             filled[vertex] += 1
-    found = np.empty((count, 3, 3))
+    means = np.empty((count, 3, 3))
     for face in range(count):
         a, b, c = normals[face]
         for k in range(3):
             x, y, z = 0.0, 0.0, 0.0
             vertex = faces[face, k]
             for at in range(starts[vertex], starts[vertex + 1]):
-                other = order[at]
-                if a * normals[other, 0] + b * normals[other, 1] + c * normals[other, 2] > smooth:
-                    x += crossed[other, 0]
-                    y += crossed[other, 1]
-                    z += crossed[other, 2]
+                neighbour = order[at]
+                if (
+                    a * normals[neighbour, 0]
+                    + b * normals[neighbour, 1]
+                    + c * normals[neighbour, 2]
+                    > smooth
+                ):
+                    x += crossed[neighbour, 0]
+                    y += crossed[neighbour, 1]
+                    z += crossed[neighbour, 2]
             length = np.sqrt(x * x + y * y + z * z)
             if length > _TINY:
-                found[face, k] = x / length, y / length, z / length
+                means[face, k] = x / length, y / length, z / length
             else:
-                found[face, k] = a, b, c
-    return found
+                means[face, k] = a, b, c
+    return means

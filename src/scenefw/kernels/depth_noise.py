@@ -25,14 +25,14 @@ _PIXEL, _GRAZING, _IMAGE = 0, 1, 2  # purposes of random words
 
 
 @element
-def _known(z):
+def _valid_depth(z):
     return max(z, _ZERO)
 
 
 @element
 def _slope(depth, at, step):
     """Central difference of depth per pixel; 0 beside missing pixels."""
-    before, after = _known(depth[at - step]), _known(depth[at + step])
+    before, after = _valid_depth(depth[at - step]), _valid_depth(depth[at + step])
     return (after - before) * _HALF if before > _ZERO and after > _ZERO else _ZERO
 
 
@@ -81,7 +81,7 @@ def _light(row, depth, intrinsics, seeds, lit, size, baseline, grazing, share):
         u = width - 1 - k if baseline > _ZERO else k
         z = depth[first + u]
         if disturbed:
-            z = _known(z)
+            z = _valid_depth(z)
             if z > _ZERO:
                 position = np.float32(width - 1 - k) - focal / max(z, _LEAST)
                 leftmost = min(leftmost, position)
@@ -108,13 +108,13 @@ def _draw(pixel, seed, sensor):
 
 
 @element
-def _read(image, u, v, lit, size, axial):
+def _read_depth(image, u, v, lit, size, axial):
     """The depth that a pixel measures where it is shifted to (u, v), and its axial deviation."""
     width, height = size
     u, v = min(max(u, 0), width - 1), min(max(v, 0), height - 1)
     z = lit[(image * height + v) * width + u]
-    away = z - _ORIGIN
-    return z, axial * (_FLOOR_NOISE + _GROWTH * away * away)
+    offset = z - _ORIGIN
+    return z, axial * (_FLOOR_NOISE + _GROWTH * offset * offset)
 
 
 @vectorised
@@ -123,8 +123,8 @@ def _step(z, deviation, ahead, luck, focal, sensor):
     _, _, step, dropout, nearest, farthest = sensor
     count = np.float32(math.floor(focal / (max(z + deviation * ahead, _LEAST) * step) + _HALF))
     stepped = focal / (max(count, _ONE) * step)
-    kept = z > _ZERO and luck >= dropout and count > _ZERO
-    return stepped if kept and stepped >= nearest and stepped <= farthest else _ZERO
+    is_valid = z > _ZERO and luck >= dropout and count > _ZERO
+    return stepped if is_valid and stepped >= nearest and stepped <= farthest else _ZERO
 
 
 @element
@@ -135,7 +135,7 @@ def _measure(i, lit, intrinsics, seeds, noisy, size, baseline, sensor, share):
     if _is_disturbed(seeds[image], share):
         focal = intrinsics[image, 0] * abs(baseline)
         across, below, ahead, luck = _draw(v * width + u, seeds[image], sensor)
-        z, deviation = _read(image, u + int(across), v + int(below), lit, size, sensor[1])
+        z, deviation = _read_depth(image, u + int(across), v + int(below), lit, size, sensor[1])
         noisy[i] = _step(z, deviation, ahead, luck, focal, sensor)
     else:
         noisy[i] = lit[i]
@@ -149,17 +149,19 @@ def _measure_all(count, lit, intrinsics, seeds, noisy, size, baseline, sensor, s
         first = row * width
         if _is_disturbed(seeds[image], share):
             focal = intrinsics[image, 0] * abs(baseline)
-            drawn = np.empty((4, width), np.float32)
+            samples = np.empty((4, width), np.float32)
             for u in range(width):
-                drawn[0, u], drawn[1, u], drawn[2, u], drawn[3, u] = _draw(
+                samples[0, u], samples[1, u], samples[2, u], samples[3, u] = _draw(
                     v * width + u, seeds[image], sensor
                 )
             for u in range(width):
-                across, below = int(drawn[0, u]), int(drawn[1, u])
-                drawn[0, u], drawn[1, u] = _read(image, u + across, v + below, lit, size, sensor[1])
+                across, below = int(samples[0, u]), int(samples[1, u])
+                samples[0, u], samples[1, u] = _read_depth(
+                    image, u + across, v + below, lit, size, sensor[1]
+                )
             for u in range(width):
                 noisy[first + u] = _step(
-                    drawn[0, u], drawn[1, u], drawn[2, u], drawn[3, u], focal, sensor
+                    samples[0, u], samples[1, u], samples[2, u], samples[3, u], focal, sensor
                 )
         else:
             noisy[first : first + width] = lit[first : first + width]

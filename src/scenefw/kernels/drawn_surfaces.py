@@ -105,8 +105,8 @@ def _limited(x):
 
 @element
 def _colour(
-    i, places, view, depth, facing, labels, light, light_reach, field, n, box, key, palette, seen,
-    is_pale, reach, colours,
+    i, places, view, depth, facing, labels, light, light_reach, field, n, box, key, palette,
+    visibility, is_pale, reach, colours,
 ):  # fmt: skip
     colours[i, 0], colours[i, 1], colours[i, 2] = ONE, ONE, ONE
     if depth[i] <= ZERO:
@@ -126,29 +126,29 @@ def _colour(
             colours[i, k] = _limited(_FLOOR[k] * bright) * (ONE - fade) + fade
         return
     bright = brightness(field, n, box, x, y, z, facing[i, 0], facing[i, 1], facing[i, 2], key)
-    own = labels[i] if labels[i] < len(palette) else 0
+    palette_row = labels[i] if labels[i] < len(palette) else 0
     share = ONE
     if is_pale:
         part = trilinear(
-            seen, 0, n, (x - box[1]) / box[0] - HALF, (y - box[2]) / box[0] - HALF,
+            visibility, 0, n, (x - box[1]) / box[0] - HALF, (y - box[2]) / box[0] - HALF,
             (z - box[3]) / box[0] - HALF,
         )  # fmt: skip
         share = _HIDDEN + (ONE - _HIDDEN) * _limited(_TWO * part - HALF)
     for k in range(3):
-        colours[i, k] = _limited((_PALE[k] + (palette[own, k] - _PALE[k]) * share) * bright)
+        colours[i, k] = _limited((_PALE[k] + (palette[palette_row, k] - _PALE[k]) * share) * bright)
 
 
 @loop
 def _colour_all(
     count, places, view, depth, facing, labels, light, light_reach, field, n, box, key, palette,
-    seen, is_pale, reach, colours,
+    visibility, is_pale, reach, colours,
 ):  # fmt: skip
     for lane in prange(LANES):
         for start in range(lane * BLOCK, count, LANES * BLOCK):
             for i in range(start, min(start + BLOCK, count)):
                 _colour(
                     i, places, view, depth, facing, labels, light, light_reach, field, n, box, key,
-                    palette, seen, is_pale, reach, colours,
+                    palette, visibility, is_pale, reach, colours,
                 )  # fmt: skip
 
 
@@ -158,16 +158,16 @@ def _differ(depth, facing, labels, i, j):
         return True
     if depth[i] <= ZERO:
         return False
-    alike = facing[i, 0] * facing[j, 0] + facing[i, 1] * facing[j, 1] + facing[i, 2] * facing[j, 2]
-    return alike < _ALIKE or (labels[i] > 0 and abs(depth[i] - depth[j]) > _JUMP)
+    cosine = facing[i, 0] * facing[j, 0] + facing[i, 1] * facing[j, 1] + facing[i, 2] * facing[j, 2]
+    return cosine < _ALIKE or (labels[i] > 0 and abs(depth[i] - depth[j]) > _JUMP)
 
 
 @element
-def _vary(row, view, size, depth, facing, labels, reach, found):
+def _vary(row, view, size, depth, facing, labels, reach, mask):
     width, height = size
     for column in range(width):
         i = row * width + column
-        found[i] = (
+        mask[i] = (
             (column > 0 and _differ(depth, facing, labels, i, i - 1))
             or (column < width - 1 and _differ(depth, facing, labels, i, i + 1))
             or (row > 0 and _differ(depth, facing, labels, i, i - width))
@@ -189,25 +189,28 @@ def _is_on_line(view, column, row, depth, label, reach):
 
 
 @loop
-def _vary_all(count, view, size, depth, facing, labels, reach, found):
+def _vary_all(count, view, size, depth, facing, labels, reach, mask):
     for row in prange(count):
-        _vary(row, view, size, depth, facing, labels, reach, found)
+        _vary(row, view, size, depth, facing, labels, reach, mask)
 
 
 @element
-def _at(pixel, part, numbers, fine, whole):
+def _at(pixel, part, numbers, fine, coarse):
     """What a ray of a pixel met, or the pixel's only ray."""
     k = numbers[pixel]
-    return whole[pixel] if k < 0 else fine[_RAYS * k + part]
+    return coarse[pixel] if k < 0 else fine[_RAYS * k + part]
 
 
 @element
-def _ends(label, depth, pixel, part, numbers, fine_labels, labels, fine_depth, whole_depth):
+def _ends(label, depth, pixel, part, numbers, fine_labels, labels, fine_depth, coarse_depth):
     """Whether an object changes, or its depth jumps, from one ray to another."""
-    other = _at(pixel, part, numbers, fine_labels, labels)
-    if other != label:
+    neighbour_label = _at(pixel, part, numbers, fine_labels, labels)
+    if neighbour_label != label:
         return True
-    return other > 0 and abs(_at(pixel, part, numbers, fine_depth, whole_depth) - depth) > _JUMP
+    return (
+        neighbour_label > 0
+        and abs(_at(pixel, part, numbers, fine_depth, coarse_depth) - depth) > _JUMP
+    )
 
 
 @element
@@ -265,14 +268,16 @@ their labels. Found are `depth` (N,), normals `facing` (N, 3) towards the eye, `
 """
 colour = Kernel(_colour, _colour_all)
 """colour(N, places, view, depth, facing, labels, light, light_reach, field, n, box, key, palette,
-seen, is_pale, reach, colours): colours (N, 3) of what rays meet; white where they meet nothing.
+visibility, is_pale, reach, colours): colours (N, 3) of what rays meet; white where they meet
+nothing.
 
 `light` (S, S) is the map of `soft_light.floor_map`; `field` (n^3,), `box` and `key` light the
-objects as there. `palette` (L, 3) has a row per label, the first one for labels beyond. `seen`
-(n^3,) is read if `is_pale`: objects are pale where it is 0. The floor fades at `reach` (m).
+objects as there. `palette` (L, 3) has a row per label, the first one for labels beyond.
+`visibility` (n^3,) is read if `is_pale`: objects are pale where it is 0. The floor fades at `reach`
+(m).
 """
 varied = Kernel(_vary, _vary_all)
-"""varied(rows, view, (width, height), depth, facing, labels, reach, found): beside which pixels
+"""varied(rows, view, (width, height), depth, facing, labels, reach, mask): beside which pixels
 something else is seen, or a line of the floor (bool). Rays went through all pixels, row by row; an
 element is a row, as divisions by its length would take most of the time."""
 blend = Kernel(_blend, _blend_all)

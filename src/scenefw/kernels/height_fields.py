@@ -33,7 +33,7 @@ def _clip(origin, slope, low, high, enter, leave):
 
 
 @element
-def _cut(base, over_row, over_column, upper, start, slopes):
+def _intersect_triangle(base, over_row, over_column, upper, start, slopes):
     """Where a ray meets one triangle of a cell, from the cell's first vertex; _NEVER if not."""
     row, column, z = start
     down, right, rise = slopes
@@ -51,12 +51,12 @@ def _meet(heights, n, row, column, start, slopes):
     """The first of a cell's triangles that a ray meets, as a multiple of the ray."""
     at = row * n + column
     a, b, c, d = heights[at], heights[at + 1], heights[at + n], heights[at + n + 1]
-    here = (start[0] - np.float32(row), start[1] - np.float32(column), start[2])
+    local_start = (start[0] - np.float32(row), start[1] - np.float32(column), start[2])
     first, second = _NEVER, _NEVER
     if max(a, b, d) < SEEN:
-        first = _cut(a, d - b, b - a, True, here, slopes)
+        first = _intersect_triangle(a, d - b, b - a, True, local_start, slopes)
     if max(a, c, d) < SEEN:
-        second = _cut(a, c - a, d - c, False, here, slopes)
+        second = _intersect_triangle(a, c - a, d - c, False, local_start, slopes)
     return min(first, second)
 
 

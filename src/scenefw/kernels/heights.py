@@ -128,15 +128,15 @@ def _relax_row(row, above, below, sums, heights, first, n, left, right, damping)
             if weight > _ZERO:
                 diagonal = sums[at]
                 pull = max(damping - diagonal, _PULL * diagonal)
-                rest = sums[at + 4]
-                rest += pull * rest / weight
-                rest -= sums[at + 1] * heights[vertex + 1]
-                rest -= sums[at + 2] * heights[below + vertex + n]
-                rest -= sums[at + 3] * heights[below + vertex + n + 1]
-                rest -= sums[at - RECORD + 1] * heights[vertex - 1]
-                rest -= sums[at - n * RECORD + 2] * heights[above + vertex - n]
-                rest -= sums[at - n * RECORD - RECORD + 3] * heights[above + vertex - n - 1]
-                heights[vertex] = rest / (diagonal + pull)
+                numerator = sums[at + 4]
+                numerator += pull * numerator / weight
+                numerator -= sums[at + 1] * heights[vertex + 1]
+                numerator -= sums[at + 2] * heights[below + vertex + n]
+                numerator -= sums[at + 3] * heights[below + vertex + n + 1]
+                numerator -= sums[at - RECORD + 1] * heights[vertex - 1]
+                numerator -= sums[at - n * RECORD + 2] * heights[above + vertex - n]
+                numerator -= sums[at - n * RECORD - RECORD + 3] * heights[above + vertex - n - 1]
+                heights[vertex] = numerator / (diagonal + pull)
 
 
 @element
@@ -171,16 +171,16 @@ def _merge_at(row, column, sums, heights, coarse, merged, level, prior):
     to = (row * n + column) * MERGED
     at = vertex * RECORD
     weight, tinted = sums[at + 5], sums[at + 10]
-    above, known = _ZERO, False
+    above, has_prior = _ZERO, False
     p, q = 0, 0
     if below > 0:
         p, q = parents(row, column, below)
         p *= MERGED
         q *= MERGED
-        known = max(coarse[p], coarse[q]) < SEEN
-    if known:
+        has_prior = max(coarse[p], coarse[q]) < SEEN
+    if has_prior:
         above = _QUARTER * _HALF * (coarse[p + 1] + coarse[q + 1])
-    if not known and not weight > _ZERO:
+    if not has_prior and not weight > _ZERO:
         merged[to] = UNSEEN
         merged[to + 1] = _ZERO
         merged[to + 2] = _ZERO
@@ -194,17 +194,17 @@ def _merge_at(row, column, sums, heights, coarse, merged, level, prior):
         mean = sums[at + 4] / weight
         variance = max(sums[at + 6] / weight - mean * mean, _ZERO)
         variance += (mean - height) * (mean - height)
-    if known:
+    if has_prior:
         height = _mix(height, weight, _HALF * (coarse[p] + coarse[q]), share)
         variance = _mix(variance, weight, _HALF * (coarse[p + 2] + coarse[q + 2]), share)
     merged[to] = height
     merged[to + 2] = variance
     for k in range(3):
-        own = sums[at + 7 + k] / tinted if tinted > _ZERO else _ZERO
-        if known:
+        colour = sums[at + 7 + k] / tinted if tinted > _ZERO else _ZERO
+        if has_prior:
             tint = _HALF * (coarse[p + 3 + k] + coarse[q + 3 + k])
-            own = _mix(own, tinted, tint, share) if tinted > _ZERO else tint
-        merged[to + 3 + k] = own
+            colour = _mix(colour, tinted, tint, share) if tinted > _ZERO else tint
+        merged[to + 3 + k] = colour
 
 
 @element

@@ -33,11 +33,11 @@ def _say(logits, vertex, weight, far, labels, pixel, pixels, classes, decay, flo
     """
     if not weight > _ZERO:
         return
-    sure = exp(-decay * far)
-    share = (_ONE - np.float32(classes) * floor) * sure
-    rest = (_ONE - share) / np.float32(classes)
+    confidence = exp(-decay * far)
+    share = (_ONE - np.float32(classes) * floor) * confidence
+    uniform_share = (_ONE - share) / np.float32(classes)
     for c in range(classes):
-        value = log(share * labels[c * pixels + pixel] + rest)
+        value = log(share * labels[c * pixels + pixel] + uniform_share)
         atomic_add(logits, vertex * classes + c, weight * value)
 
 
@@ -54,11 +54,11 @@ def _add_pixel(pixel, n, cells, spots, labels, logits, pixels, classes, settings
     middle, a, b, c = corners(cell, f, g, n)
     weight = _by_angle(spots[pixel, 3], power)
     p, q = _ONE - f, _ONE - g
-    at, to = math.sqrt(f * f + g * g), math.sqrt(p * p + q * q)
-    other = math.sqrt(f * f + q * q) if middle == cell + 1 else math.sqrt(p * p + g * g)
-    _say(logits, cell, weight * a, at, labels, pixel, pixels, classes, decay, floor)
-    _say(logits, middle, weight * b, other, labels, pixel, pixels, classes, decay, floor)
-    _say(logits, cell + n + 1, weight * c, to, labels, pixel, pixels, classes, decay, floor)
+    to_first, to_last = math.sqrt(f * f + g * g), math.sqrt(p * p + q * q)
+    to_middle = math.sqrt(f * f + q * q) if middle == cell + 1 else math.sqrt(p * p + g * g)
+    _say(logits, cell, weight * a, to_first, labels, pixel, pixels, classes, decay, floor)
+    _say(logits, middle, weight * b, to_middle, labels, pixel, pixels, classes, decay, floor)
+    _say(logits, cell + n + 1, weight * c, to_last, labels, pixel, pixels, classes, decay, floor)
 
 
 @element
@@ -111,14 +111,14 @@ def _merge_all(count, logits, coarse, merged, level, classes):
 @element
 def _normalise(i, logits, probabilities, vertices, classes):
     """Probabilities (C, vertices) of a vertex's log-likelihoods."""
-    most = logits[i * classes]
+    maximum = logits[i * classes]
     for c in range(1, classes):
-        most = max(most, logits[i * classes + c])
+        maximum = max(maximum, logits[i * classes + c])
     total = _ZERO
     for c in range(classes):
-        total += exp(logits[i * classes + c] - most)
+        total += exp(logits[i * classes + c] - maximum)
     for c in range(classes):
-        probabilities[c * vertices + i] = exp(logits[i * classes + c] - most) / total
+        probabilities[c * vertices + i] = exp(logits[i * classes + c] - maximum) / total
 
 
 @loop

@@ -198,9 +198,9 @@ class Tree:
         """
         count = len(cameras.intrinsics)
         shape = (count, cameras.height, cameras.width)
-        ones = torch.ones(shape, device=self.triangles.device)
+        unit_depth = torch.ones(shape, device=self.triangles.device)
         eyes = cameras.T_world_camera[:, None, None, :3, 3].expand(*shape, 3)
-        rays = torch.cat([eyes, pixel_places(ones, cameras) - eyes], dim=-1)
+        rays = torch.cat([eyes, pixel_places(unit_depth, cameras) - eyes], dim=-1)
         return self.cast(rays.view(-1, 6).contiguous(), table=table)[0].view(shape)
 
 
@@ -264,25 +264,25 @@ def _top(high, order, first, end):
 @njit(cache=True)
 def _split(low, high, centres, order, first, end):
     """Sorts triangles into two halves along the longest axis; where the second one begins."""
-    least, most = np.full(3, np.inf), np.full(3, -np.inf)
+    minimum, maximum = np.full(3, np.inf), np.full(3, -np.inf)
     for k in range(first, end):
         for axis in range(3):
-            least[axis] = min(least[axis], centres[order[k], axis])
-            most[axis] = max(most[axis], centres[order[k], axis])
-    axis = int(np.argmax(most - least))
-    width = most[axis] - least[axis]
+            minimum[axis] = min(minimum[axis], centres[order[k], axis])
+            maximum[axis] = max(maximum[axis], centres[order[k], axis])
+    axis = int(np.argmax(maximum - minimum))
+    width = maximum[axis] - minimum[axis]
     if width <= 0:
         return first
-    counts, areas = _bin(low, high, centres, order, first, end, axis, least[axis], width)
-    best, cut = np.inf, 0
+    counts, areas = _bin(low, high, centres, order, first, end, axis, minimum[axis], width)
+    best, split_bin = np.inf, 0
     for place in range(1, _BINS):
         if counts[0, place] > 0 and counts[1, place] > 0:
             cost = counts[0, place] * areas[0, place] + counts[1, place] * areas[1, place]
             if cost < best:
-                best, cut = cost, place
+                best, split_bin = cost, place
     left, right = first, end - 1
     while left <= right:
-        if _bin_of(centres[order[left], axis], least[axis], width) < cut:
+        if _bin_of(centres[order[left], axis], minimum[axis], width) < split_bin:
             left += 1
         else:
             order[left], order[right] = order[right], order[left]
@@ -291,21 +291,21 @@ def _split(low, high, centres, order, first, end):
 
 
 @njit(cache=True)
-def _bin_of(value, least, width):
-    return min(_BINS - 1, int((value - least) / width * _BINS))
+def _bin_of(value, minimum, width):
+    return min(_BINS - 1, int((value - minimum) / width * _BINS))
 
 
 @njit(cache=True)
-def _bin(low, high, centres, order, first, end, axis, least, width):
+def _bin(low, high, centres, order, first, end, axis, minimum, width):
     """Numbers of triangles and areas of their boxes, left and right of each cut."""
     boxes = np.empty((_BINS, 6))
     boxes[:, :3] = np.inf
     boxes[:, 3:] = -np.inf
-    held = np.zeros(_BINS)
+    bin_counts = np.zeros(_BINS)
     for k in range(first, end):
         i = order[k]
-        b = _bin_of(centres[i, axis], least, width)
-        held[b] += 1
+        b = _bin_of(centres[i, axis], minimum, width)
+        bin_counts[b] += 1
         for a in range(3):
             boxes[b, a] = min(boxes[b, a], low[i, a])
             boxes[b, 3 + a] = max(boxes[b, 3 + a], high[i, a])
@@ -316,14 +316,14 @@ def _bin(low, high, centres, order, first, end, axis, least, width):
         box[3:] = -np.inf
         for step in range(_BINS - 1):
             b = step if side == 0 else _BINS - 1 - step
-            total += held[b]
+            total += bin_counts[b]
             for a in range(3):
                 box[a] = min(box[a], boxes[b, a])
                 box[3 + a] = max(box[3 + a], boxes[b, 3 + a])
-            cut = b + 1 if side == 0 else b
-            counts[side, cut] = total
+            split_bin = b + 1 if side == 0 else b
+            counts[side, split_bin] = total
             x, y, z = box[3] - box[0], box[4] - box[1], box[5] - box[2]
-            areas[side, cut] = x * y + y * z + z * x if total > 0 else 0.0
+            areas[side, split_bin] = x * y + y * z + z * x if total > 0 else 0.0
     return counts, areas
 
 

@@ -1,9 +1,10 @@
 """Pictures of scenes of triangles, of all images of a batch at once, one pixel per element.
 
-Image b shows scene `which[b]` through `lenses[b]`, 20 float64: the ray of pixel (u, v) begins at
-p + u p_u + v p_v and goes along d + u d_u + v d_v (p, p_u, p_v, d, d_u, d_v, three each), and a
-pixel is `base + spread * distance` wide (the last two). Cameras and maps from above are both such
-lenses. Images are flat, B images of height rows one after the other; `size` is (width, height).
+Image b shows scene `scene_indices[b]` through `lenses[b]`, 20 float64: the ray of pixel (u, v)
+begins at p + u p_u + v p_v and goes along d + u d_u + v d_v (p, p_u, p_v, d, d_u, d_v, three each),
+and a pixel is `base + spread * distance` wide (the last two). Cameras and maps from above are both
+such lenses. Images are flat, B images of height rows one after the other; `size` is (width,
+height).
 Arrays of scenes are those of `shading`.
 """
 
@@ -44,10 +45,10 @@ def _limited(x):
 @element
 def _see(
     bounds, links, triangles, normals, colours, looks, placements, textures, lights, surfaces,
-    scenes, which, lenses, image, u, v,
+    scenes, scene_indices, lenses, image, u, v,
 ):  # fmt: skip
     """What is hit at a place of an image, how far away, and its linear colour."""
-    scene = which[image]
+    scene = scene_indices[image]
     origin, ahead = _along(lenses, image, 0, u, v), _along(lenses, image, 9, u, v)
     hit = first_hit(
         bounds, links, triangles, scenes[scene, 0], scenes[scene, 1], True,
@@ -64,14 +65,14 @@ def _see(
 @element
 def _look(
     i, bounds, links, triangles, normals, colours, looks, placements, textures, lights, surfaces,
-    scenes, which, lenses, size, distance, label, colour,
+    scenes, scene_indices, lenses, size, distance, label, colour,
 ):  # fmt: skip
     width, height = size
     row, u = i // width, i % width
     image, v = row // height, row % height
     hit, distance[i], colour[i, 0], colour[i, 1], colour[i, 2] = _see(
         bounds, links, triangles, normals, colours, looks, placements, textures, lights, surfaces,
-        scenes, which, lenses, image, np.float64(u), np.float64(v),
+        scenes, scene_indices, lenses, image, np.float64(u), np.float64(v),
     )  # fmt: skip
     label[i] = looks[hit, 2] if hit >= 0 else (0 if hit == TABLE else -1)
 
@@ -79,22 +80,22 @@ def _look(
 @loop
 def _look_all(
     count, bounds, links, triangles, normals, colours, looks, placements, textures, lights,
-    surfaces, scenes, which, lenses, size, distance, label, colour,
+    surfaces, scenes, scene_indices, lenses, size, distance, label, colour,
 ):  # fmt: skip
     for lane in prange(LANES):
         for start in range(lane * BLOCK, count, LANES * BLOCK):
             for i in range(start, min(start + BLOCK, count)):
                 _look(
                     i, bounds, links, triangles, normals, colours, looks, placements, textures,
-                    lights, surfaces, scenes, which, lenses, size, distance, label, colour,
+                    lights, surfaces, scenes, scene_indices, lenses, size, distance, label, colour,
                 )  # fmt: skip
 
 
 @element
 def _differ(tone, first, second, contrast):
-    away = abs(tone[first, 0] - tone[second, 0])
-    away = max(away, abs(tone[first, 1] - tone[second, 1]))
-    return max(away, abs(tone[first, 2] - tone[second, 2])) > contrast
+    difference = abs(tone[first, 0] - tone[second, 0])
+    difference = max(difference, abs(tone[first, 1] - tone[second, 1]))
+    return max(difference, abs(tone[first, 2] - tone[second, 2])) > contrast
 
 
 @element
@@ -112,7 +113,7 @@ def _is_edge(tone, i, u, v, size, contrast):
 @element
 def _refine(
     i, bounds, links, triangles, normals, colours, looks, placements, textures, lights, surfaces,
-    scenes, which, lenses, size, colour, tone, contrast, refined,
+    scenes, scene_indices, lenses, size, colour, tone, contrast, refined,
 ):  # fmt: skip
     width, height = size
     row, u = i // width, i % width
@@ -125,7 +126,7 @@ def _refine(
     for _ in range(4):
         _, _, more_red, more_green, more_blue = _see(
             bounds, links, triangles, normals, colours, looks, placements, textures, lights,
-            surfaces, scenes, which, lenses, image, u + across, v + down,
+            surfaces, scenes, scene_indices, lenses, image, u + across, v + down,
         )  # fmt: skip
         red, green, blue = red + more_red, green + more_green, blue + more_blue
         across, down = -down, across
@@ -137,25 +138,28 @@ def _refine(
 @loop
 def _refine_all(
     count, bounds, links, triangles, normals, colours, looks, placements, textures, lights,
-    surfaces, scenes, which, lenses, size, colour, tone, contrast, refined,
+    surfaces, scenes, scene_indices, lenses, size, colour, tone, contrast, refined,
 ):  # fmt: skip
     for lane in prange(LANES):
         for start in range(lane * BLOCK, count, LANES * BLOCK):
             for i in range(start, min(start + BLOCK, count)):
                 _refine(
                     i, bounds, links, triangles, normals, colours, looks, placements, textures,
-                    lights, surfaces, scenes, which, lenses, size, colour, tone, contrast, refined,
+                    lights, surfaces, scenes, scene_indices, lenses, size, colour, tone, contrast,
+                    refined,
                 )  # fmt: skip
 
 
 look = Kernel(_look, _look_all)
-"""look(pixels, scenes..., which, lenses, size, distance, label, colour): through pixel centres.
+"""look(pixels, scenes..., scene_indices, lenses, size, distance, label, colour): through pixel
+centres.
 
 `distance` counts in lengths of the direction, 0 where nothing is hit; `label` is int8, -1 there;
 `colour` (pixels, 3) is linear, 0 to 1.
 """
 refine = Kernel(_refine, _refine_all)
-"""refine(pixels, scenes..., which, lenses, size, colour, tone, contrast, refined): smooth edges.
+"""refine(pixels, scenes..., scene_indices, lenses, size, colour, tone, contrast, refined): smooth
+edges.
 
 `tone` is `colour` ** GAMMA. Pixels whose tone differs from a neighbour's by more than `contrast`
 get four more rays; `refined` (pixels, 3) is the tone of their mean.

@@ -28,8 +28,8 @@ def place_image(places: Tensor, above: Tensor) -> Tensor:
     right, down = (_steps(places, axis) / _STEP for axis in (2, 1))
     scale = places.new_tensor([_WIDE, _WIDE, _HEIGHT])
     wide = torch.cat([right, down, places / scale], dim=-1)
-    told = torch.stack([above, ~places.isnan().any(dim=-1)], dim=-1)
-    channels = torch.cat([wide / (1 + wide.abs() / _BOUND), told], dim=-1)
+    flags = torch.stack([above, ~places.isnan().any(dim=-1)], dim=-1)
+    channels = torch.cat([wide / (1 + wide.abs() / _BOUND), flags], dim=-1)
     return channels.nan_to_num(0.0).permute(0, 3, 1, 2).contiguous()
 
 
@@ -43,13 +43,13 @@ def cell_points(places: Tensor, above: Tensor) -> tuple[Tensor, Tensor]:
         above: (B, H, W) bool.
     """
     spots = _cells(places)
-    there = _cells(above[..., None])[..., 0]
+    above_cells = _cells(above[..., None])[..., 0]
     middle = (CELL - 1) / 2
     along = torch.arange(CELL, device=places.device) - middle
     nearness = 2 * CELL**2 - (along[:, None] ** 2 + along**2).flatten()
-    best = torch.where(there, nearness, 0.0).argmax(dim=-1)
+    best = torch.where(above_cells, nearness, 0.0).argmax(dim=-1)
     points = spots.gather(2, best[..., None, None].expand(-1, -1, 1, 3))[:, :, 0]
-    counted = there.any(dim=-1)
+    counted = above_cells.any(dim=-1)
     return torch.where(counted[..., None], points, 0.0), counted
 
 

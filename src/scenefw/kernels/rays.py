@@ -91,26 +91,26 @@ def _clip(origin, slope, low, high, enter, leave):
 
 
 @element
-def _root(volume, base, n, scale, tolerance, start, slope, near, above, far, below):
-    """Zero of the interpolated value between `near` (positive) and `far` (Illinois method)."""
+def _root(volume, base, n, scale, tolerance, start, slope, t_near, above, t_far, below):
+    """Zero of the interpolated value between `t_near` (positive) and `t_far` (Illinois method)."""
     ox, oy, oz = start
     dx, dy, dz = slope
-    middle = far
+    middle = t_far
     side = 0
     for _ in range(_REFINEMENTS):
-        middle = near + (far - near) * above / (above - below)
+        middle = t_near + (t_far - t_near) * above / (above - below)
         value = scale * trilinear(
             volume, base, n, ox + middle * dx, oy + middle * dy, oz + middle * dz
         )
         if abs(value) < tolerance:
             break
         if value > ZERO:
-            near, above = middle, value
+            t_near, above = middle, value
             if side == 1:
                 below *= HALF
             side = 1
         else:
-            far, below = middle, value
+            t_far, below = middle, value
             if side == 2:
                 above *= HALF
             side = 2
@@ -230,12 +230,12 @@ def _instance(instances, base, n, x, y, z):
     for ix in range(max(cx - 1, 0), min(cx + 3, n)):
         for iy in range(max(cy - 1, 0), min(cy + 3, n)):
             for iz in range(max(cz - 1, 0), min(cz + 3, n)):
-                here = instances[base + (ix * n + iy) * n + iz]
-                if here > 0:
+                voxel_label = instances[base + (ix * n + iy) * n + iz]
+                if voxel_label > 0:
                     dx, dy, dz = x - np.float32(ix), y - np.float32(iy), z - np.float32(iz)
                     distance = dx * dx + dy * dy + dz * dz
                     if distance < best:
-                        best, label = distance, here
+                        best, label = distance, voxel_label
     return label
 
 

@@ -54,15 +54,15 @@ def _vote_at(vertex, sums, heights, far, rivals, outlier):
 @element
 def _vote(i, bands, layout, boxes, sums, heights, far, rivals, wins, outlier):
     first, n, top, bottom, level = rows_of(bands[i], layout)
-    found = 0
+    win_count = 0
     for row in range(top, bottom):
         for column in range(boxes[level, 2], boxes[level, 3]):
             vertex = first + row * n + column
             if far[2 * vertex] > _ZERO:
                 factor = _vote_at(vertex, sums, heights, far, rivals, outlier)
                 far[2 * vertex], far[2 * vertex + 1] = factor, _ZERO
-                found += factor > _ZERO
-    wins[i] = found
+                win_count += factor > _ZERO
+    wins[i] = win_count
 
 
 @loop
@@ -72,22 +72,22 @@ def _vote_all(count, bands, layout, boxes, sums, heights, far, rivals, wins, out
 
 
 @element
-def _loosen(vertex, entry, one, other, sums, far):
-    """Weighs down the coupling of `one` to `other`, at `entry` of the record of `one`.
+def _loosen(vertex, entry, first, second, sums, far):
+    """Weighs down the coupling of `first` to `second`, at `entry` of the record of `first`.
 
     What a coupling loses both diagonals gain: rows of the equations keep their sums, so that a
     level surface stays exact, and the matrix stays positive.
     """
-    at = one * RECORD + entry
+    at = first * RECORD + entry
     coupling, factor = sums[at], far[2 * vertex]
-    if one != vertex and far[2 * one] > _ZERO:
+    if first != vertex and far[2 * first] > _ZERO:
         return  # done from there
-    if other != vertex and far[2 * other] > _ZERO:
-        factor = min(factor, far[2 * other])
+    if second != vertex and far[2 * second] > _ZERO:
+        factor = min(factor, far[2 * second])
     loss = (_ONE - factor) * coupling
     sums[at] = coupling - loss
-    atomic_add(sums, one * RECORD, loss)
-    atomic_add(sums, other * RECORD, loss)
+    atomic_add(sums, first * RECORD, loss)
+    atomic_add(sums, second * RECORD, loss)
 
 
 @element

@@ -82,8 +82,8 @@ def _share(placements, item, textures, row, x, y, z, size):
 def _lamp(lights, j, point, facing, normal, view, gloss, bounds, links, triangles, node, last):
     """Diffuse and highlight strength of a lamp, 0 in its shadow."""
     lx, ly, lz = lights[j, 0] - point[0], lights[j, 1] - point[1], lights[j, 2] - point[2]
-    near = math.sqrt(max(lx * lx + ly * ly + lz * lz, _TINY))
-    ax, ay, az = lx / near, ly / near, lz / near
+    distance = math.sqrt(max(lx * lx + ly * ly + lz * lz, _TINY))
+    ax, ay, az = lx / distance, ly / distance, lz / distance
     cosine = normal[0] * ax + normal[1] * ay + normal[2] * az
     if cosine <= ZERO or facing[0] * ax + facing[1] * ay + facing[2] * az <= ZERO:
         return ZERO, ZERO
@@ -95,7 +95,7 @@ def _lamp(lights, j, point, facing, normal, view, gloss, bounds, links, triangle
     if blocked(bounds, links, triangles, node, last, ox, oy, oz, lx, ly, lz, ONE):
         return ZERO, ZERO
     middle = math.sqrt(lights[j, 0] ** 2 + lights[j, 1] ** 2 + lights[j, 2] ** 2)
-    fall = (middle / near) * (middle / near)
+    fall = (middle / distance) * (middle / distance)
     shine = ZERO
     if gloss > ZERO:
         hx, hy, hz = _unit(ax - view[0], ay - view[1], az - view[2])

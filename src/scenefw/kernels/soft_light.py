@@ -55,17 +55,17 @@ def brightness(field, n, box, x, y, z, nx, ny, nz, key):
 
 
 @element
-def _light(i, field, n, box, points, normals, key, found):
-    found[i] = brightness(
+def _light(i, field, n, box, points, normals, key, values):
+    values[i] = brightness(
         field, n, box, points[i, 0], points[i, 1], points[i, 2],
         normals[i, 0], normals[i, 1], normals[i, 2], key,
     )  # fmt: skip
 
 
 @loop
-def _light_all(count, field, n, box, points, normals, key, found):
+def _light_all(count, field, n, box, points, normals, key, values):
     for i in prange(count):
-        _light(i, field, n, box, points, normals, key, found)
+        _light(i, field, n, box, points, normals, key, values)
 
 
 _lit = Kernel(_light, _light_all)
@@ -83,11 +83,11 @@ def brightness_of(
         normals: (N, 3) there.
         key: direction to the light, of length 1.
     """
-    found = points.new_empty(len(points))
+    values = points.new_empty(len(points))
     box = float32(grid.voxel_size, *grid.lower)
-    tensors = [one.float().contiguous() for one in (field.reshape(-1), points, normals)]
-    _lit(len(points), tensors[0], grid.resolution, box, *tensors[1:], float32(*key), found)
-    return found
+    tensors = [tensor.float().contiguous() for tensor in (field.reshape(-1), points, normals)]
+    _lit(len(points), tensors[0], grid.resolution, box, *tensors[1:], float32(*key), values)
+    return values
 
 
 def floor_map(

@@ -186,8 +186,8 @@ def _solve(i, base, work, damping):
         for k in range(a):
             total -= work[i, _FACTOR + NUMBERS * a + k] * work[i, _STEP + k]
         work[i, _STEP + a] = total / work[i, _FACTOR + NUMBERS * a + a]
-    for back in range(NUMBERS):
-        a = NUMBERS - 1 - back
+    for offset in range(NUMBERS):
+        a = NUMBERS - 1 - offset
         total = work[i, _STEP + a]
         for k in range(a + 1, NUMBERS):
             total -= work[i, _FACTOR + NUMBERS * k + a] * work[i, _STEP + k]
@@ -244,10 +244,10 @@ def _advance(i, places, sigmas, objects, states, work, settings, steps, limit):
         for _ in range(_TRIALS):
             _solve(i, base, work, damping)
             _move(i, states, work, settings)
-            other = _EQUATIONS - base
-            trial = _evaluate(i, other, places, sigmas, objects, states, work, settings, limit)
+            trial_base = _EQUATIONS - base
+            trial = _evaluate(i, trial_base, places, sigmas, objects, states, work, settings, limit)
             if trial < cost:
-                gain, cost, base = cost - trial, trial, other
+                gain, cost, base = cost - trial, trial, trial_base
                 for k in range(_MOVED):
                     states[i, k] = work[i, _NEXT + k]
                 damping = max(damping / 4, 1e-6)

@@ -25,12 +25,12 @@ _STEPS = 24
 
 
 @element
-def _slab(o, d, near, far):
+def _slab(o, d, t_near, t_far):
     """The part of a ray o + t d with |o + t d| <= 1, in what is left of it."""
     if abs(d) < _NEAR:
-        return (near, far) if abs(o) <= _ONE else (_FAR, -_FAR)
+        return (t_near, t_far) if abs(o) <= _ONE else (_FAR, -_FAR)
     a, b = (-_ONE - o) / d, (_ONE - o) / d
-    return max(near, min(a, b)), min(far, max(a, b))
+    return max(t_near, min(a, b)), min(t_far, max(a, b))
 
 
 @element
@@ -74,38 +74,38 @@ def _root(o, d, r, start, end):
 @element
 def _box(o, d):
     """The part of a ray in the box about an object."""
-    near, far = _slab(o[0], d[0], _ZERO, _FAR)
-    near, far = _slab(o[1], d[1], near, far)
-    return _slab(o[2], d[2], near, far)
+    t_near, t_far = _slab(o[0], d[0], _ZERO, _FAR)
+    t_near, t_far = _slab(o[1], d[1], t_near, t_far)
+    return _slab(o[2], d[2], t_near, t_far)
 
 
 @element
-def _through(o, d, r):
+def _interval(o, d, r):
     """Where a ray enters and leaves, in units of its direction; `_FAR` twice if it doesn't."""
-    near, far = _box(o, d)
-    if near >= far:
+    t_near, t_far = _box(o, d)
+    if t_near >= t_far:
         return _FAR, _FAR
-    enters = _root(o, d, r, near, far)
+    enters = _root(o, d, r, t_near, t_far)
     if enters >= _FAR:
         return _FAR, _FAR
-    leaves = _root(o, d, r, far, near)
+    leaves = _root(o, d, r, t_far, t_near)
     return enters, leaves if leaves < _FAR else enters  # a ray that only grazes it
 
 
 @element
 def _hit(o, d, r):
     """Where a ray meets the surface first, in units of its direction; `_FAR` if it doesn't."""
-    near, far = _box(o, d)
-    return _root(o, d, r, near, far) if near < far else _FAR
+    t_near, t_far = _box(o, d)
+    return _root(o, d, r, t_near, t_far) if t_near < t_far else _FAR
 
 
 @element
 def _hit_hollow(t, o, d, r, hole_o, hole_d, hole_r):
     """Where a ray that enters a solid at t meets what a hole leaves of it."""
-    opens, closes = _through(hole_o, hole_d, hole_r)
+    opens, closes = _interval(hole_o, hole_d, hole_r)
     if opens > t or closes <= t:
         return t
-    return closes if closes < _through(o, d, r)[1] else _FAR
+    return closes if closes < _interval(o, d, r)[1] else _FAR
 
 
 @element
@@ -176,7 +176,7 @@ def _see_all(count, pixels, width, objects, intrinsics, poses, axes, exponents, 
              owners)  # fmt: skip
 
 
-_seen = Kernel(_see, _see_all)
+_see_kernel = Kernel(_see, _see_all)
 
 
 def first_hits(
@@ -199,16 +199,16 @@ def first_hits(
     device = scenes.positions.device
     depth = torch.zeros(batch * pixels, device=device)
     owners = torch.zeros(batch * pixels, dtype=torch.int32, device=device)
-    cut = scenes if holes is None else holes
+    cutouts = scenes if holes is None else holes
     hollow = torch.zeros_like(scenes.present) if holes is None else holes.present
     solids = [
-        getattr(one, name)
-        for one in (scenes, cut)
+        getattr(parameters, name)
+        for parameters in (scenes, cutouts)
         for name in ("half_axes", "exponents", "rotations", "positions")
     ]
     of_cameras = (cameras.intrinsics, cameras.T_world_camera)
-    tensors = [one.float().contiguous() for one in (*of_cameras, *solids)]
-    there = [one.contiguous() for one in (scenes.present, hollow)]
-    _seen(batch * pixels, pixels, cameras.width, objects, *tensors, *there, depth, owners)
+    tensors = [tensor.float().contiguous() for tensor in (*of_cameras, *solids)]
+    masks = [mask.contiguous() for mask in (scenes.present, hollow)]
+    _see_kernel(batch * pixels, pixels, cameras.width, objects, *tensors, *masks, depth, owners)
     shape = (batch, cameras.height, cameras.width)
     return depth.view(shape), owners.view(shape)

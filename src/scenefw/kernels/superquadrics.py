@@ -137,7 +137,7 @@ def _length(x, y, z):  # noqa: ANN001, ANN202
 
 
 @element
-def _rest(x, y, r):  # noqa: ANN001, ANN202
+def _axis_factor(x, y, r):  # noqa: ANN001, ANN202
     """The factor (1 - x - y)^(1/r): where the axis that is left meets the surface."""
     return exp(log(max(_ONE - x - y, _TINY)) / r)
 
@@ -152,7 +152,11 @@ def _inside(px, py, pz, ax, ay, az, rx, ry, rz, bx, by, bz):  # noqa: ANN001, AN
     c = exp(_radial(bx, by, bz, rx, ry, rz, 3))
     qx, qy, qz = px * c, py * c, pz * c
     best = _length(qx - px, qy - py, qz - pz)
-    ex, ey, ez = ax * _rest(vy, vz, rx), ay * _rest(vx, vz, ry), az * _rest(vx, vy, rz)
+    ex, ey, ez = (
+        ax * _axis_factor(vy, vz, rx),
+        ay * _axis_factor(vx, vz, ry),
+        az * _axis_factor(vx, vy, rz),
+    )
     if ex - px < best:
         best, qx, qy, qz = ex - px, ex, py, pz
     if ey - py < best:

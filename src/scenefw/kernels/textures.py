@@ -88,8 +88,8 @@ def smooth_noise(x, y, z):
 @element
 def _wave(x, width):
     """Bars of half a unit, edges as wide as `width`: +1 in a bar, -1 between."""
-    away = _QUARTER - abs(x - np.float32(math.floor(x)) - HALF)
-    return max(-ONE, min(ONE, _TWO * away / max(width, _LEAST)))
+    edge_distance = _QUARTER - abs(x - np.float32(math.floor(x)) - HALF)
+    return max(-ONE, min(ONE, _TWO * edge_distance / max(width, _LEAST)))
 
 
 @element
@@ -131,9 +131,9 @@ def _flowers(x, y, width):
     i, j = int(math.floor(x)), int(math.floor(y))  # noqa: RUF046
     a = x - np.float32(i) - HALF - (hashed(i, j, 1) - HALF) * _QUARTER
     b = y - np.float32(j) - HALF - (hashed(i, j, 2) - HALF) * _QUARTER
-    away = math.sqrt(a * a + b * b)
+    radius = math.sqrt(a * a + b * b)
     lobes = math.cos(_FIVE * math.atan2(b, a) + _TURN * hashed(i, j, 3))
-    petals = min(_PETAL + _LOBE * np.float32(lobes) - away, away - _EYE)
+    petals = min(_PETAL + _LOBE * np.float32(lobes) - radius, radius - _EYE)
     tendril = _TENDRIL - abs(smooth_noise(x * _TWO, y * _TWO, HALF) - HALF)
     inside = max(petals, tendril)
     return _faded(max(ZERO, min(ONE, inside / max(width, _LEAST) + HALF)), width)

@@ -37,7 +37,7 @@ _FOUR = np.float32(4)
 @element
 def _locate_at(u, v, depth, intrinsics, poses, layout, bands, cells, spots, width, box):
     """Band, first vertex of the cell, and (row, column in the cell, z, cosine) of one pixel."""
-    lower_x, upper_y, per_metre, area, most = box
+    lower_x, upper_y, per_metre, area, max_height = box
     pixel = v * width + u
     bands[pixel] = -1
     z = depth[pixel]
@@ -59,7 +59,7 @@ def _locate_at(u, v, depth, intrinsics, poses, layout, bands, cells, spots, widt
     last = np.float32(n - 1)
     if not (row >= _ZERO and column >= _ZERO and row <= last and column <= last):
         return
-    if not abs(high) <= most:
+    if not abs(high) <= max_height:
         return
     r, c = min(int(row), n - 2), min(int(column), n - 2)
     bands[pixel] = layout[level, 2] + r // BAND_ROWS
@@ -166,13 +166,13 @@ def order_by_band(bands, cells, layout, order, starts, work, touched, boxes):
             boxes[level, 1] = max(boxes[level, 1], row + 2)
             boxes[level, 2] = min(boxes[level, 2], column)
             boxes[level, 3] = max(boxes[level, 3], column + 2)
-    found = 0
+    touched_count = 0
     for band in range(total):
-        same = band > 0 and level_of(band - 1, layout) == level_of(band, layout)
-        if starts[band + 1] > starts[band] or (same and starts[band] > starts[band - 1]):
-            touched[found] = band
-            found += 1
-    return found
+        is_same_level = band > 0 and level_of(band - 1, layout) == level_of(band, layout)
+        if starts[band + 1] > starts[band] or (is_same_level and starts[band] > starts[band - 1]):
+            touched[touched_count] = band
+            touched_count += 1
+    return touched_count
 
 
 locate = Kernel(_locate, _locate_all)

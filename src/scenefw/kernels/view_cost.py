@@ -49,12 +49,12 @@ def _add(slope, base, n, x, y, z, value):
 
 
 @element
-def _enter(origin, slope, top, near, far):
+def _enter(origin, slope, top, t_near, t_far):
     """The part of a ray between the outermost centres of one axis."""
     if abs(slope) < _TINY:
-        return near, -_ONE if origin < _ZERO or origin > top else far
+        return t_near, -_ONE if origin < _ZERO or origin > top else t_far
     first, second = -origin / slope, (top - origin) / slope
-    return max(near, min(first, second)), min(far, max(first, second))
+    return max(t_near, min(first, second)), min(t_far, max(first, second))
 
 
 @element
@@ -64,8 +64,8 @@ def _cost_of(
     pixel = (view * size[2] + v) * size[1] + u
     surface[pixel] = _ZERO
     empty[pixel] = _ZERO
-    seen = depth[pixel]
-    if seen <= _ZERO:
+    pixel_depth = depth[pixel]
+    if pixel_depth <= _ZERO:
         return
     n = size[0]
     scale = _ONE / box[0]
@@ -76,8 +76,8 @@ def _cost_of(
     dx, dy, dz = wx * scale, wy * scale, wz * scale
     to_surface = 2 * slot * n * n * n
     to_empty = to_surface + n * n * n
-    x, y, z = ox + seen * dx, oy + seen * dy, oz + seen * dz
-    if poses[view, 2, 3] + seen * wz > sampling[2] and _inside(n, x, y, z):
+    x, y, z = ox + pixel_depth * dx, oy + pixel_depth * dy, oz + pixel_depth * dz
+    if poses[view, 2, 3] + pixel_depth * wz > sampling[2] and _inside(n, x, y, z):
         value = trilinear(volume, 0, n, x, y, z)
         surface[pixel] = abs(value)
         if value > _ZERO:
@@ -86,14 +86,14 @@ def _cost_of(
             _add(slopes, to_surface, n, x, y, z, -_ONE)
     top = np.float32(n - 1)
     length = math.sqrt(wx * wx + wy * wy + wz * wz)
-    near, far = _ZERO, seen - sampling[1] / length
-    near, far = _enter(ox, dx, top, near, far)
-    near, far = _enter(oy, dy, top, near, far)
-    near, far = _enter(oz, dz, top, near, far)
+    t_near, t_far = _ZERO, pixel_depth - sampling[1] / length
+    t_near, t_far = _enter(ox, dx, top, t_near, t_far)
+    t_near, t_far = _enter(oy, dy, top, t_near, t_far)
+    t_near, t_far = _enter(oz, dz, top, t_near, t_far)
     step = sampling[0] / length
-    t = far
+    t = t_far
     total = _ZERO
-    while t > near:
+    while t > t_near:
         x, y, z = ox + t * dx, oy + t * dy, oz + t * dz
         if _inside(n, x, y, z):
             value = trilinear(volume, 0, n, x, y, z)

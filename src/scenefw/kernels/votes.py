@@ -39,29 +39,29 @@ def _count_traversals(i, starts, directions, bricks, subdivisions, counts):  # n
         if brick >= 0:
             cell = (ax * subdivisions + ay) * subdivisions + az
             atomic_add(counts, brick * cells + cell, 1)
-        moved = False
+        is_new_voxel = False
         if next_x <= next_y and next_x <= next_z:
             next_x += step_x
             ax += sx
             if ax < 0 or ax >= subdivisions:
                 x += sx
                 ax -= sx * subdivisions
-                moved = True
+                is_new_voxel = True
         elif next_y <= next_z:
             next_y += step_y
             ay += sy
             if ay < 0 or ay >= subdivisions:
                 y += sy
                 ay -= sy * subdivisions
-                moved = True
+                is_new_voxel = True
         else:
             next_z += step_z
             az += sz
             if az < 0 or az >= subdivisions:
                 z += sz
                 az -= sz * subdivisions
-                moved = True
-        if moved:
+                is_new_voxel = True
+        if is_new_voxel:
             if min(x, y, z) < 0:
                 return
             if x >= bricks.shape[0] or y >= bricks.shape[1] or z >= bricks.shape[2]:
@@ -111,8 +111,8 @@ def _shift_to_mode(i, points, weights, bandwidth, steps, modes, densities):  # n
         y += my / total
         z += mz / total
         modes[i, 0], modes[i, 1], modes[i, 2] = x, y, z
-        moved = (mx * mx + my * my + mz * mz) / (total * total)
-        if moved < numba.float32(1e-6) * bandwidth * bandwidth:
+        squared_shift = (mx * mx + my * my + mz * mz) / (total * total)
+        if squared_shift < numba.float32(1e-6) * bandwidth * bandwidth:
             return
 
 

@@ -43,6 +43,6 @@ class ByHeight:
         """Probabilities (C, V, V), uniform where the map is unseen."""
         count = len(self.classes)
         labels = np.where(np.nan_to_num(height_map.heights) > self.level, self.raised, 0)
-        given = np.arange(count)[:, None, None] == labels
-        sure = np.where(given, self.confidence, (1 - self.confidence) / (count - 1))
-        return np.where(height_map.seen, sure, 1 / count).astype(np.float32)
+        label_mask = np.arange(count)[:, None, None] == labels
+        probabilities = np.where(label_mask, self.confidence, (1 - self.confidence) / (count - 1))
+        return np.where(height_map.seen, probabilities, 1 / count).astype(np.float32)

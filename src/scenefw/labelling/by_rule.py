@@ -49,12 +49,12 @@ class ByRule:
     def label_map(self, height_map: HeightMap) -> Float32:
         """Probabilities (C, V, V), uniform where the map is unseen."""
         number, features = components(height_map.heights, self.level, height_map.grid.spacing)
-        given = [0, *(self.classes.index(name) for name in answers(features, self.tree))]
-        labels = np.array(given, dtype=np.int32)[number]
+        component_labels = [0, *(self.classes.index(name) for name in answers(features, self.tree))]
+        labels = np.array(component_labels, dtype=np.int32)[number]
         count = len(self.classes)
-        chosen = np.arange(count)[:, None, None] == labels
-        sure = np.where(chosen, self.confidence, (1 - self.confidence) / (count - 1))
-        return np.where(height_map.seen, sure, 1 / count).astype(np.float32)
+        label_mask = np.arange(count)[:, None, None] == labels
+        probabilities = np.where(label_mask, self.confidence, (1 - self.confidence) / (count - 1))
+        return np.where(height_map.seen, probabilities, 1 / count).astype(np.float32)
 
 
 def _row(number: int, row: Sequence[str | float | int], classes: Sequence[str], rows: int) -> Row:

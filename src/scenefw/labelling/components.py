@@ -38,14 +38,14 @@ def components(
 
 def answers(features: Array, rows: Sequence[Row]) -> list[str]:
     """The class of each component (N, FEATURES) by a tree of questions that begins at row 0."""
-    found = []
+    classes = []
     for feature in features:
         at: str | int = 0
         while isinstance(at, int):
             name, threshold, below, above = rows[at]
             at = below if feature[FEATURES.index(name)] < threshold else above
-        found.append(at)
-    return found
+        classes.append(at)
+    return classes
 
 
 def fitted(features: Array, weights: Array, classes: Sequence[str], leaves: int = 16) -> list[Row]:
@@ -57,7 +57,7 @@ def fitted(features: Array, weights: Array, classes: Sequence[str], leaves: int 
         classes: C names.
         leaves: answers at most.
     """
-    waiting = [_cut(features, weights, np.arange(len(features)))]
+    waiting = [_best_split(features, weights, np.arange(len(features)))]
     rows: list[list[str | float | int]] = []
     parents: list[tuple[int, int]] = [(-1, 0)]
     while waiting and len(rows) < leaves - 1:
@@ -73,21 +73,21 @@ def fitted(features: Array, weights: Array, classes: Sequence[str], leaves: int 
         named = [classes[int(weights[half].sum(axis=0).argmax())] for half in halves]
         rows.append([FEATURES[column], round(threshold, 5), *named])
         for place, half in zip((2, 3), halves, strict=True):
-            waiting.append(_cut(features, weights, half))
+            waiting.append(_best_split(features, weights, half))
             parents.append((len(rows) - 1, place))
     return [(str(name), float(at), below, above) for name, at, below, above in rows]  # type: ignore[misc]
 
 
-def _cut(
+def _best_split(
     features: Array, weights: Array, inside: NDArray[np.int64]
 ) -> tuple[float, int, float, NDArray[np.int64]]:
     """Gain, feature and threshold of the cut that lowers the Gini impurity most."""
     best = (0.0, 0, 0.0, inside)
-    whole = _purity(weights[inside].sum(axis=0))
+    parent_purity = _purity(weights[inside].sum(axis=0))
     for column in range(features.shape[1]):
         order = inside[np.argsort(features[inside, column], kind="stable")]
         value, running = features[order, column], weights[order].cumsum(axis=0)
-        gain = _purity(running[:-1]) + _purity(running[-1] - running[:-1]) - whole
+        gain = _purity(running[:-1]) + _purity(running[-1] - running[:-1]) - parent_purity
         gain = np.where(np.diff(value) > 1e-9, gain, -1.0)
         if len(gain) and gain.max() > best[0]:
             at = int(gain.argmax())

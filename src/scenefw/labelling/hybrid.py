@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenefw.core.errors import ConfigError
-from scenefw.core.labels import FROM_BOTH, FROM_MAP, FROM_VIEWS, known, labelled
+from scenefw.core.labels import FROM_BOTH, FROM_MAP, FROM_VIEWS, known_mask, labelled
 from scenefw.labelling.key_frames import EveryNth
 from scenefw.labelling.pooling import Pool, disagreement
 from scenefw.labelling.reconstruction import Reconstruction
@@ -139,7 +139,7 @@ class RunningHybrid:
 
 def _sources(views: Float32, of_map: Float32, pooled: Float32) -> Sources:
     """Whose class each vertex has."""
-    viewed, mapped = known(views), known(of_map)
+    viewed, mapped = known_mask(views), known_mask(of_map)
     views_win, map_wins = disagreement(views, of_map, pooled)
     sources = np.full(viewed.shape, FROM_BOTH, np.uint8)
     sources[viewed & views_win & ~(mapped & map_wins)] = FROM_VIEWS

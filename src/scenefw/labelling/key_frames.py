@@ -97,9 +97,9 @@ class _Moving:
     def takes(self, frame: Frame) -> bool:
         if self.last is not None:
             step = geometry.inverse(self.last.T_world_camera) @ frame.camera.T_world_camera
-            moved = float(np.linalg.norm(step[:3, 3]))
-            turned = float(np.arccos(np.clip((np.trace(step[:3, :3]) - 1) / 2, -1, 1)))
-            if moved < self.limits.distance and turned < self.limits.angle:
+            distance = float(np.linalg.norm(step[:3, 3]))
+            angle = float(np.arccos(np.clip((np.trace(step[:3, :3]) - 1) / 2, -1, 1)))
+            if distance < self.limits.distance and angle < self.limits.angle:
                 return False
         self.last = frame.camera
         return True
@@ -138,7 +138,7 @@ def _camera(state: State | None) -> Camera | None:
     return Camera(int(width), int(height), fx, fy, cx, cy).moved(state["pose"])
 
 
-def shared_view(frame: Frame, other: Camera) -> float:
+def shared_view(frame: Frame, target_camera: Camera) -> float:
     """Share in [0, 1] of a frame's measured points that project into another camera's image."""
     camera = frame.camera
     rows, columns = np.nonzero(frame.depth[::_STRIDE, ::_STRIDE] > 0)
@@ -147,11 +147,11 @@ def shared_view(frame: Frame, other: Camera) -> float:
     v, u = rows * _STRIDE, columns * _STRIDE
     depth = frame.depth[v, u].astype(np.float64)
     x, y = (u - camera.cx) / camera.fx * depth, (v - camera.cy) / camera.fy * depth
-    motion = geometry.inverse(other.T_world_camera) @ camera.T_world_camera
+    motion = geometry.inverse(target_camera.T_world_camera) @ camera.T_world_camera
     points = geometry.transform_points(motion, np.stack([x, y, depth], axis=-1))
     z = np.where(points[:, 2] > 0, points[:, 2], np.nan)
-    across = points[:, 0] / z * other.fx + other.cx
-    down = points[:, 1] / z * other.fy + other.cy
-    inside = (across > -0.5) & (across < other.width - 0.5)
-    inside &= (down > -0.5) & (down < other.height - 0.5)
+    across = points[:, 0] / z * target_camera.fx + target_camera.cx
+    down = points[:, 1] / z * target_camera.fy + target_camera.cy
+    inside = (across > -0.5) & (across < target_camera.width - 0.5)
+    inside &= (down > -0.5) & (down < target_camera.height - 0.5)
     return float(inside.mean())

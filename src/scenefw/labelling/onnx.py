@@ -99,11 +99,11 @@ def _session(path: Path, threads: int | None) -> Any:
 
 
 def _facts(session: Any) -> dict[str, Any]:
-    found = session.get_modelmeta().custom_metadata_map
+    metadata = session.get_modelmeta().custom_metadata_map
     try:
         return {
             key.removeprefix(_PREFIX): json.loads(value)
-            for key, value in found.items()
+            for key, value in metadata.items()
             if key.startswith(_PREFIX)
         }
     except ValueError:

@@ -188,10 +188,10 @@ def fit_pool(
     unknown, any_object = _uninformative(len(views))
     gate = _features(views_gate, map_gate, doubt, unknown)
     objects = _features(views_objects[:, of_object], map_objects[:, of_object], doubt, any_object)
-    which = truth[of_object].astype(np.intp) - 1
+    object_classes = truth[of_object].astype(np.intp) - 1
     return Pool(
         _fit(gate, well, unknown, of_object.astype(np.intp), share),
-        _fit(objects, well[of_object], any_object, which, share[of_object], biased=False),
+        _fit(objects, well[of_object], any_object, object_classes, share[of_object], biased=False),
         doubt,
     )
 
@@ -230,8 +230,8 @@ def _fit(
 
     bias = _LARGEST if biased else 0.0
     bounds = [(0.0, _LARGEST)] * 4 + [(-bias, bias)] * 2
-    found = minimize(loss, np.zeros(6), jac=True, method="L-BFGS-B", bounds=bounds)
-    return Weights(*(float(value) for value in found.x))
+    solution = minimize(loss, np.zeros(6), jac=True, method="L-BFGS-B", bounds=bounds)
+    return Weights(*(float(value) for value in solution.x))
 
 
 def _features(views: Float32, of_map: Float32, doubt: float, uninformative: Float32) -> Float32:
@@ -253,8 +253,8 @@ def _ends(well: Float32) -> Float32:
 
 def _is_informative(probabilities: Float32, uninformative: Float32) -> NDArray[np.bool_]:
     """(...) where a distribution differs from the uninformative one."""
-    away = np.abs(probabilities - _upright(uninformative, probabilities))
-    return np.asarray(away.max(axis=0) > _TOLERANCE)
+    differences = np.abs(probabilities - _upright(uninformative, probabilities))
+    return np.asarray(differences.max(axis=0) > _TOLERANCE)
 
 
 def _evidence(probabilities: Float32, doubt: float, uninformative: Float32) -> Float32:

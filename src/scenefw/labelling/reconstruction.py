@@ -36,10 +36,12 @@ class Reconstruction:
 
     def of(self, height_map: HeightMap) -> Float32:
         """(V, V) float32 in [0, 1]."""
-        sure = height_map.confidence / (height_map.confidence + self.confidence)
+        certainty = height_map.confidence / (height_map.confidence + self.confidence)
         limit = np.float32(self.deviation**2)
         spread = np.nan_to_num(height_map.variance, nan=0.0, posinf=np.inf)
-        reliable = np.where(height_map.seen, sure * limit / (spread + limit), 0).astype(np.float32)
+        reliable = np.where(height_map.seen, certainty * limit / (spread + limit), 0).astype(
+            np.float32
+        )
         size = min(self.window, *reliable.shape)
         smooth: Float32 = uniform_filter(reliable, size, mode="nearest").clip(0, 1)
         return smooth

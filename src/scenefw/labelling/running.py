@@ -40,24 +40,24 @@ class MapLabels:
     """Labels of the map, renewed every N frames.
 
     Args:
-        every: frames; None = whenever the map is requested.
+        interval: frames; None = whenever the map is requested.
         states: of a saved labelling, to resume from.
 
     Attributes:
         latest: the latest labels and what belongs to them, arrays by name.
     """
 
-    def __init__(self, every: int | None, states: States | None) -> None:
+    def __init__(self, interval: int | None, states: States | None) -> None:
         state = state_of(MAP_LABELS, states) or {}
-        self.every = every
+        self.interval = interval
         self.frames = int(state.get("frames", 0))
         self.latest: State = {key: value for key, value in state.items() if key != "frames"}
 
     def due(self) -> bool:
         """Counts a frame; whether the map is to be labelled after it."""
         self.frames += 1
-        return self.every is not None and self.frames % self.every == 0
+        return self.interval is not None and self.frames % self.interval == 0
 
     def state(self) -> State:
         """What to resume from; empty if the map is labelled on request."""
-        return {} if self.every is None else {"frames": np.array(self.frames), **self.latest}
+        return {} if self.interval is None else {"frames": np.array(self.frames), **self.latest}

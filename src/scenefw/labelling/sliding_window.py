@@ -66,15 +66,25 @@ class SlidingWindow:
         result = torch.empty(network.classes, height, width)
         for rows in windows(height, side, margin):
             for columns in windows(width, side, margin):
-                seen = (..., slice(rows.first, rows.last), slice(columns.first, columns.last))
-                kept = (..., slice(rows.begin, rows.end), slice(columns.begin, columns.end))
+                input_region = (
+                    ...,
+                    slice(rows.first, rows.last),
+                    slice(columns.first, columns.last),
+                )
+                output_region = (
+                    ...,
+                    slice(rows.begin, rows.end),
+                    slice(columns.begin, columns.end),
+                )
                 inner = (
                     ...,
                     slice(rows.begin - rows.first, rows.end - rows.first),
                     slice(columns.begin - columns.first, columns.end - columns.first),
                 )
-                scores = network(colour[seen][None].to(device), distance[seen][None].to(device))
-                result[kept] = scores[0][inner].softmax(dim=0).float().cpu()
+                scores = network(
+                    colour[input_region][None].to(device), distance[input_region][None].to(device)
+                )
+                result[output_region] = scores[0][inner].softmax(dim=0).float().cpu()
         return result
 
     def _side(self, network: nn.Module, margin: int, device: torch.device) -> int:
@@ -96,8 +106,8 @@ def free_megabytes(device: torch.device) -> int:
     runs unless memory is a good deal scarcer.
     """
     if device.type == "cuda":
-        kept = torch.cuda.memory_reserved(device) - torch.cuda.memory_allocated(device)
-        free = torch.cuda.mem_get_info(device)[0] + kept  # torch keeps what it has freed
+        cached_bytes = torch.cuda.memory_reserved(device) - torch.cuda.memory_allocated(device)
+        free = torch.cuda.mem_get_info(device)[0] + cached_bytes  # torch keeps what it has freed
     else:
         free = available_memory() if device.type == "cpu" else None
     if free is None:

@@ -98,9 +98,9 @@ class NetworkMapLabels:
         """Probabilities (C, V, V) of the classes, uniform where the map is unseen."""
         colour = image_tensor(height_map.colour)
         distance = torch.from_numpy(height_map.heights)[None]
-        found = self.window.probabilities(self.model, colour, distance).numpy()
-        found[:, ~height_map.seen] = 1 / len(self.classes)
-        return found
+        probabilities = self.window.probabilities(self.model, colour, distance).numpy()
+        probabilities[:, ~height_map.seen] = 1 / len(self.classes)
+        return probabilities
 
 
 class TrueLabels:
@@ -138,8 +138,8 @@ class TrueLabels:
         if self.error_rate:
             rng = generator(self.seed, number_of(frame.name))
             wrong = (rng.random(labels.shape) < self.error_rate) & (labels >= 0)
-            other = (labels + rng.integers(1, count, labels.shape)) % count
-            labels = np.where(wrong, other, labels)
+            wrong_labels = (labels + rng.integers(1, count, labels.shape)) % count
+            labels = np.where(wrong, wrong_labels, labels)
         return one_hot(labels, count, self.confidence, frame.name)
 
 
@@ -212,14 +212,15 @@ class FunctionLabels:
         Raises:
             InputError: what the function returned has another shape.
         """
-        found = np.asarray(self.function(frame))
-        if found.shape == frame.depth.shape and found.dtype.kind in "iu":
-            return one_hot(found, len(self.classes), self.confidence, frame.name)
-        if found.shape == (len(self.classes), *frame.depth.shape) and found.dtype.kind == "f":
-            return found.astype(np.float32)
+        output = np.asarray(self.function(frame))
+        if output.shape == frame.depth.shape and output.dtype.kind in "iu":
+            return one_hot(output, len(self.classes), self.confidence, frame.name)
+        if output.shape == (len(self.classes), *frame.depth.shape) and output.dtype.kind == "f":
+            return output.astype(np.float32)
         raise InputError(
-            f"the labels of frame {frame.name} are {found.dtype} of shape {found.shape}; expected "
-            f"ids {frame.depth.shape} or probabilities {(len(self.classes), *frame.depth.shape)}"
+            f"the labels of frame {frame.name} are {output.dtype} of shape {output.shape}; "
+            f"expected ids {frame.depth.shape} or probabilities "
+            f"{(len(self.classes), *frame.depth.shape)}"
         )
 
 
@@ -242,11 +243,11 @@ def one_hot(labels: Labels, classes: int, confidence: float, name: str) -> Proba
 
 def _require_confidence(confidence: float, classes: Sequence[str]) -> None:
     """Raises a ConfigError unless the class of an id is more probable than the others."""
-    least = 1 / max(len(classes), 1)
-    if not least < confidence <= 1:
+    minimum = 1 / max(len(classes), 1)
+    if not minimum < confidence <= 1:
         raise ConfigError(
             f"confidence = {confidence}, the probability of the given one of "
-            f"{len(classes)} classes; expected more than {least:.3g} and at most 1"
+            f"{len(classes)} classes; expected more than {minimum:.3g} and at most 1"
         )
 
 
@@ -258,19 +259,19 @@ def agreed_classes(
     Raises:
         CheckpointError: they differ, or it was trained on something else than `kind`.
     """
-    found = tuple(checkpoint.metadata.get("classes", ()))
+    trained_classes = tuple(checkpoint.metadata.get("classes", ()))
     trained_on = checkpoint.metadata.get("input", kind)
     if trained_on != kind:
         raise CheckpointError(
             f"the network was trained on {trained_on}, expected one trained on {kind}; give the "
             "other checkpoint"
         )
-    if classes is not None and tuple(classes) != found:
+    if classes is not None and tuple(classes) != trained_classes:
         raise CheckpointError(
-            f"the network labels {', '.join(found)}, expected {', '.join(classes)}; give a "
-            "checkpoint that was trained on these classes"
+            f"the network labels {', '.join(trained_classes)}, expected {', '.join(classes)}; give "
+            "a checkpoint that was trained on these classes"
         )
-    return found
+    return trained_classes
 
 
 def _ready(model: nn.Module, device: torch.device) -> nn.Module:

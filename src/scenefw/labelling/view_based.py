@@ -125,7 +125,7 @@ class RunningViewBased:
 
     def _recent(self) -> HeightMap | None:
         """A height map for label fusion, as old as the strategy allows."""
-        every = self.strategy.refresh
-        if every and self.key_frames % every == 0:
+        interval = self.strategy.refresh
+        if interval and self.key_frames % interval == 0:
             self._surface = self.heights.height_map()
         return self._surface

@@ -31,12 +31,12 @@ class AveragedWeights:
     @contextmanager
     def swapped(self, model: nn.Module) -> Iterator[None]:
         """Puts the average into the network, and restores the network's own weights at the end."""
-        own = {name: value.detach().clone() for name, value in _floats(model).items()}
+        trained_weights = {name: value.detach().clone() for name, value in _floats(model).items()}
         _write(model, self.values)
         try:
             yield
         finally:
-            _write(model, own)
+            _write(model, trained_weights)
 
     def state_dict(self) -> dict[str, object]:
         """The state for a checkpoint."""

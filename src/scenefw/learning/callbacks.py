@@ -92,15 +92,15 @@ class ProgressBar(lightning.Callback):
     """
 
     def __init__(self, lines: float = 60.0, bar: bool | None = None) -> None:
-        self.every = lines
-        self.drawn = sys.stdout.isatty() if bar is None else bar
+        self.interval = lines
+        self.has_bar = sys.stdout.isatty() if bar is None else bar
         self._bar: Progress | None = None
         self._printed = time.monotonic()
 
     def on_train_start(self, trainer: lightning.Trainer, module: TrainingModule) -> None:
         """Starts the bar."""
         self._limits = next((c for c in trainer.callbacks if isinstance(c, Limits)), None)
-        if self.drawn and trainer.is_global_zero:
+        if self.has_bar and trainer.is_global_zero:
             self._bar = Progress(
                 TextColumn("training"),
                 BarColumn(),
@@ -118,7 +118,7 @@ class ProgressBar(lightning.Callback):
     ) -> None:
         """Updates the bar."""
         now = time.monotonic()
-        wait = 0.5 if self.drawn else self.every
+        wait = 0.5 if self.has_bar else self.interval
         if now - self._printed < wait or not trainer.is_global_zero:
             return
         self._printed = now
@@ -131,7 +131,7 @@ class ProgressBar(lightning.Callback):
                 rate=rate,
                 losses=_losses(trainer),
             )
-        elif not self.drawn:
+        elif not self.has_bar:
             print(
                 f"step {module.batches_seen} epoch {int(module.epochs_seen)}, {rate}, "
                 f"{module.seconds:.0f} s {_losses(trainer)}",

@@ -54,12 +54,12 @@ def shipped_checkpoint(name: str = "simstack") -> Path:
     Raises:
         CheckpointError: there are none of this name, or several.
     """
-    known = assets.weights()
-    paths = known.get(name, [])
+    shipped_paths = assets.weights()
+    paths = shipped_paths.get(name, [])
     if not paths:
         raise CheckpointError(
             f"no weights {name!r} come with scenefw or its plugins; give a file, or one of "
-            f"{', '.join(sorted(known))}"
+            f"{', '.join(sorted(shipped_paths))}"
         )
     if len(paths) > 1:
         raise CheckpointError(
@@ -69,20 +69,20 @@ def shipped_checkpoint(name: str = "simstack") -> Path:
     return paths[0]
 
 
-def weights_file(given: Path | str | None, shipped: str = "simstack") -> Path:
+def weights_file(name_or_path: Path | str | None, shipped: str = "simstack") -> Path:
     """The file of a path, or of the name of weights that come with scenefw or a plugin.
 
     Args:
-        given: a path, or a name without a suffix; None means `shipped`.
+        name_or_path: a path, or a name without a suffix; None means `shipped`.
         shipped: name of the weights that are meant if none are named.
 
     Raises:
         CheckpointError: no weights have this name.
     """
-    if given is None:
+    if name_or_path is None:
         return shipped_checkpoint(shipped)
-    path = Path(given)
-    is_name = not path.suffix and path.name == str(given) and not path.exists()
+    path = Path(name_or_path)
+    is_name = not path.suffix and path.name == str(name_or_path) and not path.exists()
     return shipped_checkpoint(path.name) if is_name else path
 
 
@@ -154,18 +154,18 @@ def load_checkpoint(
         ConfigError: no path is given, and no weights of this name ship.
     """
     if path is None and shipped not in assets.weights():
-        known = ", ".join(sorted(assets.weights()))
+        names = ", ".join(sorted(assets.weights()))
         expected = (
-            f"a file, as no weights '{shipped}' come with scenefw or its plugins ({known} do)"
+            f"a file, as no weights '{shipped}' come with scenefw or its plugins ({names} do)"
         )
         raise SettingError("path", None, expected)
     path = weights_file(path, shipped)
-    header, tensors = _read(path)
-    found = header.get("task", SHAPE_INSTANCE)
-    if found != task:
+    header, tensors = _read_weights(path)
+    stored_task = header.get("task", SHAPE_INSTANCE)
+    if stored_task != task:
         raise CheckpointError(
-            f"the network in {path} was trained for {found}, expected one for {task}; give the "
-            "path of another"
+            f"the network in {path} was trained for {stored_task}, expected one for {task}; give "
+            "the path of another"
         )
     model = _build(header["recipe"], path)
     for name in header.get("omitted", ()):
@@ -195,7 +195,7 @@ def read_header(path: Path | str) -> tuple[dict[str, Any], int]:
     return header, sum(math.prod(shape) for shape in shapes)
 
 
-def _read(path: Path) -> tuple[dict[str, Any], dict[str, torch.Tensor]]:
+def _read_weights(path: Path) -> tuple[dict[str, Any], dict[str, torch.Tensor]]:
     with _opened(path) as (header, stored):
         return header, {renamed.weight(n): stored.get_tensor(n) for n in stored.keys()}  # noqa: SIM118
 
@@ -265,10 +265,10 @@ def _build(recipe: Mapping[str, Any], path: Path) -> nn.Module:
             f"{path} names {target!r}, which is not a network of scenefw or a plugin"
         )
     try:
-        found = getattr(importlib.import_module(module), name)
-        if not issubclass(found, nn.Module):
+        network_class = getattr(importlib.import_module(module), name)
+        if not issubclass(network_class, nn.Module):
             raise CheckpointError(f"{path} names {target!r}, which is not a network")
-        return found(**arguments)
+        return network_class(**arguments)
     except (ImportError, AttributeError, TypeError, ValueError) as error:
         raise CheckpointError(
             f"the network {target!r} of {path} cannot be built ({error}); install the version of "

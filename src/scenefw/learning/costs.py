@@ -33,10 +33,10 @@ class StepTimes:
 
     def begin(self, device: torch.device) -> None:
         """A step begins."""
-        self._read(_AHEAD - 1)
+        self._collect(_AHEAD - 1)
         self._marks = [_mark(device)]
 
-    def drawn(self, device: torch.device) -> None:
+    def mark_data(self, device: torch.device) -> None:
         """Its data are there."""
         self._marks.append(_mark(device))
 
@@ -45,17 +45,17 @@ class StepTimes:
         if len(self._marks) == 2:
             self._open.append([*self._marks, _mark(device)])
             self._marks = []
-        self._read(_AHEAD)
+        self._collect(_AHEAD)
 
     def finish(self) -> None:
         """Reads all remaining times, waiting for the device."""
-        self._read(0)
+        self._collect(0)
 
-    def _read(self, left: int) -> None:
-        while len(self._open) > left:
-            begun, drawn, ended = self._open.popleft()
-            self.data += _between(begun, drawn)
-            self.network += _between(drawn, ended)
+    def _collect(self, max_open: int) -> None:
+        while len(self._open) > max_open:
+            start_mark, data_mark, end_mark = self._open.popleft()
+            self.data += _between(start_mark, data_mark)
+            self.network += _between(data_mark, end_mark)
 
 
 class SideStream:
@@ -83,9 +83,9 @@ def _tensors(batch: Any) -> Iterator[torch.Tensor]:
     """Those that are fields of a dataclass, or in mappings there."""
     for field in dataclasses.fields(batch):
         value = getattr(batch, field.name)
-        for one in value.values() if isinstance(value, Mapping) else [value]:
-            if isinstance(one, torch.Tensor):
-                yield one
+        for item in value.values() if isinstance(value, Mapping) else [value]:
+            if isinstance(item, torch.Tensor):
+                yield item
 
 
 def peak_memory(device: torch.device) -> float:

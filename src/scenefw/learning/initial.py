@@ -26,18 +26,22 @@ def start_from(
         CheckpointError: the file is unusable, for another task, or of other layers.
         ConfigError: the network has no module of a name in `reinitialise`.
     """
-    own = _weights(model)
-    fresh = [*model.training_only, *_checked_modules(reinitialise, own)]
+    model_weights = _weights(model)
+    fresh = [*model.training_only, *_checked_modules(reinitialise, model_weights)]
     stored = load_checkpoint(path, task=task).model.state_dict()
     weights = {n: value for n, value in stored.items() if not _within(n, reinitialise)}
-    missing = [n for n in own if n not in weights and not _within(n, fresh)]
-    other = [n for n in weights if n not in own or own[n].shape != weights[n].shape]
-    if missing or other:
+    missing_names = [n for n in model_weights if n not in weights and not _within(n, fresh)]
+    mismatched_names = [
+        n for n in weights if n not in model_weights or model_weights[n].shape != weights[n].shape
+    ]
+    if missing_names or mismatched_names:
         raise CheckpointError(
-            f"{path} holds a different network from the one to train ({(missing + other)[0]} and "
-            f"{len(missing + other) - 1} more differ); give the same model and grid settings"
+            f"{path} holds a different network from the one to train "
+            f"({(missing_names + mismatched_names)[0]} and "
+            f"{len(missing_names + mismatched_names) - 1} more differ); give the same model and "
+            "grid settings"
         )
-    _load(model, {**own, **weights})
+    _load(model, {**model_weights, **weights})
 
 
 def _weights(model: nn.Module) -> dict[str, Tensor]:
@@ -48,12 +52,12 @@ def _load(model: nn.Module, weights: Mapping[str, Tensor]) -> None:
     model.load_state_dict(weights)
 
 
-def _checked_modules(reinitialise: Sequence[str], own: Mapping[str, Tensor]) -> list[str]:
+def _checked_modules(reinitialise: Sequence[str], model_weights: Mapping[str, Tensor]) -> list[str]:
     for name in reinitialise:
-        if not any(_within(n, [name]) for n in own):
+        if not any(_within(n, [name]) for n in model_weights):
             raise ConfigError(
                 f"learning.reinitialise names {name}, which the network does not have; it has "
-                f"{', '.join(sorted({'.'.join(n.split('.')[:2]) for n in own}))}"
+                f"{', '.join(sorted({'.'.join(n.split('.')[:2]) for n in model_weights}))}"
             )
     return list(reinitialise)
 

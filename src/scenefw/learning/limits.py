@@ -29,7 +29,7 @@ class Budget:
 
     def shares(self, steps: int, epochs: float, seconds: float) -> dict[str, tuple[float, str]]:
         """By setting: the used share of its limit (1 = all), also in words."""
-        used = {
+        usage = {
             "max_steps": (steps, self.steps, f"{steps} of {self.steps} steps"),
             "max_epochs": (epochs, self.epochs, f"{epochs:.4g} of {self.epochs} epochs"),
             "max_minutes": (
@@ -40,7 +40,7 @@ class Budget:
         }
         return {
             name: (spent / limit, words)
-            for name, (spent, limit, words) in used.items()
+            for name, (spent, limit, words) in usage.items()
             if limit is not None
         }
 
@@ -51,11 +51,13 @@ def finished(budget: Budget, state: dict[str, Any]) -> str | None:
     steps = mine["batches_seen"]
     epochs = mine.get("epochs_seen", steps / (mine.get("batches_per_epoch") or steps + 1))
     shares = budget.shares(steps, epochs, mine["seconds"])
-    used = [(words, name) for name, (share, words) in shares.items() if share >= 1]
-    if not used:
+    limits = [(words, name) for name, (share, words) in shares.items() if share >= 1]
+    if not limits:
         return None
-    raised = " and ".join(f"trainer.{name}" for _, name in used)
-    return f"the training is finished: {', '.join(w for w, _ in used)}; to continue raise {raised}"
+    raised = " and ".join(f"trainer.{name}" for _, name in limits)
+    return (
+        f"the training is finished: {', '.join(w for w, _ in limits)}; to continue raise {raised}"
+    )
 
 
 class Limits(lightning.Callback):
@@ -100,7 +102,7 @@ class Limits(lightning.Callback):
         self._step, self._stepped = now - self._stepped, now
         shares = self._shares(module)
         counted = any(shares.get(n, (0, ""))[0] >= 1 for n in ("max_steps", "max_epochs"))
-        if counted or self._agreed(trainer, module, shares.get("max_minutes", (0, ""))[0] >= 1):
+        if counted or self._is_over(trainer, module, shares.get("max_minutes", (0, ""))[0] >= 1):
             trainer.should_stop = True
 
     def on_validation_start(self, trainer: lightning.Trainer, module: TrainingModule) -> None:
@@ -112,7 +114,7 @@ class Limits(lightning.Callback):
         self._stepped = self.clock()
         self._validation = max(self._validation, self._stepped - self._validating)
 
-    def _agreed(self, trainer: lightning.Trainer, module: TrainingModule, over: bool) -> bool:
+    def _is_over(self, trainer: lightning.Trainer, module: TrainingModule, over: bool) -> bool:
         """Whether time is over; several processes use the first one's clock, now and then."""
         several = trainer.world_size > 1
         if several and module.batches_seen % AGREE_EVERY:
@@ -134,11 +136,11 @@ def seconds_of(time_limit: str | None) -> float | None:
     """
     if time_limit is None:
         return None
-    found = re.fullmatch(r"(\d+):(\d\d):(\d\d):(\d\d)", str(time_limit).strip())
-    if found is None:
+    match = re.fullmatch(r"(\d+):(\d\d):(\d\d):(\d\d)", str(time_limit).strip())
+    if match is None:
         raise ConfigError(
             f"trainer.max_time={time_limit} is not a time; give DD:HH:MM:SS, for nine minutes "
             "00:00:09:00"
         )
-    days, hours, minutes, seconds = map(int, found.groups())
+    days, hours, minutes, seconds = map(int, match.groups())
     return float(((days * 24 + hours) * 60 + minutes) * 60 + seconds)

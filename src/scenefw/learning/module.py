@@ -130,11 +130,11 @@ class TrainingModule(ResumableModule, ABC):
         from the number of samples seen.
         """
         batch = self.trainer.train_dataloader.batch(self.batch_number)
-        made = self._side.run(self.device, lambda: self._training_batch(batch))
-        self.times.drawn(self.device)
-        prediction = self.predict_batch(made)
+        training_batch = self._side.run(self.device, lambda: self._training_batch(batch))
+        self.times.mark_data(self.device)
+        prediction = self.predict_batch(training_batch)
         terms = {
-            name: self._compiled.get(name, loss)(prediction, made)
+            name: self._compiled.get(name, loss)(prediction, training_batch)
             for name, loss in self.losses_now().items()
         }
         total: Tensor = sum(self.losses[name].weight * term for name, term in terms.items())
@@ -159,11 +159,15 @@ def _require_setup(name: str, loss: Loss, setup: Any) -> None:
         hints = get_type_hints(loss.check)
     except NameError:  # imported for type checkers only
         return
-    taken = next((kind for word, kind in hints.items() if word != "return"), None)
-    if isinstance(taken, type) and is_dataclass(taken) and not isinstance(setup, taken):
+    setup_type = next((kind for word, kind in hints.items() if word != "return"), None)
+    if (
+        isinstance(setup_type, type)
+        and is_dataclass(setup_type)
+        and not isinstance(setup, setup_type)
+    ):
         raise ConfigError(
-            f"the loss {name} is for trainings that give it a {taken.__name__}, this one gives a "
-            f"{type(setup).__name__}; choose others by loss=[...]"
+            f"the loss {name} is for trainings that give it a {setup_type.__name__}, this one "
+            f"gives a {type(setup).__name__}; choose others by loss=[...]"
         )
 
 

@@ -21,11 +21,11 @@ class MuonAndAdamW(torch.optim.Optimizer):
 
     Args:
         matrices: group of weights with two or more axes: lr, momentum, weight_decay.
-        rest: group of all others, with options of torch's AdamW.
+        vectors: group of all others, with options of torch's AdamW.
     """
 
-    def __init__(self, matrices: dict[str, Any], rest: dict[str, Any]) -> None:
-        super().__init__([group for group in (matrices, rest) if group["params"]], {})
+    def __init__(self, matrices: dict[str, Any], vectors: dict[str, Any]) -> None:
+        super().__init__([group for group in (matrices, vectors) if group["params"]], {})
         self._adamw = [
             torch.optim.AdamW([dict(group)])
             for group in self.param_groups
@@ -60,8 +60,8 @@ class MuonAndAdamW(torch.optim.Optimizer):
     def _step_by_adamw(self, group: dict[str, Any]) -> None:
         """Torch's step, on the state that is stored here."""
         (adamw,) = self._adamw
-        (own,) = adamw.param_groups
-        own.update({name: value for name, value in group.items() if name != "params"})
+        (adamw_group,) = adamw.param_groups
+        adamw_group.update({name: value for name, value in group.items() if name != "params"})
         for weight in group["params"]:
             adamw.state[weight] = self.state[weight]
         adamw.step()

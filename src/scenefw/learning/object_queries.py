@@ -138,10 +138,12 @@ class ObjectQueryLearning(TrainingModule):
 
     def validation_step(self, batch: IndexBatch, batch_idx: int) -> None:
         """All losses and figures of the last layer, of the same views every time."""
-        made = self.validation_batch(batch)
-        found = matched(self.model(made), made, self.matching)
-        terms = {f"val/{name}": loss(found, made) for name, loss in self.losses.items()}
-        values = {**terms, **figures(found.layers[-1], made)}
+        validation_batch = self.validation_batch(batch)
+        prediction = matched(self.model(validation_batch), validation_batch, self.matching)
+        terms = {
+            f"val/{name}": loss(prediction, validation_batch) for name, loss in self.losses.items()
+        }
+        values = {**terms, **figures(prediction.layers[-1], validation_batch)}
         self.log_dict(values, batch_size=len(batch.indices), on_epoch=True, sync_dist=True)
 
 
@@ -162,31 +164,31 @@ def matched(
     """
     owned = owners_of(prediction.layers[0], batch) if dense else None
     layers = [
-        replace(found, matched=matched_queries(found, batch, matching), owned=owned)
-        for found in prediction.layers
+        replace(queried_set, matched=matched_queries(queried_set, batch, matching), owned=owned)
+        for queried_set in prediction.layers
     ]
     return ObjectQueryPrediction(layers, prediction.denoised)
 
 
 @torch.no_grad()
-def figures(found: QueriedSet, batch: ViewedSetBatch) -> dict[str, Tensor]:
+def figures(queried_set: QueriedSet, batch: ViewedSetBatch) -> dict[str, Tensor]:
     """Scores of matched predictions.
 
     val/overlap: mean over objects of the IoU with the query that stands for it, at places in a box
     about it, 0 where that says it doesn't exist. val/count_error: how many objects a scene has too
     many or too few. val/centre_error: of those that stand for an object (m).
     """
-    exists = found.active & (found.existence > 0)
-    views, queries, objects = pairs_of(found)
+    exists = queried_set.active & (queried_set.existence > 0)
+    views, queries, objects = pairs_of(queried_set)
     half = batch.places.shape[2] // 2
     places, true = batch.places[views, objects, half:], batch.distances[views, objects, half:] < 0
-    mine = distances_of(found, views, queries, places) < 0
+    mine = distances_of(queried_set, views, queries, places) < 0
     overlap = (mine & true).sum(dim=1) / (mine | true).sum(dim=1).clamp_min(1)
-    there = exists[views, queries]
-    gaps = found.positions[views, queries] - batch.scenes.positions[views, objects]
+    matched_exists = exists[views, queries]
+    gaps = queried_set.positions[views, queries] - batch.scenes.positions[views, objects]
     count = batch.scenes.present.sum(dim=1)
     return {
-        "val/overlap": (overlap * there).sum() / count.sum().clamp_min(1),
+        "val/overlap": (overlap * matched_exists).sum() / count.sum().clamp_min(1),
         "val/count_error": (exists.sum(dim=1) - count).abs().float().mean(),
         "val/centre_error": torch.linalg.vector_norm(gaps, dim=-1).sum() / max(len(gaps), 1),
     }

@@ -55,18 +55,23 @@ class ObjectSetLearning(TrainingModule):
 
     def validation_step(self, batch: IndexBatch, batch_idx: int) -> None:
         """Scores predictions of the same views every time; nothing is drawn."""
-        made = self.validation_batch(batch)
-        found = matched(self.model(made), made)
-        values = {"val/set_bce": SetBinaryCrossEntropy()(found, made), **_scores(found, made)}
+        validation_batch = self.validation_batch(batch)
+        prediction = matched(self.model(validation_batch), validation_batch)
+        values = {
+            "val/set_bce": SetBinaryCrossEntropy()(prediction, validation_batch),
+            **_scores(prediction, validation_batch),
+        }
         self.log_dict(values, batch_size=len(batch.indices), on_epoch=True, sync_dist=True)
 
 
 def matched(prediction: ObjectSetPrediction, batch: ObjectSetBatch) -> ObjectSetPrediction:
     """The prediction with the true object that each of its objects stands for."""
-    apart = None
+    centre_distances = None
     if prediction.boxes is not None:
-        apart = distances(prediction.boxes[..., 0, :], batch.centres)
-    objects = matched_objects(prediction.logits, batch.instances, batch.present, apart=apart)
+        centre_distances = distances(prediction.boxes[..., 0, :], batch.centres)
+    objects = matched_objects(
+        prediction.logits, batch.instances, batch.present, centre_distances=centre_distances
+    )
     return dataclasses.replace(prediction, matched=objects)
 
 
@@ -79,13 +84,13 @@ def _scores(prediction: ObjectSetPrediction, batch: ObjectSetBatch) -> dict[str,
     if prediction.existence is not None:
         inside = inside & (prediction.existence > 0)[..., None, None, None]
     rows = []
-    for own, labels, there in zip(inside, batch.instances, batch.present, strict=True):
-        objects = torch.arange(len(there), device=labels.device)[there] + 1
+    for masks, labels, present in zip(inside, batch.instances, batch.present, strict=True):
+        objects = torch.arange(len(present), device=labels.device)[present] + 1
         true = (labels[None] == objects[:, None, None, None]).cpu().numpy()
-        mine = own.cpu().numpy()
-        one = decomposition_scores(mine[mine.any(axis=(1, 2, 3))], true)
-        errors = (one.missing + one.joined > 0, one.duplicate + one.split > 0)
-        rows.append([one.object_iou, *map(float, errors)])
+        mine = masks.cpu().numpy()
+        scores = decomposition_scores(mine[mine.any(axis=(1, 2, 3))], true)
+        errors = (scores.missing + scores.joined > 0, scores.duplicate + scores.split > 0)
+        rows.append([scores.object_iou, *map(float, errors)])
     means = torch.tensor(rows, device=batch.instances.device).mean(dim=0)
     names = ("val/object_iou", "val/missing_or_joined", "val/duplicate_or_split")
     return dict(zip(names, means, strict=True))

@@ -81,11 +81,11 @@ class Muon:
             "momentum": self.momentum,
             RATE: self.rate,
         }
-        rest = {
+        vectors = {
             "params": [p for p in weights if p.ndim < 2],
             "lr": learning_rate,
             "weight_decay": weight_decay,
             "fused": fused,
             RATE: 1.0,
         }
-        return MuonAndAdamW(matrices, rest)
+        return MuonAndAdamW(matrices, vectors)

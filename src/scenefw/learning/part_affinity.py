@@ -30,15 +30,15 @@ class PartAffinityLearning(TrainingModule):
         Raises:
             ConfigError: the network says which pixels show objects, and no loss teaches it that.
         """
-        shown = self.model.shown is not None
+        predicts_shown = self.model.shown is not None
         losses = cast("Mapping[str, PartAffinityLoss]", self.losses)
         taught = any(loss.teaches_shown for loss in losses.values())
-        if shown and not taught:
+        if predicts_shown and not taught:
             raise ConfigError(
                 "no loss teaches the network which pixels show objects; add 'loss=[part_affinity,"
                 "part_shown]', or give model.shown=false"
             )
-        return PartViewSetup(*data.image_size, shown=shown)
+        return PartViewSetup(*data.image_size, shown=predicts_shown)
 
     def predict_batch(self, batch: PartViewBatch) -> Tensor:
         """Logits (B, 2 or 3, H, W)."""
@@ -46,7 +46,10 @@ class PartAffinityLearning(TrainingModule):
 
     def validation_step(self, batch: IndexBatch, batch_idx: int) -> None:
         """The losses on the same images every time."""
-        made = self.validation_batch(batch)
-        found = self.predict_batch(made)
-        values = {f"val/{name}": float(loss(found, made)) for name, loss in self.losses.items()}
+        validation_batch = self.validation_batch(batch)
+        prediction = self.predict_batch(validation_batch)
+        values = {
+            f"val/{name}": float(loss(prediction, validation_batch))
+            for name, loss in self.losses.items()
+        }
         self.log_dict(values, batch_size=len(batch.indices), on_epoch=True, sync_dist=True)

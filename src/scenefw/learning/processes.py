@@ -49,24 +49,24 @@ def processes(count: int, work: Callable[[], Any]) -> Iterator[None]:
     threads = max(torch.get_num_threads() // count, 1)
     packed = _packed(work)
     with _variables({**common, _RANK: "0"}), _threads(threads):
-        others = Others(
+        workers = Workers(
             [_start({**common, _RANK: str(n)}, threads, packed) for n in range(1, count)]
         )
         try:
             yield
-            others.join()
+            workers.join()
         except Exception as error:
-            reason = None if isinstance(error, SceneFWError) else others.reason(time.time())
+            reason = None if isinstance(error, SceneFWError) else workers.reason(time.time())
             if reason is None:
                 raise
             raise TrainingError(reason) from error
         finally:
-            others.end()
+            workers.end()
             if torch.distributed.is_initialized():
                 torch.distributed.destroy_process_group()
 
 
-class Others:
+class Workers:
     """The other processes of a training.
 
     If one fails and this process does not notice, as it waits for its part of a sum on a GPU, then
@@ -95,15 +95,15 @@ class Others:
 
     def reason(self, before: float) -> str | None:
         """One line on the process that failed first, if one did before a time (s since 1970)."""
-        found = []
+        failures = []
         for rank, (process, pipe) in enumerate(self._started, 1):
             where = f"process {rank} of {len(self._started) + 1} failed"
             if pipe.poll():
                 when, words = self._tale(pipe)
-                found.append((when, f"{where}: {words}"))
+                failures.append((when, f"{where}: {words}"))
             elif process.exitcode:
-                found.append((before - 1, f"{where}: it ended with status {process.exitcode}"))
-        when, words = min(found, default=(before, ""))
+                failures.append((before - 1, f"{where}: it ended with status {process.exitcode}"))
+        when, words = min(failures, default=(before, ""))
         return words if when < before else None
 
     def end(self) -> None:
@@ -121,10 +121,12 @@ class Others:
             return float("inf"), ""
 
     def _watch(self) -> None:
-        left = [process for process, _ in self._started]
-        while left and not self._over.is_set():
-            connection.wait([process.sentinel for process in left], timeout=1.0)
-            left = [process for process in left if process.exitcode is None]
+        running_processes = [process for process, _ in self._started]
+        while running_processes and not self._over.is_set():
+            connection.wait([process.sentinel for process in running_processes], timeout=1.0)
+            running_processes = [
+                process for process in running_processes if process.exitcode is None
+            ]
             if any(process.exitcode for process, _ in self._started):
                 break
         else:

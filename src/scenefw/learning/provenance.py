@@ -39,10 +39,10 @@ class Provenance:
     @property
     def trainings(self) -> tuple[Mapping[str, Any], ...]:
         """Metadata of the training, and of each one whose weights the one before started from."""
-        found = [self.metadata]
-        while before := found[-1].get("started_from"):
-            found.append(before)
-        return tuple(found)
+        trainings = [self.metadata]
+        while before := trainings[-1].get("started_from"):
+            trainings.append(before)
+        return tuple(trainings)
 
 
 def read_provenance(path: Path | str) -> Provenance:
@@ -71,8 +71,8 @@ def origin(path: Path | str) -> dict[str, Any]:
     Raises:
         CheckpointError: it is missing, damaged or from elsewhere.
     """
-    found = read_provenance(path)
-    return {"file": found.path.name, "sha256": found.digest, **found.metadata}
+    provenance = read_provenance(path)
+    return {"file": provenance.path.name, "sha256": provenance.digest, **provenance.metadata}
 
 
 def digest(path: Path) -> str:

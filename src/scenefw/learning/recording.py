@@ -19,13 +19,13 @@ class Recording(lightning.Callback):
     Args:
         loggers: by name.
         folder: of the training.
-        every: steps between losses, each the mean since the last.
+        interval: steps between losses, each the mean since the last.
     """
 
     def __init__(
-        self, loggers: Mapping[str, TrainingLogger], folder: Path, every: int = 20
+        self, loggers: Mapping[str, TrainingLogger], folder: Path, interval: int = 20
     ) -> None:
-        self.loggers, self.folder, self.every = dict(loggers), folder, every
+        self.loggers, self.folder, self.interval = dict(loggers), folder, interval
         self._sums: dict[str, Tensor] = {}
         self._count = 0
 
@@ -45,15 +45,15 @@ class Recording(lightning.Callback):
         for name, value in trainer.callback_metrics.items():
             if name.startswith("train/"):
                 self._sums[name] = self._sums.get(name, 0.0) + value  # stays on the device
-        if module.batches_seen % self.every == 0:
+        if module.batches_seen % self.interval == 0:
             self._log(module, {n: float(s) / self._count for n, s in self._sums.items()})
             self._sums, self._count = {}, 0
 
     def on_validation_end(self, trainer: lightning.Trainer, module: TrainingModule) -> None:
         """Logs the scores."""
-        found = trainer.callback_metrics.items()
+        metrics = trainer.callback_metrics.items()
         if trainer.is_global_zero:
-            self._log(module, {n: float(v) for n, v in found if n.startswith("val/")})
+            self._log(module, {n: float(v) for n, v in metrics if n.startswith("val/")})
 
     def teardown(
         self, trainer: lightning.Trainer, module: lightning.LightningModule, stage: str

@@ -66,7 +66,7 @@ class ResumableModule(lightning.LightningModule):
         self.describe: Callable[[], Mapping[str, Any]] = dict
         """Says how and on what it trains, for the state and for those who resume it."""
         self.clock, self.times = Clock(), StepTimes()
-        self._agreed = 0.0
+        self._common_seconds = 0.0
         self._trained_on: torch.device | None = None  # Lightning leaves the network on the CPU
 
     def configure_optimizers(self) -> torch.optim.Optimizer:
@@ -96,7 +96,7 @@ class ResumableModule(lightning.LightningModule):
     def on_train_start(self) -> None:
         """Starts the clock."""
         self.batches_per_epoch = len(self.trainer.train_dataloader)
-        self._agreed = self._common(self.seconds)
+        self._common_seconds = self._common(self.seconds)
         self.clock.start(self.batches_seen)
 
     def on_train_batch_start(self, batch: Any, batch_idx: int) -> None:
@@ -106,7 +106,7 @@ class ResumableModule(lightning.LightningModule):
         rate = self.learning_rate * self.schedule.factor(progress)
         for group in self.optimizers().param_groups:  # type: ignore[union-attr]
             group["lr"] = rate * group.get(RATE, 1.0)
-        self.budget_done = self.schedule.done(progress)
+        self.budget_done = self.schedule.budget_share(progress)
         self.times.begin(self.device)
 
     @property
@@ -131,11 +131,11 @@ class ResumableModule(lightning.LightningModule):
     def _progress(self) -> Progress:
         epoch, position = divmod(self.batch_number, self.batches_per_epoch)
         if self.trainer.world_size == 1:
-            self._agreed = self.seconds
+            self._common_seconds = self.seconds
         elif self.batches_seen % AGREE_EVERY == 0:  # one clock, else learning rates drift apart
-            self._agreed = self._common(self.seconds)
+            self._common_seconds = self._common(self.seconds)
         share = position / self.batches_per_epoch
-        return Progress(self.batches_seen, epoch, self._agreed, share)
+        return Progress(self.batches_seen, epoch, self._common_seconds, share)
 
     def count_batch(self) -> None:
         """Counts one more batch."""
@@ -224,7 +224,9 @@ class ResumableModule(lightning.LightningModule):
         for optimizer in checkpoint.get("optimizer_states", ()) if places else ():
             stored = optimizer["state"]
             moments = [stored.get(places[name]) for name in self._optimized()]
-            optimizer["state"] = {i: own for i, own in enumerate(moments) if own is not None}
+            optimizer["state"] = {
+                i: moment for i, moment in enumerate(moments) if moment is not None
+            }
         self.batches_seen, self.clock.seconds = state["batches_seen"], state["seconds"]
         self.batches_per_epoch = state["batches_per_epoch"]
         self.samples_seen = state["samples_seen"]

@@ -43,7 +43,7 @@ class Schedule(Protocol):
     def factor(self, progress: Progress) -> float:
         """Multiplies the learning rate of the next step."""
 
-    def done(self, progress: Progress) -> float:
+    def budget_share(self, progress: Progress) -> float:
         """Share of the budget that is used up, at most 1; 1 without a budget."""
 
 
@@ -68,7 +68,7 @@ class StepDecay:
         """Multiplies the learning rate of the next step."""
         return _rise(progress, self.warmup) * self.decay ** (progress.epoch // self.every)
 
-    def done(self, progress: Progress) -> float:
+    def budget_share(self, progress: Progress) -> float:
         """1, as there is no budget."""
         return 1.0
 
@@ -94,7 +94,7 @@ class ExponentialDecay:
         """Multiplies the learning rate of the next step."""
         return _rise(progress, self.warmup) * self.decay ** (progress.step / self.every)
 
-    def done(self, progress: Progress) -> float:
+    def budget_share(self, progress: Progress) -> float:
         """1, as there is no budget."""
         return 1.0
 
@@ -131,17 +131,17 @@ class CosineDecay:
 
     def factor(self, progress: Progress) -> float:
         """Multiplies the learning rate of the next step."""
-        cosine = 0.5 * (1 + math.cos(math.pi * self.done(progress)))
+        cosine = 0.5 * (1 + math.cos(math.pi * self.budget_share(progress)))
         return _rise(progress, self.warmup) * (self.lowest + (1 - self.lowest) * cosine)
 
-    def done(self, progress: Progress) -> float:
+    def budget_share(self, progress: Progress) -> float:
         """Share of the budget that is used up, at most 1."""
-        done = progress.step / self.steps if self.steps else 0.0
+        share = progress.step / self.steps if self.steps else 0.0
         if self.minutes:
-            done = max(done, progress.seconds / (60 * self.minutes))
+            share = max(share, progress.seconds / (60 * self.minutes))
         if self.epochs:
-            done = max(done, (progress.epoch + progress.share) / self.epochs)
-        return min(done, 1.0)
+            share = max(share, (progress.epoch + progress.share) / self.epochs)
+        return min(share, 1.0)
 
 
 def _rise(progress: Progress, warmup: int) -> float:

@@ -107,8 +107,8 @@ class SegmentationLearning(TrainingModule):
         """Logs the IoU of the whole validation set, and of each class that it holds."""
         super().on_validation_epoch_end()
         if self.trainer.world_size > 1:
-            every = self.all_gather(torch.from_numpy(self._counts).to(self.device))
-            self._counts = every.sum(dim=0).cpu().numpy()
+            gathered_counts = self.all_gather(torch.from_numpy(self._counts).to(self.device))
+            self._counts = gathered_counts.sum(dim=0).cpu().numpy()
         values = {"miou": mean_iou(self._counts), "weighted_iou": weighted_iou(self._counts)}
         names = self.trainer.datamodule.classes
         values |= dict(zip(names, class_ious(self._counts), strict=True))

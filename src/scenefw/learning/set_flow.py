@@ -47,12 +47,12 @@ class SetFlowLearning(TrainingModule):
 
     def validation_step(self, batch: IndexBatch, batch_idx: int) -> None:
         """The losses with the same views, noise and times every time."""
-        made = self.validation_batch(batch)
+        validation_batch = self.validation_batch(batch)
         draws = torch.Generator().manual_seed(torch_seed(self.seed, _NOISE, 2**32 + batch_idx))
         totals = dict.fromkeys(self.losses, 0.0)
         for _ in range(_REPEATS):
-            found = self.model(made, draws)
+            prediction = self.model(validation_batch, draws)
             for name, loss in self.losses.items():
-                totals[name] += float(loss(found, made)) / _REPEATS
+                totals[name] += float(loss(prediction, validation_batch)) / _REPEATS
         values = {f"val/{name}": value for name, value in totals.items()}
         self.log_dict(values, batch_size=len(batch.indices), on_epoch=True, sync_dist=True)

@@ -29,7 +29,7 @@ from scenefw.learning.schedules import Schedule
 
 # Random streams, beside those of data
 _CODES, _SAMPLES = 4, 5
-_DRAWN = 3  # codes per view that a validation scores
+_SAMPLE_COUNT = 3  # codes per view that a validation scores
 
 
 class ShapeInstanceLearning(TrainingModule):
@@ -92,7 +92,9 @@ class ShapeInstanceLearning(TrainingModule):
         Raises:
             ConfigError: the network's outputs are not the volumes of the data.
         """
-        channels = {name: one.channels for name, one in data.representations.items()}
+        channels = {
+            name: representation.channels for name, representation in data.representations.items()
+        }
         if dict(self.model.outputs) != channels:
             raise ConfigError(
                 f"the network gives {_listed(self.model.outputs)}, but is to be trained on "
@@ -128,13 +130,13 @@ class ShapeInstanceLearning(TrainingModule):
 
     def validation_step(self, batch: IndexBatch, batch_idx: int) -> None:
         """Scores predictions of the same views every time: of the zero code, and of drawn ones."""
-        made = self.validation_batch(batch)
+        validation_batch = self.validation_batch(batch)
         grid = self.trainer.datamodule.grid
-        predicted = {False: self._volumes(self.model.predict(made.condition))}
+        predicted = {False: self._volumes(self.model.predict(validation_batch.condition))}
         if any(metric.of_samples for metric in self.metrics.values()):
-            predicted[True] = self._samples(made.condition, batch_idx)
+            predicted[True] = self._samples(validation_batch.condition, batch_idx)
         values = {
-            f"val/{name}": metric(predicted[metric.of_samples], made.truths, grid)
+            f"val/{name}": metric(predicted[metric.of_samples], validation_batch.truths, grid)
             for name, metric in self.metrics.items()
         }
         self.log_dict(values, batch_size=len(batch.indices), on_epoch=True, sync_dist=True)
@@ -143,19 +145,21 @@ class ShapeInstanceLearning(TrainingModule):
         """Volumes (S, B, C, X, Y, Z) of the same codes from N(0, I) each time; S = 1 without."""
         views = len(condition)
         if not self.model.latent_size:
-            found = self._volumes(self.model.predict(condition))
-            return {name: volume[None] for name, volume in found.items()}
+            volumes = self._volumes(self.model.predict(condition))
+            return {name: volume[None] for name, volume in volumes.items()}
         codes = torch.Generator().manual_seed(torch_seed(self.seed, _SAMPLES, batch_idx))
-        latent = torch.randn((_DRAWN * views, self.model.latent_size), generator=codes)
-        found = self._volumes(self.model.predict(condition, latent.to(self.device)))
-        return {name: volume.unflatten(0, (_DRAWN, views)) for name, volume in found.items()}
+        latent = torch.randn((_SAMPLE_COUNT * views, self.model.latent_size), generator=codes)
+        volumes = self._volumes(self.model.predict(condition, latent.to(self.device)))
+        return {
+            name: volume.unflatten(0, (_SAMPLE_COUNT, views)) for name, volume in volumes.items()
+        }
 
     def _volumes(self, prediction: ShapeInstancePrediction) -> dict[str, Tensor]:
         """In the units of their representations."""
         data = self.trainer.datamodule
         return {
-            name: one.from_network(prediction.volumes[name], data.grid)
-            for name, one in data.representations.items()
+            name: representation.from_network(prediction.volumes[name], data.grid)
+            for name, representation in data.representations.items()
         }
 
 

@@ -117,8 +117,8 @@ def state_to_go_on(
         ConfigError: the training has no fact of a name in `may_change`.
     """
     state = read_state(path, mapped=True)
-    found, facts = _progress(state, path)
-    different = [name for name, _, _ in _differences(found, recipe)]
+    stored_recipe, facts = _progress(state, path)
+    different = [name for name, _, _ in _differences(stored_recipe, recipe)]
     if different:
         raise CheckpointError(
             f"the training in {path} had a different network ({', '.join(different)}); start over "
@@ -147,13 +147,15 @@ def state_to_go_on(
 
 def _progress(state: Mapping[str, Any], path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     """The network's recipe and the facts of a training that can be resumed."""
-    missing = [name for name, kind in _PARTS.items() if not isinstance(state.get(name), kind)]
-    own = state.get("scenefw")
-    own = own if isinstance(own, Mapping) else {}
-    missing += [name for name, kind in _PROGRESS.items() if not isinstance(own.get(name), kind)]
-    if missing:
-        raise CheckpointError(_damaged(f"the state {path}", f"no {', '.join(missing)}"))
-    return renamed.recipe(own["recipe"]), renamed.facts(own["facts"])
+    missing_names = [name for name, kind in _PARTS.items() if not isinstance(state.get(name), kind)]
+    progress = state.get("scenefw")
+    progress = progress if isinstance(progress, Mapping) else {}
+    missing_names += [
+        name for name, kind in _PROGRESS.items() if not isinstance(progress.get(name), kind)
+    ]
+    if missing_names:
+        raise CheckpointError(_damaged(f"the state {path}", f"no {', '.join(missing_names)}"))
+    return renamed.recipe(progress["recipe"]), renamed.facts(progress["facts"])
 
 
 def _differences(

@@ -8,7 +8,7 @@ from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction, Sh
 from scenefw.core.errors import ConfigError
 from scenefw.losses.targets import require_draws, require_target
 
-_LEAST = 1e-4  # truncations^2: the root's slope stays finite where two samples agree
+_EPSILON = 1e-4  # truncations^2: the root's slope stays finite where two samples agree
 
 
 class BlockEnergy:
@@ -75,4 +75,4 @@ class BlockEnergy:
     def _distances(self, first: Tensor, second: Tensor) -> Tensor:
         """Root mean square of differences over each block."""
         squares = functional.avg_pool3d((first - second).square(), self.block)
-        return torch.sqrt(squares + _LEAST)
+        return torch.sqrt(squares + _EPSILON)

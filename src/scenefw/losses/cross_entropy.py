@@ -63,7 +63,7 @@ class CrossEntropy:
         """
         logits, labels = prediction.float(), batch.labels
         self._require_weights(logits.shape[1])
-        weights, known = self._weights(logits.device), labels != UNKNOWN
+        weights, valid = self._weights(logits.device), labels != UNKNOWN
         total = functional.cross_entropy(
             logits,
             labels,
@@ -72,7 +72,7 @@ class CrossEntropy:
             label_smoothing=self.smoothing,
             reduction="sum",
         )
-        counted = known if weights is None else weights[labels.clamp(min=0)] * known
+        counted = valid if weights is None else weights[labels.clamp(min=0)] * valid
         return total / counted.sum().clamp(min=1e-6)
 
     def _weights(self, device: torch.device) -> Tensor | None:

@@ -23,7 +23,7 @@ class FlowVelocity:
 
     def __call__(self, prediction: SetFlowPrediction, batch: SeenSetBatch) -> Tensor:
         """A scalar."""
-        there = prediction.present[..., None]
+        present = prediction.present[..., None]
         # Before it is squared: what absent objects should be need not be finite
-        errors = torch.where(there, prediction.velocity - prediction.target, 0.0)
-        return errors.square().mean(dim=-1).sum() / there.sum().clamp_min(1)
+        errors = torch.where(present, prediction.velocity - prediction.target, 0.0)
+        return errors.square().mean(dim=-1).sum() / present.sum().clamp_min(1)

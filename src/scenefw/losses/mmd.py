@@ -19,8 +19,8 @@ def mmd_to_normal(codes: Tensor, variance: float) -> Tensor:
     distances = (codes[:, None] - codes[None]).square().sum(dim=-1)
     pairs = (-distances / (2 * variance)).exp()
     if count > 1:
-        own = torch.eye(count, dtype=torch.bool, device=codes.device)
-        within = pairs.masked_fill(own, 0.0).sum() / (count * (count - 1))
+        diagonal = torch.eye(count, dtype=torch.bool, device=codes.device)
+        within = pairs.masked_fill(diagonal, 0.0).sum() / (count * (count - 1))
     else:
         within = pairs.mean()
     spread = (variance / (variance + 1)) ** (size / 2)

@@ -29,9 +29,11 @@ class PartAffinityCrossEntropy:
 
     def __call__(self, prediction: Tensor, batch: PartViewBatch) -> Tensor:
         """A scalar from logits (B, 2 or 3, H, W)."""
-        same, counts = true_affinities(batch.owners)
-        errors = binary_cross_entropy_with_logits(prediction[:, :2], same.float(), reduction="none")
-        return mean_over(errors, counts & same) + mean_over(errors, counts & ~same)
+        same_object, counts = true_affinities(batch.owners)
+        errors = binary_cross_entropy_with_logits(
+            prediction[:, :2], same_object.float(), reduction="none"
+        )
+        return mean_over(errors, counts & same_object) + mean_over(errors, counts & ~same_object)
 
 
 def true_affinities(owners: Tensor) -> tuple[Tensor, Tensor]:
@@ -44,11 +46,11 @@ def true_affinities(owners: Tensor) -> tuple[Tensor, Tensor]:
         Two bool tensors (B, 2, H, W); of the last column and row nothing counts.
     """
     right, below = owners.roll(-1, 2), owners.roll(-1, 1)
-    same = torch.stack([owners == right, owners == below], dim=1)
+    same_object = torch.stack([owners == right, owners == below], dim=1)
     counts = torch.stack([(owners > 0) | (right > 0), (owners > 0) | (below > 0)], dim=1)
     counts[:, 0, :, -1] = False
     counts[:, 1, -1] = False
-    return same, counts
+    return same_object, counts
 
 
 def mean_over(errors: Tensor, of: Tensor) -> Tensor:

@@ -34,6 +34,6 @@ class PartShownCrossEntropy:
 
     def __call__(self, prediction: Tensor, batch: PartViewBatch) -> Tensor:
         """A scalar from logits (B, 3, H, W), of which the last counts."""
-        true, known = batch.owners > 0, batch.depth > 0
+        true, valid = batch.owners > 0, batch.depth > 0
         errors = binary_cross_entropy_with_logits(prediction[:, 2], true.float(), reduction="none")
-        return mean_over(errors, known & true) + mean_over(errors, known & ~true)
+        return mean_over(errors, valid & true) + mean_over(errors, valid & ~true)

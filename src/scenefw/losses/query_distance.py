@@ -48,24 +48,29 @@ class QueryDistance:
         Raises:
             InputError: predictions are not matched.
         """
-        terms = [self._of(found, batch) for found in prediction.taught]
+        terms = [self._of(queried_set, batch) for queried_set in prediction.taught]
         return torch.stack(terms).mean() / self.unit
 
-    def _of(self, found: QueriedSet, batch: ViewedSetBatch) -> Tensor:
-        views, queries, objects = taught_pairs(found)
+    def _of(self, queried_set: QueriedSet, batch: ViewedSetBatch) -> Tensor:
+        views, queries, objects = taught_pairs(queried_set)
         if not len(views):
-            return found.positions.sum() * 0
-        distances = distances_of(found, views, queries, batch.places[views, objects])
+            return queried_set.positions.sum() * 0
+        distances = distances_of(queried_set, views, queries, batch.places[views, objects])
         return (distances - batch.distances[views, objects]).abs().mean()
 
 
 @full_precision()
-def distances_of(found: QueriedSet, views: Tensor, queries: Tensor, places: Tensor) -> Tensor:
+def distances_of(queried_set: QueriedSet, views: Tensor, queries: Tensor, places: Tensor) -> Tensor:
     """Signed distances (K, Q) of places (K, Q, 3) to the superquadrics of K queries (m)."""
     rotations, positions, axes, exponents = (
-        one[views, queries].float()
-        for one in (found.rotations, found.positions, found.half_axes, found.exponents)
+        values[views, queries].float()
+        for values in (
+            queried_set.rotations,
+            queried_set.positions,
+            queried_set.half_axes,
+            queried_set.exponents,
+        )
     )
     local = in_frame(places, rotations, positions)
-    axes, exponents = (one[:, None].expand_as(local) for one in (axes, exponents))
+    axes, exponents = (values[:, None].expand_as(local) for values in (axes, exponents))
     return radial_distance(local, axes, exponents)

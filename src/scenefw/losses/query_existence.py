@@ -31,11 +31,11 @@ class QueryExistence:
             InputError: predictions are not matched.
         """
         terms = []
-        for found in prediction.taught:
-            there = (matched_of(found) >= 0).to(found.existence.dtype)
+        for queried_set in prediction.taught:
+            targets = (matched_of(queried_set) >= 0).to(queried_set.existence.dtype)
             errors = functional.binary_cross_entropy_with_logits(
-                found.existence, there, reduction="none"
+                queried_set.existence, targets, reduction="none"
             )
-            counted = found.active.to(errors.dtype)
+            counted = queried_set.active.to(errors.dtype)
             terms.append((errors * counted).sum() / counted.sum().clamp_min(1))
         return torch.stack(terms).mean()

@@ -46,18 +46,24 @@ class QueryParameters:
         Raises:
             InputError: predictions are not matched.
         """
-        return torch.stack([_of(found, batch) for found in prediction.taught]).mean()
+        return torch.stack([_of(queried_set, batch) for queried_set in prediction.taught]).mean()
 
 
-def _of(found: QueriedSet, batch: ViewedSetBatch) -> Tensor:
-    views, queries, objects = taught_pairs(found)
+def _of(queried_set: QueriedSet, batch: ViewedSetBatch) -> Tensor:
+    views, queries, objects = taught_pairs(queried_set)
     if not len(views):
-        return found.positions.sum() * 0
-    mine = (found.positions, found.rotations, found.half_axes, found.exponents)
+        return queried_set.positions.sum() * 0
+    mine = (
+        queried_set.positions,
+        queried_set.rotations,
+        queried_set.half_axes,
+        queried_set.exponents,
+    )
     scenes = batch.scenes
     true = (scenes.positions, scenes.rotations, scenes.half_axes, scenes.exponents)
     return least_difference(
-        [one[views, queries].float() for one in mine], [one[views, objects] for one in true]
+        [values[views, queries].float() for values in mine],
+        [values[views, objects] for values in true],
     ).mean()
 
 
@@ -74,15 +80,15 @@ def least_difference(mine: Sequence[Tensor], true: Sequence[Tensor]) -> Tensor:
     order = ways.abs().transpose(-1, -2)
     turned = true[1][:, None] @ ways
 
-    def apart(values: Tensor, others: Tensor, unit: float) -> Tensor:
-        along = (order @ others.log()[:, None, :, None])[..., 0]
+    def log_differences(values: Tensor, true_values: Tensor, unit: float) -> Tensor:
+        along = (order @ true_values.log()[:, None, :, None])[..., 0]
         return (values.log()[:, None] - along) / unit
 
     gaps = torch.cat(
         [
             (mine[1][:, None] - turned).flatten(2),
-            apart(mine[2], true[2], _AXES),
-            apart(mine[3], true[3], _EXPONENTS),
+            log_differences(mine[2], true[2], _AXES),
+            log_differences(mine[3], true[3], _EXPONENTS),
         ],
         dim=-1,
     )

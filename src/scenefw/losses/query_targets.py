@@ -14,25 +14,25 @@ if TYPE_CHECKING:
     from scenefw.core.queried_sets import QueriedSet
 
 
-def pairs_of(found: QueriedSet) -> tuple[Tensor, Tensor, Tensor]:
+def pairs_of(queried_set: QueriedSet) -> tuple[Tensor, Tensor, Tensor]:
     """Views, queries and objects (K,) that are matched.
 
     Raises:
         InputError: nothing was matched yet.
     """
-    return _pairs(matched_of(found))
+    return _pairs(matched_of(queried_set))
 
 
-def taught_pairs(found: QueriedSet) -> tuple[Tensor, Tensor, Tensor]:
+def taught_pairs(queried_set: QueriedSet) -> tuple[Tensor, Tensor, Tensor]:
     """The same, and queries that stand for nothing with the object at whose surface they start.
 
     Raises:
         InputError: nothing was matched yet.
     """
-    matched = matched_of(found)
-    if found.owned is None:
+    matched = matched_of(queried_set)
+    if queried_set.owned is None:
         return _pairs(matched)
-    return _pairs(torch.where((matched < 0) & found.active, found.owned, matched))
+    return _pairs(torch.where((matched < 0) & queried_set.active, queried_set.owned, matched))
 
 
 def _pairs(objects: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -40,14 +40,14 @@ def _pairs(objects: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     return views, queries, objects[views, queries]
 
 
-def matched_of(found: QueriedSet) -> Tensor:
+def matched_of(queried_set: QueriedSet) -> Tensor:
     """The object (B, N) of each query, -1 = none.
 
     Raises:
         InputError: they were not matched.
     """
-    if found.matched is None:
+    if queried_set.matched is None:
         raise InputError(
             "predictions are not matched to objects; train with learning=object_queries"
         )
-    return found.matched
+    return queried_set.matched

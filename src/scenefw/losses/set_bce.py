@@ -4,7 +4,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from scenefw.core.object_sets import ObjectSetBatch, ObjectSetPrediction, ObjectSetSetup
-from scenefw.losses.set_targets import matched_of, sums_in_own
+from scenefw.losses.set_targets import matched_of, object_sums
 
 
 class SetBinaryCrossEntropy:
@@ -34,5 +34,5 @@ class SetBinaryCrossEntropy:
             InputError: predictions are not matched.
         """
         logits = prediction.logits.float()
-        inside, _ = sums_in_own(logits, matched_of(prediction), batch)
+        inside, _ = object_sums(logits, matched_of(prediction), batch)
         return functional.softplus(logits).mean() - inside.sum() / logits.numel()

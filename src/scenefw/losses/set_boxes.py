@@ -38,8 +38,8 @@ class SetBoxes:
         centres, halves = prediction.boxes.float().unbind(dim=-2)
         faces = torch.stack([centres - halves, centres + halves], dim=-2)
         errors = (faces - true.gather(1, objects)).abs().mean(dim=(-2, -1))
-        there = (matched >= 0).to(errors.dtype)
-        return (errors * there).sum() / there.sum().clamp(min=1)
+        weights = (matched >= 0).to(errors.dtype)
+        return (errors * weights).sum() / weights.sum().clamp(min=1)
 
 
 @torch.no_grad()

@@ -32,9 +32,9 @@ class SetCells:
     def __call__(self, prediction: ObjectSetPrediction, batch: ObjectSetBatch) -> Tensor:
         """A scalar in nats, the mean of that over objects' cells and that over all others."""
         means = prediction.features.float().flatten(2).mean(dim=1)
-        wanted = cells_of_objects(batch.centres, batch.present, prediction.features.shape[-1])
-        errors = functional.softplus(self.sharpness * means.where(~wanted, -means))
-        return 0.5 * (_mean(errors, wanted) + _mean(errors, ~wanted))
+        targets = cells_of_objects(batch.centres, batch.present, prediction.features.shape[-1])
+        errors = functional.softplus(self.sharpness * means.where(~targets, -means))
+        return 0.5 * (_mean(errors, targets) + _mean(errors, ~targets))
 
 
 @torch.no_grad()
@@ -49,11 +49,11 @@ def cells_of_objects(centres: Tensor, present: Tensor, side: int) -> Tensor:
     axis = (np.arange(side) + 0.5) * (2 / side) - 1
     places = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
     cells = torch.zeros(len(centres), side**3, dtype=torch.bool)
-    for row, points, there in zip(cells, centres.cpu(), present.cpu(), strict=True):
-        offsets = points[there].double().numpy()[:, None] - places
+    for row, points, present_mask in zip(cells, centres.cpu(), present.cpu(), strict=True):
+        offsets = points[present_mask].double().numpy()[:, None] - places
         row[linear_sum_assignment((offsets**2).sum(axis=-1))[1]] = True
     return cells.to(centres.device)
 
 
-def _mean(errors: Tensor, chosen: Tensor) -> Tensor:
-    return (errors * chosen).sum() / chosen.sum().clamp(min=1)
+def _mean(errors: Tensor, mask: Tensor) -> Tensor:
+    return (errors * mask).sum() / mask.sum().clamp(min=1)

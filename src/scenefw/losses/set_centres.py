@@ -34,5 +34,5 @@ class SetCentres:
         matched = matched_of(prediction)
         objects = matched.clamp(min=0)[..., None].expand(-1, -1, 3)
         errors = (prediction.centres.float() - batch.centres.gather(1, objects)).norm(dim=-1)
-        there = (matched >= 0).to(errors.dtype)
-        return (errors * there).sum() / there.sum().clamp(min=1)
+        weights = (matched >= 0).to(errors.dtype)
+        return (errors * weights).sum() / weights.sum().clamp(min=1)

@@ -33,5 +33,5 @@ class SetExistence:
         if prediction.existence is None:
             raise InputError("the network gives no existence score; choose model.existence=true")
         scores = prediction.existence.float()
-        there = (matched_of(prediction) >= 0).to(scores.dtype)
-        return functional.binary_cross_entropy_with_logits(scores, there)
+        targets = (matched_of(prediction) >= 0).to(scores.dtype)
+        return functional.binary_cross_entropy_with_logits(scores, targets)

@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 from scenefw.core.object_sets import ObjectSetBatch, ObjectSetPrediction, ObjectSetSetup
-from scenefw.losses.set_targets import matched_of, sums_in_own
+from scenefw.losses.set_targets import matched_of, object_sums
 
 _VOXELS = 1.0  # added to both sums, so that an object of no voxel is no division by 0
 
@@ -34,9 +34,9 @@ class SetOverlap:
             InputError: predictions are not matched.
         """
         objects = matched_of(prediction)
-        there = objects >= 0
+        is_matched = objects >= 0
         shares = prediction.logits.float().sigmoid()
-        common, true = sums_in_own(shares, objects, batch)
-        both = shares.sum(dim=(2, 3, 4)) + true
-        missed = 1 - (2 * common + _VOXELS) / (both + _VOXELS)
-        return torch.where(there, missed, 0.0).sum() / there.sum().clamp_min(1)
+        common, true = object_sums(shares, objects, batch)
+        totals = shares.sum(dim=(2, 3, 4)) + true
+        missed = 1 - (2 * common + _VOXELS) / (totals + _VOXELS)
+        return torch.where(is_matched, missed, 0.0).sum() / is_matched.sum().clamp_min(1)

@@ -27,7 +27,7 @@ def matched_of(prediction: ObjectSetPrediction) -> Tensor:
     return prediction.matched
 
 
-def sums_in_own(values: Tensor, matched: Tensor, batch: ObjectSetBatch) -> tuple[Tensor, Tensor]:
+def object_sums(values: Tensor, matched: Tensor, batch: ObjectSetBatch) -> tuple[Tensor, Tensor]:
     """Sums of each prediction's values over the voxels of its own object, and how many these are.
 
     Only occupied voxels are looked at, a few per cent of a grid.
@@ -47,8 +47,8 @@ def sums_in_own(values: Tensor, matched: Tensor, batch: ObjectSetBatch) -> tuple
     labels = batch.instances.flatten(1)
     scene, voxel = (labels > 0).nonzero(as_tuple=True)
     slot = slot_of[scene, labels[scene, voxel].long() + 1]
-    own = slot < slots
-    scene, voxel, slot = scene[own], voxel[own], slot[own]
+    is_matched = slot < slots
+    scene, voxel, slot = scene[is_matched], voxel[is_matched], slot[is_matched]
     inside = values.flatten(2)[scene, slot, voxel].float()
     into = scene * slots + slot
     sums = inside.new_zeros(rows * slots).index_add(0, into, inside)

@@ -16,17 +16,17 @@ def require_target(loss: str, target: str, setup: ShapeInstanceSetup, channels: 
     Raises:
         ConfigError: it has no volume of this name, or one of another number of channels.
     """
-    found = setup.targets.get(target)
-    if found is None:
+    target_channels = setup.targets.get(target)
+    if target_channels is None:
         raise ConfigError(
             f"the loss {loss} compares {target}, but the representations are "
             f"{', '.join(setup.targets)}; add {target} to representation=[...], or leave out the "
             "loss"
         )
-    if channels and found != channels:
+    if channels and target_channels != channels:
         raise ConfigError(
-            f"the loss {loss} compares volumes of {channels} channels, but {target} has {found}; "
-            f"give loss.{loss}.target another representation"
+            f"the loss {loss} compares volumes of {channels} channels, but {target} has "
+            f"{target_channels}; give loss.{loss}.target another representation"
         )
 
 

@@ -129,8 +129,8 @@ class RunningHeightFusion:
     def state(self) -> State:
         """The whole state: per vertex of all levels `sums` (11), `heights` and `rivals` (2)."""
         sums, rival = self._sums.view(-1, kernels.RECORD), self._rivals.view(-1, 2)
-        known = {"sums": sums, "heights": self._heights[0], "rivals": rival}
-        return {name: tensor.cpu().numpy().copy() for name, tensor in known.items()}
+        tensors = {"sums": sums, "heights": self._heights[0], "rivals": rival}
+        return {name: tensor.cpu().numpy().copy() for name, tensor in tensors.items()}
 
     def restore(self, state: State) -> None:
         """Resumes from a state; states of earlier versions have no `rivals`, so there are none.

@@ -116,15 +116,15 @@ class RunningImageSpaceFusion:
             return
         device = self._logits.device
         labels = require_labels(probabilities, frame, self._classes).to(device)
-        known = torch.from_numpy(np.ascontiguousarray(heights.heights)).to(device)
-        known = finite(known, float(UNSEEN))
+        height_values = torch.from_numpy(np.ascontiguousarray(heights.heights)).to(device)
+        height_values = finite(height_values, float(UNSEEN))
         depth = finite(torch.from_numpy(np.ascontiguousarray(frame.depth)).to(device), 0.0)
         cameras = stack_cameras([frame.camera], device)
         top, bottom, left, right = part
         lower_x, lower_y = self._grid.lower
         label_fusion.look(
             (bottom - top) * (right - left),
-            known.view(-1),
+            height_values.view(-1),
             depth.view(-1), labels.view(-1), cameras.intrinsics, cameras.T_world_camera,
             self._logits.view(-1),
             (self._grid.vertices, frame.camera.width, frame.camera.height, self._classes),
@@ -136,11 +136,11 @@ class RunningImageSpaceFusion:
     def probabilities(self) -> NDArray[np.float32]:
         """(C, V, V), uniform where no frame has labelled the vertex."""
         vertices = self._grid.vertices**2
-        found = self._logits.new_empty((self._classes, *self._grid.shape))
+        probabilities = self._logits.new_empty((self._classes, *self._grid.shape))
         label_fusion.normalise(
-            vertices, self._logits.view(-1), found.view(-1), vertices, self._classes
+            vertices, self._logits.view(-1), probabilities.view(-1), vertices, self._classes
         )
-        return found.cpu().numpy()
+        return probabilities.cpu().numpy()
 
     def state(self) -> State:
         """The whole state: `logits` (V * V, C)."""

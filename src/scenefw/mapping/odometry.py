@@ -91,7 +91,7 @@ class RGBDOdometry:
         """From this camera's coordinates to those of the one before."""
         odometry = o3d.t.pipelines.odometry
         try:
-            found = odometry.rgbd_odometry_multi_scale(
+            result = odometry.rgbd_odometry_multi_scale(
                 now,
                 before,
                 o3d.core.Tensor(frame.camera.matrix),
@@ -103,9 +103,9 @@ class RGBDOdometry:
             )
         except RuntimeError as error:
             raise _lost(frame, index, str(error).splitlines()[0]) from error
-        step = np.asarray(found.transformation.numpy(), dtype=np.float64)
-        if not np.isfinite(step).all() or found.fitness < self.least_fitness:
-            raise _lost(frame, index, f"{found.fitness:.0%} of the pixels correspond")
+        step = np.asarray(result.transformation.numpy(), dtype=np.float64)
+        if not np.isfinite(step).all() or result.fitness < self.least_fitness:
+            raise _lost(frame, index, f"{result.fitness:.0%} of the pixels correspond")
         return step
 
 

@@ -113,8 +113,8 @@ class Pyramid:
         boxes = torch.tensor([(0, n, 0, n) for _, n, _ in self._layout], dtype=torch.int32)
         sorting = (bands, cells, self.layout, order, starts, work, touched, boxes)
         if self.device.type == "cpu":  # elsewhere threads add atomically, in no order
-            found = triangles.order_by_band(*(tensor.numpy() for tensor in sorting))
-            touched = touched[:found]
+            touched_count = triangles.order_by_band(*(tensor.numpy() for tensor in sorting))
+            touched = touched[:touched_count]
         order, starts, work, touched, boxes = (
             t.to(self.device) for t in (order, starts, work, touched, boxes)
         )

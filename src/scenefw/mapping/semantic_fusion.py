@@ -129,9 +129,9 @@ class RunningSemanticFusion:
             merged = self._logits.new_empty(count * classes)
             label_fusion.merge(count, logits, coarse, merged, level, classes)
         vertices = grid.vertices**2
-        found = self._logits.new_empty((classes, *grid.shape))
-        label_fusion.normalise(vertices, merged, found.view(-1), vertices, classes)
-        return found.cpu().numpy()
+        probabilities = self._logits.new_empty((classes, *grid.shape))
+        label_fusion.normalise(vertices, merged, probabilities.view(-1), vertices, classes)
+        return probabilities.cpu().numpy()
 
     def state(self) -> State:
         """The whole state: `logits` (vertices of all levels, C)."""

@@ -37,7 +37,7 @@ def fused(views: Sequence[PartialTSDF], grid: GridSpec) -> PartialTSDF:
         InputError: no view, views of other grids, or views that contradict each other.
     """
     require_agreement(views, grid)
-    return reduce(PartialTSDF.joined, views)
+    return reduce(PartialTSDF.merge, views)
 
 
 def stacked(views: Sequence[PartialTSDF]) -> PartialTSDF:
@@ -99,8 +99,8 @@ def _object_points(view: PartialTSDF, grid: GridSpec) -> np.ndarray:
     points = _world(view)
     points = points[points[:, 2] > _FLOOR]
     points = points[:: max(1, len(points) // _POINTS)]
-    voxels, there = grid.nearest_voxels(points)
-    return voxels[there]
+    voxels, inside = grid.nearest_voxels(points)
+    return voxels[inside]
 
 
 def _world(view: PartialTSDF) -> Float64:
@@ -129,6 +129,6 @@ def _cameras(views: Sequence[PartialTSDF]) -> CameraBatch:
     return CameraBatch(
         cameras[0].width,
         cameras[0].height,
-        torch.cat([one.intrinsics for one in cameras]),
-        torch.cat([one.T_world_camera for one in cameras]),
+        torch.cat([camera.intrinsics for camera in cameras]),
+        torch.cat([camera.T_world_camera for camera in cameras]),
     )

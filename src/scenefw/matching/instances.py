@@ -15,9 +15,9 @@ def renumbered_like(instances: Int32, reference: Int32) -> Int32:
         instances: (X, Y, Z) labels, 0 = no object.
         reference: of the same shape.
     """
-    some = (instances > 0) | (reference > 0)  # most of a volume is neither
-    ids, rows = np.unique(instances[some], return_inverse=True)
-    truths, columns = np.unique(reference[some], return_inverse=True)
+    labelled = (instances > 0) | (reference > 0)  # most of a volume is neither
+    ids, rows = np.unique(instances[labelled], return_inverse=True)
+    truths, columns = np.unique(reference[labelled], return_inverse=True)
     places = rows.ravel() * len(truths) + columns.ravel()
     counts = np.bincount(places, minlength=len(ids) * len(truths)).reshape(len(ids), len(truths))
     overlap = counts[ids > 0][:, truths > 0]

@@ -37,7 +37,7 @@ def matched_objects(
     instances: Tensor,
     present: Tensor,
     matching: Matching | None = None,
-    apart: Tensor | None = None,
+    centre_distances: Tensor | None = None,
 ) -> Tensor:
     """The object that each prediction is trained towards, -1 = none, so that it learns to be empty.
 
@@ -51,7 +51,7 @@ def matched_objects(
         instances: (B, X, Y, Z) labels, 0 = no object, i + 1 = object i.
         present: (B, M) bool, which objects there are.
         matching: default is the optimal assignment.
-        apart: (B, N, M) distances of predicted centres from true ones, in half sides of the grid;
+        centre_distances: (B, N, M) of predicted centres from true ones, in half sides of the grid;
             each counts as 10 logits in every voxel of the object. None: shapes alone decide.
 
     Returns:
@@ -59,15 +59,17 @@ def matched_objects(
     """
     slots = logits.shape[1]
     gains = sums_inside(logits, instances, present.shape[1])
-    if apart is not None:
-        ones = torch.ones_like(logits[:, :1])
-        gains = gains - _APART * apart * sums_inside(ones, instances, present.shape[1])
+    if centre_distances is not None:
+        unit_logits = torch.ones_like(logits[:, :1])
+        gains = gains - _APART * centre_distances * sums_inside(
+            unit_logits, instances, present.shape[1]
+        )
     gains = gains.cpu()
     gains = gains.nan_to_num(posinf=1e30, neginf=-1e30)  # a training that diverged says so itself
     matched = torch.full(logits.shape[:2], -1)
     matching = matching or Assignment()
-    for scene, there in enumerate(present.cpu()):
-        objects = there.nonzero()[:, 0]
+    for scene, object_mask in enumerate(present.cpu()):
+        objects = object_mask.nonzero()[:, 0]
         costs = torch.zeros(slots, max(slots, len(objects)))  # an empty target costs nothing
         costs[:, : len(objects)] = -gains[scene][:, objects]
         for row, column in matching.assign(costs.double().numpy()).tolist():

@@ -55,8 +55,8 @@ def set_overlaps(predicted: Bool, true: Bool) -> Overlaps:
         )
     voxels = int(np.prod(true.shape[1:]))  # also of no object
     rows, columns = predicted.reshape(-1, voxels), true.reshape(-1, voxels)
-    used = columns.any(axis=0) | rows.any(axis=0)
-    rows, columns = rows[:, used], columns[:, used]
+    occupied = columns.any(axis=0) | rows.any(axis=0)
+    rows, columns = rows[:, occupied], columns[:, occupied]
     shared = rows.astype(np.float32) @ columns.astype(np.float32).T
     return Overlaps(
         np.arange(1, len(rows) + 1),
@@ -93,24 +93,24 @@ def decomposition_scores(
     Raises:
         InputError: volumes are not of the same voxels.
     """
-    found = set_overlaps(predicted, true)
-    iou = found.iou
+    overlaps = set_overlaps(predicted, true)
+    iou = overlaps.iou
     pairs = (matching or Assignment()).assign(-iou)
     rows, columns = pairs[:, 0], pairs[:, 1]
     matched = iou[rows, columns]
-    near = iou >= FOUND
-    second = near.copy()
+    hits = iou >= FOUND
+    second = hits.copy()
     second[rows, columns] = False
     has_partner = np.isin(np.arange(iou.shape[1]), columns[matched > 0])
-    most = found.shared >= COVERED * found.true_sizes
-    within = found.shared >= COVERED * found.predicted_sizes[:, None]
-    whole = (iou >= KEPT).any(axis=0)
+    covers = overlaps.shared >= COVERED * overlaps.true_sizes
+    within = overlaps.shared >= COVERED * overlaps.predicted_sizes[:, None]
+    is_intact = (iou >= KEPT).any(axis=0)
     return DecompositionScores(
         mean_iou(matched, iou.shape[1]),
-        int((~near.any(axis=0)).sum()),
-        int((most.sum(axis=1) >= 2).sum()),
+        int((~hits.any(axis=0)).sum()),
+        int((covers.sum(axis=1) >= 2).sum()),
         int((second & has_partner).any(axis=1).sum()),
-        int(((within.sum(axis=0) >= 2) & ~whole).sum()),
+        int(((within.sum(axis=0) >= 2) & ~is_intact).sum()),
         iou.shape[0] - iou.shape[1],
     )
 
@@ -132,8 +132,8 @@ def adjusted_rand_index(first: NDArray[np.integer], second: NDArray[np.integer])
     together = _pairs(table)
     in_first, in_second = _pairs(np.bincount(rows)), _pairs(np.bincount(columns))
     by_chance = in_first * in_second / max(count * (count - 1) / 2, 1)
-    most = (in_first + in_second) / 2
-    return float((together - by_chance) / (most - by_chance)) if most > by_chance else 1.0
+    maximum = (in_first + in_second) / 2
+    return float((together - by_chance) / (maximum - by_chance)) if maximum > by_chance else 1.0
 
 
 def _pairs(sizes: NDArray[np.floating | np.integer]) -> float:

@@ -59,10 +59,10 @@ class Outcomes:
 
         Barlow et al. 1972 (pool adjacent violators), on the frequencies above.
         """
-        found = isotonic_regression(
+        regression = isotonic_regression(
             self.frequencies(strength), weights=self.total + strength, increasing=True
         )
-        return np.asarray(found.x, dtype=np.float64)
+        return np.asarray(regression.x, dtype=np.float64)
 
 
 def log_score(outcomes: Outcomes, probability: Float64) -> float:
@@ -113,12 +113,12 @@ def _mean(costs: Float64, outcomes: Outcomes) -> float:
     return float(costs.sum() / events) if events else float("nan")
 
 
-def count_score(drawn: Float64, true: float) -> float:
+def count_score(samples: Float64, true: float) -> float:
     """Fair ranked probability score of drawn numbers (S,) (Ferro 2014): 0 is perfect.
 
     The mean distance to the true number minus half the mean distance among different draws, so
     that few independent draws score as many do on average. One number scores its distance.
     """
-    count = len(drawn)
-    apart = np.abs(drawn[:, None] - drawn).sum() / max(count * (count - 1), 1)
-    return float(np.abs(drawn - true).mean() - 0.5 * apart)
+    count = len(samples)
+    spread = np.abs(samples[:, None] - samples).sum() / max(count * (count - 1), 1)
+    return float(np.abs(samples - true).mean() - 0.5 * spread)

@@ -66,10 +66,10 @@ def object_ious(
         true: labels of the same shape.
         matching: default is the optimal assignment.
     """
-    found = overlaps(predicted, true)
-    ious = dict.fromkeys(found.true.tolist(), 0.0)
-    for row, column in (matching or Assignment()).assign(-found.iou):
-        ious[int(found.true[column])] = float(found.iou[row, column])
+    overlap = overlaps(predicted, true)
+    ious = dict.fromkeys(overlap.true.tolist(), 0.0)
+    for row, column in (matching or Assignment()).assign(-overlap.iou):
+        ious[int(overlap.true[column])] = float(overlap.iou[row, column])
     return ious
 
 
@@ -80,7 +80,7 @@ def mean_iou(matched: Float64, objects: int) -> float:
 
 def panoptic_quality(iou: Float64) -> float:
     """Panoptic quality (Kirillov et al. 2019) of an IoU matrix; pairs above 1/2 are unique."""
-    found = iou[iou > 0.5]
-    unmatched = iou.shape[0] + iou.shape[1] - 2 * len(found)
-    total = len(found) + 0.5 * unmatched
-    return float(found.sum() / total) if total else 1.0
+    matched_ious = iou[iou > 0.5]
+    unmatched = iou.shape[0] + iou.shape[1] - 2 * len(matched_ious)
+    total = len(matched_ious) + 0.5 * unmatched
+    return float(matched_ious.sum() / total) if total else 1.0

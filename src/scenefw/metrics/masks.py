@@ -68,10 +68,10 @@ def mask_scores(predicted: Labels, true: Labels, tolerance: float = 0.003) -> Ma
     f = 2 * overlap / (ours.sum((1, 2))[:, None] + theirs.sum((1, 2))[None, :])
     i, j = Assignment().assign(-f).T
     pairs = i[f[i, j] > 0], j[f[i, j] > 0]  # masks apart are left over, no pair
-    hits, found = _boundary_matches(ours, theirs, pairs, radius(true, tolerance))
+    hits, true_hits = _boundary_matches(ours, theirs, pairs, radius(true, tolerance))
     return MaskScores(
         *_precision_recall_f(overlap[pairs].sum(), ours.sum(), overlap[pairs].sum(), theirs.sum()),
-        *_precision_recall_f(hits, borders(ours).sum(), found, borders(theirs).sum()),
+        *_precision_recall_f(hits, borders(ours).sum(), true_hits, borders(theirs).sum()),
         objects_f75=float((f[pairs] >= 0.75).sum() / len(theirs)),
         predicted=len(ours),
         true=len(theirs),
@@ -120,19 +120,19 @@ def _boundary_matches(
     """Border pixels near the border of the matched mask: predicted ones, true ones."""
     y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
     disk = x * x + y * y <= reach * reach
-    hits = found = 0.0
+    hits = true_hits = 0.0
     for i, j in zip(*pairs, strict=True):
-        mine, other = borders(ours[i]), borders(theirs[j])
-        hits += float((mine & binary_dilation(other, disk)).sum())
-        found += float((other & binary_dilation(mine, disk)).sum())
-    return hits, found
+        predicted_border, true_border = borders(ours[i]), borders(theirs[j])
+        hits += float((predicted_border & binary_dilation(true_border, disk)).sum())
+        true_hits += float((true_border & binary_dilation(predicted_border, disk)).sum())
+    return hits, true_hits
 
 
 def _precision_recall_f(
-    hits: float, predicted: float, found: float, true: float
+    hits: float, predicted: float, true_hits: float, true: float
 ) -> tuple[float, float, float]:
     precision = hits / predicted if predicted else 0.0
-    recall = found / true if true else 0.0
+    recall = true_hits / true if true else 0.0
     total = precision + recall
     return float(precision), float(recall), float(2 * precision * recall / total if total else 0.0)
 

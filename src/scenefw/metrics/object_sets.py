@@ -22,10 +22,10 @@ class LabelSets:
     """
 
     def __init__(self, labellings: Sequence[NDArray[np.integer]]) -> None:
-        arrays = [np.asarray(one) for one in labellings]
-        if not arrays or any(one.shape != arrays[0].shape for one in arrays):
+        arrays = [np.asarray(labelling) for labelling in labellings]
+        if not arrays or any(array.shape != arrays[0].shape for array in arrays):
             raise InputError("give at least one labelling, all of the same voxels")
-        flat = np.stack([one.ravel() for one in arrays])
+        flat = np.stack([array.ravel() for array in arrays])
         flat = flat[:, flat.any(axis=0)]
         members = [row == label for row in flat for label in np.unique(row[row > 0])]
         counts = [len(np.unique(row[row > 0])) for row in flat]
@@ -46,11 +46,11 @@ class LabelSets:
 
     def distances(self, indices: Sequence[int]) -> Float64:
         """Distances (N, N) among some labellings."""
-        found = np.zeros((len(indices), len(indices)))
+        distances = np.zeros((len(indices), len(indices)))
         for i, first in enumerate(indices):
             for j in range(i):
-                found[i, j] = found[j, i] = self.distance(first, indices[j])
-        return found
+                distances[i, j] = distances[j, i] = self.distance(first, indices[j])
+        return distances
 
 
 def set_distance(iou: Float64) -> float:

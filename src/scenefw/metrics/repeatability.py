@@ -11,8 +11,8 @@ Array = NDArray[np.floating]
 
 def agreement(first: Labels, second: Labels) -> float:
     """Share of places with the same label, of those that both label (0 or above); NaN if none."""
-    known = (first >= 0) & (second >= 0)
-    return float(np.mean(first[known] == second[known])) if known.any() else float("nan")
+    labelled = (first >= 0) & (second >= 0)
+    return float(np.mean(first[labelled] == second[labelled])) if labelled.any() else float("nan")
 
 
 def chance_agreement(first: Labels, second: Labels, classes: int) -> float:
@@ -23,10 +23,13 @@ def chance_agreement(first: Labels, second: Labels, classes: int) -> float:
         second: of the same shape.
         classes: their number.
     """
-    known = (first >= 0) & (second >= 0)
-    if not known.any():
+    labelled = (first >= 0) & (second >= 0)
+    if not labelled.any():
         return float("nan")
-    shares = [np.bincount(each[known], minlength=classes) / known.sum() for each in (first, second)]
+    shares = [
+        np.bincount(labels[labelled], minlength=classes) / labelled.sum()
+        for labels in (first, second)
+    ]
     return float(shares[0] @ shares[1])
 
 
@@ -38,10 +41,11 @@ def mutual_iou(first: Labels, second: Labels, classes: int) -> float:
         second: of the same shape.
         classes: their number.
     """
-    known = (first >= 0) & (second >= 0)
-    pair = first[known], second[known]
-    one, other = count_classes(*pair, classes), count_classes(*pair[::-1], classes)
-    ious = np.fmax(class_ious(one), class_ious(other))  # NaN where only the other holds a class
+    labelled = (first >= 0) & (second >= 0)
+    pair = first[labelled], second[labelled]
+    counts, swapped_counts = count_classes(*pair, classes), count_classes(*pair[::-1], classes)
+    # NaN where only the other holds a class
+    ious = np.fmax(class_ious(counts), class_ious(swapped_counts))
     return float(np.nanmean(ious)) if np.isfinite(ious).any() else float("nan")
 
 
@@ -57,10 +61,10 @@ def plane_through(places: Array, heights: Array) -> tuple[float, float]:
         heights: (N,) metres.
     """
     terms = np.column_stack([places - places.mean(axis=0), np.ones(len(places))]).astype(np.float64)
-    chosen = np.ones(len(heights), dtype=bool)
+    inliers = np.ones(len(heights), dtype=bool)
     for _ in range(2):
-        slope = np.linalg.lstsq(terms[chosen], heights[chosen], rcond=None)[0]
-        rest = np.abs(heights - terms @ slope)
-        roughness = 1.4826 * float(np.median(rest[chosen]))
-        chosen = rest <= max(3 * roughness, 1e-9)
+        slope = np.linalg.lstsq(terms[inliers], heights[inliers], rcond=None)[0]
+        residuals = np.abs(heights - terms @ slope)
+        roughness = 1.4826 * float(np.median(residuals[inliers]))
+        inliers = residuals <= max(3 * roughness, 1e-9)
     return float(np.degrees(np.arctan(np.hypot(*slope[:2])))), roughness

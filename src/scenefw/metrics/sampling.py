@@ -33,13 +33,13 @@ def sample_surface(mesh: TriangleMesh, count: int, rng: np.random.Generator) -> 
     """
     import trimesh
 
-    made = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
-    if not made.area > 0:
+    surface = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    if not surface.area > 0:
         raise InputError("a mesh without area cannot be sampled; give one with triangles")
-    points, faces = trimesh.sample.sample_surface(made, count, seed=rng)
-    return SurfacePoints(points, made.face_normals[faces])
+    points, faces = trimesh.sample.sample_surface(surface, count, seed=rng)
+    return SurfacePoints(points, surface.face_normals[faces])
 
 
-def faces_of(mesh: TriangleMesh, chosen: NDArray[np.bool_]) -> TriangleMesh:
+def faces_of(mesh: TriangleMesh, face_mask: NDArray[np.bool_]) -> TriangleMesh:
     """The mesh with the chosen faces alone; vertices are kept as they are."""
-    return TriangleMesh(mesh.vertices, mesh.faces[chosen])
+    return TriangleMesh(mesh.vertices, mesh.faces[face_mask])

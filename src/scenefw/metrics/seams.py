@@ -21,13 +21,13 @@ class Seams:
     Args:
         hits: predicted ones near a true one.
         predicted: predicted ones, where the truth is known.
-        found: true ones near a predicted one.
+        true_hits: true ones near a predicted one.
         true: true ones.
     """
 
     hits: int = 0
     predicted: int = 0
-    found: int = 0
+    true_hits: int = 0
     true: int = 0
 
     def __add__(self, other: Seams) -> Seams:
@@ -35,7 +35,7 @@ class Seams:
         return Seams(
             self.hits + other.hits,
             self.predicted + other.predicted,
-            self.found + other.found,
+            self.true_hits + other.true_hits,
             self.true + other.true,
         )
 
@@ -47,7 +47,7 @@ class Seams:
     @property
     def seam_recall(self) -> float:
         """Share of the true seams that are found; 1 if there is none."""
-        return self.found / self.true if self.true else 1.0
+        return self.true_hits / self.true if self.true else 1.0
 
     @property
     def seam_f(self) -> float:
@@ -74,11 +74,11 @@ def seam_scores(predicted: Labels, true: Labels, tolerance: float = 0.003) -> Se
     require_one_size(predicted, true)
     reach = radius(true, tolerance)
     ours, theirs = seams(predicted, reach), seams(true, reach)
-    known = ours & (true >= 0)
+    predicted_seams = ours & (true >= 0)
     return Seams(
-        hits=int((known & _near(theirs, reach)).sum()),
-        predicted=int(known.sum()),
-        found=int((theirs & _near(ours, reach)).sum()),
+        hits=int((predicted_seams & _dilate(theirs, reach)).sum()),
+        predicted=int(predicted_seams.sum()),
+        true_hits=int((theirs & _dilate(ours, reach)).sum()),
         true=int(theirs.sum()),
     )
 
@@ -89,27 +89,27 @@ def seams(labels: Labels, reach: int) -> Mask:
     These are the pixels of an object that touch something else with a side and have a pixel of
     another object within `reach`. So a seam has a line of pixels on each of its sides.
     """
-    found = np.zeros(labels.shape, bool)
+    seam_mask = np.zeros(labels.shape, bool)
     inner = _touching(labels)
     for i in np.unique(labels[labels > 0]):
-        own = labels == i
-        found |= own & inner & _near((labels > 0) & ~own, reach)
-    return found
+        object_mask = labels == i
+        seam_mask |= object_mask & inner & _dilate((labels > 0) & ~object_mask, reach)
+    return seam_mask
 
 
 def _touching(labels: Labels) -> Mask:
     """Pixels with a neighbour above, below, left or right of another label."""
-    found = np.zeros(labels.shape, bool)
+    border_mask = np.zeros(labels.shape, bool)
     for a, b in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
         differ = labels[a] != labels[b]
-        found[a] |= differ
-        found[b] |= differ
-    return found
+        border_mask[a] |= differ
+        border_mask[b] |= differ
+    return border_mask
 
 
-def _near(mask: Mask, reach: int) -> Mask:
+def _dilate(mask: Mask, reach: int) -> Mask:
     """Pixels at most `reach` from the mask."""
     if not mask.any():
         return mask
-    near: Mask = distance_transform_edt(~mask) <= reach
-    return near
+    dilated: Mask = distance_transform_edt(~mask) <= reach
+    return dilated

@@ -35,8 +35,8 @@ def count_classes(
         raise InputError(
             f"labels have shape {predicted.shape}, the truth {true.shape}; give both on one grid"
         )
-    chosen = true >= 0 if where is None else (true >= 0) & where
-    rows, columns = true[chosen].astype(np.int64), predicted[chosen].astype(np.int64)
+    valid = true >= 0 if where is None else (true >= 0) & where
+    rows, columns = true[valid].astype(np.int64), predicted[valid].astype(np.int64)
     largest = max(rows.max(initial=0), columns.max(initial=0))
     if largest >= classes:
         raise InputError(f"class id {largest} among labels of {classes} classes; check the classes")

@@ -20,14 +20,14 @@ Float64 = NDArray[np.float64]
 class Nearest(NamedTuple):
     """Distances (m) from each point to the nearest of the other set, and which that is."""
 
-    forth: Float64
-    back: Float64
-    forth_index: NDArray[np.int64]
-    back_index: NDArray[np.int64]
+    forward: Float64
+    backward: Float64
+    forward_index: NDArray[np.int64]
+    backward_index: NDArray[np.int64]
 
 
 def nearest(predicted: Float64, true: Float64) -> Nearest:
-    """Nearest neighbours both ways between points (P, 3) and (T, 3): forth = predicted to true.
+    """Nearest neighbours both ways between points (P, 3) and (T, 3): forward = predicted to true.
 
     Raises:
         InputError: a set is empty, or not (N, 3).
@@ -38,18 +38,18 @@ def nearest(predicted: Float64, true: Float64) -> Nearest:
                 f"{name} points have shape {points.shape}, expected (N, 3) with N >= 1"
             )
     trees = cKDTree(predicted), cKDTree(true)
-    (forth, forth_index), (back, back_index) = _among(*trees), _among(*reversed(trees))
-    return Nearest(forth, back, forth_index, back_index)
+    (forward, forward_index), (backward, backward_index) = _among(*trees), _among(*reversed(trees))
+    return Nearest(forward, backward, forward_index, backward_index)
 
 
-def _among(points: cKDTree, others: cKDTree) -> tuple[Float64, NDArray[np.int64]]:
+def _among(points: cKDTree, targets: cKDTree) -> tuple[Float64, NDArray[np.int64]]:
     """Distance from each point to the nearest of others, and which that is.
 
     In the order of their tree neighbours are asked for together, and their branches are cached.
     """
     distances, indices = np.empty(points.n), np.empty(points.n, np.int64)
     order = points.indices
-    distances[order], indices[order] = others.query(points.data[order], workers=-1)
+    distances[order], indices[order] = targets.query(points.data[order], workers=-1)
     return distances, indices
 
 
@@ -58,20 +58,20 @@ def chamfer(predicted: Float64, true: Float64) -> float:
     return chamfer_of(nearest(predicted, true))
 
 
-def chamfer_of(found: Nearest) -> float:
+def chamfer_of(neighbours: Nearest) -> float:
     """Chamfer distance of nearest neighbours already found."""
-    return float(found.forth.mean() + found.back.mean())
+    return float(neighbours.forward.mean() + neighbours.backward.mean())
 
 
-def f_score(found: Nearest, threshold: float) -> float:
+def f_score(neighbours: Nearest, threshold: float) -> float:
     """Harmonic mean of the shares of points of either set within `threshold` (m) of the other."""
-    precision = float((found.forth <= threshold).mean())
-    recall = float((found.back <= threshold).mean())
+    precision = float((neighbours.forward <= threshold).mean())
+    recall = float((neighbours.backward <= threshold).mean())
     return 2 * precision * recall / (precision + recall) if precision + recall > 0 else 0.0
 
 
-def normal_consistency(predicted: SurfacePoints, true: SurfacePoints, found: Nearest) -> float:
+def normal_consistency(predicted: SurfacePoints, true: SurfacePoints, neighbours: Nearest) -> float:
     """Mean cosine between the normals of nearest points, both directions averaged, in [-1, 1]."""
-    forth = (predicted.normals * true.normals[found.forth_index]).sum(axis=1)
-    back = (true.normals * predicted.normals[found.back_index]).sum(axis=1)
-    return float(0.5 * (forth.mean() + back.mean()))
+    forward = (predicted.normals * true.normals[neighbours.forward_index]).sum(axis=1)
+    backward = (true.normals * predicted.normals[neighbours.backward_index]).sum(axis=1)
+    return float(0.5 * (forward.mean() + backward.mean()))

@@ -77,10 +77,10 @@ class DirectCompletion(nn.Module, ABC):
         Raises:
             InputError: the shapes don't fit the network.
         """
-        size, found = (self.resolution,) * 3, tuple(condition.shape)
-        if len(found) != 5 or found[2:] != size or found[1] < self.channels:
+        size, shape = (self.resolution,) * 3, tuple(condition.shape)
+        if len(shape) != 5 or shape[2:] != size or shape[1] < self.channels:
             raise InputError(
-                f"condition has shape {found}, expected (B, 2, {size[0]}, {size[1]}, {size[2]}); "
+                f"condition has shape {shape}, expected (B, 2, {size[0]}, {size[1]}, {size[2]}); "
                 "use the grid of the checkpoint"
             )
         if latent is not None and latent.numel():
@@ -97,4 +97,7 @@ class DirectCompletion(nn.Module, ABC):
 
 def channels_of(outputs: Mapping[str, Representation | int]) -> dict[str, int]:
     """Channels of outputs that are given as their representations or as numbers."""
-    return {name: one if isinstance(one, int) else one.channels for name, one in outputs.items()}
+    return {
+        name: output if isinstance(output, int) else output.channels
+        for name, output in outputs.items()
+    }

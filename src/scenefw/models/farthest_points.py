@@ -5,7 +5,7 @@ from torch import Tensor
 
 
 @torch.no_grad()
-def farthest_points(points: Tensor, seen: Tensor, count: int) -> tuple[Tensor, Tensor]:
+def farthest_points(points: Tensor, visible: Tensor, count: int) -> tuple[Tensor, Tensor]:
     """Positions (B, K) in sets of points, each the farthest from those before it, and which count.
 
     The first is the one farthest from the middle. So which points are taken doesn't depend on their
@@ -13,25 +13,25 @@ def farthest_points(points: Tensor, seen: Tensor, count: int) -> tuple[Tensor, T
 
     Args:
         points: (B, P, 3).
-        seen: (B, P) bool, points that count.
+        visible: (B, P) bool, points that count.
         count: K.
 
     Returns:
         (B, K) int64, and (B, K) bool: False once no further point is left.
     """
-    weights = seen.to(points.dtype)
+    weights = visible.to(points.dtype)
     middle = (points * weights[..., None]).sum(dim=1) / weights.sum(dim=1, keepdim=True).clamp_min(
         1
     )
     gaps = (points - middle[:, None]).square().sum(dim=-1) + 1.0  # the first counts in any case
-    gaps = torch.where(seen, gaps, -1.0)
-    nearest = torch.where(seen, torch.inf, -1.0).to(points.dtype)
-    taken, counted = [], []
+    gaps = torch.where(visible, gaps, -1.0)
+    nearest = torch.where(visible, torch.inf, -1.0).to(points.dtype)
+    indices, counted = [], []
     for _ in range(count):
         best, place = gaps.max(dim=1)
-        taken.append(place)
+        indices.append(place)
         counted.append(best > 0)
-        own = points.gather(1, place[:, None, None].expand(-1, 1, 3))
-        nearest = nearest.minimum((points - own).square().sum(dim=-1))
-        gaps = torch.where(seen, nearest, -1.0)
-    return torch.stack(taken, dim=1), torch.stack(counted, dim=1)
+        point = points.gather(1, place[:, None, None].expand(-1, 1, 3))
+        nearest = nearest.minimum((points - point).square().sum(dim=-1))
+        gaps = torch.where(visible, nearest, -1.0)
+    return torch.stack(indices, dim=1), torch.stack(counted, dim=1)

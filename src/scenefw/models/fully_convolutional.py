@@ -18,7 +18,7 @@ from scenefw.models.blocks import (
 )
 from scenefw.models.direct_completion import DirectCompletion, channels_of
 
-_LEAST = 2  # voxels per side of the coarsest level
+_MIN_SIDE = 2  # voxels per side of the coarsest level
 
 
 class FullyConvolutional(DirectCompletion):
@@ -58,7 +58,7 @@ class FullyConvolutional(DirectCompletion):
         super().__init__(recipe, resolution, channels, channels_of(outputs), 8)
         if resolution & (resolution - 1):
             raise ConfigError(f"the network's resolution is {resolution}, expected a power of two")
-        sizes = [max(resolution // 2 >> level, _LEAST) for level in range(len(widths))]
+        sizes = [max(resolution // 2 >> level, _MIN_SIDE) for level in range(len(widths))]
         strides = [finer // coarser for finer, coarser in pairwise(sizes)]
         levels = [nn.Sequential(ConvUnit(8 * channels, widths[0]), ResidualBlock(widths[0]))]
         for (finer, width), stride in zip(pairwise(widths), strides, strict=True):

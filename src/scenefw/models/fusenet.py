@@ -171,11 +171,12 @@ class FuseNet(nn.Module):
             distance: (B, 1, H, W) depth or height (m), NaN = missing.
         """
         height, width = colour.shape[-2:]
-        rest = (0, -width % self.stride, 0, -height % self.stride)
-        colour = functional.pad((colour - 0.5) * 4, rest)  # pictures have a deviation of about 1/4
-        known = torch.isfinite(distance)
-        units = torch.where(known, (distance - self.offset) / self.scale, 0.0)
-        depth = functional.pad(torch.cat([units, known.to(units.dtype)], dim=1), rest)
+        padding = (0, -width % self.stride, 0, -height % self.stride)
+        # Pictures have a deviation of about 1/4
+        colour = functional.pad((colour - 0.5) * 4, padding)
+        valid = torch.isfinite(distance)
+        units = torch.where(valid, (distance - self.offset) / self.scale, 0.0)
+        depth = functional.pad(torch.cat([units, valid.to(units.dtype)], dim=1), padding)
         if "colour" not in self.modalities:
             colour = torch.zeros_like(colour)
         if "distance" not in self.modalities:

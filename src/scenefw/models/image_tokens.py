@@ -51,7 +51,7 @@ class ImageTokens(nn.Module):
         self.count = tokens
         stages = [_stem(widths[0]), *map(_stage, widths, widths[1:])]
         self.stages = nn.ModuleList(stages)
-        self.lateral = nn.ModuleList([nn.Conv2d(one, width, 1) for one in widths])
+        self.lateral = nn.ModuleList([nn.Conv2d(channels, width, 1) for channels in widths])
         self.smooth = nn.Conv2d(width, width, 3, padding=1)
         self.place = nn.Linear(3 + 6 * WAVES, width)
         self.cell = nn.Parameter(0.02 * torch.randn(width))
@@ -66,21 +66,23 @@ class ImageTokens(nn.Module):
             seen: (B, P) bool.
         """
         fine, coarse = self._maps(condition)
-        which, counted = farthest_points(points, seen, self.count)
-        places = points.gather(1, which[..., None].expand(-1, -1, 3))
+        indices, counted = farthest_points(points, seen, self.count)
+        places = points.gather(1, indices[..., None].expand(-1, -1, 3))
         rows = fine.flatten(2).transpose(1, 2)
-        read = rows.gather(1, which[..., None].expand(-1, -1, rows.shape[-1]))
+        point_features = rows.gather(1, indices[..., None].expand(-1, -1, rows.shape[-1]))
         middles = _middles(points, seen, fine.shape[-2:], coarse.shape[-2:])
-        every = torch.cat([places, middles], dim=1)
-        there = torch.cat([counted, counted.new_ones(middles.shape[:2])], dim=1)
+        token_places = torch.cat([places, middles], dim=1)
+        token_mask = torch.cat([counted, counted.new_ones(middles.shape[:2])], dim=1)
         around = coarse.flatten(2).transpose(1, 2) + self.cell
-        features = torch.cat([read, around], dim=1) + self.placed(every)
-        return Tokens(self.mixed(features, src_key_padding_mask=~there), every, there)
+        features = torch.cat([point_features, around], dim=1) + self.placed(token_places)
+        return Tokens(
+            self.mixed(features, src_key_padding_mask=~token_mask), token_places, token_mask
+        )
 
     def placed(self, places: Tensor) -> Tensor:
         """Features (..., width) of where something is (..., 3) m."""
-        found: Tensor = self.place(fourier_features(places))
-        return found
+        features: Tensor = self.place(fourier_features(places))
+        return features
 
     def _maps(self, image: Tensor) -> tuple[Tensor, Tensor]:
         """Joined features of cells (B, width, H / 4, W / 4), and the coarsest ones."""
@@ -88,12 +90,12 @@ class ImageTokens(nn.Module):
         for stage in self.stages:
             image = stage(image)
             maps.append(image)
-        joined = self.lateral[-1](maps[-1])
-        coarse = joined
+        features = self.lateral[-1](maps[-1])
+        coarse = features
         for level in reversed(range(_LEVELS - 1)):
             finer = self.lateral[level](maps[level])
-            joined = finer + nn.functional.interpolate(joined, size=finer.shape[-2:])
-        return self.smooth(joined), coarse
+            features = finer + nn.functional.interpolate(features, size=finer.shape[-2:])
+        return self.smooth(features), coarse
 
 
 class _Block(nn.Module):
@@ -108,15 +110,15 @@ class _Block(nn.Module):
 
     def forward(self, features: Tensor) -> Tensor:
         """Features of the same shape."""
-        found: Tensor = features + self.inner(features)
-        return found
+        output: Tensor = features + self.inner(features)
+        return output
 
 
-def _middles(points: Tensor, seen: Tensor, fine: torch.Size, coarse: torch.Size) -> Tensor:
+def _middles(points: Tensor, visible: Tensor, fine: torch.Size, coarse: torch.Size) -> Tensor:
     """Means (B, T, 3) of the seen points (B, P, 3) in each of T coarse pixels; 0 where none are."""
-    counts = nn.functional.adaptive_avg_pool2d(seen.to(points.dtype).unflatten(1, fine), coarse)
-    kept = torch.where(seen[..., None], points, 0.0).transpose(1, 2).unflatten(2, fine)
-    sums = nn.functional.adaptive_avg_pool2d(kept, coarse)
+    counts = nn.functional.adaptive_avg_pool2d(visible.to(points.dtype).unflatten(1, fine), coarse)
+    visible_points = torch.where(visible[..., None], points, 0.0).transpose(1, 2).unflatten(2, fine)
+    sums = nn.functional.adaptive_avg_pool2d(visible_points, coarse)
     return (sums / counts[:, None].clamp_min(1e-6)).flatten(2).transpose(1, 2)
 
 
@@ -136,10 +138,11 @@ def _stage(channels: int, width: int) -> nn.Sequential:
 
 
 def _checked(encoder: Mapping[str, Any]) -> list[int]:
-    others = set(encoder) - {"sees", "widths"}
-    if others:
+    unknown_keys = set(encoder) - {"sees", "widths"}
+    if unknown_keys:
         raise ConfigError(
-            f"model.encoder has {', '.join(sorted(others))}; an encoder of images has widths alone"
+            f"model.encoder has {', '.join(sorted(unknown_keys))}; an encoder of images has widths "
+            "alone"
         )
     widths = encoder.get("widths", ())
     if not _fitting(widths):
@@ -152,4 +155,7 @@ def _checked(encoder: Mapping[str, Any]) -> list[int]:
 def _fitting(widths: Any) -> bool:
     if not isinstance(widths, Sequence) or len(widths) != _LEVELS:
         return False
-    return all(isinstance(one, int) and one > 0 and one % _GROUPS == 0 for one in widths)
+    return all(
+        isinstance(channels, int) and channels > 0 and channels % _GROUPS == 0
+        for channels in widths
+    )

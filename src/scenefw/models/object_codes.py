@@ -69,7 +69,7 @@ class CodeAttention(nn.Module):
 
     def forward(self, codes: Tensor) -> Tensor:
         """Codes (B, N, C), refined."""
-        seen = self.norms[0](codes)
-        codes = codes + self.attention(seen, seen, seen, need_weights=False)[0]
+        inputs = self.norms[0](codes)
+        codes = codes + self.attention(inputs, inputs, inputs, need_weights=False)[0]
         refined: Tensor = codes + self.layers(self.norms[1](codes))
         return refined

@@ -17,7 +17,7 @@ from scenefw.core.queried_sets import (
 )
 from scenefw.core.settings import NOT_NEGATIVE
 from scenefw.kernels.precision import full_precision
-from scenefw.models.query_numbers import SIZE, Noised, noised, told
+from scenefw.models.query_numbers import SIZE, Noised, noised, parameters_of
 from scenefw.models.relative_attention import RelativeAttention
 from scenefw.models.view_encoders import encoder_of
 from scenefw.models.view_tokens import Tokens, TrainedEncoder
@@ -134,10 +134,11 @@ class ObjectQueries(nn.Module):
         if generator is None or not self.denoised:
             return ObjectQueryPrediction(layers)
         start = noised(batch.scenes, self.denoised, generator)
-        groups = Tokens(*(one.repeat_interleave(self.denoised, dim=0) for one in tokens))
-        near = self._sets(self._near_truth(start), groups)
+        groups = Tokens(*(values.repeat_interleave(self.denoised, dim=0) for values in tokens))
+        denoised_sets = self._sets(self._near_truth(start), groups)
         return ObjectQueryPrediction(
-            layers, [_of_views(one, start, len(batch.points)) for one in near]
+            layers,
+            [_of_views(queried_set, start, len(batch.points)) for queried_set in denoised_sets],
         )
 
     def predict(self, condition: Tensor, points: Tensor, seen: Tensor) -> QueriedSet:
@@ -152,15 +153,15 @@ class ObjectQueries(nn.Module):
         return self._sets(self._first(tokens), tokens)[-1]
 
     def _sets(self, queries: _Queries, tokens: Tokens) -> list[QueriedSet]:
-        found = []
+        sets = []
         for layer in self.layers:
             now = bounded(queries)
             placed = self.view.placed(now.positions)
             features, change, existence = layer(queries, now, tokens, placed)
             queries = queries._replace(features=features, numbers=queries.numbers + change)
-            found.append(bounded(queries, existence))
+            sets.append(bounded(queries, existence))
             queries = queries._replace(numbers=queries.numbers.detach())
-        return found
+        return sets
 
     def _near_truth(self, start: Noised) -> _Queries:
         """Queries that start at objects with noise."""
@@ -217,13 +218,13 @@ class _Layer(nn.Module):
         """
         about = placed + self.own(queries.numbers)
         features = queries.features
-        asked = self.norms[0](features) + about
+        query = self.norms[0](features) + about
         offsets = seen_from(now, tokens.places)
-        features = features + self.look(asked, tokens.features, offsets, tokens.counted)
-        asked = self.norms[1](features) + about
+        features = features + self.look(query, tokens.features, offsets, tokens.counted)
+        query = self.norms[1](features) + about
         offsets = seen_from(now, now.positions)
         nobody = ~queries.active.any(dim=1, keepdim=True)  # softmax needs some that count
-        features = features + self.talk(asked, asked, offsets, queries.active | nobody)
+        features = features + self.talk(query, query, offsets, queries.active | nobody)
         features = features + self.deep(self.norms[2](features))
         last = self.head(self.norms[3](features))
         return features, self.change(last).float(), self.existence(last)[..., 0].float()
@@ -236,7 +237,7 @@ def bounded(queries: _Queries, existence: Tensor | None = None) -> QueriedSet:
         queries: of which numbers and starts count.
         existence: (B, N) logits; None: none are known yet.
     """
-    positions, rotations, half_axes, exponents = told(queries.numbers, queries.starts)
+    positions, rotations, half_axes, exponents = parameters_of(queries.numbers, queries.starts)
     return QueriedSet(
         queries.numbers[..., 0] if existence is None else existence,
         half_axes,
@@ -248,16 +249,16 @@ def bounded(queries: _Queries, existence: Tensor | None = None) -> QueriedSet:
     )
 
 
-def _of_views(found: QueriedSet, start: Noised, views: int) -> QueriedSet:
+def _of_views(queried_set: QueriedSet, start: Noised, views: int) -> QueriedSet:
     """Groups of denoising queries, several for a view, as one matched set for each view."""
 
-    def joined(values: Tensor) -> Tensor:
+    def merge(values: Tensor) -> Tensor:
         return values.unflatten(0, (views, -1)).flatten(1, 2)
 
     return QueriedSet(
-        joined(found.existence), joined(found.half_axes), joined(found.exponents),
-        joined(found.rotations), joined(found.positions), joined(found.active),
-        joined(found.starts), matched=joined(start.objects),
+        merge(queried_set.existence), merge(queried_set.half_axes), merge(queried_set.exponents),
+        merge(queried_set.rotations), merge(queried_set.positions), merge(queried_set.active),
+        merge(queried_set.starts), matched=merge(start.objects),
     )  # fmt: skip
 
 
@@ -268,11 +269,13 @@ def seen_from(objects: QueriedSet, places: Tensor) -> Tensor:
 
     In the world, in the object's frame in units of its half-axes, and the distance to its surface.
     """
-    away = (places[:, None] - objects.positions[:, :, None]).float()
-    local = away @ objects.rotations.float()
+    displacements = (places[:, None] - objects.positions[:, :, None]).float()
+    local = displacements @ objects.rotations.float()
     half_axes, exponents = objects.half_axes[:, :, None], objects.exponents[:, :, None]
-    beyond = radial_distance(local, half_axes.expand_as(local), exponents.expand_as(local))
-    offsets = torch.cat([away / _NEAR, local / half_axes, beyond[..., None] / _CLOSE], dim=-1)
+    distances = radial_distance(local, half_axes.expand_as(local), exponents.expand_as(local))
+    offsets = torch.cat(
+        [displacements / _NEAR, local / half_axes, distances[..., None] / _CLOSE], dim=-1
+    )
     return offsets / (1 + offsets.abs() / 3)
 
 

@@ -81,16 +81,18 @@ class PartAffinity(nn.Module):
             cameras: one per image, the floor at z = 0.
         """
         height, width = depth.shape[1:]
-        found = pixel_features(depth, cameras)
-        found = functional.pad(found, (0, -width % self.stride, 0, -height % self.stride))
-        found, kept = found.contiguous(memory_format=torch.channels_last), []
+        features = pixel_features(depth, cameras)
+        features = functional.pad(features, (0, -width % self.stride, 0, -height % self.stride))
+        features, skips = features.contiguous(memory_format=torch.channels_last), []
         for number, level in enumerate(self.down):
-            found = level(functional.max_pool2d(found, 2) if number else found)
-            kept.append(found)
-        for level, fine in zip(self.up, kept[-2::-1], strict=True):
-            found = level(torch.cat([functional.interpolate(found, scale_factor=2.0), fine], dim=1))
+            features = level(functional.max_pool2d(features, 2) if number else features)
+            skips.append(features)
+        for level, fine in zip(self.up, skips[-2::-1], strict=True):
+            features = level(
+                torch.cat([functional.interpolate(features, scale_factor=2.0), fine], dim=1)
+            )
         heads = [self.head] if self.shown is None else [self.head, self.shown]
-        logits = torch.cat([head(found) for head in heads], dim=1)
+        logits = torch.cat([head(features) for head in heads], dim=1)
         return logits[..., :height, :width].float()
 
 
@@ -119,24 +121,24 @@ def pixel_features(depth: Tensor, cameras: CameraBatch) -> Tensor:
         cameras: one per image, the floor at z = 0.
     """
     depth = torch.where(depth <= _FAR, depth, 0.0)
-    known, points = depth > 0, pixel_places(depth, cameras).permute(0, 3, 1, 2)
+    valid, points = depth > 0, pixel_places(depth, cameras).permute(0, 3, 1, 2)
     channels: list[Tensor] = []
     for step in _STEPS:
         for axis in (2, 1):
-            before, after = (_rise(depth, known, way, axis) for way in (step, -step))
+            before, after = (_rise(depth, valid, way, axis) for way in (step, -step))
             channels += [_log(before, _RISE), _log(after, _RISE), _log(before + after, _BEND)]
     for step in _NORMAL_STEPS:
         across, down = (points.roll(-step, k) - points.roll(step, k) for k in (3, 2))
         normals = functional.normalize(torch.linalg.cross(across, down, dim=1), dim=1)
         channels += list(normals.unbind(dim=1))
-    channels += [_log(points[:, 2], _HEIGHT), depth - 1, known.float()]
-    return torch.where(known[:, None], torch.stack(channels, dim=1), 0.0)
+    channels += [_log(points[:, 2], _HEIGHT), depth - 1, valid.float()]
+    return torch.where(valid[:, None], torch.stack(channels, dim=1), 0.0)
 
 
-def _rise(depth: Tensor, known: Tensor, step: int, axis: int) -> Tensor:
+def _rise(depth: Tensor, valid: Tensor, step: int, axis: int) -> Tensor:
     """How much further away (m) the pixel `step` before is; 0 where either has no depth."""
-    both = known & known.roll(step, axis)
-    return torch.where(both, depth.roll(step, axis) - depth, 0.0)
+    valid_pairs = valid & valid.roll(step, axis)
+    return torch.where(valid_pairs, depth.roll(step, axis) - depth, 0.0)
 
 
 def _log(length: Tensor, unit: float) -> Tensor:

@@ -22,7 +22,7 @@ _LEAST_EXPONENT, _EXPONENTS = math.log(2), 3.9
 _MOST = 0.98  # of what is bounded, so that its numbers stay finite
 _NOISE = (0.2, 0.4, 1.0)  # standard deviations: columns of rotations, sizes, exponents
 _NEAR, _FAR = 0.015, (0.05, 0.12)  # m: deviation of near starts along an axis; how far others are
-_TAKEN = 0.04  # m from the middle of another object: that one is meant there
+_OCCUPIED = 0.04  # m from the middle of another object: that one is meant there
 
 
 class Noised(NamedTuple):
@@ -41,7 +41,7 @@ class Noised(NamedTuple):
     objects: Tensor
 
 
-def told(numbers: Tensor, starts: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+def parameters_of(numbers: Tensor, starts: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Positions, rotations, half-axes and exponents: any numbers make a solid.
 
     Args:
@@ -66,7 +66,8 @@ def numbers_of(scenes: SceneParameters) -> Tensor:
     """Numbers (B, M, 15) of objects, told from their centres.
 
     Of the 24 equal descriptions, the one that is turned least is taken. Sizes and exponents keep to
-    98 % of the bounds of `told`, as numbers would be infinite there: exponents are 2.2 or more.
+    98 % of the bounds of `parameters_of`, as numbers would be infinite there: exponents are 2.2 or
+    more.
     """
     ways = equal_descriptions().to(scenes.rotations)
     turned = scenes.rotations[..., None, :, :] @ ways
@@ -74,7 +75,7 @@ def numbers_of(scenes: SceneParameters) -> Tensor:
     rotations = turned.gather(2, best[..., None, None, None].expand(-1, -1, 1, 3, 3))[:, :, 0]
     order = ways.abs().transpose(-1, -2)[best]
     axes, exponents = (
-        (order @ one[..., None])[..., 0] for one in (scenes.half_axes, scenes.exponents)
+        (order @ values[..., None])[..., 0] for values in (scenes.half_axes, scenes.exponents)
     )
     columns = rotations.transpose(-1, -2)[..., :2, :].flatten(-2)
     wide = ((axes.clamp_min(1e-4) / _TYPICAL).log() / _WIDEST).clamp(-_MOST, _MOST)
@@ -102,8 +103,8 @@ def noised(scenes: SceneParameters, groups: int, generator: torch.Generator) -> 
         generator: of the noise, on the CPU.
     """
     device = scenes.positions.device
-    batch, most = scenes.present.shape
-    shape = (batch, groups, 2, most)
+    batch, max_objects = scenes.present.shape
+    shape = (batch, groups, 2, max_objects)
 
     def normal(size: int) -> Tensor:
         return torch.randn(*shape, size, generator=generator).to(device)
@@ -112,18 +113,18 @@ def noised(scenes: SceneParameters, groups: int, generator: torch.Generator) -> 
     wrong = [torch.zeros(*shape, 3, device=device), turn * normal(6), size * normal(3),
              sharp * normal(3)]  # fmt: skip
     numbers = numbers_of(scenes)[:, None, None] + torch.cat(wrong, dim=-1)
-    away, chances = normal(3), torch.rand(*shape, 1, generator=generator).to(device)
+    offsets, chances = normal(3), torch.rand(*shape, 1, generator=generator).to(device)
     low, high = _FAR
-    far = (low + (high - low) * chances) * nn.functional.normalize(away, dim=-1)
-    near = torch.tensor([True, False], device=device)[:, None]
-    starts = scenes.positions[:, None, None] + torch.where(near[..., None], _NEAR * away, far)
+    far = (low + (high - low) * chances) * nn.functional.normalize(offsets, dim=-1)
+    is_near = torch.tensor([True, False], device=device)[:, None]
+    starts = scenes.positions[:, None, None] + torch.where(is_near[..., None], _NEAR * offsets, far)
     active = scenes.present[:, None, None].expand(shape)
     gaps = torch.cdist(starts.flatten(1, 3), scenes.positions)
-    taken = ((gaps < _TAKEN) & scenes.present[:, None]).any(dim=-1).view(shape)
-    objects = torch.arange(most, device=device).expand(shape)
+    is_occupied = ((gaps < _OCCUPIED) & scenes.present[:, None]).any(dim=-1).view(shape)
+    objects = torch.arange(max_objects, device=device).expand(shape)
     return Noised(
         starts.flatten(2, 3).flatten(0, 1),
         numbers.flatten(2, 3).flatten(0, 1),
-        (active & (near | ~taken)).flatten(2).flatten(0, 1),
-        torch.where(near & active, objects, -1).flatten(2).flatten(0, 1),
+        (active & (is_near | ~is_occupied)).flatten(2).flatten(0, 1),
+        torch.where(is_near & active, objects, -1).flatten(2).flatten(0, 1),
     )

@@ -95,18 +95,18 @@ def receptive_field(network: nn.Module, axis: int = 0) -> ReceptiveField:
         InputError: it has a layer whose reach isn't known here.
     """
     layers = dict(network.named_modules())
-    found: dict[fx.Node, ReceptiveField] = {}
+    field_of: dict[fx.Node, ReceptiveField] = {}
     for node in fx.Tracer().trace(network).nodes:
-        fields = [found[n] for n in node.all_input_nodes if n in found]
+        fields = [field_of[n] for n in node.all_input_nodes if n in field_of]
         if node.op == "placeholder":
-            found[node] = ReceptiveField()
+            field_of[node] = ReceptiveField()
         elif node.op == "call_module":
-            found[node] = _after(layers[str(node.target)], fields[0], axis)
+            field_of[node] = _after(layers[str(node.target)], fields[0], axis)
         elif node.op == "output" or node.target in _MEETINGS:
-            found[node] = reduce(operator.or_, fields)
+            field_of[node] = reduce(operator.or_, fields)
         else:
             raise InputError(f"the reach of {node.target} is unknown; expected a layer or a sum")
-    return found[node]
+    return field_of[node]
 
 
 def _after(layer: nn.Module, before: ReceptiveField, axis: int) -> ReceptiveField:

@@ -40,8 +40,8 @@ class RelativeAttention(nn.Module):
             counted: (B, T) bool: tokens that count; one at least for each of B.
         """
         q, k, v = (
-            layer(one).unflatten(-1, (self.heads, -1)).transpose(1, 2)
-            for layer, one in (
+            layer(values).unflatten(-1, (self.heads, -1)).transpose(1, 2)
+            for layer, values in (
                 (self.query, queries), (self.key, tokens), (self.value, tokens)
             )
         )  # fmt: skip
@@ -51,6 +51,6 @@ class RelativeAttention(nn.Module):
         logits = logits.masked_fill(~counted[:, None, None], -torch.inf)
         weights = logits.softmax(dim=-1)
         placed = weights.transpose(1, 2) @ relative  # (B, N, heads, relative)
-        gathered = (weights @ v).transpose(1, 2).flatten(2)
-        found: Tensor = self.out(gathered + self.placed(placed.flatten(2)))
-        return found
+        context = (weights @ v).transpose(1, 2).flatten(2)
+        output: Tensor = self.out(context + self.placed(placed.flatten(2)))
+        return output

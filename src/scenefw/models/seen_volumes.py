@@ -30,9 +30,9 @@ def require_volume(volume: Tensor, sees: str, resolution: int) -> None:
     Raises:
         InputError: it has another shape.
     """
-    wanted = (CHANNELS[sees], *(resolution,) * 3)
-    if tuple(volume.shape[1:]) != wanted:
+    expected_shape = (CHANNELS[sees], *(resolution,) * 3)
+    if tuple(volume.shape[1:]) != expected_shape:
         raise InputError(
-            f"the network sees volumes (B, {', '.join(map(str, wanted))}), got "
+            f"the network sees volumes (B, {', '.join(map(str, expected_shape))}), got "
             f"{tuple(volume.shape)}; use the grid of the checkpoint"
         )

@@ -65,12 +65,12 @@ class SetDecoder(nn.Module):
                 f"{self.code_size}): decode them with the network that made them"
             )
         batch, count, _ = codes.shape
-        features = self._seen(self.first(self.broadcast(codes.flatten(0, 1))), maps, 0, count)
+        features = self._add_view(self.first(self.broadcast(codes.flatten(0, 1))), maps, 0, count)
         for i, (up, refine) in enumerate(zip(self.ups, self.refines, strict=True), start=1):
-            features = refine(self._seen(up(features), maps, i, count))
+            features = refine(self._add_view(up(features), maps, i, count))
         return depth_to_space(self.head(features), 2).unflatten(0, (batch, count))[:, :, 0]
 
-    def _seen(self, features: Tensor, maps: Sequence[Tensor], level: int, count: int) -> Tensor:
+    def _add_view(self, features: Tensor, maps: Sequence[Tensor], level: int, count: int) -> Tensor:
         if not len(self.views):
             return features
         view = self.views[level](maps[level])

@@ -12,14 +12,14 @@ from scenefw.models.blocks import Conv3d, ConvUnit, ResidualBlock, space_to_dept
 _REFINED = 8  # levels of this side or less have a residual block
 
 
-def level_sizes(resolution: int, side: int, widths: Sequence[int], what: str) -> list[int]:
+def level_sizes(resolution: int, side: int, widths: Sequence[int], setting: str) -> list[int]:
     """Sides of levels from half the grid's down to that of the feature volume.
 
     Args:
         resolution: voxels per side of the grid.
         side: cells per side of the feature volume.
         widths: channels of the levels, coarsest first; further ones are not used.
-        what: the setting that gives the widths, for the message.
+        setting: the setting that gives the widths, for the message.
 
     Raises:
         ConfigError: halving the grid doesn't lead to the feature volume, or a width is missing.
@@ -34,28 +34,29 @@ def level_sizes(resolution: int, side: int, widths: Sequence[int], what: str) ->
         )
     if len(widths) < len(sizes) or min(widths) < 1:
         raise ConfigError(
-            f"model.{what} is {list(widths)}; expected {len(sizes)} positive widths, coarsest first"
+            f"model.{setting} is {list(widths)}; expected {len(sizes)} positive widths, "
+            "coarsest first"
         )
     return sizes
 
 
-def block_side(resolution: int, seen: int | None) -> int:
+def block_side(resolution: int, seen_resolution: int | None) -> int:
     """Voxels along each side of the blocks that an encoder of a coarser grid sees as one.
 
     Args:
         resolution: voxels per side of the grid.
-        seen: voxels per side that the encoder sees; None: all.
+        seen_resolution: voxels per side that the encoder sees; None: all.
 
     Raises:
         ConfigError: blocks don't fill the grid.
     """
-    seen = resolution if seen is None else seen
-    if seen < 1 or resolution % seen:
+    seen_resolution = resolution if seen_resolution is None else seen_resolution
+    if seen_resolution < 1 or resolution % seen_resolution:
         raise ConfigError(
-            f"model.seen_resolution is {seen}; expected a divisor of the grid's {resolution} "
-            "voxels per side, or null"
+            f"model.seen_resolution is {seen_resolution}; expected a divisor of the grid's "
+            f"{resolution} voxels per side, or null"
         )
-    return resolution // seen
+    return resolution // seen_resolution
 
 
 def averaged(volume: Tensor, block: int) -> Tensor:

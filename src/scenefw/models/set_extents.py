@@ -25,7 +25,7 @@ _STEP = 0.005  # m: logarithmic above, linear below
 _AWAY, _TOWARDS = (1.6, 1.5), (0.5, 0.8)  # mean and deviation of these
 _EXPONENT = (2.7, 1.1)
 _RANGE = 1.1, 100.0
-_LEAST = 0.004  # m, of half-axes
+_MIN_HALF_AXIS = 0.004  # m, of half-axes
 _POINT, _SCALAR, _END = 6, 28, 10
 
 
@@ -119,13 +119,14 @@ class SetExtents(nn.Module):
         axes, low, high, order = seen_in_axes(batch, turned)
         extents = _encoded(batch, axes, low, high, order)
         memory = self.encode(batch, axes, low, high)
-        memory, extents, seen = (
-            one.repeat_interleave(self.repeats, dim=0) for one in (memory, extents, batch.seen)
+        memory, extents, visible = (
+            values.repeat_interleave(self.repeats, dim=0)
+            for values in (memory, extents, batch.seen)
         )
         at = time[:, None, None]
         now = (1 - at) * noise + at * extents
-        velocity = self.velocity_of(now, time, memory, seen)
-        return SetFlowPrediction(velocity, extents - noise, seen, None, None)
+        velocity = self.velocity_of(now, time, memory, visible)
+        return SetFlowPrediction(velocity, extents - noise, visible, None, None)
 
     def encode(self, batch: SeenSetBatch, axes: Tensor, low: Tensor, high: Tensor) -> Tensor:
         """Tokens (B, N, width) of seen objects.
@@ -137,18 +138,18 @@ class SetExtents(nn.Module):
             high: (B, N, 3) where it ends, nearest to the camera.
         """
         count = batch.points.shape[1]
-        seen = batch.seen
+        visible = batch.seen
         corner = _product("bnki,bnk->bni", axes, high)
-        own = _along(axes, batch.points) - high[:, :, None]
-        points = self.point(torch.cat([own / _NEAR, _close(own)], dim=-1))
-        some = batch.points[:, :, : self.others].flatten(1, 2)
-        far = _product("bnki,bpi->bnpk", axes, some) - high[:, :, None]
-        others = self.other(torch.cat([far / _NEAR, _close(far)], dim=-1))
-        of = torch.arange(count, device=seen.device).repeat_interleave(
+        local = _along(axes, batch.points) - high[:, :, None]
+        points = self.point(torch.cat([local / _NEAR, _close(local)], dim=-1))
+        neighbour_points = batch.points[:, :, : self.others].flatten(1, 2)
+        far = _product("bnki,bpi->bnpk", axes, neighbour_points) - high[:, :, None]
+        neighbour_features = self.other(torch.cat([far / _NEAR, _close(far)], dim=-1))
+        of = torch.arange(count, device=visible.device).repeat_interleave(
             min(self.others, batch.points.shape[2])
         )
-        alien = seen[:, None, of] & (of != torch.arange(count, device=of.device)[:, None])
-        others = others.masked_fill(~alien[..., None], -1.0).amax(dim=2)
+        alien = visible[:, None, of] & (of != torch.arange(count, device=of.device)[:, None])
+        neighbour_features = neighbour_features.masked_fill(~alien[..., None], -1.0).amax(dim=2)
         size = high - low
         eye = _product("bnki,bni->bnk", axes, batch.camera[:, None] - corner)
         down = axes[..., 2]  # how steeply it goes down away from the camera
@@ -166,36 +167,38 @@ class SetExtents(nn.Module):
             ],
             dim=-1,
         )
-        pooled = torch.cat([points.amax(dim=2), points.mean(dim=2), others], dim=-1)
+        pooled = torch.cat([points.amax(dim=2), points.mean(dim=2), neighbour_features], dim=-1)
         tokens = self.part(torch.cat([pooled, self.scalars(scalars)], dim=-1))
         if len(self.ends):
             tokens = tokens + self._where_it_ends(batch.ends, axes, corner)
-        return self.view(_known(tokens, seen), src_key_padding_mask=_absent(seen))
+        return self.view(_masked_tokens(tokens, visible), src_key_padding_mask=_absent(visible))
 
     def _where_it_ends(self, ends: Tensor, axes: Tensor, corner: Tensor) -> Tensor:
         """What is added to tokens (B, N, width) for the ends (B, N, E, 7) of objects' images."""
-        place, outward, further = ends.split([3, 3, 1], dim=-1)
-        own = _along(axes, place - corner[:, :, None])
+        place, outward, depth_step = ends.split([3, 3, 1], dim=-1)
+        local = _along(axes, place - corner[:, :, None])
         features = torch.cat(
-            [own / _NEAR, _close(own), _along(axes, outward), _close(further)], dim=-1
+            [local / _NEAR, _close(local), _along(axes, outward), _close(depth_step)], dim=-1
         )
         of_each, together = self.ends
-        known = of_each(features) * outward.any(dim=-1, keepdim=True)
-        added: Tensor = together(torch.cat([known.amax(dim=2), known.mean(dim=2)], dim=-1))
+        end_features = of_each(features) * outward.any(dim=-1, keepdim=True)
+        added: Tensor = together(
+            torch.cat([end_features.amax(dim=2), end_features.mean(dim=2)], dim=-1)
+        )
         return added
 
-    def velocity_of(self, now: Tensor, time: Tensor, memory: Tensor, seen: Tensor) -> Tensor:
+    def velocity_of(self, now: Tensor, time: Tensor, memory: Tensor, visible: Tensor) -> Tensor:
         """Velocity (B, N, 9) of extents at times (B,).
 
         Args:
             now: (B, N, 9), between noise and extents.
             time: (B,) from 0, noise, to 1.
             memory: of `encode`.
-            seen: (B, N) bool.
+            visible: (B, N) bool.
         """
         clock = self.time(time_waves(time, self.width))[:, None]
-        tokens = _known(self.object(now) + memory + clock, seen)
-        return self.velocity(self.flow(tokens, src_key_padding_mask=_absent(seen)))
+        tokens = _masked_tokens(self.object(now) + memory + clock, visible)
+        return self.velocity(self.flow(tokens, src_key_padding_mask=_absent(visible)))
 
     @torch.no_grad()
     def sample(
@@ -227,24 +230,24 @@ class SetExtents(nn.Module):
         axes, low, high, order = axes[rows], low[rows], high[rows], order[rows]
         fields: dict[str, Tensor] = vars(batch)
         views = SeenSetBatch(**{name: value[rows] for name, value in fields.items()})
-        seen = views.seen
-        now = start_noise((count, seen.shape[1], SIZE), generator, spread).to(device)
+        visible = views.seen
+        now = start_noise((count, visible.shape[1], SIZE), generator, spread).to(device)
         for step in range(steps):
             time = torch.full((count,), step / steps, device=device)
-            now = now + self.velocity_of(now, time, memory, seen) / steps
-        away = _length(now[..., :3], _AWAY)
-        towards = _length(now[..., 3:6], _TOWARDS)
-        first, last = low - away, high + towards
-        half_axes = ((last - first) / 2).clamp_min(_LEAST)
+            now = now + self.velocity_of(now, time, memory, visible) / steps
+        far_extent = _length(now[..., :3], _AWAY)
+        near_extent = _length(now[..., 3:6], _TOWARDS)
+        first, last = low - far_extent, high + near_extent
+        half_axes = ((last - first) / 2).clamp_min(_MIN_HALF_AXIS)
         centres = _product("bnki,bnk->bni", axes, (first + last) / 2)
         exponents = (now[..., 6:] * _EXPONENT[1] + _EXPONENT[0]).exp().clamp(*_RANGE)
-        back = order.argsort(dim=-1)
+        inverse_order = order.argsort(dim=-1)
         return replace(
             views,
-            half_axes=half_axes.gather(-1, back),
-            exponents=exponents.gather(-1, back),
+            half_axes=half_axes.gather(-1, inverse_order),
+            exponents=exponents.gather(-1, inverse_order),
             positions=centres,
-            present=seen,
+            present=visible,
         )
 
 
@@ -273,10 +276,10 @@ def _encoded(batch: SeenSetBatch, axes: Tensor, low: Tensor, high: Tensor, order
     """True extents and exponents (B, N, 9) of seen objects, about zero."""
     middle = _product("bnki,bni->bnk", axes, batch.positions)
     half = batch.half_axes.gather(-1, order)
-    away = _number(low - (middle - half), _AWAY)
-    towards = _number(middle + half - high, _TOWARDS)
+    far_extent = _number(low - (middle - half), _AWAY)
+    near_extent = _number(middle + half - high, _TOWARDS)
     exponents = (batch.exponents.gather(-1, order).log() - _EXPONENT[0]) / _EXPONENT[1]
-    numbers = torch.cat([away, towards, exponents], dim=-1)
+    numbers = torch.cat([far_extent, near_extent, exponents], dim=-1)
     return torch.where(batch.seen[..., None], numbers, 0.0)
 
 
@@ -314,14 +317,14 @@ def _turns(angles: Tensor) -> Tensor:
     return torch.linalg.matrix_exp(cross)
 
 
-def _known(tokens: Tensor, seen: Tensor) -> Tensor:
-    return torch.where(seen[..., None], tokens, 0.0)
+def _masked_tokens(tokens: Tensor, visible: Tensor) -> Tensor:
+    return torch.where(visible[..., None], tokens, 0.0)
 
 
-def _absent(seen: Tensor) -> Tensor:
+def _absent(visible: Tensor) -> Tensor:
     """Slots that attention leaves out; in rows without any object it keeps the first."""
-    absent = ~seen
-    absent[:, 0] &= seen.any(dim=1)
+    absent = ~visible
+    absent[:, 0] &= visible.any(dim=1)
     return absent
 
 

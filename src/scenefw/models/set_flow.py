@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _NEAR, _SCENE = 0.05, 0.2  # m: lengths of the order of one for parts and for scenes
 _ANCHOR = (0.0, 0.0, 0.1)  # m, of objects of which nothing is seen
 _POINT = 9
-_SOME = 0.05  # m: half-axes of slots of which nothing is known
+_DEFAULT_AXIS = 0.05  # m: half-axes of slots of which nothing is known
 
 
 class SetFlow(nn.Module):
@@ -99,34 +99,34 @@ class SetFlow(nn.Module):
         """
         device = batch.points.device
         rows, slots = batch.present.shape
-        given = (torch.rand(rows, generator=generator) >= self.share).to(device)
+        has_view = (torch.rand(rows, generator=generator) >= self.share).to(device)
         time = torch.rand(rows * self.repeats, generator=generator).to(device)
         noise = torch.randn(rows * self.repeats, slots, SIZE, generator=generator).to(device)
-        memory, counts = self.encode(batch, given)
-        seen = batch.seen & given[:, None]
+        memory, counts = self.encode(batch, has_view)
+        visible = batch.seen & has_view[:, None]
         objects = encode(
             batch.positions, batch.rotations, batch.half_axes, batch.exponents,
-            anchors_of(batch, seen),
+            anchors_of(batch, visible),
         )  # fmt: skip
-        hidden = (batch.present & ~seen).sum(dim=1).clamp_max(self.slots)
-        memory, objects, seen, present = (
-            one.repeat_interleave(self.repeats, dim=0)
-            for one in (memory, objects, seen, batch.present)
+        hidden = (batch.present & ~visible).sum(dim=1).clamp_max(self.slots)
+        memory, objects, visible, present = (
+            values.repeat_interleave(self.repeats, dim=0)
+            for values in (memory, objects, visible, batch.present)
         )
-        objects = coupled(objects, noise, present, seen)
+        objects = coupled(objects, noise, present, visible)
         at = time[:, None, None]
         now = torch.where(present[..., None], (1 - at) * noise + at * objects, 0.0)
-        velocity = self.velocity_of(now, time, memory, seen, present)
+        velocity = self.velocity_of(now, time, memory, visible, present)
         return SetFlowPrediction(velocity, objects - noise, present, counts, hidden)
 
-    def encode(self, batch: SeenSetBatch, given: Tensor) -> tuple[Tensor, Tensor]:
+    def encode(self, batch: SeenSetBatch, has_view: Tensor) -> tuple[Tensor, Tensor]:
         """Tokens (B, 1 + N, width) of the view and its parts, and logits (B, slots + 1) of counts.
 
         Args:
             batch: views.
-            given: (B,) bool; others are as if there were no view.
+            has_view: (B,) bool; others are as if there were no view.
         """
-        seen = batch.seen & given[:, None]
+        visible = batch.seen & has_view[:, None]
         points = batch.points
         middle = points.mean(dim=2)
         ray = nn.functional.normalize(middle - batch.camera[:, None], dim=-1)
@@ -136,16 +136,18 @@ class SetFlow(nn.Module):
         pooled = torch.cat([deep.amax(dim=2), deep.mean(dim=2)], dim=-1)
         size = (batch.sizes.clamp_min(1e-5).log() + 4)[..., None]
         parts = self.part(torch.cat([pooled, middle / _SCENE, ray, size], dim=-1))
-        number = seen.sum(dim=1, keepdim=True) / 4
-        there = given[:, None].float()
-        whole = self.whole(torch.cat([batch.camera * there, there, number], dim=-1))
-        tokens = torch.cat([whole[:, None], torch.where(seen[..., None], parts, 0.0)], dim=1)
-        mask = torch.cat([seen.new_ones(len(seen), 1), seen], dim=1)
+        number = visible.sum(dim=1, keepdim=True) / 4
+        view_flag = has_view[:, None].float()
+        view_token = self.whole(torch.cat([batch.camera * view_flag, view_flag, number], dim=-1))
+        tokens = torch.cat(
+            [view_token[:, None], torch.where(visible[..., None], parts, 0.0)], dim=1
+        )
+        mask = torch.cat([visible.new_ones(len(visible), 1), visible], dim=1)
         memory = self.view(tokens, src_key_padding_mask=~mask)
         return memory, self.counts(memory[:, 0])
 
     def velocity_of(
-        self, now: Tensor, time: Tensor, memory: Tensor, seen: Tensor, present: Tensor
+        self, now: Tensor, time: Tensor, memory: Tensor, visible: Tensor, present: Tensor
     ) -> Tensor:
         """Velocity (B, N, 15) of objects at times (B,).
 
@@ -153,11 +155,11 @@ class SetFlow(nn.Module):
             now: (B, N, 15), between noise and objects.
             time: (B,) from 0, noise, to 1.
             memory: of `encode`.
-            seen: (B, N) bool: slots of parts of the view.
+            visible: (B, N) bool: slots of parts of the view.
             present: (B, N) bool: slots that count.
         """
         clock = self.time(time_waves(time, self.width))[:, None]
-        about = torch.where(seen[..., None], memory[:, 1:], self.hidden)
+        about = torch.where(visible[..., None], memory[:, 1:], self.hidden)
         tokens = torch.cat([memory[:, :1], self.object(now) + about], dim=1) + clock
         mask = torch.cat([present.new_ones(len(present), 1), present], dim=1)
         return self.velocity(self.flow(tokens, src_key_padding_mask=~mask)[:, 1:])
@@ -185,7 +187,7 @@ class SetFlow(nn.Module):
             The rows that draws saw, in slots those that are seen and then those that aren't.
         """
         view = _seen_alone(batch)
-        memory, hidden = self._hidden(view, count, generator, given=True)
+        memory, hidden = self._hidden(view, count, generator, has_view=True)
         return self._draw(view, memory, hidden, generator, steps, spread=spread)
 
     @torch.no_grad()
@@ -196,7 +198,7 @@ class SetFlow(nn.Module):
             batch: as for `complete`.
             generator: of the draw, on the CPU.
         """
-        return int(self._hidden(_seen_alone(batch), 1, generator, given=True)[1])
+        return int(self._hidden(_seen_alone(batch), 1, generator, has_view=True)[1])
 
     @torch.no_grad()
     def complete(
@@ -223,9 +225,9 @@ class SetFlow(nn.Module):
             aren't.
         """
         view = _seen_alone(batch)
-        memory, _ = self._hidden(view, count, generator, given=True)
+        memory, _ = self._hidden(view, count, generator, has_view=True)
         hidden = torch.full((count,), objects)
-        return self._draw(view, memory, hidden, generator, steps, known=True)
+        return self._draw(view, memory, hidden, generator, steps, fix_visible=True)
 
     @torch.no_grad()
     def scenes(
@@ -246,17 +248,17 @@ class SetFlow(nn.Module):
         Returns:
             S views of which nothing is seen, with their objects.
         """
-        view = _nothing(self.hidden.device)
-        memory, hidden = self._hidden(view, count, generator, given=False)
+        view = _empty_view(self.hidden.device)
+        memory, hidden = self._hidden(view, count, generator, has_view=False)
         hidden = hidden.clamp_min(1) if objects is None else torch.full((count,), objects)
         return self._draw(view, memory, hidden, generator, steps)
 
     def _hidden(
-        self, view: SeenSetBatch, count: int, generator: torch.Generator, *, given: bool
+        self, view: SeenSetBatch, count: int, generator: torch.Generator, *, has_view: bool
     ) -> tuple[Tensor, Tensor]:
         """Tokens of each draw of one view, and how many hidden objects (S,) there are in it."""
         device, views = view.points.device, len(view.points)
-        memory, logits = self.encode(view, torch.full((views,), given, device=device))
+        memory, logits = self.encode(view, torch.full((views,), has_view, device=device))
         rows = torch.arange(count, device=device) % views
         chances = logits[rows].softmax(dim=-1).cpu()
         return memory[rows], torch.multinomial(chances, 1, generator=generator)[:, 0]
@@ -269,30 +271,30 @@ class SetFlow(nn.Module):
         generator: torch.Generator,
         steps: int,
         *,
-        known: bool = False,
+        fix_visible: bool = False,
         spread: Sequence[float] | None = None,
     ) -> SeenSetBatch:
         device = view.points.device
         count, parts = len(hidden), view.seen.shape[1]
         extra = max(int(hidden.max()), 1)
         noise = start_noise((count, parts + extra, SIZE), generator, spread).to(device)
-        there = torch.arange(extra)[None] < hidden[:, None]
-        views = _with_hidden(view, there.to(device))
-        seen, present, points = views.seen, views.present, views.points
+        hidden_mask = torch.arange(extra)[None] < hidden[:, None]
+        views = _with_hidden(view, hidden_mask.to(device))
+        visible, present, points = views.seen, views.present, views.points
         empty = memory.new_zeros(count, extra, memory.shape[-1])
         memory = torch.cat([memory, empty], dim=1)
-        anchors = _anchors(points, seen)
+        anchors = _anchors(points, visible)
         objects = encode(
             views.positions, views.rotations, views.half_axes, views.exponents, anchors
         )
-        objects = coupled(objects, noise, seen, seen)
-        held = seen[..., None] & torch.full((1,), known, device=device)
+        objects = coupled(objects, noise, visible, visible)
+        fixed_mask = visible[..., None] & torch.full((1,), fix_visible, device=device)
         now = noise
         for step in range(steps):
             time = torch.full((count,), step / steps, device=device)
-            moved = now + self.velocity_of(now, time, memory, seen, present) / steps
+            next_state = now + self.velocity_of(now, time, memory, visible, present) / steps
             at = (step + 1) / steps
-            now = torch.where(held, (1 - at) * noise + at * objects, moved)
+            now = torch.where(fixed_mask, (1 - at) * noise + at * objects, next_state)
         centres, rotations, half_axes, exponents = decode(now, anchors)
         return replace(
             views,
@@ -303,18 +305,18 @@ class SetFlow(nn.Module):
         )
 
 
-def _with_hidden(view: SeenSetBatch, there: Tensor) -> SeenSetBatch:
+def _with_hidden(view: SeenSetBatch, hidden_mask: Tensor) -> SeenSetBatch:
     """A view with slots for hidden objects.
 
     Args:
         view: one, of N objects, in one or more rows.
-        there: (S, H) which hidden objects there are in S draws.
+        hidden_mask: (S, H) which hidden objects there are in S draws.
 
     Returns:
         The rows that draws see, with N + H slots.
     """
-    count, extra = there.shape
-    rows = torch.arange(count, device=there.device) % len(view.points)
+    count, extra = hidden_mask.shape
+    rows = torch.arange(count, device=hidden_mask.device) % len(view.points)
 
     def longer(values: Tensor) -> Tensor:
         shape = count, extra, *values.shape[2:]
@@ -322,29 +324,29 @@ def _with_hidden(view: SeenSetBatch, there: Tensor) -> SeenSetBatch:
 
     fields: dict[str, Tensor] = vars(view)
     slots = {name: longer(value) for name, value in fields.items() if name != "camera"}
-    made = SeenSetBatch(camera=view.camera[rows], **slots)
-    some = torch.full_like(made.half_axes, _SOME)
-    empty = ~made.seen[..., None]
+    views = SeenSetBatch(camera=view.camera[rows], **slots)
+    default_axes = torch.full_like(views.half_axes, _DEFAULT_AXIS)
+    empty = ~views.seen[..., None]
     return replace(
-        made,
-        present=torch.cat([made.seen[:, : view.seen.shape[1]], there], dim=1),
-        half_axes=torch.where(empty, some, made.half_axes),
-        exponents=torch.where(empty, 2.0, made.exponents),
-        rotations=torch.where(empty[..., None], torch.eye(3).to(some), made.rotations),
+        views,
+        present=torch.cat([views.seen[:, : view.seen.shape[1]], hidden_mask], dim=1),
+        half_axes=torch.where(empty, default_axes, views.half_axes),
+        exponents=torch.where(empty, 2.0, views.exponents),
+        rotations=torch.where(empty[..., None], torch.eye(3).to(default_axes), views.rotations),
     )
 
 
-def anchors_of(batch: SeenSetBatch, seen: Tensor) -> Tensor:
+def anchors_of(batch: SeenSetBatch, visible: Tensor) -> Tensor:
     """What centres (B, N, 3) are told from: the middle of seen points, or a place of the scene."""
-    return _anchors(batch.points, seen)
+    return _anchors(batch.points, visible)
 
 
-def _anchors(points: Tensor, seen: Tensor) -> Tensor:
-    return torch.where(seen[..., None], points.mean(dim=2), points.new_tensor(_ANCHOR))
+def _anchors(points: Tensor, visible: Tensor) -> Tensor:
+    return torch.where(visible[..., None], points.mean(dim=2), points.new_tensor(_ANCHOR))
 
 
 @torch.no_grad()
-def coupled(objects: Tensor, noise: Tensor, present: Tensor, seen: Tensor) -> Tensor:
+def coupled(objects: Tensor, noise: Tensor, present: Tensor, visible: Tensor) -> Tensor:
     """Objects (B, N, 15), each described in the way that is nearest to its noise.
 
     Slots of objects that aren't seen may hold any of them: the noise takes those for which the sum
@@ -354,17 +356,17 @@ def coupled(objects: Tensor, noise: Tensor, present: Tensor, seen: Tensor) -> Te
         objects: (B, N, 15).
         noise: (B, N, 15).
         present: (B, N) bool.
-        seen: (B, N) bool: objects whose slot is decided.
+        visible: (B, N) bool: objects whose slot is decided.
     """
     ways = described_in_all_ways(objects)
-    free = present & ~seen
+    free = present & ~visible
     slots = torch.arange(objects.shape[1], device=objects.device).expand(len(objects), -1).clone()
     several = (free.sum(dim=1) > 1).nonzero()[:, 0].tolist()
     for row in several:
-        own = free[row].nonzero()[:, 0]
-        gaps = (noise[row, own][:, None, None] - ways[row, own][None]).square().sum(-1)
-        pairs = torch.from_numpy(Assignment().assign(gaps.amin(dim=-1).cpu().numpy())).to(own)
-        slots[row, own[pairs[:, 0]]] = own[pairs[:, 1]]
+        indices = free[row].nonzero()[:, 0]
+        gaps = (noise[row, indices][:, None, None] - ways[row, indices][None]).square().sum(-1)
+        pairs = torch.from_numpy(Assignment().assign(gaps.amin(dim=-1).cpu().numpy())).to(indices)
+        slots[row, indices[pairs[:, 0]]] = indices[pairs[:, 1]]
     ways = ways.gather(1, slots[..., None, None].expand_as(ways))
     best = (noise[:, :, None] - ways).square().sum(dim=-1).argmin(dim=-1)
     return ways.gather(2, best[..., None, None].expand(-1, -1, 1, SIZE))[:, :, 0]
@@ -372,13 +374,13 @@ def coupled(objects: Tensor, noise: Tensor, present: Tensor, seen: Tensor) -> Te
 
 def _seen_alone(batch: SeenSetBatch) -> SeenSetBatch:
     """One view, in one or more rows, with its seen objects alone."""
-    kept = batch.seen[0]
+    visible = batch.seen[0]
     fields: dict[str, Tensor] = vars(batch)
-    of_objects = {name: value[:, kept] for name, value in fields.items() if name != "camera"}
+    of_objects = {name: value[:, visible] for name, value in fields.items() if name != "camera"}
     return SeenSetBatch(camera=batch.camera, **of_objects)
 
 
-def _nothing(device: torch.device) -> SeenSetBatch:
+def _empty_view(device: torch.device) -> SeenSetBatch:
     """A view without any object."""
 
     def empty(*shape: int) -> Tensor:

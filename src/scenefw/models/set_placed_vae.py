@@ -104,8 +104,8 @@ class PlacedSetVAE(nn.Module):
         condition = averaged(batch.condition, self.block)
         view = self.encoder(condition)
         prior = _moments(self.prior(view))
-        both = torch.cat([averaged(batch.occupancy, self.block), condition], dim=1)
-        mean, log_variance = _moments(self.posterior(both))
+        inputs = torch.cat([averaged(batch.occupancy, self.block), condition], dim=1)
+        mean, log_variance = _moments(self.posterior(inputs))
         latent = mean
         if generator is not None:
             noise = torch.randn(mean.shape, generator=generator).to(mean)
@@ -126,8 +126,8 @@ class PlacedSetVAE(nn.Module):
         return self._objects(view, mean + latent * (0.5 * log_variance).exp())
 
     def _objects(self, view: Tensor, latent: Tensor) -> ObjectSetPrediction:
-        both = torch.cat([view, latent.to(view.dtype)], dim=1)
-        prediction: ObjectSetPrediction = self.head(view + self.joint(both))
+        inputs = torch.cat([view, latent.to(view.dtype)], dim=1)
+        prediction: ObjectSetPrediction = self.head(view + self.joint(inputs))
         return prediction
 
 
@@ -142,7 +142,7 @@ def _balanced(of: tuple[Tensor, Tensor], to: tuple[Tensor, Tensor]) -> Tensor:
 
     Else the posterior follows the prior before anything is read from it (Hafner et al. 2021).
     """
-    still_of, still_to = ((one.detach(), other.detach()) for one, other in (of, to))
+    still_of, still_to = ((mean.detach(), log_variance.detach()) for mean, log_variance in (of, to))
     return _PRIOR * _divergence(still_of, to) + (1 - _PRIOR) * _divergence(of, still_to)
 
 

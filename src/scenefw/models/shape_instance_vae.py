@@ -108,21 +108,24 @@ class ShapeInstanceVAE(nn.Module):
         last ones.
         """
         count = len(batch.condition)
-        zeros, drawn = (
+        zeros, redrawn_rows = (
             self._replaced(count, draw=draw) if generator is not None else (0, slice(0, 0))
         )
-        maps, view = self.condition.encode(self._seen(batch.condition))
-        latent, statistics = self._posterior(batch, maps, drawn.stop, generator)
-        codes = [view.new_zeros(zeros, self.latent_size), *self._draws(view[drawn], generator)]
+        maps, view = self.condition.encode(self._input_channels(batch.condition))
+        latent, statistics = self._posterior(batch, maps, redrawn_rows.stop, generator)
+        codes = [
+            view.new_zeros(zeros, self.latent_size),
+            *self._draws(view[redrawn_rows], generator),
+        ]
         first = torch.cat([*codes[:2], *([] if latent is None else [latent])])
         code = torch.cat([first, *codes[2:]])
-        views = torch.cat([view, view[drawn]])
+        views = torch.cat([view, view[redrawn_rows]])
         volumes = self.decoder(
-            torch.cat([code, views], dim=1), [torch.cat([m, m[drawn]]) for m in maps[::-1]]
+            torch.cat([code, views], dim=1), [torch.cat([m, m[redrawn_rows]]) for m in maps[::-1]]
         )
         redrawn = None
         if len(code) > count:
-            redrawn = RedrawnShapes(drawn, {name: v[count:] for name, v in volumes.items()})
+            redrawn = RedrawnShapes(redrawn_rows, {name: v[count:] for name, v in volumes.items()})
         partial = self.condition.decode(view)
         volumes = {name: v[:count] for name, v in volumes.items()}
         return ShapeInstancePrediction(volumes, partial, latent, statistics, redrawn)
@@ -143,7 +146,7 @@ class ShapeInstanceVAE(nn.Module):
             InputError: the shapes don't fit the network.
         """
         self._check_condition(condition)
-        maps, view = self.condition.encode(self._seen(condition))
+        maps, view = self.condition.encode(self._input_channels(condition))
         if latent is None:
             latent = view.new_zeros(len(view), self.latent_size)
         samples = self._samples(latent, len(view))
@@ -154,14 +157,14 @@ class ShapeInstanceVAE(nn.Module):
             volumes["tsdf"] = volumes["tsdf"].clamp(-1, 1)
         return ShapeInstancePrediction(volumes, latent=latent)
 
-    def _seen(self, condition: Tensor) -> Tensor:
+    def _input_channels(self, condition: Tensor) -> Tensor:
         """Its channels of the condition; zeros if it sees none."""
         return condition[:, : self.channels] if self.channels else 0 * condition[:, :1]
 
     def redraws(self, count: int) -> int:
         """How many rows of a training batch get two codes from the prior."""
-        _, drawn = self._replaced(count, draw=True)
-        return drawn.stop - drawn.start
+        _, redrawn_rows = self._replaced(count, draw=True)
+        return redrawn_rows.stop - redrawn_rows.start
 
     def _replaced(self, count: int, *, draw: bool) -> tuple[int, slice]:
         """How many of a batch's first rows take the zero code, and which of the next drawn ones."""
@@ -209,10 +212,10 @@ class ShapeInstanceVAE(nn.Module):
         return len(latent) // batch
 
     def _check_condition(self, condition: Tensor) -> None:
-        size, found = (self.resolution,) * 3, tuple(condition.shape)
-        if len(found) != 5 or found[2:] != size or found[1] < self.channels:
+        size, shape = (self.resolution,) * 3, tuple(condition.shape)
+        if len(shape) != 5 or shape[2:] != size or shape[1] < self.channels:
             raise InputError(
-                f"condition has shape {found}, expected (B, 2, {size[0]}, {size[1]}, {size[2]}); "
+                f"condition has shape {shape}, expected (B, 2, {size[0]}, {size[1]}, {size[2]}); "
                 "use the grid of the checkpoint"
             )
 
@@ -226,10 +229,11 @@ def _normal(like: Tensor, generator: torch.Generator) -> Tensor:
 
 def _channels(outputs: Mapping[str, Representation | int] | None) -> dict[str, int]:
     """Channels of each output."""
-    found = {
-        name: one if isinstance(one, int) else one.channels for name, one in (outputs or {}).items()
+    channels = {
+        name: output if isinstance(output, int) else output.channels
+        for name, output in (outputs or {}).items()
     }
-    return dict(STANDARD) if not found or found == STANDARD else found
+    return dict(STANDARD) if not channels or channels == STANDARD else channels
 
 
 def _recipe(arguments: dict[str, Any]) -> dict[str, Any]:

@@ -63,8 +63,8 @@ class SSCNet(DirectCompletion):
         scales = [self.near(self.first(condition))]
         for block in (self.middle, *self.far):
             scales.append(block(scales[-1]))
-        found = depth_to_space(self.last(self.joined(torch.cat(scales, dim=1))), 2)
-        parts = found.split(list(self.outputs.values()), dim=1)
+        volume = depth_to_space(self.last(self.joined(torch.cat(scales, dim=1))), 2)
+        parts = volume.split(list(self.outputs.values()), dim=1)
         return dict(zip(self.outputs, parts, strict=True))
 
 
@@ -73,14 +73,14 @@ class _Residual(nn.Module):
 
     def __init__(self, inputs: int, outputs: int, dilation: int = 1) -> None:
         super().__init__()
-        same = {"padding": dilation, "dilation": dilation, "bias": False}
+        options = {"padding": dilation, "dilation": dilation, "bias": False}
         self.body = nn.Sequential(
-            Conv3d(inputs, outputs, 3, **same), nn.BatchNorm3d(outputs), nn.PReLU(),
-            Conv3d(outputs, outputs, 3, **same), nn.BatchNorm3d(outputs),
+            Conv3d(inputs, outputs, 3, **options), nn.BatchNorm3d(outputs), nn.PReLU(),
+            Conv3d(outputs, outputs, 3, **options), nn.BatchNorm3d(outputs),
         )  # fmt: skip
         self.around = nn.Identity() if inputs == outputs else Conv3d(inputs, outputs, 1)
         self.activation = nn.PReLU()
 
     def forward(self, features: Tensor) -> Tensor:
-        found: Tensor = self.activation(self.around(features) + self.body(features))
-        return found
+        output: Tensor = self.activation(self.around(features) + self.body(features))
+        return output

@@ -109,21 +109,27 @@ class ViewTokens(nn.Module):
             seen: (B, P) bool.
         """
         maps = self._maps(condition[:, : self.sizes["channels"]])
-        which, counted = farthest_points(points, seen, self.count)
-        places = points.gather(1, which[..., None].expand(-1, -1, 3))
-        read = torch.cat([self._read(one, places) for one in maps], dim=-1)
-        coarse = torch.cat([_resized(one).flatten(2) for one in maps[3:]], dim=1).transpose(1, 2)
-        features = torch.cat([self.seen(read), self.cell(coarse)], dim=1)
+        indices, counted = farthest_points(points, seen, self.count)
+        places = points.gather(1, indices[..., None].expand(-1, -1, 3))
+        point_features = torch.cat(
+            [self._sample(feature_map, places) for feature_map in maps], dim=-1
+        )
+        coarse = torch.cat(
+            [_resized(feature_map).flatten(2) for feature_map in maps[3:]], dim=1
+        ).transpose(1, 2)
+        features = torch.cat([self.seen(point_features), self.cell(coarse)], dim=1)
         cells = self._cells(places).expand(len(places), -1, -1)
-        every = torch.cat([places, cells], dim=1)
-        there = torch.cat([counted, counted.new_ones(cells.shape[:2])], dim=1)
-        features = self.mixed(features + self.placed(every), src_key_padding_mask=~there)
-        return Tokens(features, every, there)
+        token_places = torch.cat([places, cells], dim=1)
+        token_mask = torch.cat([counted, counted.new_ones(cells.shape[:2])], dim=1)
+        features = self.mixed(
+            features + self.placed(token_places), src_key_padding_mask=~token_mask
+        )
+        return Tokens(features, token_places, token_mask)
 
     def placed(self, places: Tensor) -> Tensor:
         """Features (..., width) of where something is (..., 3) m."""
-        found: Tensor = self.place(fourier_features(places))
-        return found
+        features: Tensor = self.place(fourier_features(places))
+        return features
 
     def _maps(self, condition: Tensor) -> list[Tensor]:
         """Features of all scales, finest first, half the grid's side and less."""
@@ -134,15 +140,17 @@ class ViewTokens(nn.Module):
                 maps.append(features)
         return maps
 
-    def _read(self, features: Tensor, places: Tensor) -> Tensor:
+    def _sample(self, features: Tensor, places: Tensor) -> Tensor:
         """Features (B, T, C) of a map (B, C, X, Y, Z) at places (B, T, 3), between its cells."""
         lower = places.new_tensor(self.grid.lower)
         inside = (places - lower) * (2 / self.grid.extent) - 1
         at = inside.flip(-1)[:, :, None, None].to(
             features.dtype
         )  # grid_sample counts from the last
-        read = nn.functional.grid_sample(features, at, padding_mode="border", align_corners=False)
-        return read[..., 0, 0].transpose(1, 2)
+        samples = nn.functional.grid_sample(
+            features, at, padding_mode="border", align_corners=False
+        )
+        return samples[..., 0, 0].transpose(1, 2)
 
     def _cells(self, like: Tensor) -> Tensor:
         """Centres (1, cells, 3) of the coarse map's cells (m)."""

@@ -28,13 +28,13 @@ def disturb(frame: Frame, noises: Mapping[str, Noise], seed: int, scene: int, in
     """
     for name, noise in sorted(noises.items()):
         stream = (scene, index, rng.number_of(name))
-        drawn = rng.torch_seed(seed, *stream)
+        noise_seed = rng.torch_seed(seed, *stream)
         if isinstance(noise, PoseNoise):
-            generator = torch.Generator().manual_seed(drawn)
+            generator = torch.Generator().manual_seed(noise_seed)
             frame = replace(frame, camera=noise.move(frame.camera, generator))
             continue
         depth = torch.from_numpy(frame.depth.copy())[None]
-        noisy = noise.apply(depth, stack_cameras([frame.camera]), torch.tensor([drawn]))
+        noisy = noise.apply(depth, stack_cameras([frame.camera]), torch.tensor([noise_seed]))
         frame = replace(frame, depth=noisy[0].numpy())
     return frame
 
@@ -59,7 +59,9 @@ def depth_noises(noises: Mapping[str, Noise] | None, views: str) -> dict[str, No
     Raises:
         ConfigError: noise of poses, which would do nothing.
     """
-    moving = [name for name, one in (noises or {}).items() if isinstance(one, PoseNoise)]
+    moving = [
+        name for name, noise_model in (noises or {}).items() if isinstance(noise_model, PoseNoise)
+    ]
     if moving:
         raise ConfigError(f"{views} have exact poses; leave out the pose noise {', '.join(moving)}")
     return dict(sorted((noises or {}).items()))

@@ -88,8 +88,8 @@ class Jitter:
         return self._moves(normals, draws[:, 6], draws[:, 7])
 
     def _moves(self, normals: Float64, amount: Float64, luck: Float64) -> Float64:
-        least = self.lowest / self.sigma if self.sigma else 1.0
-        scale = np.where(luck < self.share, least + (1 - least) * amount, 0.0)[:, None]
+        minimum = self.lowest / self.sigma if self.sigma else 1.0
+        scale = np.where(luck < self.share, minimum + (1 - minimum) * amount, 0.0)[:, None]
         turns = Rotation.from_rotvec(scale * self.rotation * normals[:, 3:]).as_matrix()
         moves = np.tile(np.eye(4), (len(normals), 1, 1))
         moves[:, :3, :3], moves[:, :3, 3] = turns, scale * self.sigma * normals[:, :3]

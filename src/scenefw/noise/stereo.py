@@ -90,31 +90,31 @@ class Stereo:
         if not len(rows):
             return depth
         picked = torch.from_numpy(rows).to(depth.device)
-        some = depth[picked]
-        known = some > 0
+        subset = depth[picked]
+        valid = subset > 0
         scale = self.baseline * cameras.intrinsics[picked, 0, None, None]
-        disparity = torch.where(known, scale / some.clamp_min(1e-6), 0.0)
+        disparity = torch.where(valid, scale / subset.clamp_min(1e-6), 0.0)
         shadowed = torch.from_numpy(chances[rows, 3] < self.shadows).to(depth.device)
-        known = known & ~(shadowed[:, None, None] & unseen_from_the_right(disparity))
-        windows = [drawn.to(depth.device) for drawn in self._windows(chances[rows])]
+        valid = valid & ~(shadowed[:, None, None] & unseen_from_the_right(disparity))
+        windows = [tensor.to(depth.device) for tensor in self._windows(chances[rows])]
         field = self._field(Streams(streams.keys[rows]), depth.shape[1], depth.shape[2])
-        field = field.to(depth.device) * self._growth(disparity, known)
-        disparity = self._smoothed(disparity, known, *windows)
+        field = field.to(depth.device) * self._growth(disparity, valid)
+        disparity = self._smoothed(disparity, valid, *windows)
         amounts = torch.from_numpy((self.waves * chances[rows, 2]).astype(np.float32))
         disparity = disparity + amounts.to(depth.device)[:, None, None] * field
-        noisy = torch.where(known, scale / disparity.clamp_min(_LEAST), 0.0)
+        noisy = torch.where(valid, scale / disparity.clamp_min(_LEAST), 0.0)
         return depth.index_copy(0, picked, noisy)
 
     def _windows(self, chances: NDArray[np.float64]) -> tuple[Tensor, Tensor]:
         """Pixels to each side (B,) that are averaged, and jumps (B, 1, 1) that end a surface."""
         ramps = chances[:, 4] < self.ramps
-        most = np.where(ramps, self.ramp, self.window)
+        max_window = np.where(ramps, self.ramp, self.window)
         reached = self.jump + chances[:, 5] * max(self.across - self.jump, 0.0)
-        windows = np.floor(chances[:, 1] * (most + 1)).astype(int)
+        windows = np.floor(chances[:, 1] * (max_window + 1)).astype(int)
         jumps = np.where(ramps, reached, self.jump).astype(np.float32)
         return torch.from_numpy(windows), torch.from_numpy(jumps)[:, None, None]
 
-    def _growth(self, disparity: Tensor, known: Tensor) -> Tensor:
+    def _growth(self, disparity: Tensor, valid: Tensor) -> Tensor:
         """Factor of the fields (B, H, W): 1 where all of a window matches, more near ends."""
         if not self.edges:
             return torch.ones_like(disparity)
@@ -122,23 +122,23 @@ class Stereo:
         for axis in (2, 1):
             for step in _AROUND:
                 for way in (step, -step):
-                    near = (_shifted(disparity, way, axis) - disparity).abs() < self.jump
-                    close += near & _shifted(known, way, axis)
+                    same_surface = (_shifted(disparity, way, axis) - disparity).abs() < self.jump
+                    close += same_surface & _shifted(valid, way, axis)
         return 1 + self.edges * (1 - close / (4 * len(_AROUND)))
 
-    def _smoothed(self, disparity: Tensor, known: Tensor, windows: Tensor, jumps: Tensor) -> Tensor:
+    def _smoothed(self, disparity: Tensor, valid: Tensor, windows: Tensor, jumps: Tensor) -> Tensor:
         """Means over windows (B,) that end at jumps (B, 1, 1), one axis after the other."""
         widest = max(self.window, self.ramp if self.ramps else 0)
         for axis in (2, 1):
             total, count = disparity.clone(), torch.ones_like(disparity)
             for step in range(1, widest + 1):
                 for way in (step, -step):
-                    other = _shifted(disparity, way, axis)
-                    close = _shifted(known, way, axis) & ((other - disparity).abs() < jumps)
+                    neighbour = _shifted(disparity, way, axis)
+                    close = _shifted(valid, way, axis) & ((neighbour - disparity).abs() < jumps)
                     close &= (windows >= step)[:, None, None]
-                    total += torch.where(close, other, 0.0)
+                    total += torch.where(close, neighbour, 0.0)
                     count += close
-            disparity = torch.where(known, total / count, 0.0)
+            disparity = torch.where(valid, total / count, 0.0)
         return disparity
 
     def _field(self, streams: Streams, height: int, width: int) -> Tensor:
@@ -177,6 +177,6 @@ def unseen_from_the_right(disparity: Tensor) -> Tensor:
 
 def _shifted(values: Tensor, step: int, axis: int) -> Tensor:
     """Values of the neighbours `step` before along an axis, 0 beyond the image."""
-    moved = values.roll(step, axis)
-    moved.narrow(axis, 0 if step > 0 else values.shape[axis] + step, abs(step)).zero_()
-    return moved
+    neighbours = values.roll(step, axis)
+    neighbours.narrow(axis, 0 if step > 0 else values.shape[axis] + step, abs(step)).zero_()
+    return neighbours

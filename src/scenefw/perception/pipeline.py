@@ -109,9 +109,7 @@ class ReconstructionPipeline:
         """
         return self.reconstruct(self.observe(frame), first_only=True)[0]
 
-    def observe(
-        self, frame: Frame, mask: NDArray[np.bool_] | Int32 | None = None
-    ) -> Observation:
+    def observe(self, frame: Frame, mask: NDArray[np.bool_] | Int32 | None = None) -> Observation:
         """Step 1, which finds out what is wrong with an image before anything takes long."""
         if self.observer is None or self.grid is None:
             missing = "observer" if self.observer is None else "grid"

@@ -29,8 +29,8 @@ class Calibration:
 
     def __init__(self, said: Sequence[float], expected: Sequence[float]) -> None:
         knots, values = np.asarray(said, np.float64), np.asarray(expected, np.float64)
-        both = np.concatenate([knots, values])
-        if len(knots) != len(values) or not len(knots) or not ((both >= 0) & (both <= 1)).all():
+        ratios = np.concatenate([knots, values])
+        if len(knots) != len(values) or not len(knots) or not ((ratios >= 0) & (ratios <= 1)).all():
             raise ConfigError(
                 f"a calibration has said {list(said)} and expected {list(expected)}; give as many "
                 "of both, from 0 to 1"
@@ -46,22 +46,22 @@ class Calibration:
         return np.interp(np.asarray(agreement, np.float64), self.said, self.expected)
 
     @classmethod
-    def fitted(cls, said: ArrayLike, truth: ArrayLike) -> "Calibration":
+    def fitted(cls, agreements: ArrayLike, truth: ArrayLike) -> "Calibration":
         """The calibration that explains some objects: groups of equal size, then isotonic.
 
         Args:
-            said: (N,) agreement of samples, N > 0.
+            agreements: (N,) agreement of samples, N > 0.
             truth: (N,) IoU with the truth.
         """
-        agreement, overlap = np.asarray(said, np.float64), np.asarray(truth, np.float64)
+        agreement, overlap = np.asarray(agreements, np.float64), np.asarray(truth, np.float64)
         order = agreement.argsort(kind="stable")
         groups = np.array_split(order, max(min(_KNOTS, len(order) // _LEAST), 1))
         knots = np.array([agreement[group].mean() for group in groups])
         values = np.array([overlap[group].mean() for group in groups])
         weights = np.array([float(len(group)) for group in groups])
         smooth = isotonic_regression(values, weights=weights).x
-        kept = np.concatenate([[True], np.diff(knots) > 1e-6])
-        return cls(knots[kept].clip(0, 1).tolist(), smooth[kept].clip(0, 1).tolist())
+        distinct = np.concatenate([[True], np.diff(knots) > 1e-6])
+        return cls(knots[distinct].clip(0, 1).tolist(), smooth[distinct].clip(0, 1).tolist())
 
 
 def confidences(
@@ -84,24 +84,24 @@ def confidences(
     ids = np.unique(labels[labels > 0])
     if not samples:
         return {int(i): 1.0 for i in ids}
-    found = np.stack([best_overlaps(labels, ids, _array(sample)) for sample in samples])
-    means = found.mean(axis=0)
+    sample_overlaps = np.stack([best_overlaps(labels, ids, _array(sample)) for sample in samples])
+    means = sample_overlaps.mean(axis=0)
     means = means if calibration is None else calibration(means)
     return {int(i): float(mean) for i, mean in zip(ids, means, strict=True)}
 
 
-def best_overlaps(labels: np.ndarray, ids: np.ndarray, other: np.ndarray) -> np.ndarray:
+def best_overlaps(labels: np.ndarray, ids: np.ndarray, sample_labels: np.ndarray) -> np.ndarray:
     """Largest IoU of each object with any instance of another labelling.
 
     Args:
         labels: (X, Y, Z) int64.
         ids: (N,) of the objects.
-        other: (X, Y, Z) int64.
+        sample_labels: (X, Y, Z) int64.
     """
-    width = int(other.max(initial=0)) + 1
-    pairs = np.bincount(labels.ravel() * width + other.ravel(), minlength=width)
+    width = int(sample_labels.max(initial=0)) + 1
+    pairs = np.bincount(labels.ravel() * width + sample_labels.ravel(), minlength=width)
     pairs = np.pad(pairs, (0, -len(pairs) % width)).reshape(-1, width)
-    sizes = np.bincount(other.ravel(), minlength=width)
+    sizes = np.bincount(sample_labels.ravel(), minlength=width)
     inner = pairs[ids, 1:]
     union = pairs[ids].sum(axis=1)[:, None] + sizes[None, 1:] - inner
     return (inner / np.maximum(union, 1)).max(axis=1, initial=0.0)

@@ -107,26 +107,26 @@ class HoughVoting:
         centres = self._centres(rays, grid.voxel_size)
         costs = self._costs(rays, centres, grid.voxel_size)
         alive = self._deserving(costs, grid.voxel_size)
-        chosen, order = _by_size(costs[:, alive].argmin(dim=1), len(alive))
+        labels, order = _by_size(costs[:, alive].argmin(dim=1), len(alive))
         where = rays.voxels.long() + rays.corner
-        instances[where[:, 0], where[:, 1], where[:, 2]] = (chosen + 1).to(torch.int32)
+        instances[where[:, 0], where[:, 1], where[:, 2]] = (labels + 1).to(torch.int32)
         lower = torch.tensor(grid.lower, device=tsdf.device, dtype=torch.float32)
         positions = centres[alive][order] + rays.corner + 0.5
         return instances, positions * grid.voxel_size + lower
 
     def _centres(self, rays: Rays, voxel: float) -> Tensor:
         """Centres (N, 3) in voxels of the crop, from finest cells to coarsest."""
-        found = rays.voxels.new_zeros(0, 3, dtype=torch.float32)
+        centres = rays.voxels.new_zeros(0, 3, dtype=torch.float32)
         traversals = _count(rays, rays.blocks, 1)
         subdivisions = self.subdivisions
         while subdivisions >= 1:
             cells, counts = self._busy_cells(rays, traversals, subdivisions)
             modes = _modes(cells, counts, rays.blocks.shape, self.bandwidth / voxel)
-            found = _joined(found, modes, self.merging / voxel)
+            centres = _merge_modes(centres, modes, self.merging / voxel)
             subdivisions //= _COARSENING
-        if not len(found):  # nothing but a handful of voxels: one object
+        if not len(centres):  # nothing but a handful of voxels: one object
             return rays.voxels.float().mean(dim=0, keepdim=True)
-        return found[:_MOST_CENTRES]
+        return centres[:_MOST_CENTRES]
 
     def _busy_cells(
         self, rays: Rays, traversals: Tensor, subdivisions: int
@@ -143,11 +143,11 @@ class HoughVoting:
         blocks = rays.blocks.clone()
         blocks[passable] = number
         counts = _count(rays, blocks, subdivisions) if subdivisions > 1 else traversals[busy]
-        kept = (counts > self.threshold).nonzero()[:, 0]
+        indices = (counts > self.threshold).nonzero()[:, 0]
         s = subdivisions
-        offset = torch.stack([kept // (s * s) % s, kept // s % s, kept % s], dim=1)
-        corners = passable.nonzero()[busy][kept // s**3]
-        return corners + (offset + 0.5) / s - 0.5, counts[kept]
+        offset = torch.stack([indices // (s * s) % s, indices // s % s, indices % s], dim=1)
+        corners = passable.nonzero()[busy][indices // s**3]
+        return corners + (offset + 0.5) / s - 0.5, counts[indices]
 
     def _costs(self, rays: Rays, centres: Tensor, voxel: float) -> Tensor:
         """Eq. 5.6 of every inside voxel and centre (M, N), averaged over neighbours inside."""
@@ -176,10 +176,10 @@ class HoughVoting:
         costs, volume = costs[::stride], stride * voxel**3
         alive = torch.arange(costs.shape[1], device=costs.device)
         while len(alive) > 1:
-            best, chosen = torch.topk(costs[:, alive], 2, dim=1, largest=False)
-            sizes = torch.bincount(chosen[:, 0], minlength=len(alive))
+            best, candidates = torch.topk(costs[:, alive], 2, dim=1, largest=False)
+            sizes = torch.bincount(candidates[:, 0], minlength=len(alive))
             spared = torch.zeros(len(alive), device=costs.device)
-            spared.index_add_(0, chosen[:, 0], best[:, 1] - best[:, 0])
+            spared.index_add_(0, candidates[:, 0], best[:, 1] - best[:, 0])
             means = spared / sizes.clamp(min=1)
             means[sizes * volume < self.smallest] = -1.0
             worst = int(means.argmin())
@@ -207,8 +207,8 @@ def _rays(tsdf: Tensor, votes: Tensor, grid: GridSpec) -> Rays | None:
 
 
 def _span(mask: Tensor, axis: int) -> slice:
-    others = tuple(other for other in range(3) if other != axis)
-    hits = mask.any(dim=others[1]).any(dim=others[0]).nonzero()
+    dims = tuple(dim for dim in range(3) if dim != axis)
+    hits = mask.any(dim=dims[1]).any(dim=dims[0]).nonzero()
     # A voxel more on each side: neighbourhoods of 3 voxels fit even around a flat object.
     return slice(max(0, int(hits[0]) - 1), int(hits[-1]) + 2)
 
@@ -254,15 +254,15 @@ def _binned(cells: Tensor, counts: Tensor, side: float) -> tuple[Tensor, Tensor]
     return (sums[:, :3] / sums[:, 3:]).float().contiguous(), sums[:, 3].float()
 
 
-def _joined(found: Tensor, modes: Tensor, radius: float) -> Tensor:
-    """`found` and those of `modes` that are farther than `radius` from all before them."""
-    every = torch.cat([found, modes])
-    near = (distances(every, every) < radius).tolist()
-    kept = list(range(len(found)))
-    for i in range(len(found), len(every)):
-        if not any(near[i][k] for k in kept):
-            kept.append(i)
-    return every[kept]
+def _merge_modes(centres: Tensor, modes: Tensor, radius: float) -> Tensor:
+    """`centres` and those of `modes` that are farther than `radius` from all before them."""
+    points = torch.cat([centres, modes])
+    close_pairs = (distances(points, points) < radius).tolist()
+    indices = list(range(len(centres)))
+    for i in range(len(centres), len(points)):
+        if not any(close_pairs[i][k] for k in indices):
+            indices.append(i)
+    return points[indices]
 
 
 def _averaged(costs: Tensor, rays: Rays) -> Tensor:
@@ -275,13 +275,13 @@ def _averaged(costs: Tensor, rays: Rays) -> Tensor:
     return (mean[:-1, x, y, z] / mean[-1, x, y, z]).T.contiguous()
 
 
-def _by_size(chosen: Tensor, count: int) -> tuple[Tensor, Tensor]:
+def _by_size(labels: Tensor, count: int) -> tuple[Tensor, Tensor]:
     """Labels renumbered from largest to smallest, and the old label of each new one."""
-    sizes = torch.bincount(chosen, minlength=count)
+    sizes = torch.bincount(labels, minlength=count)
     order = torch.argsort(sizes, descending=True, stable=True)
     rank = torch.empty_like(order)
     rank[order] = torch.arange(count, device=order.device)
-    return rank[chosen], order
+    return rank[labels], order
 
 
 def _require(tsdf: Tensor, votes: Tensor, grid: GridSpec) -> None:

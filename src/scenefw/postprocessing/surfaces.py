@@ -58,9 +58,9 @@ def instance_meshes(
         InputError: shapes do not fit the grid, or values are not finite.
     """
     meshes = {}
-    for label, (around, cut) in instance_fields(tsdf, instances, grid, smoothing).items():
-        if (cut < 0).any():
-            meshes[label] = _marching_cubes(cut, [span.start for span in around], grid)
+    for label, (around, field) in instance_fields(tsdf, instances, grid, smoothing).items():
+        if (field < 0).any():
+            meshes[label] = _marching_cubes(field, [span.start for span in around], grid)
     return meshes
 
 
@@ -81,23 +81,27 @@ def instance_fields(
     field, labels = _field(tsdf, grid), _numpy(instances)
     if labels.shape != grid.shape:
         raise InputError(f"instances have shape {labels.shape}, expected {grid.shape} as the grid")
-    found = {}
+    fields = {}
     for label, box in enumerate(ndimage.find_objects(labels.astype(np.int64)), start=1):
         if box is not None:
             around = _grown(box, _MARGIN, grid)
-            cut = _separated(field[around], labels[around], label, smoothing, grid.voxel_size)
-            found[label] = (around, cut)
-    return found
+            instance_field = _separated(
+                field[around], labels[around], label, smoothing, grid.voxel_size
+            )
+            fields[label] = (around, instance_field)
+    return fields
 
 
 def _separated(
     field: Array, labels: NDArray[np.int64], label: int, smoothing: float, voxel: float
 ) -> Array:
-    own = labels == label
-    others = (labels > 0) & ~own
-    if not others.any():
+    object_mask = labels == label
+    neighbour_mask = (labels > 0) & ~object_mask
+    if not neighbour_mask.any():
         return field
-    separation = ndimage.distance_transform_edt(~own) - ndimage.distance_transform_edt(~others)
+    separation = ndimage.distance_transform_edt(~object_mask) - ndimage.distance_transform_edt(
+        ~neighbour_mask
+    )
     separation *= 0.5 * voxel
     smooth = np.maximum(field, ndimage.gaussian_filter(separation, smoothing))
     # Smoothing may swallow an instance of a few voxels: it keeps its blocky cut then.

@@ -30,8 +30,8 @@ def colour_of_points(geometry: TabletopGeometry, points: Array, face: NDArray[np
     colour = torch.empty(len(points), 3)
     where = (torch.from_numpy(points.astype(np.float32)), torch.from_numpy(row[face]))
     shading.paint(len(points), *arrays, *where, *float32(_DETAIL), colour)
-    found: Array = colour.numpy()
-    return found.clip(0, 1)
+    colours: Array = colour.numpy()
+    return colours.clip(0, 1)
 
 
 def table_image(geometry: TabletopGeometry, half: float, pixels: int) -> Array:

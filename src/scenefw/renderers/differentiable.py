@@ -88,13 +88,13 @@ class Differentiable:
             raise InputError(
                 f"the TSDF has shape {tuple(tsdf.shape)}, expected {grid.shape}; give one scene"
             )
-        views, seen = thinned(require_depth(depth, cameras), cameras, self.stride)
-        known = int((views > 0).sum())
-        if not known:
+        views, view_cameras = thinned(require_depth(depth, cameras), cameras, self.stride)
+        valid_count = int((views > 0).sum())
+        if not valid_count:
             raise InputError("no pixel of the views has depth; give depth images in metres")
         sampling = float32(self.step, self.margin, self.floor)
-        found: Any = _Costs.apply(tsdf, grid, views, seen, sampling)  # type: ignore[no-untyped-call]
-        return found[0] / known, found[1] / known
+        sums: Any = _Costs.apply(tsdf, grid, views, view_cameras, sampling)  # type: ignore[no-untyped-call]
+        return sums[0] / valid_count, sums[1] / valid_count
 
 
 def thinned(depth: Tensor, cameras: CameraBatch, stride: int) -> tuple[Tensor, CameraBatch]:
@@ -133,5 +133,5 @@ class _Costs(torch.autograd.Function):
     @staticmethod
     def backward(ctx: Any, *outer: Tensor) -> tuple[Tensor | None, ...]:
         (slopes,) = ctx.saved_tensors
-        found = outer[0][0] * slopes[0] + outer[0][1] * slopes[1]
-        return found.to(outer[0].dtype), None, None, None, None
+        gradient = outer[0][0] * slopes[0] + outer[0][1] * slopes[1]
+        return gradient.to(outer[0].dtype), None, None, None, None

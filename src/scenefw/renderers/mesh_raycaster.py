@@ -97,11 +97,11 @@ def _render(
 ) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.uint8]]:
     """Distances, labels and colour of a picture of the first scene, on the host."""
     first = torch.zeros(1, dtype=torch.int32, device=scene.device)
-    seen = scene.render(first, torch.from_numpy(lenses).to(scene.device), size)
+    picture = scene.render(first, torch.from_numpy(lenses).to(scene.device), size)
     return (
-        seen.distance[0].cpu().numpy(),
-        seen.labels[0].int().cpu().numpy(),
-        image(seen.colour[0]).cpu().numpy(),
+        picture.distance[0].cpu().numpy(),
+        picture.labels[0].int().cpu().numpy(),
+        image(picture.colour[0]).cpu().numpy(),
     )
 
 

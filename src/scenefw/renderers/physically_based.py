@@ -137,9 +137,9 @@ class _World:
         turned = self.mi.ScalarTransform4f(sensor["to_world"])
         built = self.mi.load_dict({**sensor, "to_world": turned, "film": film, "sampler": sampler})
         path = self.mi.load_dict({"type": "path", "max_depth": bounces + 1, "hide_emitters": True})
-        seen = np.array(self.mi.render(self.scene, sensor=built, integrator=path, spp=samples))
-        shown = seen[..., :3].clip(0, 1) ** _GAMMA * 255
-        return np.rint(shown).astype(np.uint8)
+        radiance = np.array(self.mi.render(self.scene, sensor=built, integrator=path, spp=samples))
+        pixels = radiance[..., :3].clip(0, 1) ** _GAMMA * 255
+        return np.rint(pixels).astype(np.uint8)
 
     def _rgb(self, values: NDArray) -> dict[str, Any]:
         return {"type": "rgb", "value": [float(x) for x in values]}

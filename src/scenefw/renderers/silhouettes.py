@@ -34,20 +34,20 @@ class SolidViews:
         """
         depth = _floor(camera)
         owner = np.full(depth.shape, -1)
-        found = []
+        casts = []
         for number, (points, tree) in enumerate(zip(self._points, self._trees, strict=True)):
             window = _window(points, camera)
-            alone = _cast(tree, camera, window)
-            found.append((window, alone))
-            inside, part = _inside(window, alone, camera)
+            object_depth = _cast(tree, camera, window)
+            casts.append((window, object_depth))
+            inside, part = _inside(window, object_depth, camera)
             nearer = (part > 0) & (part <= depth[inside])
             depth[inside][nearer], owner[inside][nearer] = part[nearer], number
         depth[~np.isfinite(depth)] = 0
-        shown = [
-            _silhouette(window, alone, owner == number, camera)
-            for number, (window, alone) in enumerate(found)
+        silhouettes = [
+            _silhouette(window, object_depth, owner == number, camera)
+            for number, (window, object_depth) in enumerate(casts)
         ]
-        return depth, shown
+        return depth, silhouettes
 
 
 def _floor(camera: Camera) -> Float32:
@@ -114,9 +114,9 @@ def _inside(window: Box, values: NDArray, camera: Camera) -> tuple[tuple[slice, 
 
 
 def _silhouette(
-    window: Box, alone: Float32, visible: NDArray[np.bool_], camera: Camera
+    window: Box, object_depth: Float32, visible: NDArray[np.bool_], camera: Camera
 ) -> Silhouette:
-    covered = alone > 0
+    covered = object_depth > 0
     mask = np.zeros((camera.height, camera.width), bool)
     inside, part = _inside(window, covered, camera)
     mask[inside] = part

@@ -62,13 +62,13 @@ class SphereTracer:
         depth, kind = self._trace(volume, grid, cameras)
         batch, height, width = depth.shape
         normals = depth.new_empty(batch, 3, height, width)
-        seen = torch.empty_like(depth, dtype=torch.int32)
+        visible_labels = torch.empty_like(depth, dtype=torch.int32)
         rays.shade(
             depth.numel(), volume, labels, cameras.intrinsics, cameras.T_world_camera,
-            depth.view(-1), kind, normals, seen.view(-1),
+            depth.view(-1), kind, normals, visible_labels.view(-1),
             (grid.resolution, width, height), float32(grid.voxel_size, *grid.lower),
         )  # fmt: skip
-        return SeenSurface(depth, normals, seen)
+        return SeenSurface(depth, normals, visible_labels)
 
     def _trace(self, volume: Tensor, grid: GridSpec, cameras: CameraBatch) -> tuple[Tensor, Tensor]:
         size = (len(cameras.intrinsics), cameras.height, cameras.width)

@@ -92,7 +92,7 @@ class Tables:
     ) -> None:
         self.device, self.contrast = torch.device(device), contrast
         self.tops = np.array([scene.top for scene in scenes])
-        self._arrays = [torch.from_numpy(array).to(device) for array in _joined(scenes)]
+        self._arrays = [torch.from_numpy(array).to(device) for array in _join(scenes)]
 
     def __len__(self) -> int:
         """Number of scenes."""
@@ -137,7 +137,7 @@ def map_lens(grid: HeightGrid, top: float, row: int = 0, column: int = 0) -> Flo
     return np.array([x, y, top, step, 0, 0, 0, -step, 0, 0, 0, -1, *[0] * 6, step, 0], float)
 
 
-def _joined(scenes: Sequence[PreparedTable]) -> list[NDArray]:
+def _join(scenes: Sequence[PreparedTable]) -> list[NDArray]:
     """Arrays of all scenes, one after the other, with what points into them moved."""
     parts: dict[str, list[NDArray]] = {name: [] for name in scenes[0].arrays}
     ends = dict.fromkeys(parts, 0)

@@ -20,7 +20,7 @@ def draw_scenes(scenes: Sequence[SceneEstimate]) -> Picture:
     Args:
         scenes: one or more.
     """
-    colours = instance_colours(max(max(int(one.instances.max()) for one in scenes), 1))
+    colours = instance_colours(max(max(int(scene.instances.max()) for scene in scenes), 1))
     tiles: list[Picture] = []
     names: list[str] = []
     for start in range(0, len(scenes), _COLUMNS):

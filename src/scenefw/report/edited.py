@@ -26,10 +26,10 @@ def draw_edited(before: SceneEstimate, after: SceneEstimate) -> Picture:
 
     An object has the colour of its id in both.
     """
-    both = replace(after, objects=(*before.objects, *after.objects))
-    camera = cropped(after.frame.camera, *window(both)).resized(*_SIZE)
-    sides = (camera, turned(camera, vertices(both), _TURN))
-    solids = [solid_of(one, by_label(one, colours_of(one))) for one in (before, after)]
+    combined_scene = replace(after, objects=(*before.objects, *after.objects))
+    camera = cropped(after.frame.camera, *window(combined_scene)).resized(*_SIZE)
+    sides = (camera, turned(camera, vertices(combined_scene), _TURN))
+    solids = [solid_of(scene, by_label(scene, colours_of(scene))) for scene in (before, after)]
     tiles = [draw(solid, side) for side in sides for solid in solids]
     return beside(tiles, ["before", "after", "from behind", "from behind"], columns=2)
 

@@ -68,5 +68,5 @@ class Edits:
     def result(self) -> SceneEstimate:
         """The scene as it is now: meshes, poses, shapes, volumes and masks."""
         scene = without(self.scene, self.removed) if self.removed else self.scene
-        left = {i: m for i, m in self._motions.items() if i not in self.removed}
-        return moved(scene, left) if left else scene
+        motions = {i: m for i, m in self._motions.items() if i not in self.removed}
+        return moved(scene, motions) if motions else scene

@@ -75,15 +75,15 @@ def film_camera(films: Sequence[Film], camera: Camera) -> Camera:
     inside = np.concatenate([np.zeros((0, 3)), *points])
     inside = inside[(np.abs(inside) < 0.6).all(axis=1)]  # what rolled away need not be seen
     views = [turned(camera.resized(*_SIZE), inside, turn) for turn in _TURNS]
-    seen = [sum(_objects_seen(film, view) for film in films) for view in views]
-    return views[0] if seen[0] > _ENOUGH * max(seen) else views[int(np.argmax(seen))]
+    coverage = [sum(_objects_seen(film, view) for film in films) for view in views]
+    return views[0] if coverage[0] > _ENOUGH * max(coverage) else views[int(np.argmax(coverage))]
 
 
 def _objects_seen(film: Film, camera: Camera) -> float:
     """Share of the pictures, at their start, middle and end, that objects cover."""
-    few = camera.resized(camera.width // _COARSE, camera.height // _COARSE)
-    directions = _directions(few)
-    eye = np.broadcast_to(few.T_world_camera[:3, 3], directions.shape)
+    coarse_camera = camera.resized(camera.width // _COARSE, camera.height // _COARSE)
+    directions = _directions(coarse_camera)
+    eye = np.broadcast_to(coarse_camera.T_world_camera[:3, 3], directions.shape)
     rays = torch.from_numpy(np.concatenate([eye, directions], axis=1).astype(np.float32))
     parts = np.repeat(film.labels, [len(mesh.faces) for mesh in film.meshes])
     shares = []
@@ -97,10 +97,10 @@ def _objects_seen(film: Film, camera: Camera) -> float:
 def film_pictures(films: Sequence[Film], titles: Sequence[str], camera: Camera) -> list[Picture]:
     """Pictures of several films side by side; one that ends first stays at its end."""
     view = film_camera(films, camera)
-    drawn = [[film_picture(f, i, view) for i in range(len(f.poses))] for f in films]
-    length = max(len(pictures) for pictures in drawn)
+    sequences = [[film_picture(f, i, view) for i in range(len(f.poses))] for f in films]
+    length = max(len(pictures) for pictures in sequences)
     return [
-        beside([p[min(i, len(p) - 1)] for p in drawn], list(titles), columns=len(drawn))
+        beside([p[min(i, len(p) - 1)] for p in sequences], list(titles), columns=len(sequences))
         for i in range(length)
     ]
 
@@ -119,8 +119,8 @@ def save_film(path: Path, pictures: Sequence[Picture], seconds: float) -> None:
     images = [Image.fromarray(np.rint(np.clip(p, 0, 1) * 255).astype(np.uint8)) for p in pictures]
     common = images[len(images) // 2].quantize(_COLOURS)
     paletted = [image.quantize(palette=common, dither=Image.Dither.NONE) for image in images]
-    each = round(1000 * seconds * _SLOWED)
-    durations = [each] * (len(images) - 1) + [round(1000 * _LAST)]
+    frame_duration = round(1000 * seconds * _SLOWED)
+    durations = [frame_duration] * (len(images) - 1) + [round(1000 * _LAST)]
     with replacing(path) as temporary:
         paletted[0].save(
             temporary, save_all=True, append_images=paletted[1:], duration=durations, loop=0

@@ -36,7 +36,7 @@ _KEY = {
 }
 
 
-def grasp_table(ranking: Ranking, most: int = 10) -> Table:
+def grasp_table(ranking: Ranking, max_grasps: int = 10) -> Table:
     """The first grasps of a ranking, and how many there are."""
     columns = (
         Column("object", 0),
@@ -47,16 +47,23 @@ def grasp_table(ranking: Ranking, most: int = 10) -> Table:
         Column("x, y, z (cm)", 0),
     )
     rows = []
-    for number, one in enumerate(ranking.grasps[:most], start=1):
-        grasp = one.grasp
+    for number, entry in enumerate(ranking.grasps[:max_grasps], start=1):
+        grasp = entry.grasp
         place = ", ".join(f"{100 * x:.1f}" for x in grasp.point)
         way = "outward, then up" if grasp.outward else "up"
-        moved = 1000 * one.lift.disturbance
-        cells = (str(grasp.label), moved, one.lift.failure or "yes", way, 100 * grasp.seal, place)
+        disturbance = 1000 * entry.lift.disturbance
+        cells = (
+            str(grasp.label),
+            disturbance,
+            entry.lift.failure or "yes",
+            way,
+            100 * grasp.seal,
+            place,
+        )
         rows.append((str(number), cells))
-    shown = f"{len(rows)} of {len(ranking.grasps)} grasps" if ranking.grasps else "no grasp"
+    count = f"{len(rows)} of {len(ranking.grasps)} grasps" if ranking.grasps else "no grasp"
     note = "; ".join(_without(ranking))
-    return Table(f"Grasps by predicted disturbance, {shown}", columns, tuple(rows), note=note)
+    return Table(f"Grasps by predicted disturbance, {count}", columns, tuple(rows), note=note)
 
 
 def _without(ranking: Ranking) -> list[str]:
@@ -103,20 +110,20 @@ def mark_grasps(picture: Picture, ranking: Ranking, camera: Camera, depth: Float
     image = Image.fromarray(np.rint(np.clip(picture, 0, 1) * 255).astype(np.uint8))
     pen, labels = ImageDraw.Draw(image), list[tuple[int, tuple[int, int, int], float, float]]()
     for number in reversed(range(len(ranking.grasps))):
-        one, best = ranking.grasps[number], number < _NUMBERED
+        entry, best = ranking.grasps[number], number < _NUMBERED
         steps = np.linspace(0, _SHAFT, _STEPS)[:, None]
-        u, v, z = _pixels(one.grasp.point + steps * one.grasp.normal, camera).T
-        shown = _in_front(u, v, z, depth)
-        for i in np.flatnonzero(shown[:-1] & shown[1:]):
+        u, v, z = _pixels(entry.grasp.point + steps * entry.grasp.normal, camera).T
+        visible = _in_front(u, v, z, depth)
+        for i in np.flatnonzero(visible[:-1] & visible[1:]):
             ends = [(u[i], v[i]), (u[i + 1], v[i + 1])]
-            pen.line(ends, fill=_colour(one), width=4 if best else 2)
-        if shown[0]:
+            pen.line(ends, fill=_colour(entry), width=4 if best else 2)
+        if visible[0]:
             radius = 5 if best else 3
             box = [u[0] - radius, v[0] - radius, u[0] + radius, v[0] + radius]
-            pen.ellipse(box, fill=_colour(one))
-        if best and shown.any():
-            last = np.flatnonzero(shown)[-1]
-            labels.append((number + 1, _colour(one), u[last] + 3, v[last] - 18))
+            pen.ellipse(box, fill=_colour(entry))
+        if best and visible.any():
+            last = np.flatnonzero(visible)[-1]
+            labels.append((number + 1, _colour(entry), u[last] + 3, v[last] - 18))
     _write_numbers(pen, labels)
     return np.asarray(image, dtype=np.float32) / np.float32(255)
 
@@ -125,11 +132,11 @@ def _write_numbers(
     pen: ImageDraw.ImageDraw, labels: list[tuple[int, tuple[int, int, int], float, float]]
 ) -> None:
     """Writes the numbers, each moved to the right until it covers none before it."""
-    font, taken = font_of(15), list[tuple[float, float]]()
+    font, positions = font_of(15), list[tuple[float, float]]()
     for number, colour, x, y in reversed(labels):
-        while any(abs(x - a) < _NUMBER and abs(y - b) < _NUMBER for a, b in taken):
+        while any(abs(x - a) < _NUMBER and abs(y - b) < _NUMBER for a, b in positions):
             x += _NUMBER
-        taken.append((x, y))
+        positions.append((x, y))
         pen.rectangle(pen.textbbox((x, y), str(number), font=font), fill=(255, 255, 255))
         pen.text((x, y), str(number), fill=colour, font=font)
 
@@ -143,10 +150,10 @@ def _in_front(u: Float64, v: Float64, z: Float64, depth: Float32) -> NDArray[np.
     return ~inside | (before == 0) | (z < before + _HIDDEN)
 
 
-def _colour(one: RankedGrasp) -> tuple[int, int, int]:
-    if not one.lift.lifted:
+def _colour(entry: RankedGrasp) -> tuple[int, int, int]:
+    if not entry.lift.lifted:
         return _FAILED
-    share = min(1.0, one.lift.disturbance / _SCALE)
+    share = min(1.0, entry.lift.disturbance / _SCALE)
     red, green, blue = (round(a + (b - a) * share) for a, b in zip(_GOOD, _BAD, strict=True))
     return red, green, blue
 

@@ -21,7 +21,7 @@ def render(name: str, **values: Any) -> str:
 
 @cache
 def _environment() -> Environment:
-    made = Environment(
+    environment = Environment(
         loader=FileSystemLoader(_TEMPLATES),
         autoescape=True,
         trim_blocks=True,
@@ -29,8 +29,8 @@ def _environment() -> Environment:
         keep_trailing_newline=True,
         undefined=StrictUndefined,
     )
-    made.filters.update(kind=_kind, printed=printed, rows=_rows)
-    return made
+    environment.filters.update(kind=_kind, printed=printed, rows=_rows)
+    return environment
 
 
 def _kind(block: Block) -> str:

@@ -26,8 +26,8 @@ def draw_hypotheses(
     camera = cropped(first.frame.camera, *window(first)).resized(*_SIZE)
     behind = turned(camera, vertices(first), BEHIND)
     tiles = []
-    for drawn, side in zip(views, (camera, behind), strict=True):
-        tiles += [smaller(drawn, _SIZE), *[draw(solid, side) for solid in solids[1:]]]
+    for view, side in zip(views, (camera, behind), strict=True):
+        tiles += [smaller(view, _SIZE), *[draw(solid, side) for solid in solids[1:]]]
     names = [_name(i, e) for i, e in enumerate(estimates, start=1)]
     return beside(tiles, [*names, *["from behind"] * len(names)], columns=len(estimates))
 

@@ -65,36 +65,36 @@ class Slice:
     size: float
 
 
-def cloud(known: Prediction) -> Cloud:
+def cloud(prediction: Prediction) -> Cloud:
     """Points (N, 3) of the depth image around the scene (m), and their colours (N, 3).
 
     Without a colour image they are the paler, the nearer they are.
     """
-    frame, points, shown = _around(known)
+    frame, points, mask = _around(prediction)
     if frame.colour is not None:
         step = _stride(frame)
-        return points[shown].astype(np.float32), frame.colour[::step, ::step][shown]
-    depth = frame.depth[:: _stride(frame), :: _stride(frame)][shown]
+        return points[mask].astype(np.float32), frame.colour[::step, ::step][mask]
+    depth = frame.depth[:: _stride(frame), :: _stride(frame)][mask]
     low, high = (np.percentile(depth, (1, 99))) if depth.size else (0.0, 1.0)
     share = np.clip((depth - low) / max(high - low, 1e-6), 0, 1)[:, None]
-    return points[shown].astype(np.float32), np.rint(_NEAR + share * (_FAR - _NEAR)).astype("u1")
+    return points[mask].astype(np.float32), np.rint(_NEAR + share * (_FAR - _NEAR)).astype("u1")
 
 
-def truth(known: Prediction) -> Cloud | None:
+def truth(prediction: Prediction) -> Cloud | None:
     """Points of true objects in a colour each; None if the image has no labels."""
-    if known.frame.labels is None or known.frame.labels.max() < 1:
+    if prediction.frame.labels is None or prediction.frame.labels.max() < 1:
         return None
-    frame, points, shown = _around(known)
+    frame, points, mask = _around(prediction)
     step = _stride(frame)
-    labels = known.frame.labels[::step, ::step]
-    shown = shown & (labels > 0)
+    labels = prediction.frame.labels[::step, ::step]
+    mask = mask & (labels > 0)
     palette = np.array(instance_colours(int(labels.max())))
-    return points[shown].astype(np.float32), _bytes(palette[labels[shown] - 1])
+    return points[mask].astype(np.float32), _bytes(palette[labels[mask] - 1])
 
 
-def _around(known: Prediction) -> tuple[Frame, NDArray[np.float64], NDArray[np.bool_]]:
+def _around(prediction: Prediction) -> tuple[Frame, NDArray[np.float64], NDArray[np.bool_]]:
     """The whole image with the estimated camera, its points, and which are near the scene."""
-    frame = replace(known.frame, camera=known.scenes[0].frame.camera)
+    frame = replace(prediction.frame, camera=prediction.scenes[0].frame.camera)
     points = world_points(frame, _stride(frame))
     x, y, z = np.moveaxis(np.nan_to_num(points, nan=np.inf), -1, 0)
     return frame, points, (np.hypot(x, y) < _REACH) & (z > _LOWEST) & (z < _HIGHEST)
@@ -104,7 +104,7 @@ def _stride(frame: Frame) -> int:
     return max(1, frame.camera.width // _COLUMNS)
 
 
-def cut(distance: Float32, grid: GridSpec, axis: int, place: float) -> Slice:
+def slice_volume(distance: Float32, grid: GridSpec, axis: int, place: float) -> Slice:
     """A slice of signed distances: free space reddish, behind surfaces blue, surfaces white.
 
     Args:
@@ -151,9 +151,9 @@ def start(scene: SceneEstimate) -> tuple[Float64, Float64]:
         points = np.asarray(scene.grid.lower) + np.array([[0.3], [0.7]]) * scene.grid.extent
     low, high = points.min(axis=0), points.max(axis=0)
     middle, radius = (low + high) / 2, max(float(np.linalg.norm(high - low)) / 2, _LEAST_RADIUS)
-    away = scene.frame.camera.T_world_camera[:3, 3] - middle
-    flat = away[:2] / max(float(np.linalg.norm(away[:2])), 1e-9)
-    sine = float(np.clip(away[2] / max(float(np.linalg.norm(away)), 1e-9), _UPRIGHT, 0.8))
+    offset = scene.frame.camera.T_world_camera[:3, 3] - middle
+    flat = offset[:2] / max(float(np.linalg.norm(offset[:2])), 1e-9)
+    sine = float(np.clip(offset[2] / max(float(np.linalg.norm(offset)), 1e-9), _UPRIGHT, 0.8))
     direction = np.append(flat * np.sqrt(1 - sine**2), sine)
     return middle + _AWAY * radius * direction, middle
 

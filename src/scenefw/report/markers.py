@@ -12,10 +12,10 @@ def fill(document: Path, name: str, body: str) -> None:
     Raises:
         StorageError: the document is missing, can't be written, or hasn't the two comments once.
     """
-    write_text(document, filled(read(document, name), document, name, body))
+    write_text(document, filled(read_document(document, name), document, name, body))
 
 
-def read(document: Path, name: str) -> str:
+def read_document(document: Path, name: str) -> str:
     """The text of a document with the two comments; checked before the work.
 
     Raises:
@@ -29,7 +29,7 @@ def read(document: Path, name: str) -> str:
 
 
 def body(text: str, name: str) -> str:
-    """What stands between the two comments of a text that has them (`read`)."""
+    """What stands between the two comments of a text that has them (`read_document`)."""
     return text.split(f"<!-- {name} -->")[1].split(f"<!-- /{name} -->")[0].strip()
 
 

@@ -47,7 +47,7 @@ def write_overview(
     rows, columns = window(estimate)
     camera = cropped(estimate.frame.camera, rows, columns)
     points = vertices(estimate)
-    seen = _partial(partial, estimate.grid)
+    solid = _partial(partial, estimate.grid)
     upper = _HEAD
     lower = upper + _TITLE + _SMALL[1] + _GAP
     legend = lower + _TITLE + SIZE[1] + _GAP
@@ -55,7 +55,7 @@ def write_overview(
     sheet = Image.new("RGB", (_WIDTH, legend + _ROW * (1 + -(-count // _COLUMNS)) + _GAP), "white")
     name = estimate.frame.name or "scene"
     _say(sheet, _MARGIN, _HEAD // 2, f"{name}: {count} object{'' if count == 1 else 's'}", 22)
-    of_partial = draw(seen, turned(camera.resized(*_SMALL), points, _TURN_OF_PARTIAL))
+    of_partial = draw(solid, turned(camera.resized(*_SMALL), points, _TURN_OF_PARTIAL))
     above = {
         "colour": _colour(frame, rows, columns),
         "depth": _depth(frame.depth[rows, columns], estimate.frame.depth[rows, columns]),
@@ -99,19 +99,19 @@ def _colour(frame: Frame, rows: slice, columns: slice) -> Image.Image:
     return tile
 
 
-def _depth(depth: Float32, used: Float32) -> Image.Image:
+def _depth(depth: Float32, foreground: Float32) -> Image.Image:
     """Measured depth, in the range of the part that was used."""
-    measured = used[used > 0]
-    near, far = np.percentile(measured, (1, 99)) if measured.size else (0.0, 1.0)
-    picture = coloured(depth, float(near), float(far))
+    measured = foreground[foreground > 0]
+    low, high = np.percentile(measured, (1, 99)) if measured.size else (0.0, 1.0)
+    picture = coloured(depth, float(low), float(high))
     tile = as_image(picture).resize(_SMALL, Image.Resampling.NEAREST)
-    scale = np.tile(np.linspace(near, far, _STEPS, dtype=np.float32), (_BAR[1], 1))
+    scale = np.tile(np.linspace(low, high, _STEPS, dtype=np.float32), (_BAR[1], 1))
     left, top = 12, _SMALL[1] - 12 - _BAR[1]
-    if not near > 0:
+    if not low > 0:
         return tile
-    tile.paste(as_image(coloured(scale, float(near), float(far))).resize(_BAR), (left, top))
+    tile.paste(as_image(coloured(scale, float(low), float(high))).resize(_BAR), (left, top))
     pen, font = ImageDraw.Draw(tile), font_of(12)
-    for x, text, anchor in ((0, f"{near:.2f}", "ls"), (_BAR[0], f"{far:.2f} m", "rs")):
+    for x, text, anchor in ((0, f"{low:.2f}", "ls"), (_BAR[0], f"{high:.2f} m", "rs")):
         pen.text(
             (left + x, top - 4), text, fill="white", font=font, anchor=anchor, stroke_width=2,
             stroke_fill=_INK,

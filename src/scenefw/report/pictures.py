@@ -28,17 +28,17 @@ def font_of(size: int) -> ImageFont.FreeTypeFont:
 
 def depth_picture(depth: Float32) -> Picture:
     """RGB (H, W, 3) of a depth image (m): near is light, no measurement is white."""
-    seen = depth > 0
-    if not seen.any():
+    valid = depth > 0
+    if not valid.any():
         return np.ones((*depth.shape, 3), np.float32)
-    low, high = np.percentile(depth[seen], [1, 90])  # the far floor would use up most colours
+    low, high = np.percentile(depth[valid], [1, 90])  # the far floor would use up most colours
     return coloured(depth, float(low), float(high))
 
 
 def coloured(depth: Float32, low: float, high: float) -> Picture:
     """RGB (H, W, 3) of depths between two limits (m), light at the lower one, white where 0."""
-    near = 1 - np.clip((depth - low) / max(high - low, 1e-6), 0, 1)
-    colours = colormaps["viridis"](near)[..., :3]
+    brightness = 1 - np.clip((depth - low) / max(high - low, 1e-6), 0, 1)
+    colours = colormaps["viridis"](brightness)[..., :3]
     return np.where(depth[..., None] > 0, colours, 1.0).astype(np.float32)
 
 
@@ -83,11 +83,11 @@ def legend(colours: Mapping[str, Sequence[float]], width: int) -> Picture:
     places: list[tuple[int, int]] = []
     x, line = _MARGIN, 0
     for name in colours:
-        needed = _CHIP + int(font.getlength(name))
-        if x > _MARGIN and x + needed + _MARGIN > width:
+        entry_width = _CHIP + int(font.getlength(name))
+        if x > _MARGIN and x + entry_width + _MARGIN > width:
             x, line = _MARGIN, line + 1
         places.append((x, line * _LINE))
-        x += needed + _APART
+        x += entry_width + _APART
     strip = Image.new("RGB", (width, (line + 1) * _LINE), "white")
     pen = ImageDraw.Draw(strip)
     for (x, y), (name, colour) in zip(places, colours.items(), strict=True):

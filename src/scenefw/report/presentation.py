@@ -45,9 +45,11 @@ def sections_by_class(
         }
         uses = Counter(section.title for sections in parts.values() for section in sections)
         return tuple(
-            replace(one, title=f"{one.title}: {words}") if uses[one.title] > 1 else one
+            replace(section, title=f"{section.title}: {words}")
+            if uses[section.title] > 1
+            else section
             for words, sections in parts.items()
-            for one in sections
+            for section in sections
         )
     show = shown_by.get(type(result))
     return tuple(show(result, folder)) if show else (Section(title, (figure_table(result),)),)
@@ -65,9 +67,9 @@ def figure_table(result: Result) -> Table:
         )
         for name, text in labels.items()
     ]
-    used = [i for i in range(3) if i == 0 or any(cells[i] is not None for _, cells in rows)]
+    indices = [i for i in range(3) if i == 0 or any(cells[i] is not None for _, cells in rows)]
     columns = [Column(name) for name in ("value", "without learning", "published")]
-    kept: list[tuple[str, tuple[Cell, ...]]] = [
-        (text, tuple(cells[i] for i in used)) for text, cells in rows
+    table_rows: list[tuple[str, tuple[Cell, ...]]] = [
+        (text, tuple(cells[i] for i in indices)) for text, cells in rows
     ]
-    return Table("Figures", tuple(columns[i] for i in used), tuple(kept))
+    return Table("Figures", tuple(columns[i] for i in indices), tuple(table_rows))

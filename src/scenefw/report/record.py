@@ -25,8 +25,8 @@ def command_line(record: Mapping[str, Any]) -> str:
     """
     sweep = any(w in ("-m", "--multirun") for w in record.get("command", ()))
     words = record.get("overrides" if sweep else "command") or record.get("command", ())
-    kept = [w for w in words if not w.startswith(("paths.", "report.publish"))]
-    return " ".join(["python -m scenefw", *map(shlex.quote, map(_elsewhere, kept))])
+    arguments = [w for w in words if not w.startswith(("paths.", "report.publish"))]
+    return " ".join(["python -m scenefw", *map(shlex.quote, map(_elsewhere, arguments))])
 
 
 def used_weights(record: Mapping[str, Any]) -> list[str]:

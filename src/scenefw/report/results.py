@@ -24,7 +24,7 @@ def result_sections(
     Raises:
         StorageError: the folder can't be written.
     """
-    shown = list(presentation.sections(result, folder))
-    print_tables(shown)
+    sections = list(presentation.sections(result, folder))
+    print_tables(sections)
     examples = tuple(gallery.show())
-    return [*shown[:1], *([Section(EXAMPLES, examples)] if examples else []), *shown[1:]]
+    return [*sections[:1], *([Section(EXAMPLES, examples)] if examples else []), *sections[1:]]

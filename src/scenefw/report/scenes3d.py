@@ -76,7 +76,7 @@ def layer(
     return Layer(name, tuple(solids))
 
 
-def packed(scenes: Sequence[Scene3D], caption: str = "", most_points: int = 20000) -> Scenes:
+def packed(scenes: Sequence[Scene3D], caption: str = "", max_points: int = 20000) -> Scenes:
     """The block of a page that shows scenes, one at a time.
 
     Positions are rounded to a tenth of a millimetre; points farther than 3.2 m from the origin are
@@ -85,7 +85,7 @@ def packed(scenes: Sequence[Scene3D], caption: str = "", most_points: int = 2000
     Args:
         scenes: in the order of the choice.
         caption: one line.
-        most_points: of each scene's image.
+        max_points: of each scene's image.
     """
     buffer = _Buffer()
     header = {
@@ -94,8 +94,8 @@ def packed(scenes: Sequence[Scene3D], caption: str = "", most_points: int = 2000
             {
                 "name": scene.name,
                 "eye": scene.frame.camera.T_world_camera[:3, 3].tolist(),
-                "layers": [_layer(one, buffer) for one in scene.layers],
-                "points": _points(scene.frame, buffer, most_points),
+                "layers": [_layer(scene_layer, buffer) for scene_layer in scene.layers],
+                "points": _points(scene.frame, buffer, max_points),
             }
             for scene in scenes
         ],
@@ -124,13 +124,13 @@ class _Buffer:
 
 
 def _layer(layer: Layer, buffer: _Buffer) -> dict[str, Any]:
-    return {"name": layer.name, "solids": [_solid(one, buffer) for one in layer.solids]}
+    return {"name": layer.name, "solids": [_solid(solid, buffer) for solid in layer.solids]}
 
 
 def _solid(solid: Solid, buffer: _Buffer) -> dict[str, Any]:
     mesh = solid.mesh
     # Differences of neighbours are small numbers, which compress to half
-    vertices = np.diff(_whole(mesh.vertices), axis=0, prepend=np.int16(0))
+    vertices = np.diff(_quantise(mesh.vertices), axis=0, prepend=np.int16(0))
     faces = np.diff(mesh.faces.astype("<i4").reshape(-1), prepend=np.int32(0))
     return {
         "name": solid.name,
@@ -140,21 +140,21 @@ def _solid(solid: Solid, buffer: _Buffer) -> dict[str, Any]:
     }
 
 
-def _points(frame: Frame, buffer: _Buffer, most: int) -> dict[str, Any]:
-    stride = max(1, int(np.ceil(np.sqrt(np.count_nonzero(frame.depth) / most))))
+def _points(frame: Frame, buffer: _Buffer, max_points: int) -> dict[str, Any]:
+    stride = max(1, int(np.ceil(np.sqrt(np.count_nonzero(frame.depth) / max_points))))
     points = world_points(frame, stride)
-    kept = np.asarray(np.isfinite(points).all(axis=-1))
-    kept[kept] = np.abs(points[kept]).max(axis=-1, initial=0) < _FARTHEST
+    keep_mask = np.asarray(np.isfinite(points).all(axis=-1))
+    keep_mask[keep_mask] = np.abs(points[keep_mask]).max(axis=-1, initial=0) < _FARTHEST
     if frame.colour is None:
-        colours = np.broadcast_to(np.array(_GREY, dtype=np.uint8), (int(kept.sum()), 3))
+        colours = np.broadcast_to(np.array(_GREY, dtype=np.uint8), (int(keep_mask.sum()), 3))
     else:
-        colours = frame.colour[::stride, ::stride][kept]
+        colours = frame.colour[::stride, ::stride][keep_mask]
     return {
-        "positions": buffer.add(_whole(points[kept])),
+        "positions": buffer.add(_quantise(points[keep_mask])),
         "colours": buffer.add(np.ascontiguousarray(colours)),
     }
 
 
-def _whole(points: NDArray[np.float64]) -> NDArray[np.int16]:
+def _quantise(points: NDArray[np.float64]) -> NDArray[np.int16]:
     limit = np.iinfo(np.int16).max
     return np.clip(np.rint(points / _UNIT), -limit, limit).astype("<i2")

@@ -24,23 +24,23 @@ _HALF = 0.8  # m from the middle to the picture's upper edge, from above
 _INK = (0.3, 0.3, 0.3)
 
 
-def draw_examination(found: Examination, grid: GridSpec) -> Picture:
+def draw_examination(examination: Examination, grid: GridSpec) -> Picture:
     """RGB (H, W, 3) in [0, 1]: the image, its depth, what counts as what, and the cube from above.
 
     Args:
-        found: its frame must have been read.
+        examination: its frame must have been read.
         grid: of the cube.
     """
-    frame = found.frame
+    frame = examination.frame
     assert frame is not None
     image = _image(frame)
     tiles, titles = [image, depth_picture(frame.depth)], ["image", "depth: white is missing"]
-    if found.floor is not None:
-        pose = found.floor.T_world_camera
-        if found.workspace is not None:
-            pose = found.workspace.frame.camera.T_world_camera
+    if examination.floor is not None:
+        pose = examination.floor.T_world_camera
+        if examination.workspace is not None:
+            pose = examination.workspace.frame.camera.T_world_camera
         points = world_points(replace(frame, camera=frame.camera.moved(pose)))
-        kinds = _kinds(found, points)
+        kinds = _kinds(examination, points)
         tiles += [_tinted(image, kinds), _from_above(points, kinds, grid, frame.depth.shape)]
         titles += ["green: floor, orange: objects, pink: left out", "from above, with the cube"]
     return beside(tiles, titles, columns=2)
@@ -53,13 +53,13 @@ def _image(frame: Frame) -> Picture:
     return np.repeat(grey, 3, axis=-1)
 
 
-def _kinds(found: Examination, points: NDArray[np.float64]) -> NDArray[np.int64]:
+def _kinds(examination: Examination, points: NDArray[np.float64]) -> NDArray[np.int64]:
     """Of each pixel: 0 nothing, 1 floor, 2 objects, 3 what is left out."""
     height = np.nan_to_num(points[..., 2], nan=-np.inf)
     kinds = np.where(height > _ON_FLOOR, 3, 0)
     kinds[np.abs(height) <= _ON_FLOOR] = 1
-    if found.workspace is not None:
-        kinds[found.workspace.objects] = 2
+    if examination.workspace is not None:
+        kinds[examination.workspace.objects] = 2
     return kinds
 
 

@@ -38,7 +38,7 @@ class Solid:
         instances: (X, Y, Z) labels; label i has colour i - 1, 0 and beyond are grey.
         grid: the voxel grid of both.
         colours: red, green, blue in [0, 1] by label.
-        seen: (X, Y, Z) in [0, 1]; surfaces are pale where it is 0. None = nowhere.
+        visibility: (X, Y, Z) in [0, 1]; surfaces are pale where it is 0. None = nowhere.
         surfaces: of the objects, which are seen in place of the volume's; shadows are its all the
             same. None: the volume's are seen.
         hollow: (X, Y, Z) distances in which hollow objects are so (m), by which objects are lit:
@@ -51,7 +51,7 @@ class Solid:
     instances: Int32
     grid: GridSpec
     colours: list[Colour]
-    seen: Float32 | None = None
+    visibility: Float32 | None = None
     surfaces: Surfaces | None = None
     hollow: Float32 | None = None
     truncated: bool = True
@@ -109,24 +109,24 @@ def _draw_volume(solid: Solid, camera: Camera, reach: float) -> Picture:
     points = _points(depth.numpy(), fine)
     on_object = (depth.numpy() > 0) & (points[..., 2] >= 1e-3)
     labels = np.zeros(depth.shape, dtype=np.int32)
-    found = _smooth_labels(solid, points[on_object])
+    object_labels = _smooth_labels(solid, points[on_object])
     # What is no object's is grey, as labels beyond the colours are; 0 is the floor here
-    labels[on_object] = np.where(found > 0, found, len(solid.colours) + 1)
-    rays = [_by_pixel(one) for one in (depth, normals, torch.from_numpy(labels))]
+    labels[on_object] = np.where(object_labels > 0, object_labels, len(solid.colours) + 1)
+    rays = [_by_pixel(channel) for channel in (depth, normals, torch.from_numpy(labels))]
     places = _by_pixel(pixel_places(fine).view(fine.height, fine.width, 2))
     met = Met(*rays)
     colours = _coloured(solid, _Light.of(solid, camera), met, places, fine, reach)
-    whole = Met(*(one[:: SIDE * SIDE].contiguous() for one in rays))
+    pixel_hits = Met(*(channel[:: SIDE * SIDE].contiguous() for channel in rays))
     picture = torch.empty(camera.height * camera.width, 3)
-    _blend(picture, torch.arange(len(picture)), whole, met, colours, camera)
+    _blend(picture, torch.arange(len(picture)), pixel_hits, met, colours, camera)
     return picture.view(camera.height, camera.width, 3).numpy()
 
 
 def _by_pixel(rays: Tensor) -> Tensor:
     """Rays (H, W, ...) as (N, ...), with those of a pixel one after the other."""
-    height, width, *rest = rays.shape
-    blocks = rays.reshape(height // SIDE, SIDE, width // SIDE, SIDE, *rest)
-    return blocks.transpose(1, 2).reshape(-1, *rest).contiguous()
+    height, width, *channels = rays.shape
+    blocks = rays.reshape(height // SIDE, SIDE, width // SIDE, SIDE, *channels)
+    return blocks.transpose(1, 2).reshape(-1, *channels).contiguous()
 
 
 @dataclass(frozen=True)
@@ -147,8 +147,8 @@ class _Light:
     def of(cls, solid: Solid, camera: Camera) -> "_Light":
         right, down, forward = camera.T_world_camera[:3, :3].T
         towards = -0.55 * right - 0.5 * down - 0.35 * forward + np.array([0.0, 0.0, 0.9])
-        x, y, z = (float(one) for one in towards / np.linalg.norm(towards))
-        fields = [torch.from_numpy(np.ascontiguousarray(one)) for one in solid.far]
+        x, y, z = (float(component) for component in towards / np.linalg.norm(towards))
+        fields = [torch.from_numpy(np.ascontiguousarray(field)) for field in solid.far]
         floor = floor_map(fields[0], solid.grid, _FLOOR_REACH, _FLOOR_SAMPLES, (x, y, z))
         return cls((x, y, z), floor, fields[1])
 
@@ -159,26 +159,26 @@ def _coloured(
     """Colours (N, 3) of what rays meet; white where they meet nothing."""
     grid = solid.grid
     palette = np.vstack([_GREY, np.reshape(solid.colours, (-1, 3))]).astype(np.float32)
-    pale = solid.seen is not None
-    seen = torch.from_numpy(np.ascontiguousarray(solid.seen)) if pale else light.objects
-    found = torch.empty(len(places), 3)
+    pale = solid.visibility is not None
+    visibility = torch.from_numpy(np.ascontiguousarray(solid.visibility)) if pale else light.objects
+    colours = torch.empty(len(places), 3)
     drawn_surfaces.colour(
         len(places), places, view_of(camera), met.depth, met.facing, met.labels,
         light.floor, np.float32(_FLOOR_REACH), light.objects.view(-1), grid.resolution,
         float32(grid.voxel_size, *grid.lower), float32(*light.key), torch.from_numpy(palette),
-        seen.view(-1), pale, np.float32(reach), found,
+        visibility.view(-1), pale, np.float32(reach), colours,
     )  # fmt: skip
-    return found
+    return colours
 
 
 def _varied(met: Met, camera: Camera, reach: float) -> Tensor:
     """Pixels (N,) beside which something else is seen, or a line of the floor."""
-    found = torch.empty(len(met.depth), dtype=torch.bool)
+    mask = torch.empty(len(met.depth), dtype=torch.bool)
     drawn_surfaces.varied(
         camera.height, view_of(camera), (camera.width, camera.height), met.depth, met.facing,
-        met.labels, np.float32(reach), found,
+        met.labels, np.float32(reach), mask,
     )  # fmt: skip
-    return found
+    return mask
 
 
 def _blend(
@@ -212,11 +212,11 @@ def turned(camera: Camera, points: NDArray[np.float64], turn: float) -> Camera:
     rotation = look_at(target + direction, target)[:3, :3]
     right, down, forward = ((points - target) @ rotation).T
     focal = 1.6 * camera.height
-    needed = [
+    distances = [
         focal * np.abs(sideways) / (_FILLED * side / 2) - forward
         for sideways, side in ((right, camera.width), (down, camera.height))
     ]
-    distance = max(float(np.max(needed)), 0.4)
+    distance = max(float(np.max(distances)), 0.4)
     middle = ((camera.width - 1) / 2, (camera.height - 1) / 2)
     pose = look_at(target + distance * direction, target)
     return Camera(camera.width, camera.height, focal, focal, *middle, pose)
@@ -240,16 +240,16 @@ def _smooth_labels(solid: Solid, points: Float32) -> NDArray[np.int64]:
             continue
         lower = np.array([max(side.start - _BLURRED, 0) for side in box])
         upper = np.array([side.stop + _BLURRED for side in box])
-        own = solid.instances[tuple(map(slice, lower, upper))] == label
-        near = np.flatnonzero(((voxels > lower - 1) & (voxels < upper)).all(axis=1))
+        object_mask = solid.instances[tuple(map(slice, lower, upper))] == label
+        candidates = np.flatnonzero(((voxels > lower - 1) & (voxels < upper)).all(axis=1))
         strength = ndimage.map_coordinates(
-            ndimage.gaussian_filter(own.astype(np.float32), 0.8),
-            (voxels[near] - lower).T,
+            ndimage.gaussian_filter(object_mask.astype(np.float32), 0.8),
+            (voxels[candidates] - lower).T,
             order=1,
             mode="nearest",
         )
-        stronger = strength > best[near]
-        best[near[stronger]], labels[near[stronger]] = strength[stronger], label
+        stronger = strength > best[candidates]
+        best[candidates[stronger]], labels[candidates[stronger]] = strength[stronger], label
     return labels
 
 
@@ -258,5 +258,5 @@ def _far_distance(tsdf: Float32, grid: GridSpec) -> Float32:
     far = tsdf > 0.9 * grid.truncation
     if far.all():
         return np.full(tsdf.shape, grid.extent, dtype=np.float32)
-    beyond = ndimage.distance_transform_edt(far) * grid.voxel_size
-    return np.where(far, 0.9 * grid.truncation + beyond, tsdf).astype(np.float32)
+    excess = ndimage.distance_transform_edt(far) * grid.voxel_size
+    return np.where(far, 0.9 * grid.truncation + excess, tsdf).astype(np.float32)

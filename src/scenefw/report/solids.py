@@ -28,14 +28,14 @@ def solids_of(estimates: Sequence[SceneEstimate]) -> list[Solid]:
 
 
 def solid_of(
-    estimate: SceneEstimate, colours: Sequence[Colour], seen: Float32 | None = None
+    estimate: SceneEstimate, colours: Sequence[Colour], visibility: Float32 | None = None
 ) -> Solid:
     """A predicted scene with the surfaces of its objects, and shadows as of its volume.
 
     Args:
         estimate: the scene.
         colours: red, green, blue in [0, 1] by label.
-        seen: (X, Y, Z) in [0, 1]; surfaces are pale where it is 0. None = nowhere.
+        visibility: (X, Y, Z) in [0, 1]; surfaces are pale where it is 0. None = nowhere.
     """
     surfaces = Surfaces({item.id: item.mesh for item in estimate.objects})
     field, hollow = of_objects(estimate), None
@@ -47,12 +47,14 @@ def solid_of(
         box = estimate.grid.box_about(item.mesh.vertices)
         local = (estimate.grid.centres()[box] - pose.position) @ pose.rotation
         filled = shape.filled_distance(local)
-        others = np.where(estimate.instances[box] == item.id, np.inf, estimate.tsdf[box])
-        opened = np.minimum(shape.wall_distance(local), others)
+        neighbour_distance = np.where(
+            estimate.instances[box] == item.id, np.inf, estimate.tsdf[box]
+        )
+        opened = np.minimum(shape.wall_distance(local), neighbour_distance)
         hollow[box] = np.where(filled < 0, opened, hollow[box])
         field[box] = np.minimum(field[box], filled)
     return Solid(
-        field, estimate.instances, estimate.grid, list(colours), seen, surfaces, hollow,
+        field, estimate.instances, estimate.grid, list(colours), visibility, surfaces, hollow,
         truncated=False,
     )  # fmt: skip
 
@@ -65,5 +67,5 @@ def of_objects(estimate: SceneEstimate) -> Float32:
     outside = estimate.instances == 0
     if outside.all():
         return np.full(outside.shape, estimate.grid.extent, dtype=np.float32)
-    away = (ndimage.distance_transform_edt(outside) - 1.0) * estimate.grid.voxel_size
-    return np.where(outside, np.maximum(estimate.tsdf, away), estimate.tsdf).astype(np.float32)
+    distance = (ndimage.distance_transform_edt(outside) - 1.0) * estimate.grid.voxel_size
+    return np.where(outside, np.maximum(estimate.tsdf, distance), estimate.tsdf).astype(np.float32)

@@ -59,19 +59,19 @@ class Stage:
         """Shows or hides one of `LAYERS`."""
         self._roots[layer].visible = visible
 
-    def shown(self, layer: str) -> bool:
+    def is_visible(self, layer: str) -> bool:
         """Whether a layer is visible."""
         return bool(self._roots[layer].visible)
 
-    def show_image(self, known: Prediction) -> None:
+    def show_image(self, prediction: Prediction) -> None:
         """Points of an image, of its truth, and the camera."""
-        points, colours = layers.cloud(known)
+        points, colours = layers.cloud(prediction)
         self._points("/points/seen", points, colours, _POINT)
         if self._truth is not None:
             self._truth.remove()
-        true = layers.truth(known)
+        true = layers.truth(prediction)
         self._truth = true and self._points("/truth/seen", *true, _TRUE_POINT)
-        camera = known.scenes[0].frame.camera
+        camera = prediction.scenes[0].frame.camera
         pose = Pose.from_matrix(camera.T_world_camera)
         step = max(1, camera.width // 320)
         self.scene.add_camera_frustum(
@@ -81,7 +81,9 @@ class Stage:
             scale=_FRUSTUM,
             thickness=0.002,
             color=(90, 98, 110),
-            image=None if known.frame.colour is None else known.frame.colour[::step, ::step],
+            image=None
+            if prediction.frame.colour is None
+            else prediction.frame.colour[::step, ::step],
             wxyz=pose.quaternion,
             position=pose.position,
         )
@@ -102,7 +104,7 @@ class Stage:
     def show_objects(self, edits: Edits) -> None:
         """All objects of a scene, in place of those before."""
         self.hold(None, edits)
-        for node in [one for nodes in self._nodes.values() for one in nodes]:
+        for node in [node for nodes in self._nodes.values() for node in nodes]:
             node.remove()
         self._nodes = {item.id: self._object(item) for item in edits.scene.objects}
         for label in edits.ids:
@@ -128,16 +130,16 @@ class Stage:
         return [frame, caption, below]
 
     def _mesh(self, name: str, mesh: TriangleMesh, item: ObjectEstimate, **looks: Any) -> Any:
-        own = transform_points(inverse(item.pose.matrix), mesh.vertices)
+        vertices = transform_points(inverse(item.pose.matrix), mesh.vertices)
         return self.scene.add_mesh_simple(
-            name, own.astype(np.float32), mesh.faces.astype(np.uint32), **looks
+            name, vertices.astype(np.float32), mesh.faces.astype(np.uint32), **looks
         )
 
     def update(self, label: int, edits: Edits) -> None:
         """Shows an object where it is now, or hides it if it was taken away."""
-        frame, caption, *others = self._nodes[label]
+        frame, caption, *shape_frames = self._nodes[label]
         pose = Pose.from_matrix(edits.pose(label))
-        for node in (frame, *others):
+        for node in (frame, *shape_frames):
             node.position, node.wxyz = pose.position, pose.quaternion
         points = transform_points(edits.motion(label), edits.item(label).mesh.vertices)
         caption.position = np.append(pose.position[:2], points[:, 2].max() + _ABOVE)

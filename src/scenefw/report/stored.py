@@ -41,10 +41,10 @@ def read_runs(paths: Sequence[str | Path]) -> tuple[StoredRun, ...]:
     Raises:
         InputError: a file is missing, damaged, or holds no figures.
     """
-    return tuple(_read(Path(path)) for path in paths)
+    return tuple(_read_run(Path(path)) for path in paths)
 
 
-def _read(path: Path) -> StoredRun:
+def _read_run(path: Path) -> StoredRun:
     path = path / "metrics.json" if path.is_dir() else path
     if not path.is_file():
         raise InputError(f"no figures at {path}; give the folder of a finished run=evaluate")

@@ -70,14 +70,12 @@ class Surfaces:
     def met(self, camera: Camera, places: Tensor) -> Met:
         """The same of rays through places (N, 2) of the image, see `pixel_places`."""
         count, tree = len(places), self._tree
-        found = Met(
-            torch.empty(count), torch.empty(count, 3), torch.empty(count, dtype=torch.int32)
-        )
+        hits = Met(torch.empty(count), torch.empty(count, 3), torch.empty(count, dtype=torch.int32))
         drawn_surfaces.meet(
             count, places, view_of(camera), tree.bounds, tree.links, tree.triangles,
-            self._normals, self._labels, found.depth, found.facing, found.labels,
+            self._normals, self._labels, hits.depth, hits.facing, hits.labels,
         )  # fmt: skip
-        return found
+        return hits
 
 
 def pixel_places(camera: Camera) -> Tensor:

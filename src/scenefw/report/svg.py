@@ -45,7 +45,7 @@ def _shorten(element: Element) -> None:
 
 def _rounded(numbers: str) -> str:
     """Numbers below 10, as in the outlines of marks, keep two digits."""
-    return re.sub(r"\d+\.\d{2,}", lambda one: _shorter(float(one[0])), numbers)
+    return re.sub(r"\d+\.\d{2,}", lambda match: _shorter(float(match[0])), numbers)
 
 
 def _shorter(number: float) -> str:
@@ -60,17 +60,19 @@ def _flatten(parent: Element) -> None:
     for child in parent:
         _flatten(child)
         children += child if child.tag == _GROUP and not child.attrib else [child]
-    shown: list[Element] = []
-    for style, alike in groupby(children, lambda one: one.tag == _MARK and one.get("style")):
-        marks = list(alike)
+    elements: list[Element] = []
+    for style, members in groupby(
+        children, lambda element: element.tag == _MARK and element.get("style")
+    ):
+        marks = list(members)
         if style and len(marks) > 1:
             group = Element(_GROUP, {"style": style})
             for mark in marks:
                 del mark.attrib["style"]
             _fill(group, marks)
             marks = [group]
-        shown += marks
-    _fill(parent, shown)
+        elements += marks
+    _fill(parent, elements)
 
 
 def _fill(parent: Element, children: list[Element]) -> None:

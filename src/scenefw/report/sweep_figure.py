@@ -48,16 +48,18 @@ def sweep_figure(result: RunsResult) -> tuple[str, str]:
         result: runs with at least one column. Figures that all runs have alike get no panel.
     """
     axes = _axes(result.runs)
-    shown = [(name, measure) for name, measure in result.columns.items() if _varies(result, name)]
-    columns = min(_COLUMNS, max(1, len(shown)))
-    rows = -(-len(shown) // columns)
+    measures = [
+        (name, measure) for name, measure in result.columns.items() if _varies(result, name)
+    ]
+    columns = min(_COLUMNS, max(1, len(measures)))
+    rows = -(-len(measures) // columns)
     height = 2.6 if axes.along else max(1.6, 0.8 + 0.24 * len(axes.kinds))
     colours = dict(zip(axes.kinds, itertools.cycle(COLOURS)))
     draw = _lines if axes.along else _rows
     with rc_context(STYLE):
         figure = Figure(figsize=(4.0 * columns, height * rows), layout="constrained")
         first: Any = None
-        for number, (name, measure) in enumerate(shown, 1):
+        for number, (name, measure) in enumerate(measures, 1):
             unit = f" ({measure.unit})" if measure.unit else ""
             share = {} if axes.along or first is None else {"sharey": first}
             panel: Any = figure.add_subplot(
@@ -85,7 +87,9 @@ def _axes(runs: Sequence[Run]) -> _Axes:
         for key in dict.fromkeys(key for run in runs for key in run.settings)
         if key != _SEED
     }
-    numbers = {key: len(set(found)) for key, found in values.items() if _all_numbers(found)}
+    numbers = {
+        key: len(set(settings)) for key, settings in values.items() if _all_numbers(settings)
+    }
     along = max(numbers, key=numbers.__getitem__) if numbers else None
     kinds: dict[str, list[Run]] = {}
     for run in runs:
@@ -112,7 +116,7 @@ def _lines(
     panel: Any,
     axes: _Axes,
     name: str,
-    shown: Callable[[float], float],
+    convert: Callable[[float], float],
     colours: Mapping[str, str],
 ) -> None:
     """A line per kind of run through the means of its repetitions."""
@@ -122,7 +126,7 @@ def _lines(
         for run in runs:
             if name in run.figures:
                 at.setdefault(float(run.settings[axes.along or ""]), []).append(
-                    shown(run.figures[name])
+                    convert(run.figures[name])
                 )
         x = sorted(at)
         places += x
@@ -138,12 +142,12 @@ def _rows(
     panel: Any,
     axes: _Axes,
     name: str,
-    shown: Callable[[float], float],
+    convert: Callable[[float], float],
     colours: Mapping[str, str],
 ) -> None:
     """A row per kind of run: a dot for each, a bar at their mean."""
     for row, (kind, runs) in enumerate(axes.kinds.items()):
-        values = [shown(run.figures[name]) for run in runs if name in run.figures]
+        values = [convert(run.figures[name]) for run in runs if name in run.figures]
         if values:
             panel.plot(values, [row] * len(values), "o", color=colours[kind], markersize=4)
             panel.plot([np.mean(values)] * 2, [row - 0.3, row + 0.3], color=colours[kind])

@@ -64,15 +64,17 @@ def to_console(table: Table) -> ConsoleTable:
     from rich.table import Table as ConsoleTable
     from rich.text import Text
 
-    shown = ConsoleTable(title=table.title, caption=table.note or None, title_justify="left")
-    shown.add_column("")
+    console_table = ConsoleTable(
+        title=table.title, caption=table.note or None, title_justify="left"
+    )
+    console_table.add_column("")
     for column in table.columns:
-        shown.add_column(column.heading, justify="right")
+        console_table.add_column(column.heading, justify="right")
     for name, cells in printed(table):
         style = "dim" if name in table.quoted else ""
         texts = [Text(text, style="bold" if best else "") for text, best in cells]
-        shown.add_row(Text(name), *texts, style=style)
-    return shown
+        console_table.add_row(Text(name), *texts, style=style)
+    return console_table
 
 
 def to_markdown(table: Table) -> str:
@@ -100,8 +102,10 @@ def printed(table: Table) -> list[tuple[str, list[tuple[str, bool]]]]:
 def _best(table: Table, index: int) -> str | None:
     """The best figure of a column as printed (ties in print are all bold); None if it is alone."""
     column = table.columns[index]
-    shown = [cells[index] for name, cells in table.rows if name not in table.quoted]
-    figures = [cell for cell in shown if isinstance(cell, int | float) and math.isfinite(cell)]
+    column_cells = [cells[index] for name, cells in table.rows if name not in table.quoted]
+    figures = [
+        cell for cell in column_cells if isinstance(cell, int | float) and math.isfinite(cell)
+    ]
     if column.better is None or len(figures) < 2:
         return None
     return _text(min(figures) if column.better == "lower" else max(figures), column)

@@ -25,8 +25,8 @@ def draw_two_sides(estimate: SceneEstimate) -> Picture:
     colours = by_label(estimate, instance_colours(len(estimate.objects)))
     camera = cropped(estimate.frame.camera, *window(estimate)).resized(*_SIZE)
     surfaces = Surfaces({item.id: item.mesh for item in estimate.objects})
-    seen = seen_share(estimate, of_objects(estimate), surfaces, camera)
-    solid = solid_of(estimate, colours, seen)
+    visibility = seen_share(estimate, of_objects(estimate), surfaces, camera)
+    solid = solid_of(estimate, colours, visibility)
     tiles = [draw(solid, camera), draw(solid, turned(camera, vertices(estimate), _TURN))]
     gap = np.ones((tiles[0].shape[0], _GAP, 3), dtype=np.float32)
     return np.concatenate([tiles[0], gap, tiles[1]], axis=1)
@@ -54,5 +54,5 @@ def seen_share(
     hit = np.where(inside, depth[np.where(inside, v, 0), np.where(inside, u, 0)], np.inf)
     marks = np.zeros((2, *surface.shape), dtype=np.float32)
     marks[0, surface], marks[1] = (hit == 0) | (z < hit + _BEHIND * grid.voxel_size), surface
-    seen, every = (ndimage.gaussian_filter(mark, 1.0) for mark in marks)
-    return (seen / np.maximum(every, 1e-6)).astype(np.float32)
+    visible, total = (ndimage.gaussian_filter(mark, 1.0) for mark in marks)
+    return (visible / np.maximum(total, 1e-6)).astype(np.float32)

@@ -65,7 +65,7 @@ class Viewer:
     ) -> None:
         self.server, self.names, self._load = server, list(names), load
         self.formats, self.output, self.settling = dict(formats), output, settling
-        self.known: Prediction
+        self.prediction: Prediction
         self.image, self.hypothesis = 0, 0
         self.selected: int | None = None
         self._lock = threading.RLock()
@@ -109,7 +109,9 @@ class Viewer:
     def slice(self, axis: str, place: float) -> None:
         """Shows the partial TSDF across an axis at a place (m)."""
         grid = self.edits.scene.grid
-        self.stage.show_slice(layers.cut(self.known.partial, grid, "xyz".index(axis), place))
+        self.stage.show_slice(
+            layers.slice_volume(self.prediction.partial, grid, "xyz".index(axis), place)
+        )
 
     def select(self, label: int | None) -> None:
         """Says which object the buttons are for."""
@@ -123,8 +125,8 @@ class Viewer:
             label = self.selected
             if label is None:
                 return
-            away = label in self.edits.removed
-            (self.edits.put_back if away else self.edits.remove)(label)
+            is_removed = label in self.edits.removed
+            (self.edits.put_back if is_removed else self.edits.remove)(label)
             self.stage.update(label, self.edits)
             self._show_selection()
 
@@ -149,10 +151,10 @@ class Viewer:
         if self.settling is None:
             raise ConfigError("nothing settles here; give settling=physics")
         with self._lock:
-            away = set(self.edits.removed)
+            removed_labels = set(self.edits.removed)
             settled = self.settling.settle([self.edits.result()])[0]
             at_rest = {item.id: item.pose.matrix for item in settled.objects}
-            for label in set(at_rest) - away:
+            for label in set(at_rest) - removed_labels:
                 self.edits.place(label, at_rest[label])
             self._show_scene()
             return settled
@@ -180,15 +182,15 @@ class Viewer:
 
     def _prediction(self, number: int) -> tuple[Prediction, list[Edits]]:
         if number not in self._loaded:
-            known = self._load(number)
-            self._loaded[number] = known, [Edits(scene) for scene in known.scenes]
+            prediction = self._load(number)
+            self._loaded[number] = prediction, [Edits(scene) for scene in prediction.scenes]
         return self._loaded[number]
 
     def _show_image(self, number: int) -> None:
-        self.known, self._scenes = self._prediction(number)
+        self.prediction, self._scenes = self._prediction(number)
         self.image, self.hypothesis = number, 0
         with self.server.atomic():
-            self.stage.show_image(self.known)
+            self.stage.show_image(self.prediction)
             self._fit_controls()
             self._show_scene()
             self.look()
@@ -213,89 +215,95 @@ class Viewer:
 
     def look(self, client: Any = None, whence: str = "start") -> None:
         """Turns browsers to the scene: from the start's place, the camera or above."""
-        eye, middle = layers.start(self.known.scenes[0])
+        eye, middle = layers.start(self.prediction.scenes[0])
         if whence == "camera":
-            eye = self.known.scenes[0].frame.camera.T_world_camera[:3, 3]
+            eye = self.prediction.scenes[0].frame.camera.T_world_camera[:3, 3]
         elif whence == "above":
             eye = middle + [0.0, -1e-3, float(((eye - middle) ** 2).sum() ** 0.5)]
         first = self.server.initial_camera
         if whence == "start":
             first.position, first.look_at, first.fov = eye, middle, _VIEW_ANGLE
         clients = self.server.get_clients().values() if client is None else [client]
-        for one in clients:
-            one.camera.position, one.camera.look_at = eye, middle
+        for browser in clients:
+            browser.camera.position, browser.camera.look_at = eye, middle
 
     def _about(self) -> str:
         """A line per object: colour, number, size, volume, confidence."""
         rows = "".join(_row(self.edits, label) for label in self.edits.ids)
-        warnings = self.known.scenes[0].details.get("warnings", ())
-        odd = "".join(f"<p style='color:#a15c00'>{html.escape(line)}</p>" for line in warnings)
+        warnings = self.prediction.scenes[0].details.get("warnings", ())
+        notices = "".join(f"<p style='color:#a15c00'>{html.escape(line)}</p>" for line in warnings)
         table = f"<table style='width:100%;border-spacing:0 2px'>{_HEADER}{rows}</table>"
         style = "font-size:0.85em;padding:0 0.8em;line-height:1.45"
-        return f"<div style='{style}'>{table if rows else 'no object'}{odd}</div>"
+        return f"<div style='{style}'>{table if rows else 'no object'}{notices}</div>"
 
     # The panel
 
     def _add_controls(self) -> None:
-        gui, made = self.server.gui, self.controls
+        gui, controls = self.server.gui, self.controls
         if len(self.names) > 1:
-            made["image"] = gui.add_dropdown("image", self.names)
-            made["image"].on_update(self._guarded(self._change_image, "predicting ..."))
-        made["hypothesis"] = gui.add_slider("hypothesis", 1, 2, 1, 1)
-        made["hypothesis"].on_update(lambda _: self.choose(int(made["hypothesis"].value) - 1))
-        made["from"] = gui.add_button_group("look from", ["start", "camera", "above"])
-        made["from"].on_click(lambda event: self.look(event.client, event.target.value))
+            controls["image"] = gui.add_dropdown("image", self.names)
+            controls["image"].on_update(self._guarded(self._change_image, "predicting ..."))
+        controls["hypothesis"] = gui.add_slider("hypothesis", 1, 2, 1, 1)
+        controls["hypothesis"].on_update(
+            lambda _: self.choose(int(controls["hypothesis"].value) - 1)
+        )
+        controls["from"] = gui.add_button_group("look from", ["start", "camera", "above"])
+        controls["from"].on_click(lambda event: self.look(event.client, event.target.value))
         tabs = gui.add_tab_group()
         with tabs.add_tab("Objects"):
-            made["about"] = gui.add_html("")
+            controls["about"] = gui.add_html("")
             self._add_edits()
             self._add_exports()
         with tabs.add_tab("Show"):
             self._add_toggles()
 
     def _add_edits(self) -> None:
-        gui, made = self.server.gui, self.controls
+        gui, controls = self.server.gui, self.controls
         with gui.add_folder("Change"):
-            made["object"] = gui.add_dropdown(
+            controls["object"] = gui.add_dropdown(
                 "object", [_NOTHING], hint="or click one; arrows and rings move it"
             )
-            made["remove"] = gui.add_button("Remove", disabled=True)
-            made["undo"] = gui.add_button("Undo all changes")
+            controls["remove"] = gui.add_button("Remove", disabled=True)
+            controls["undo"] = gui.add_button("Undo all changes")
             if self.settling is not None:
-                made["settle"] = gui.add_button("Settle", hint="objects come to rest (simulation)")
-                made["settle"].on_click(self._guarded(lambda _: self.settle(), "settling ..."))
-        made["object"].on_update(lambda _: self._choose_object(made["object"].value))
-        made["remove"].on_click(lambda _: self.remove())
-        made["undo"].on_click(lambda _: self.undo())
+                controls["settle"] = gui.add_button(
+                    "Settle", hint="objects come to rest (simulation)"
+                )
+                controls["settle"].on_click(self._guarded(lambda _: self.settle(), "settling ..."))
+        controls["object"].on_update(lambda _: self._choose_object(controls["object"].value))
+        controls["remove"].on_click(lambda _: self.remove())
+        controls["undo"].on_click(lambda _: self.undo())
 
     def _add_exports(self) -> None:
-        gui, made = self.server.gui, self.controls
+        gui, controls = self.server.gui, self.controls
         with gui.add_folder("Export"):
-            made["format"] = gui.add_dropdown("format", list(self.formats))
-            made["export"] = gui.add_button("Export")
-        made["export"].on_click(self._guarded(self._export, "writing ..."))
+            controls["format"] = gui.add_dropdown("format", list(self.formats))
+            controls["export"] = gui.add_button("Export")
+        controls["export"].on_click(self._guarded(self._export, "writing ..."))
 
     def _add_toggles(self) -> None:
-        gui, made = self.server.gui, self.controls
+        gui, controls = self.server.gui, self.controls
         for layer, (words, visible) in _SHOWN.items():
-            made[layer] = gui.add_checkbox(words, visible)
-            made[layer].on_update(lambda event, layer=layer: self.toggle(layer, event.target.value))
+            controls[layer] = gui.add_checkbox(words, visible)
+            controls[layer].on_update(
+                lambda event, layer=layer: self.toggle(layer, event.target.value)
+            )
             self.toggle(layer, visible)
-        made["axis"] = gui.add_button_group("slice across", ["x", "y", "z"])
-        made["place"] = gui.add_slider("at (m)", -0.5, 0.5, 0.01, 0.0)
+        controls["axis"] = gui.add_button_group("slice across", ["x", "y", "z"])
+        controls["place"] = gui.add_slider("at (m)", -0.5, 0.5, 0.01, 0.0)
         self._axis = "y"
-        made["axis"].on_click(lambda event: self._change_slice(event.target.value))
-        made["place"].on_update(lambda _: self._change_slice(self._axis))
+        controls["axis"].on_click(lambda event: self._change_slice(event.target.value))
+        controls["place"].on_update(lambda _: self._change_slice(self._axis))
 
     def _fit_controls(self) -> None:
         """The panel offers what this image has."""
-        made, count = self.controls, len(self._scenes)
-        made["hypothesis"].visible = count > 1
-        made["hypothesis"].max = max(count, 2)
-        made["hypothesis"].value = 1
+        controls, count = self.controls, len(self._scenes)
+        controls["hypothesis"].visible = count > 1
+        controls["hypothesis"].max = max(count, 2)
+        controls["hypothesis"].value = 1
         fitted = any(item.placed for edits in self._scenes for item in edits.scene.objects)
-        made["superquadrics"].visible = fitted
-        made["truth"].visible = layers.truth(self.known) is not None
+        controls["superquadrics"].visible = fitted
+        controls["truth"].visible = layers.truth(self.prediction) is not None
         self._change_slice(self._axis)
 
     def _change_slice(self, axis: str) -> None:
@@ -350,16 +358,16 @@ def _option(label: int) -> str:
 
 
 def _row(edits: Edits, label: int) -> str:
-    item, away = edits.item(label), label in edits.removed
+    item, is_removed = edits.item(label), label in edits.removed
     red, green, blue = (round(255 * part) for part in _colour(label))
     square = f"<td style='color:rgb({red},{green},{blue})'>&#9632;</td>"
     cells = (
         str(label),
         layers.size(item),
         f"{1000 * layers.volume(item.mesh):.2f} l",
-        "removed" if away else f"{item.confidence:.0%}",
+        "removed" if is_removed else f"{item.confidence:.0%}",
     )
-    style = " style='opacity:0.45'" if away else ""
+    style = " style='opacity:0.45'" if is_removed else ""
     return f"<tr{style}>{square}" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
 
 

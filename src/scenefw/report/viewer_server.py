@@ -78,8 +78,8 @@ def _only_from(origins: list[str | None] | None) -> Iterator[None]:
     from websockets.asyncio import server
 
     before = server.serve
-    known: Any = origins
-    server.serve = functools.partial(before, origins=known)  # type: ignore[assignment,misc]
+    allowed_origins: Any = origins
+    server.serve = functools.partial(before, origins=allowed_origins)  # type: ignore[assignment,misc]
     try:
         yield
     finally:
@@ -116,8 +116,8 @@ def announce(host: str, port: int) -> None:
             file=sys.stderr,
         )
     name = f"[{host}]" if ":" in host else host
-    shown = "127.0.0.1" if host == "0.0.0.0" else name
-    print(f"http://{shown}:{port} shows it; Ctrl-C ends it", flush=True)
+    address = "127.0.0.1" if host == "0.0.0.0" else name
+    print(f"http://{address}:{port} shows it; Ctrl-C ends it", flush=True)
 
 
 def _in_use(host: str, port: int) -> ConfigError:

@@ -36,17 +36,20 @@ def view(height_map: HeightMap, camera: Camera, name: str = "") -> Frame:
     if height_map.seen.any():
         heights = torch.from_numpy(np.ascontiguousarray(height_map.heights, dtype=np.float32))
         low, high = float(np.nanmin(heights)), float(np.nanmax(heights))
-        known = finite(heights, float(UNSEEN))
+        finite_heights = finite(heights, float(UNSEEN))
         box = (grid.lower[0], grid.lower[1] + grid.extent, 1 / grid.spacing)
         cast(
-            count, cameras.intrinsics, cameras.T_world_camera, known.view(-1), depth, vertices,
-            camera.width, grid.vertices, float32(*box, low - _MARGIN, high + _MARGIN),
+            count, cameras.intrinsics, cameras.T_world_camera, finite_heights.view(-1),
+            depth, vertices, camera.width, grid.vertices,
+            float32(*box, low - _MARGIN, high + _MARGIN),
         )  # fmt: skip
     shape = (camera.height, camera.width)
-    hit, seen = depth.numpy().reshape(shape), vertices.numpy().reshape(shape)
-    met = seen >= 0
-    colour = np.where(met[..., None], height_map.colour.reshape(-1, 3)[seen], 0).astype(np.uint8)
+    hit, vertex_ids = depth.numpy().reshape(shape), vertices.numpy().reshape(shape)
+    met = vertex_ids >= 0
+    colour = np.where(met[..., None], height_map.colour.reshape(-1, 3)[vertex_ids], 0).astype(
+        np.uint8
+    )
     labels = None
     if height_map.labels is not None:
-        labels = np.where(met, height_map.labels.reshape(-1)[seen], UNKNOWN).astype(np.int32)
+        labels = np.where(met, height_map.labels.reshape(-1)[vertex_ids], UNKNOWN).astype(np.int32)
     return Frame(hit, camera, colour, labels, name)

@@ -55,4 +55,4 @@ class KnownScenes(ABC, Generic[Parameters]):
 
 def rows_of(tensors: Any, rows: Tensor) -> Any:
     """Some rows of a dataclass of tensors, by their numbers (N,)."""
-    return type(tensors)(*(getattr(tensors, one.name)[rows] for one in fields(tensors)))
+    return type(tensors)(*(getattr(tensors, field.name)[rows] for field in fields(tensors)))

@@ -50,8 +50,8 @@ class ExactSolids(KnownScenes[SolidScenes]):
 
     def computed(self) -> SceneVolumes:
         """Exact distances, votes and instances, as of `volumes.scene_volumes`."""
-        found = [_volumes(objects, self.grid) for objects in self.parameters.objects]
-        tsdf, votes, instances = (np.stack(volumes) for volumes in zip(*found, strict=True))
+        scene_volumes = [_volumes(objects, self.grid) for objects in self.parameters.objects]
+        tsdf, votes, instances = (np.stack(volumes) for volumes in zip(*scene_volumes, strict=True))
         device = self.parameters.positions.device
         return SceneVolumes(
             torch.from_numpy(tsdf)[:, None].to(device),
@@ -76,9 +76,9 @@ def _volumes(objects: Sequence[SceneObject], grid: GridSpec) -> tuple[Float32, F
         box = _box(mesh.vertices, grid)
         if box is None:
             continue
-        found = signed_distances(mesh.vertices, mesh.faces, centres[box])
-        closer = found < nearest[box]
-        nearest[box] = np.where(closer, found, nearest[box])
+        distances = signed_distances(mesh.vertices, mesh.faces, centres[box])
+        closer = distances < nearest[box]
+        nearest[box] = np.where(closer, distances, nearest[box])
         owner[box] = np.where(closer, label, owner[box])
     owner = np.where(nearest < 0, owner, 0).astype(np.int32)
     places = np.array([[0, 0, 0], *(item.pose.position for item in objects)], dtype=np.float32)
@@ -113,5 +113,5 @@ def signed_distances(vertices: Any, faces: Any, points: Float32) -> Float32:
         open3d.core.Tensor(np.asarray(faces, np.uint32)),
     )
     queries = open3d.core.Tensor(np.ascontiguousarray(points, dtype=np.float32))
-    found: Float32 = scene.compute_signed_distance(queries, nsamples=3).numpy()
-    return found
+    distances: Float32 = scene.compute_signed_distance(queries, nsamples=3).numpy()
+    return distances

@@ -24,8 +24,8 @@ class ExactScenes(KnownScenes[SceneParameters]):
 
     def parameters_of(self, rows: Tensor) -> SceneParameters:
         """Parameters of some of the scenes, by their numbers (N,)."""
-        found: SceneParameters = rows_of(self.parameters, rows)
-        return found
+        selection: SceneParameters = rows_of(self.parameters, rows)
+        return selection
 
     def depth(self, cameras: CameraBatch) -> Tensor:
         """Z-depth (B, H, W) in metres by rays that meet the superquadrics; 0 = nothing hit.
@@ -108,10 +108,10 @@ def _require_shapes(p: SceneParameters) -> None:
         "rotations": (*batch, 3, 3),
     }
     for name, shape in expected.items():
-        found = tuple(getattr(p, name).shape)
-        if len(batch) != 2 or found != shape:
+        actual_shape = tuple(getattr(p, name).shape)
+        if len(batch) != 2 or actual_shape != shape:
             raise InputError(
-                f"{name} of the scenes has shape {found}, expected (B, N, ...) = {shape} as "
+                f"{name} of the scenes has shape {actual_shape}, expected (B, N, ...) = {shape} as "
                 f"`present` is {batch}; stack scenes into one batch of equally many objects"
             )
 

@@ -87,10 +87,10 @@ class RandomViewpoints:
         """`T_world_camera` (B, 4, 4) of one camera per stream, distributed as those of `sample`."""
         target = self.centre + self.jitter * (2 * streams.uniform(3) - 1)
         position = np.empty_like(target)
-        missing, draws = np.arange(len(streams)), 3
-        while len(missing):
-            drawn = Streams(streams.keys[missing]).uniform(3, draws)
-            position[missing] = self.lower + (self.upper - self.lower) * drawn
-            away = np.linalg.norm(position[missing] - self.centre, axis=-1)
-            missing, draws = missing[away < self.closest], draws + 3
+        rows, draws = np.arange(len(streams)), 3
+        while len(rows):
+            samples = Streams(streams.keys[rows]).uniform(3, draws)
+            position[rows] = self.lower + (self.upper - self.lower) * samples
+            distances = np.linalg.norm(position[rows] - self.centre, axis=-1)
+            rows, draws = rows[distances < self.closest], draws + 3
         return look_at(position, target)

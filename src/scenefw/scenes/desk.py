@@ -15,7 +15,7 @@ from scenefw.core.tabletop import TabletopGeometry, TabletopItem, TabletopScene
 from scenefw.scenes import desk_light
 from scenefw.scenes.drape import draped
 from scenefw.scenes.numbers import NumberedScenes, require_draws
-from scenefw.scenes.resting import Body, Relief, Rest, body_of, rest
+from scenefw.scenes.resting import Body, Relief, Rest, body_of, resting_pose
 from scenefw.scenes.tabletop import assemble
 
 Array = NDArray[np.float64]
@@ -91,10 +91,10 @@ class DeskGenerator(NumberedScenes):
         rng = streams.generator(seed, index)
         look = desk_light.surface(rng)
         lights, ambient = desk_light.lamps(rng)
-        drawn = self._draw(rng, self.split_of(index))
+        samples = self._draw(rng, self.split_of(index))
         table = _Table(self, Relief(self.extent), rng)
-        for label, instance, scale in drawn:
-            table.put(label, instance, scale)
+        for label, instance, scale in samples:
+            table.place_model(label, instance, scale)
         surface = (*look.colour, *look.texture())
         items = tuple(table.items)
         return TabletopScene(items, surface, lights, ambient, self.classes, index, seed)
@@ -111,14 +111,16 @@ class DeskGenerator(NumberedScenes):
             self._bodies[key] = body_of(mesh.vertices @ _TURNS[turn].T, mesh.faces)
         return self._bodies[key]
 
-    def _weights(self, given: dict[str, float]) -> Array:
-        unknown = sorted(set(given) - set(self.classes[1:]))
-        found = np.array([given.get(name, 1.0) for name in self.classes[1:]], dtype=np.float64)
-        if unknown or found.min() < 0 or not found.sum() > 0:
+    def _weights(self, weights: dict[str, float]) -> Array:
+        unknown = sorted(set(weights) - set(self.classes[1:]))
+        class_weights = np.array(
+            [weights.get(name, 1.0) for name in self.classes[1:]], dtype=np.float64
+        )
+        if unknown or class_weights.min() < 0 or not class_weights.sum() > 0:
             raise ConfigError(
-                f"weights = {given}: expected numbers from 0 on for {', '.join(self.classes[1:])}"
+                f"weights = {weights}: expected numbers from 0 on for {', '.join(self.classes[1:])}"
             )
-        return found
+        return class_weights
 
     def _draw(self, rng: np.random.Generator, split: str) -> list[tuple[int, int, float]]:
         """Labels, instances and scales, the largest model first and what is limp last."""
@@ -127,11 +129,11 @@ class DeskGenerator(NumberedScenes):
             label: self.models.instances(label, split) for label in range(1, len(self.classes))
         }
         chance = self.weights * [len(stock[label]) > 0 for label in stock]
-        drawn = []
+        samples = []
         for label in rng.choice(list(stock), count, p=chance / chance.sum()):
             instance = int(rng.choice(np.asarray(stock[int(label)])))
-            drawn.append((int(label), instance, float(rng.uniform(*self.scales))))
-        return sorted(drawn, key=self._order, reverse=True)
+            samples.append((int(label), instance, float(rng.uniform(*self.scales))))
+        return sorted(samples, key=self._order, reverse=True)
 
     def _order(self, item: tuple[int, int, float]) -> float:
         mesh = self.models.model(*item[:2])
@@ -147,7 +149,7 @@ class _Table:
         self.items: list[TabletopItem] = []
         self._radii: list[float] = []
 
-    def put(self, label: int, instance: int, scale: float) -> None:
+    def place_model(self, label: int, instance: int, scale: float) -> None:
         """Adds a model where it finds a place."""
         if self.maker.models.model(label, instance).spine is not None:
             self._lay(label, instance)
@@ -157,9 +159,9 @@ class _Table:
         body = self.maker.body(label, instance, turn)
         way = int(self.rng.choice(3, p=self.maker.placed)) if self.items else _FREE
         for trial in range(self.maker.trials):
-            found = self._try(body, scale, way if trial < 0.7 * self.maker.trials else _FREE)
-            if found is not None:
-                self._add(label, instance, scale, body, found, _TURNS[turn])
+            pose = self._try(body, scale, way if trial < 0.7 * self.maker.trials else _FREE)
+            if pose is not None:
+                self._add(label, instance, scale, body, pose, _TURNS[turn])
                 return
 
     def _try(self, body: Body, scale: float, way: int) -> Rest | None:
@@ -176,12 +178,12 @@ class _Table:
         place = self.rng.uniform(-half, half, 2)
         if way != _FREE:
             number = int(self.rng.integers(len(self.items)))
-            other, radius = self.items[number], self._radii[number]
+            neighbour, radius = self.items[number], self._radii[number]
             if self.rng.random() < 0.5:  # along its sides
-                yaw = other.yaw + self.rng.integers(4) * np.pi / 2 + self.rng.normal(0, 0.02)
-            middle = np.array([other.x, other.y])
-            away = self.rng.uniform(0, 2 * np.pi)
-            ahead = np.array([np.cos(away), np.sin(away)])
+                yaw = neighbour.yaw + self.rng.integers(4) * np.pi / 2 + self.rng.normal(0, 0.02)
+            middle = np.array([neighbour.x, neighbour.y])
+            azimuth = self.rng.uniform(0, 2 * np.pi)
+            ahead = np.array([np.cos(azimuth), np.sin(azimuth)])
             if way == _ONTO:
                 reach = radius + (0.6 * scale * body.radius if self.rng.random() < 0.5 else 0)
                 place = middle + ahead * reach * np.sqrt(self.rng.random())
@@ -193,43 +195,45 @@ class _Table:
         onto = way == _ONTO
         steepest, highest = (self.maker.steepest, np.inf) if onto else (_FLAT, _LOW)
         turned = _yawed(yaw)
-        found = rest(body, self.relief, place, turned, scale, steepest, highest)
-        if found is None or found.hollow > (_HOLLOW if onto else _TIGHT):
+        pose = resting_pose(body, self.relief, place, turned, scale, steepest, highest)
+        if pose is None or pose.hollow > (_HOLLOW if onto else _TIGHT):
             return None
-        top = found.moved(scale * body.high)[:, 2].max()
-        return found if top < self.maker.highest else None
+        top = pose.moved(scale * body.high)[:, 2].max()
+        return pose if top < self.maker.highest else None
 
     def _pushed(
         self, body: Body, scale: float, yaw: float, middle: Array, ahead: Array, radius: float
     ) -> Array | None:
         """The place where a thing that slides towards another one along the table meets it."""
-        few = scale * body.low[:: max(1, len(body.low) // 150)] @ _yawed(yaw).T
-        far, near = radius + scale * body.radius + 0.004, 0.0
+        underside = scale * body.low[:: max(1, len(body.low) // 150)] @ _yawed(yaw).T
+        start_distance, end_distance = radius + scale * body.radius + 0.004, 0.0
         for step in (0.004, 0.0005):
-            away = np.arange(far, near, -step)
-            path = middle + away[:, None] * ahead
-            points = path[:, None] + few[None, :, :2]
+            distances = np.arange(start_distance, end_distance, -step)
+            path = middle + distances[:, None] * ahead
+            points = path[:, None] + underside[None, :, :2]
             out = np.abs(points).max(axis=(1, 2)) >= self.relief.half - self.relief.cell
             if out.any():  # beyond the table first, and over it later
                 path, points = path[~out], points[~out]
-            met = np.any(self.relief.at(points) - few[None, :, 2] > _TOUCH, axis=1)
+            met = np.any(self.relief.at(points) - underside[None, :, 2] > _TOUCH, axis=1)
             if not met.any() or met[0]:
                 return None
             stop = int(np.argmax(met))
-            far, near = (float(np.linalg.norm(path[k] - middle)) for k in (stop - 1, stop))
+            start_distance, end_distance = (
+                float(np.linalg.norm(path[k] - middle)) for k in (stop - 1, stop)
+            )
         return np.asarray(path[stop - 1])
 
     def _add(
-        self, label: int, instance: int, scale: float, body: Body, found: Rest, turn: Array
+        self, label: int, instance: int, scale: float, body: Body, pose: Rest, turn: Array
     ) -> None:
-        rotation = found.rotation @ turn
-        yaw = float(np.arctan2(found.rotation[1, 0], found.rotation[0, 0]))
+        rotation = pose.rotation @ turn
+        yaw = float(np.arctan2(pose.rotation[1, 0], pose.rotation[0, 0]))
         q = quaternion_from_rotation(_yawed(-yaw) @ rotation)
         w, i, j, k = (float(part) for part in q)
-        x, y, z = (float(part) for part in found.origin)
+        x, y, z = (float(part) for part in pose.origin)
         self.items.append(TabletopItem(label, instance, x, y, yaw, scale, z, (w, i, j, k)))
         self._radii.append(scale * body.radius)
-        self.relief.raise_to(found.moved(scale * body.high))
+        self.relief.raise_to(pose.moved(scale * body.high))
 
     def _lay(self, label: int, instance: int) -> None:
         """Lays a cable or the like over the table and what is on it, at a random place."""
@@ -239,15 +243,15 @@ class _Table:
         for _ in range(self.maker.trials):
             yaw = self.rng.uniform(0, 2 * np.pi)
             place = self.rng.uniform(-self.relief.half, self.relief.half, 2)
-            found = draped(spine @ _yawed(yaw).T + [*place, 0.0], self.relief)
-            if found is None:
+            drape = draped(spine @ _yawed(yaw).T + [*place, 0.0], self.relief)
+            if drape is None:
                 continue
             self.items.append(
                 TabletopItem(label, instance, float(place[0]), float(place[1]), yaw,
-                             lifts=tuple(found.lifts.tolist()))
+                             lifts=tuple(drape.lifts.tolist()))
             )  # fmt: skip
             self._radii.append(float(np.linalg.norm(spine[:, :2], axis=1).max()))
-            self.relief.raise_to(found.top)
+            self.relief.raise_to(drape.top)
             return
 
 

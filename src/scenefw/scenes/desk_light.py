@@ -51,18 +51,18 @@ def lamps(
 ) -> tuple[tuple[Light, ...], tuple[float, float, float]]:
     """One to three lamps and the light of the room; together 0.55 to 1.25 at the table's middle."""
     cast = _tint(rng, 0.12)
-    found, strength = [], 0.0
+    sources, strength = [], 0.0
     for number in range(int(rng.choice([1, 2, 3], p=[0.45, 0.4, 0.15]))):
         elevation, azimuth = np.deg2rad(rng.uniform(28, 80)), rng.uniform(0, 2 * np.pi)
         ahead = np.cos(elevation) * np.array([np.cos(azimuth), np.sin(azimuth)])
         position = rng.uniform(0.8, 2.5) * np.array([*ahead, np.sin(elevation)])
         share = rng.uniform(0.5, 1.0) * 0.5**number
-        found.append((position, share * cast * _tint(rng, 0.12)))
+        sources.append((position, share * cast * _tint(rng, 0.12)))
         strength += share * np.sin(elevation)
     room = rng.uniform(0.2, 0.9) * strength
-    whole = rng.uniform(0.55, 1.25) / (strength + room)
-    ambient = room * whole * cast * _tint(rng, 0.1)
-    lights = tuple(Light(_three(place), _three(whole * light)) for place, light in found)
+    scale = rng.uniform(0.55, 1.25) / (strength + room)
+    ambient = room * scale * cast * _tint(rng, 0.1)
+    lights = tuple(Light(_three(place), _three(scale * light)) for place, light in sources)
     return lights, _three(ambient)
 
 

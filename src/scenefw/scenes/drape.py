@@ -50,8 +50,8 @@ def draped(spine: Array, relief: Relief) -> Draped | None:
 
 def _hung(under: Array, along: Array) -> Array:
     """The lowest line over heights (S,) that is nowhere too steep, its bends rounded."""
-    away = np.abs(along[:, None] - along)
-    line = (under - _STEEPEST * away).max(axis=1)
+    distances = np.abs(along[:, None] - along)
+    line = (under - _STEEPEST * distances).max(axis=1)
     padded = np.pad(line, 2, mode="edge")
     mean = np.mean([padded[k : k + len(line)] for k in range(5)], axis=0)
     return np.asarray(np.maximum(mean, line))

@@ -63,8 +63,8 @@ class StoredMeshScenes:
     def shapes(self, split: str) -> set[bytes]:
         """The meshes of a part, by name."""
         rows = self.split == SPLITS.index(split)
-        here = np.arange(self.mesh.shape[1]) < self.count[rows, None]
-        return {str(self.names[i]).encode() for i in np.unique(self.mesh[rows][here])}
+        present_mask = np.arange(self.mesh.shape[1]) < self.count[rows, None]
+        return {str(self.names[i]).encode() for i in np.unique(self.mesh[rows][present_mask])}
 
     def scene(self, row: int, seed: int = 0) -> Scene:
         """One scene as objects."""
@@ -86,7 +86,7 @@ class StoredMeshScenes:
         """The meshes as solids."""
         starts = np.vstack([np.zeros((1, 2), np.int64), self.ends])
         corner_starts = [0, *self.parts[:, 1]]
-        found = []
+        solids = []
         for i, name in enumerate(self.names):
             (v0, f0), (v1, f1) = starts[i], starts[i + 1]
             parts = tuple(
@@ -94,8 +94,8 @@ class StoredMeshScenes:
                 for k in np.flatnonzero(self.parts[:, 0] == i)
             )
             vertices = self.vertices[v0:v1].astype(np.float64)
-            found.append(SolidMesh(vertices, self.faces[f0:f1].astype(np.int64), parts, str(name)))
-        return tuple(found)
+            solids.append(SolidMesh(vertices, self.faces[f0:f1].astype(np.int64), parts, str(name)))
+        return tuple(solids)
 
 
 def pack_meshes(scenes: Sequence[Scene]) -> StoredMeshScenes:
@@ -112,15 +112,15 @@ def pack_meshes(scenes: Sequence[Scene]) -> StoredMeshScenes:
                     f"scene {scene.index} holds a {type(item.shape).__name__} beside meshes; "
                     "generate scenes of one kind of shapes"
                 )
-            known = library.setdefault(item.shape.name, item.shape)
-            if not np.array_equal(known.vertices, item.shape.vertices):
+            solid = library.setdefault(item.shape.name, item.shape)
+            if not np.array_equal(solid.vertices, item.shape.vertices):
                 raise StorageError(f"two different meshes have the name {item.shape.name!r}")
     return _stored(scenes, dict(sorted(library.items())))
 
 
 def _stored(scenes: Sequence[Scene], library: dict[str, SolidMesh]) -> StoredMeshScenes:
-    most = max((len(scene.objects) for scene in scenes), default=0)
-    shape = (len(scenes), most)
+    max_objects = max((len(scene.objects) for scene in scenes), default=0)
+    shape = (len(scenes), max_objects)
     rows = {name: i for i, name in enumerate(library)}
     mesh, masses = np.zeros(shape, np.int32), np.zeros(shape, np.float32)
     positions = np.zeros((*shape, 3), np.float32)
@@ -142,21 +142,21 @@ def _stored(scenes: Sequence[Scene], library: dict[str, SolidMesh]) -> StoredMes
 
 
 def _packed(solids: Sequence[SolidMesh]) -> dict[str, Any]:
-    owners = [(i, part) for i, one in enumerate(solids) for part in one.parts]
-    counts = np.array([(len(one.vertices), len(one.faces)) for one in solids], np.int64)
+    owners = [(i, part) for i, solid in enumerate(solids) for part in solid.parts]
+    counts = np.array([(len(solid.vertices), len(solid.faces)) for solid in solids], np.int64)
     sizes = np.cumsum([len(part) for _, part in owners], dtype=np.int64)
     numbers = np.array([i for i, _ in owners], np.int64)
     return {
-        "names": np.array([one.name for one in solids], dtype=np.str_),
-        "vertices": _joined([one.vertices for one in solids], np.float32),
-        "faces": _joined([one.faces for one in solids], np.int32),
-        "corners": _joined([part for _, part in owners], np.float32),
+        "names": np.array([solid.name for solid in solids], dtype=np.str_),
+        "vertices": _concatenate([solid.vertices for solid in solids], np.float32),
+        "faces": _concatenate([solid.faces for solid in solids], np.int32),
+        "corners": _concatenate([part for _, part in owners], np.float32),
         "ends": counts.reshape(-1, 2).cumsum(axis=0),
         "parts": np.column_stack([numbers, sizes]).reshape(-1, 2).astype(np.int64),
     }
 
 
-def _joined(arrays: Sequence[NDArray[Any]], kind: type) -> NDArray[Any]:
+def _concatenate(arrays: Sequence[NDArray[Any]], kind: type) -> NDArray[Any]:
     return np.concatenate([np.zeros((0, 3)), *arrays]).astype(kind)
 
 

@@ -45,19 +45,19 @@ class Body:
 
 def body_of(vertices: Array, faces: NDArray[np.int64]) -> Body:
     """The columns of a mesh, by rays from below and above."""
-    least, most = vertices.min(axis=0), vertices.max(axis=0)
-    size = most - least
+    lower, upper = vertices.min(axis=0), vertices.max(axis=0)
+    size = upper - lower
     step = min(float(np.clip(size.max() / 100, *_SPACING)), max(size[:2].min() / 8, 4e-4))
-    along = [np.arange(least[k] + step / 2, most[k], step) for k in range(2)]
+    along = [np.arange(lower[k] + step / 2, upper[k], step) for k in range(2)]
     x, y = (grid.ravel() for grid in np.meshgrid(*along))
     tree = Tree((vertices[faces]).astype(np.float32))
-    top, hit = _cast(tree, x, y, most[2] + 0.01, -1.0)
-    bottom, _ = _cast(tree, x, y, least[2] - 0.01, 1.0)
+    top, hit = _cast(tree, x, y, upper[2] + 0.01, -1.0)
+    bottom, _ = _cast(tree, x, y, lower[2] - 0.01, 1.0)
     low = np.column_stack([x, y, bottom])[hit]
     high = np.column_stack([x, y, np.maximum(top, bottom)])[hit]
     corners = vertices[ConvexHull(vertices).vertices]  # what rays between them miss
     low, high = np.concatenate([low, corners]), np.concatenate([high, corners])
-    cell = ((low[:, :2] - least[:2]) / np.maximum(size[:2], 1e-9) * _BINS).astype(int)
+    cell = ((low[:, :2] - lower[:2]) / np.maximum(size[:2], 1e-9) * _BINS).astype(int)
     key = np.minimum(cell[:, 0], _BINS - 1) * _BINS + np.minimum(cell[:, 1], _BINS - 1)
     order = np.argsort(key, kind="stable")
     first = np.flatnonzero(np.diff(key[order], prepend=-1))
@@ -120,7 +120,7 @@ class Rest:
         return points @ self.rotation.T + self.origin
 
 
-def rest(
+def resting_pose(
     body: Body,
     relief: Relief,
     place: Array,
@@ -166,9 +166,9 @@ def rest(
 
 def _slope(under: Array, need: Array, bins: NDArray[np.int64], middle: Array) -> Array:
     """Slope (2,) of the lowest plane over the needed heights at the centre of mass."""
-    most = np.maximum.reduceat(need, bins)
+    maxima = np.maximum.reduceat(need, bins)
     counts = np.diff([*bins, len(need)])
-    place = np.flatnonzero(need == np.repeat(most, counts))
+    place = np.flatnonzero(need == np.repeat(maxima, counts))
     points = np.column_stack([under[place, :2], need[place]])
     span = np.ptp(points[:, :2], axis=0).max()
     if len(points) < 4 or span < 1e-3:

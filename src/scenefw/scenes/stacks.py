@@ -127,7 +127,7 @@ class StackGenerator:
         for _ in range(0, self.max_steps, _WATCH):
             at_rest = self.engine.settle(_WATCH)
             if at_rest or not self._inside(handle):
-                return at_rest and all(self._inside(other) for other in handles)
+                return at_rest and all(self._inside(body) for body in handles)
         return False
 
     def _inside(self, handle: int) -> bool:

@@ -46,7 +46,7 @@ def draw(stored: StoredScenes, path: Path) -> None:
     from matplotlib.figure import Figure
     from PIL import Image
 
-    here = present(stored)
+    present_mask = present(stored)
     figure = Figure(figsize=(10, 5.6), layout="constrained")
     axes = figure.subplots(2, 3).ravel()
     counts, times = np.unique(stored.count, return_counts=True)
@@ -54,14 +54,14 @@ def draw(stored: StoredScenes, path: Path) -> None:
     axes[0].set(xlabel="objects per scene", ylabel="scenes")
     axes[1].bar(SPLITS, [(stored.split == i).sum() for i in range(len(SPLITS))])
     axes[1].set(xlabel="part", ylabel="scenes")
-    axes[2].hist(200 * stored.half_axes[here].ravel(), bins=40)
+    axes[2].hist(200 * stored.half_axes[present_mask].ravel(), bins=40)
     axes[2].set(xlabel="extent (cm)", ylabel="object axes")
-    axes[3].hist(np.log10(stored.exponents[here].ravel()), bins=40)
+    axes[3].hist(np.log10(stored.exponents[present_mask].ravel()), bins=40)
     ticks = [2, 5, 10, 20, 50, 100]
     axes[3].set(xlabel="exponent", ylabel="object axes", xticks=np.log10(ticks), xticklabels=ticks)
     axes[4].hist(100 * heights(stored), bins=40)
     axes[4].set(xlabel="height of the scene (cm)", ylabel="scenes")
-    centres = 100 * stored.positions[here]
+    centres = 100 * stored.positions[present_mask]
     axes[5].plot(centres[:, 0], centres[:, 1], ",", alpha=0.5)
     axes[5].set(xlabel="object centre x (cm)", ylabel="y (cm)", aspect="equal")
     for index, axis in enumerate(axes):

@@ -60,9 +60,11 @@ class StoredScenes:
     def shapes(self, split: str) -> set[bytes]:
         """The shapes of a part: half-axes and exponents as bytes, to be compared exactly."""
         rows = self.split == SPLITS.index(split)
-        here = np.arange(self.masses.shape[1]) < self.count[rows, None]
-        both = np.concatenate([self.half_axes[rows][here], self.exponents[rows][here]], axis=-1)
-        return {row.tobytes() for row in both}
+        present_mask = np.arange(self.masses.shape[1]) < self.count[rows, None]
+        parameters = np.concatenate(
+            [self.half_axes[rows][present_mask], self.exponents[rows][present_mask]], axis=-1
+        )
+        return {row.tobytes() for row in parameters}
 
     def scene(self, row: int, seed: int = 0) -> Scene:
         """One scene as objects."""
@@ -95,8 +97,8 @@ def pack(scenes: Sequence[Scene]) -> Stored:
     """
     if any(isinstance(item.shape, SolidMesh) for scene in scenes for item in scene.objects):
         return pack_meshes(scenes)
-    most = max((len(scene.objects) for scene in scenes), default=0)
-    stored = _fillers(len(scenes), most)
+    max_objects = max((len(scene.objects) for scene in scenes), default=0)
+    stored = _fillers(len(scenes), max_objects)
     for row, scene in enumerate(scenes):
         stored.count[row] = len(scene.objects)
         stored.index[row] = scene.index
@@ -121,19 +123,19 @@ def concatenate(parts: Iterable[Stored]) -> Stored:
     Raises:
         StorageError: some are of superquadrics, others of meshes.
     """
-    given = list(parts)
-    meshes = [part for part in given if isinstance(part, StoredMeshScenes)]
-    found = [part for part in given if isinstance(part, StoredScenes)]
-    if meshes and any(len(part) for part in found):
+    part_list = list(parts)
+    meshes = [part for part in part_list if isinstance(part, StoredMeshScenes)]
+    superquadrics = [part for part in part_list if isinstance(part, StoredScenes)]
+    if meshes and any(len(part) for part in superquadrics):
         raise StorageError("scenes of superquadrics and of meshes can't be in one file")
-    return concatenate_meshes(meshes) if meshes else _concatenated(found)
+    return concatenate_meshes(meshes) if meshes else _concatenated(superquadrics)
 
 
-def _concatenated(found: Sequence[StoredScenes]) -> StoredScenes:
-    total = sum(len(part) for part in found)
-    most = max((part.masses.shape[1] for part in found), default=0)
-    merged, start = _fillers(total, most), 0
-    for part in found:
+def _concatenated(parts: Sequence[StoredScenes]) -> StoredScenes:
+    total = sum(len(part) for part in parts)
+    max_objects = max((part.masses.shape[1] for part in parts), default=0)
+    merged, start = _fillers(total, max_objects), 0
+    for part in parts:
         rows = slice(start, start + len(part))
         for name, array in merged.arrays().items():
             values = part.arrays()[name]
@@ -181,7 +183,7 @@ def load_scenes(path: Path | str) -> Stored:
     try:
         with np.load(path, allow_pickle=False) as file:
             kind: type[Stored] = StoredMeshScenes if "mesh" in file.files else StoredScenes
-            found = {field.name: file[field.name] for field in fields(kind)}
+            arrays = {field.name: file[field.name] for field in fields(kind)}
     except FileNotFoundError as error:
         raise StorageError(f"no scenes at {path}; make them with run=generate") from error
     except KeyError as error:
@@ -192,10 +194,10 @@ def load_scenes(path: Path | str) -> Stored:
             "run=generate"
         ) from error
     if kind is StoredScenes:
-        _check_layout(path, found)
+        _check_layout(path, arrays)
     if path.with_suffix(".json").exists():
-        _check_manifest(path, found)
-    return kind(**found)
+        _check_manifest(path, arrays)
+    return kind(**arrays)
 
 
 def load_manifest(path: Path | str) -> dict[str, Any]:
@@ -228,27 +230,27 @@ def _fillers(scenes: int, objects: int) -> StoredScenes:
     )
 
 
-def _check_layout(path: Path, found: Mapping[str, NDArray[Any]]) -> None:
-    scenes, objects = (*found["masses"].shape, 0, 0)[:2]
-    for name, wanted in _fillers(scenes, objects).arrays().items():
-        array = found[name]
-        if array.shape != wanted.shape or array.dtype != wanted.dtype:
+def _check_layout(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    scenes, objects = (*arrays["masses"].shape, 0, 0)[:2]
+    for name, expected in _fillers(scenes, objects).arrays().items():
+        array = arrays[name]
+        if array.shape != expected.shape or array.dtype != expected.dtype:
             raise StorageError(
-                f"{path}: {name} is {array.dtype} {array.shape}, expected {wanted.dtype} "
-                f"{wanted.shape}; regenerate the file with run=generate"
+                f"{path}: {name} is {array.dtype} {array.shape}, expected {expected.dtype} "
+                f"{expected.shape}; regenerate the file with run=generate"
             )
-    if (found["count"] > objects).any():
+    if (arrays["count"] > objects).any():
         raise StorageError(f"{path}: a scene counts more objects than it has rows ({objects})")
 
 
-def _check_manifest(path: Path, found: Mapping[str, NDArray[Any]]) -> None:
+def _check_manifest(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     manifest = load_manifest(path)
     if manifest.get("format") not in _READ:
         raise StorageError(
             f"{path} has format {manifest.get('format')}, this version reads "
             f"{' and '.join(map(str, _READ))}; regenerate it with run=generate"
         )
-    for name, array in found.items():
+    for name, array in arrays.items():
         if manifest.get("arrays", {}).get(name, {}).get("sha256") != _digest(array):
             raise StorageError(
                 f"{path}: {name} is not what {path.with_suffix('.json').name} says; "

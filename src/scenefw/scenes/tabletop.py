@@ -93,42 +93,44 @@ class TabletopGenerator(NumberedScenes):
 
     def _draw(self, rng: np.random.Generator, split: str) -> list[tuple[int, int, float]]:
         """Labels, instances and scales, the largest model first."""
-        drawn = []
+        samples = []
         for _ in range(int(rng.integers(self.minimum, self.maximum + 1))):
             label = int(rng.integers(1, len(self.classes)))
             instance = int(rng.choice(np.asarray(self.models.instances(label, split))))
-            drawn.append((label, instance, float(rng.uniform(*self.scales))))
-        return sorted(drawn, key=self._size, reverse=True)
+            samples.append((label, instance, float(rng.uniform(*self.scales))))
+        return sorted(samples, key=self._size, reverse=True)
 
     def _size(self, item: tuple[int, int, float]) -> float:
         outline = self._outline(*item[:2]) * item[2]
         return float(np.prod(np.ptp(outline, axis=0)))
 
     def _place(
-        self, drawn: Sequence[tuple[int, int, float]], rng: np.random.Generator
+        self, samples: Sequence[tuple[int, int, float]], rng: np.random.Generator
     ) -> tuple[TabletopItem, ...]:
         items: list[TabletopItem] = []
-        taken: list[Array] = []
-        for label, instance, scale in drawn:
+        outlines: list[Array] = []
+        for label, instance, scale in samples:
             outline = self._outline(label, instance) * scale
             for _ in range(self.trials):
                 yaw = float(rng.uniform(0, 2 * np.pi))
                 turned = outline @ _rotation(yaw).T
                 low, high = -self.half - turned.min(axis=0), self.half - turned.max(axis=0)
                 place = rng.uniform(low, np.maximum(low, high))
-                here = turned + place
-                if (high > low).all() and all(apart(here, other, self.gap) for other in taken):
+                candidate = turned + place
+                if (high > low).all() and all(
+                    are_separate(candidate, neighbour, self.gap) for neighbour in outlines
+                ):
                     items.append(
                         TabletopItem(label, instance, float(place[0]), float(place[1]), yaw, scale)
                     )
-                    taken.append(here)
+                    outlines.append(candidate)
                     break
         return tuple(items)
 
     def _outline(self, label: int, instance: int) -> Array:
         if (label, instance) not in self._outlines:
-            found = outline_of(self.models.model(label, instance).vertices)
-            self._outlines[label, instance] = found
+            outline = outline_of(self.models.model(label, instance).vertices)
+            self._outlines[label, instance] = outline
         return self._outlines[label, instance]
 
 
@@ -138,7 +140,7 @@ def outline_of(vertices: Array) -> Array:
     return np.asarray(flat[ConvexHull(flat).vertices])
 
 
-def apart(first: Array, second: Array, gap: float) -> bool:
+def are_separate(first: Array, second: Array, gap: float) -> bool:
     """Whether a side of one convex outline (K, 2) is at least `gap` away from the other outline.
 
     Where corner faces corner, outlines somewhat farther apart than `gap` may count as too near.
@@ -161,10 +163,10 @@ def assemble(scene: TabletopScene, models: TabletopModels) -> TabletopGeometry:
     counts = [len(mesh.faces) for mesh in meshes]
     first_row = 1 + np.cumsum([0, *(len(mesh.textures) for mesh in meshes)])
     return TabletopGeometry(
-        _joined(corners, (3, 3)),
-        _joined(normals, (3, 3)),
-        _joined([mesh.colours for mesh in meshes], (3,)),
-        _joined(
+        _concatenate(corners, (3, 3)),
+        _concatenate(normals, (3, 3)),
+        _concatenate([mesh.colours for mesh in meshes], (3,)),
+        _concatenate(
             [m.texture_of + row for m, row in zip(meshes, first_row, strict=False)], (), np.int32
         ),
         np.repeat(np.arange(len(meshes), dtype=np.int32), counts),
@@ -210,10 +212,10 @@ def _lamps(
         lamps.append((position, share * _tint(rng)))
         strength += share * np.sin(elevation)
     room = rng.uniform(0.35, 0.9) * strength
-    whole = rng.uniform(0.75, 1.2) / (strength + room)
-    ambient = room * whole * _tint(rng)
+    scale = rng.uniform(0.75, 1.2) / (strength + room)
+    ambient = room * scale * _tint(rng)
     lights = tuple(
-        Light(_three(position), _three(whole * intensity)) for position, intensity in lamps
+        Light(_three(position), _three(scale * intensity)) for position, intensity in lamps
     )
     return lights, _three(ambient)
 
@@ -233,7 +235,9 @@ def _rotation(yaw: float) -> Array:
     return np.array([[c, -s], [s, c]])
 
 
-def _joined(parts: Sequence[NDArray], shape: tuple[int, ...], dtype: type = np.float32) -> NDArray:
+def _concatenate(
+    parts: Sequence[NDArray], shape: tuple[int, ...], dtype: type = np.float32
+) -> NDArray:
     if not parts:
         return np.zeros((0, *shape), dtype=dtype)
     return np.concatenate(parts).astype(dtype)

@@ -16,12 +16,12 @@ def equal_descriptions() -> Tensor:
     A superquadric of three exponents with rotation R, half-axes a and exponents r is the same as
     one with R P, |P|^T a and |P|^T r. Callers share the tensor and only read it.
     """
-    found = []
+    rotations = []
     for order in itertools.permutations(range(3)):
         for signs in itertools.product((1.0, -1.0), repeat=3):
             matrix = torch.zeros(3, 3)
             for column, (row, sign) in enumerate(zip(order, signs, strict=True)):
                 matrix[row, column] = sign
             if torch.linalg.det(matrix) > 0:
-                found.append(matrix)
-    return torch.stack(found)
+                rotations.append(matrix)
+    return torch.stack(rotations)

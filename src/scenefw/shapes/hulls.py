@@ -54,10 +54,10 @@ def _superquadric_hull(
     shape = Superquadric(np.array(half_axes), np.array(exponents))
     directions = _directions(shape)
     points = shape.support(directions)
-    chosen = points[_covering(directions, points, tolerance)]
+    corners = points[_covering(directions, points, tolerance)]
     # A chord lies up to `tolerance` inside a curved surface: moving the corners out by half of
     # that centres the error. Flat sides lie exactly at the half-axes and stay there.
-    inset = chosen - (margin - tolerance / 2) * shape.normals(chosen)
+    inset = corners - (margin - tolerance / 2) * shape.normals(corners)
     limit = np.maximum(shape.half_axes - margin, shape.half_axes / 2)
     return np.asarray(np.round(np.clip(inset, -limit, limit), 8), dtype=np.float64)
 
@@ -73,8 +73,8 @@ def _drawn_in(points: Array, tolerance: float, margin: float) -> Array:
         directions = np.concatenate([axes, sphere_points(500), hull.equations[:, :3]])
         corners = points[hull.vertices]
         tips = corners[(directions @ corners.T).argmax(axis=1)]
-        chosen = np.unique(tips[_covering(directions, tips, tolerance)], axis=0)
-        planes = np.unique(ConvexHull(chosen).equations.round(9), axis=0)
+        vertices = np.unique(tips[_covering(directions, tips, tolerance)], axis=0)
+        planes = np.unique(ConvexHull(vertices).equations.round(9), axis=0)
         centre, depth = _deepest(planes)
         planes[:, 3] += min(margin, depth / 2)
         inner = HalfspaceIntersection(planes, centre).intersections
@@ -85,13 +85,13 @@ def _drawn_in(points: Array, tolerance: float, margin: float) -> Array:
 
 def _deepest(planes: Array) -> tuple[Array, float]:
     """Centre (3,) and radius of the largest ball inside planes (P, 4)."""
-    found = linprog(
+    solution = linprog(
         [0, 0, 0, -1],
         A_ub=np.column_stack([planes[:, :3], np.ones(len(planes))]),
         b_ub=-planes[:, 3],
         bounds=[(None, None)] * 3 + [(0, None)],
     )
-    return found.x[:3], float(found.x[3])
+    return solution.x[:3], float(solution.x[3])
 
 
 def _directions(shape: Superquadric) -> Array:
@@ -105,14 +105,14 @@ def _directions(shape: Superquadric) -> Array:
 def _covering(directions: Array, points: Array, tolerance: float) -> list[int]:
     """Indices of support points whose hull comes within `tolerance` of all of them, greedily."""
     reach = np.einsum("ij,ij->i", directions, points)
-    chosen = list(range(6))
+    indices = list(range(6))
     covered = (directions @ points[:6].T).max(axis=1)
     while True:
         gaps = np.round(reach - covered, 9)  # the last bits differ between processors
         worst = int(np.argmax(gaps))
         if gaps[worst] <= tolerance:
-            return chosen
-        chosen.append(worst)
+            return indices
+        indices.append(worst)
         np.maximum(covered, directions @ points[worst], out=covered)
 
 
@@ -123,9 +123,9 @@ def thinned_hull(points: Array, tolerance: float) -> TriangleMesh:
         points: (N, 3) metres, not all in a plane.
         tolerance: metres, held in 1500 directions and along flat sides.
     """
-    whole = ConvexHull(points)
-    corners = points[whole.vertices]
-    directions = np.concatenate([np.eye(3), -np.eye(3), _sides(whole), sphere_points(1500)])
+    hull = ConvexHull(points)
+    corners = points[hull.vertices]
+    directions = np.concatenate([np.eye(3), -np.eye(3), _sides(hull), sphere_points(1500)])
     support = corners[(corners @ directions.T).argmax(axis=0)]
     return hull_mesh(support[_covering(directions, support, tolerance)])
 
@@ -133,8 +133,8 @@ def thinned_hull(points: Array, tolerance: float) -> TriangleMesh:
 def hull_mesh(points: Array) -> TriangleMesh:
     """The convex hull of points (N, 3), closed, its faces counter-clockwise from outside."""
     hull = ConvexHull(points)
-    used = np.sort(hull.vertices)
-    vertices, faces = points[used], np.searchsorted(used, hull.simplices)
+    indices = np.sort(hull.vertices)
+    vertices, faces = points[indices], np.searchsorted(indices, hull.simplices)
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     outward = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) > 0
     faces = np.where(outward[:, None], faces, faces[:, ::-1])
@@ -145,8 +145,8 @@ def _sides(hull: ConvexHull) -> Array:
     """Normals (K, 3) of its large flat sides."""
     a, b, c = (hull.points[hull.simplices[:, i]] for i in range(3))
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-    normals, which = np.unique(hull.equations[:, :3].round(6), axis=0, return_inverse=True)
-    return normals[np.bincount(which.ravel(), areas) > _SIDE * hull.area]
+    normals, side_indices = np.unique(hull.equations[:, :3].round(6), axis=0, return_inverse=True)
+    return normals[np.bincount(side_indices.ravel(), areas) > _SIDE * hull.area]
 
 
 def sphere_points(count: int) -> Array:

@@ -72,8 +72,8 @@ def draw_exponents(
     rng: np.random.Generator, size: int, limits: tuple[float, ...], paired: float
 ) -> Array:
     """Log-uniform exponents (size, 3); of a share `paired` of the rows, two are equal."""
-    least, most = np.log(limits)
-    exponents = np.exp(rng.uniform(least, most, size=(size, 3)))
+    lower, upper = np.log(limits)
+    exponents = np.exp(rng.uniform(lower, upper, size=(size, 3)))
     pairs = np.flatnonzero(rng.random(size) < paired)
     first = rng.integers(3, size=len(pairs))
     exponents[pairs, first] = exponents[pairs, (first + 1) % 3]

@@ -67,8 +67,8 @@ class MeshFolder:
         self._files: list[list[dict[str, Any]]] = [[] for _ in DESK]
         for entry in _entries(Path(root), index):
             words = " ".join(str(entry.get(key, "")) for key in ("name", "category", "group"))
-            left = leave_out is not None and re.search(leave_out, words, re.IGNORECASE)
-            if not left and max(entry["extents_m"]) <= longest:
+            is_excluded = leave_out is not None and re.search(leave_out, words, re.IGNORECASE)
+            if not is_excluded and max(entry["extents_m"]) <= longest:
                 self._files[_class_of(words, patterns)].append(entry)
         if not any(self._files):
             raise InputError(f"{root}/{index} names no model of {longest} m or less")
@@ -92,8 +92,8 @@ class MeshFolder:
         """
         if (label, instance) not in self._models:
             rng = streams.generator(self.seed, label, instance)
-            found = read_mesh(self._files[label][instance], self.faces, rng)
-            self._models[label, instance] = found
+            mesh = read_mesh(self._files[label][instance], self.faces, rng)
+            self._models[label, instance] = mesh
         return self._models[label, instance]
 
 
@@ -117,13 +117,13 @@ def read_mesh(entry: Mapping[str, Any], faces: int, rng: np.random.Generator) ->
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
     vertices = _laid(vertices * _unit(np.ptp(vertices, axis=0), entry["extents_m"], path))
     colour = _colours(mesh, rng)
-    vertices, triangles, kept = _coarser(vertices, np.asarray(mesh.faces), faces)
+    vertices, triangles, face_rows = _coarser(vertices, np.asarray(mesh.faces), faces)
     normals = face_normals(vertices[triangles])
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     flat = np.repeat((normals / np.maximum(lengths, 1e-15))[:, None], 3, axis=1)
     gloss = Look((0, 0, 0), gloss=rng.uniform(0, 0.4)).texture()
     return TexturedMesh(
-        vertices, triangles, flat.astype(np.float32), colour[kept],
+        vertices, triangles, flat.astype(np.float32), colour[face_rows],
         np.zeros(len(triangles), dtype=np.int32), np.array([gloss], dtype=np.float32),
     )  # fmt: skip
 
@@ -134,7 +134,7 @@ def _entries(root: Path, index: str) -> list[dict[str, Any]]:
         listed = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(f"{path} can't be read ({error}); expected a list of meshes") from error
-    found = []
+    entries = []
     for number, entry in enumerate(listed if isinstance(listed, list) else [None]):
         try:
             size = [float(side) for side in entry["extents_m"]]
@@ -147,11 +147,11 @@ def _entries(root: Path, index: str) -> list[dict[str, Any]]:
                 f"entry {number} of {path} is unusable ({wrong}); expected file, name and "
                 "extents_m, three lengths above 0"
             )
-        place = next((one for one in places if one.is_file()), None)
+        place = next((candidate for candidate in places if candidate.is_file()), None)
         if place is None:
             raise InputError(f"{path} names {entry['file']}, which is missing; take it out")
-        found.append({**entry, "path": str(place)})
-    return found
+        entries.append({**entry, "path": str(place)})
+    return entries
 
 
 def _class_of(words: str, patterns: Mapping[str, str]) -> int:
@@ -183,30 +183,30 @@ def _laid(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _coarser(
-    vertices: NDArray[np.float64], faces: NDArray[np.int64], most: int
+    vertices: NDArray[np.float64], faces: NDArray[np.int64], max_faces: int
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
-    """Vertices within cells joined until at most `most` faces are left; rows of faces kept."""
-    kept, cell, size = np.arange(len(faces)), 0.0, float(np.ptp(vertices, axis=0).max())
-    joined, triangles = vertices, faces.astype(np.int64)
-    while len(triangles) > most:
+    """Vertices within cells joined until at most `max_faces` faces are left; rows of faces kept."""
+    face_rows, cell, size = np.arange(len(faces)), 0.0, float(np.ptp(vertices, axis=0).max())
+    points, triangles = vertices, faces.astype(np.int64)
+    while len(triangles) > max_faces:
         cell = 1.3 * cell if cell else size / 200
         place = np.floor((vertices - vertices.min(axis=0)) / cell).astype(np.int64)
         key = (place[:, 0] * 4096 + place[:, 1]) * 4096 + place[:, 2]
         number = np.unique(key, return_inverse=True)[1].ravel()
         count = np.bincount(number)[:, None]
         sums = [np.bincount(number, weights=vertices[:, k]) for k in range(3)]
-        joined, triangles = np.column_stack(sums) / count, number[faces]
+        points, triangles = np.column_stack(sums) / count, number[faces]
         a, b, c = triangles.T
-        kept = np.flatnonzero((a != b) & (b != c) & (c != a))
-        triangles = triangles[kept]
-    return joined - [0, 0, joined[:, 2].min()], triangles, kept
+        face_rows = np.flatnonzero((a != b) & (b != c) & (c != a))
+        triangles = triangles[face_rows]
+    return points - [0, 0, points[:, 2].min()], triangles, face_rows
 
 
 def _colours(mesh: Any, rng: np.random.Generator) -> NDArray[np.float32]:
     """Linear colours (F, 3); one for a mesh without any."""
     if mesh.visual.kind is None:
-        own = np.array(colours.vivid(rng) if rng.random() < 0.5 else colours.plastic(rng))
-        return np.broadcast_to(own.astype(np.float32), (len(mesh.faces), 3)).copy()
+        colour = np.array(colours.vivid(rng) if rng.random() < 0.5 else colours.plastic(rng))
+        return np.broadcast_to(colour.astype(np.float32), (len(mesh.faces), 3)).copy()
     visual = mesh.visual.to_color() if mesh.visual.kind == "texture" else mesh.visual
-    shown = np.asarray(visual.face_colors)[:, :3] / 255
-    return np.asarray(shown**2.2, dtype=np.float32)
+    srgb = np.asarray(visual.face_colors)[:, :3] / 255
+    return np.asarray(srgb**2.2, dtype=np.float32)

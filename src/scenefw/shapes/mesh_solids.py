@@ -71,9 +71,9 @@ class MeshSolids:
             )
         names = sorted(self._files)
         while names:
-            found = self.solid(names.pop(int(rng.integers(len(names)))))
-            if found is not None:
-                return found
+            solid_mesh = self.solid(names.pop(int(rng.integers(len(names)))))
+            if solid_mesh is not None:
+                return solid_mesh
         raise InputError(
             f"no mesh in {self.root} is {self.shortest} to {self.longest} m long; give "
             "shape.scale=METRES_PER_UNIT, or other shape.shortest and shape.longest"
@@ -86,10 +86,10 @@ class MeshSolids:
             InputError: it is unusable.
         """
         if name not in self._solids:
-            self._solids[name] = self._read(name)
+            self._solids[name] = self._read_solid(name)
         return self._solids[name]
 
-    def _read(self, name: str) -> SolidMesh | None:
+    def _read_solid(self, name: str) -> SolidMesh | None:
         path = self._files[name]
         try:
             mesh = read_closed(path)
@@ -109,8 +109,8 @@ class MeshSolids:
         except InputError as error:
             raise InputError(f"mesh {path}: {error}; take it out with {_without(name)}") from error
         vertices = shape.mesh().vertices.astype(np.float32).astype(np.float64)
-        found = SolidMesh(vertices, mesh.faces, name=name)
-        return replace(found, parts=self._parts(found))
+        solid_mesh = SolidMesh(vertices, mesh.faces, name=name)
+        return replace(solid_mesh, parts=self._parts(solid_mesh))
 
     def _other_unit(self, size: float) -> str:
         """Asks for the scale of another unit, if a mesh of this size (m) fits a table in it."""
@@ -134,8 +134,8 @@ class MeshSolids:
             f"'shape.leave_out=\"{'|'.join(patterns)}\"'"
         )
 
-    def _parts(self, found: SolidMesh) -> tuple[Float64, ...]:
-        return PartCache(self.parts).of(found.mesh()) if self.parts else ()
+    def _parts(self, solid_mesh: SolidMesh) -> tuple[Float64, ...]:
+        return PartCache(self.parts).of(solid_mesh.mesh()) if self.parts else ()
 
 
 def read_closed(path: Path) -> TriangleMesh:
@@ -158,13 +158,13 @@ def read_closed(path: Path) -> TriangleMesh:
     mesh.update_faces(mesh.nondegenerate_faces())
     if mesh.is_watertight and mesh.volume < 0:
         mesh.invert()
-    found = TriangleMesh(np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64))
-    if not closed(found):
+    surface = TriangleMesh(np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64))
+    if not closed(surface):
         raise InputError(
             f"mesh {path} is not closed, so it has no inside; close it, or take it out with "
             f"{_without(path.stem)}"
         )
-    return found
+    return surface
 
 
 def _is_closed(path: Path) -> bool:
@@ -182,16 +182,16 @@ def _without(name: str) -> str:
 def _files(root: Path, names: list[str] | None, leave_out: str | None) -> dict[str, Path]:
     if not root.is_dir():
         raise InputError(f"there is no folder {root}; give shape.root=FOLDER of meshes")
-    found = {}
+    paths = {}
     for path in sorted(root.rglob("*")):
         name = path.relative_to(root).with_suffix("").as_posix()
-        wanted = names is None or any(re.search(pattern, name) for pattern in names)
-        left = leave_out is not None and re.search(leave_out, name)
-        if path.suffix.lower() in _SUFFIXES and wanted and not left:
-            found[name] = path
-    if not found:
+        is_selected = names is None or any(re.search(pattern, name) for pattern in names)
+        is_excluded = leave_out is not None and re.search(leave_out, name)
+        if path.suffix.lower() in _SUFFIXES and is_selected and not is_excluded:
+            paths[name] = path
+    if not paths:
         raise InputError(
             f"{root} holds no mesh ({', '.join(sorted(_SUFFIXES))}) that shape.names and "
             "shape.leave_out let pass; give another shape.root or other patterns"
         )
-    return found
+    return paths

@@ -32,14 +32,14 @@ class PartCache:
     def of(self, mesh: TriangleMesh) -> tuple[Float64, ...]:
         """Corners (K, 3) of each part, exact in float32; as `ConvexParts.of`."""
         path = self.folder / f"{self._key(mesh)}.npz"
-        found = _read(path)
-        if found is None:
-            found = tuple(
+        parts = _read_parts(path)
+        if parts is None:
+            parts = tuple(
                 part.astype(np.float32).astype(np.float64) for part in self.parts.of(mesh)
             )
-            if found:
-                _write(path, found)
-        return found
+            if parts:
+                _write_parts(path, parts)
+        return parts
 
     def _key(self, mesh: TriangleMesh) -> str:
         digest = hashlib.sha256(f"{_VERSION} {sorted(vars(self.parts).items())}".encode())
@@ -48,7 +48,7 @@ class PartCache:
         return digest.hexdigest()[:24]
 
 
-def _read(path: Path) -> tuple[Float64, ...] | None:
+def _read_parts(path: Path) -> tuple[Float64, ...] | None:
     try:
         with np.load(path, allow_pickle=False) as file:
             return tuple(file[name].astype(np.float64) for name in sorted(file.files))
@@ -56,7 +56,7 @@ def _read(path: Path) -> tuple[Float64, ...] | None:
         return None  # none yet, or damaged: found anew
 
 
-def _write(path: Path, parts: tuple[Float64, ...]) -> None:
+def _write_parts(path: Path, parts: tuple[Float64, ...]) -> None:
     arrays = {f"part_{i:03d}": part.astype(np.float32) for i, part in enumerate(parts)}
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -22,8 +22,8 @@ def radial_distance(points: Tensor, half_axes: Tensor, exponents: Tensor, steps:
         exponents: (..., 3), 1 or more.
         steps: of Newton's method.
     """
-    away = (points.square() + _TINY**2).sqrt()
-    ratios = away.log() - half_axes.log()
+    magnitudes = (points.square() + _TINY**2).sqrt()
+    ratios = magnitudes.log() - half_axes.log()
     with torch.no_grad():
         # From the left of the root steps never pass it, so no term is ever above zero.
         shift = ratios.amax(dim=-1, keepdim=True)
@@ -33,8 +33,8 @@ def radial_distance(points: Tensor, half_axes: Tensor, exponents: Tensor, steps:
             slope = (parts * exponents).sum(dim=-1, keepdim=True) / total
             shift = shift + total.log() / slope
     level = (exponents * (ratios - shift)).exp().sum(dim=-1).log()
-    found = shift[..., 0] + level / slope[..., 0]
-    return torch.linalg.vector_norm(away, dim=-1) * (1 - (-found).exp())
+    root = shift[..., 0] + level / slope[..., 0]
+    return torch.linalg.vector_norm(magnitudes, dim=-1) * (1 - (-root).exp())
 
 
 def in_frame(points: Tensor, rotations: Tensor, positions: Tensor) -> Tensor:

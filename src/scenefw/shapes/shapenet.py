@@ -53,9 +53,11 @@ class ShapeNetModels:
                 "folders; give dataset.scenes.models.root=FOLDER, or dataset=tabletop, which needs "
                 "no files"
             )
-        missing = sorted(set(synsets) - set(lengths))
-        if missing:
-            raise ConfigError(f"shapenet.lengths has no {', '.join(missing)}; give least, greatest")
+        missing_names = sorted(set(synsets) - set(lengths))
+        if missing_names:
+            raise ConfigError(
+                f"shapenet.lengths has no {', '.join(missing_names)}; give least, greatest"
+            )
         self.classes = ("surface", *synsets)
         self.lengths, self.seed = lengths, seed
         self._files = [_models(Path(root) / synsets[name], name)[:count] for name in synsets]
@@ -76,8 +78,8 @@ class ShapeNetModels:
         if (label, instance) not in self._models:
             name = self.classes[label]
             rng = streams.generator(self.seed, zlib.crc32(name.encode()), instance)
-            least, greatest = self.lengths[name]
-            length = float(rng.uniform(least, greatest))
+            minimum, maximum = self.lengths[name]
+            length = float(rng.uniform(minimum, maximum))
             self._models[label, instance] = read_model(self._files[label - 1][instance], length)
         return self._models[label, instance]
 
@@ -93,8 +95,8 @@ def read_model(path: Path, length: float) -> TexturedMesh:
     try:
         with path.open("rb") as file:
             scene = trimesh.load_scene(file, path.suffix[1:], resolver=_resolver(path))
-        found = scene.dump()
-        meshes = [m for m in found if isinstance(m, trimesh.Trimesh) and len(m.faces)]
+        geometries = scene.dump()
+        meshes = [m for m in geometries if isinstance(m, trimesh.Trimesh) and len(m.faces)]
     except Exception as error:  # trimesh passes on whatever its readers raise
         raise InputError(f"model {path} can't be read ({error}); remove its folder") from error
     if not meshes:
@@ -143,12 +145,12 @@ def _models(folder: Path, name: str) -> list[Path]:
             f"no folder {folder} for class {name}; set shapenet.root to the folder that holds the "
             "synsets, and shapenet.synsets to their names"
         )
-    found = sorted(path / _FILE for path in folder.iterdir() if (path / _FILE).is_file())
-    if len(found) < len(SPLITS):
+    paths = sorted(path / _FILE for path in folder.iterdir() if (path / _FILE).is_file())
+    if len(paths) < len(SPLITS):
         raise InputError(
-            f"{folder} has {len(found)} models with {_FILE}, expected {len(SPLITS)} or more"
+            f"{folder} has {len(paths)} models with {_FILE}, expected {len(SPLITS)} or more"
         )
-    return found
+    return paths
 
 
 def _lay_flat(vertices: NDArray[np.float64], length: float) -> NDArray[np.float64]:
@@ -165,20 +167,20 @@ def _lay_flat(vertices: NDArray[np.float64], length: float) -> NDArray[np.float6
         upright = upright @ [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]
     low, high = upright.min(axis=0), upright.max(axis=0)
     middle = np.array([*(low + high)[:2] / 2, low[2]])
-    moved: NDArray[np.float64] = (upright - middle) * (
+    flat_vertices: NDArray[np.float64] = (upright - middle) * (
         length / max(float((high - low).max()), 1e-9)
     )
-    return moved
+    return flat_vertices
 
 
 def _colours(mesh: Any) -> NDArray[np.float32]:
     """Linear colours (F, 3): the mean of the image at the corners, or the material's colour."""
     visual, faces = mesh.visual, mesh.faces
     if visual.kind != "texture":
-        shown = np.asarray(visual.face_colors)
+        rgba = np.asarray(visual.face_colors)
     elif visual.uv is None or getattr(visual.material, "image", None) is None:
-        shown = np.broadcast_to(visual.material.main_color, (len(faces), 4))
+        rgba = np.broadcast_to(visual.material.main_color, (len(faces), 4))
     else:
-        shown = visual.material.to_color(visual.uv)[faces].astype(np.float64).mean(axis=1)
-    linear: NDArray[np.float32] = ((shown[:, :3] / 255) ** 2.2).astype(np.float32)
+        rgba = visual.material.to_color(visual.uv)[faces].astype(np.float64).mean(axis=1)
+    linear: NDArray[np.float32] = ((rgba[:, :3] / 255) ** 2.2).astype(np.float32)
     return linear

@@ -65,12 +65,15 @@ def solid(mesh: TriangleMesh, divide: Divide | None = None) -> PlacedShape:
     """
     if not closed(mesh):
         raise InputError("its surface is not closed")
-    found = moments(mesh)
-    if not found.volume > _LEAST:
+    mesh_moments = moments(mesh)
+    if not mesh_moments.volume > _LEAST:
         raise InputError("it holds no volume")
-    own = TriangleMesh(transform_points(inverse(found.pose.matrix), mesh.vertices), mesh.faces)
+    local_mesh = TriangleMesh(
+        transform_points(inverse(mesh_moments.pose.matrix), mesh.vertices), mesh.faces
+    )
     return PlacedShape(
-        SolidMesh(own.vertices, own.faces, divide(own) if divide else ()), found.pose
+        SolidMesh(local_mesh.vertices, local_mesh.faces, divide(local_mesh) if divide else ()),
+        mesh_moments.pose,
     )
 
 
@@ -80,5 +83,5 @@ def closed(mesh: TriangleMesh) -> bool:
         return False
     edges = mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     forward = edges[:, 0] < edges[:, 1]
-    _, which = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)
-    return not np.bincount(which.ravel(), weights=np.where(forward, 1.0, -1.0)).any()
+    _, edge_indices = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)
+    return not np.bincount(edge_indices.ravel(), weights=np.where(forward, 1.0, -1.0)).any()

@@ -31,13 +31,13 @@ class Superquadric:
     exponents: Array
 
     def __post_init__(self) -> None:
-        for name, least in (("half_axes", np.finfo(float).tiny), ("exponents", 1.0)):
-            given = getattr(self, name)
-            array = np.array(given, dtype=np.float64)
-            if array.shape != (3,) or not np.isfinite(array).all() or (array < least).any():
+        for name, minimum in (("half_axes", np.finfo(float).tiny), ("exponents", 1.0)):
+            values = getattr(self, name)
+            array = np.array(values, dtype=np.float64)
+            if array.shape != (3,) or not np.isfinite(array).all() or (array < minimum).any():
                 bound = "> 0 (metres)" if name == "half_axes" else ">= 1 (below 1: not convex)"
                 raise InputError(
-                    f"superquadric {name} = {given}: expected 3 finite numbers {bound}"
+                    f"superquadric {name} = {values}: expected 3 finite numbers {bound}"
                 )
             array.flags.writeable = False
             object.__setattr__(self, name, array)

@@ -46,7 +46,7 @@ class Vessel:
     wall: float
 
     def __post_init__(self) -> None:
-        numbers = [float(getattr(self, one.name)) for one in fields(self)]
+        numbers = [float(getattr(self, field.name)) for field in fields(self)]
         if not (np.isfinite(numbers).all() and min(numbers) > 0):
             raise InputError(f"vessel {numbers}: expected 5 finite numbers above 0")
         if not self.wall < 0.9 * min(self.radius, self.height):
@@ -83,13 +83,13 @@ class Vessel:
         Args:
             sections: of a full turn.
         """
-        found = _turned(np.concatenate([self.outside, self.inside]), sections)
-        return TriangleMesh(found.vertices + [0.0, 0.0, self.bottom], found.faces)
+        surface = _turned(np.concatenate([self.outside, self.inside]), sections)
+        return TriangleMesh(surface.vertices + [0.0, 0.0, self.bottom], surface.faces)
 
     def filled_mesh(self) -> TriangleMesh:
         """Its surface with a lid on."""
-        found = _turned(np.concatenate([self.outside, [[0.0, self.height]]]), _AROUND * _SECTORS)
-        return TriangleMesh(found.vertices + [0.0, 0.0, self.bottom], found.faces)
+        surface = _turned(np.concatenate([self.outside, [[0.0, self.height]]]), _AROUND * _SECTORS)
+        return TriangleMesh(surface.vertices + [0.0, 0.0, self.bottom], surface.faces)
 
     def volume(self) -> float:
         """Volume of its walls and bottom (m^3)."""
@@ -109,8 +109,10 @@ class Vessel:
     def filled_distance(self, points: Float64) -> Float64:
         """Distances (...) of points (..., 3) in its frame to it with a lid on (m), inside < 0."""
         flat, height = _in_profile(points - [0.0, 0.0, self.bottom])
-        away = profile_distance(np.concatenate([self.outside, [[0.0, self.height]]]), flat, height)
-        return np.where(self._within(flat, height), -away, away)
+        distances = profile_distance(
+            np.concatenate([self.outside, [[0.0, self.height]]]), flat, height
+        )
+        return np.where(self._within(flat, height), -distances, distances)
 
     def holds(self, points: Float64) -> NDArray[np.bool_]:
         """Whether points (..., 3) in its frame lie in it with a lid on: `filled_distance` < 0."""
@@ -129,8 +131,8 @@ class Vessel:
             flat: (...) distances from the axis (m).
             height: (...) above the bottom (m).
         """
-        away = profile_distance(self.outside, flat, height)
-        return np.where(self._within(flat, height), away, -away)
+        distances = profile_distance(self.outside, flat, height)
+        return np.where(self._within(flat, height), distances, -distances)
 
     def _within(self, flat: Float64, height: Float64) -> NDArray[np.bool_]:
         low = (height > 0) & (height < self.height)
@@ -159,9 +161,9 @@ class Vessel:
         pieces = [floor]
         for k in range(len(heights) - 1):
             for j in range(_SECTORS):
-                some = around[j : j + 2]
+                sector = around[j : j + 2]
                 pieces.append(np.concatenate([
-                    _ring(some, radius, heights[i])
+                    _ring(sector, radius, heights[i])
                     for i in (k, k + 1) for radius in (inner[i], outer[i])
                 ]))  # fmt: skip
         return tuple(piece + [0.0, 0.0, self.bottom] for piece in pieces)
@@ -205,6 +207,6 @@ def _turned(profile: Float64, sections: int) -> TriangleMesh:
     """A surface of revolution from a line that begins and ends on the axis."""
     import trimesh
 
-    made = trimesh.creation.revolve(profile, sections=sections)
-    faces: NDArray[np.int64] = np.asarray(made.faces, np.int64)
-    return TriangleMesh(np.asarray(made.vertices, np.float64), faces)
+    mesh = trimesh.creation.revolve(profile, sections=sections)
+    faces: NDArray[np.int64] = np.asarray(mesh.faces, np.int64)
+    return TriangleMesh(np.asarray(mesh.vertices, np.float64), faces)

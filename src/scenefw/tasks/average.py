@@ -61,15 +61,15 @@ class Average:
             StorageError: the file can't be written.
         """
         require_writable(self.output)
-        files = [weights_file(one) for one in (self.checkpoint, self.before)]
+        files = [weights_file(checkpoint) for checkpoint in (self.checkpoint, self.before)]
         later, earlier = (read_provenance(file) for file in files)
-        model, other = (load_checkpoint(file, task=later.task).model for file in files)
-        if earlier.grid != later.grid or not _alike(model, other):
+        model, earlier_model = (load_checkpoint(file, task=later.task).model for file in files)
+        if earlier.grid != later.grid or not _same_architecture(model, earlier_model):
             raise CheckpointError(
                 f"{files[0]} and {files[1]} are weights of two networks; give those of one, of "
                 "which the later training started from the earlier weights"
             )
-        apart = _average(model, other.state_dict(), self.share)
+        distance = _average(model, earlier_model.state_dict(), self.share)
         metadata = {**later.metadata, "averaged_with": self._origin(earlier.path, earlier.digest)}
         target = self.output / files[0].name
         save_checkpoint(
@@ -83,30 +83,30 @@ class Average:
             task=later.task,
         )
         print(target)
-        return {"share": self.share, "apart": apart}
+        return {"share": self.share, "apart": distance}
 
     def _origin(self, path: Path, digest: str) -> dict[str, Any]:
         return {"file": path.name, "sha256": digest, "share": 1 - self.share}
 
 
-def _alike(one: nn.Module, other: nn.Module) -> bool:
+def _same_architecture(first: nn.Module, second: nn.Module) -> bool:
     """Whether they have the same weights; recipes may leave out arguments that were added since."""
-    shapes = [{name: v.shape for name, v in net.state_dict().items()} for net in (one, other)]
-    return type(one) is type(other) and shapes[0] == shapes[1]
+    shapes = [{name: v.shape for name, v in net.state_dict().items()} for net in (first, second)]
+    return type(first) is type(second) and shapes[0] == shapes[1]
 
 
-def _average(model: nn.Module, other: dict[str, Tensor], share: float) -> float:
+def _average(model: nn.Module, earlier_state: dict[str, Tensor], share: float) -> float:
     """Moves weights towards others in place; returns their distance as a share of their length."""
     state = model.state_dict()
-    between = {
-        name: value.lerp(other[name], 1 - share) if value.is_floating_point() else value
+    mean_state = {
+        name: value.lerp(earlier_state[name], 1 - share) if value.is_floating_point() else value
         for name, value in state.items()
     }
-    moved = sum(
-        float((value - other[name]).double().square().sum())
+    squared_distance = sum(
+        float((value - earlier_state[name]).double().square().sum())
         for name, value in state.items()
         if value.is_floating_point()
     )
     length = sum(float(v.double().square().sum()) for v in state.values() if v.is_floating_point())
-    model.load_state_dict(between)
-    return float((moved / max(length, 1e-300)) ** 0.5)
+    model.load_state_dict(mean_state)
+    return float((squared_distance / max(length, 1e-300)) ** 0.5)

@@ -61,11 +61,11 @@ class Card:
         provenance = read_provenance(weights_file(self.checkpoint, self.shipped))
         before = [t for path in self.before for t in read_provenance(path).trainings]
         words = self.words or words_for(provenance)
-        shown = card_sections(provenance, words, read_runs(self.results), before, self.notes)
+        sections = card_sections(provenance, words, read_runs(self.results), before, self.notes)
         name = provenance.path.stem
         title = f"Weights {name}"
         card = publish(
-            self.output / f"{name}.md", title, shown, self.output, read_record(self.output)
+            self.output / f"{name}.md", title, sections, self.output, read_record(self.output)
         )
         trainings = [*provenance.trainings, *before]
         figures = {
@@ -74,7 +74,7 @@ class Card:
             "steps": float(sum(t.get("steps", 0) for t in trainings)),
             "samples": float(sum(t.get("samples", 0) for t in trainings)),
         }
-        Page(title, self.publish).write(self.output, shown, figures)
+        Page(title, self.publish).write(self.output, sections, figures)
         print(self.publish or card)
         return figures
 
@@ -87,22 +87,22 @@ def words_for(provenance: Provenance) -> Words | None:
     Raises:
         ConfigError: there are several.
     """
-    known = {
+    facts = {
         "input": provenance.metadata.get("input"),
         "network": str(provenance.recipe["_target_"]).rpartition(".")[2],
     }
     fitting: dict[int, list[str]] = {}
     for name, path in registry.options("card").items():
         settings = registry.settings(path)
-        told = {key: settings[key] for key in known if settings.get(key) is not None}
-        if settings.get("task") == provenance.task and told.items() <= known.items():
-            fitting.setdefault(len(told), []).append(name)
+        conditions = {key: settings[key] for key in facts if settings.get(key) is not None}
+        if settings.get("task") == provenance.task and conditions.items() <= facts.items():
+            fitting.setdefault(len(conditions), []).append(name)
     if not fitting:
         return None
-    found = fitting[max(fitting)]
-    if len(found) > 1:
+    names = fitting[max(fitting)]
+    if len(names) > 1:
         raise ConfigError(
-            f"{' and '.join(found)} are cards for {provenance.task}; choose one, card={found[0]}"
+            f"{' and '.join(names)} are cards for {provenance.task}; choose one, card={names[0]}"
         )
-    words: Words = registry.build("card", found[0])
+    words: Words = registry.build("card", names[0])
     return words

@@ -83,9 +83,9 @@ class Check:
         shift = turn = 0.0
         for item, handle in zip(scene.objects, handles, strict=True):
             after = self.engine.pose(handle)
-            moved = np.linalg.norm(after.position - item.pose.position)
+            displacement = np.linalg.norm(after.position - item.pose.position)
             cosine = min(1.0, abs(float(after.quaternion @ item.pose.quaternion)))
-            shift, turn = max(shift, float(moved)), max(turn, float(2 * np.arccos(cosine)))
+            shift, turn = max(shift, float(displacement)), max(turn, float(2 * np.arccos(cosine)))
         return deepest_penetration(scene), shift, turn
 
     def _text(self, stored: StoredScenes, figures: Mapping[str, float], picture: str) -> str:

@@ -110,43 +110,47 @@ class Decompose:
         start = time.perf_counter()
         require_writable(self.output)
         require_replaceable(self.folder)
-        given = read_whole_scene(
+        whole_scene = read_whole_scene(
             self.input, self.pipeline, self.meshes, self.mesh_scale, self.options
         )
-        if given.note:
-            print(f"{given.name}: {given.note}")
-        seen = self.pipeline.prepare(given.frames)
-        for warning in seen.warnings:
-            print(f"{given.name}: {warning}", file=sys.stderr)
-        with Console(stderr=True).status(f"{len(given.frames)} views: parts, then objects"):
-            found = taken_apart(given, seen, self.pipeline)
-        estimate = found
+        if whole_scene.note:
+            print(f"{whole_scene.name}: {whole_scene.note}")
+        observation = self.pipeline.prepare(whole_scene.frames)
+        for warning in observation.warnings:
+            print(f"{whole_scene.name}: {warning}", file=sys.stderr)
+        with Console(stderr=True).status(f"{len(whole_scene.frames)} views: parts, then objects"):
+            scanned_estimate = taken_apart(whole_scene, observation, self.pipeline)
+        estimate = scanned_estimate
         if self.settling is not None:
-            estimate = self.settling.settle([found])[0]
+            estimate = self.settling.settle([scanned_estimate])[0]
             print(settled_words(estimate))
         with replacing_folder(self.folder) as temporary:
-            colours = self._write(temporary, estimate, seen, given.name)
-            if given.mesh is not None:
-                vertices = geometry.transform_points(seen.moved, given.mesh.vertices)
-                mesh = TriangleMesh(vertices, given.mesh.faces)
+            colours = self._write(temporary, estimate, observation, whole_scene.name)
+            if whole_scene.mesh is not None:
+                vertices = geometry.transform_points(observation.moved, whole_scene.mesh.vertices)
+                mesh = TriangleMesh(vertices, whole_scene.mesh.faces)
                 # what settles leaves the place where it was scanned
-                write_ply(temporary / "labelled.ply", mesh, _vertex_colours(mesh, found, colours))
+                write_ply(
+                    temporary / "labelled.ply",
+                    mesh,
+                    _vertex_colours(mesh, scanned_estimate, colours),
+                )
         print(self.folder)
         return {
             "objects": float(len(estimate.objects)),
-            "views": float(len(given.frames)),
+            "views": float(len(whole_scene.frames)),
             "seconds": time.perf_counter() - start,
         }
 
     def _write(
-        self, folder: Path, estimate: SceneEstimate, seen: SeenScene, name: str
+        self, folder: Path, estimate: SceneEstimate, observation: SeenScene, name: str
     ) -> list[Colour]:
         colours = write_scene(folder, estimate, self.exports)
         if self.page:
             scene = Scene3D(name, (layer("objects", estimate, colours),), estimate.frame)
             write_scene_page(folder / "scene.html", name, packed([scene]))
         if self.overview:
-            partial = seen.partials[0].distance[0, 0].cpu().numpy()
+            partial = observation.partials[0].distance[0, 0].cpu().numpy()
             views = two_views(solids_of([estimate])[0], estimate)
             write_overview(folder / "overview.png", estimate, partial, colours, views)
         return colours

@@ -45,8 +45,8 @@ class Examine:
         masks: str | Path | None = None,
     ) -> None:
         self.images = DepthImages("doctor", input, intrinsics, depth_scale, masks, output)
-        for given in [Path(each) for each in (input, masks) if each is not None]:
-            require_apart(output, given if given.is_dir() else given.parent)
+        for path in [Path(source) for source in (input, masks) if source is not None]:
+            require_apart(output, path if path.is_dir() else path.parent)
         self.output, self.examiner = Path(output), examiner
 
     def run(self) -> dict[str, float]:
@@ -59,29 +59,33 @@ class Examine:
         """
         images = self.images.find()
         require_writable(self.output)
-        found = []
+        examinations = []
         for image in images:
-            found.append(self._examined(image))
+            examinations.append(self._examined(image))
             name = self.images.name(image)
-            _tell(str(name), found[-1])
-            if found[-1].frame is not None:
-                picture = draw_examination(found[-1], self.examiner.grid)
+            _tell(str(name), examinations[-1])
+            if examinations[-1].frame is not None:
+                picture = draw_examination(examinations[-1], self.examiner.grid)
                 save_picture(picture, self.output / name.with_suffix(".png"))
-        bad = [_reason(one) for one in found if not one.usable]
-        if len(bad) == len(found):
+        bad = [_reason(examination) for examination in examinations if not examination.usable]
+        if len(bad) == len(examinations):
             raise InputError(
                 bad[0] if len(bad) == 1 else f"none of {len(bad)} images is usable: {bad[0]}"
             )
-        odd = [one for one in found if one.usable and any(c.verdict == ODD for c in one.checks)]
+        odd_examinations = [
+            examination
+            for examination in examinations
+            if examination.usable and any(c.verdict == ODD for c in examination.checks)
+        ]
         figures = {
-            "images": float(len(found)),
-            "odd": float(len(odd)),
+            "images": float(len(examinations)),
+            "odd": float(len(odd_examinations)),
             "unusable": float(len(bad)),
         }
         if bad:
             words = "is" if len(bad) == 1 else "are"
             raise IncompleteError(
-                f"{len(bad)} of {len(found)} images {words} unusable, see above", figures
+                f"{len(bad)} of {len(examinations)} images {words} unusable, see above", figures
             )
         return figures
 
@@ -93,17 +97,17 @@ class Examine:
         return self.examiner.examine(frame, mask)
 
 
-def _reason(found: Examination) -> str:
+def _reason(examination: Examination) -> str:
     """Why an image is unusable, in one line; further checks may have been good."""
-    return next(check.line for check in found.checks if check.verdict == UNUSABLE)
+    return next(check.line for check in examination.checks if check.verdict == UNUSABLE)
 
 
-def _tell(name: str, found: Examination) -> None:
+def _tell(name: str, examination: Examination) -> None:
     """A line per check, with what helps below."""
-    worst = {check.verdict for check in found.checks}
+    worst = {check.verdict for check in examination.checks}
     verdict = UNUSABLE if UNUSABLE in worst else "usable, but odd" if ODD in worst else "usable"
     print(f"{name}: {verdict}")
-    for check in found.checks:
+    for check in examination.checks:
         print(f"  {check.verdict:<9} {check.name:<11} {check.found}")
         if check.fix:
             print(f"  {'':<9} {'fix':<11} {check.fix}")

@@ -70,21 +70,23 @@ class DrawScenes:
 
         require_writable(self.output)
         folder = self.output / "drawn"
-        shown: list[SceneEstimate] = []
+        examples: list[SceneEstimate] = []
         draws = objects = 0
         with replacing_folder(folder) as temporary:
             scenes = self.prior.scenes(self.count, self.seed)
             for number, scene in enumerate(track(scenes, "scenes", total=self.count), start=1):
                 self._write(temporary / f"scene_{number:03d}", scene)
-                shown += [scene] if number <= _SHOWN else []
+                examples += [scene] if number <= _SHOWN else []
                 draws += int(scene.details["drawn"]["draws"])
                 objects += len(scene.objects)
             if self.overview:
-                save_picture(draw_scenes(shown), temporary / "drawn.png")
+                save_picture(draw_scenes(examples), temporary / "drawn.png")
             if self.page:
                 pages = [
-                    Scene3D(f"scene {i}", (layer("drawn", one, colours_of(one)),), one.frame)
-                    for i, one in enumerate(shown, start=1)
+                    Scene3D(
+                        f"scene {i}", (layer("drawn", example, colours_of(example)),), example.frame
+                    )
+                    for i, example in enumerate(examples, start=1)
                 ]
                 write_scene_page(temporary / "drawn.html", "drawn scenes", packed(pages))
         print(folder)

@@ -69,7 +69,8 @@ class Edit:
         if not tolerance >= 0:
             raise ConfigError(f"run.tolerance = {tolerance}: expected metres, 0 or more")
         self.input, self.output = Path(input), Path(output)
-        self.edits, self.settling, self.tolerance = [str(one) for one in edits], settling, tolerance
+        self.edits = [str(edit) for edit in edits]
+        self.settling, self.tolerance = settling, tolerance
         self.exports, self.overview, self.page = dict(exports or {}), overview, page
 
     def run(self) -> dict[str, float]:
@@ -88,14 +89,14 @@ class Edit:
         require_writable(self.output)
         folder = self.output / f"{_name(before, self.input)}{_END}"
         require_replaceable(folder)
-        after, odd = self.edit(before)
+        after, problems = self.edit(before)
         print_tables([Section("", (object_table(after),))])
-        for warning in odd:
+        for warning in problems:
             print(f"warning: {warning}", file=sys.stderr)
         with replacing_folder(folder) as temporary:
             self._write(temporary, before, after)
         print(folder)
-        return {"objects": float(len(after.objects)), "warnings": float(len(odd))}
+        return {"objects": float(len(after.objects)), "warnings": float(len(problems))}
 
     def edit(self, before: SceneEstimate) -> tuple[SceneEstimate, list[str]]:
         """The scene after all edits, and what looks wrong about it.
@@ -128,11 +129,11 @@ class Edit:
 
 def _read(path: str | Path) -> SceneEstimate:
     """A scene; what of it isn't known here is told in a line each."""
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as records:
         warnings.simplefilter("always")
         scene = read_scene(path)
-    for one in told:
-        print(f"warning: {one.message}", file=sys.stderr)
+    for record in records:
+        print(f"warning: {record.message}", file=sys.stderr)
     return scene
 
 

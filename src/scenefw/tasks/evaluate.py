@@ -40,8 +40,8 @@ class Evaluate:
         """
         require_writable(self.output)
         result = self.evaluation.run(track)
-        shown = result_sections(result, self.presentation, self.gallery, self.output)
+        sections = result_sections(result, self.presentation, self.gallery, self.output)
         figures = dict(result.figures)
         write_measures(self.output, result.measures)
-        print(self.page.write(self.output, shown, figures))
+        print(self.page.write(self.output, sections, figures))
         return figures

@@ -64,7 +64,7 @@ class ExportDataset:
         self._claim()
         keys = [self.views.keys(scene) for scene in range(len(self.views))]
         numbers: dict[Hashable, int] = {}
-        for key in (key for some in keys for key in some):
+        for key in (key for scene_keys in keys for key in scene_keys):
             numbers.setdefault(key, len(numbers) + 1)
         folders = [self.output / self.views.split / f"{s:06d}" for s in range(len(self.views))]
         jobs = [
@@ -74,8 +74,8 @@ class ExportDataset:
         ]
         work = partial(_write, self.views, self.format, self.count)
         with Progress() as progress:
-            done = len(folders) - len(jobs)
-            bar = progress.add_task("scenes", total=len(folders), completed=done)
+            completed = len(folders) - len(jobs)
+            bar = progress.add_task("scenes", total=len(folders), completed=completed)
             for _ in self.parallel.each(work, jobs, ordered=False):
                 progress.update(bar, advance=1)
         self.format.finish(self.output, self.views, numbers)
@@ -101,9 +101,9 @@ class ExportDataset:
                 f"{self.output} holds a data set of other settings; give another paths.output, or "
                 "remove it"
             )
-        known: dict[str, Any] = {"sha256": digest, "settings": facts, "versions": versions()}
+        content: dict[str, Any] = {"sha256": digest, "settings": facts, "versions": versions()}
         if not manifest.is_file():
-            write_text(manifest, json.dumps(known, indent=1) + "\n")
+            write_text(manifest, json.dumps(content, indent=1) + "\n")
 
 
 def _digest_in(manifest: Path) -> str | None:

@@ -58,26 +58,28 @@ class ExportONNX:
         require_onnx()
         require_writable(self.output)
         file = weights_file(self.checkpoint, self.shipped)
-        known = read_provenance(file)
-        network = named_network(load_checkpoint(file, task=known.task), known.task)
+        provenance = read_provenance(file)
+        network = named_network(load_checkpoint(file, task=provenance.task), provenance.task)
         target = self.output / f"{file.stem}.onnx"
-        difference = write_onnx(target, network, _facts(known), self.tolerance, self.seed)
-        for what, tensors in (("input", network.inputs), ("output", network.outputs)):
+        difference = write_onnx(target, network, _facts(provenance), self.tolerance, self.seed)
+        for kind, tensors in (("input", network.inputs), ("output", network.outputs)):
             for name, shape in tensors.items():
-                print(f"{what:<6} {name}: {' x '.join(map(str, shape))}")
+                print(f"{kind:<6} {name}: {' x '.join(map(str, shape))}")
         print(f"largest difference between onnxruntime and torch: {difference:.1e}")
         print(target)
         return {"difference": difference, "megabytes": target.stat().st_size / 1e6}
 
 
-def _facts(known: Provenance) -> dict[str, Any]:
+def _facts(provenance: Provenance) -> dict[str, Any]:
     """Where the weights come from, and the grid that they are for."""
     facts: dict[str, Any] = {
-        "checkpoint": known.path.name,
-        "sha256": known.digest,
-        "task": known.task,
-        "network": known.recipe["_target_"],
+        "checkpoint": provenance.path.name,
+        "sha256": provenance.digest,
+        "task": provenance.task,
+        "network": provenance.recipe["_target_"],
         "versions": versions(),
-        "training_commit": known.metadata.get("commit"),
+        "training_commit": provenance.metadata.get("commit"),
     }
-    return facts | ({} if known.grid is None else {"grid": dataclasses.asdict(known.grid)})
+    return facts | (
+        {} if provenance.grid is None else {"grid": dataclasses.asdict(provenance.grid)}
+    )

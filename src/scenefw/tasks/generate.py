@@ -84,9 +84,9 @@ class Generate:
         starts = range(0, self.attempts, self.shard_size)
         shards = [(s, min(s + self.shard_size, self.attempts)) for s in starts]
         paths = [folder / f"{start:07d}-{stop:07d}.npz" for start, stop in shards]
-        missing = [(p, s) for p, s in zip(paths, shards, strict=True) if not _whole(p)]
-        left = sum(stop - start for _, (start, stop) in missing)
-        self._generate(missing, done=self.attempts - left)
+        missing_shards = [(p, s) for p, s in zip(paths, shards, strict=True) if not _is_complete(p)]
+        remaining_attempts = sum(stop - start for _, (start, stop) in missing_shards)
+        self._generate(missing_shards, completed=self.attempts - remaining_attempts)
         stored = concatenate(load_scenes(path) for path in paths)
         target = Path(self.output) / f"{self.name or self._name(stored)}.npz"
         extra = {"attempts": self.attempts, "commit": versions().get("commit")}
@@ -105,22 +105,24 @@ class Generate:
         version = _VERSIONS.get(self.shape, f"_{self.shape}")
         return f"superquadric_{self.scene}{version}{f'_{split}' if split else ''}"
 
-    def _generate(self, missing: Sequence[tuple[Path, tuple[int, int]]], done: int) -> None:
+    def _generate(
+        self, missing_shards: Sequence[tuple[Path, tuple[int, int]]], completed: int
+    ) -> None:
         from rich.progress import Progress
 
         with Progress(*Progress.get_default_columns(), "{task.fields[rate]}") as progress:
-            bar = progress.add_task("scenes", total=self.attempts, completed=done, rate="")
-            found = 0
-            for attempts, scenes in self._results(missing):
-                found += scenes
+            bar = progress.add_task("scenes", total=self.attempts, completed=completed, rate="")
+            scene_count = 0
+            for attempts, scenes in self._results(missing_shards):
+                scene_count += scenes
                 elapsed = progress.tasks[0].elapsed or np.inf
-                progress.update(bar, advance=attempts, rate=f"{found / elapsed:.1f} scenes/s")
+                progress.update(bar, advance=attempts, rate=f"{scene_count / elapsed:.1f} scenes/s")
 
     def _results(
-        self, missing: Sequence[tuple[Path, tuple[int, int]]]
+        self, missing_shards: Sequence[tuple[Path, tuple[int, int]]]
     ) -> Iterator[tuple[int, int]]:
         work = partial(make_shard, self.source, self.seed)
-        yield from self.parallel.each(work, missing, ordered=False)
+        yield from self.parallel.each(work, missing_shards, ordered=False)
 
 
 def make_shard(
@@ -134,7 +136,7 @@ def make_shard(
     return stop - start, len(scenes)
 
 
-def _whole(path: Path) -> bool:
+def _is_complete(path: Path) -> bool:
     """Whether a shard is finished and undamaged; its manifest is written last."""
     if not path.with_suffix(".json").exists():
         return False

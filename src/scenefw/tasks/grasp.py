@@ -61,7 +61,7 @@ class Grasp:
             nonlocal grasps
             grasps += len(self.grasp(self.predict.predict(image, folder), folder).grasps)
 
-        count, failures = self.predict.each(work)
+        count, failures = self.predict.for_each(work)
         figures = {"grasps_per_image": grasps / (count - len(failures))}
         return finished(figures, failures, count)
 
@@ -73,10 +73,12 @@ class Grasp:
         """
         meshes = {item.id: item.mesh for item in estimate.objects}
         placed = {item.id: item.placed for item in estimate.objects if item.placed is not None}
-        made = self.bodies.make(meshes, placed)
+        scene_bodies = self.bodies.make(meshes, placed)
         eye = np.array(estimate.frame.camera.T_world_camera[:3, 3])
-        ranking = self.grasping.rank(made.bodies, eye)
-        ranking = Ranking(ranking.grasps, {**made.left_out, **ranking.left_out}, ranking.resting)
+        ranking = self.grasping.rank(scene_bodies.bodies, eye)
+        ranking = Ranking(
+            ranking.grasps, {**scene_bodies.left_out, **ranking.left_out}, ranking.resting
+        )
         _print(grasp_table(ranking))
         if not ranking.grasps:
             print(f"{estimate.frame.name}: no grasp: {_reason(ranking)}")
@@ -108,7 +110,10 @@ def summarise_grasps(estimate: SceneEstimate, ranking: Ranking) -> dict[str, Any
     camera = np.array(estimate.frame.camera.T_world_camera)
     return {
         "name": estimate.frame.name,
-        "grasps": [_grasp(i, one, camera) for i, one in enumerate(ranking.grasps, start=1)],
+        "grasps": [
+            _grasp(i, ranked_grasp, camera)
+            for i, ranked_grasp in enumerate(ranking.grasps, start=1)
+        ],
         "without_grasp": [{"id": i, "reason": why} for i, why in ranking.left_out.items()],
         "reason": None if ranking.grasps else _reason(ranking),
         "T_floor_camera": plain(camera),
@@ -116,16 +121,16 @@ def summarise_grasps(estimate: SceneEstimate, ranking: Ranking) -> dict[str, Any
     }
 
 
-def _grasp(rank: int, one: RankedGrasp, camera: Float64) -> dict[str, Any]:
-    grasp, to_camera = one.grasp, inverse(camera)
+def _grasp(rank: int, ranked_grasp: RankedGrasp, camera: Float64) -> dict[str, Any]:
+    grasp, to_camera = ranked_grasp.grasp, inverse(camera)
     directions = [grasp.normal, _UP] if grasp.outward else [_UP]
     return {
         "rank": rank,
         "object": int(grasp.label),
-        "disturbance": one.lift.disturbance,
-        "moved": [{"id": i, "metres": shift} for i, shift in one.lift.shifts.items()],
-        "lifted": one.lift.lifted,
-        "failure": one.lift.failure or None,
+        "disturbance": ranked_grasp.lift.disturbance,
+        "moved": [{"id": i, "metres": shift} for i, shift in ranked_grasp.lift.shifts.items()],
+        "lifted": ranked_grasp.lift.lifted,
+        "failure": ranked_grasp.lift.failure or None,
         "seal": grasp.seal,
         "seen": grasp.seen,
         "floor": _pose(grasp.pose, directions),

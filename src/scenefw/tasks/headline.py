@@ -6,7 +6,7 @@ from pathlib import Path
 from scenefw.core import assets
 from scenefw.core.errors import InputError
 from scenefw.learning.provenance import digest
-from scenefw.report.markers import body, fill, read
+from scenefw.report.markers import body, fill, read_document
 from scenefw.report.stored import StoredRun, read_runs
 from scenefw.report.weights.headline import headline
 from scenefw.report.weights.kept import kept_parts, require_known
@@ -44,14 +44,14 @@ class Headline:
                 figures that would stay are of other weights.
             StorageError: the document has no place for it, or can't be written.
         """
-        before = read(self.document, _MARKER)
+        before = read_document(self.document, _MARKER)
         runs = read_runs(self.results)
         require_shipped(runs)
         new = {part.summary.name for run in runs for part in parts_in(run, self.summaries)}
         earlier = kept_parts(body(before, _MARKER), self.summaries)
-        kept = [part for part in earlier if part.summary.name not in new]
-        require_known(kept, shipped_digests())
-        text = headline(runs, self.summaries, kept)
+        older_parts = [part for part in earlier if part.summary.name not in new]
+        require_known(older_parts, shipped_digests())
+        text = headline(runs, self.summaries, older_parts)
         fill(self.document, _MARKER, text)
         print(text)
         return {"runs": float(len(runs))}
@@ -64,10 +64,10 @@ def shipped_digests() -> set[str]:
 
 def require_shipped(runs: Sequence[StoredRun]) -> None:
     """Raises an InputError if a run used weights other than the shipped ones."""
-    known = shipped_digests()
+    shipped = shipped_digests()
     for run in runs:
-        for name, found in run.record.get("weights", {}).items():
-            if found not in known:
+        for name, sha256 in run.record.get("weights", {}).items():
+            if sha256 not in shipped:
                 raise InputError(
                     f"{run.path} has figures of {name}, which are not the shipped weights; "
                     "evaluate the shipped weights"

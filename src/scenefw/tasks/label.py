@@ -126,12 +126,12 @@ class Label:
         }
         self.picture_every, self.save_every = picture_every, save_every
 
-    def run(self, watcher: MapWatcher | None = None, every: int = 5) -> dict[str, float]:
+    def run(self, watcher: MapWatcher | None = None, interval: int = 5) -> dict[str, float]:
         """Labels all frames; returns their number, coverage and seconds per frame.
 
         Args:
             watcher: is shown the map while it grows.
-            every: frames from one shown map to the next.
+            interval: frames from one shown map to the next.
 
         Raises:
             InputError: the input or the saved map is unusable.
@@ -140,9 +140,9 @@ class Label:
         """
         require_writable(self.output)
         is_sequence = (self.input / "depth").is_dir() or (self.input / "depth.txt").is_file()
-        return self._sequence(watcher, every) if is_sequence else self._images(watcher)
+        return self._sequence(watcher, interval) if is_sequence else self._images(watcher)
 
-    def _sequence(self, watcher: MapWatcher | None, every: int) -> dict[str, float]:
+    def _sequence(self, watcher: MapWatcher | None, interval: int) -> dict[str, float]:
         for name in (MAP, PICTURE):
             require_free(self.output / name)
         sequence = open_sequence(self.input, require_poses=not self.estimate_poses, **self.options)
@@ -167,7 +167,7 @@ class Label:
                 recording = recording.extended(frame)
                 if self.picture_every and number % self.picture_every == 0:
                     growth.show(running.height_map(), self.start + number)
-                if watcher is not None and number % every == 1 % every:
+                if watcher is not None and number % interval == 1 % interval:
                     watcher.show(running.height_map(), _frames(self.start + number), frame)
                 if number % self.save_every == 0:
                     self._save(running, recording)
@@ -259,8 +259,9 @@ def _facts(height_map: HeightMap) -> dict[str, float]:
     """Share of vertices seen, and among these the share of each class."""
     facts = {"coverage": float(height_map.seen.mean())}
     if height_map.labels is not None and height_map.seen.any():
-        seen = height_map.labels[height_map.seen]
+        labels = height_map.labels[height_map.seen]
         facts |= {
-            f"share/{name}": float(np.mean(seen == i)) for i, name in enumerate(height_map.classes)
+            f"share/{name}": float(np.mean(labels == i))
+            for i, name in enumerate(height_map.classes)
         }
     return facts

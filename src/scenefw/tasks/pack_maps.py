@@ -54,13 +54,18 @@ class PackMaps:
     def run(self) -> dict[str, float]:
         """Fuses and packs; returns the number of maps of each split and the size (MB)."""
         train = self.splits["train"]
-        held = save_maps(self.path, self._packed(), train.classes, self.megabytes, train.facts())
-        wanted = {split: len(maps) for split, maps in self.splits.items()}
+        packed_counts = save_maps(
+            self.path, self._packed(), train.classes, self.megabytes, train.facts()
+        )
+        map_counts = {split: len(maps) for split, maps in self.splits.items()}
         size = self.path.stat().st_size / 1e6
-        for split, count in wanted.items():
-            print(f"{split}: {held.get(split, 0)} of {count} maps")
+        for split, count in map_counts.items():
+            print(f"{split}: {packed_counts.get(split, 0)} of {count} maps")
         print(f"{self.path}: {size:.1f} MB", flush=True)
-        return {**{f"maps/{split}": float(held.get(split, 0)) for split in wanted}, "mb": size}
+        return {
+            **{f"maps/{split}": float(packed_counts.get(split, 0)) for split in map_counts},
+            "mb": size,
+        }
 
     def _packed(self) -> Iterator[tuple[str, bytes]]:
         jobs = [(split, maps, s) for split, maps in self.splits.items() for s in range(len(maps))]

@@ -154,9 +154,9 @@ class PaintImport:
         """Labels the views that have a pose in the map; returns their number."""
         posed = not recording.poses_estimated
         sequence = open_sequence(folder, require_poses=posed, **self.options)
-        chosen = range(0, len(sequence), self.every)
-        checked = MeasuredFrames(sequence, chosen[:: max(1, len(chosen) // _CHECKED)])
+        indices = range(0, len(sequence), self.every)
+        checked = MeasuredFrames(sequence, indices[:: max(1, len(indices) // _CHECKED)])
         require_agreement(painted, recording.in_map(checked), str(folder))
-        frames = recording.in_map(MeasuredFrames(sequence, track(chosen, "views")))
-        written = write_views(self.output / _VIEWS, painted, frames, self.border)
-        return len(list((written / "depth").iterdir()))
+        frames = recording.in_map(MeasuredFrames(sequence, track(indices, "views")))
+        view_folder = write_views(self.output / _VIEWS, painted, frames, self.border)
+        return len(list((view_folder / "depth").iterdir()))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import require_name, require_writable
-from scenefw.report.markers import fill, read
+from scenefw.report.markers import fill, read_document
 from scenefw.report.pictures import as_image, save_for_document
 from scenefw.report.two_sides import draw_two_sides
 from scenefw.tasks.predict import Predict
@@ -69,32 +69,32 @@ class Pictures:
             InputError: an image is missing or unusable.
             StorageError: the document has no place for them, or something can't be written.
         """
-        read(self.document, _MARKER)
-        missing = [s.image for s in self.images.values() if not self._path(s).is_file()]
-        if missing:
+        read_document(self.document, _MARKER)
+        missing_images = [s.image for s in self.images.values() if not self._path(s).is_file()]
+        if missing_images:
             raise InputError(
-                f"no image {missing[0]} in {self.predict.images.path}; give the folder above as "
-                "input=FOLDER, or other images as run.images"
+                f"no image {missing_images[0]} in {self.predict.images.path}; give the folder "
+                "above as input=FOLDER, or other images as run.images"
             )
         target = require_writable(self.document.parent / self.folder)
-        counts = {name: self._draw(name, shown, target) for name, shown in self.images.items()}
-        cells = [self._cell(name, shown, counts[name]) for name, shown in self.images.items()]
+        counts = {name: self._draw(name, picture, target) for name, picture in self.images.items()}
+        cells = [self._cell(name, picture, counts[name]) for name, picture in self.images.items()]
         fill(self.document, _MARKER, in_columns(cells, _COLUMNS))
         return {f"{name}/objects": float(count) for name, count in counts.items()}
 
-    def _path(self, shown: Shown) -> Path:
-        return self.predict.images.path / shown.image
+    def _path(self, picture: Shown) -> Path:
+        return self.predict.images.path / picture.image
 
-    def _draw(self, name: str, shown: Shown, target: Path) -> int:
-        estimate = self.predict.predict(self._path(shown), self.predict.output / name)
+    def _draw(self, name: str, picture: Shown, target: Path) -> int:
+        estimate = self.predict.predict(self._path(picture), self.predict.output / name)
         path = target / f"{name}.webp"
         save_for_document(as_image(draw_two_sides(estimate)), path)
         if path.stat().st_size > _LARGEST:
             print(f"{path} has {path.stat().st_size / 1e3:.0f} kB, too large for a document")
         return len(estimate.objects)
 
-    def _cell(self, name: str, shown: Shown, count: int) -> tuple[str, str]:
-        words = f"{shown.words}: {count} object{'' if count == 1 else 's'} found"
+    def _cell(self, name: str, picture: Shown, count: int) -> tuple[str, str]:
+        words = f"{picture.words}: {count} object{'' if count == 1 else 's'} found"
         return f"![{words}]({self.folder.as_posix()}/{name}.webp)", words
 
 

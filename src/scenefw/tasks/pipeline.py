@@ -59,11 +59,11 @@ class Pipeline:
         print("3/4 evaluation", flush=True)
         result = self.evaluation().run(track)
         print("4/4 report", flush=True)
-        shown = result_sections(result, self.presentation, self.gallery, self.output)
-        shown += [self._training(trained), *data]
+        sections = result_sections(result, self.presentation, self.gallery, self.output)
+        sections += [self._training(trained), *data]
         figures = {**result.figures, **data_figures, **trained}
         write_measures(self.output, {**result.measures, **TRAINING})
-        print(self.page.write(self.output, shown, figures))
+        print(self.page.write(self.output, sections, figures))
         return figures
 
     def _training(self, trained: Mapping[str, Any]) -> Section:

@@ -92,14 +92,14 @@ class Predict:
             nonlocal objects
             objects += len(self.predict(image, folder).objects)
 
-        count, failures = self.each(predict)
+        count, failures = self.for_each(predict)
         figures = {
             "objects_per_image": objects / (count - len(failures)),
             "seconds_per_image": (time.perf_counter() - start) / count,
         }
         return finished(figures, failures, count)
 
-    def each(self, work: Callable[[Path, Path], object]) -> tuple[int, dict[Path, InputError]]:
+    def for_each(self, work: Callable[[Path, Path], object]) -> tuple[int, dict[Path, InputError]]:
         """Does something with each image and its folder; returns how many, and which failed.
 
         Raises:
@@ -134,20 +134,20 @@ class Predict:
         view = self.pipeline.observe(frame, mask)
         for warning in view.warnings:
             print(f"{frame.name}: {warning}", file=sys.stderr)
-        estimate, *others = self._scenes(view)
+        estimate, *alternatives = self._scenes(view)
         with replacing_folder(folder) as temporary:
             colours = write_scene(temporary, estimate, self.exports)
             layers = [layer("most typical", estimate, colours)]
-            for number, other in enumerate(others, start=2):
+            for number, alternative in enumerate(alternatives, start=2):
                 beside = temporary / f"hypothesis_{number}"
                 beside.mkdir()
-                shown = write_scene(beside, other, self.exports)
-                layers.append(layer(f"hypothesis {number}", other, shown))
+                alternative_colours = write_scene(beside, alternative, self.exports)
+                layers.append(layer(f"hypothesis {number}", alternative, alternative_colours))
             if self.page:
                 scene = Scene3D(frame.name, tuple(layers), estimate.frame)
                 write_scene_page(temporary / "scene.html", frame.name or "scene", packed([scene]))
             if self.overview:
-                self._draw(temporary, view, [estimate, *others])
+                self._draw(temporary, view, [estimate, *alternatives])
         return estimate
 
     def _draw(self, folder: Path, view: Observation, scenes: Sequence[SceneEstimate]) -> None:
@@ -159,8 +159,8 @@ class Predict:
             folder / "overview.png", first, partial, colours_of(first), views, view.source
         )
         if len(scenes) > 1:
-            shown = draw_hypotheses(scenes, solids, views)
-            save_picture(shown, folder / "hypotheses.png", fast=True)
+            picture = draw_hypotheses(scenes, solids, views)
+            save_picture(picture, folder / "hypotheses.png", fast=True)
 
     def _scenes(self, view: Observation) -> list[SceneEstimate]:
         """All hypotheses, or the most typical one, at rest if they settle."""

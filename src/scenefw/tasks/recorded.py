@@ -23,7 +23,7 @@ _MOST = np.iinfo(np.uint16).max
 
 
 def write_recording(
-    frames: Iterable[RecordedFrame], output: Path, most: int | None
+    frames: Iterable[RecordedFrame], output: Path, limit: int | None
 ) -> dict[str, float]:
     """Writes `recording/` into a folder; returns the number of images, and of those with colour.
 
@@ -33,7 +33,7 @@ def write_recording(
     Args:
         frames: the images.
         output: the run's folder.
-        most: how many there are at most, if that is known.
+        limit: how many there are at most, if that is known.
 
     Raises:
         StorageError: the folder can't be written.
@@ -43,7 +43,7 @@ def write_recording(
     coloured, times = 0, []
     columns = (SpinnerColumn(), TextColumn("{task.completed:.0f} images"), TimeElapsedColumn())
     with Progress(*columns) as progress, replacing_folder(target) as folder:
-        bar = progress.add_task("images", total=most)
+        bar = progress.add_task("images", total=limit)
         for number, frame in enumerate(frames):
             _write(folder, number, frame)
             coloured += frame.colour is not None

@@ -102,11 +102,11 @@ class Train:
         require_writable(self.folder)
         for name in (self.weights, _TABLE):
             require_free(self.output / name)
-        found = self._found()
-        over = finished(self.trainer.budget, found) if found else None
-        if found and over:
+        saved_state = self._saved_state()
+        over = finished(self.trainer.budget, saved_state) if saved_state else None
+        if saved_state and over:
             print(f"{over} ({self._state})", flush=True)
-            return self._again(found)
+            return self._restore(saved_state)
         if self.trainer.endless:
             print(
                 "this training has no limit: it goes on until Ctrl-C, which saves it "
@@ -125,7 +125,7 @@ class Train:
     def _state(self) -> Path:
         return self.folder / _STATE
 
-    def _found(self) -> dict[str, Any] | None:
+    def _saved_state(self) -> dict[str, Any] | None:
         """The state to resume from, if there is one."""
         if self.fresh or not self._state.exists():
             return None
@@ -145,36 +145,36 @@ class Train:
             except SystemExit as stop:  # what Lightning makes of Ctrl-C
                 if not isinstance(stop.__context__, KeyboardInterrupt):
                     raise
-                raise type(stop.__context__)(self._kept()) from stop
+                raise type(stop.__context__)(self._resume_advice()) from stop
             except Exception as error:
                 if not device_failed(error):
                     raise
                 line = str(error).strip().partition("\n")[0]
-                raise TrainingError(f"the GPU failed ({line}); {self._kept()}") from error
+                raise TrainingError(f"the GPU failed ({line}); {self._resume_advice()}") from error
         if interruption.number is not None:
-            raise stop_of(interruption.number)(self._kept())
+            raise stop_of(interruption.number)(self._resume_advice())
         self.learning.times.finish()
         return trainer
 
-    def _kept(self) -> str:
+    def _resume_advice(self) -> str:
         """Where a training that was stopped goes on."""
         if not self._state.exists():
             return "the training has no snapshot yet"
         steps = read_state(self._state, mapped=True)["scenefw"]["batches_seen"]
         command = "this command without run.fresh=true" if self.fresh else "the same command"
-        kept = f"the training is kept in {self._state}, at step {steps}"
-        return f"{kept}; {command}{self._place()} resumes it"
+        status = f"the training is kept in {self._state}, at step {steps}"
+        return f"{status}; {command}{self._place()} resumes it"
 
     def _place(self) -> str:
         """What to add to a command whose training lies in a folder that is named by the time."""
         words = read_record(self.output).get("command", [])
-        given = not words or any(word.startswith("paths.output=") for word in words)
-        if given or not self.folder.resolve().is_relative_to(self.output.resolve()):
+        is_named = not words or any(word.startswith("paths.output=") for word in words)
+        if is_named or not self.folder.resolve().is_relative_to(self.output.resolve()):
             return ""
         sweep = {"-m", "--multirun"} & set(words)
         return f" with paths.output={self.output.parent if sweep else self.output}"
 
-    def _again(self, state: dict[str, Any]) -> Mapping[str, Any]:
+    def _restore(self, state: dict[str, Any]) -> Mapping[str, Any]:
         """The weights of a finished training, and its figures."""
         self.learning.on_load_checkpoint(state)
         self.learning.load_state_dict(state["state_dict"])

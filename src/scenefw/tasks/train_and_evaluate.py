@@ -59,8 +59,8 @@ class TrainAndEvaluate:
         require_writable(self.output)
         trained = dict(self.train.run())
         result = self.evaluation().run(track)
-        shown = result_sections(result, self.presentation, self.gallery(), self.output)
+        sections = result_sections(result, self.presentation, self.gallery(), self.output)
         figures = {**trained, **result.figures}
         write_measures(self.output, {**TRAINING, **result.measures})
-        print(self.page.write(self.output, shown, figures))
+        print(self.page.write(self.output, sections, figures))
         return figures

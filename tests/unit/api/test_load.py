@@ -12,7 +12,7 @@ from PIL import Image
 from tests.unit.perception.synthetic import camera_at, frame_of
 
 import scenefw
-from scenefw.api.load import _written
+from scenefw.api.load import _override_value
 from scenefw.core.errors import CheckpointError, ConfigError, InputError
 from scenefw.core.types import GridSpec
 from scenefw.export.summary import summarise
@@ -138,7 +138,7 @@ PARSER = OverridesParser.create()
 @example("superquadrics")
 @settings(max_examples=30)
 def test_values_are_written_as_the_command_line_reads_them(value):
-    read = PARSER.parse_override(f"key={_written(value)}").value()
+    read = PARSER.parse_override(f"key={_override_value(value)}").value()
     several = read if isinstance(value, list) else [read]
     plain = [one.text if isinstance(one, QuotedString) else one for one in several]
     assert plain == (value if isinstance(value, list) else [value])

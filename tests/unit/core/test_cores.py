@@ -56,10 +56,10 @@ def test_a_quota_counts_beside_free_cores(clock):
 @pytest.mark.skipif(not supplies(), reason="this system does not tell who uses its cores")
 def test_work_of_another_process_is_seen_on_this_machine():
     machine = supplies()[0]
-    before, own = machine.used(), time.process_time()
+    before, own = machine.busy_seconds(), time.process_time()
     work = "import time\nwhile time.process_time() < 0.5: pass"
     subprocess.run([sys.executable, "-c", work], check=True)
-    assert machine.used() - before - (time.process_time() - own) > 0.4
+    assert machine.busy_seconds() - before - (time.process_time() - own) > 0.4
 
 
 def test_only_cores_that_the_process_may_use_are_counted(tmp_path):
@@ -83,7 +83,7 @@ def test_the_smallest_quota_of_the_groups_above_counts(tmp_path):
     (tmp_path / "outer" / "cpu.max").write_text("150000 100000\n")
     (tmp_path / "outer" / "cpu.stat").write_text("usage_usec 2500000\nuser_usec 1\n")
     found = quota(tmp_path / "groups", tmp_path)
-    assert (found.cores, found.used()) == (1.5, 2.5)
+    assert (found.cores, found.busy_seconds()) == (1.5, 2.5)
 
 
 def test_a_quota_of_control_groups_of_the_first_version(tmp_path):
@@ -94,7 +94,7 @@ def test_a_quota_of_control_groups_of_the_first_version(tmp_path):
     (tmp_path / "cpu" / "cpu.cfs_period_us").write_text("50000\n")
     (tmp_path / "cpuacct" / "cpuacct.usage").write_text("1500000000\n")
     found = quota(tmp_path / "groups", tmp_path)
-    assert (found.cores, found.used()) == (4, 1.5)
+    assert (found.cores, found.busy_seconds()) == (4, 1.5)
     (tmp_path / "cpu" / "cpu.cfs_quota_us").write_text("-1\n")
     assert quota(tmp_path / "groups", tmp_path) is None
 

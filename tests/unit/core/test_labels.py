@@ -8,7 +8,7 @@ from scenefw.core.labels import (
     FROM_VIEWS,
     NO_SOURCE,
     UNKNOWN,
-    known,
+    known_mask,
     labelled,
     unlabelled,
 )
@@ -38,7 +38,7 @@ def probabilities():
 def test_uniform_probabilities_are_no_knowledge():
     expected = np.zeros(GRID.shape, bool)
     expected[[0, 1, 2], [1, 0, 2]] = True
-    np.testing.assert_array_equal(known(probabilities()), expected)
+    np.testing.assert_array_equal(known_mask(probabilities()), expected)
 
 
 def test_a_map_has_the_most_probable_class_and_where_it_is_from():

@@ -3,7 +3,7 @@ import json
 import pytest
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.core.measures import Measure, joined, read_measures, write_measures
+from scenefw.core.measures import Measure, join_measures, read_measures, write_measures
 
 CHAMFER = Measure(
     "full", "Chamfer, whole", "mm", 1, "lower", 1000.0, 0.028, "none/chamfer", "chamfer_floor"
@@ -17,7 +17,7 @@ def test_a_figure_in_its_printed_unit():
 
 
 def test_figures_that_a_measure_names_move_with_it():
-    found = joined([("a", {"chamfer": CHAMFER}), ("b", {"chamfer": Measure("bare")})])
+    found = join_measures([("a", {"chamfer": CHAMFER}), ("b", {"chamfer": Measure("bare")})])
     assert found["a/chamfer"].trivial == "a/none/chamfer"
     assert found["a/chamfer"].floor == "a/chamfer_floor"
     assert found["b/chamfer"] == Measure("bare")

@@ -6,7 +6,7 @@ import sys
 import pytest
 from tests.warm import Warm
 
-from scenefw.core.waiting import _CHOSEN, chosen
+from scenefw.core.waiting import _VARIABLES, environment_decides
 
 pytestmark = pytest.mark.skipif(
     not sys.platform.startswith("linux") or len(os.sched_getaffinity(0)) < 2,
@@ -38,7 +38,7 @@ compute()
 
 @pytest.fixture(scope="module")
 def process():
-    found = Warm(("torch",), dict.fromkeys(_CHOSEN))
+    found = Warm(("torch",), dict.fromkeys(_VARIABLES))
     yield found
     found.stop()
 
@@ -47,7 +47,7 @@ def process():
 def run(process, tmp_path):
     def run(script, **variables):
         (tmp_path / "script.py").write_text(_BEGIN + script)
-        environment = {k: v for k, v in os.environ.items() if k not in _CHOSEN} | variables
+        environment = {k: v for k, v in os.environ.items() if k not in _VARIABLES} | variables
         done = process.run("script", [], tmp_path, environment)
         assert done.returncode == 0, done.stderr
 
@@ -114,7 +114,7 @@ from scenefw.core.cores import Supply
 waiting._INTERVAL = 0.01
 waiting.supplies = lambda: [Supply(2, lambda: 9 * time.monotonic())]  # others use nine cores
 before, most = count(), 0
-with waiting.yielding(lambda: {threads}, wanted={wanted}):
+with waiting.yielding(lambda: {threads}, enabled={wanted}):
     end = time.monotonic() + {patience}
     while time.monotonic() < end and most < before + 2:
         most = max(most, count())
@@ -136,11 +136,11 @@ def test_one_thread_or_a_setting_leaves_all_alone(run, threads, wanted):
     run(script)
 
 
-@pytest.mark.parametrize("variable", _CHOSEN)
+@pytest.mark.parametrize("variable", _VARIABLES)
 def test_variables_of_openmp_leave_all_alone(run, variable, monkeypatch):
-    for name in _CHOSEN:
+    for name in _VARIABLES:
         monkeypatch.delenv(name, raising=False)
-    assert not chosen()
+    assert not environment_decides()
     value = {"OMP_WAIT_POLICY": "ACTIVE"}.get(variable, "2")
     script = _CROWDED.format(threads=2, wanted=True, patience=0.5, expected="most == before")
     run(script, **{variable: value})

@@ -137,7 +137,7 @@ def test_metres_big_endian_bgr_and_compressed_images(tmp_path):
     assert np.array_equal(frame.colour, COLOUR)
     messages = recording()
     messages[1] = (messages[1][0], 1, lambda s: s.image(COLOUR[..., ::-1], "bgr8"))
-    [frame, *_] = Bag(written(tmp_path / "c", messages)).frames(most=1)
+    [frame, *_] = Bag(written(tmp_path / "c", messages)).frames(max_frames=1)
     assert np.array_equal(frame.colour, COLOUR)
 
 

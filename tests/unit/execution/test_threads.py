@@ -14,7 +14,7 @@ def quota(monkeypatch):
         limit = None if cores is None else Supply(cores, lambda: 0.0)
         monkeypatch.setattr(module, "quota", lambda: limit)
 
-    monkeypatch.setattr(module, "chosen", lambda: False)
+    monkeypatch.setattr(module, "environment_decides", lambda: False)
     return give
 
 

@@ -48,7 +48,7 @@ def test_time_is_split_into_waiting_and_computing(monkeypatch):
     times = StepTimes()
     for _ in range(2):
         times.begin(CPU)
-        times.drawn(CPU)
+        times.mark_data(CPU)
         times.end(CPU)
     times.finish()
     assert (times.data, times.network) == (3.0, 12.0)
@@ -74,7 +74,7 @@ def test_events_are_read_two_steps_later(monkeypatch):
     for step in range(4):
         times.begin(CPU)
         assert max(waited, default=-1) <= max(3 * step - 4, -1)  # of the step before the last
-        times.drawn(CPU)
+        times.mark_data(CPU)
         times.end(CPU)
     times.finish()
     assert (times.data, times.network) == (4.0, 4.0)

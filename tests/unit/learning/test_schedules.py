@@ -49,20 +49,22 @@ def test_cosine_over_epochs_falls_within_them():
 
 def test_how_much_of_a_budget_is_done():
     cosine = CosineDecay(steps=100, minutes=2.0, epochs=4)
-    assert cosine.done(Progress(0, 0, 0.0)) == 0
-    assert cosine.done(Progress(25, 0, 0.0)) == 0.25
-    assert cosine.done(Progress(25, 1, 90.0, 0.8)) == 0.75  # the time is nearest its end
-    assert cosine.done(Progress(25, 3, 90.0, 0.2)) == 0.8
-    assert cosine.done(Progress(500, 9, 1e4)) == 1
+    assert cosine.budget_share(Progress(0, 0, 0.0)) == 0
+    assert cosine.budget_share(Progress(25, 0, 0.0)) == 0.25
+    assert cosine.budget_share(Progress(25, 1, 90.0, 0.8)) == 0.75  # the time is nearest its end
+    assert cosine.budget_share(Progress(25, 3, 90.0, 0.2)) == 0.8
+    assert cosine.budget_share(Progress(500, 9, 1e4)) == 1
     assert (
-        StepDecay().done(Progress(0, 0, 0.0)) == ExponentialDecay().done(Progress(0, 0, 0.0)) == 1
+        StepDecay().budget_share(Progress(0, 0, 0.0))
+        == ExponentialDecay().budget_share(Progress(0, 0, 0.0))
+        == 1
     )
 
 
 def test_limits_of_minus_one_are_none_and_zero_is_an_error():
     with pytest.raises(ConfigError, match="budget"):
         CosineDecay(minutes=-1)
-    assert CosineDecay(steps=10, minutes=-1).done(Progress(5, 0, 1e6)) == 0.5
+    assert CosineDecay(steps=10, minutes=-1).budget_share(Progress(5, 0, 1e6)) == 0.5
     for name in ("steps", "minutes", "epochs"):
         for wrong in (0, -2):
             with pytest.raises(ConfigError, match=f"^{name} = {wrong}"):

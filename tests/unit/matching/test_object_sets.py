@@ -77,7 +77,11 @@ def test_of_equal_shapes_the_nearer_prediction_is_taken():
     instances[0, :2], instances[0, 2:] = 1, 2
     present = torch.ones(1, 2, dtype=torch.bool)
     logits = torch.zeros(1, 3, 4, 4, 4)
-    apart = torch.tensor([[[0.9, 0.1], [0.5, 0.5], [0.2, 0.8]]])
-    assert matched_objects(logits, instances, present, apart=apart).tolist() == [[1, -1, 0]]
+    distances = torch.tensor([[[0.9, 0.1], [0.5, 0.5], [0.2, 0.8]]])
+    assert matched_objects(logits, instances, present, centre_distances=distances).tolist() == [
+        [1, -1, 0]
+    ]
     logits[0, 1, :2] = 20.0  # shapes count more than half a metre of distance
-    assert matched_objects(logits, instances, present, apart=apart).tolist() == [[1, 0, -1]]
+    assert matched_objects(logits, instances, present, centre_distances=distances).tolist() == [
+        [1, 0, -1]
+    ]

@@ -5,7 +5,7 @@ import torch
 from tests.unit.models.queries import scenes_of
 
 from scenefw.core.batches import SceneParameters
-from scenefw.models.query_numbers import SIZE, noised, numbers_of, told
+from scenefw.models.query_numbers import SIZE, noised, numbers_of, parameters_of
 from scenefw.shapes.radial_distance import in_frame, radial_distance
 
 
@@ -19,7 +19,7 @@ def distances(positions, rotations, half_axes, exponents, places):
 def test_numbers_tell_the_same_solids(seed):
     """Whatever of the 24 descriptions was taken: signed distances are those of before."""
     scenes = scenes_of(3, 4, seed)
-    found = told(numbers_of(scenes), scenes.positions)
+    found = parameters_of(numbers_of(scenes), scenes.positions)
     places = scenes.positions[:, :, None] + 0.2 * (torch.rand(3, 4, 50, 3) - 0.5)
     true = (scenes.positions, scenes.rotations, scenes.half_axes, scenes.exponents)
     assert torch.allclose(distances(*found, places), distances(*true, places), atol=2e-5)
@@ -38,7 +38,7 @@ def test_what_lies_beyond_the_bounds_stays_finite():
     numbers = numbers_of(wild)
     assert numbers.shape[-1] == SIZE
     assert torch.isfinite(numbers).all()
-    assert all(torch.isfinite(one).all() for one in told(numbers, wild.positions))
+    assert all(torch.isfinite(one).all() for one in parameters_of(numbers, wild.positions))
 
 
 def test_absent_objects_stay_finite_and_stand_for_nothing():

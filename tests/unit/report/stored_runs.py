@@ -2,7 +2,7 @@
 
 import json
 
-from scenefw.core.measures import joined, write_measures
+from scenefw.core.measures import join_measures, write_measures
 from scenefw.evaluation.labelling.measures import of_curves, of_networks
 from scenefw.evaluation.stacks.measures import REAL_IMAGES, of_scores
 
@@ -69,7 +69,7 @@ MEASURES = {
         ("scenefw", "set_flow", "hull_filling"),
     ),
     **REAL_IMAGES,
-    **joined(
+    **join_measures(
         [
             ("curves", of_curves(("view_based", "map_based", "hybrid"))),
             ("networks", of_networks(("views", "maps"), CLASSES)),

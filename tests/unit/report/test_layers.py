@@ -56,7 +56,7 @@ def test_pixels_of_a_slice_lie_where_their_voxels_are(axis):
     centre = np.array([0.2, -0.1, 0.3])
     distance = np.linalg.norm(GRID.centres() - centre, axis=-1) - 0.1
     distance = distance.clip(-GRID.truncation, GRID.truncation).astype(np.float32)
-    part = layers.cut(distance, GRID, axis, centre[axis])
+    part = layers.slice_volume(distance, GRID, axis, centre[axis])
     free = part.picture[..., 0] >= part.picture[..., 2]
     row, column = np.argwhere(~free).mean(axis=0)
     local = np.array([(column + 0.5) / 32 - 0.5, (row + 0.5) / 32 - 0.5, 0]) * part.size

@@ -1,7 +1,7 @@
 import pytest
 
 from scenefw.core.errors import StorageError
-from scenefw.report.markers import fill, read
+from scenefw.report.markers import fill, read_document
 
 TEXT = "# Title\n\n<!-- part -->\nold | figures\n<!-- /part -->\n\nAfter <!-- other -->\n"
 
@@ -29,7 +29,7 @@ def test_a_document_without_the_place(tmp_path, text):
     document = tmp_path / "README.md"
     document.write_text(text)
     with pytest.raises(StorageError, match="<!-- part -->"):
-        read(document, "part")
+        read_document(document, "part")
     with pytest.raises(StorageError, match="<!-- part -->"):
         fill(document, "part", "new")
     assert document.read_text() == text
@@ -37,4 +37,4 @@ def test_a_document_without_the_place(tmp_path, text):
 
 def test_no_document(tmp_path):
     with pytest.raises(StorageError, match="no document"):
-        read(tmp_path / "README.md", "part")
+        read_document(tmp_path / "README.md", "part")

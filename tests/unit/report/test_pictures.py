@@ -65,7 +65,7 @@ def test_six_views_with_the_objects_in_their_colours(example):
 def test_further_samples_have_a_row_of_their_own(example):
     both = (example.true_tsdf, example.true_instances)
     one = (example.tsdf, example.instances)
-    picture = draw_example(replace(example, others=(both, one)))
+    picture = draw_example(replace(example, further_samples=(both, one)))
     plain = draw_example(example)
     assert picture.shape[1] == plain.shape[1]
     row = picture[len(plain) :]

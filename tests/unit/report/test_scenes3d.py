@@ -76,7 +76,7 @@ def test_points_are_where_the_camera_measured_them_in_their_colours(scene):
 def test_large_images_are_thinned():
     depth = np.full((60, 80), 1.0, np.float32)
     large = Frame(depth, Camera(80, 60, 80.0, 80.0, 39.5, 29.5, EYE))
-    header, array = unpacked(packed([Scene3D("view", (), large)], most_points=500))
+    header, array = unpacked(packed([Scene3D("view", (), large)], max_points=500))
     points = header["scenes"][0]["points"]
     assert 300 <= points["positions"][1] / 3 <= 500
     assert array(points["colours"], "u1").reshape(-1, 3).std(axis=0).max() == 0  # one grey

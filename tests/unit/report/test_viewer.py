@@ -90,9 +90,9 @@ def test_the_scene_holds_what_was_seen_and_predicted(viewer, known):
     np.testing.assert_allclose(frame.position, item.pose.position)
     world = own @ item.pose.rotation.T + item.pose.position
     np.testing.assert_allclose(world, item.mesh.vertices, atol=1e-5)
-    assert not viewer.stage.shown("slice")
+    assert not viewer.stage.is_visible("slice")
     viewer.controls["slice"].value = True
-    assert viewer.stage.shown("slice")
+    assert viewer.stage.is_visible("slice")
 
 
 def test_the_slider_changes_hypotheses_and_keeps_changes(viewer):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from scenefw.scenes.drape import draped
-from scenefw.scenes.resting import Relief, body_of, rest
+from scenefw.scenes.resting import Relief, body_of, resting_pose
 from scenefw.shapes.tabletop import parts
 from scenefw.shapes.tabletop.parts import Look
 
@@ -17,7 +17,7 @@ def body(size):
 
 
 def put(relief, size, place):
-    found = rest(body(size), relief, np.array(place), np.eye(3), 1.0, 1.0)
+    found = resting_pose(body(size), relief, np.array(place), np.eye(3), 1.0, 1.0)
     relief.raise_to(found.moved(body(size).high))
     return found
 
@@ -71,7 +71,7 @@ def test_nothing_sinks_in():
         yaw = rng.uniform(0, 6)
         c, s = np.cos(yaw), np.sin(yaw)
         turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-        found = rest(body(size), relief, rng.uniform(-0.1, 0.1, 2), turn, 1.0, 1.2)
+        found = resting_pose(body(size), relief, rng.uniform(-0.1, 0.1, 2), turn, 1.0, 1.2)
         if found is not None:
             under = found.moved(body(size).low)
             gap = under[:, 2] - relief.at(under)
@@ -83,8 +83,8 @@ def test_what_is_too_steep_or_outside_finds_no_rest():
     relief = Relief(0.5)
     put(relief, (0.1, 0.2, 0.06), (0.1, 0))
     plank = body((0.12, 0.03, 0.004))
-    assert rest(plank, relief, np.array([0.03, 0]), np.eye(3), 1.0, 0.1) is None
-    assert rest(plank, relief, np.array([0.23, 0]), np.eye(3), 1.0, 1.0) is None
+    assert resting_pose(plank, relief, np.array([0.03, 0]), np.eye(3), 1.0, 0.1) is None
+    assert resting_pose(plank, relief, np.array([0.23, 0]), np.eye(3), 1.0, 1.0) is None
 
 
 def test_a_cable_lies_over_a_box_and_on_the_table():

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import linprog
 
 from scenefw.core.errors import ConfigError
-from scenefw.scenes.tabletop import TabletopGenerator, apart, outline_of
+from scenefw.scenes.tabletop import TabletopGenerator, are_separate, outline_of
 from scenefw.shapes.tabletop.library import ProceduralModels
 
 MODELS = ProceduralModels()
@@ -47,11 +47,11 @@ def test_nothing_overlaps_or_sticks_out(generator, index):
 
 def test_apart_measures_the_gap():
     square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=float)
-    assert apart(square, square + [1.1, 0.5], 0.09)
-    assert not apart(square, square + [1.1, 0.5], 0.11)
-    assert not apart(square, square + [0.9, 0.9], 0.0)
+    assert are_separate(square, square + [1.1, 0.5], 0.09)
+    assert not are_separate(square, square + [1.1, 0.5], 0.11)
+    assert not are_separate(square, square + [0.9, 0.9], 0.0)
     diamond = np.array([[0, -1], [1, 0], [0, 1], [-1, 0]]) * 0.5
-    assert apart(square, diamond + [1.4, 1.4], 0.1)
+    assert are_separate(square, diamond + [1.4, 1.4], 0.1)
 
 
 def test_a_scene_depends_on_seed_and_index_alone():

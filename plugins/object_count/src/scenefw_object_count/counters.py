@@ -73,9 +73,9 @@ class BaseRate:
     """
 
     def __init__(self, scenes: StackScenes, most: int = 8) -> None:
-        found = torch.bincount(counts(scenes), minlength=most + 1)[1 : most + 1].double()
+        frequencies = torch.bincount(counts(scenes), minlength=most + 1)[1 : most + 1].double()
         # One more of each (Laplace): a number that a small sample lacks is rare, not impossible.
-        self.rates = (found + 1) / (found + 1).sum()
+        self.rates = (frequencies + 1) / (frequencies + 1).sum()
 
     @property
     def grid(self) -> None:

@@ -56,13 +56,13 @@ class CountedView:
 
     def scores(self, method: str) -> dict[str, float]:
         """Log score, whether the most probable number is right, and how far off it is."""
-        given = self.probabilities[method]
-        likely = int(given.argmax()) + 1
-        of_truth = given[self.count - 1] if self.count <= len(given) else 0.0
+        probabilities = self.probabilities[method]
+        prediction = int(probabilities.argmax()) + 1
+        of_truth = probabilities[self.count - 1] if self.count <= len(probabilities) else 0.0
         return {
             "log_score": float(-np.log(max(of_truth, np.finfo(np.float64).tiny))),
-            "accuracy": float(likely == self.count),
-            "count_error": float(abs(likely - self.count)),
+            "accuracy": float(prediction == self.count),
+            "count_error": float(abs(prediction - self.count)),
         }
 
 
@@ -81,29 +81,29 @@ class CountResult:
     @property
     def figures(self) -> dict[str, float]:
         """Means over views; of other methods than the main one as `<method>/<name>`."""
-        found: dict[str, float] = {}
+        figures: dict[str, float] = {}
         for method in self.methods:
             prefix = "" if method == self.methods[0] else f"{method}/"
             rows = [view.scores(method) for view in self.views]
-            found |= {prefix + n: float(np.mean([row[n] for row in rows])) for n in _SCORES}
+            figures |= {prefix + n: float(np.mean([row[n] for row in rows])) for n in _SCORES}
         if BASE_RATE in self.methods[1:]:
-            found |= self._gain()
+            figures |= self._gain()
         scenes = {view.scene for view in self.views}
-        return found | {"scenes": float(len(scenes)), "views": float(len(self.views))}
+        return figures | {"scenes": float(len(scenes)), "views": float(len(self.views))}
 
     @property
     def measures(self) -> Mapping[str, Measure]:
         """Units, digits, and which figure says what can be had without learning."""
         compared = BASE_RATE in self.methods[1:]
-        found = {
+        measures = {
             name: measure.changed({"trivial": f"{BASE_RATE}/{name}" if compared else None})
             for name, measure in _SCORES.items()
         }
         for method in self.methods[1:]:
             for name, measure in _SCORES.items():
                 words = f"{measure.name or measure.heading}, {method.replace('_', ' ')}"
-                found[f"{method}/{name}"] = measure.changed({"name": words})
-        return found | _OTHERS
+                measures[f"{method}/{name}"] = measure.changed({"name": words})
+        return measures | _OTHERS
 
     def _gain(self) -> dict[str, float]:
         """Of scenes, as views of one scene are not independent; bounds need two scenes."""
@@ -112,9 +112,9 @@ class CountResult:
             ours, theirs = (view.scores(m)["log_score"] for m in (self.methods[0], BASE_RATE))
             by_scene.setdefault(view.scene, []).append(theirs - ours)
         gains = [float(np.mean(values)) for values in by_scene.values()]
-        found = paired_interval(gains, np.zeros(len(gains)))
-        bounds = {"gain_low": found.low, "gain_high": found.high}
-        return {"gain": found.mean, **{n: v for n, v in bounds.items() if np.isfinite(v)}}
+        interval = paired_interval(gains, np.zeros(len(gains)))
+        bounds = {"gain_low": interval.low, "gain_high": interval.high}
+        return {"gain": interval.mean, **{n: v for n, v in bounds.items() if np.isfinite(v)}}
 
 
 class CountEvaluation:
@@ -160,8 +160,8 @@ class CountEvaluation:
     def run(self, track: Track = lambda pairs, _: pairs) -> CountResult:
         """Scores all views; `track(items, what)` shows a bar of the loop."""
         pairs = list(product(range(len(self.scenes)), range(self.views)))
-        seen = tuple(self.look(scene, view) for scene, view in track(pairs, "test views"))
-        return CountResult(seen, tuple(self.methods))
+        views = tuple(self.look(scene, view) for scene, view in track(pairs, "test views"))
+        return CountResult(views, tuple(self.methods))
 
     @torch.no_grad()
     def look(self, scene: int, view: int) -> CountedView:
@@ -169,9 +169,9 @@ class CountEvaluation:
         parameters = self.scenes.parameters([scene], self.device)
         random = rng.generator(self.seed, _VIEW_STREAM, scene, view)
         partial = self.maker.make_one(parameters, random).partial
-        given = {
+        probabilities = {
             name: method.probabilities(partial, self.grid)[0].numpy()
             for name, method in self.methods.items()
         }
         count = int(parameters.present.sum())
-        return CountedView(int(self.scenes.indices[scene]), count, given)
+        return CountedView(int(self.scenes.indices[scene]), count, probabilities)

@@ -17,8 +17,8 @@ class CountExamples:
 
     def show(self) -> tuple[Table, ...]:
         """The table."""
-        shown = range(min(self.count, len(self.evaluation.scenes)))
-        views = [self.evaluation.look(scene, 0) for scene in shown]
+        scenes = range(min(self.count, len(self.evaluation.scenes)))
+        views = [self.evaluation.look(scene, 0) for scene in scenes]
         main = next(iter(self.evaluation.methods))
         rows = tuple(
             (f"scene {v.scene}", (str(v.count), *(f"{p:.2f}" for p in v.probabilities[main])))

@@ -37,11 +37,11 @@ class CountLearning(TrainingModule):
 
     def validation_step(self, batch: IndexBatch, batch_idx: int) -> None:
         """Scores predictions of the same views every time."""
-        made = self.validation_batch(batch)
-        scores = self.model(made.condition)
-        right = scores.argmax(dim=1) + 1 == made.counts
+        views = self.validation_batch(batch)
+        scores = self.model(views.condition)
+        right = scores.argmax(dim=1) + 1 == views.counts
         values = {
-            "val/log_score": LogScore()(scores, made),
+            "val/log_score": LogScore()(scores, views),
             "val/accuracy": right.float().mean(),
         }
-        self.log_dict(values, batch_size=len(made.counts), on_epoch=True, sync_dist=True)
+        self.log_dict(values, batch_size=len(views.counts), on_epoch=True, sync_dist=True)

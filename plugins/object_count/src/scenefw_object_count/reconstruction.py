@@ -46,13 +46,13 @@ class CountedParts:
         self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
     ) -> list[Completion]:
         """Scenes of B partial views with the most probable, and with drawn numbers of objects."""
-        likely = self.counter.probabilities(partial, grid)
+        probabilities = self.counter.probabilities(partial, grid)
         heights = torch.from_numpy(grid.centres()[0, 0, :, 2]).float()
-        cut = (self.clearance * grid.voxel_size - heights).to(partial.distance.device)
-        tsdf = torch.maximum(partial.distance[:, 0].float(), cut).clamp(max=grid.truncation)
-        drawn = torch.multinomial(likely, samples, replacement=True, generator=generator)
-        drawn[:, 0] = likely.argmax(dim=1)
-        return [Completion(tsdf, _parts(tsdf, counts + 1)) for counts in drawn.T]
+        floor = (self.clearance * grid.voxel_size - heights).to(partial.distance.device)
+        tsdf = torch.maximum(partial.distance[:, 0].float(), floor).clamp(max=grid.truncation)
+        draws = torch.multinomial(probabilities, samples, replacement=True, generator=generator)
+        draws[:, 0] = probabilities.argmax(dim=1)
+        return [Completion(tsdf, _parts(tsdf, counts + 1)) for counts in draws.T]
 
 
 def _parts(tsdf: Tensor, counts: Tensor) -> Tensor:

@@ -37,8 +37,8 @@ class PointCloud:
 
     def __post_init__(self) -> None:
         count = len(self.points)
-        wanted = {"points": (count, 3), "normals": (count, 3), "labels": (count,)}
-        for name, shape in {**wanted, "colours": (count, 3)}.items():
+        shapes = {"points": (count, 3), "normals": (count, 3), "labels": (count,)}
+        for name, shape in {**shapes, "colours": (count, 3)}.items():
             if getattr(self, name).shape != shape:
                 raise InputError(
                     f"{name} of a point cloud have shape {getattr(self, name).shape}; give {shape}"

@@ -19,12 +19,12 @@ def draw(cloud: PointCloud, camera: Camera, target: Path | str, title: str = "")
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    chosen = np.linspace(0, len(cloud) - 1, min(len(cloud), _SHOWN)).astype(int)
-    x, y, z = transform_points(inverse(camera.T_world_camera), cloud.points[chosen]).T
+    rows = np.linspace(0, len(cloud) - 1, min(len(cloud), _SHOWN)).astype(int)
+    x, y, z = transform_points(inverse(camera.T_world_camera), cloud.points[rows]).T
     panels = {
-        "colours": cloud.colours[chosen] / 255,
-        "labels": palette(cloud.labels[chosen]) / 255,
-        "normals": (cloud.normals[chosen] + 1) / 2,
+        "colours": cloud.colours[rows] / 255,
+        "labels": palette(cloud.labels[rows]) / 255,
+        "normals": (cloud.normals[rows] + 1) / 2,
     }
     figure = Figure(figsize=(18, 6), layout="constrained")
     FigureCanvasAgg(figure)

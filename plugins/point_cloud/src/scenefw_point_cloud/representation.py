@@ -41,22 +41,22 @@ class PointClouds:
         points = _back_projected(depth, frame)
         normals = np.cross(self._slope(points, 0), self._slope(points, 1))
         length = np.linalg.norm(normals, axis=-1)
-        kept = (depth > 0) & (length > 0)
-        kept &= _every(self.stride, depth.shape)
-        away = np.sign(np.sum(normals * points, axis=-1))  # a seen surface faces the camera
-        normals = normals[kept] * (-away / np.where(length > 0, length, 1))[kept][:, None]
+        mask = (depth > 0) & (length > 0)
+        mask &= _stride_mask(self.stride, depth.shape)
+        signs = np.sign(np.sum(normals * points, axis=-1))  # a seen surface faces the camera
+        normals = normals[mask] * (-signs / np.where(length > 0, length, 1))[mask][:, None]
         labels = np.zeros(depth.shape, np.int32) if frame.labels is None else frame.labels
-        labels = labels[kept].astype(np.int32)
-        colours = palette(labels) if frame.colour is None else frame.colour[kept]
+        labels = labels[mask].astype(np.int32)
+        colours = palette(labels) if frame.colour is None else frame.colour[mask]
         pose = frame.camera.T_world_camera
         turned = normals @ pose[:3, :3].T
-        return PointCloud(transform_points(pose, points[kept]), turned, labels, colours)
+        return PointCloud(transform_points(pose, points[mask]), turned, labels, colours)
 
     def _slope(self, points: Floats, axis: int) -> Floats:
         """Tangent (H, W, 3) along an image axis: from both sides, or the one without an edge."""
         step = np.diff(points, axis=axis)
-        near = np.minimum(*_pair(points[..., 2], axis))
-        smooth = (near > 0) & (np.abs(step[..., 2]) <= self.edge * near)
+        nearer_depth = np.minimum(*_pair(points[..., 2], axis))
+        smooth = (nearer_depth > 0) & (np.abs(step[..., 2]) <= self.edge * nearer_depth)
         step = np.where(smooth[..., None], step, 0.0)
         pad = [(0, 0)] * 3
         pad[axis] = (1, 1)
@@ -81,7 +81,7 @@ def _back_projected(depth: Floats, frame: Frame) -> Floats:
     return np.stack([x * depth, y * depth, depth], axis=-1)
 
 
-def _every(stride: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    chosen = np.zeros(shape, dtype=bool)
-    chosen[::stride, ::stride] = True
-    return chosen
+def _stride_mask(stride: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    mask = np.zeros(shape, dtype=bool)
+    mask[::stride, ::stride] = True
+    return mask

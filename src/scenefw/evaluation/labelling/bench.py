@@ -98,8 +98,8 @@ class Bench:
         running = {
             name: parts.shared(strategy).begin() for name, strategy in self.strategies.items()
         }
-        chosen = self.noise if noise is None else noise
-        frames = self._frames(scene, max(counts), chosen)
+        noises = self.noise if noise is None else noise
+        frames = self._frames(scene, max(counts), noises)
         for index in range(max(counts)):
             work.begin_turn(index)
             for name, labelling in running.items():

@@ -70,10 +70,10 @@ class LabellingCurves:
                         counts[name].append(scene_counts(snapshot.height_map, truth))
         return CurvesResult(
             Scores(tuple(rows)),
-            {name: mean_seconds(each) for name, each in seconds.items()},
-            {name: class_iou(each) for name, each in counts.items()},
+            {name: mean_seconds(stage_times) for name, stage_times in seconds.items()},
+            {name: class_iou(confusions) for name, confusions in counts.items()},
             self.bench.classes,
-            example.made() if example else None,
+            example.build() if example else None,
         )
 
     def _shown_counts(self) -> tuple[int, ...]:
@@ -113,7 +113,7 @@ class _ExampleMaker:
         if name == HYBRID and snapshot.height_map.sources is not None:
             self.sources[snapshot.frames] = self._thin(snapshot.height_map.sources)
 
-    def made(self) -> Example:
+    def build(self) -> Example:
         """The example."""
         labels = self.truth.labels
         if labels is None:

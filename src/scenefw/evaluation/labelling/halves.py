@@ -124,16 +124,16 @@ class LabellingHalves:
         running = {
             name: (strategy.begin(), strategy.begin()) for name, strategy in self.strategies.items()
         }
-        used = 0
+        frame_count = 0
         for number, frame in _numbered(track(range(count), "frames"), placed.frames):
             for halves in running.values():
                 halves[number % 2].add(frame)
-            used = number + 1
+            frame_count = number + 1
         values = {
             name: compared(first.height_map(), second.height_map(), self.flat)
             for name, (first, second) in running.items()
         }
-        return HalvesResult(values, used, placed.note)
+        return HalvesResult(values, frame_count, placed.note)
 
 
 def compared(first: HeightMap, second: HeightMap, flat: float) -> dict[str, float]:
@@ -147,19 +147,19 @@ def compared(first: HeightMap, second: HeightMap, flat: float) -> dict[str, floa
     Raises:
         InputError: they share no vertex that both have seen.
     """
-    both = first.seen & second.seen
-    if not both.any():
+    common = first.seen & second.seen
+    if not common.any():
         raise InputError("the two halves show no common part of the table; use more frames")
-    difference = (second.heights - first.heights)[both]
-    found = {
-        "overlap": float(both.sum() / (first.seen | second.seen).sum()),
+    difference = (second.heights - first.heights)[common]
+    figures = {
+        "overlap": float(common.sum() / (first.seen | second.seen).sum()),
         "height_median": float(np.median(np.abs(difference))),
         "height_rms": float(np.sqrt(np.mean(difference**2))),
     } | _flatness(first, flat)
     if first.labels is None or second.labels is None:
-        return found
-    pair = (first.labels[both], second.labels[both])
-    return found | {
+        return figures
+    pair = (first.labels[common], second.labels[common])
+    return figures | {
         "agreement": agreement(*pair),
         "chance": chance_agreement(*pair, len(first.classes)),
         "miou": mutual_iou(*pair, len(first.classes)),

@@ -51,13 +51,13 @@ HALVES = {
 
 def of_curves(strategies: Sequence[str]) -> dict[str, Measure]:
     """Measures of scores after all frames, `<strategy>/<score>`."""
-    found = dict(_SCENES)
+    measures = dict(_SCENES)
     rule = next((name for name in strategies if name in RULES), None)
     for strategy in strategies:
         for name, measure in SCORES.items():
             theirs = published.FINAL.get(strategy) if name == "miou" else None
             learned = rule is not None and strategy != rule and name in ("miou", "miou_seen")
-            found[f"{strategy}/{name}"] = measure.changed(
+            measures[f"{strategy}/{name}"] = measure.changed(
                 {
                     "heading": f"{measure.heading}, {_short(strategy)}",
                     "name": f"{measure.name or measure.heading}, {strategy.replace('_', '-')}",
@@ -65,7 +65,7 @@ def of_curves(strategies: Sequence[str]) -> dict[str, Measure]:
                     "trivial": f"{rule}/{name}" if learned else None,
                 }
             )
-    return found
+    return measures
 
 
 def of_noise(strategies: Sequence[str], amounts: Iterable[str]) -> dict[str, Measure]:
@@ -83,61 +83,61 @@ def of_noise(strategies: Sequence[str], amounts: Iterable[str]) -> dict[str, Mea
 
 def of_networks(kinds: Sequence[str], classes: Sequence[str]) -> dict[str, Measure]:
     """Measures of IoUs, `<kind>/<class>`, and their means, with table 4.1 of the thesis."""
-    found = {}
+    measures = {}
     for kind in kinds:
         theirs = dict(zip(published.CLASSES, published.CLASS_IOU.get(kind, ()), strict=False))
-        found[f"{kind}/miou"] = Measure(
+        measures[f"{kind}/miou"] = Measure(
             "class mean",
             "mean IoU over classes",
             better="higher",
             published=sum(theirs.values()) / len(theirs) if theirs else None,
         )
-        found[f"{kind}/weighted_iou"] = Measure(
+        measures[f"{kind}/weighted_iou"] = Measure(
             "frequency-weighted",
             "frequency-weighted IoU",
             better="higher",
             published=published.PRINTED_MEAN.get(kind),
         )
         for label in classes:
-            found[f"{kind}/{label}"] = Measure(
+            measures[f"{kind}/{label}"] = Measure(
                 label,
                 f"IoU of {label.replace('_', ' ')}",
                 better="higher",
                 published=theirs.get(label),
             )
-        found[f"{kind}/number"] = Measure(kind, f"{kind} scored", digits=0)
-    return found
+        measures[f"{kind}/number"] = Measure(kind, f"{kind} scored", digits=0)
+    return measures
 
 
 def of_times(names: Iterable[str]) -> dict[str, Measure]:
     """Measures of times and memory, whose names end in the unit."""
-    found = dict(_SCENES)
+    measures = dict(_SCENES)
     for name in names:
         words, unit = name.rsplit(" ", 1)
-        found[name] = Measure(
+        measures[name] = Measure(
             words.replace("/", ", "), unit=unit, digits=2 if unit == "ms" else 0, better="lower"
         )
-    return found
+    return measures
 
 
 def of_weights(weights: Iterable[str]) -> dict[str, Measure]:
     """Measures of the weights of the hybrid's pool, and of its accuracy with them."""
-    found = {name: Measure(name.replace("/", ", "), digits=4) for name in weights}
+    measures = {name: Measure(name.replace("/", ", "), digits=4) for name in weights}
     for name in ("views", "map", "pool"):
-        found[f"accuracy/{name}"] = Measure(
+        measures[f"accuracy/{name}"] = Measure(
             name, f"labelled right, mean over classes, {name}", digits=4, better="higher"
         )
-    return found | {"vertices": Measure("vertices", digits=0), "scenes": _SCENES["scenes"]}
+    return measures | {"vertices": Measure("vertices", digits=0), "scenes": _SCENES["scenes"]}
 
 
 def of_halves(strategies: Sequence[str]) -> dict[str, Measure]:
     """Measures of the agreement of two halves of a recording, `<strategy>/<measure>`."""
-    found = {"frames": _SCENES["frames"]}
+    measures = {"frames": _SCENES["frames"]}
     for strategy in strategies:
         for name, measure in HALVES.items():
             heading = f"{measure.heading}, {_short(strategy)}"
-            found[f"{strategy}/{name}"] = measure.within(strategy).changed({"heading": heading})
-    return found
+            measures[f"{strategy}/{name}"] = measure.within(strategy).changed({"heading": heading})
+    return measures
 
 
 def _short(strategy: str) -> str:

@@ -53,14 +53,14 @@ class NetworksResult:
     @property
     def figures(self) -> dict[str, float]:
         """Class-mean and frequency-weighted IoU and that of each class, by network."""
-        found: dict[str, float] = {}
+        figures: dict[str, float] = {}
         for name, counts in self.counts.items():
-            found[f"{name}/miou"] = mean_iou(counts)
-            found[f"{name}/weighted_iou"] = weighted_iou(counts)
+            figures[f"{name}/miou"] = mean_iou(counts)
+            figures[f"{name}/weighted_iou"] = weighted_iou(counts)
             ious = zip(self.classes, class_ious(counts), strict=True)
-            found |= {f"{name}/{label}": float(iou) for label, iou in ious}
-            found[f"{name}/number"] = float(self.number[name])
-        return {name: value for name, value in found.items() if np.isfinite(value)}
+            figures |= {f"{name}/{label}": float(iou) for label, iou in ious}
+            figures[f"{name}/number"] = float(self.number[name])
+        return {name: value for name, value in figures.items() if np.isfinite(value)}
 
     @property
     def measures(self) -> Mapping[str, Measure]:
@@ -101,11 +101,15 @@ class LabellingNetworks:
         references: Mapping[str, MapLabelSource] | None = None,
     ) -> None:
         self.references = dict(references or {})
-        known = {name: part.classes for name, part in self.references.items()}
-        for what, classes in ((VIEWS, source.classes), (MAPS, map_source.classes), *known.items()):
+        reference_classes = {name: part.classes for name, part in self.references.items()}
+        for name, classes in (
+            (VIEWS, source.classes),
+            (MAPS, map_source.classes),
+            *reference_classes.items(),
+        ):
             if tuple(classes) != tuple(scenes.classes):
                 raise ConfigError(
-                    f"{what} are labelled {', '.join(classes)}, the scenes contain "
+                    f"{name} are labelled {', '.join(classes)}, the scenes contain "
                     f"{', '.join(scenes.classes)}; give a checkpoint or a rule for these classes"
                 )
         self.scenes = scenes
@@ -123,8 +127,8 @@ class LabellingNetworks:
         empty = np.zeros((len(self.scenes.classes), len(self.scenes.classes) + 1), np.int64)
         counts = dict.fromkeys((VIEWS, MAPS, *self.references), empty)
         for scene in track(scenes, "scenes"):
-            for name, found in ({VIEWS: self._views(scene)} | self._maps(scene)).items():
-                counts[name] = counts[name] + found
+            for name, confusion in ({VIEWS: self._views(scene)} | self._maps(scene)).items():
+                counts[name] = counts[name] + confusion
         number = dict.fromkeys(counts, len(scenes)) | {VIEWS: len(scenes) * self.views}
         return NetworksResult(counts, tuple(self.scenes.classes), number, self.frames)
 
@@ -133,8 +137,8 @@ class LabellingNetworks:
         for index, frame in enumerate(self.scenes.frames(scene, self.views)):
             if frame.labels is None:
                 raise InputError(f"{frame.name} has no true labels to score against")
-            seen = disturb(frame, self.noise, self.seed, scene, index)
-            predicted = self.source.label(seen).argmax(axis=0)
+            noisy_frame = disturb(frame, self.noise, self.seed, scene, index)
+            predicted = self.source.label(noisy_frame).argmax(axis=0)
             total += count_classes(predicted, frame.labels, len(self.scenes.classes))
         return total
 
@@ -143,11 +147,11 @@ class LabellingNetworks:
         if truth is None:
             raise InputError(f"scene {scene} has no true labels to score against")
         fused = self._fused(scene)
-        found = {}
+        counts = {}
         for name, source in {MAPS: self.map_source, **self.references}.items():
             predicted = source.label_map(fused).argmax(axis=0)
-            found[name] = count_classes(predicted, truth, count, fused.seen)
-        return found
+            counts[name] = count_classes(predicted, truth, count, fused.seen)
+        return counts
 
     def _fused(self, scene: int) -> HeightMap:
         running = self.heights.begin()

@@ -51,9 +51,9 @@ class NoiseResult:
         """Mean over scenes with bounds, for one pair of amounts."""
         return mean_interval(list(self._values(strategy, pose, depth, measure).values()))
 
-    def difference(self, one: str, other: str, pose: float, depth: float) -> Interval:
+    def difference(self, strategy: str, baseline: str, pose: float, depth: float) -> Interval:
         """Mean IoU of a strategy minus that of another on the same scenes, with paired bounds."""
-        ours, theirs = (self._values(name, pose, depth) for name in (one, other))
+        ours, theirs = (self._values(name, pose, depth) for name in (strategy, baseline))
         shared = [scene for scene in ours if scene in theirs]
         return paired_interval([ours[s] for s in shared], [theirs[s] for s in shared])
 
@@ -82,8 +82,8 @@ class NoiseResult:
             for p in self.pose
             for d in self.depth
         }
-        found = {name: value for name, value in cells.items() if np.isfinite(value)}
-        return {"scenes": float(len(self.scores.scenes))} | found
+        means = {name: value for name, value in cells.items() if np.isfinite(value)}
+        return {"scenes": float(len(self.scores.scenes))} | means
 
     @property
     def measures(self) -> Mapping[str, Measure]:
@@ -119,11 +119,11 @@ class LabellingNoise:
         scenes: int | None = 3,
         chosen: Sequence[str] = (),
     ) -> None:
-        others = sorted(set(chosen) - {"pose", "gaussian"})
-        if others:
+        unsupported = sorted(set(chosen) - {"pose", "gaussian"})
+        if unsupported:
             raise ConfigError(
-                f"a noise map varies only pose and Gaussian noise, not {', '.join(others)}; give "
-                "noise=[pose,gaussian] (experiment=view_vs_map compares under any noise)"
+                f"a noise map varies only pose and Gaussian noise, not {', '.join(unsupported)}; "
+                "give noise=[pose,gaussian] (experiment=view_vs_map compares under any noise)"
             )
         self.bench = bench
         self.frames = frames
@@ -169,14 +169,14 @@ class GatheredNoise:
             InputError: there are none, or runs that can't be one result: of different numbers of
                 frames, or of the same amounts and other scores.
         """
-        found = in_order(self.input.rglob(SCORES_FILE))
-        if not found:
+        paths = in_order(self.input.rglob(SCORES_FILE))
+        if not paths:
             raise InputError(
                 f"no {SCORES_FILE} below {self.input}; give the folder of a sweep of "
                 "experiment=noise_map"
             )
         rows: dict[tuple[str, int, float, float], tuple[Score, Path]] = {}
-        for path in found:
+        for path in paths:
             for row in read_scores(path).rows:
                 key = (row.strategy, row.scene, row.pose, row.depth)
                 first, origin = rows.setdefault(key, (row, path))

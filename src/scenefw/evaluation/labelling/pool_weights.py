@@ -10,7 +10,7 @@ import numpy as np
 
 from scenefw.core import rng
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.core.labels import known
+from scenefw.core.labels import known_mask
 from scenefw.evaluation.labelling.curves import frame_counts
 from scenefw.evaluation.labelling.measures import of_weights
 from scenefw.evaluation.labelling.results import MAP_BASED, VIEW_BASED
@@ -105,11 +105,11 @@ class HybridWeights:
         noise: Mapping[str, Mapping[str, Noise]] | None = None,
         doubt: float = DOUBT,
     ) -> None:
-        missing = {VIEW_BASED, MAP_BASED} - set(bench.strategies)
-        if missing:
+        missing_strategies = {VIEW_BASED, MAP_BASED} - set(bench.strategies)
+        if missing_strategies:
             raise ConfigError(
-                f"estimating the hybrid's weights needs {' and '.join(sorted(missing))} too; give "
-                "labelling=[view_based,map_based]"
+                f"estimating the hybrid's weights needs {' and '.join(sorted(missing_strategies))} "
+                "too; give labelling=[view_based,map_based]"
             )
         self.bench = bench
         self.reconstruction = reconstruction
@@ -140,16 +140,16 @@ class HybridWeights:
             noise = None if self.noise is None else in_turns(self.noise, scene)
             for snapshots in self.bench.run(scene, self.counts, noise):
                 maps = [snapshots[name].height_map for name in (VIEW_BASED, MAP_BASED)]
-                chosen = self._draw(maps, truth.labels, scene, snapshots[VIEW_BASED].frames)
-                parts.append(self._samples(maps, truth.labels, chosen))
+                samples = self._draw(maps, truth.labels, scene, snapshots[VIEW_BASED].frames)
+                parts.append(self._samples(maps, truth.labels, samples))
         views, of_map, well, labels, drawn_for = (
             np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)
         )
         pool = fit_pool(views, of_map, well, labels, drawn_for, self.doubt)
         pooled = pool(views, of_map, well)
         accuracy = {
-            name: balanced_accuracy(found.argmax(axis=0), labels, drawn_for)
-            for name, found in (("views", views), ("map", of_map), ("pool", pooled))
+            name: balanced_accuracy(probabilities.argmax(axis=0), labels, drawn_for)
+            for name, probabilities in (("views", views), ("map", of_map), ("pool", pooled))
         }
         return WeightsResult(pool, accuracy, len(labels), len(scenes))
 
@@ -160,26 +160,26 @@ class HybridWeights:
         random = rng.generator(self.seed, scene, frames)
         usable = maps[0].seen & (truth >= 0)
         experts = [_probabilities(m) for m in maps]
-        chosen, drawn_for = [], []
+        indices, drawn_for = [], []
         for label in np.unique(truth[truth >= 0]):
-            maybe = (known(p) & (p[label] > _MAYBE) for p in experts)
+            maybe = (known_mask(p) & (p[label] > _MAYBE) for p in experts)
             concerned = np.any([truth == label, *maybe], axis=0)
             (places,) = np.nonzero((usable & concerned).ravel())
-            chosen.append(random.permutation(places)[: self.vertices])
-            drawn_for.append(np.full(len(chosen[-1]), label, dtype=np.int32))
-        return np.concatenate(chosen), np.concatenate(drawn_for)
+            indices.append(random.permutation(places)[: self.vertices])
+            drawn_for.append(np.full(len(indices[-1]), label, dtype=np.int32))
+        return np.concatenate(indices), np.concatenate(drawn_for)
 
     def _samples(
         self,
         maps: Sequence[HeightMap],
         truth: Int32,
-        drawn: tuple[NDArray[np.intp], Int32],
+        samples: tuple[NDArray[np.intp], Int32],
     ) -> tuple[Float32, Float32, Float32, Int32, Int32]:
         """Their probabilities (C, N) of views and map, reconstruction, truth, class drawn for."""
-        chosen, drawn_for = drawn
-        views, of_map = (_probabilities(m).reshape(-1, truth.size)[:, chosen] for m in maps)
-        well = self.reconstruction.of(maps[0]).reshape(-1)[chosen]
-        return views, of_map, well, truth.reshape(-1)[chosen], drawn_for
+        indices, drawn_for = samples
+        views, of_map = (_probabilities(m).reshape(-1, truth.size)[:, indices] for m in maps)
+        well = self.reconstruction.of(maps[0]).reshape(-1)[indices]
+        return views, of_map, well, truth.reshape(-1)[indices], drawn_for
 
 
 def balanced_accuracy(

@@ -110,20 +110,22 @@ class Scores:
 
     def values(self, strategy: str, measure: str) -> NDArray[np.float64]:
         """(scenes, counts) of a measure; NaN where there is no row."""
-        found = np.full((len(self.scenes), len(self.counts)), np.nan)
+        values = np.full((len(self.scenes), len(self.counts)), np.nan)
         for row in self.rows:
             if row.strategy == strategy:
                 place = self.scenes.index(row.scene), self.counts.index(row.frames)
-                found[place] = getattr(row, measure)
-        return found
+                values[place] = getattr(row, measure)
+        return values
 
     def curve(self, strategy: str, measure: str) -> tuple[Interval, ...]:
         """Mean over scenes with 95 % bounds, per number of frames."""
         return tuple(mean_interval(column) for column in self.values(strategy, measure).T)
 
-    def advantage(self, strategy: str, other: str, measure: str = "miou") -> tuple[Interval, ...]:
+    def advantage(
+        self, strategy: str, baseline: str, measure: str = "miou"
+    ) -> tuple[Interval, ...]:
         """Mean paired difference to another strategy, per number of frames."""
-        ours, theirs = self.values(strategy, measure), self.values(other, measure)
+        ours, theirs = self.values(strategy, measure), self.values(baseline, measure)
         return tuple(paired_interval(a, b) for a, b in zip(ours.T, theirs.T, strict=True))
 
     def final(self, strategy: str, measure: str = "miou") -> Interval:
@@ -152,13 +154,16 @@ class CurvesResult:
     @property
     def figures(self) -> dict[str, float]:
         """Means after all frames, `<strategy>/<measure>`, with bounds of the mean IoU."""
-        found = {"scenes": float(len(self.scores.scenes)), "frames": float(self.scores.counts[-1])}
+        figures = {
+            "scenes": float(len(self.scores.scenes)),
+            "frames": float(self.scores.counts[-1]),
+        }
         for strategy in self.scores.strategies:
             for measure in MEASURES:
-                found[f"{strategy}/{measure}"] = self.scores.final(strategy, measure).mean
+                figures[f"{strategy}/{measure}"] = self.scores.final(strategy, measure).mean
             bounds = self.scores.final(strategy)
-            found |= {f"{strategy}/miou_low": bounds.low, f"{strategy}/miou_high": bounds.high}
-        return {name: value for name, value in found.items() if np.isfinite(value)}
+            figures |= {f"{strategy}/miou_low": bounds.low, f"{strategy}/miou_high": bounds.high}
+        return {name: value for name, value in figures.items() if np.isfinite(value)}
 
     @property
     def measures(self) -> Mapping[str, Measure]:
@@ -180,8 +185,8 @@ def score(
             f"the map is on the grid {height_map.grid}, the truth on {truth.grid}; fuse on the "
             "grid of the scenes (size.map_vertices)"
         )
-    both = height_map.seen & truth.seen
-    errors = np.abs(height_map.heights[both].astype(np.float64) - truth.heights[both])
+    common = height_map.seen & truth.seen
+    errors = np.abs(height_map.heights[common].astype(np.float64) - truth.heights[common])
     return Score(
         strategy,
         scene,

@@ -108,11 +108,11 @@ class _View(Generic[Running]):
             raise _unlike(shared.stage)
         shared.work.do(shared.stage, (id(shared), number), add, inputs)
 
-    def _read(self, what: str, read: Callable[[], Value]) -> Value:
+    def _read(self, name: str, compute: Callable[[], Value]) -> Value:
         shared, number = self._shared, len(self._fed)
         if shared.fed != self._fed:
             raise _unlike(shared.stage)
-        return shared.work.do(shared.stage, (id(shared), number, what), read)
+        return shared.work.do(shared.stage, (id(shared), number, name), compute)
 
     def state(self) -> State:
         return self._shared.running.state()

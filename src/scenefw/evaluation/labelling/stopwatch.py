@@ -30,7 +30,7 @@ class SharedWork:
         self._spent: dict[str, dict[str, float]] = defaultdict(lambda: defaultdict(float))
         self._calls: dict[str, dict[str, int]] = defaultdict(lambda: defaultdict(int))
         self._method = ""
-        self._done = 0.0  # seconds of work actually done
+        self._work_seconds = 0.0  # seconds of work actually done
 
     def begin_turn(self, turn: int) -> None:
         """Forgets the results of the previous turn."""
@@ -42,33 +42,33 @@ class SharedWork:
     def of(self, method: str) -> Iterator[None]:
         """Charges the work of this block to a method; work that is not shared counts as `OTHER`."""
         before, self._method = self._method, method
-        start, done = time.perf_counter(), self._done
+        start, work_seconds = time.perf_counter(), self._work_seconds
         try:
             yield
         finally:
-            alone = time.perf_counter() - start - (self._done - done)
-            self._spent[method][OTHER] += alone
+            unshared_seconds = time.perf_counter() - start - (self._work_seconds - work_seconds)
+            self._spent[method][OTHER] += unshared_seconds
             self._method = before
 
     def do(
-        self, stage: str, what: Hashable, work: Callable[[], Value], inputs: tuple[object, ...] = ()
+        self, stage: str, name: Hashable, work: Callable[[], Value], inputs: tuple[object, ...] = ()
     ) -> Value:
         """The result of a piece of work, done now or remembered from the same turn.
 
         Args:
             stage: that its seconds count for.
-            what: its name in the stage.
+            name: its name in the stage.
             work: does it.
             inputs: objects that the result depends on; with other ones it is done again.
         """
-        key = (stage, what, *map(id, inputs))
+        key = (stage, name, *map(id, inputs))
         if key not in self._results:
             _wait_for_gpu()
             start = time.perf_counter()
             value = work()
             _wait_for_gpu()
             seconds = time.perf_counter() - start
-            self._done += seconds
+            self._work_seconds += seconds
             self._results[key] = (
                 inputs,
                 value,

@@ -97,9 +97,15 @@ class LabellingTimes:
                 seconds[name].update(snapshot.seconds)
                 calls[name].update(snapshot.calls)
         frames = number * self.frames
-        processing = {n: sum(each.values()) - each[LOADING] for n, each in seconds.items()}
+        processing = {
+            n: sum(stage_seconds.values()) - stage_seconds[LOADING]
+            for n, stage_seconds in seconds.items()
+        }
         return TimesResult(
-            {n: _milliseconds(each, calls[n], frames) for n, each in seconds.items()},
+            {
+                n: _milliseconds(stage_seconds, calls[n], frames)
+                for n, stage_seconds in seconds.items()
+            },
             {name: 1000 * total / frames for name, total in processing.items()},
             _memory(self.device),
             number,
@@ -110,8 +116,8 @@ class LabellingTimes:
 
 def _memory(device: torch.device) -> dict[str, float]:
     """Most memory (MB) that the process has held so far, and that torch has held on the GPU."""
-    used = {"process": torch.device("cpu"), **({"GPU": device} if device.type == "cuda" else {})}
-    return {name: peak_memory(where) / _MEGABYTE for name, where in used.items()}
+    devices = {"process": torch.device("cpu"), **({"GPU": device} if device.type == "cuda" else {})}
+    return {name: peak_memory(where) / _MEGABYTE for name, where in devices.items()}
 
 
 def _name(device: torch.device) -> str:

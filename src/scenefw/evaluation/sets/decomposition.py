@@ -83,9 +83,9 @@ class DecompositionEvaluation:
         seed: int = 0,
         device: str = "cpu",
     ) -> None:
-        self.methods = {name: one for name, one in methods.items() if one is not None}
-        own = (one.grid for one in self.methods.values())
-        grids = [one for one in (*own, grid) if one is not None]
+        self.methods = {name: method for name, method in methods.items() if method is not None}
+        method_grids = (method.grid for method in self.methods.values())
+        grids = [candidate for candidate in (*method_grids, grid) if candidate is not None]
         if not grids:
             raise ConfigError(
                 "no method of the evaluation has a grid; give a trained network (checkpoint=FILE) "
@@ -104,13 +104,15 @@ class DecompositionEvaluation:
     def run(self, track: Track = lambda items, _: items) -> DecompositionResult:
         """Scores all scenes; `track(items, what)` shows a bar of the loop."""
         scenes: list[DecomposedScene] = []
-        shown: list[SetExample] = []
+        examples: list[SetExample] = []
         for number in track(range(len(self.scenes)), "test scenes"):
             scene, example = self.look(number)
             scenes.append(scene)
-            if len(shown) < self.examples:
-                shown.append(example)
-        return DecompositionResult(tuple(scenes), tuple(self.methods), self.published, tuple(shown))
+            if len(examples) < self.examples:
+                examples.append(example)
+        return DecompositionResult(
+            tuple(scenes), tuple(self.methods), self.published, tuple(examples)
+        )
 
     @torch.no_grad()
     def look(self, number: int) -> tuple[DecomposedScene, SetExample]:
@@ -118,69 +120,76 @@ class DecompositionEvaluation:
         parameters = self.scenes.parameters([number], self.device)
         view = self.maker.make_one(parameters, rng.generator(self.seed, _VIEWS, number))
         batch = object_set_batch(view, self.grid)
-        found = {}
+        decompositions = {}
         for name, method in self.methods.items():
             draws = torch.Generator().manual_seed(rng.torch_seed(self.seed, _DRAWS, number))
-            found[name] = method.decompose(
+            decompositions[name] = method.decompose(
                 SeenSet(batch, view.volumes.tsdf, view.partial, self.grid, draws)
             )
         index = int(self.scenes.indices[number])
-        codes = _codes(next(iter(found.values())))
-        seen = self._seen(view, batch)
-        scores = {name: self._scores(one, batch, seen) for name, one in found.items()}
+        codes = _codes(next(iter(decompositions.values())))
+        visible_labels = self._visible_labels(view, batch)
+        scores = {
+            name: self._scores(decomposition, batch, visible_labels)
+            for name, decomposition in decompositions.items()
+        }
         labels = {"truth": batch.instances[0].cpu().numpy().astype(np.int64)}
-        labels |= {name: one.labels for name, one in found.items()}
+        labels |= {name: decomposition.labels for name, decomposition in decompositions.items()}
         objects = int(batch.present.sum())
         camera, depth = camera_of(view.cameras, 0), view.depth[0].cpu().numpy()
         return (
-            DecomposedScene(index, objects, scores, codes, hidden=objects - len(seen)),
+            DecomposedScene(index, objects, scores, codes, hidden=objects - len(visible_labels)),
             SetExample(index, self.grid, camera, depth, labels),
         )
 
-    def _seen(self, view: ViewBatch, batch: ObjectSetBatch) -> NDArray[np.int64]:
+    def _visible_labels(self, view: ViewBatch, batch: ObjectSetBatch) -> NDArray[np.int64]:
         """Labels of objects of which the view shows enough, without noise."""
-        shown = self.renderer.render_surface(
+        instances = self.renderer.render_surface(
             view.volumes.tsdf, batch.instances, self.grid, view.cameras
         ).instances
-        labels, pixels = np.unique(shown.cpu().numpy(), return_counts=True)
+        labels, pixels = np.unique(instances.cpu().numpy(), return_counts=True)
         return np.asarray(labels[(labels > 0) & (pixels >= self.enough)])
 
     def _scores(
-        self, found: FoundSet, batch: ObjectSetBatch, seen: NDArray[np.int64]
+        self, decomposition: FoundSet, batch: ObjectSetBatch, visible_labels: NDArray[np.int64]
     ) -> dict[str, float]:
         instances = batch.instances[0].cpu().numpy()
         ids = np.unique(instances[instances > 0])
         true = instances[None] == ids[:, None, None, None]
-        one = decomposition_scores(found.objects, true, self.matching)
-        wrong = {name: float(getattr(one, name) > 0) for name in _ERRORS}
-        occupied, mine = instances > 0, found.objects.any(axis=0)
+        set_scores = decomposition_scores(decomposition.objects, true, self.matching)
+        wrong = {name: float(getattr(set_scores, name) > 0) for name in _ERRORS}
+        occupied, mine = instances > 0, decomposition.objects.any(axis=0)
         scores = {
-            "object_iou": one.object_iou,
-            "ari": adjusted_rand_index(found.labels[occupied], instances[occupied]),
+            "object_iou": set_scores.object_iou,
+            "ari": adjusted_rand_index(decomposition.labels[occupied], instances[occupied]),
             "missing_or_joined": max(wrong["missing"], wrong["joined"]),
             "duplicate_or_split": max(wrong["duplicate"], wrong["split"]),
             **wrong,
-            "missing_seen": float((~found_objects(found.objects, true)[np.isin(ids, seen)]).any()),
-            "count_error": float(abs(one.excess)),
-            "count_excess": float(one.excess),
+            "missing_seen": float(
+                (~found_objects(decomposition.objects, true)[np.isin(ids, visible_labels)]).any()
+            ),
+            "count_error": float(abs(set_scores.excess)),
+            "count_excess": float(set_scores.excess),
             "occupancy_iou": float((mine & occupied).sum() / max((mine | occupied).sum(), 1)),
         }
-        if found.prediction is not None:
-            logits = found.prediction.logits.to(batch.instances.device)
+        if decomposition.prediction is not None:
+            logits = decomposition.prediction.logits.to(batch.instances.device)
             matched = matched_objects(logits, batch.instances, batch.present)
-            whole = dataclasses.replace(found.prediction, logits=logits, matched=matched)
-            scores["cross_entropy"] = float(SetBinaryCrossEntropy()(whole, batch))
+            prediction = dataclasses.replace(
+                decomposition.prediction, logits=logits, matched=matched
+            )
+            scores["cross_entropy"] = float(SetBinaryCrossEntropy()(prediction, batch))
         return scores
 
 
-def _codes(found: FoundSet) -> SceneCodes | None:
+def _codes(decomposition: FoundSet) -> SceneCodes | None:
     """Codes of a network's prediction."""
-    if found.prediction is None or not found.prediction.codes.shape[-1]:
+    if decomposition.prediction is None or not decomposition.prediction.codes.shape[-1]:
         return None
-    prediction = found.prediction
+    prediction = decomposition.prediction
     return SceneCodes(
         prediction.features[0].flatten(1).float().cpu().numpy(),
         prediction.cells[0].cpu().numpy(),
-        found.exists,
+        decomposition.exists,
         prediction.codes[0].float().cpu().numpy(),
     )

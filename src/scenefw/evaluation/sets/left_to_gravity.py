@@ -44,10 +44,11 @@ class Gravity:
         """Motion of each object until everything rests."""
         return motions(scene, self.engine, self.steps, until_rest=True)
 
-    def stands(self, found: Sequence[Motion]) -> bool:
+    def stands(self, object_motions: Sequence[Motion]) -> bool:
         """Whether a pile with these motions stands; one without objects doesn't."""
-        return bool(found) and all(
-            one.shift < self.furthest and one.turn < self.steepest for one in found
+        return bool(object_motions) and all(
+            motion.shift < self.furthest and motion.turn < self.steepest
+            for motion in object_motions
         )
 
     def at_rest(
@@ -63,27 +64,29 @@ class Gravity:
             counts: objects of each scene that is wanted.
             attempts: draws of a scene; after the last one it is as it came to lie.
         """
-        found: list[SceneParameters] = []
+        scenes: list[SceneParameters] = []
         for count in sorted(set(counts)):
-            missing = list(counts).count(count)
-            for left in reversed(range(attempts)):
-                made = apart(draw(missing, count))
-                for row in range(len(made.present)):
-                    moved = self.motions(objects_of(made, row))
-                    if self.stands(moved) or not left:
-                        found.append(_moved(chosen(made, [row]), moved))
-                        missing -= 1
-                if not missing:
+            remaining_scenes = list(counts).count(count)
+            for remaining_attempts in reversed(range(attempts)):
+                candidates = separate_objects(draw(remaining_scenes, count))
+                for row in range(len(candidates.present)):
+                    object_motions = self.motions(objects_of(candidates, row))
+                    if self.stands(object_motions) or not remaining_attempts:
+                        scenes.append(
+                            _apply_motions(select_scenes(candidates, [row]), object_motions)
+                        )
+                        remaining_scenes -= 1
+                if not remaining_scenes:
                     break
-        return joined(found)
+        return concatenate_scenes(scenes)
 
 
 def objects_of(scenes: SceneParameters, row: int) -> tuple[SceneObject, ...]:
     """The objects of one scene as rigid bodies."""
-    there = scenes.present[row].cpu().numpy()
+    present = scenes.present[row].cpu().numpy()
     fields = (scenes.half_axes, scenes.exponents, scenes.rotations, scenes.positions)
     axes, exponents, rotations, positions = (
-        field[row].double().cpu().numpy()[there] for field in fields
+        field[row].double().cpu().numpy()[present] for field in fields
     )
     items = []
     for i in range(len(axes)):
@@ -93,34 +96,34 @@ def objects_of(scenes: SceneParameters, row: int) -> tuple[SceneObject, ...]:
     return tuple(items)
 
 
-def apart(scenes: SceneParameters) -> SceneParameters:
+def separate_objects(scenes: SceneParameters) -> SceneParameters:
     """The scenes with objects pushed out of each other and out of the floor."""
     positions = scenes.positions.clone()
     for row in range(len(positions)):
-        placed = [PlacedShape(one.shape, one.pose) for one in objects_of(scenes, row)]
-        moved = [one.pose.position for one in pushed_apart(placed)]
-        if moved:
-            there = scenes.present[row]
-            positions[row, there] = torch.from_numpy(np.array(moved)).to(positions)
+        placed = [PlacedShape(item.shape, item.pose) for item in objects_of(scenes, row)]
+        centres = [shape.pose.position for shape in pushed_apart(placed)]
+        if centres:
+            present = scenes.present[row]
+            positions[row, present] = torch.from_numpy(np.array(centres)).to(positions)
     return replace(scenes, positions=positions)
 
 
-def _moved(scene: SceneParameters, found: Sequence[Motion]) -> SceneParameters:
+def _apply_motions(scene: SceneParameters, object_motions: Sequence[Motion]) -> SceneParameters:
     """One scene with objects where they ended."""
     positions, rotations = scene.positions.clone(), scene.rotations.clone()
-    for slot, one in zip(scene.present[0].nonzero()[:, 0].tolist(), found, strict=True):
-        positions[0, slot] = torch.from_numpy(one.pose.position).to(positions)
-        rotations[0, slot] = torch.from_numpy(one.pose.rotation).to(rotations)
+    for slot, motion in zip(scene.present[0].nonzero()[:, 0].tolist(), object_motions, strict=True):
+        positions[0, slot] = torch.from_numpy(motion.pose.position).to(positions)
+        rotations[0, slot] = torch.from_numpy(motion.pose.rotation).to(rotations)
     return replace(scene, positions=positions, rotations=rotations)
 
 
-def chosen(scenes: SceneParameters, rows: Sequence[int]) -> SceneParameters:
+def select_scenes(scenes: SceneParameters, rows: Sequence[int]) -> SceneParameters:
     """Some of the scenes, in this order; rows that don't exist are left out."""
-    kept = [row for row in rows if row < len(scenes.present)]
-    return SceneParameters(*(field[kept] for field in vars(scenes).values()))
+    indices = [row for row in rows if row < len(scenes.present)]
+    return SceneParameters(*(field[indices] for field in vars(scenes).values()))
 
 
-def joined(parts: Sequence[SceneParameters]) -> SceneParameters:
+def concatenate_scenes(parts: Sequence[SceneParameters]) -> SceneParameters:
     """Scenes one after the other; absent objects fill up those that have fewer."""
     slots = max(part.present.shape[1] for part in parts)
     padded = []
@@ -134,5 +137,5 @@ def joined(parts: Sequence[SceneParameters]) -> SceneParameters:
             fields[name] = torch.cat([field, filler], dim=1)
         padded.append(replace(part, **fields))
     return SceneParameters(
-        *(torch.cat([getattr(one, name) for one in padded]) for name in vars(padded[0]))
+        *(torch.cat([getattr(scenes, name) for scenes in padded]) for name in vars(padded[0]))
     )

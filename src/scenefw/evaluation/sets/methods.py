@@ -69,7 +69,7 @@ class Decomposer(Protocol):
     def grid(self) -> GridSpec | None:
         """Of its volumes; None if it takes any."""
 
-    def decompose(self, seen: SeenSet) -> FoundSet:
+    def decompose(self, scene: SeenSet) -> FoundSet:
         """The objects of a scene."""
 
 
@@ -115,17 +115,19 @@ class NetworkDecomposer:
         self.draw = draw
 
     @torch.no_grad()
-    def decompose(self, seen: SeenSet) -> FoundSet:
+    def decompose(self, scene: SeenSet) -> FoundSet:
         """The objects of one scene."""
-        prediction = self._predict(seen)
-        chosen = chosen_objects(prediction, 0, self.grid, self.smallest, self.suppress)
-        return FoundSet(chosen.inside[chosen.exists], chosen.labels, prediction, chosen.exists)
+        prediction = self._predict(scene)
+        selection = chosen_objects(prediction, 0, self.grid, self.smallest, self.suppress)
+        return FoundSet(
+            selection.inside[selection.exists], selection.labels, prediction, selection.exists
+        )
 
-    def _predict(self, seen: SeenSet) -> ObjectSetPrediction:
+    def _predict(self, scene: SeenSet) -> ObjectSetPrediction:
         if self.drawing is None:
-            return self.model(seen.batch)
-        latents = torch.randn((self.draw + 1, *self.drawing.latent_shape), generator=seen.draws)
-        return self.drawing.sample(seen.batch.condition, latents[-1:].to(self.device))
+            return self.model(scene.batch)
+        latents = torch.randn((self.draw + 1, *self.drawing.latent_shape), generator=scene.draws)
+        return self.drawing.sample(scene.batch.condition, latents[-1:].to(self.device))
 
 
 class Components:
@@ -145,11 +147,11 @@ class Components:
         """It takes any."""
         return None
 
-    def decompose(self, seen: SeenSet) -> FoundSet:
+    def decompose(self, scene: SeenSet) -> FoundSet:
         """The parts of one scene."""
-        tsdf = (0.5 - seen.batch.occupancy[0, 0]) * seen.grid.voxel_size
+        tsdf = (0.5 - scene.batch.occupancy[0, 0]) * scene.grid.voxel_size
         votes = torch.zeros(3, *tsdf.shape, device=tsdf.device)
-        return of_instances(self.extractor.extract(tsdf, votes, seen.grid)[0])
+        return of_instances(self.extractor.extract(tsdf, votes, scene.grid)[0])
 
 
 class ReconstructedSet:
@@ -167,10 +169,10 @@ class ReconstructedSet:
         """The reconstructor's."""
         return self.reconstructor.grid
 
-    def decompose(self, seen: SeenSet) -> FoundSet:
+    def decompose(self, scene: SeenSet) -> FoundSet:
         """Its most typical scene."""
-        found = self.reconstructor.complete(seen.partial, seen.grid, 1, seen.draws)
-        return of_instances(found[0].instances[0])
+        completions = self.reconstructor.complete(scene.partial, scene.grid, 1, scene.draws)
+        return of_instances(completions[0].instances[0])
 
 
 class CompleteScene(Protocol):
@@ -195,10 +197,10 @@ class DecomposedVolume:
         """It takes any."""
         return None
 
-    def decompose(self, seen: SeenSet) -> FoundSet:
+    def decompose(self, scene: SeenSet) -> FoundSet:
         """The objects of one scene."""
-        found = self.method.decompose(seen.tsdf, seen.grid, seen.draws)
-        return of_instances(found.instances[0])
+        completion = self.method.decompose(scene.tsdf, scene.grid, scene.draws)
+        return of_instances(completion.instances[0])
 
 
 class Nothing:
@@ -222,9 +224,9 @@ class Nothing:
         """It takes any."""
         return None
 
-    def decompose(self, seen: SeenSet) -> FoundSet:
+    def decompose(self, scene: SeenSet) -> FoundSet:
         """An empty set."""
-        size = seen.grid.shape
+        size = scene.grid.shape
         logits = torch.full((1, self.slots, *size), self.logit)
         none = torch.zeros(1, self.slots, 0)
         cells = torch.zeros(1, self.slots, dtype=torch.int64)

@@ -13,7 +13,13 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.set_flows import SeenSetBatch
 from scenefw.core.settings import COUNT, NOT_NEGATIVE
 from scenefw.evaluation.sets import prior_references as references
-from scenefw.evaluation.sets.left_to_gravity import Gravity, apart, chosen, joined, objects_of
+from scenefw.evaluation.sets.left_to_gravity import (
+    Gravity,
+    concatenate_scenes,
+    objects_of,
+    select_scenes,
+    separate_objects,
+)
 from scenefw.evaluation.sets.prior_results import (
     APART,
     AT_REST,
@@ -129,56 +135,67 @@ class SetPriorEvaluation:
         views = [self.data.views_of(self.scenes, [row]) for row in track(true.tolist(), "views")]
         rows = list(range(self.draws))
         kinds = self._references(true.tolist())
-        kinds |= self._drawn(len(rows))
-        singles = [self._given(view, row, 1) for row, view in track([*enumerate(views)], "draws")]
-        kinds[GIVEN] = joined(singles)
-        known = object_numbers(_all(self.data.scenes))
+        kinds |= self._draw_scenes(len(rows))
+        singles = [
+            self._draw_from_view(view, row, 1) for row, view in track([*enumerate(views)], "draws")
+        ]
+        kinds[GIVEN] = concatenate_scenes(singles)
+        training_numbers = object_numbers(_all_scenes(self.data.scenes))
         samples = {}
         for kind in _ROWS:
-            whole = [objects_of(kinds[kind], row) for row in rows]
-            new = nearest_scene(object_numbers(kinds[kind]), known)
-            samples[kind] = self._scored(whole, new, track, kind)
-        shown = {kind: [kinds[kind]] for kind in (DRAWN, TRUTH, SHUFFLED)}
-        first = {kind: chosen(one[0], range(2 * self.examples)) for kind, one in shown.items()}
+            scenes = [objects_of(kinds[kind], row) for row in rows]
+            new = nearest_scene(object_numbers(kinds[kind]), training_numbers)
+            samples[kind] = self._build_sample(scenes, new, track, kind)
+        example_sets = {kind: [kinds[kind]] for kind in (DRAWN, TRUTH, SHUFFLED)}
+        first = {
+            kind: select_scenes(scene_sets[0], range(2 * self.examples))
+            for kind, scene_sets in example_sets.items()
+        }
         several = [
-            ViewDraws(_seen_first(view), self._given(view, row, 3), tuple(view.camera[0].tolist()))
+            ViewDraws(
+                _seen_first(view),
+                self._draw_from_view(view, row, 3),
+                tuple(view.camera[0].tolist()),
+            )
             for row, view in enumerate(views[: self.examples])
         ]
         return PriorResult(samples, first, tuple(several), self.scenes.split)
 
     def _references(self, true_rows: list[int]) -> dict[str, SceneParameters]:
         random, count = rng.generator(self.seed, _REFERENCES), len(true_rows)
-        training, true = _all(self.data.scenes), self.scenes.parameters(true_rows)
-        some = random.permutation(len(self.data.scenes))
-        some = np.resize(some, count)  # fewer training scenes than drawn ones come again
+        training, true = _all_scenes(self.data.scenes), self.scenes.parameters(true_rows)
+        order = random.permutation(len(self.data.scenes))
+        order = np.resize(order, count)  # fewer training scenes than drawn ones come again
         shuffled = references.shuffled(training, count, random)
         jittered = references.jittered(true, self.shift, self.turn, random)
-        again = rng.generator(self.seed, _REFERENCES, _AT_REST)
+        gravity_random = rng.generator(self.seed, _REFERENCES, _AT_REST)
 
         def draw(scenes: int, objects: int) -> SceneParameters:
-            return references.shuffled(training, scenes, again, objects)
+            return references.shuffled(training, scenes, gravity_random, objects)
 
         return {
             TRUTH: true,
-            TRAINING: chosen(training, some.tolist()),
+            TRAINING: select_scenes(training, order.tolist()),
             SHUFFLED: shuffled,
-            SHUFFLED_APART: apart(shuffled),
+            SHUFFLED_APART: separate_objects(shuffled),
             SHUFFLED_AT_REST: self.gravity.at_rest(draw, _counts(shuffled)),
             JITTERED: jittered,
         }
 
-    def _drawn(self, count: int) -> dict[str, SceneParameters]:
+    def _draw_scenes(self, count: int) -> dict[str, SceneParameters]:
         generator = torch.Generator().manual_seed(rng.torch_seed(self.seed, _DRAWS))
-        drawn = _usable(self.model.scenes(count, generator, self.steps))
-        again = torch.Generator().manual_seed(rng.torch_seed(self.seed, _DRAWS, _AT_REST))
+        samples = _usable(self.model.scenes(count, generator, self.steps))
+        gravity_generator = torch.Generator().manual_seed(
+            rng.torch_seed(self.seed, _DRAWS, _AT_REST)
+        )
 
         def draw(scenes: int, objects: int) -> SceneParameters:
-            return _usable(self.model.scenes(scenes, again, self.steps, objects))
+            return _usable(self.model.scenes(scenes, gravity_generator, self.steps, objects))
 
-        at_rest = self.gravity.at_rest(draw, _counts(drawn))
-        return {DRAWN: drawn, APART: apart(drawn), AT_REST: at_rest}
+        at_rest = self.gravity.at_rest(draw, _counts(samples))
+        return {DRAWN: samples, APART: separate_objects(samples), AT_REST: at_rest}
 
-    def _given(self, view: SeenSetBatch, row: int, count: int) -> SceneParameters:
+    def _draw_from_view(self, view: SeenSetBatch, row: int, count: int) -> SceneParameters:
         generator = torch.Generator().manual_seed(rng.torch_seed(self.seed, _GIVEN, row))
         return _usable(self.model.sample(self._on_device(view), count, generator, self.steps))
 
@@ -186,39 +203,42 @@ class SetPriorEvaluation:
         device = next(self.model.parameters()).device  # type: ignore[attr-defined]
         return SeenSetBatch(**{name: value.to(device) for name, value in vars(view).items()})
 
-    def _scored(
+    def _build_sample(
         self,
         scenes: Sequence[Sequence[SceneObject]],
         new: Any,
         track: Track,
         kind: str,
     ) -> Sample:
-        values = [quantities(one) for one in scenes]
+        values = [quantities(scene) for scene in scenes]
         stable, shifts = [], []
         for scene in track(scenes, f"piles, {kind}"):
-            found = self.gravity.motions(scene)
-            stable.append(self.gravity.stands(found))
-            moves = [min(m.shift, _LOST) for m in found]
+            object_motions = self.gravity.motions(scene)
+            stable.append(self.gravity.stands(object_motions))
+            moves = [min(m.shift, _LOST) for m in object_motions]
             shifts.append(float(np.mean(moves)) if moves else float("nan"))
-        rows = [descriptor(one, known) for one, known in zip(scenes, values, strict=True)]
+        rows = [
+            descriptor(scene, scene_values)
+            for scene, scene_values in zip(scenes, values, strict=True)
+        ]
         return Sample(tuple(values), np.array(rows), np.array(stable), np.array(shifts), new)
 
 
-def _usable(drawn: SeenSetBatch) -> SceneParameters:
+def _usable(batch: SeenSetBatch) -> SceneParameters:
     """Drawn scenes; objects that are not finite are left out, sizes kept within bounds."""
-    scene = _scene(drawn)
+    scene = _scene(batch)
     finite = torch.stack(
         [field.isfinite().flatten(2).all(dim=2) for name, field in vars(scene).items()
          if name != "present"]
     ).all(dim=0)  # fmt: skip
     still = finite[..., None]
-    nothing = torch.zeros_like(scene.positions)
+    zeros = torch.zeros_like(scene.positions)
     eye = torch.eye(3).expand_as(scene.rotations)
     return SceneParameters(
-        torch.where(still, scene.half_axes, nothing + 0.01).clamp(*_SIZES),
-        torch.where(still, scene.exponents, nothing + 2.0),
+        torch.where(still, scene.half_axes, zeros + 0.01).clamp(*_SIZES),
+        torch.where(still, scene.exponents, zeros + 2.0),
         torch.where(still[..., None], scene.rotations, eye),
-        torch.where(still, scene.positions, nothing),
+        torch.where(still, scene.positions, zeros),
         scene.present & finite,
     )
 
@@ -238,5 +258,5 @@ def _counts(scenes: SceneParameters) -> list[int]:
     return [int(count) for count in scenes.present.sum(dim=1)]
 
 
-def _all(scenes: StackScenes) -> SceneParameters:
+def _all_scenes(scenes: StackScenes) -> SceneParameters:
     return scenes.parameters(list(range(len(scenes))))

@@ -41,9 +41,9 @@ def shuffled(
     axes, exponents, rotations = (
         field[present][shapes].unflatten(0, (count, slots)) for field in fields
     )
-    there = torch.arange(slots)[None] < numbers[:, None]
+    slot_mask = torch.arange(slots)[None] < numbers[:, None]
     return SceneParameters(
-        axes, exponents, rotations, positions[places].unflatten(0, (count, slots)), there
+        axes, exponents, rotations, positions[places].unflatten(0, (count, slots)), slot_mask
     )
 
 

@@ -94,11 +94,13 @@ class Sample:
 
     def pooled(self, name: str) -> Array:
         """All values of a quantity."""
-        return np.concatenate([one[name] for one in self.values])
+        return np.concatenate([scene_values[name] for scene_values in self.values])
 
     def interval(self, name: str) -> Interval:
         """Mean over scenes of a quantity's mean, with bounds."""
-        return mean_interval([one[name].mean() for one in self.values if len(one[name])])
+        return mean_interval(
+            [scene_values[name].mean() for scene_values in self.values if len(scene_values[name])]
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,33 +142,33 @@ class PriorResult:
     def _scores(self, kind: str) -> dict[str, Interval]:
         sample, true = self.samples[kind], self.samples[TRUTH]
         rows = range(len(sample.stable))
-        found = {name: sample.interval(name) for name in QUANTITIES}
-        found |= {
+        scores = {name: sample.interval(name) for name in QUANTITIES}
+        scores |= {
             "stable": share_interval(sample.stable),
             "displacement": median_interval(sample.shifts, rows),
             "novelty": median_interval(sample.nearest, rows),
         }
         if kind == TRUTH:
-            return found
+            return scores
         scale = [self.samples[name].descriptors for name in (TRAINING, SHUFFLED)]
         unit = np.maximum(np.concatenate(scale).std(axis=0), 1e-6)
-        both = sample.descriptors / unit, true.descriptors / unit
-        found["energy"] = energy_distance(*both)
-        found["chance"] = _alone(permutation_test(*both))
+        descriptors = sample.descriptors / unit, true.descriptors / unit
+        scores["energy"] = energy_distance(*descriptors)
+        scores["chance"] = _point_interval(permutation_test(*descriptors))
         for name in QUANTITIES:
             pooled = sample.pooled(name), true.pooled(name)
             gap = stats.wasserstein_distance(*pooled) if all(map(len, pooled)) else float("nan")
-            found[f"{name}_gap"] = _alone(float(gap))
-        return found
+            scores[f"{name}_gap"] = _point_interval(float(gap))
+        return scores
 
     @property
     def figures(self) -> dict[str, float]:
         """`<kind>/<name>` with bounds, ratios of drawn and true scenes, and how many there are."""
-        found: dict[str, float] = {}
+        figures: dict[str, float] = {}
         for kind, scores in self.scores.items():
-            for name, one in scores.items():
-                ends = {"": one.mean, LOW: one.low, HIGH: one.high}
-                found |= {
+            for name, interval in scores.items():
+                ends = {"": interval.mean, LOW: interval.low, HIGH: interval.high}
+                figures |= {
                     f"{kind}/{name}{end}": value
                     for end, value in ends.items()
                     if np.isfinite(value)
@@ -174,32 +176,32 @@ class PriorResult:
         for name in ("stable", "novelty"):
             above, below = (self.scores[kind][name].mean for kind in (DRAWN, TRUTH))
             if below > 0 and np.isfinite(above):
-                found[f"{name}_ratio"] = above / below
-        return found | {"scenes": float(len(self.samples[TRUTH].stable))}
+                figures[f"{name}_ratio"] = above / below
+        return figures | {"scenes": float(len(self.samples[TRUTH].stable))}
 
     @property
     def measures(self) -> dict[str, Measure]:
         """Units and digits, and what the reference that learns nothing reaches."""
         gaps = {f"{name}_gap": measure for name, measure in GAPS.items()}
-        found = dict(OTHERS)
+        measures = dict(OTHERS)
         for kind in self.samples:
             for name, measure in (QUANTITIES | gaps | SCORES).items():
                 changes = {
                     "name": f"{measure.name}, {kind}",
                     "trivial": f"{UNLEARNED[kind]}/{name}" if kind in UNLEARNED else None,
                 }
-                found[f"{kind}/{name}"] = measure.changed(changes)
-        return found
+                measures[f"{kind}/{name}"] = measure.changed(changes)
+        return measures
 
 
 def share_interval(marks: NDArray[np.bool_], confidence: float = 0.95) -> Interval:
     """Share of marks that are set, with Wilson's bounds (1927)."""
     count = len(marks)
     if not count:
-        return _alone(float("nan"))
+        return _point_interval(float("nan"))
     bounds = stats.binomtest(int(marks.sum()), count).proportion_ci(confidence, method="wilson")
     return Interval(float(marks.mean()), float(bounds.low), float(bounds.high), count)
 
 
-def _alone(value: float) -> Interval:
+def _point_interval(value: float) -> Interval:
     return Interval(value, float("nan"), float("nan"), 1)

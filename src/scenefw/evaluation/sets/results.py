@@ -99,51 +99,53 @@ class DecompositionResult:
 
     def of(self, method: str, name: str) -> NDArray[np.float64]:
         """A score of each scene; NaN where the method has none."""
-        return np.array([one.scores[method].get(name, np.nan) for one in self.scenes])
+        return np.array([scene.scores[method].get(name, np.nan) for scene in self.scenes])
 
     @property
     def figures(self) -> dict[str, float]:
         """Means over scenes, with bounds of the main method; of others as `<method>/<name>`."""
-        found: dict[str, float] = {}
+        figures: dict[str, float] = {}
         for method in self.methods:
             main = method == self.methods[0]
             for name in SCORES:
                 between = mean_interval(self.of(method, name))
                 if not between.count:
                     continue
-                found[name if main else f"{method}/{name}"] = between.mean
+                figures[name if main else f"{method}/{name}"] = between.mean
                 if main and between.count > 1:
-                    found |= {name + LOW: between.low, name + HIGH: between.high}
-        counts = [one.objects for one in self.scenes]
-        found |= {"scenes": float(len(counts)), "objects": float(np.mean(counts))}
-        found["hardly_seen"] = float(np.mean([one.hidden > 0 for one in self.scenes]))
-        return found | self._of_codes()
+                    figures |= {name + LOW: between.low, name + HIGH: between.high}
+        counts = [scene.objects for scene in self.scenes]
+        figures |= {"scenes": float(len(counts)), "objects": float(np.mean(counts))}
+        figures["hardly_seen"] = float(np.mean([scene.hidden > 0 for scene in self.scenes]))
+        return figures | self._of_codes()
 
     @property
     def measures(self) -> Mapping[str, Measure]:
         """Units, digits, what the strongest reference reaches, and the thesis's figures."""
         row = ROWS[self.published]._asdict() if self.published else {}
-        found = {}
+        measures = {}
         for method in self.methods:
             for name, measure in SCORES.items():
                 if method == self.methods[0]:
                     beside = f"{self.methods[1]}/{name}" if len(self.methods) > 1 else None
-                    given = row.get(name) if name in _PUBLISHED else None
-                    found[name] = measure.changed({"trivial": beside, "published": given})
+                    published = row.get(name) if name in _PUBLISHED else None
+                    measures[name] = measure.changed({"trivial": beside, "published": published})
                 else:
                     words = f"{measure.name}, {method.replace('_', ' ')}"
-                    found[f"{method}/{name}"] = measure.changed({"name": words})
-        return found | OTHERS
+                    measures[f"{method}/{name}"] = measure.changed({"name": words})
+        return measures | OTHERS
 
     def _of_codes(self) -> dict[str, float]:
         """How far taken cells stand out, and how many different ones are taken."""
-        codes = [one.codes for one in self.scenes if one.codes is not None]
+        codes = [scene.codes for scene in self.scenes if scene.codes is not None]
         if not codes:
             return {}
         gaps = []
-        for one in codes:
-            taken = np.zeros(len(one.means), bool)
-            taken[one.cells] = True
-            gaps.append(one.means[taken].mean() - one.means[~taken].mean())
-        used = np.unique(np.concatenate([one.cells[one.exists] for one in codes]))
-        return {"mean_gap": float(np.mean(gaps)), "cells_used": float(len(used))}
+        for scene_codes in codes:
+            cell_mask = np.zeros(len(scene_codes.means), bool)
+            cell_mask[scene_codes.cells] = True
+            gaps.append(scene_codes.means[cell_mask].mean() - scene_codes.means[~cell_mask].mean())
+        used_cells = np.unique(
+            np.concatenate([scene_codes.cells[scene_codes.exists] for scene_codes in codes])
+        )
+        return {"mean_gap": float(np.mean(gaps)), "cells_used": float(len(used_cells))}

@@ -46,7 +46,7 @@ def quantities(scene: Objects) -> dict[str, Array]:
     }
 
 
-def descriptor(scene: Objects, known: Mapping[str, Array] | None = None) -> Array:
+def descriptor(scene: Objects, scene_values: Mapping[str, Array] | None = None) -> Array:
     """Twelve numbers (12,) of a scene; 0 where it has too few objects.
 
     Number of objects; mean and deviation of logarithms of volumes; means of logarithms of longest
@@ -56,23 +56,23 @@ def descriptor(scene: Objects, known: Mapping[str, Array] | None = None) -> Arra
 
     Args:
         scene: its objects.
-        known: its `quantities`.
+        scene_values: its `quantities`.
     """
     if not scene:
         return np.zeros(12)
-    found = quantities(scene) if known is None else known
-    volumes = np.log(np.maximum(found["volume"], _FIRM))
+    values = quantities(scene) if scene_values is None else scene_values
+    volumes = np.log(np.maximum(values["volume"], _FIRM))
     shapes = [item.shape for item in scene if isinstance(item.shape, Superquadric)]
-    ratios = [np.log(one.half_axes.max() / one.half_axes.min()) for one in shapes]
-    exponents = [np.log(one.exponents).mean() for one in shapes]
-    heights = np.sort(found["height"])
-    distances = found["distance"] if len(found["distance"]) else np.zeros(1)
+    ratios = [np.log(shape.half_axes.max() / shape.half_axes.min()) for shape in shapes]
+    exponents = [np.log(shape.exponents).mean() for shape in shapes]
+    heights = np.sort(values["height"])
+    distances = values["distance"] if len(values["distance"]) else np.zeros(1)
     top = heights[-1] - heights[-2] if len(heights) > 1 else 0.0
     return np.array(
         [
             len(scene), volumes.mean(), volumes.std(), np.mean(ratios or [0.0]),
             np.mean(exponents or [0.0]), heights.mean(), heights[-1], distances.mean(),
-            distances.min(), np.log1p(_CM3 * found["penetration"][0]), found["sunk"][0], top,
+            distances.min(), np.log1p(_CM3 * values["penetration"][0]), values["sunk"][0], top,
         ]
     )  # fmt: skip
 
@@ -109,15 +109,15 @@ def object_numbers(scenes: SceneParameters) -> tuple[Array, NDArray[np.int64]]:
     logs = np.sort(np.log(np.maximum(axes, _FIRM)), axis=-1)[..., ::-1]
     share = present[..., None] / np.maximum(counts, 1)[:, None, None]
     middle = (positions[..., :2] * share).sum(axis=1, keepdims=True)
-    away = np.linalg.norm(positions[..., :2] - middle, axis=-1)
-    numbers = np.concatenate([logs, positions[..., 2:], away[..., None]], axis=-1)
+    radii = np.linalg.norm(positions[..., :2] - middle, axis=-1)
+    numbers = np.concatenate([logs, positions[..., 2:], radii[..., None]], axis=-1)
     order = np.argsort(np.where(present, -logs.sum(axis=-1), np.inf), axis=1, kind="stable")
     numbers = np.take_along_axis(np.where(present[..., None], numbers, 0.0), order[..., None], 1)
     return numbers, counts
 
 
 def nearest_scene(
-    scenes: tuple[Array, NDArray[np.int64]], known: tuple[Array, NDArray[np.int64]]
+    scenes: tuple[Array, NDArray[np.int64]], references: tuple[Array, NDArray[np.int64]]
 ) -> Array:
     """Distance (S,) of scenes to the nearest known one of as many objects; NaN where none has.
 
@@ -126,17 +126,17 @@ def nearest_scene(
 
     Args:
         scenes: of `object_numbers`.
-        known: the same of others.
+        references: the same of others.
     """
-    rows = known[0][np.arange(known[0].shape[1]) < known[1][:, None]]
+    rows = references[0][np.arange(references[0].shape[1]) < references[1][:, None]]
     unit = np.maximum(rows.std(axis=0), _FIRM) if len(rows) else np.ones(scenes[0].shape[-1])
-    found = np.full(len(scenes[0]), np.nan)
+    distances = np.full(len(scenes[0]), np.nan)
     for i, (numbers, count) in enumerate(zip(*scenes, strict=True)):
-        others = known[0][known[1] == count, :count]
-        if count and len(others):
-            squares = (((others - numbers[:count]) / unit) ** 2).mean(axis=(1, 2))
-            found[i] = np.sqrt(squares.min())
-    return found
+        candidates = references[0][references[1] == count, :count]
+        if count and len(candidates):
+            squares = (((candidates - numbers[:count]) / unit) ** 2).mean(axis=(1, 2))
+            distances[i] = np.sqrt(squares.min())
+    return distances
 
 
 def _box(item: SceneObject, shape: Superquadric) -> tuple[Array, Array]:

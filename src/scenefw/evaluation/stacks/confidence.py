@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from scenefw.core.protocols import MappingMethod, Noise, Renderer, Track
-    from scenefw.data.stacks import SceneSet
     from scenefw.core.types import GridSpec
+    from scenefw.data.stacks import SceneSet
     from scenefw.perception.pipeline import ReconstructionPipeline
 
 _VIEWS, _CODES = 41, 42  # random streams
@@ -77,35 +77,37 @@ class ConfidenceEvaluation:
 
     def run(self, track: Track = lambda items, _: items) -> ConfidenceResult:
         """Scores all scenes; `track(items, what)` shows a bar of the loop."""
-        found = scored_scenes(
+        scene_objects = scored_scenes(
             self.score,
             len(self.scenes),
             lambda rows: [ObjectConfidence(**row) for row in rows],
             track,
             self.kept,
             self.workers,
-            packed=lambda objects: [asdict(one) for one in objects],
+            packed=lambda objects: [asdict(item) for item in objects],
         )
-        objects = tuple(one for scene in found for one in scene)
+        objects = tuple(item for scene in scene_objects for item in scene)
         return ConfidenceResult(objects, self.samples, self.method.calibration)
 
     @torch.no_grad()
     def score(self, row: int) -> list[ObjectConfidence]:
         """All objects that are predicted of one view of a scene."""
         streams = (self.seed, _VIEWS, _CODES)
-        seen = SeenOften.of(self.scenes, row, self.maker, 1, streams, self.device)
-        batch = seen.batches[0]
-        generator = torch.Generator().manual_seed(seen.codes)
-        first, *others = self.method.complete(
+        scene_views = SeenOften.of(self.scenes, row, self.maker, 1, streams, self.device)
+        batch = scene_views.batches[0]
+        generator = torch.Generator().manual_seed(scene_views.codes)
+        first, *further_samples = self.method.complete(
             batch.partial, self.grid, self.samples, generator
         )
-        said = confidences(first.instances[0], [one.instances[0] for one in others])
-        if not said:
+        agreements = confidences(
+            first.instances[0], [sample.instances[0] for sample in further_samples]
+        )
+        if not agreements:
             return []
         labels = first.instances[0].cpu().numpy().astype(np.int64)
         true = batch.volumes.instances[0].cpu().numpy().astype(np.int64)
-        overlaps = best_overlaps(labels, np.array(list(said)), true)
+        overlaps = best_overlaps(labels, np.array(list(agreements)), true)
         return [
-            ObjectConfidence(seen.index, sure, float(iou))
-            for sure, iou in zip(said.values(), overlaps, strict=True)
+            ObjectConfidence(scene_views.index, agreement, float(iou))
+            for agreement, iou in zip(agreements.values(), overlaps, strict=True)
         ]

@@ -62,43 +62,45 @@ class ConfidenceResult:
     calibration: Calibration | None = None
 
     @cached_property
-    def said(self) -> Float64:
+    def agreement(self) -> Float64:
         """(N,) agreement."""
-        return np.array([one.said for one in self.objects], dtype=np.float64)
+        return np.array([item.said for item in self.objects], dtype=np.float64)
 
     @cached_property
     def iou(self) -> Float64:
         """(N,) with the truth."""
-        return np.array([one.iou for one in self.objects], dtype=np.float64)
+        return np.array([item.iou for item in self.objects], dtype=np.float64)
 
     @cached_property
     def scenes(self) -> np.ndarray:
         """(N,) of which scene."""
-        return np.array([one.scene for one in self.objects], dtype=np.int64)
+        return np.array([item.scene for item in self.objects], dtype=np.int64)
 
     @cached_property
     def expected(self) -> dict[str, Float64]:
         """(N,) IoU that each way expects. What is fitted is fitted to the other half of scenes."""
-        found = {SAID: self.said}
+        expected_ious = {SAID: self.agreement}
         if self.calibration is not None:
-            found[SHIPPED] = self.calibration(self.said)
-        found[FITTED] = self._halves(lambda s, t: Calibration.fitted(s, t))
-        found[CONSTANT] = self._halves(lambda _, t: Calibration([0.5], [float(t.mean())]))
-        return found
+            expected_ious[SHIPPED] = self.calibration(self.agreement)
+        expected_ious[FITTED] = self._halves(lambda s, t: Calibration.fitted(s, t))
+        expected_ious[CONSTANT] = self._halves(lambda _, t: Calibration([0.5], [float(t.mean())]))
+        return expected_ious
 
     def _halves(self, fit: Callable[[Float64, Float64], Calibration]) -> Float64:
         place = np.unique(self.scenes, return_inverse=True)[1]
-        found = self.said.copy()
+        expected_ious = self.agreement.copy()
         for half in (0, 1):
-            own, other = place % 2 == half, place % 2 != half
-            if other.any():
-                found[own] = fit(self.said[other], self.iou[other])(self.said[own])
-        return found
+            test_mask, fit_mask = place % 2 == half, place % 2 != half
+            if fit_mask.any():
+                expected_ious[test_mask] = fit(self.agreement[fit_mask], self.iou[fit_mask])(
+                    self.agreement[test_mask]
+                )
+        return expected_ious
 
     @cached_property
     def fitted(self) -> Calibration | None:
         """To all objects: what `calibration` of a prediction takes; None without objects."""
-        return Calibration.fitted(self.said, self.iou) if self.objects else None
+        return Calibration.fitted(self.agreement, self.iou) if self.objects else None
 
     def score(self, way: str, name: str) -> Interval:
         """With bootstrap bounds over scenes."""
@@ -115,24 +117,26 @@ class ConfidenceResult:
     @property
     def figures(self) -> dict[str, float]:
         """`<way>/<score>` with bounds, and facts of all objects."""
-        found = {
+        figures = {
             "objects": float(len(self.objects)),
             "scenes": float(len(np.unique(self.scenes))),
         }
         if not self.objects:
-            return found
-        found |= {"iou": float(self.iou.mean()), "agreement": float(self.said.mean())}
-        if np.ptp(self.said) > 0 and np.ptp(self.iou) > 0 and len(self.objects) > _TESTED:
-            found["rank"] = float(stats.spearmanr(self.said, self.iou).statistic)
+            return figures
+        figures |= {"iou": float(self.iou.mean()), "agreement": float(self.agreement.mean())}
+        if np.ptp(self.agreement) > 0 and np.ptp(self.iou) > 0 and len(self.objects) > _TESTED:
+            figures["rank"] = float(stats.spearmanr(self.agreement, self.iou).statistic)
         for way in self.expected:
             for name in SCORES:
-                one = self.score(way, name)
-                ends = {"": one.mean, LOW: one.low, HIGH: one.high}
-                found |= {f"{way}/{name}{end}": v for end, v in ends.items() if np.isfinite(v)}
-        return found
+                interval = self.score(way, name)
+                ends = {"": interval.mean, LOW: interval.low, HIGH: interval.high}
+                figures |= {f"{way}/{name}{end}": v for end, v in ends.items() if np.isfinite(v)}
+        return figures
 
     @property
     def measures(self) -> dict[str, Measure]:
         """Units and digits."""
-        ways = {f"{way}/{name}": one for way in self.expected for name, one in SCORES.items()}
+        ways = {
+            f"{way}/{name}": measure for way in self.expected for name, measure in SCORES.items()
+        }
         return {**_FIGURES, **ways}

@@ -40,7 +40,7 @@ class Maps(NamedTuple):
 
     occupancy: Float64
     pairs: Float64
-    apart: Float64
+    pairs_by_distance: Float64
     rate: Float64
     hidden: Float64
 
@@ -90,8 +90,8 @@ class DrawsResult:
         """Outcomes of all test views: `pairs`, or `unseen` voxels, by class of the forecast."""
         outcomes = [view.methods[method] for view in self.views]
         if part == "pairs":
-            return reduce(add, [one.pairs for one in outcomes])
-        return reduce(add, [half(one.occupancy, 1) for one in outcomes])
+            return reduce(add, [outcome.pairs for outcome in outcomes])
+        return reduce(add, [half(outcome.occupancy, 1) for outcome in outcomes])
 
     def _values(self, name: str) -> dict[str, Float64]:
         rows = [scores(view.methods[name], self.maps[name]) for view in self.views]
@@ -103,12 +103,14 @@ class DrawsResult:
         def bounds(names: Sequence[str], of: Callable[..., Float64]) -> Interval:
             return bootstrap_interval(np.stack([values[n] for n in names], axis=1), scenes, of)
 
-        found = {name: bounds([name], lambda means: means[..., 0]) for name in values}
+        intervals = {name: bounds([name], lambda means: means[..., 0]) for name in values}
         for skill, (score, trivial) in SKILLS.items():
-            found[skill] = bounds([score, trivial], lambda means: 1 - means[..., 0] / means[..., 1])
+            intervals[skill] = bounds(
+                [score, trivial], lambda means: 1 - means[..., 0] / means[..., 1]
+            )
         for ratio, (above, below) in RATIOS.items():
-            found[ratio] = bounds([above, below], lambda means: means[..., 0] / means[..., 1])
-        return found
+            intervals[ratio] = bounds([above, below], lambda means: means[..., 0] / means[..., 1])
+        return intervals
 
 
 SKILLS = {
@@ -126,29 +128,35 @@ RATIOS = {"chamfer_visible_ratio": ("chamfer_visible_further", "chamfer_visible_
 
 def fitted(outcomes: Sequence[DrawOutcome]) -> Maps:
     """Maps of forecasts to probabilities, seen and unseen voxels apart."""
-    occupancy = reduce(add, [one.occupancy for one in outcomes])
-    pairs, apart = (reduce(add, [getattr(o, n) for o in outcomes]) for n in ("pairs", "apart"))
-    both = [half(occupancy, part).calibrated() for part in (0, 1)]
+    occupancy = reduce(add, [outcome.occupancy for outcome in outcomes])
+    pairs, pairs_by_distance = (
+        reduce(add, [getattr(o, n) for o in outcomes]) for n in ("pairs", "pairs_by_distance")
+    )
+    probabilities = [half(occupancy, part).calibrated() for part in (0, 1)]
     rate = Outcomes(*(np.array([getattr(pairs, f.name).sum()]) for f in fields(pairs)))
-    hidden = np.array([one.truly_hidden for one in outcomes], dtype=np.float64)
+    hidden = np.array([outcome.truly_hidden for outcome in outcomes], dtype=np.float64)
     return Maps(
-        np.concatenate(both), pairs.calibrated(), apart.frequencies(), rate.frequencies(), hidden
+        np.concatenate(probabilities),
+        pairs.calibrated(),
+        pairs_by_distance.frequencies(),
+        rate.frequencies(),
+        hidden,
     )
 
 
 def scores(outcome: DrawOutcome, maps: Maps) -> dict[str, float]:
     """Figures of one view."""
-    unseen, known = half(outcome.occupancy, 1), np.split(maps.occupancy, 2)[1]
-    further = max(len(outcome.chamfer_visible) - 1, 1)
+    unseen, probabilities = half(outcome.occupancy, 1), np.split(maps.occupancy, 2)[1]
+    further_count = max(len(outcome.chamfer_visible) - 1, 1)
     means = {
         "log": log_score(outcome.occupancy, maps.occupancy),
         "brier": brier_score(outcome.occupancy, maps.occupancy),
-        "log_unseen": log_score(unseen, known),
-        "brier_unseen": brier_score(unseen, known),
+        "log_unseen": log_score(unseen, probabilities),
+        "brier_unseen": brier_score(unseen, probabilities),
         "unseen_error": calibration_error(unseen),
         "coverage": outcome.coverage,
         "pairs_log": log_score(outcome.pairs, maps.pairs),
-        "pairs_log_by_distance": log_score(outcome.apart, maps.apart),
+        "pairs_log_by_distance": log_score(outcome.pairs_by_distance, maps.pairs_by_distance),
         "pairs_log_rate": log_score(outcome.pairs, np.repeat(maps.rate, len(outcome.pairs.total))),
         "pairs_error": calibration_error(outcome.pairs),
         "distance": float(outcome.to_truth.mean()),
@@ -158,7 +166,7 @@ def scores(outcome: DrawOutcome, maps: Maps) -> dict[str, float]:
         "panoptic_quality": float(outcome.panoptic_quality.mean()),
         "occupancy_iou": float(outcome.occupancy_iou.mean()),
         "chamfer_visible_first": float(outcome.chamfer_visible[0]),
-        "chamfer_visible_further": float(outcome.chamfer_visible[-further:].mean()),
+        "chamfer_visible_further": float(outcome.chamfer_visible[-further_count:].mean()),
         "hidden_true": float(outcome.truly_hidden),
         "hidden_drawn": float(outcome.hidden_objects.mean()),
         "hidden_score": count_score(outcome.hidden_objects, outcome.truly_hidden),
@@ -171,9 +179,9 @@ def scores(outcome: DrawOutcome, maps: Maps) -> dict[str, float]:
     return means | best | {f"trivial_{name}": value for name, value in outcome.trivial.items()}
 
 
-def half(outcomes: Outcomes, which: int) -> Outcomes:
+def half(outcomes: Outcomes, part: int) -> Outcomes:
     """Outcomes of seen voxels (0) or of unseen ones (1)."""
-    return Outcomes(*(np.split(getattr(outcomes, f.name), 2)[which] for f in fields(outcomes)))
+    return Outcomes(*(np.split(getattr(outcomes, f.name), 2)[part] for f in fields(outcomes)))
 
 
 def _spread(among: Float64) -> float:

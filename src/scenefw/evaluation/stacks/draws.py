@@ -55,7 +55,7 @@ class DrawOutcome:
     Args:
         occupancy: of voxels; the classes of seen voxels come first, then as many of unseen ones.
         pairs: of pairs of visible points, by how many samples put both into one object.
-        apart: the same pairs by their distance.
+        pairs_by_distance: the same pairs by their distance.
         trivial: log and Brier scores of the training mean, of all voxels and of unseen ones.
         coverage: share of unseen voxels near surfaces whose distance lies within the samples'.
         to_truth: (S,) distances of the sets of objects to the true set.
@@ -68,7 +68,7 @@ class DrawOutcome:
 
     occupancy: Outcomes
     pairs: Outcomes
-    apart: Outcomes
+    pairs_by_distance: Outcomes
     trivial: Mapping[str, float]
     coverage: float
     to_truth: Float64
@@ -106,7 +106,9 @@ class DrawScoring:
         if count < 1 or scenes < 1:
             raise ConfigError(f"{count} draws of {scenes} scenes; expected at least 1 of each")
         self.mean, self.calibration = mean, calibration
-        self.methods = {name: one for name, one in (methods or {}).items() if one is not None}
+        self.methods = {
+            name: method for name, method in (methods or {}).items() if method is not None
+        }
         self.count, self.scenes = count, scenes
 
     def judge(
@@ -121,25 +123,27 @@ class DrawScoring:
         are for calibration alone need none.
         """
         volumes = np.stack([tsdf.cpu().numpy() for tsdf, _ in samples])
-        labels, occupied = [found.cpu().numpy() for _, found in samples], truth.tsdf < 0
+        labels, occupied = [instances.cpu().numpy() for _, instances in samples], truth.tsdf < 0
         hidden = truth.unseen & (np.abs(truth.tsdf) < truth.grid.truncation)
         sets = LabelSets([truth.instances, *labels])
         indices = range(1, len(labels) + 1)
-        found = [scores_of(sets.iou(i, 0)) for i in indices]
-        same, pairs_apart = pairs_of(truth)
+        sample_scores = [scores_of(sets.iou(i, 0)) for i in indices]
+        same_object, pairs_apart = pairs_of(truth)
         return DrawOutcome(
             occupancy_outcomes(volumes, truth),
-            _pair_outcomes(labels, truth, same),
-            _distance_outcomes(pairs_apart, same),
+            _pair_outcomes(labels, truth, same_object),
+            _distance_outcomes(pairs_apart, same_object),
             trivial_scores(self.mean.probability(truth.grid), occupied, truth.unseen),
             coverage(volumes, truth.tsdf, hidden),
             np.array([sets.distance(i, 0) for i in indices]),
             sets.distances(indices),
-            np.array([scores.iou for scores in found]),
-            np.array([scores.panoptic_quality for scores in found]),
+            np.array([scores.iou for scores in sample_scores]),
+            np.array([scores.panoptic_quality for scores in sample_scores]),
             np.array([occupancy_iou(shape < 0, occupied) for shape in volumes]),
             np.asarray(chamfer_visible, dtype=np.float64),
-            np.array([hidden_objects(one, truth.unseen) for one in labels], dtype=np.float64),
+            np.array(
+                [hidden_objects(instances, truth.unseen) for instances in labels], dtype=np.float64
+            ),
             hidden_objects(truth.instances, truth.unseen),
         )
 
@@ -147,9 +151,9 @@ class DrawScoring:
 def hidden_objects(labels: Int32, unseen: Bool) -> int:
     """Objects (X, Y, Z) of which hardly any voxel is seen or lies just behind a seen surface."""
     count = int(labels.max(initial=0)) + 1
-    whole = np.bincount(labels.ravel(), minlength=count)[1:]
+    totals = np.bincount(labels.ravel(), minlength=count)[1:]
     out_of_sight = np.bincount(labels[unseen], minlength=count)[1:]
-    return int((out_of_sight > _HIDDEN * whole).sum())
+    return int((out_of_sight > _HIDDEN * totals).sum())
 
 
 def occupancy_outcomes(volumes: NDArray[np.float32], truth: Truth) -> Outcomes:
@@ -189,12 +193,12 @@ def owners_of(points: Float64, labels: Int32, grid: GridSpec) -> Int32:
     voxels = np.rint(places).astype(int)[:, None] + offsets
     inside = np.all((voxels >= 0) & (voxels < grid.resolution), axis=-1)
     x, y, z = np.moveaxis(np.where(inside[..., None], voxels, 0), -1, 0)
-    found = labels[x, y, z]
+    candidates = labels[x, y, z]
     gaps = np.linalg.norm(voxels - places[:, None], axis=-1)
-    gaps = np.where(inside & (found > 0), gaps, np.inf)
+    gaps = np.where(inside & (candidates > 0), gaps, np.inf)
     best = gaps.argmin(axis=1)
     rows = np.arange(len(points))
-    return np.where(np.isfinite(gaps[rows, best]), found[rows, best], 0).astype(np.int32)
+    return np.where(np.isfinite(gaps[rows, best]), candidates[rows, best], 0).astype(np.int32)
 
 
 def _together(owners: Int32) -> Bool:
@@ -203,11 +207,13 @@ def _together(owners: Int32) -> Bool:
     return np.asarray((owners[first] == owners[second]) & (owners[first] > 0))
 
 
-def _pair_outcomes(labels: Sequence[Int32], truth: Truth, same: Bool) -> Outcomes:
-    votes = np.sum([_together(owners_of(truth.points, one, truth.grid)) for one in labels], axis=0)
-    return Outcomes.of(votes, votes / len(labels), same, len(labels) + 1)
+def _pair_outcomes(labels: Sequence[Int32], truth: Truth, same_object: Bool) -> Outcomes:
+    votes = np.sum(
+        [_together(owners_of(truth.points, instances, truth.grid)) for instances in labels], axis=0
+    )
+    return Outcomes.of(votes, votes / len(labels), same_object, len(labels) + 1)
 
 
-def _distance_outcomes(gaps: Float64, same: Bool) -> Outcomes:
+def _distance_outcomes(gaps: Float64, same_object: Bool) -> Outcomes:
     classes = np.searchsorted(DISTANCES, gaps)
-    return Outcomes.of(classes, same.astype(np.float64), same, len(DISTANCES) + 1)
+    return Outcomes.of(classes, same_object.astype(np.float64), same_object, len(DISTANCES) + 1)

@@ -32,7 +32,7 @@ class Example:
         instances: (X, Y, Z) predicted labels; those that fit a true object have its label.
         true_tsdf: (X, Y, Z) metres.
         true_instances: (X, Y, Z) labels.
-        others: TSDF and instances, as above, of further samples.
+        further_samples: TSDF and instances, as above, of further samples.
     """
 
     name: str
@@ -44,7 +44,7 @@ class Example:
     instances: Int32
     true_tsdf: Float32
     true_instances: Int32
-    others: tuple[tuple[Float32, Int32], ...] = ()
+    further_samples: tuple[tuple[Float32, Int32], ...] = ()
 
 
 class Examples:
@@ -91,8 +91,8 @@ class Examples:
 
     def make(self) -> tuple[Example, ...]:
         """The examples, in the order of their scenes."""
-        chosen = np.linspace(0, len(self.scenes) - 1, min(self.count, len(self.scenes)))
-        return tuple(self._example(int(i)) for i in np.unique(chosen.astype(int)))
+        positions = np.linspace(0, len(self.scenes) - 1, min(self.count, len(self.scenes)))
+        return tuple(self._example(int(i)) for i in np.unique(positions.astype(int)))
 
     @torch.no_grad()
     def _example(self, scene: int) -> Example:
@@ -102,9 +102,9 @@ class Examples:
         grid = self.views.grid
         true = view.volumes.instances[0].cpu().numpy()
         samples = self.method.complete(view.partial, grid, self.samples, codes)
-        (tsdf, instances), *others = [
-            (one.tsdf[0].cpu().numpy(), renumbered_like(one.instances[0].cpu().numpy(), true))
-            for one in samples
+        (tsdf, instances), *further_samples = [
+            (sample.tsdf[0].cpu().numpy(), renumbered_like(sample.instances[0].cpu().numpy(), true))
+            for sample in samples
         ]
         return Example(
             f"scene {int(self.scenes.indices[scene])}",
@@ -116,5 +116,5 @@ class Examples:
             instances,
             view.volumes.tsdf[0, 0].cpu().numpy(),
             true,
-            tuple(others),
+            tuple(further_samples),
         )

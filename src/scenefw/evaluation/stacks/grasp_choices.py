@@ -21,10 +21,10 @@ class Tried:
         neighbours: predicted objects that are near it.
         seal: of the cup, in [0, 1].
         outward: taken along the normal first.
-        seen: whether the camera saw the contact.
+        contact_visible: whether the camera saw the contact.
         predicted: disturbance in the predicted scene (m).
         disturbance: in the true one (m).
-        moved: how far the other object moved that moved most there (m).
+        max_shift: how far the other object moved that moved most there (m).
         failure: why the true object that the prediction stands for was not lifted, in words.
     """
 
@@ -34,10 +34,10 @@ class Tried:
     neighbours: int
     seal: float
     outward: bool
-    seen: bool
+    contact_visible: bool
     predicted: float
     disturbance: float
-    moved: float
+    max_shift: float
     failure: str = ""
 
     @property
@@ -47,7 +47,7 @@ class Tried:
 
     def scores(self, still: float) -> Float64:
         """Disturbance (m), 1 if the lift failed, 1 if it succeeded and nothing moved by `still`."""
-        clean = self.lifted and self.moved < still
+        clean = self.lifted and self.max_shift < still
         return np.array([self.disturbance, float(not self.lifted), float(clean)])
 
 
@@ -55,26 +55,34 @@ Choice = Callable[[Sequence[Tried]], Tried]
 
 
 def _by_rank(tries: Sequence[Tried]) -> Tried:
-    return min(tries, key=lambda one: one.rank)
+    return min(tries, key=lambda grasp: grasp.rank)
 
 
 def _topmost(tries: Sequence[Tried]) -> Tried:
-    return max(tries, key=lambda one: (round(one.top, 6), not one.outward, one.seal, -one.rank))
+    return max(
+        tries, key=lambda grasp: (round(grasp.top, 6), not grasp.outward, grasp.seal, -grasp.rank)
+    )
 
 
 def _least_neighbours(tries: Sequence[Tried]) -> Tried:
     return max(
         tries,
-        key=lambda one: (-one.neighbours, round(one.top, 6), not one.outward, one.seal, -one.rank),
+        key=lambda grasp: (
+            -grasp.neighbours,
+            round(grasp.top, 6),
+            not grasp.outward,
+            grasp.seal,
+            -grasp.rank,
+        ),
     )
 
 
 def _best_seal(tries: Sequence[Tried]) -> Tried:
-    return max(tries, key=lambda one: (not one.outward, one.seal, -one.rank))
+    return max(tries, key=lambda grasp: (not grasp.outward, grasp.seal, -grasp.rank))
 
 
 def _oracle(tries: Sequence[Tried]) -> Tried:
-    return min(tries, key=lambda one: (not one.lifted, one.disturbance))
+    return min(tries, key=lambda grasp: (not grasp.lifted, grasp.disturbance))
 
 
 CHOSEN, MEAN, TOPMOST, ORACLE = "chosen", "mean", "topmost", "oracle"
@@ -103,4 +111,4 @@ def score(choice: Choice | None, tries: Sequence[Tried], still: float) -> Float6
     """Scores (3,) of a choice, as `Tried.scores`."""
     if choice is not None:
         return choice(tries).scores(still)
-    return np.asarray(np.mean([one.scores(still) for one in tries], axis=0))
+    return np.asarray(np.mean([grasp.scores(still) for grasp in tries], axis=0))

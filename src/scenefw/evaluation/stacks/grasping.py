@@ -122,9 +122,9 @@ class GraspingEvaluation:
         filmed = {int(i) for i in np.linspace(0, len(rows) - 1, min(self.examples, len(rows)))}
         jobs = [self._job(row, film=row in filmed) for row in track(rows, "predictions")]
         results = self._simulated(jobs)
-        found = [next(results) for _ in track(jobs, "grasps of scenes")]
-        films = tuple(example for _, example in found if example is not None)
-        return GraspingResult(tuple(one for one, _ in found), self.still, films)
+        outcomes = [next(results) for _ in track(jobs, "grasps of scenes")]
+        films = tuple(example for _, example in outcomes if example is not None)
+        return GraspingResult(tuple(grasps for grasps, _ in outcomes), self.still, films)
 
     def _simulated(self, jobs: list[Job]) -> Iterator[tuple[SceneGrasps, GraspExample | None]]:
         work = partial(grasp_scene, self.grasping)
@@ -155,23 +155,25 @@ class GraspingEvaluation:
 def stands_for(predicted: Int32, true: Int32) -> dict[int, int]:
     """True label of each predicted one, by the overlap of volumes; 0 = none."""
     renumbered = renumbered_like(predicted, true)
-    known = set(np.unique(true).tolist())
-    found = {}
+    true_labels = set(np.unique(true).tolist())
+    matches = {}
     for label in np.unique(predicted[predicted > 0]).tolist():
-        other = int(renumbered[predicted == label][0])
-        found[label] = other if other in known else 0
-    return found
+        true_label = int(renumbered[predicted == label][0])
+        matches[label] = true_label if true_label in true_labels else 0
+    return matches
 
 
 def grasp_scene(grasping: Grasping, job: Job) -> tuple[SceneGrasps, GraspExample | None]:
     """Ranks the grasps of a predicted scene and simulates them in the true one, and one film."""
     eye = job.camera.T_world_camera[:3, 3]
     ranking = grasping.rank(job.predicted, eye)
-    lifts = [grasping.lift(job.true, one.grasp) for one in ranking.grasps]
-    tops, near = _tops(ranking.resting), _neighbours(ranking.resting)
+    lifts = [grasping.lift(job.true, candidate.grasp) for candidate in ranking.grasps]
+    tops, neighbours = _tops(ranking.resting), _neighbours(ranking.resting)
     tries = tuple(
-        _tried(number, one, lift, job.stands_for.get(one.grasp.label, 0), tops, near)
-        for number, (one, lift) in enumerate(zip(ranking.grasps, lifts, strict=True))
+        _grasp_outcome(
+            number, candidate, lift, job.stands_for.get(candidate.grasp.label, 0), tops, neighbours
+        )
+        for number, (candidate, lift) in enumerate(zip(ranking.grasps, lifts, strict=True))
     )
     left_out = (*job.left_out, *ranking.left_out.values())
     filmed = job.film and bool(tries)
@@ -179,27 +181,27 @@ def grasp_scene(grasping: Grasping, job: Job) -> tuple[SceneGrasps, GraspExample
     return SceneGrasps(job.scene, tries, left_out), example
 
 
-def _tried(
+def _grasp_outcome(
     rank: int,
-    ranked: RankedGrasp,
+    candidate: RankedGrasp,
     lift: Lift,
-    meant: int,
+    target: int,
     tops: Mapping[int, float],
-    near: Mapping[int, int],
+    neighbours: Mapping[int, int],
 ) -> Tried:
-    grasp = ranked.grasp
+    grasp = candidate.grasp
     return Tried(
         grasp.label,
         rank,
         tops[grasp.label],
-        near[grasp.label],
+        neighbours[grasp.label],
         grasp.seal,
         grasp.outward,
         grasp.seen,
-        ranked.lift.disturbance,
+        candidate.lift.disturbance,
         lift.disturbance,
         max(lift.shifts.values(), default=0.0),
-        lift.failure or ("" if lift.label == meant else _OTHER),
+        lift.failure or ("" if lift.label == target else _OTHER),
     )
 
 
@@ -218,24 +220,24 @@ def _neighbours(objects: Objects) -> dict[int, int]:
     }
     return {
         label: sum(
-            bool(np.isfinite(tree.query(other.data, distance_upper_bound=_NEAR)[0]).any())
-            for number, other in trees.items()
+            bool(np.isfinite(tree.query(neighbour.data, distance_upper_bound=_NEAR)[0]).any())
+            for number, neighbour in trees.items()
             if number != label
         )
         for label, tree in trees.items()
     }
 
 
-def _example(grasping: Grasping, job: Job, ranking: Ranking, tried: Tried) -> GraspExample:
+def _example(grasping: Grasping, job: Job, ranking: Ranking, grasp: Tried) -> GraspExample:
     best = ranking.grasps[0]
     predicted = grasping.lift(ranking.resting, best.rehearsed, film=True)
     true = grasping.lift(job.true, best.grasp, film=True)
-    became = tried.failure or f"object {tried.label} was lifted"
+    became = grasp.failure or f"object {grasp.label} was lifted"
     words = (
-        f"{became}; the others move by {1000 * tried.disturbance:.0f} mm, "
-        f"predicted {1000 * tried.predicted:.0f} mm"
+        f"{became}; the others move by {1000 * grasp.disturbance:.0f} mm, "
+        f"predicted {1000 * grasp.predicted:.0f} mm"
     )
-    names = {other: label for label, other in job.stands_for.items() if other}
+    names = {true_label: label for label, true_label in job.stands_for.items() if true_label}
     unused = max([*job.stands_for, 0]) + 1
     return GraspExample(
         f"scene {job.scene}",
@@ -252,5 +254,5 @@ def _film(lift: Lift) -> Film:
 
 def _renamed(film: Film, names: Mapping[int, int], unused: int) -> Film:
     """Objects called as in the prediction; those that it lacks get further labels."""
-    labels = tuple(names.get(one, unused + one) if one else 0 for one in film.labels)
+    labels = tuple(names.get(label, unused + label) if label else 0 for label in film.labels)
     return replace(film, labels=labels)

@@ -102,14 +102,14 @@ class GraspingResult:
     @cached_property
     def groups(self) -> Mapping[str, list[tuple[int, tuple[Tried, ...]]]]:
         """Sets of grasps to choose from, each with its scene, by protocol."""
-        any_ = [(one.scene, one.tries) for one in self.scenes if one.tries]
-        given = []
-        for one in self.scenes:
-            for label in dict.fromkeys(tried.label for tried in one.tries):
-                own = tuple(tried for tried in one.tries if tried.label == label)
-                if len(own) > 1:
-                    given.append((one.scene, own))
-        return {ANY: any_, GIVEN: given}
+        scene_groups = [(scene.scene, scene.tries) for scene in self.scenes if scene.tries]
+        object_groups = []
+        for scene in self.scenes:
+            for label in dict.fromkeys(grasp.label for grasp in scene.tries):
+                object_tries = tuple(grasp for grasp in scene.tries if grasp.label == label)
+                if len(object_tries) > 1:
+                    object_groups.append((scene.scene, object_tries))
+        return {ANY: scene_groups, GIVEN: object_groups}
 
     def values(self, protocol: str, choice: str) -> Float64:
         """Scores (G, 3) of each set of grasps, in the order of SCORES."""
@@ -124,76 +124,78 @@ class GraspingResult:
         values = self.values(protocol, choice)[:, column, None]
         return bootstrap_interval(values, scenes, lambda means: means[..., 0])
 
-    def gain(self, protocol: str, other: str, name: str) -> Interval:
+    def gain(self, protocol: str, reference: str, name: str) -> Interval:
         """Score of the chosen grasp minus that of another choice, on the same scenes."""
         column = list(SCORES).index(name)
         scenes = [scene for scene, _ in self.groups[protocol]]
-        both = [self.values(protocol, one)[:, column] for one in (CHOSEN, other)]
-        return bootstrap_interval(np.stack(both, axis=1), scenes, lambda m: m[..., 0] - m[..., 1])
+        values = [self.values(protocol, choice)[:, column] for choice in (CHOSEN, reference)]
+        return bootstrap_interval(np.stack(values, axis=1), scenes, lambda m: m[..., 0] - m[..., 1])
 
     def failures(self, protocol: str, choice: str) -> Counter[str]:
         """Why lifts of one choice failed, and how often."""
         chooser = (OF_A_SCENE if protocol == ANY else OF_AN_OBJECT)[choice]
         groups = self.groups[protocol]
-        chosen = [one for _, tries in groups for one in ([chooser(tries)] if chooser else tries)]
-        return Counter(one.failure for one in chosen if one.failure)
+        grasps = [
+            grasp for _, tries in groups for grasp in ([chooser(tries)] if chooser else tries)
+        ]
+        return Counter(grasp.failure for grasp in grasps if grasp.failure)
 
     @property
     def reasons(self) -> Counter[str]:
         """How often objects had no grasp, by reason."""
-        return Counter(reason.split(":")[0] for one in self.scenes for reason in one.left_out)
+        return Counter(reason.split(":")[0] for scene in self.scenes for reason in scene.left_out)
 
     @property
     def figures(self) -> dict[str, float]:
         """`<any or given>/<choice>/<score>` with bounds, and numbers of what was tried."""
-        found: dict[str, float] = {}
+        figures: dict[str, float] = {}
         for protocol, choices in ((ANY, OF_A_SCENE), (GIVEN, OF_AN_OBJECT)):
             for choice in choices:
                 for name in SCORES:
-                    one = self.interval(protocol, choice, name)
-                    ends = {"": one.mean, LOW: one.low, HIGH: one.high}
-                    found |= {
+                    interval = self.interval(protocol, choice, name)
+                    ends = {"": interval.mean, LOW: interval.low, HIGH: interval.high}
+                    figures |= {
                         f"{protocol}/{choice}/{name}{end}": value
                         for end, value in ends.items()
                         if np.isfinite(value)
                     }
-        found |= {
+        figures |= {
             "scenes": float(len(self.scenes)),
-            "without": float(sum(not one.tries for one in self.scenes)),
-            "candidates": float(np.mean([len(one.tries) for one in self.scenes])),
+            "without": float(sum(not scene.tries for scene in self.scenes)),
+            "candidates": float(np.mean([len(scene.tries) for scene in self.scenes])),
         }
-        firsts = [min(t, key=lambda one: one.rank).predicted for _, t in self.groups[ANY]]
+        firsts = [min(t, key=lambda grasp: grasp.rank).predicted for _, t in self.groups[ANY]]
         extra = {
             "predicted": float(np.mean(firsts)) if firsts else float("nan"),
             "rank_correlation": self.rank_correlation,
         }
-        return found | {name: value for name, value in extra.items() if np.isfinite(value)}
+        return figures | {name: value for name, value in extra.items() if np.isfinite(value)}
 
     @property
     def rank_correlation(self) -> float:
         """Spearman's, of predicted and true disturbances in a scene, mean over scenes."""
         from scipy.stats import spearmanr
 
-        found = []
+        correlations = []
         for _, tries in self.groups[ANY]:
-            a, b = [one.predicted for one in tries], [one.disturbance for one in tries]
+            a, b = [grasp.predicted for grasp in tries], [grasp.disturbance for grasp in tries]
             if len(tries) > 2 and np.ptp(a) > 0 and np.ptp(b) > 0:
-                found.append(float(spearmanr(a, b).statistic))
-        return float(np.mean(found)) if found else float("nan")
+                correlations.append(float(spearmanr(a, b).statistic))
+        return float(np.mean(correlations)) if correlations else float("nan")
 
     @property
     def measures(self) -> dict[str, Measure]:
         """Units, digits, and which figure stands for no simulation."""
-        found = dict(_NUMBERS)
+        measures = dict(_NUMBERS)
         for protocol, choices in ((ANY, OF_A_SCENE), (GIVEN, OF_AN_OBJECT)):
             reference = TOPMOST if protocol == ANY else "best_seal"
             kind = "any object" if protocol == ANY else "a given object"
             for choice in choices:
                 for name, measure in SCORES.items():
                     simulates = choice not in (MEAN, ORACLE, reference)
-                    found[f"{protocol}/{choice}/{name}"] = replace(
+                    measures[f"{protocol}/{choice}/{name}"] = replace(
                         measure,
                         name=f"{measure.name}, {choice.replace('_', ' ')}, {kind}",
                         trivial=f"{protocol}/{reference}/{name}" if simulates else None,
                     )
-        return found
+        return measures

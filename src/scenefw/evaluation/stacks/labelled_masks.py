@@ -22,7 +22,7 @@ from scenefw.perception.observation.points import world_points
 from scenefw.perception.segmentation.colour_edges import ColourEdges
 from scenefw.perception.segmentation.crease_segmentation import SeenParts
 
-Which = Literal["scores", "reference"]
+Source = Literal["scores", "reference"]
 NO_SEAMS = Seams()
 _FLOOR = 0.005  # m: what is lower shows no object
 
@@ -38,7 +38,7 @@ class TrueLabels(Protocol):
     """What a person said that images show."""
 
     @property
-    def wanted(self) -> str:
+    def hint(self) -> str:
         """Where labels are looked for, for the message if there are none."""
 
     def of(self, image: Path) -> Int32 | None:
@@ -130,15 +130,15 @@ class LabelledMaskResult:
         """Labelled images, failed ones included."""
         return len(self.images) + len(self.failures)
 
-    def scores(self, which: Which = "scores") -> list[MaskScores]:
+    def scores(self, source: Source = "scores") -> list[MaskScores]:
         """Of every image, failed ones last."""
-        return [getattr(i, which) for i in self.images] + [f.scores for f in self.failures]
+        return [getattr(i, source) for i in self.images] + [f.scores for f in self.failures]
 
-    def seams(self, which: Which = "scores") -> Seams:
+    def seams(self, source: Source = "scores") -> Seams:
         """Borders between objects, added up over all images, failed ones included."""
-        name = "seams" if which == "scores" else "reference_seams"
-        found = [getattr(image, name) for image in self.images]
-        return sum([*found, *(f.seams for f in self.failures)], NO_SEAMS)
+        name = "seams" if source == "scores" else "reference_seams"
+        seams = [getattr(image, name) for image in self.images]
+        return sum([*seams, *(f.seams for f in self.failures)], NO_SEAMS)
 
     @property
     def margins(self) -> tuple[float, ...]:
@@ -152,15 +152,15 @@ class LabelledMaskResult:
         Means over images, but for borders between objects, whose pixels are added up over images,
         as many images have none. Figures at other margins begin with theirs, as `8 mm/overlap_f`.
         """
-        ours, theirs = self._all("scores"), self._all("reference")
+        ours, theirs = self._figures("scores"), self._figures("reference")
         counts = {"images": float(self.number), "failures": float(len(self.failures))}
-        further = {
+        competitor_figures = {
             f"{name}/{figure}": value
             for name in self.beside
             for figure, value in self._at([image.beside[name] for image in self.images]).items()
         }
         named = {f"{REFERENCE}/{name}": value for name, value in theirs.items()}
-        return ours | named | further | counts
+        return ours | named | competitor_figures | counts
 
     @property
     def beside(self) -> tuple[str, ...]:
@@ -172,24 +172,24 @@ class LabelledMaskResult:
         """Units, digits and published values of the figures."""
         return of_images(self.margins, self.beside, published=self.published)
 
-    def _all(self, which: Which) -> dict[str, float]:
-        found = self._means(which) | _seam_figures(self.seams(which))
+    def _figures(self, source: Source) -> dict[str, float]:
+        figures = self._means(source) | _seam_figures(self.seams(source))
         for margin in self.margins:
-            every = self._at([image.margins[margin][which] for image in self.images])
-            found |= {f"{at_margin(margin)}/{name}": every[name] for name in OF_MARGINS}
-        return found
+            margin_figures = self._at([image.margins[margin][source] for image in self.images])
+            figures |= {f"{at_margin(margin)}/{name}": margin_figures[name] for name in OF_MARGINS}
+        return figures
 
-    def _at(self, scored: Sequence[Scored]) -> dict[str, float]:
+    def _at(self, scores: Sequence[Scored]) -> dict[str, float]:
         """Figures of all images by the scores of those that could be reconstructed."""
-        masks = [s.masks for s in scored] + [f.scores for f in self.failures]
-        seams = sum([*(s.seams for s in scored), *(f.seams for f in self.failures)], NO_SEAMS)
+        masks = [s.masks for s in scores] + [f.scores for f in self.failures]
+        seams = sum([*(s.seams for s in scores), *(f.seams for f in self.failures)], NO_SEAMS)
         return {name: _mean(masks, name) for name in SCORES} | _seam_figures(seams)
 
-    def _means(self, which: Which) -> dict[str, float]:
-        means = {name: _mean(self.scores(which), name) for name in SCORES}
-        known = [getattr(i, which) for i in self.images]
-        known += [f.scores for f in self.failures if f.objects is not None]
-        return {**means, COUNT_ERROR: _mean(known, COUNT_ERROR)}
+    def _means(self, source: Source) -> dict[str, float]:
+        means = {name: _mean(self.scores(source), name) for name in SCORES}
+        scores = [getattr(i, source) for i in self.images]
+        scores += [f.scores for f in self.failures if f.objects is not None]
+        return {**means, COUNT_ERROR: _mean(scores, COUNT_ERROR)}
 
 
 COUNT_ERROR = "count_error"
@@ -247,7 +247,9 @@ class LabelledMasks:
         self.about, self.published = about, published
         self.tolerance = tolerance
         self.margins = tuple(margins)
-        self.beside = {name: one for name, one in (beside or {}).items() if one is not None}
+        self.beside = {
+            name: estimator for name, estimator in (beside or {}).items() if estimator is not None
+        }
 
     def run(self, track: Track = lambda paths, _: paths) -> LabelledMaskResult:
         """Scores every labelled image; `track` wraps the loop in a progress bar.
@@ -272,7 +274,7 @@ class LabelledMasks:
             raise InputError(f"no labelled image could be used; the first: {failures[0].reason}")
         if not images:
             raise InputError(
-                f"none of the {len(paths)} images in {self.input} has labels; {self.labels.wanted}"
+                f"none of the {len(paths)} images in {self.input} has labels; {self.labels.hint}"
             )
         return LabelledMaskResult(tuple(images), tuple(failures), self.about, self.published)
 
@@ -284,9 +286,9 @@ class LabelledMasks:
             )
         true = np.where(frame.depth > 0, true, -1)
         estimate = self.method.estimate(frame)
-        mine, plain = shown(estimate), self._plain(self.reference, estimate.frame)
+        mine, plain = pixel_instances(estimate), self._plain(self.reference, estimate.frame)
         labels = {"true": true, "method": mine, "reference": plain}
-        ours, theirs = (self._scored(one, true) for one in (mine, plain))
+        ours, theirs = (self._compare(predicted, true) for predicted in (mine, plain))
         return ImageResult(
             frame.name,
             ours.masks,
@@ -300,7 +302,7 @@ class LabelledMasks:
                 for margin in self.margins
             },
             {
-                name: self._scored(shown(method.estimate(frame)), true)
+                name: self._compare(pixel_instances(method.estimate(frame)), true)
                 for name, method in self.beside.items()
             },
         )
@@ -311,10 +313,10 @@ class LabelledMasks:
         """Both methods without points up to this height (m)."""
         heights = world_points(frame)[..., 2]
         plain = self._plain(self.reference.with_margin(margin), frame)
-        both = {"scores": mine, "reference": plain}
+        masks = {"scores": mine, "reference": plain}
         return {
-            which: self._scored(_above(labels, heights, margin), true)
-            for which, labels in both.items()
+            source: self._compare(_above(labels, heights, margin), true)
+            for source, labels in masks.items()
         }
 
     def _plain(self, reference: SeenParts, frame: Frame) -> Int32:
@@ -322,7 +324,7 @@ class LabelledMasks:
         parts = reference.segment(view)
         return parts if self.colour is None else self.colour.moved(parts, view)
 
-    def _scored(self, predicted: Int32, true: Int32) -> Scored:
+    def _compare(self, predicted: Int32, true: Int32) -> Scored:
         return Scored(
             mask_scores(predicted, true, self.tolerance),
             seam_scores(predicted, true, self.tolerance),
@@ -340,7 +342,7 @@ class LabelledMasks:
         return [Failure(path.stem, str(error), len(np.unique(true[true > 0])), missed)]
 
 
-def shown(estimate: SceneEstimate) -> Int32:
+def pixel_instances(estimate: SceneEstimate) -> Int32:
     """Instances (H, W) that pixels show: the estimate's masks, or its volume at their points."""
     if estimate.masks is not None:
         return estimate.masks

@@ -98,10 +98,10 @@ class LatentSpaceEvaluation:
 
     def run(self, track: Track = lambda items, _: items) -> LatentSpaceResult:
         """Scores all scenes; `track(items, what)` shows a bar of the loop."""
-        found = scored_scenes(
+        scenes = scored_scenes(
             self.score, len(self.scenes), SceneCodes.from_row, track, self.kept, self.workers
         )
-        return LatentSpaceResult(tuple(found), self.counts, self.samples, self.steps)
+        return LatentSpaceResult(tuple(scenes), self.counts, self.samples, self.steps)
 
     def see(self, row: int) -> SeenOften:
         """All views of one scene."""
@@ -109,67 +109,71 @@ class LatentSpaceEvaluation:
         return SeenOften.of(self.scenes, row, self.maker, self.counts[-1], streams, self.device)
 
     @torch.no_grad()
-    def drawn(self, seen: SeenOften, count: int) -> list[Completion]:
+    def completions(self, scene_views: SeenOften, count: int) -> list[Completion]:
         """The scene of the zero code, then those of drawn codes, given the first views."""
-        generator = torch.Generator().manual_seed(seen.codes)
+        generator = torch.Generator().manual_seed(scene_views.codes)
         size = self.network.model.latent_size
         codes = torch.cat(
             [torch.zeros(1, 1, size), torch.randn(self.samples, 1, size, generator=generator)]
         )
-        views = fused([batch.partial for batch in seen.batches[:count]], self.grid)
+        views = fused([batch.partial for batch in scene_views.batches[:count]], self.grid)
         return self.network.complete_with(views, self.grid, codes)
 
     @torch.no_grad()
-    def between(self, seen: SeenOften) -> list[Completion]:
+    def between(self, scene_views: SeenOften) -> list[Completion]:
         """Scenes on the way from one drawn code to another, given the first view."""
-        generator = torch.Generator().manual_seed(seen.codes ^ _ENDS)
+        generator = torch.Generator().manual_seed(scene_views.codes ^ _ENDS)
         first, last = torch.randn(2, 1, self.network.model.latent_size, generator=generator)
         shares = torch.linspace(0, 1, self.steps + 1)
         codes = torch.stack([on_sphere(first, last, float(share)) for share in shares])
-        return self.network.complete_with(seen.batches[0].partial, self.grid, codes)
+        return self.network.complete_with(scene_views.batches[0].partial, self.grid, codes)
 
     def score(self, row: int) -> SceneCodes:
         """Variety and ways of one scene."""
-        seen = self.see(row)
-        truth = seen.batches[0].volumes
+        scene_views = self.see(row)
+        truth = scene_views.batches[0].volumes
         occupied = truth.tsdf[0, 0].cpu().numpy() < 0
         true = truth.instances[0].cpu().numpy()
         varieties = {}
         for count in self.counts:
-            zero, *drawn = self.drawn(seen, count)
-            views = fused([batch.partial for batch in seen.batches[:count]], self.grid)
+            zero, *samples = self.completions(scene_views, count)
+            views = fused([batch.partial for batch in scene_views.batches[:count]], self.grid)
             observed = views.observed[0, 0].cpu().numpy()
-            shapes = [_occupied(one) for one in drawn]
-            labels = [one.instances[0].cpu().numpy() for one in drawn]
-            pairs = list(combinations(range(len(drawn)), 2))
+            shapes = [_occupied(sample) for sample in samples]
+            labels = [sample.instances[0].cpu().numpy() for sample in samples]
+            pairs = list(combinations(range(len(samples)), 2))
             varieties[count] = {
                 "among": _mean(1 - occupancy_iou(shapes[a], shapes[b]) for a, b in pairs),
-                "to_truth": _mean(1 - occupancy_iou(one, occupied) for one in shapes),
+                "to_truth": _mean(1 - occupancy_iou(shape, occupied) for shape in shapes),
                 "zero_to_truth": 1 - occupancy_iou(_occupied(zero), occupied),
-                "instances_among": _mean(self._apart(labels[a], labels[b]) for a, b in pairs),
-                "instances_to_truth": _mean(self._apart(one, true) for one in labels),
+                "instances_among": _mean(
+                    self._instance_distance(labels[a], labels[b]) for a, b in pairs
+                ),
+                "instances_to_truth": _mean(
+                    self._instance_distance(instances, true) for instances in labels
+                ),
                 "seen": _share_seen(shapes, observed),
                 "observed": float(observed[occupied].mean()) if occupied.any() else float("nan"),
             }
-        return SceneCodes(seen.index, varieties, self._ways(seen, occupied))
+        return SceneCodes(scene_views.index, varieties, self._ways(scene_views, occupied))
 
-    def _ways(self, seen: SeenOften, truth: np.ndarray) -> dict[str, dict[str, float]]:
-        scenes = self.between(seen)
+    def _ways(self, scene_views: SeenOften, truth: np.ndarray) -> dict[str, dict[str, float]]:
+        scenes = self.between(scene_views)
         ends = scenes[0].tsdf[0].cpu().numpy(), scenes[-1].tsdf[0].cpu().numpy()
         shares = np.linspace(0, 1, self.steps + 1)
         blended = [(1 - share) * ends[0] + share * ends[1] < 0 for share in shares]
-        numbers = [float(one.instances.unique().count_nonzero()) for one in scenes]
+        numbers = [float(scene.instances.unique().count_nonzero()) for scene in scenes]
         return {
-            CODES: _way([_occupied(one) for one in scenes], truth)
+            CODES: _way([_occupied(scene) for scene in scenes], truth)
             | {"fewest": min(numbers), "most": max(numbers)},
             BLENDED: _way(blended, truth),
         }
 
-    def _apart(self, labels: np.ndarray, others: np.ndarray) -> float:
+    def _instance_distance(self, labels: np.ndarray, other_labels: np.ndarray) -> float:
         """1 - IoU of matched instances, the mean of both directions."""
         return 1 - _mean(
             instance_scores(a, b, self.matching).iou
-            for a, b in ((labels, others), (others, labels))
+            for a, b in ((labels, other_labels), (other_labels, labels))
             if b.any()
         )
 
@@ -202,7 +206,7 @@ def _way(shapes: Sequence[np.ndarray], truth: np.ndarray) -> dict[str, float]:
     """
     steps = [1 - occupancy_iou(a, b) for a, b in pairwise(shapes)]
     direct = 1 - occupancy_iou(shapes[0], shapes[-1])
-    errors = [1 - occupancy_iou(one, truth) for one in shapes]
+    errors = [1 - occupancy_iou(shape, truth) for shape in shapes]
     return {
         "length": sum(steps) / direct if direct > 0 else float("nan"),
         "largest": max(steps) / sum(steps) if sum(steps) > 0 else float("nan"),
@@ -213,8 +217,8 @@ def _way(shapes: Sequence[np.ndarray], truth: np.ndarray) -> dict[str, float]:
 
 def _share_seen(shapes: Sequence[Float32], observed: np.ndarray) -> float:
     """Of all voxels that not all draws occupy alike, the share that the views saw."""
-    some = np.mean(shapes, axis=0)
-    differ = (some > 0) & (some < 1)
+    frequency = np.mean(shapes, axis=0)
+    differ = (frequency > 0) & (frequency < 1)
     return float(observed[differ].mean()) if differ.any() else float("nan")
 
 
@@ -223,5 +227,5 @@ def _occupied(scene: Completion) -> np.ndarray:
 
 
 def _mean(values: object) -> float:
-    found = list(values)  # type: ignore[call-overload]
-    return float(np.mean(found)) if found else float("nan")
+    numbers = list(values)  # type: ignore[call-overload]
+    return float(np.mean(numbers)) if numbers else float("nan")

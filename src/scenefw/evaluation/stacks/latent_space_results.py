@@ -104,35 +104,35 @@ class LatentSpaceResult:
     @property
     def figures(self) -> dict[str, float]:
         """`views/<number>/<name>` and `<way>/<name>` with bounds, and numbers of scenes."""
-        found: dict[str, float] = {"scenes": float(len(self.scenes))}
+        figures: dict[str, float] = {"scenes": float(len(self.scenes))}
         for count in self.counts:
-            found |= _bounded(f"views/{count}/ratio", self.ratio(count))
+            figures |= _bounded(f"views/{count}/ratio", self.ratio(count))
             for name in VARIETY:
-                found |= _bounded(f"views/{count}/{name}", self.variety(count, name))
+                figures |= _bounded(f"views/{count}/{name}", self.variety(count, name))
         for kind in (CODES, BLENDED):
             for name in WAYS:
-                one = self.way(kind, name)
-                found |= {} if one is None else _bounded(f"{kind}/{name}", one)
-        return found
+                interval = self.way(kind, name)
+                figures |= {} if interval is None else _bounded(f"{kind}/{name}", interval)
+        return figures
 
     @property
     def measures(self) -> dict[str, Measure]:
         """Units and digits."""
-        found = {"scenes": Measure("scenes", digits=0)}
+        measures = {"scenes": Measure("scenes", digits=0)}
         for count in self.counts:
             views = f"{count} view" + "s" * (count > 1)
             words = f"variety by error, {views}"
-            found[f"views/{count}/ratio"] = Measure("variety by error", words, digits=2)
+            measures[f"views/{count}/ratio"] = Measure("variety by error", words, digits=2)
             for name, measure in VARIETY.items():
-                found[f"views/{count}/{name}"] = measure.changed(
+                measures[f"views/{count}/{name}"] = measure.changed(
                     {"name": f"{measure.name}, {views}"}
                 )
         for kind in (CODES, BLENDED):
             for name, measure in WAYS.items():
-                found[f"{kind}/{name}"] = measure.changed({"name": f"{measure.name}, {kind}"})
-        return found
+                measures[f"{kind}/{name}"] = measure.changed({"name": f"{measure.name}, {kind}"})
+        return measures
 
 
-def _bounded(name: str, one: Interval) -> dict[str, float]:
-    ends = {name: one.mean, f"{name}{LOW}": one.low, f"{name}{HIGH}": one.high}
+def _bounded(name: str, interval: Interval) -> dict[str, float]:
+    ends = {name: interval.mean, f"{name}{LOW}": interval.low, f"{name}{HIGH}": interval.high}
     return {key: value for key, value in ends.items() if np.isfinite(value)}

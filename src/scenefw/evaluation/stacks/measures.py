@@ -53,35 +53,35 @@ _NUMBERS = {
 
 
 def of_scores(
-    methods: Sequence[str], drawn: Sequence[str] = (), data: str | None = "superquadrics"
+    methods: Sequence[str], sampled_methods: Sequence[str] = (), data: str | None = "superquadrics"
 ) -> dict[str, Measure]:
     """Measures of the scores of methods, the main one first, and of their numbers.
 
     Args:
         methods: names; figures of all but the first one begin with theirs.
-        drawn: methods whose samples are judged as samples.
+        sampled_methods: methods whose samples are judged as samples.
         data: of table 5.1, whose figures stand beside the main method's; None has none.
     """
-    theirs = {name: figure.mean for name, figure in published.own(data).items()}
-    found = {
+    theirs = {name: figure.mean for name, figure in published.thesis_figures(data).items()}
+    measures = {
         name: replace(measure, trivial=_trivial(name, methods[1:]), published=theirs.get(name))
         for name, measure in _SCORES.items()
     }
     for method in methods[1:]:
-        known = described(method)
+        description = described(method)
         for name, measure in _SCORES.items():
-            found[f"{method}/{name}"] = replace(
+            measures[f"{method}/{name}"] = replace(
                 measure,
-                heading=measure.heading + known.figure,
-                name=(measure.name or measure.heading) + known.figure,
-                trivial=_trivial(name, methods[1:]) if known.learns else None,
+                heading=measure.heading + description.figure,
+                name=(measure.name or measure.heading) + description.figure,
+                trivial=_trivial(name, methods[1:]) if description.learns else None,
             )
-    return found | _NUMBERS | _of_draws(drawn)
+    return measures | _NUMBERS | _of_draws(sampled_methods)
 
 
-def _trivial(name: str, others: Sequence[str]) -> str | None:
-    method = _TRIVIAL.get(name) or _without_learning(others)
-    return f"{method}/{name}" if method in others else None
+def _trivial(name: str, methods: Sequence[str]) -> str | None:
+    method = _TRIVIAL.get(name) or _without_learning(methods)
+    return f"{method}/{name}" if method in methods else None
 
 
 def _without_learning(methods: Sequence[str]) -> str | None:
@@ -146,22 +146,22 @@ DRAWS = {
 
 def _of_draws(methods: Sequence[str]) -> dict[str, Measure]:
     """Figures `draws/<method>/<name>`."""
-    found = {
+    measures = {
         "draws/scenes": Measure("scenes of draws", digits=0),
         "draws/count": Measure("draws", "draws of each view", digits=0),
     }
-    drawn = "drawn_fits"  # where it is judged; draws beat what has none
-    reference = drawn if drawn in methods else _without_learning(methods)
+    fits = "drawn_fits"  # where it is judged; draws beat what has none
+    reference = fits if fits in methods else _without_learning(methods)
     for method in methods:
         words = described(method).draws
         for name, measure in DRAWS.items():
-            other = described(method).learns and reference
-            found[f"draws/{method}/{name}"] = replace(
+            baseline = described(method).learns and reference
+            measures[f"draws/{method}/{name}"] = replace(
                 measure,
                 name=f"{measure.name or measure.heading}, {words}",
-                trivial=f"draws/{reference}/{name}" if other else None,
+                trivial=f"draws/{reference}/{name}" if baseline else None,
             )
-    return found
+    return measures
 
 
 _IMAGE_SCORES = {
@@ -195,26 +195,26 @@ def of_images(
         beside: names of further methods.
         published: whether the images are of the data set that published figures are of.
     """
-    found = dict(REAL_IMAGES)
+    measures = dict(REAL_IMAGES)
     if not published:
-        found = {name: replace(measure, published=None) for name, measure in found.items()}
+        measures = {name: replace(measure, published=None) for name, measure in measures.items()}
     ours = {n: m for n, m in REAL_IMAGES.items() if not n.startswith(f"{REFERENCE}/")}
     for method in beside:
         for name, measure in ours.items():
             called = f"{measure.name or measure.heading}, {method.replace('_', ' ')}"
-            found[f"{method}/{name}"] = replace(measure, name=called, published=None)
+            measures[f"{method}/{name}"] = replace(measure, name=called, published=None)
     for margin in margins:
         where = at_margin(margin)
         for prefix in ("", f"{REFERENCE}/"):
             for name in OF_MARGINS:
                 measure = REAL_IMAGES[prefix + name]
-                found[f"{prefix}{where}/{name}"] = replace(
+                measures[f"{prefix}{where}/{name}"] = replace(
                     measure,
                     name=f"{measure.name or measure.heading}, floor up to {where}",
                     published=None,
                     trivial=None if prefix else f"{REFERENCE}/{where}/{name}",
                 )
-    return found
+    return measures
 
 
 OF_MARGINS = ("overlap_f", "boundary_f", "seam_f")

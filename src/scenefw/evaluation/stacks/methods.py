@@ -47,7 +47,7 @@ def _method(
     )
 
 
-_KNOWN = (
+_ENTRIES = (
     _method(
         "scenefw",
         "network of volumes, drawn codes (as in the thesis)",
@@ -159,9 +159,9 @@ _KNOWN = (
     _method(BASE_RATE, "base rate in every voxel (no image)", learns=False),
     _method(TRAINING_MEAN, "training mean of each voxel (no image)", learns=False),
 )
-_METHODS = {one.name: one for one in _KNOWN}
+_METHODS = {method.name: method for method in _ENTRIES}
 
-REFERENCES = tuple(one.name for one in _KNOWN if one.reference)
+REFERENCES = tuple(method.name for method in _ENTRIES if method.reference)
 """Methods that need no learning and are to be beaten, strongest first."""
 
 

@@ -92,6 +92,6 @@ def published_of(data: str | None) -> Published:
     return _OF[data]
 
 
-def own(data: str | None) -> Mapping[str, Figure]:
+def thesis_figures(data: str | None) -> Mapping[str, Figure]:
     """The figures of the thesis's own method on a data set, by name."""
     return published_of(data).figures.get("SIMstack", {})

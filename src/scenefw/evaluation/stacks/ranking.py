@@ -91,7 +91,7 @@ class RankingEvaluation:
     ) -> None:
         at_least(2).require(draws=draws)
         POSITIVE.require(steps=steps, furthest=furthest)
-        self.rankings = {name: one for name, one in rankings.items() if one is not None}
+        self.rankings = {name: ranking for name, ranking in rankings.items() if ranking is not None}
         if not self.rankings:
             raise ConfigError("there is no ranking to score; give evaluation.rankings.NAME")
         if method.grid is None:
@@ -104,7 +104,7 @@ class RankingEvaluation:
 
     def run(self, track: Track = lambda items, _: items) -> RankingResult:
         """Scores all scenes; `track(items, what)` shows a bar of the loop."""
-        found = scored_scenes(
+        views = scored_scenes(
             self.score,
             len(self.scenes),
             lambda row: ViewChoices(**row),
@@ -113,43 +113,43 @@ class RankingEvaluation:
             workers_on(self.device, 1),  # a simulator has one world
             packed=asdict,
         )
-        return RankingResult(tuple(found), tuple(self.rankings), self.draws)
+        return RankingResult(tuple(views), tuple(self.rankings), self.draws)
 
     @torch.no_grad()
     def score(self, row: int) -> ViewChoices:
         """What each ranking puts first, of one view of a scene."""
         streams = (self.seed, _VIEWS, _CODES)
-        seen = SeenOften.of(self.scenes, row, self.maker, 1, streams, self.device)
-        batch = seen.batches[0]
-        generator = torch.Generator().manual_seed(seen.codes)
+        scene_views = SeenOften.of(self.scenes, row, self.maker, 1, streams, self.device)
+        batch = scene_views.batches[0]
+        generator = torch.Generator().manual_seed(scene_views.codes)
         samples = self.method.complete(batch.partial, self.grid, 1 + self.draws, generator)
         frame = Observation.of_partial(batch.partial, self.grid).frame
         scenes = [
-            scene_estimate(one, self.grid, frame, {}, {_DRAW: number})
-            for number, one in enumerate(samples)
+            scene_estimate(sample, self.grid, frame, {}, {_DRAW: number})
+            for number, sample in enumerate(samples)
         ]
-        scores = [self._scores(one, batch) for one in scenes]
-        drawn = scores[1:]
-        chosen = {
+        scores = [self._scores(scene, batch) for scene in scenes]
+        draw_scores = scores[1:]
+        choices = {
             FIRST: scores[0],
-            ANY: {name: float(np.mean([one[name] for one in drawn])) for name in scores[0]},
-            BEST: max(drawn, key=_instance_iou),
+            ANY: {name: float(np.mean([draw[name] for draw in draw_scores])) for name in scores[0]},
+            BEST: max(draw_scores, key=_instance_iou),
         }
         for name, ranking in self.rankings.items():
             second = ranking.rank(scenes)[1]
-            chosen[name] = scores[second.details[_DRAW]]
-        return ViewChoices(seen.index, chosen)
+            choices[name] = scores[second.details[_DRAW]]
+        return ViewChoices(scene_views.index, choices)
 
     def _scores(self, scene: SceneEstimate, batch: ViewBatch) -> dict[str, float]:
         true: Int32 = batch.volumes.instances[0].cpu().numpy()
         occupied = batch.volumes.tsdf[0, 0].cpu().numpy() < 0
-        moved = displacement(scene, self.engine, self.bodies, self.steps, self.furthest)
+        shift = displacement(scene, self.engine, self.bodies, self.steps, self.furthest)
         of_instances = instance_scores(scene.instances, true)
         return {
             "instance_iou": of_instances.iou,
             "panoptic_quality": of_instances.panoptic_quality,
             "occupancy_iou": occupancy_iou(scene.tsdf < 0, occupied),
-            "displacement": moved.mean or 0.0,
+            "displacement": shift.mean or 0.0,
         }
 
 

@@ -68,16 +68,16 @@ class RankingResult:
     @property
     def figures(self) -> dict[str, float]:
         """`<row>/<score>` with bounds."""
-        found = {"scenes": float(len(self.views)), "draws": float(self.draws)}
+        figures = {"scenes": float(len(self.views)), "draws": float(self.draws)}
         for row in self.rows:
             for name in SCORES:
-                one = self.score(row, name)
-                ends = {"": one.mean, LOW: one.low, HIGH: one.high}
-                found |= {f"{row}/{name}{end}": v for end, v in ends.items() if np.isfinite(v)}
-        return found
+                interval = self.score(row, name)
+                ends = {"": interval.mean, LOW: interval.low, HIGH: interval.high}
+                figures |= {f"{row}/{name}{end}": v for end, v in ends.items() if np.isfinite(v)}
+        return figures
 
     @property
     def measures(self) -> dict[str, Measure]:
         """Units and digits."""
-        rows = {f"{row}/{name}": one for row in self.rows for name, one in SCORES.items()}
+        rows = {f"{row}/{name}": measure for row in self.rows for name, measure in SCORES.items()}
         return {**_NUMBERS, **rows}

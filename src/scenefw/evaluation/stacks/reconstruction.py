@@ -26,7 +26,7 @@ from scenefw.data.stacks import SceneSet
 from scenefw.data.views import ViewBatch, ViewMaker, Viewpoints
 from scenefw.evaluation.kept_rows import KeptRows, kept_or_made
 from scenefw.evaluation.scored_scenes import workers_on
-from scenefw.evaluation.side_by_side import alone, collected, side_by_side
+from scenefw.evaluation.side_by_side import collected, run_single_threaded, side_by_side
 from scenefw.evaluation.stacks.draw_results import DrawsResult, DrawView
 from scenefw.evaluation.stacks.draws import DrawScoring, Truth
 from scenefw.evaluation.stacks.methods import BASE_RATE, TRAINING_MEAN
@@ -124,11 +124,15 @@ class ReconstructionEvaluation:
                 f"and {samples}; expected at least 1 of each"
             )
         self.scenes = scenes
-        self.extractors = {name: one for name, one in (extractors or {}).items() if one is not None}
+        self.extractors = {
+            name: extractor
+            for name, extractor in (extractors or {}).items()
+            if extractor is not None
+        }
         self.draws = draws
         self.mean = mean or (draws.mean if draws else None)
-        further = draws.methods if draws else {}
-        self.grids = _grids({**self.methods, **further}, grid)
+        draw_methods = draws.methods if draws else {}
+        self.grids = _grids({**self.methods, **draw_methods}, grid)
         makers = {
             g: ViewMaker(g, viewpoints, renderer, mapping, noise)
             for g in dict.fromkeys(self.grids.values())
@@ -153,11 +157,11 @@ class ReconstructionEvaluation:
         pairs = list(product(range(len(self.scenes)), range(self.views)))
         if self.draws is None:
             return self._without_draws(pairs, track)
-        found = self._each(lambda pair: self._both(*pair), pairs, track, "test views")
-        views = [scores for scores, _ in found]
-        drawn = [outcome for _, outcome in found if outcome]
-        judged = (*self.methods, *self.draws.methods)
-        draws = DrawsResult(tuple(drawn), calibration, judged, self.draws.count)
+        results = self._map_views(lambda pair: self._score_view(*pair), pairs, track, "test views")
+        views = [scores for scores, _ in results]
+        draw_views = [outcome for _, outcome in results if outcome]
+        methods = (*self.methods, *self.draws.methods)
+        draws = DrawsResult(tuple(draw_views), calibration, methods, self.draws.count)
         return ReconstructionResult(
             tuple(views), self.names, self.samples, self.seed, draws, self.published
         )
@@ -167,8 +171,8 @@ class ReconstructionEvaluation:
         views = kept_or_made(
             self.kept,
             {f"{scene}/{view}": (scene, view) for scene, view in pairs},
-            lambda some, done: self._each(
-                lambda pair: self.score(*pair), some, track, "test views", done
+            lambda items, on_result: self._map_views(
+                lambda pair: self.score(*pair), items, track, "test views", on_result
             ),
             asdict,
             ViewScores.restored,
@@ -179,42 +183,42 @@ class ReconstructionEvaluation:
 
     def score(self, scene: int, view: int) -> ViewScores:
         """All methods on one view of one scene of the split."""
-        return self._both(scene, view)[0]
+        return self._score_view(scene, view)[0]
 
     @torch.no_grad()
-    def _both(self, scene: int, view: int) -> tuple[ViewScores, DrawView | None]:
+    def _score_view(self, scene: int, view: int) -> tuple[ViewScores, DrawView | None]:
         """Scores of a view and, of the first scenes, what all samples are worth together."""
-        seen = self.seeing.see(self.scenes, scene, view, _TEST)
-        truth = self.surfaces.truth(seen.surfaces, seen.points)
+        scene_view = self.seeing.see(self.scenes, scene, view, _TEST)
+        truth = self.surfaces.truth(scene_view.surfaces, scene_view.points)
         draws = self.draws if self.draws and scene < self.draws.scenes else None
-        samples = self._samples(seen, max(self.samples, draws.count if draws else 0))
-        outcome = self._judged(draws, seen, samples, truth.visible) if draws else None
+        samples = self._samples(scene_view, max(self.samples, draws.count if draws else 0))
+        outcome = self._judge_draws(draws, scene_view, samples, truth.visible) if draws else None
         first = {name: pairs[: self.samples] for name, pairs in samples.items()}
-        return self._scores(seen, first, truth), outcome
+        return self._scores(scene_view, first, truth), outcome
 
     def _scores(
-        self, seen: SeenScene, samples: Mapping[str, list[Sample]], truth: TruePoints
+        self, scene_view: SeenScene, samples: Mapping[str, list[Sample]], truth: TruePoints
     ) -> ViewScores:
         scores, objects = {}, {}
-        true = seen.batches[seen.finest]
-        pixels = shown_pixels(self.renderer, true.volumes, seen.finest, true.cameras)
+        true = scene_view.batches[scene_view.finest]
+        pixels = shown_pixels(self.renderer, true.volumes, scene_view.finest, true.cameras)
         for name, pairs in samples.items():
             grid, main = self.grids[name], name == next(iter(samples))
-            batch = seen.batches[grid]
+            batch = scene_view.batches[grid]
             scores[name] = self._volume_scores(pairs, batch, grid)
             ious = self._object_ious([instances for _, instances in pairs], batch)
             objects[name] = tuple(ious.get(label, 0.0) for label in pixels)
-            surfaces = [self._surfaces(tsdf, grid, seen.camera) for tsdf, _ in pairs]
+            surfaces = [self._surfaces(tsdf, grid, scene_view.camera) for tsdf, _ in pairs]
             shapes = [
-                self.surfaces.compare(one, truth, seen.points_of(name, draw))
-                for draw, one in enumerate(surfaces)
+                self.surfaces.compare(predicted, truth, scene_view.points_of(name, draw))
+                for draw, predicted in enumerate(surfaces)
             ]
             scores[name] |= _means(shapes)
             if main:
                 scores |= self._relabelled(pairs, batch, grid) | self._without_image(batch, grid)
         return ViewScores(
-            seen.index,
-            seen.view,
+            scene_view.index,
+            scene_view.view,
             truth.visibility,
             truth.floors,
             scores,
@@ -228,39 +232,43 @@ class ReconstructionEvaluation:
             return ()
         draws, rows = self.draws, range(len(self.draws.calibration))
         return tuple(
-            self._each(lambda row: self._calibrated(draws, row), rows, track, "calibration views")
+            self._map_views(
+                lambda row: self._calibrated(draws, row), rows, track, "calibration views"
+            )
         )
 
-    def _each(
+    def _map_views(
         self,
         work: Callable[[Item], Result],
         items: Sequence[Item],
         track: Track,
-        what: str,
-        done: Callable[[Item, Result], None] = lambda *_: None,
+        title: str,
+        on_result: Callable[[Item, Result], None] = lambda *_: None,
     ) -> list[Result]:
         """Results of views, in their order."""
         if self.parallel is None:
-            return side_by_side(work, items, track, what, self.workers, done)
-        results = self.parallel.each(partial(alone, work), items)
-        return collected(results, items, track, what, done)
+            return side_by_side(work, items, track, title, self.workers, on_result)
+        results = self.parallel.each(partial(run_single_threaded, work), items)
+        return collected(results, items, track, title, on_result)
 
     @torch.no_grad()
     def _calibrated(self, draws: DrawScoring, row: int) -> DrawView:
-        seen = self.seeing.see(draws.calibration, row, 0, _CALIBRATION)
-        samples = self._samples(seen, draws.count)
-        return self._judged(draws, seen, samples, seen.visible_points(), surfaces=False)
+        scene_view = self.seeing.see(draws.calibration, row, 0, _CALIBRATION)
+        samples = self._samples(scene_view, draws.count)
+        return self._judge_draws(
+            draws, scene_view, samples, scene_view.visible_points(), surfaces=False
+        )
 
-    def _samples(self, seen: SeenScene, count: int) -> dict[str, list[Sample]]:
+    def _samples(self, scene_view: SeenScene, count: int) -> dict[str, list[Sample]]:
         return {
-            name: seen.samples(method, self.grids[name], count)
+            name: scene_view.samples(method, self.grids[name], count)
             for name, method in self.methods.items()
         }
 
-    def _judged(
+    def _judge_draws(
         self,
         draws: DrawScoring,
-        seen: SeenScene,
+        scene_view: SeenScene,
         samples: Mapping[str, list[Sample]],
         visible: Float64,
         *,
@@ -270,25 +278,27 @@ class ReconstructionEvaluation:
 
         Without `surfaces` no Chamfer distances are computed.
         """
-        further = {
-            name: seen.samples(method, self.grids[name], draws.count)
+        further_samples = {
+            name: scene_view.samples(method, self.grids[name], draws.count)
             for name, method in draws.methods.items()
         }
         truths: dict[GridSpec, Truth] = {}
         outcomes = {}
-        for name, pairs in {**samples, **further}.items():
+        for name, pairs in {**samples, **further_samples}.items():
             grid = self.grids[name]
             if grid not in truths:
-                truths[grid] = seen.truth(grid, visible)
-            drawn = pairs[: draws.count]
+                truths[grid] = scene_view.truth(grid, visible)
+            selection = pairs[: draws.count]
             chamfers = [
                 self.surfaces.visible(
-                    self._surfaces(tsdf, grid, seen.camera), visible, seen.points_of(name, draw)
+                    self._surfaces(tsdf, grid, scene_view.camera),
+                    visible,
+                    scene_view.points_of(name, draw),
                 )
-                for draw, (tsdf, _) in enumerate(drawn if surfaces else ())
+                for draw, (tsdf, _) in enumerate(selection if surfaces else ())
             ]
-            outcomes[name] = draws.judge(drawn, truths[grid], chamfers)
-        return DrawView(seen.index, outcomes)
+            outcomes[name] = draws.judge(selection, truths[grid], chamfers)
+        return DrawView(scene_view.index, outcomes)
 
     def _surfaces(self, tsdf: Tensor, grid: GridSpec, camera: Camera) -> Surfaces | None:
         return Surfaces.of(tsdf, grid, camera, self.visible)
@@ -312,7 +322,7 @@ class ReconstructionEvaluation:
     def _object_ious(self, samples: Sequence[Tensor], batch: ViewBatch) -> dict[int, float]:
         """Mean over samples of each true object's IoU, by its label."""
         true = batch.volumes.instances[0].cpu().numpy()
-        rows = [object_ious(one.cpu().numpy(), true, self.matching) for one in samples]
+        rows = [object_ious(instances.cpu().numpy(), true, self.matching) for instances in samples]
         return {label: float(np.mean([row[label] for row in rows])) for label in rows[0]}
 
     def _instance_scores(self, samples: Sequence[Tensor], batch: ViewBatch) -> dict[str, float]:
@@ -342,8 +352,8 @@ class ReconstructionEvaluation:
             TRAINING_MEAN: mean.probability(grid),
         }
         return {
-            name: {"occupancy_bce": binary_cross_entropy(one, occupied)}
-            for name, one in forecasts.items()
+            name: {"occupancy_bce": binary_cross_entropy(forecast, occupied)}
+            for name, forecast in forecasts.items()
         }
 
     def _relabelled(
@@ -361,11 +371,11 @@ class ReconstructionEvaluation:
 
 def _grids(methods: Mapping[str, Reconstructor], default: GridSpec | None) -> dict[str, GridSpec]:
     """The grid of each method: its own, else that of the first method that has one."""
-    own = {name: method.grid for name, method in methods.items()}
-    common = next((grid for grid in own.values() if grid is not None), default)
+    grids = {name: method.grid for name, method in methods.items()}
+    common = next((grid for grid in grids.values() if grid is not None), default)
     if common is None:
         raise ConfigError("no method has its own grid; give evaluation.grid=${grid}")
-    return {name: grid or common for name, grid in own.items()}
+    return {name: grid or common for name, grid in grids.items()}
 
 
 def _means(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:

@@ -63,14 +63,14 @@ class SeenObjects:
         low: pixels that show each, at least.
         high: fewer than so many do.
         count: of objects.
-        found: share of them with an IoU above 1/2, by method.
+        recall: share of them with an IoU above 1/2, by method.
         iou: mean IoU, by method.
     """
 
     low: float
     high: float
     count: int
-    found: Mapping[str, float]
+    recall: Mapping[str, float]
     iou: Mapping[str, float]
 
 
@@ -167,48 +167,50 @@ class ReconstructionResult:
         }
         bins = []
         for low, high in pairwise(edges):
-            own = (pixels >= low) & (pixels < high)
-            if own.any():
-                found = {name: float((one[own] > 0.5).mean()) for name, one in ious.items()}
-                means = {name: float(one[own].mean()) for name, one in ious.items()}
-                bins.append(SeenObjects(low, high, int(own.sum()), found, means))
+            in_bin = (pixels >= low) & (pixels < high)
+            if in_bin.any():
+                recalls = {
+                    name: float((values[in_bin] > 0.5).mean()) for name, values in ious.items()
+                }
+                means = {name: float(values[in_bin].mean()) for name, values in ious.items()}
+                bins.append(SeenObjects(low, high, int(in_bin.sum()), recalls, means))
         return tuple(bins)
 
     @property
     def figures(self) -> dict[str, float]:
         """Means over views by name; methods other than the main one as `<method>/<name>`."""
-        found: dict[str, float] = {}
+        figures: dict[str, float] = {}
         for method in self.methods:
             prefix = "" if method == self.methods[0] else f"{method}/"
             for name in self.names(method):
                 if prefix and name.endswith("_floor"):
                     continue  # that of the truth, the same for all
                 if self.summary(method, name).count:
-                    found |= _bounded(prefix + name, self.interval(method, name))
+                    figures |= _bounded(prefix + name, self.interval(method, name))
         counts = {"scenes": self.scenes, "views": len(self.views), "samples": self.samples}
-        found |= {"visibility": float(self.visibility.mean())} | self._of_draws()
-        return found | {name: float(count) for name, count in counts.items()}
+        figures |= {"visibility": float(self.visibility.mean())} | self._of_draws()
+        return figures | {name: float(count) for name, count in counts.items()}
 
     def _of_draws(self) -> dict[str, float]:
         """Figures of samples as samples, `draws/<method>/<name>`."""
         if self.draws is None or not self.draws.views:
             return {}
-        found = {"draws/scenes": float(self.draws.scenes), "draws/count": float(self.draws.count)}
+        figures = {"draws/scenes": float(self.draws.scenes), "draws/count": float(self.draws.count)}
         for method, intervals in self.draws.intervals.items():
             for name, interval in intervals.items():
                 if np.isfinite(interval.mean):
-                    found |= _bounded(f"draws/{method}/{name}", interval)
-        return found
+                    figures |= _bounded(f"draws/{method}/{name}", interval)
+        return figures
 
     @property
     def measures(self) -> Mapping[str, Measure]:
         """Units, digits and published values of the figures."""
-        drawn = self.draws.methods if self.draws else ()
-        return of_scores(self.methods, drawn, self.published)
+        sampled_methods = self.draws.methods if self.draws else ()
+        return of_scores(self.methods, sampled_methods, self.published)
 
 
 def _bounded(name: str, interval: Interval) -> dict[str, float]:
     """A figure, and its bounds as `<name>_low` and `<name>_high` where it has some."""
     bounds = {f"{name}{LOW}": interval.low, f"{name}{HIGH}": interval.high}
-    known = {key: value for key, value in bounds.items() if np.isfinite(value)}
-    return {name: interval.mean} | known
+    finite_bounds = {key: value for key, value in bounds.items() if np.isfinite(value)}
+    return {name: interval.mean} | finite_bounds

@@ -61,8 +61,8 @@ class SeenScene:
     def samples(self, method: Reconstructor, grid: GridSpec, count: int) -> list[Sample]:
         """At most `count` different samples, TSDF and instances (X, Y, Z) of each."""
         partial = self.batches[grid].partial
-        found = method.complete(partial, grid, count, self.codes())
-        return distinct([(scenes.tsdf[0], scenes.instances[0]) for scenes in found])
+        completions = method.complete(partial, grid, count, self.codes())
+        return distinct([(scenes.tsdf[0], scenes.instances[0]) for scenes in completions])
 
     def truth(self, grid: GridSpec, points: Float64) -> Truth:
         """The truth on a grid; `points` are on its visible surface."""
@@ -137,5 +137,7 @@ class SceneViews:
 def distinct(samples: Sequence[Sample]) -> list[Sample]:
     """One of all if a method without randomness repeats the same result, else all."""
     first = samples[0][0]
-    same = all(s.data_ptr() == first.data_ptr() and s.shape == first.shape for s, _ in samples)
-    return [samples[0]] if same else list(samples)
+    is_repeated = all(
+        s.data_ptr() == first.data_ptr() and s.shape == first.shape for s, _ in samples
+    )
+    return [samples[0]] if is_repeated else list(samples)

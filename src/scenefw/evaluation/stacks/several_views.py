@@ -126,18 +126,20 @@ class SeveralViewsEvaluation:
         kept: KeptRows | None = None,
     ) -> None:
         self.kept = kept
-        self.methods = {name: one for name, one in methods.items() if one is not None}
+        self.methods = {name: method for name, method in methods.items() if method is not None}
         self.counts = tuple(sorted(set(counts)))
         if not self.methods or not self.counts or self.counts[0] < 1 or samples < 1:
             raise ConfigError(
                 f"several views need methods, numbers of views and samples, got "
                 f"{len(self.methods)}, {list(counts)} and {samples}; expected at least 1 of each"
             )
-        own: set[GridSpec | None] = {one.grid for one in self.methods.values() if one.grid}
-        own = own or {grid}
-        if len(own) > 1:
+        grids: set[GridSpec | None] = {
+            method.grid for method in self.methods.values() if method.grid
+        }
+        grids = grids or {grid}
+        if len(grids) > 1:
             raise ConfigError("the methods have several grids; give networks of one grid")
-        (common,) = own
+        (common,) = grids
         if common is None:
             raise ConfigError("no method has its own grid; give evaluation.grid=${grid}")
         self.grid, self.scenes, self.samples = common, scenes, samples
@@ -149,10 +151,10 @@ class SeveralViewsEvaluation:
 
     def run(self, track: Track = lambda items, _: items) -> SeveralViewsResult:
         """Scores all scenes; `track(items, what)` shows a bar of the loop."""
-        found = scored_scenes(
+        scenes = scored_scenes(
             self.score, len(self.scenes), SceneScores.from_row, track, self.kept, self.workers
         )
-        return SeveralViewsResult(tuple(found), tuple(self.methods), self.counts, self.samples)
+        return SeveralViewsResult(tuple(scenes), tuple(self.methods), self.counts, self.samples)
 
     def see(self, row: int) -> SeenOften:
         """All views of one scene."""
@@ -160,45 +162,48 @@ class SeveralViewsEvaluation:
         return SeenOften.of(self.scenes, row, self.maker, self.counts[-1], streams, self.device)
 
     @torch.no_grad()
-    def made(self, seen: SeenOften) -> Iterator[tuple[str, int, list[Completion]]]:
+    def completions(self, scene_views: SeenOften) -> Iterator[tuple[str, int, list[Completion]]]:
         """Different scenes that each method makes of each number of views."""
         for name in self.methods:
             for count in self.counts:
-                yield name, count, self.made_by(name, seen, count)
+                yield name, count, self.completions_by(name, scene_views, count)
 
     @torch.no_grad()
-    def made_by(self, name: str, seen: SeenOften, count: int) -> list[Completion]:
+    def completions_by(self, name: str, scene_views: SeenOften, count: int) -> list[Completion]:
         """Different scenes that one method makes of the first views."""
-        views = [batch.partial for batch in seen.batches[:count]]
-        generator = torch.Generator().manual_seed(seen.codes)
-        some = self.methods[name].complete(views, self.grid, self.samples, generator)
-        return list({id(one): one for one in some}.values())
+        views = [batch.partial for batch in scene_views.batches[:count]]
+        generator = torch.Generator().manual_seed(scene_views.codes)
+        scenes = self.methods[name].complete(views, self.grid, self.samples, generator)
+        return list({id(scene): scene for scene in scenes}.values())
 
     @torch.no_grad()
     def score(self, row: int) -> SceneScores:
         """All methods on all numbers of views of one scene."""
-        seen = self.see(row)
-        first = seen.batches[0]
+        scene_views = self.see(row)
+        first = scene_views.batches[0]
         true = first.volumes.tsdf[0, 0]
         surfaces = Surfaces.of(true, self.grid, camera_of(first.cameras, 0), self.visible)
         truth = self.surfaces.truth(surfaces, rng.generator(self.seed, _POINTS, row))
         scores: dict[str, dict[int, dict[str, float]]] = {}
-        for name, count, scenes in self.made(seen):
+        for name, count, scenes in self.completions(scene_views):
             of = _POINTS, row, rng.number_of(name), count
-            found = [
-                self._scores(one, first, truth, rng.generator(self.seed, *of, draw))
-                for draw, one in enumerate(scenes)
+            sample_scores = [
+                self._scores(scene, first, truth, rng.generator(self.seed, *of, draw))
+                for draw, scene in enumerate(scenes)
             ]
-            means = {key: float(np.mean([one[key] for one in found])) for key in found[0]}
+            means = {
+                key: float(np.mean([sample[key] for sample in sample_scores]))
+                for key in sample_scores[0]
+            }
             scores.setdefault(name, {})[count] = means
-        return SceneScores(seen.index, truth.floors["chamfer_full"], scores)
+        return SceneScores(scene_views.index, truth.floors["chamfer_full"], scores)
 
     def _scores(
         self, scene: Completion, batch: ViewBatch, truth: TruePoints, points: np.random.Generator
     ) -> dict[str, float]:
         full = surface(scene.tsdf[0], self.grid)
         shape = None if full is None else Surfaces(full, None)
-        found = self.surfaces.compare(shape, truth, points)
+        surface_scores = self.surfaces.compare(shape, truth, points)
         labels = instance_scores(
             scene.instances[0].cpu().numpy(),
             batch.volumes.instances[0].cpu().numpy(),
@@ -206,9 +211,9 @@ class SeveralViewsEvaluation:
         )
         occupied = batch.volumes.tsdf[0, 0].cpu().numpy() < 0
         return {
-            "chamfer_full": found["chamfer_full"],
-            "excess": found["chamfer_full_dense"] - truth.floors["chamfer_full_dense"],
-            "fscore_1cm": found[self.surfaces.f_score_name],
+            "chamfer_full": surface_scores["chamfer_full"],
+            "excess": surface_scores["chamfer_full_dense"] - truth.floors["chamfer_full_dense"],
+            "fscore_1cm": surface_scores[self.surfaces.f_score_name],
             "occupancy_iou": occupancy_iou(scene.tsdf[0].cpu().numpy() < 0, occupied),
             "instance_iou": labels.iou,
             "count_error": labels.count_error,

@@ -94,15 +94,19 @@ class SeveralViewsResult:
     @property
     def figures(self) -> dict[str, float]:
         """`<method>/<views>/<name>` with bounds, the floor, and numbers of scenes and samples."""
-        found: dict[str, float] = {}
+        figures: dict[str, float] = {}
         for method in self.methods:
             for count in self.counts:
                 for name in SCORES:
-                    one = self.interval(method, count, name)
-                    for end, value in (("", one.mean), (LOW, one.low), (HIGH, one.high)):
+                    interval = self.interval(method, count, name)
+                    for end, value in (
+                        ("", interval.mean),
+                        (LOW, interval.low),
+                        (HIGH, interval.high),
+                    ):
                         if np.isfinite(value):
-                            found[f"{method}/{count}/{name}{end}"] = value
-        return found | {
+                            figures[f"{method}/{count}/{name}{end}"] = value
+        return figures | {
             FLOOR: self.floor,
             "scenes": float(len(self.scenes)),
             "samples": float(self.samples),
@@ -111,17 +115,17 @@ class SeveralViewsResult:
     @property
     def measures(self) -> dict[str, Measure]:
         """Units, digits and the reference's figures."""
-        found = {**_NUMBERS, FLOOR: replace(SCORES["chamfer_full"], name="Chamfer floor")}
+        measures = {**_NUMBERS, FLOOR: replace(SCORES["chamfer_full"], name="Chamfer floor")}
         for method in self.methods:
             row = described(method).row
             beaten = self.reference if described(method).learns else None
             for count in self.counts:
                 views = f"{count} view" + "s" * (count > 1)
                 for name, measure in SCORES.items():
-                    found[f"{method}/{count}/{name}"] = replace(
+                    measures[f"{method}/{count}/{name}"] = replace(
                         measure,
                         name=f"{measure.name or measure.heading}, {row}, {views}",
                         trivial=f"{beaten}/{count}/{name}" if beaten else None,
                         floor=FLOOR if name == "chamfer_full" else None,
                     )
-        return found
+        return measures

@@ -98,17 +98,17 @@ class StabilityEvaluation:
                 f"stability needs methods, views, samples and steps, got {len(self.methods)}, "
                 f"{views}, {samples} and {steps}; expected at least 1 of each"
             )
-        grids = [one.grid for one in self.methods.values() if one.grid is not None]
+        grids = [method.grid for method in self.methods.values() if method.grid is not None]
         common = next(iter(grids), grid)
         if common is None:
             raise ConfigError("no method has its own grid; give evaluation.grid=${grid}")
-        self.grids = {name: one.grid or common for name, one in self.methods.items()}
+        self.grids = {name: method.grid or common for name, method in self.methods.items()}
         self.scenes, self.engine, self.bodies = scenes, engine, bodies or BodyMaker()
         self.views, self.samples, self.steps = views, samples, steps
         self.furthest, self.steepest, self.lost = furthest, steepest, lost
         makers = {
-            one: ViewMaker(one, viewpoints, renderer, mapping, noise)
-            for one in dict.fromkeys(self.grids.values())
+            spec: ViewMaker(spec, viewpoints, renderer, mapping, noise)
+            for spec in dict.fromkeys(self.grids.values())
         }
         self.seeing = SceneViews(makers, VisibleSurface(renderer), seed, device)
 
@@ -119,7 +119,9 @@ class StabilityEvaluation:
         piles = kept_or_made(
             self.kept,
             {f"{scene}/{view}": (scene, view) for scene, view in pairs},
-            lambda some, done: collected(self._of_views(some), some, track, "test views", done),
+            lambda items, on_result: collected(
+                self._of_views(items), items, track, "test views", on_result
+            ),
             asdict,
             ViewPiles.from_row,
         )
@@ -133,24 +135,28 @@ class StabilityEvaluation:
         for row, view in pairs:
             if row not in truths:
                 truths[row] = self._pile(Bodies(dict(enumerate(self.scenes.objects(row), 1)), {}))
-            seen = self.seeing.see(self.scenes, row, view, _STREAMS)
-            found: dict[str, tuple[Pile, ...]] = {TRUTH: (truths[row],)}
+            scene_view = self.seeing.see(self.scenes, row, view, _STREAMS)
+            piles: dict[str, tuple[Pile, ...]] = {TRUTH: (truths[row],)}
             for name, method in self.methods.items():
-                found[name] = tuple(self._piles(seen, method, self.grids[name]))
-            yield ViewPiles(seen.index, view, _visibility(seen), found)
+                piles[name] = tuple(self._piles(scene_view, method, self.grids[name]))
+            yield ViewPiles(scene_view.index, view, _visibility(scene_view), piles)
 
-    def _piles(self, seen: SeenScene, method: Reconstructor, grid: GridSpec) -> Iterator[Pile]:
-        partial = seen.batches[grid].partial
-        scenes = method.complete(partial, grid, self.samples, seen.codes())
-        for scene in {id(one): one for one in scenes}.values():
+    def _piles(
+        self, scene_view: SeenScene, method: Reconstructor, grid: GridSpec
+    ) -> Iterator[Pile]:
+        partial = scene_view.batches[grid].partial
+        scenes = method.complete(partial, grid, self.samples, scene_view.codes())
+        for scene in {id(item): item for item in scenes}.values():
             yield self._pile(bodies_of(scene, grid, self.bodies))
 
     def _pile(self, bodies: Bodies) -> Pile:
         items: Sequence[SceneObject] = tuple(bodies.bodies.values())
-        found = motions(items, self.engine, self.steps)
-        shifts = tuple(min(one.shift, self.lost) for one in found)
+        body_motions = motions(items, self.engine, self.steps)
+        shifts = tuple(min(motion.shift, self.lost) for motion in body_motions)
         divided = sum(bodies.divided(label) for label in bodies.bodies)
-        return Pile(shifts, tuple(one.turn for one in found), len(bodies.left_out), divided)
+        return Pile(
+            shifts, tuple(motion.turn for motion in body_motions), len(bodies.left_out), divided
+        )
 
 
 def bodies_of(scene: Completion, grid: GridSpec, maker: BodyMaker) -> Bodies:
@@ -159,8 +165,8 @@ def bodies_of(scene: Completion, grid: GridSpec, maker: BodyMaker) -> Bodies:
     return maker.make(instance_meshes(scene.tsdf[0], scene.instances[0], grid), placed)
 
 
-def _visibility(seen: SeenScene) -> float:
-    surfaces = seen.surfaces
+def _visibility(scene_view: SeenScene) -> float:
+    surfaces = scene_view.surfaces
     if surfaces is None or surfaces.visible is None:
         return 0.0
     return visible_share(surfaces.full, surfaces.visible)

@@ -89,10 +89,10 @@ class ViewPiles:
         """What `dataclasses.asdict` made JSON types of."""
         piles = {
             method: tuple(
-                Pile(**{**one, "shifts": tuple(one["shifts"]), "turns": tuple(one["turns"])})
-                for one in some
+                Pile(**{**pile, "shifts": tuple(pile["shifts"]), "turns": tuple(pile["turns"])})
+                for pile in method_piles
             )
-            for method, some in row["piles"].items()
+            for method, method_piles in row["piles"].items()
         }
         return cls(row["scene"], row["view"], row["visibility"], piles)
 
@@ -123,12 +123,12 @@ class StabilityResult:
 
     def values(self, method: str, name: str) -> Float64:
         """A score of each view, its mean over the samples; NaN where no sample has one."""
-        found = []
+        means = []
         for view in self.views:
             rows = [p.scores(self.furthest, self.steepest)[name] for p in view.piles[method]]
-            known = [row for row in rows if np.isfinite(row)]
-            found.append(float(np.mean(known)) if known else float("nan"))
-        return np.array(found)
+            finite_rows = [row for row in rows if np.isfinite(row)]
+            means.append(float(np.mean(finite_rows)) if finite_rows else float("nan"))
+        return np.array(means)
 
     def interval(self, method: str, name: str) -> Interval:
         """Mean, or median where the name says so, with bootstrap bounds over scenes."""
@@ -142,41 +142,43 @@ class StabilityResult:
         self, method: str, name: str, edges: Sequence[float] = VISIBILITY_EDGES
     ) -> tuple[float | None, ...]:
         """Mean over the views of each bin of the visible share; None where a bin has none."""
-        values, seen = self.values(method, name), self.visibility
-        bins = [values[(seen >= low) & (seen < high)] for low, high in pairwise(edges)]
-        known = [part[np.isfinite(part)] for part in bins]
-        return tuple(float(part.mean()) if len(part) else None for part in known)
+        values, visibility = self.values(method, name), self.visibility
+        bins = [values[(visibility >= low) & (visibility < high)] for low, high in pairwise(edges)]
+        finite_bins = [part[np.isfinite(part)] for part in bins]
+        return tuple(float(part.mean()) if len(part) else None for part in finite_bins)
 
     @property
     def figures(self) -> dict[str, float]:
         """`<method>/<name>` with bounds, and the numbers of scenes, views and steps."""
-        found: dict[str, float] = {}
+        figures: dict[str, float] = {}
         for method in self.methods:
             for name in SCORES:
-                one = self.interval(method, name)
-                bounds = {"": one.mean, LOW: one.low, HIGH: one.high}
-                found |= {
+                interval = self.interval(method, name)
+                bounds = {"": interval.mean, LOW: interval.low, HIGH: interval.high}
+                figures |= {
                     f"{method}/{name}{end}": value
                     for end, value in bounds.items()
                     if np.isfinite(value)
                 }
         scenes = len({view.scene for view in self.views})
         numbers = {"scenes": scenes, "views": len(self.views), "steps": self.steps}
-        return found | {name: float(value) for name, value in numbers.items()}
+        return figures | {name: float(value) for name, value in numbers.items()}
 
     @property
     def measures(self) -> dict[str, Measure]:
         """Units, digits and published values of the figures."""
         reference = next((name for name in REFERENCES if name in self.methods), None)
-        theirs = {name: figure.mean for name, figure in published.own(self.published).items()}
-        found = dict(_NUMBERS)
+        theirs = {
+            name: figure.mean for name, figure in published.thesis_figures(self.published).items()
+        }
+        measures = dict(_NUMBERS)
         for method in self.methods:
             learned = reference and method not in (TRUTH, *REFERENCES)
             for name, measure in SCORES.items():
-                found[f"{method}/{name}"] = replace(
+                measures[f"{method}/{name}"] = replace(
                     measure,
                     name=f"{measure.name or measure.heading}, {method.replace('_', ' ')}",
                     trivial=f"{reference}/{name}" if learned else None,
                     published=theirs.get(name) if method == _MAIN else None,
                 )
-        return found
+        return measures

@@ -91,11 +91,11 @@ class SurfaceScoring:
         visible = self._draw(surfaces.visible, rng)
         full = self._draw(surfaces.full, rng)
         dense = sample_surface(surfaces.full, self.dense_points, rng)
-        again = sample_surface(surfaces.full, self.dense_points, rng)
+        second_dense = sample_surface(surfaces.full, self.dense_points, rng)
         floors = {
             "chamfer_visible": chamfer(self._draw(surfaces.visible, rng), visible),
             "chamfer_full": chamfer(self._draw(surfaces.full, rng), full),
-            "chamfer_full_dense": chamfer(again.points, dense.points),
+            "chamfer_full_dense": chamfer(second_dense.points, dense.points),
         }
         share = visible_share(surfaces.full, surfaces.visible)
         return TruePoints(visible, full, dense, share, floors)
@@ -127,12 +127,12 @@ class SurfaceScoring:
                 "absent": 1.0,
             }
         dense = sample_surface(predicted.full, self.dense_points, rng)
-        found = nearest(dense.points, truth.dense.points)
+        neighbours = nearest(dense.points, truth.dense.points)
         return {
             "chamfer_full": chamfer(self._draw(predicted.full, rng), truth.full),
-            "chamfer_full_dense": chamfer_of(found),
-            self.f_score_name: f_score(found, self.threshold),
-            "normal_consistency": normal_consistency(dense, truth.dense, found),
+            "chamfer_full_dense": chamfer_of(neighbours),
+            self.f_score_name: f_score(neighbours, self.threshold),
+            "normal_consistency": normal_consistency(dense, truth.dense, neighbours),
             "absent": 0.0,
         }
 

@@ -57,10 +57,10 @@ def shown_pixels(
         grid: of these.
         cameras: one, that takes the image.
     """
-    seen = renderer.render_surface(volumes.tsdf, volumes.instances, grid, cameras)
-    shown = seen.instances.clamp_min(0).cpu().numpy()
+    rendering = renderer.render_surface(volumes.tsdf, volumes.instances, grid, cameras)
+    pixel_labels = rendering.instances.clamp_min(0).cpu().numpy()
     labels = volumes.instances.cpu().numpy()
-    counts = np.bincount(shown.ravel(), minlength=int(labels.max(initial=0)) + 1)
+    counts = np.bincount(pixel_labels.ravel(), minlength=int(labels.max(initial=0)) + 1)
     return {int(label): int(counts[label]) for label in np.unique(labels[labels > 0])}
 
 

@@ -69,9 +69,7 @@ def with_superquadrics(
     tsdf = np.full(grid.shape, grid.truncation, np.float32)
     instances = np.zeros(grid.shape, np.int32)
     if objects.tsdf is not None and objects.instances is not None:
-        instances = np.where(
-            np.isin(objects.instances, list(superquadrics)), 0, objects.instances
-        )
+        instances = np.where(np.isin(objects.instances, list(superquadrics)), 0, objects.instances)
         around = binary_dilation(instances > 0, iterations=_REACH) & (objects.instances == 0)
         tsdf = np.where((instances > 0) | around, objects.tsdf, tsdf)
     if superquadrics:

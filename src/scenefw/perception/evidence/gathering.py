@@ -96,9 +96,7 @@ class EvidenceOfView:
         inner[box] &= ~maximum_filter(others, 2 * reach + 1)
         return inner if inner.sum() >= _LEFT * own.sum() else own
 
-    def _hidden(
-        self, label: int, objects: Objects, view: ViewGeometry, seen: Float64
-    ) -> Float64:
+    def _hidden(self, label: int, objects: Objects, view: ViewGeometry, seen: Float64) -> Float64:
         """Points of the predicted surface that are away from all that is seen of the object."""
         if objects.instances is None or objects.tsdf is None:
             return np.empty((0, 3))
@@ -115,9 +113,7 @@ class EvidenceOfView:
             return np.asarray(points, dtype=np.float64)
         return points[cKDTree(seen).query(points)[0] > 2 * view.grid.voxel_size]
 
-    def _outside(
-        self, label: int, masks: Int32, view: ViewGeometry, points: Float64
-    ) -> Float64:
+    def _outside(self, label: int, masks: Int32, view: ViewGeometry, points: Float64) -> Float64:
         room = 4 * view.grid.voxel_size
         low, high = points.min(axis=0) - room, points.max(axis=0) + room
         box = _box(view.grid, low, high)

@@ -205,4 +205,3 @@ class Observation:
     def clear(self) -> Mask:
         """(X, Y, Z) free voxels whose neighbours are free."""
         return np.asarray(binary_erosion(self.free))
-

@@ -61,8 +61,8 @@ def _panel(axes: Any, panel: Panel, colours: Mapping[str, str]) -> None:
     for name, level in panel.levels.items():
         axes.axhline(level, color=_colour(name, colours), linestyle=":", linewidth=1)
     means = [p.mean for _, points in panel.curves.values() for p in points]
-    least = np.nanmin([*means, *panel.levels.values(), 1.0])
-    axes.set_ylim(max(0.0, np.floor(10 * least) / 10), 1)  # good strategies differ little
+    minimum = np.nanmin([*means, *panel.levels.values(), 1.0])
+    axes.set_ylim(max(0.0, np.floor(10 * minimum) / 10), 1)  # good strategies differ little
     axes.grid(alpha=0.15, color=INK)
 
 

@@ -42,8 +42,8 @@ class Growth:
             tiles["labels"] = label_picture(height_map.labels, len(height_map.classes))
         if height_map.sources is not None:
             tiles["labels come from"] = source_picture(height_map.sources)
-        shown = [resized(tile, self.side) for tile in tiles.values()]
-        sheet = beside(shown, list(tiles), columns=len(tiles))
+        resized_tiles = [resized(tile, self.side) for tile in tiles.values()]
+        sheet = beside(resized_tiles, list(tiles), columns=len(tiles))
         path = self.folder / "growth" / f"{frames:06d}.png"
         save_picture(stacked(sheet, class_legend(height_map.classes, sheet.shape[1])), path)
         self.pictures.append(path)

@@ -29,21 +29,21 @@ _MESH = 300  # and of its surface
 
 _PICTURES: dict[str, tuple[Callable[[HeightMap], bool], Callable[[HeightMap], Picture]]] = {
     "labels": (
-        lambda one: one.labels is not None,
-        lambda one: label_picture(np.asarray(one.labels), len(one.classes)),
+        lambda height_map: height_map.labels is not None,
+        lambda height_map: label_picture(np.asarray(height_map.labels), len(height_map.classes)),
     ),
     "colour": (lambda _: True, colour_picture),
     "height": (lambda _: True, height_picture),
     "labels come from": (
-        lambda one: one.sources is not None,
-        lambda one: source_picture(np.asarray(one.sources, np.uint8)),
+        lambda height_map: height_map.sources is not None,
+        lambda height_map: source_picture(np.asarray(height_map.sources, np.uint8)),
     ),
 }
 
 
 def looks(height_map: HeightMap) -> list[str]:
     """What the surface of a map can show."""
-    return [name for name, (there, _) in _PICTURES.items() if there(height_map)]
+    return [name for name, (is_available, _) in _PICTURES.items() if is_available(height_map)]
 
 
 def reduced(height_map: HeightMap, largest: int = _LARGEST) -> HeightMap:
@@ -60,18 +60,18 @@ def reduced(height_map: HeightMap, largest: int = _LARGEST) -> HeightMap:
         step *= 2
     grid = height_map.grid
     vertices = (grid.vertices - 1) // step + 1
-    some = np.s_[::step, ::step]
+    subsample = np.s_[::step, ::step]
     labels, sources = height_map.labels, height_map.sources
     return replace(
         height_map,
         grid=HeightGrid(vertices, grid.extent, grid.lower, levels=1),
-        heights=height_map.heights[some].copy(),
-        colour=height_map.colour[some].copy(),
-        confidence=height_map.confidence[some].copy(),
-        variance=height_map.variance[some].copy(),
+        heights=height_map.heights[subsample].copy(),
+        colour=height_map.colour[subsample].copy(),
+        confidence=height_map.confidence[subsample].copy(),
+        variance=height_map.variance[subsample].copy(),
         probabilities=None,
-        labels=None if labels is None else labels[some].copy(),
-        sources=None if sources is None else sources[some].copy(),
+        labels=None if labels is None else labels[subsample].copy(),
+        sources=None if sources is None else sources[subsample].copy(),
     )
 
 
@@ -85,12 +85,12 @@ def surface(height_map: HeightMap, look: str) -> trimesh.Trimesh:
     import trimesh
 
     coarse = reduced(height_map, _MESH)
-    grid, seen = coarse.grid, coarse.seen
-    corners = _corners(seen)
-    used, faces = np.unique(corners, return_inverse=True)
+    grid, observed = coarse.grid, coarse.seen
+    corners = _corners(observed)
+    vertex_ids, faces = np.unique(corners, return_inverse=True)
     positions = np.concatenate(
         [grid.positions(), np.nan_to_num(coarse.heights)[..., None]], axis=-1
-    ).reshape(-1, 3)[used]
+    ).reshape(-1, 3)[vertex_ids]
     across = (positions[:, :2] - grid.lower) / grid.extent
     material = trimesh.visual.material.PBRMaterial(
         baseColorTexture=_image(_PICTURES[look][1](height_map)),
@@ -106,12 +106,12 @@ def surface(height_map: HeightMap, look: str) -> trimesh.Trimesh:
     )
 
 
-def _corners(seen: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _corners(observed: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Vertices (F, 3) of two triangles for each cell all of whose corners are seen."""
-    index = np.arange(seen.size).reshape(seen.shape)
-    whole = seen[:-1, :-1] & seen[:-1, 1:] & seen[1:, :-1] & seen[1:, 1:]
-    a, b = index[:-1, :-1][whole], index[:-1, 1:][whole]
-    c, d = index[1:, :-1][whole], index[1:, 1:][whole]
+    index = np.arange(observed.size).reshape(observed.shape)
+    cell_mask = observed[:-1, :-1] & observed[:-1, 1:] & observed[1:, :-1] & observed[1:, 1:]
+    a, b = index[:-1, :-1][cell_mask], index[:-1, 1:][cell_mask]
+    c, d = index[1:, :-1][cell_mask], index[1:, 1:][cell_mask]
     return np.concatenate([np.stack([a, c, b], axis=1), np.stack([b, c, d], axis=1)])
 
 

@@ -43,7 +43,7 @@ class MapViewer:
         self.shots: list[_Shot] = []
         self.number = 0
         self.look = "labels"
-        self._given, self._every, self._passing = 0, 1, False
+        self._map_count, self._stride, self._passing = 0, 1, False
         self._lock = threading.RLock()
         self._moving = False  # the slider by us, not by somebody
         self.controls: dict[str, Any] = {}
@@ -114,19 +114,19 @@ class MapViewer:
             self.shots.pop()
         if len(self.shots) >= _MOST:
             self.shots = self.shots[::2]
-            self._every, self.number = 2 * self._every, self.number // 2
-        self._passing = self._given % self._every != 0
-        self._given += 1
+            self._stride, self.number = 2 * self._stride, self.number // 2
+        self._passing = self._map_count % self._stride != 0
+        self._map_count += 1
         self.shots.append(shot)
 
     def _draw(self) -> None:
         if not self.shots:
             return
         shot = self.shots[self.number]
-        made = surface(shot.height_map, self.look)
+        mesh = surface(shot.height_map, self.look)
         with self.server.atomic():
-            if len(made.faces):
-                self.server.scene.add_mesh_trimesh("/map", made, cast_shadow=False)
+            if len(mesh.faces):
+                self.server.scene.add_mesh_trimesh("/map", mesh, cast_shadow=False)
             self._draw_camera(shot.frame)
         self._tell()
 
@@ -160,23 +160,23 @@ class MapViewer:
     # The panel
 
     def _add_controls(self) -> None:
-        gui, made = self.server.gui, self.controls
-        made["about"] = gui.add_html("")
-        made["map"] = gui.add_slider("map", 1, 2, 1, 1, visible=False)
-        made["map"].on_update(lambda _: self._slide())
-        made["follow"] = gui.add_checkbox("follow", True, hint="show each new map")
-        made["look"] = gui.add_button_group("show", ["labels", "colour"])
-        made["look"].on_click(lambda event: self.paint(event.target.value))
-        made["camera"] = gui.add_checkbox("camera", True)
-        made["camera"].on_update(lambda event: self._show_camera(event.target.value))
-        made["export"] = gui.add_button("Save as GLB")
-        made["export"].on_click(self._export)
+        gui, controls = self.server.gui, self.controls
+        controls["about"] = gui.add_html("")
+        controls["map"] = gui.add_slider("map", 1, 2, 1, 1, visible=False)
+        controls["map"].on_update(lambda _: self._slide())
+        controls["follow"] = gui.add_checkbox("follow", True, hint="show each new map")
+        controls["look"] = gui.add_button_group("show", ["labels", "colour"])
+        controls["look"].on_click(lambda event: self.paint(event.target.value))
+        controls["camera"] = gui.add_checkbox("camera", True)
+        controls["camera"].on_update(lambda event: self._show_camera(event.target.value))
+        controls["export"] = gui.add_button("Save as GLB")
+        controls["export"].on_click(self._export)
 
     def _offer(self, height_map: HeightMap) -> None:
         """The buttons for what this map has."""
-        there = looks(height_map)
-        self.look = there[0]
-        self.controls["look"].options = there
+        options = looks(height_map)
+        self.look = options[0]
+        self.controls["look"].options = options
 
     def _slide(self) -> None:
         if self._moving or not self.shots:
@@ -198,13 +198,15 @@ def _about(shot: _Shot | None, status: str) -> str:
     style = "font-size:0.85em;padding:0 0.8em;line-height:1.45"
     if shot is None:
         return f"<div style='{style}'>{html.escape(status)}</div>"
-    one, seen = shot.height_map, shot.height_map.seen
+    height_map, observed = shot.height_map, shot.height_map.seen
     rows = []
-    if one.labels is not None and seen.any():
-        shares = np.bincount(np.maximum(one.labels[seen] + 1, 0), minlength=len(one.classes) + 1)
-        shares = shares[1:] / seen.sum()
+    if height_map.labels is not None and observed.any():
+        shares = np.bincount(
+            np.maximum(height_map.labels[observed] + 1, 0), minlength=len(height_map.classes) + 1
+        )
+        shares = shares[1:] / observed.sum()
         for name, colour, share in zip(
-            one.classes, class_colours(len(one.classes)), shares, strict=True
+            height_map.classes, class_colours(len(height_map.classes)), shares, strict=True
         ):
             red, green, blue = (round(255 * part) for part in colour)
             faint = "" if share else ";opacity:0.45"
@@ -213,6 +215,6 @@ def _about(shot: _Shot | None, status: str) -> str:
                 f"<td>{html.escape(name)}</td><td style='text-align:right'>{share:.1%}</td></tr>"
             )
     return (
-        f"<div style='{style}'><b>{html.escape(shot.title)}</b>, {seen.mean():.0%} seen<br>"
+        f"<div style='{style}'><b>{html.escape(shot.title)}</b>, {observed.mean():.0%} seen<br>"
         f"{html.escape(status)}<table style='width:100%'>{''.join(rows)}</table></div>"
     )

@@ -62,18 +62,18 @@ def height_picture(height_map: HeightMap, top: float = _TOP) -> Picture:
 def map_picture(height_map: HeightMap) -> Picture:
     """RGB: colour, heights, labels and sources of a map side by side, with a legend below."""
     labels, sources = height_map.labels, height_map.sources
-    shown = {
+    tiles = {
         "colour": colour_picture(height_map),
         f"height: dark 0, light {100 * _TOP:.0f} cm or more, grey not seen": height_picture(
             height_map
         ),
     }
     if labels is not None:
-        shown["labels"] = label_picture(labels, len(height_map.classes))
+        tiles["labels"] = label_picture(labels, len(height_map.classes))
     if sources is not None:
-        shown["labels come from"] = source_picture(sources)
+        tiles["labels come from"] = source_picture(sources)
     side = 2 * _SIDE
-    sheet = beside([resized(tile, side) for tile in shown.values()], list(shown), columns=2)
+    sheet = beside([resized(tile, side) for tile in tiles.values()], list(tiles), columns=2)
     return stacked(sheet, class_legend(height_map.classes, sheet.shape[1]))
 
 
@@ -126,9 +126,9 @@ def resized(picture: Picture, side: int) -> Picture:
     return np.asarray(scaled, dtype=np.float32) / np.float32(255)
 
 
-def _colour(colour: NDArray[np.uint8], seen: NDArray[np.bool_]) -> Picture:
+def _colour(colour: NDArray[np.uint8], observed: NDArray[np.bool_]) -> Picture:
     picture: Picture = (colour / 255).astype(np.float32)
-    picture[~seen] = UNSEEN
+    picture[~observed] = UNSEEN
     return picture
 
 

@@ -111,7 +111,7 @@ def network_sections(result: NetworksResult) -> tuple[Section, ...]:
 
 def times_sections(result: TimesResult) -> tuple[Section, ...]:
     """Table 4.2."""
-    stages = [s for s in STAGES if any(s in each for each in result.milliseconds.values())]
+    stages = [s for s in STAGES if any(s in times for times in result.milliseconds.values())]
     columns = (*(Column(f"{stage} (ms)", 2) for stage in stages), Column("per frame (ms)", 2))
     rows: list[tuple[str, tuple[Cell, ...]]] = [
         (name, (*(times.get(stage) for stage in stages), result.per_frame[name]))
@@ -150,8 +150,8 @@ def weights_sections(result: WeightsResult) -> tuple[Section, ...]:
         for part, weights in pools.items()
         for name, value in asdict(weights).items()
     } | {"doubt": result.pool.doubt}
-    given = " ".join(f"labelling.{HYBRID}.pool.{k}={v:.4g}" for k, v in values.items())
-    return (Section("Weights of the hybrid", (table, accuracy, Text(given))),)
+    overrides = " ".join(f"labelling.{HYBRID}.pool.{k}={v:.4g}" for k, v in values.items())
+    return (Section("Weights of the hybrid", (table, accuracy, Text(overrides))),)
 
 
 def _curves(scores: Scores) -> str:
@@ -183,8 +183,8 @@ def _final(scores: Scores) -> Table:
     )
     rows: list[tuple[str, tuple[Cell, ...]]] = []
     for name in scores.strategies:
-        found, seen = scores.final(name), scores.final(name, "miou_seen")
-        rows.append((name, (found.mean, _bounds(found), seen.mean)))
+        miou, observed_miou = scores.final(name), scores.final(name, "miou_seen")
+        rows.append((name, (miou.mean, _bounds(miou), observed_miou.mean)))
     quoted = [
         (f"thesis, {name}", (interval.mean, _bounds(interval), None))
         for name, interval in published.FINAL.items()
@@ -211,17 +211,17 @@ def _by_frames(scores: Scores) -> Table:
 
 def _advantage(scores: Scores) -> tuple[Table, ...]:
     """How much better the hybrid is, scene by scene."""
-    others = [name for name in scores.strategies if name != HYBRID]
-    if HYBRID not in scores.strategies or not others:
+    competitors = [name for name in scores.strategies if name != HYBRID]
+    if HYBRID not in scores.strategies or not competitors:
         return ()
     columns = tuple(
-        column for name in others for column in (Column(f"− {name}", 4), Column("95 % bounds"))
+        column for name in competitors for column in (Column(f"− {name}", 4), Column("95 % bounds"))
     )
-    gains = {name: scores.advantage(HYBRID, name) for name in others}
+    gains = {name: scores.advantage(HYBRID, name) for name in competitors}
     rows = tuple(
         (
             f"{frames} frames",
-            tuple(c for n in others for c in (gains[n][i].mean, _bounds(gains[n][i], 4))),
+            tuple(c for n in competitors for c in (gains[n][i].mean, _bounds(gains[n][i], 4))),
         )
         for i, frames in enumerate(scores.counts)
     )
@@ -255,7 +255,7 @@ def _heights(scores: Scores) -> Table:
 
 
 def _stages(result: CurvesResult) -> Table:
-    stages = [s for s in STAGES if any(s in each for each in result.seconds.values())]
+    stages = [s for s in STAGES if any(s in times for times in result.seconds.values())]
     columns = tuple(Column(f"{stage} (s)", 2) for stage in stages)
     rows = tuple(
         (name, tuple(times.get(stage) for stage in stages))
@@ -286,8 +286,8 @@ def _single_noises(result: NoiseResult) -> list[Block]:
 
 
 def _noise_table(result: NoiseResult) -> Table:
-    first, others = result.strategies[0], [n for n in result.strategies if n != HYBRID]
-    compared = HYBRID in result.strategies and bool(others)
+    first, competitors = result.strategies[0], [n for n in result.strategies if n != HYBRID]
+    compared = HYBRID in result.strategies and bool(competitors)
     columns = (
         *(Column(name, 3, None) for name in result.strategies),
         *([Column(f"{HYBRID} − best of the others", 3, None)] if compared else []),
@@ -300,7 +300,7 @@ def _noise_table(result: NoiseResult) -> Table:
             means = {name: result.cell(name, p, d).mean for name in result.strategies}
             cells: list[Cell] = list(means.values())
             if compared:
-                best = max(others, key=means.__getitem__)
+                best = max(competitors, key=means.__getitem__)
                 gain = result.difference(HYBRID, best, p, d)
                 cells += [gain.mean, _bounds(gain)]
             cells.append(SCORES["height_rms"].shown(result.cell(first, p, d, "height_rms").mean))

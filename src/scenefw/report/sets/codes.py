@@ -20,7 +20,7 @@ Array = NDArray[np.floating]
 
 def code_blocks(result: DecompositionResult) -> tuple[Drawing, ...]:
     """Figures 6.8 and 6.9 of the thesis, and maps of codes; nothing without codes."""
-    codes = [one.codes for one in result.scenes if one.codes is not None]
+    codes = [scene.codes for scene in result.scenes if scene.codes is not None]
     if not codes:
         return ()
     values = Drawing(
@@ -44,14 +44,18 @@ def code_blocks(result: DecompositionResult) -> tuple[Drawing, ...]:
 
 def values_figure(codes: list[SceneCodes]) -> str:
     """Values of object and empty codes, and their means (SVG)."""
-    taken = np.concatenate([one.features[:, one.cells[one.exists]].T for one in codes])
-    others = np.concatenate([np.delete(one.features, one.cells, axis=1).T for one in codes])
+    object_codes = np.concatenate(
+        [scene.features[:, scene.cells[scene.exists]].T for scene in codes]
+    )
+    empty_codes = np.concatenate(
+        [np.delete(scene.features, scene.cells, axis=1).T for scene in codes]
+    )
     with rc_context(STYLE):
         figure = Figure(figsize=(9.0, 3.0), layout="constrained")
         lines = figure.add_subplot(1, 2, 1, xlabel="channel", ylabel="value")
         means = figure.add_subplot(1, 2, 2, xlabel="channel mean", ylabel="cells (share)")
-        edges = _edges(np.concatenate([taken.mean(axis=1), others.mean(axis=1)]))
-        for rows, colour in ((others, _EMPTY), (taken, _TAKEN)):
+        edges = _edges(np.concatenate([object_codes.mean(axis=1), empty_codes.mean(axis=1)]))
+        for rows, colour in ((empty_codes, _EMPTY), (object_codes, _TAKEN)):
             if len(rows):
                 _lines(lines, rows[:: max(len(rows) // _LINES, 1)][:_LINES], colour)
                 weights = np.full(len(rows), 1 / len(rows))
@@ -66,8 +70,8 @@ def cells_figure(codes: list[SceneCodes]) -> str:
     cells = codes[0].features.shape[1]
     side = round(cells ** (1 / 3))
     counts = np.zeros(cells)
-    for one in codes:
-        counts[one.cells[one.exists]] += 1
+    for scene in codes:
+        counts[scene.cells[scene.exists]] += 1
     shares = counts.reshape((side,) * 3) / len(codes)
     with rc_context(STYLE):
         figure = Figure(figsize=(2.2 * side, 2.4), layout="constrained")
@@ -82,8 +86,8 @@ def cells_figure(codes: list[SceneCodes]) -> str:
 
 def maps_figure(codes: list[SceneCodes]) -> str:
     """Codes of objects in the plane: principal components and t-SNE, a colour per cell (SVG)."""
-    rows = np.concatenate([one.codes[one.exists] for one in codes])
-    cells = np.concatenate([one.cells[one.exists] for one in codes])
+    rows = np.concatenate([scene.codes[scene.exists] for scene in codes])
+    cells = np.concatenate([scene.cells[scene.exists] for scene in codes])
     _, kinds = np.unique(cells, return_inverse=True)
     with rc_context({**STYLE, "path.simplify": False}):
         figure = Figure(figsize=(9.0, 3.5), layout="constrained")
@@ -107,21 +111,21 @@ def neighbour_map(rows: Array) -> Array:
         return np.zeros((len(rows), 2))
     perplexity = min(30.0, (len(rows) - 1) / 3)
     # Exact: the quad tree of the approximation overflows the stack where many rows are equal
-    found: Array = TSNE(
+    embedding: Array = TSNE(
         perplexity=perplexity, init="pca", random_state=0, method="exact"
     ).fit_transform(rows.astype(np.float64))
-    return found
+    return embedding
 
 
 def principal_components(rows: Array, count: int = 2) -> Array:
     """Coordinates (N, count) of rows (N, C) along the directions of largest variance; 0 beyond."""
-    found = np.zeros((len(rows), count))
+    coordinates = np.zeros((len(rows), count))
     if len(rows):
         centred = rows - rows.mean(axis=0)
-        left, sizes, _ = np.linalg.svd(centred.astype(np.float64), full_matrices=False)
-        used = min(count, len(sizes))
-        found[:, :used] = left[:, :used] * sizes[:used]
-    return found
+        left_vectors, sizes, _ = np.linalg.svd(centred.astype(np.float64), full_matrices=False)
+        components = min(count, len(sizes))
+        coordinates[:, :components] = left_vectors[:, :components] * sizes[:components]
+    return coordinates
 
 
 def _lines(axes: Any, rows: Array, colour: str) -> None:

@@ -28,14 +28,14 @@ def example_pictures(result: DecompositionResult, folder: Path) -> tuple[Picture
     Raises:
         StorageError: the folder can't be written.
     """
-    shown = []
+    pictures = []
     for example in result.examples:
         name = f"sets/{result.published or 'scenes'}_{example.scene}.jpg"
         save_picture(draw_example(example), folder / name)
-        counts = {key: len(np.unique(one[one > 0])) for key, one in example.labels.items()}
+        counts = {key: len(np.unique(labels[labels > 0])) for key, labels in example.labels.items()}
         words = ", ".join(f"{called(key)} {count}" for key, count in counts.items())
-        shown.append(Picture(name, f"Scene {example.scene}; objects: {words}"))
-    return tuple(shown)
+        pictures.append(Picture(name, f"Scene {example.scene}; objects: {words}"))
+    return tuple(pictures)
 
 
 def draw_example(example: SetExample) -> Float32:
@@ -51,24 +51,26 @@ def draw_example(example: SetExample) -> Float32:
     points = example.grid.centres()[truth > 0]
     depth = Image.fromarray(np.rint(depth_picture(example.depth) * 255).astype(np.uint8))
     first = np.asarray(depth.resize(_SIZE), dtype=np.float32) / np.float32(255)
-    shown = [name for i, (name, one) in enumerate(example.labels.items()) if i < 2 or one.any()]
-    columns = -(-(len(shown) + 1) // (1 + len(shown) // _ACROSS))
-    missing = -(len(shown) + 1) % columns
+    names = [
+        name for i, (name, labels) in enumerate(example.labels.items()) if i < 2 or labels.any()
+    ]
+    columns = -(-(len(names) + 1) // (1 + len(names) // _ACROSS))
+    padding = -(len(names) + 1) % columns
     tiles, titles = [], []
     for turn, corner, word in ((0.0, first, "depth"), (_TURN, np.ones_like(first), "from behind")):
         camera = turned(lens, points, turn)
         tiles.append(corner)
         titles.append(word)
-        for name in shown:
+        for name in names:
             labels = renumbered_like(example.labels[name].astype(np.int32), truth)
-            tiles.append(_drawn(labels, example.grid, camera))
+            tiles.append(_draw_labels(labels, example.grid, camera))
             titles.append(called(name))
-        tiles += [np.ones_like(first)] * missing
-        titles += [""] * missing
+        tiles += [np.ones_like(first)] * padding
+        titles += [""] * padding
     return beside(tiles, titles, columns)
 
 
-def _drawn(labels: NDArray[np.int32], grid: GridSpec, camera: Camera) -> Float32:
+def _draw_labels(labels: NDArray[np.int32], grid: GridSpec, camera: Camera) -> Float32:
     solid = Solid(distances(labels > 0, grid), labels, grid, instance_colours(int(labels.max())))
     return draw(solid, camera)
 
@@ -79,5 +81,5 @@ def distances(inside: NDArray[np.bool_], grid: GridSpec) -> Float32:
         return np.full(inside.shape, grid.truncation, np.float32)
     out = ndimage.distance_transform_edt(~inside) - ndimage.distance_transform_edt(inside)
     voxels = ndimage.gaussian_filter(out - 0.5 * np.sign(out), _SMOOTHED)
-    cut = np.clip(voxels * grid.voxel_size, -grid.truncation, grid.truncation)
-    return cut.astype(np.float32)
+    tsdf = np.clip(voxels * grid.voxel_size, -grid.truncation, grid.truncation)
+    return tsdf.astype(np.float32)

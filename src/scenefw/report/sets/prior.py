@@ -106,9 +106,13 @@ def _table(result: PriorResult, title: str, measures: dict[str, Measure], note: 
     for kind, scores in result.scores.items():
         cells: list[Cell] = []
         for name, measure in measures.items():
-            one = scores.get(name)
-            cells.append(None if one is None or np.isnan(one.mean) else measure.shown(one.mean))
-            cells += [_ranged(one, measure)] if name in bounded else []
+            interval = scores.get(name)
+            cells.append(
+                None
+                if interval is None or np.isnan(interval.mean)
+                else measure.shown(interval.mean)
+            )
+            cells += [_ranged(interval, measure)] if name in bounded else []
         if any(cell is not None for cell in cells):
             rows.append((_NAMES[kind], tuple(cells)))
     return Table(title, tuple(columns), tuple(rows), _QUOTED, note)
@@ -121,18 +125,18 @@ def _means(result: PriorResult) -> Table:
     for kind, scores in result.scores.items():
         cells: list[Cell] = []
         for name, measure in QUANTITIES.items():
-            one = scores[name]
-            ends = _ranged(one, measure)
-            text = measure.text(one.mean) + (f" ({ends})" if ends else "")
-            cells.append(None if np.isnan(one.mean) else text)
+            interval = scores[name]
+            ends = _ranged(interval, measure)
+            text = measure.text(interval.mean) + (f" ({ends})" if ends else "")
+            cells.append(None if np.isnan(interval.mean) else text)
         rows.append((_NAMES[kind], tuple(cells)))
     return Table("Means", columns, tuple(rows), _QUOTED, "Means over scenes with 95 % bounds.")
 
 
-def _ranged(found: Interval | None, measure: Measure) -> str | None:
-    if found is None or not np.isfinite([found.low, found.high]).all():
+def _ranged(interval: Interval | None, measure: Measure) -> str | None:
+    if interval is None or not np.isfinite([interval.low, interval.high]).all():
         return None
-    return f"{measure.text(found.low)} to {measure.text(found.high)}"
+    return f"{measure.text(interval.low)} to {measure.text(interval.high)}"
 
 
 def distribution_figure(result: PriorResult) -> str:
@@ -153,25 +157,25 @@ def distribution_figure(result: PriorResult) -> str:
 
 
 def _histogram(axes: Any, values: dict[str, Any], scale: str) -> None:
-    everything = np.concatenate(list(values.values()))
-    if not len(everything):
+    all_values = np.concatenate(list(values.values()))
+    if not len(all_values):
         return
-    low, high = np.quantile(everything, (0.005, 0.98))
+    low, high = np.quantile(all_values, (0.005, 0.98))
     if scale == "whole":
-        edges = np.arange(0.5, max(everything.max(), 1) + 1)
+        edges = np.arange(0.5, max(all_values.max(), 1) + 1)
     elif scale == "log" and 0 < low < high:
-        edges = np.geomspace(low, everything.max(), 21)
+        edges = np.geomspace(low, all_values.max(), 21)
         axes.set_xscale("log")
     else:
         edges = np.linspace(low, max(high, low + 1e-6), 21)
-    for i, one in enumerate(values.values()):
-        counts, _ = np.histogram(one, edges)
-        axes.stairs(counts / max(len(one), 1), edges, color=COLOURS[i], linewidth=1.4)
+    for i, kind_values in enumerate(values.values()):
+        counts, _ = np.histogram(kind_values, edges)
+        axes.stairs(counts / max(len(kind_values), 1), edges, color=COLOURS[i], linewidth=1.4)
     axes.grid(alpha=0.15, color=INK)
 
 
 def _pictures(result: PriorResult, folder: Path) -> tuple[Picture, ...]:
-    shown = []
+    pictures = []
     for kind, scenes in result.examples.items():
         count = len(scenes.present)
         if not count:
@@ -180,7 +184,7 @@ def _pictures(result: PriorResult, folder: Path) -> tuple[Picture, ...]:
         titles = [f"{_count(scenes, row)} objects" for row in range(count)] + ["behind"] * count
         name = f"prior/{kind}.jpg"
         save_picture(beside(tiles, titles, columns=count), folder / name)
-        shown.append(Picture(name, _NAMES[kind].capitalize()))
+        pictures.append(Picture(name, _NAMES[kind].capitalize()))
     for number, view in enumerate(result.views, start=1):
         draws = range(len(view.draws.present))
         all_scenes = [(view.truth, 0), *((view.draws, row) for row in draws)]
@@ -189,8 +193,10 @@ def _pictures(result: PriorResult, folder: Path) -> tuple[Picture, ...]:
         titles = [*words, *["behind"] * len(words)]
         name = f"prior/view_{number}.jpg"
         save_picture(beside(tiles, titles, columns=len(words)), folder / name)
-        shown.append(Picture(name, f"View {number}: the truth, and draws given what is seen of it"))
-    return tuple(shown)
+        pictures.append(
+            Picture(name, f"View {number}: the truth, and draws given what is seen of it")
+        )
+    return tuple(pictures)
 
 
 def _two_rows(
@@ -200,7 +206,7 @@ def _two_rows(
     target = np.array([0.0, 0.0, 0.1])
     lens = Camera(*_TILE, 300.0, 300.0, (_TILE[0] - 1) / 2, (_TILE[1] - 1) / 2)
     camera = lens.moved(look_at(np.array(eye, dtype=np.float64), target))
-    solids = [_solid(*one) for one in scenes]
+    solids = [_solid(*scene) for scene in scenes]
     return [
         draw(solid, turned(camera, _GRID.centres()[solid.instances > 0], turn))
         for turn in (0.0, _TURN)
@@ -210,11 +216,11 @@ def _two_rows(
 
 def _solid(scenes: SceneParameters, row: int) -> Solid:
     """One scene, its middle above the origin."""
-    one = SceneParameters(*(field[[row]] for field in vars(scenes).values()))
-    there = one.present[0]
-    middle = one.positions[0, there].mean(dim=0) if there.any() else torch.zeros(3)
+    scene = SceneParameters(*(field[[row]] for field in vars(scenes).values()))
+    present = scene.present[0]
+    middle = scene.positions[0, present].mean(dim=0) if present.any() else torch.zeros(3)
     shift = middle * torch.tensor([1.0, 1.0, 0.0])
-    volumes = scene_volumes(replace(one, positions=one.positions - shift), _GRID)
+    volumes = scene_volumes(replace(scene, positions=scene.positions - shift), _GRID)
     labels = volumes.instances[0].numpy()
     colours = instance_colours(max(int(labels.max()), 1))
     return Solid(volumes.tsdf[0, 0].numpy(), labels, _GRID, colours)

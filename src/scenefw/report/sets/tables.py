@@ -51,16 +51,16 @@ def decomposition_tables(result: DecompositionResult) -> tuple[Table, Table]:
     names = [name for name in SCORES if name not in _ERRORS]
     note = _NOTE.format(scenes=int(figures["scenes"]), objects=figures["objects"])
     note += "".join(
-        f" {called(one).capitalize()}: {_METHODS[one]}."
-        for one in result.methods
-        if one in _METHODS
+        f" {called(method).capitalize()}: {_METHODS[method]}."
+        for method in result.methods
+        if method in _METHODS
     )
     rows, quoted = _rows(result, names), frozenset[str]()
     if result.published:
         row = ROWS[result.published]
         words = f"thesis, table {row.table} (published)"
-        given = row._asdict()
-        rows = (*rows, (words, tuple(_cell(name, given.get(name)) for name in names)))
+        values = row._asdict()
+        rows = (*rows, (words, tuple(_cell(name, values.get(name)) for name in names)))
         quoted = frozenset({words})
         note += _PUBLISHED.format(words=row.words, n=row.scenes)
     columns = tuple(column(SCORES[name]) for name in names)

@@ -35,13 +35,13 @@ def confidence_sections(result: ConfidenceResult) -> tuple[Section, ...]:
 
 
 def _scores(result: ConfidenceResult) -> Table:
-    columns = [c for one in SCORES.values() for c in (measured.column(one), Column("95 %"))]
+    columns = [c for measure in SCORES.values() for c in (measured.column(measure), Column("95 %"))]
     rows = []
     for way in result.expected:
         cells: list[Cell] = []
         for name, measure in SCORES.items():
-            one = result.score(way, name)
-            cells += [measure.shown(one.mean), ranged(one, measure)]
+            interval = result.score(way, name)
+            cells += [measure.shown(interval.mean), ranged(interval, measure)]
         rows.append((_WAYS[way], tuple(cells)))
     figures = result.figures
     rank = f", rank correlation with the IoU {figures['rank']:.2f}" if "rank" in figures else ""
@@ -56,12 +56,12 @@ def _scores(result: ConfidenceResult) -> Table:
 
 def _reliability(result: ConfidenceResult) -> Table:
     """Groups of equal size by agreement."""
-    order = result.said.argsort(kind="stable")
+    order = result.agreement.argsort(kind="stable")
     groups = np.array_split(order, max(min(_BINS, len(order) // _LEAST), 1))
     rows = []
     for group in groups:
-        low, high = result.said[group].min(), result.said[group].max()
-        cells: list[Cell] = [float(len(group)), float(result.said[group].mean())]
+        low, high = result.agreement[group].min(), result.agreement[group].max()
+        cells: list[Cell] = [float(len(group)), float(result.agreement[group].mean())]
         cells += [float(result.iou[group].mean()), float((result.iou[group] > 0.5).mean())]
         rows.append((f"{low:.2f} to {high:.2f}", tuple(cells)))
     columns = (
@@ -74,6 +74,6 @@ def _knots(result: ConfidenceResult) -> Text:
     fitted = result.fitted
     if fitted is None:
         return Text("")
-    said = ", ".join(f"{one:.3f}" for one in fitted.said)
-    expected = ", ".join(f"{one:.3f}" for one in fitted.expected)
-    return Text(f"Fitted to all of them: said [{said}], expected [{expected}].")
+    agreements = ", ".join(f"{value:.3f}" for value in fitted.said)
+    expected = ", ".join(f"{value:.3f}" for value in fitted.expected)
+    return Text(f"Fitted to all of them: said [{agreements}], expected [{expected}].")

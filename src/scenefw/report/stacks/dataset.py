@@ -59,8 +59,8 @@ class Stacks:
         figures = {"stacks/scenes": float(len(self.scenes))}
         words = "No scene was simulated in this run."
         if self.simulated:
-            words, found = self._check()
-            figures |= found
+            words, check_figures = self._check()
+            figures |= check_figures
         return (Section("Simulated stacks", (Text(words), picture)),), figures
 
     def _tile(self, row: int) -> tuple[np.ndarray, str]:
@@ -78,26 +78,27 @@ class Stacks:
         seed = int(str(self.scenes.manifest().get("seed", 0)))
         indices = self.scenes.indices[: self.simulated].tolist()
         try:
-            made = [self.source.generate(index, seed) for index in indices]
+            scenes = [self.source.generate(index, seed) for index in indices]
         except MissingDependencyError as error:
             return f"No scene was simulated: {error}", {}
-        gaps = [self._gap(row, scene) for row, scene in enumerate(made)]
-        same = [gap for gap in gaps if gap is not None]
-        figures = {"stacks/simulated": float(len(made)), "stacks/same": float(len(same))}
+        gaps = [self._gap(row, scene) for row, scene in enumerate(scenes)]
+        matching_gaps = [gap for gap in gaps if gap is not None]
+        figures = {"stacks/simulated": float(len(scenes)), "stacks/same": float(len(matching_gaps))}
         words = (
-            f"{len(made)} scenes were simulated again in this run; {len(same)} came out as stored"
+            f"{len(scenes)} scenes were simulated again in this run; "
+            f"{len(matching_gaps)} came out as stored"
         )
-        if not same:
+        if not matching_gaps:
             return f"{words}.", figures
-        words += f", their objects at most {1000 * max(same):.3g} mm apart."
-        return words, figures | {"stacks/apart": max(same)}
+        words += f", their objects at most {1000 * max(matching_gaps):.3g} mm apart."
+        return words, figures | {"stacks/apart": max(matching_gaps)}
 
-    def _gap(self, row: int, made: Scene | None) -> float | None:
+    def _gap(self, row: int, scene: Scene | None) -> float | None:
         """Largest distance (m) of an object to the stored one; None if it is another scene."""
-        if made is None:
+        if scene is None:
             return None
         old = self.scenes.parameters([row])
-        positions = np.array([item.pose.position for item in made.objects])
+        positions = np.array([item.pose.position for item in scene.objects])
         stored = old.positions[0][old.present[0]].numpy()
         if positions.shape != stored.shape:
             return None

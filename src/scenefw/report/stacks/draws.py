@@ -115,10 +115,10 @@ def _table(
 
 def _trivial_rows(result: DrawsResult) -> list[tuple[str, tuple[Cell, ...]]]:
     """Log scores of the rates, which no method should fall behind."""
-    found = result.intervals[result.methods[0]]
+    intervals = result.intervals[result.methods[0]]
     rows = {"rate of all pairs": "pairs_log_rate", "rate by distance": "pairs_log_by_distance"}
     empty = (None,) * (len(_PAIRS) - 1 + len(_BOUNDED & set(_PAIRS)))
-    return [(words, (found[name].mean, *empty)) for words, name in rows.items()]
+    return [(words, (intervals[name].mean, *empty)) for words, name in rows.items()]
 
 
 def _coverage_words(result: DrawsResult) -> str:
@@ -156,15 +156,15 @@ def reliability_figure(result: DrawsResult) -> str:
 
 def reliability_curve(outcomes: Outcomes, bins: int = 12) -> tuple[list[float], list[float]]:
     """Mean forecasts and frequencies; classes joined to at most `bins` ranges of forecasts."""
-    used = outcomes.total > 0
-    forecast = outcomes.forecast[used] / outcomes.total[used]
+    valid = outcomes.total > 0
+    forecast = outcomes.forecast[valid] / outcomes.total[valid]
     place = np.minimum((forecast * bins).astype(int), bins - 1)
     sums = [
-        np.bincount(place, part[used], minlength=bins)
+        np.bincount(place, part[valid], minlength=bins)
         for part in (outcomes.total, outcomes.forecast, outcomes.true)
     ]
-    kept = sums[0] >= _FEWEST
-    return (sums[1][kept] / sums[0][kept]).tolist(), (sums[2][kept] / sums[0][kept]).tolist()
+    mask = sums[0] >= _FEWEST
+    return (sums[1][mask] / sums[0][mask]).tolist(), (sums[2][mask] / sums[0][mask]).tolist()
 
 
 def skills(result: DrawsResult | None) -> Mapping[str, Mapping[str, Interval]]:

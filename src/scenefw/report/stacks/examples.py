@@ -33,7 +33,7 @@ def draw_example(example: Example) -> Picture:
         "predicted, from behind": draw(predicted, back),
         "truth, from behind": draw(true, back),
     }
-    for number, (tsdf, instances) in enumerate(example.others, start=2):
+    for number, (tsdf, instances) in enumerate(example.further_samples, start=2):
         tiles[f"sample {number}, from behind"] = draw(_solid(example, tsdf, instances), back)
     return beside(list(tiles.values()), list(tiles))
 
@@ -62,5 +62,5 @@ def _window(picture: Picture, camera: Camera, points: NDArray[np.float64]) -> Pi
     top = float(np.clip(middle[1] - height / 2, 0, max(0, picture.shape[0] - height)))
     image = Image.fromarray(np.rint(picture * 255).astype(np.uint8))
     box = (left, top, left + width, min(top + height, picture.shape[0]))
-    shown = image.resize(_TILE, Image.Resampling.BICUBIC, box)
-    return np.asarray(shown, dtype=np.float32) / np.float32(255)
+    tile = image.resize(_TILE, Image.Resampling.BICUBIC, box)
+    return np.asarray(tile, dtype=np.float32) / np.float32(255)

@@ -55,8 +55,11 @@ class Gallery:
         save_picture(draw_example(example), self.output / f"{name}.jpg")
         estimate = estimated(example)
         self.write_mesh(self.output / f"{name}.glb", estimate, _colours(estimate))
-        found, true = len(estimate.objects), len(np.unique(example.true_instances)) - 1
-        caption = f"{example.name}: {found} objects predicted, {true} in truth"
+        predicted_count, true_count = (
+            len(estimate.objects),
+            len(np.unique(example.true_instances)) - 1,
+        )
+        caption = f"{example.name}: {predicted_count} objects predicted, {true_count} in truth"
         return Picture(f"{name}.jpg", caption, (("mesh (GLB)", f"{name}.glb"),))
 
 
@@ -79,7 +82,9 @@ def _scene(example: Example) -> Scene3D:
         "predicted": (example.tsdf, example.instances),
         "truth": (example.true_tsdf, example.true_instances),
     }
-    volumes |= {f"sample {number}": other for number, other in enumerate(example.others, start=2)}
+    volumes |= {
+        f"sample {number}": volume for number, volume in enumerate(example.further_samples, start=2)
+    }
     return Scene3D(
         example.name,
         tuple(_layer(name, _meshed(example, *volume)) for name, volume in volumes.items()),

@@ -41,8 +41,8 @@ def grasping_sections(result: GraspingResult, folder: Path) -> tuple[Section, ..
     tables = tuple(grasping_table(result, protocol) for protocol in (ANY, GIVEN))
     sections = [Section("Grasps that disturb nothing", (*tables, Drawing(_figure(result))))]
     if result.examples:
-        shown = tuple(block for one in result.examples for block in _films(one, folder))
-        sections.append(Section("Chosen grasps, as predicted and as they went", shown))
+        blocks = tuple(block for example in result.examples for block in _films(example, folder))
+        sections.append(Section("Chosen grasps, as predicted and as they went", blocks))
     return tuple(sections)
 
 
@@ -60,27 +60,27 @@ def grasping_table(result: GraspingResult, protocol: str) -> Table:
 def _cells(result: GraspingResult, protocol: str, choice: str) -> tuple[Cell, ...]:
     cells: list[Cell] = []
     for name, measure in SCORES.items():
-        found = result.interval(protocol, choice, name)
-        cells += [measure.shown(found.mean), ranged(found, measure)]
+        interval = result.interval(protocol, choice, name)
+        cells += [measure.shown(interval.mean), ranged(interval, measure)]
     return tuple(cells)
 
 
 def _note(result: GraspingResult, protocol: str) -> str:
     groups = result.groups[protocol]
     scenes = len({scene for scene, _ in groups})
-    tries = sum(len(one) for _, one in groups)
-    what = "" if protocol == ANY else f", {len(groups)} objects with two grasps or more"
-    other = "topmost" if protocol == ANY else "best_seal"
+    tries = sum(len(grasps) for _, grasps in groups)
+    objects = "" if protocol == ANY else f", {len(groups)} objects with two grasps or more"
+    baseline = "topmost" if protocol == ANY else "best_seal"
     versus = []
-    for name in (other, MEAN):
-        found = result.gain(protocol, name, "disturbance")
-        low, high = 1000 * found.low, 1000 * found.high
+    for name in (baseline, MEAN):
+        gain = result.gain(protocol, name, "disturbance")
+        low, high = 1000 * gain.low, 1000 * gain.high
         label = _NAMES[name].split(" (")[0]
-        versus.append(f"{label} {1000 * found.mean:+.1f} mm ({low:+.1f} to {high:+.1f})")
+        versus.append(f"{label} {1000 * gain.mean:+.1f} mm ({low:+.1f} to {high:+.1f})")
     failures = result.failures(protocol, CHOSEN)
     why = ", ".join(f"{reason} ({count})" for reason, count in failures.most_common())
     return (
-        f"{scenes} scenes{what}, {tries} grasps, all simulated in the true scene. Others move: "
+        f"{scenes} scenes{objects}, {tries} grasps, all simulated in the true scene. Others move: "
         f"mean displacement of the other objects. Clean: lifted, and nothing else moves by "
         f"{1000 * result.still:g} mm or more. Others move, first row minus {', '.join(versus)}. "
         f"Why lifts of the first row failed: {why or 'none did'}. {_without(result, protocol)}"
@@ -94,7 +94,7 @@ def _without(result: GraspingResult, protocol: str) -> str:
     """What nobody can grasp."""
     if protocol != ANY:
         return ""
-    none = sum(not one.tries for one in result.scenes)
+    none = sum(not scene.tries for scene in result.scenes)
     why = ", ".join(f"{reason} ({count})" for reason, count in result.reasons.most_common())
     objects = f"Predicted objects without a grasp: {why}. " if why else ""
     return f"Scenes without a grasp, not counted: {none}. {objects}"
@@ -112,9 +112,11 @@ def _figure(result: GraspingResult) -> str:
                 values = result.values(protocol, choice)
                 if not len(values):
                     continue
-                moved = np.where(values[:, 1] > 0, np.inf, np.maximum(1000 * values[:, 0], 1e-6))
+                displacements = np.where(
+                    values[:, 1] > 0, np.inf, np.maximum(1000 * values[:, 0], 1e-6)
+                )
                 grid = np.geomspace(_SMALLEST, 300, 120)
-                share = [100 * float((moved <= limit).mean()) for limit in grid]
+                share = [100 * float((displacements <= limit).mean()) for limit in grid]
                 axes.plot(grid, share, color=colour, label=_NAMES[choice].split(" (")[0])
             axes.set_xscale("log")
             axes.xaxis.set_major_formatter("{x:g}")

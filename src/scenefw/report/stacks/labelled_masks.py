@@ -50,8 +50,8 @@ def _measures(result: LabelledMaskResult) -> Table:
     rows = [(_OURS, _cells(figures))]
     rows += [(name.replace("_", " "), _cells(figures, f"{name}/")) for name in result.beside]
     rows.append((_REFERENCE, _cells(figures, f"{REFERENCE}/")))
-    known = published_masks.ROWS if result.published else ()
-    published = {f"{row.method}: {row.sees} (published)": row for row in known}
+    published_rows = published_masks.ROWS if result.published else ()
+    published = {f"{row.method}: {row.sees} (published)": row for row in published_rows}
     rows += [(name, _cells(row._asdict())) for name, row in published.items()]
     note = (
         f"Percent, means over {result.number} images{_failed(result)}; count error in objects per "
@@ -113,16 +113,16 @@ def _failed(result: LabelledMaskResult) -> str:
 
 
 def _cells(figures: Mapping[str, float], prefix: str = "") -> tuple[float | None, ...]:
-    found = {name: figures.get(prefix + name) for name in _SHOWN}
-    return tuple(None if v is None else REAL_IMAGES[name].shown(v) for name, v in found.items())
+    values = {name: figures.get(prefix + name) for name in _SHOWN}
+    return tuple(None if v is None else REAL_IMAGES[name].shown(v) for name, v in values.items())
 
 
 def _spread(result: LabelledMaskResult) -> Table:
     """Best, quartiles and worst of both methods."""
     columns = tuple(
-        Column(f"{name} {what}", 1)
+        Column(f"{name} {measure}", 1)
         for name in ("scenefw", "reference")
-        for what in ("overlap F", "boundary F")
+        for measure in ("overlap F", "boundary F")
     )
     ours = [(s.overlap_f, s.boundary_f) for s in result.scores()]
     theirs = [(s.overlap_f, s.boundary_f) for s in result.scores("reference")]
@@ -135,9 +135,9 @@ def _spread(result: LabelledMaskResult) -> Table:
 
 def _pictures(result: LabelledMaskResult, folder: Path) -> tuple[Picture, ...]:
     ranked = sorted(result.images, key=lambda image: -image.scores.overlap_f)
-    chosen = {"best": 0, "median": len(ranked) // 2, "worst": len(ranked) - 1}
+    places = {"best": 0, "median": len(ranked) // 2, "worst": len(ranked) - 1}
     pictures = []
-    for word, place in chosen.items():
+    for word, place in places.items():
         image = ranked[place]
         path = f"gallery/{word}.jpg"
         save_picture(draw_masks(image), folder / path)

@@ -61,8 +61,11 @@ def variety_table(result: LatentSpaceResult) -> Table:
         ratio = result.ratio(count)
         cells: list[Cell] = [ratio.mean, ranged(ratio, _RATIO)]
         for name, measure in VARIETY.items():
-            one = result.variety(count, name)
-            cells += [measure.shown(one.mean), *([ranged(one, measure)] if name in _RANGED else [])]
+            interval = result.variety(count, name)
+            cells += [
+                measure.shown(interval.mean),
+                *([ranged(interval, measure)] if name in _RANGED else []),
+            ]
         rows.append((f"{count} view" + "s" * (count > 1), tuple(cells)))
     note = (
         f"{len(result.scenes)} scenes, {result.samples} codes each, the same for all numbers of "
@@ -83,8 +86,12 @@ def way_table(result: LatentSpaceResult) -> Table:
     for kind, words in _KINDS.items():
         cells: list[Cell] = []
         for name, measure in WAYS.items():
-            one = result.way(kind, name)
-            cells += [measure.shown(one.mean), ranged(one, measure)] if one else [None, None]
+            interval = result.way(kind, name)
+            cells += (
+                [measure.shown(interval.mean), ranged(interval, measure)]
+                if interval
+                else [None, None]
+            )
         rows.append((words, tuple(cells)))
     note = (
         f"{result.steps} steps between two drawn codes on the sphere that codes lie near, given "

@@ -54,49 +54,53 @@ class LatentSpaceGallery:
         rows = range(min(self.count, len(self.evaluation.scenes)))
         pictures = []
         for row in rows:
-            seen = self.evaluation.see(row)
-            pictures += [self._draws(seen), self._way(seen)]
+            observation = self.evaluation.see(row)
+            pictures += [self._draws(observation), self._way(observation)]
         return tuple(pictures)
 
     @torch.no_grad()
-    def _draws(self, seen: SeenOften) -> Picture:
+    def _draws(self, observation: SeenOften) -> Picture:
         counts = self.evaluation.counts
         tiles, titles = [], []
         for count in sorted({counts[0], counts[len(counts) // 2], counts[-1]}):
-            scenes = self.evaluation.drawn(seen, count)[: _DRAWS + 1]
-            tiles += [self._tile(one, seen, _BEHIND) for one in scenes]
+            scenes = self.evaluation.completions(observation, count)[: _DRAWS + 1]
+            tiles += [self._tile(scene, observation, _BEHIND) for scene in scenes]
             views = f"{count} view" + "s" * (count > 1)
             draws = [f"draw {number}" for number in range(1, len(scenes))]
             titles += [f"{views}, zero code", *draws]
         width = _DRAWS + 1
-        tiles.append(self._truth(seen, _BEHIND))
+        tiles.append(self._truth(observation, _BEHIND))
         titles.append("truth")
-        path = f"gallery/draws_{seen.index}.jpg"
+        path = f"gallery/draws_{observation.index}.jpg"
         save_picture(beside(tiles, titles, width), self.output / path)
-        return Picture(path, f"scene {seen.index}, draws of codes, from behind")
+        return Picture(path, f"scene {observation.index}, draws of codes, from behind")
 
     @torch.no_grad()
-    def _way(self, seen: SeenOften) -> Picture:
-        scenes = self.evaluation.between(seen)
-        sides = [self._tile(one, seen, _BEHIND) for one in scenes]
+    def _way(self, observation: SeenOften) -> Picture:
+        scenes = self.evaluation.between(observation)
+        sides = [self._tile(scene, observation, _BEHIND) for scene in scenes]
         share = [f"{100 * i / (len(scenes) - 1):.0f} %" for i in range(len(scenes))]
-        path = f"gallery/way_{seen.index}.jpg"
+        path = f"gallery/way_{observation.index}.jpg"
         save_picture(beside(sides, share, -(-len(sides) // 2)), self.output / path)
-        return Picture(path, f"scene {seen.index}, from one drawn code to another, from behind")
+        return Picture(
+            path, f"scene {observation.index}, from one drawn code to another, from behind"
+        )
 
-    def _tile(self, scene: Completion, seen: SeenOften, angle: float) -> Float32:
-        truth = seen.batches[0].volumes.instances[0].cpu().numpy()
+    def _tile(self, scene: Completion, observation: SeenOften, angle: float) -> Float32:
+        truth = observation.batches[0].volumes.instances[0].cpu().numpy()
         labels = renumbered_like(scene.instances[0].cpu().numpy(), truth)
-        return self._drawn(scene.tsdf[0].cpu().numpy(), labels, seen, angle)
+        return self._render(scene.tsdf[0].cpu().numpy(), labels, observation, angle)
 
-    def _truth(self, seen: SeenOften, angle: float) -> Float32:
-        volumes = seen.batches[0].volumes
+    def _truth(self, observation: SeenOften, angle: float) -> Float32:
+        volumes = observation.batches[0].volumes
         labels = volumes.instances[0].cpu().numpy()
-        return self._drawn(volumes.tsdf[0, 0].cpu().numpy(), labels, seen, angle)
+        return self._render(volumes.tsdf[0, 0].cpu().numpy(), labels, observation, angle)
 
-    def _drawn(self, tsdf: Float32, labels: Int32, seen: SeenOften, angle: float) -> Float32:
+    def _render(
+        self, tsdf: Float32, labels: Int32, observation: SeenOften, angle: float
+    ) -> Float32:
         grid = self.evaluation.grid
         solid = Solid(tsdf, labels, grid, instance_colours(int(labels.max(initial=0))))
-        camera = camera_of(seen.batches[0].cameras, 0).resized(*_TILE)
-        true = seen.batches[0].volumes.tsdf[0, 0].cpu().numpy() < 0
+        camera = camera_of(observation.batches[0].cameras, 0).resized(*_TILE)
+        true = observation.batches[0].volumes.tsdf[0, 0].cpu().numpy() < 0
         return draw(solid, turned(camera, grid.centres()[true], angle))

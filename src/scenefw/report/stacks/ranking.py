@@ -18,8 +18,8 @@ _NAMES = {
 def ranking_sections(result: RankingResult) -> tuple[Section, ...]:
     """A row for what each ranking puts first, with gains over any draw."""
     columns: list[Column] = []
-    for one in SCORES.values():
-        columns += [measured.column(one), Column("gain, 95 %")]
+    for score in SCORES.values():
+        columns += [measured.column(score), Column("gain, 95 %")]
     rows = []
     for row in result.rows:
         cells: list[Cell] = []

@@ -43,12 +43,12 @@ def reconstruction_sections(result: ReconstructionResult) -> tuple[Section, ...]
     """Table 5.1, the surfaces judged by their excess, instances, and all of it by visibility."""
     blind = (Text(_BCE_WORDS),) if BASE_RATE in result.methods else ()
     beside = (as_thesis(result), *blind, Text(_FLOOR_WORDS), _surfaces(result))
-    drawn = draw_sections(result.draws) if result.draws else ()
+    sample_sections = draw_sections(result.draws) if result.draws else ()
     return (
         Section("What it is worth", (headline(result),)),
         Section("Beside the thesis", beside),
         Section("Instances", (_instances(result), *_by_pixels(result))),
-        *drawn,
+        *sample_sections,
         Section("By visibility", _by_visibility(result)),
     )
 
@@ -75,15 +75,17 @@ def headline(result: ReconstructionResult) -> Table:
     """What counts, with bounds: surfaces, instances, and probabilities of occupied space."""
     measures = {name: result.measures[name] for name in _HEADLINE}
     skills_of = skills(result.draws)
-    shown = {**measures, **({name: DRAWS[name] for name in _SKILLS} if skills_of else {})}
-    columns = [c for one in shown.values() for c in (measured.column(one), Column("95 %"))]
+    all_measures = {**measures, **({name: DRAWS[name] for name in _SKILLS} if skills_of else {})}
+    columns = [
+        c for measure in all_measures.values() for c in (measured.column(measure), Column("95 %"))
+    ]
     rows = []
     for method in result.methods:
         cells: list[Cell] = []
-        for name, measure in shown.items():
-            known = name in _SKILLS or name in result.names(method)
-            found = skills_of.get(method, {}).get(name) if name in _SKILLS else None
-            interval = result.interval(method, name) if known and name in measures else found
+        for name, measure in all_measures.items():
+            is_available = name in _SKILLS or name in result.names(method)
+            skill = skills_of.get(method, {}).get(name) if name in _SKILLS else None
+            interval = result.interval(method, name) if is_available and name in measures else skill
             cells += (
                 [measure.shown(interval.mean), ranged(interval, measure)]
                 if interval
@@ -122,11 +124,13 @@ def as_thesis(result: ReconstructionResult) -> Table:
         if "occupancy_bce" in result.names(method)
     ]
     rows.append(("floor: truth sampled twice", _floors(result)))
-    known = published.published_of(result.published)
-    theirs = [(f"{name} (thesis)", _published(f)) for name, f in known.figures.items()]
+    reference = published.published_of(result.published)
+    theirs = [(f"{name} (thesis)", _published(f)) for name, f in reference.figures.items()]
     quoted = frozenset({"floor: truth sampled twice", *(name for name, _ in theirs)})
     quoted |= {described(name).row for name in (BASE_RATE, TRAINING_MEAN)}
-    thesis = f" Thesis: {known.scenes} scenes, {published.VIEWS} views of each." if theirs else ""
+    thesis = (
+        f" Thesis: {reference.scenes} scenes, {published.VIEWS} views of each." if theirs else ""
+    )
     note = f"{sizes(result)} σ is over views.{thesis}"
     return Table("As in table 5.1", tuple(columns), tuple(rows + theirs), quoted, note)
 
@@ -144,8 +148,8 @@ def sizes(result: ReconstructionResult) -> str:
 def _means_and_sigmas(result: ReconstructionResult, method: str) -> tuple[Cell, ...]:
     cells: list[Cell] = []
     for name in _AS_THESIS:
-        known = name in result.names(method)
-        summary = result.summary(method, name) if known else None
+        is_available = name in result.names(method)
+        summary = result.summary(method, name) if is_available else None
         cells += [summary.mean, summary.sigma] if summary else [None, None]
     return tuple(cells)
 
@@ -154,15 +158,15 @@ def _floors(result: ReconstructionResult) -> tuple[Cell, ...]:
     main = result.methods[0]
     cells: list[Cell] = []
     for name in _AS_THESIS:
-        known = f"{name}_floor" in result.names(main)
-        summary = result.summary(main, f"{name}_floor") if known else None
+        is_available = f"{name}_floor" in result.names(main)
+        summary = result.summary(main, f"{name}_floor") if is_available else None
         cells += [summary.mean, summary.sigma] if summary else [None, None]
     return tuple(cells)
 
 
 def _published(figures: Mapping[str, published.Figure]) -> tuple[Cell, ...]:
-    found = [figures.get(name) for name in _AS_THESIS]
-    return tuple(cell for f in found for cell in ((f.mean, f.sigma) if f else (None, None)))
+    values = [figures.get(name) for name in _AS_THESIS]
+    return tuple(cell for f in values for cell in ((f.mean, f.sigma) if f else (None, None)))
 
 
 def _surfaces(result: ReconstructionResult) -> Table:
@@ -187,15 +191,15 @@ def _by_pixels(result: ReconstructionResult) -> tuple[Table, ...]:
     bins = result.by_pixels()
     if not bins:
         return ()
-    columns = tuple(Column(_pixels(one.low, one.high), 2) for one in bins)
-    total = sum(one.count for one in bins)
+    columns = tuple(Column(_pixels(group.low, group.high), 2) for group in bins)
+    total = sum(group.count for group in bins)
     rows: list[tuple[str, tuple[Cell, ...]]] = []
-    for method in bins[0].found:
+    for method in bins[0].recall:
         name = described(method).row
-        rows.append((f"{name}: found", tuple(one.found[method] for one in bins)))
-        rows.append((f"{name}: IoU", tuple(one.iou[method] for one in bins)))
+        rows.append((f"{name}: found", tuple(group.recall[method] for group in bins)))
+        rows.append((f"{name}: IoU", tuple(group.iou[method] for group in bins)))
     share = "share of all objects (%)"
-    rows.append((share, tuple(f"{100 * one.count / total:.1f}" for one in bins)))
+    rows.append((share, tuple(f"{100 * group.count / total:.1f}" for group in bins)))
     note = (
         f"{total} objects, by how many pixels of the image show them; IoU is the mean over "
         "samples. An object that no pixel shows can be guessed, not found."
@@ -217,9 +221,9 @@ def _table(result: ReconstructionResult, title: str, names: Sequence[str], note:
     measures = {name: result.measures[name] for name in names}
     rows = []
     for method in result.methods:
-        known = result.names(method)
+        available_names = result.names(method)
         cells = [
-            measure.shown(result.summary(method, name).mean) if name in known else None
+            measure.shown(result.summary(method, name).mean) if name in available_names else None
             for name, measure in measures.items()
         ]
         if any(cell is not None for cell in cells):
@@ -247,9 +251,9 @@ def _by_visibility(result: ReconstructionResult) -> tuple[Drawing | Table, ...]:
 
 
 def _binned(result: ReconstructionResult, method: str, name: str) -> tuple[float | None, ...]:
-    found = {low: s.mean for low, _, s in result.by_visibility(method, name)}
-    shown = result.measures[name].shown
-    return tuple(shown(found[low]) if low in found else None for low in VISIBILITY_EDGES[:-1])
+    means = {low: s.mean for low, _, s in result.by_visibility(method, name)}
+    convert = result.measures[name].shown
+    return tuple(convert(means[low]) if low in means else None for low in VISIBILITY_EDGES[:-1])
 
 
 def _bins_table(
@@ -260,10 +264,10 @@ def _bins_table(
 ) -> Table:
     edges = list(pairwise(VISIBILITY_EDGES))
     counts = [int(((result.visibility >= a) & (result.visibility < b)).sum()) for a, b in edges]
-    used = [i for i, count in enumerate(counts) if count]
-    columns = tuple(Column(f"{edges[i][0]:.0%}–{edges[i][1]:.0%}", digits) for i in used)
+    indices = [i for i, count in enumerate(counts) if count]
+    columns = tuple(Column(f"{edges[i][0]:.0%}–{edges[i][1]:.0%}", digits) for i in indices)
     rows: list[tuple[str, tuple[Cell, ...]]] = [
-        (name, tuple(values[i] for i in used)) for name, values in lines.items()
+        (name, tuple(values[i] for i in indices)) for name, values in lines.items()
     ]
-    rows.append(("views", tuple(str(counts[i]) for i in used)))
+    rows.append(("views", tuple(str(counts[i]) for i in indices)))
     return Table(title, columns, tuple(rows), frozenset({"views"}))

@@ -69,15 +69,15 @@ def as_csv(result: SeveralViewsResult) -> str:
     for method in result.methods:
         for count in result.counts:
             for name in SCORES:
-                one = result.interval(method, count, name)
-                bounds = [f"{value:.6g}" for value in (one.mean, one.low, one.high)]
-                writer.writerow([method, count, name, *bounds, one.count])
+                interval = result.interval(method, count, name)
+                bounds = [f"{value:.6g}" for value in (interval.mean, interval.low, interval.high)]
+                writer.writerow([method, count, name, *bounds, interval.count])
     return text.getvalue()
 
 
 def _cells(result: SeveralViewsResult, method: str, name: str) -> tuple[Cell, ...]:
     cells: list[Cell] = []
     for count in result.counts:
-        found = result.interval(method, count, name)
-        cells += [SCORES[name].shown(found.mean), ranged(found, SCORES[name])]
+        interval = result.interval(method, count, name)
+        cells += [SCORES[name].shown(interval.mean), ranged(interval, SCORES[name])]
     return tuple(cells)

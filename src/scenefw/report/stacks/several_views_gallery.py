@@ -64,33 +64,33 @@ class SeveralViewsGallery:
 
     @torch.no_grad()
     def _picture(self, row: int) -> Picture:
-        seen = self.evaluation.see(row)
+        observation = self.evaluation.see(row)
         counts = sorted({self.evaluation.counts[0], self.evaluation.counts[-1]})
-        volumes = seen.batches[0].volumes
+        volumes = observation.batches[0].volumes
         truth = volumes.instances[0].cpu().numpy()
         tiles, titles = [], []
         for name in self.methods:
             for count in counts:
-                scene = self.evaluation.made_by(name, seen, count)[0]
+                scene = self.evaluation.completions_by(name, observation, count)[0]
                 labels = renumbered_like(scene.instances[0].cpu().numpy(), truth)
-                sides = self._sides(scene.tsdf[0].cpu().numpy(), labels, seen)
+                sides = self._sides(scene.tsdf[0].cpu().numpy(), labels, observation)
                 tiles += sides
                 views = f"{count} view" + "s" * (count > 1)
                 titles += [f"{name.replace('_', ' ')}, {views}", "from behind"]
-        tiles += self._sides(volumes.tsdf[0, 0].cpu().numpy(), truth, seen)
+        tiles += self._sides(volumes.tsdf[0, 0].cpu().numpy(), truth, observation)
         titles += ["truth", "from behind"]
-        path = f"gallery/scene_{seen.index}.jpg"
+        path = f"gallery/scene_{observation.index}.jpg"
         save_picture(beside(tiles, titles, 2 * len(counts)), self.output / path)
         words = "; ".join(
             f"{name.replace('_', ' ')}: {described(name).row}" for name in self.methods
         )
-        return Picture(path, f"scene {seen.index}. {words}")
+        return Picture(path, f"scene {observation.index}. {words}")
 
-    def _sides(self, tsdf: np.ndarray, labels: Int32, seen: SeenOften) -> list[np.ndarray]:
+    def _sides(self, tsdf: np.ndarray, labels: Int32, observation: SeenOften) -> list[np.ndarray]:
         grid = self.evaluation.grid
         colours = instance_colours(int(labels.max(initial=0)))
         solid = Solid(tsdf, labels, grid, colours)
-        camera = camera_of(seen.batches[0].cameras, 0).resized(*_TILE)
-        truth = seen.batches[0].volumes.tsdf[0, 0].cpu().numpy() < 0
+        camera = camera_of(observation.batches[0].cameras, 0).resized(*_TILE)
+        truth = observation.batches[0].volumes.tsdf[0, 0].cpu().numpy() < 0
         points = grid.centres()[truth]
         return [draw(solid, turned(camera, points, angle)) for angle in (0.0, _BEHIND)]

@@ -62,16 +62,16 @@ def stability_table(result: StabilityResult) -> Table:
 def _cells(result: StabilityResult, method: str) -> tuple[Cell, ...]:
     cells: list[Cell] = []
     for name, measure in SCORES.items():
-        found = result.interval(method, name)
-        cells.append(measure.shown(found.mean))
-        cells += [ranged(found, measure)] if name in _RANGED else []
+        interval = result.interval(method, name)
+        cells.append(measure.shown(interval.mean))
+        cells += [ranged(interval, measure)] if name in _RANGED else []
     return tuple(cells)
 
 
 def _binned(result: StabilityResult, method: str, name: str) -> tuple[float | None, ...]:
-    shown = SCORES[name].shown
+    convert = SCORES[name].shown
     values = result.by_visibility(method, name)
-    return tuple(None if value is None else shown(value) for value in values)
+    return tuple(None if value is None else convert(value) for value in values)
 
 
 def _name(method: str) -> str:

@@ -42,7 +42,7 @@ def card_sections(
     commands = tuple(str(t.get("command", f"# {_UNKNOWN}")) for t in reversed(trainings))
     limits = (*(words.limits if words else ()), *notes)
     return (
-        Section("The network", (Text(_what(provenance, words)), _facts(provenance))),
+        Section("The network", (Text(_description(provenance, words)), _facts(provenance))),
         *([Section("Intended use", (Points(tuple(words.use)),))] if words else []),
         *([Section("Limits", (Points(limits),))] if limits else []),
         Section("Training", (_trainings(trainings), Code(commands))),
@@ -51,12 +51,12 @@ def card_sections(
     )
 
 
-def _what(provenance: Provenance, words: Words | None) -> str:
+def _description(provenance: Provenance, words: Words | None) -> str:
     if words:
         return words.what
     sees = provenance.metadata.get("input")
-    which = f"task: {provenance.task}" + (f" and input: {sees}" if sees else "")
-    return f"A file conf/card/NAME.yaml with {which} would say here what this network is for."
+    keys = f"task: {provenance.task}" + (f" and input: {sees}" if sees else "")
+    return f"A file conf/card/NAME.yaml with {keys} would say here what this network is for."
 
 
 def _facts(provenance: Provenance) -> Points:
@@ -91,7 +91,7 @@ def _trainings(trainings: Sequence[Mapping[str, Any]]) -> Table:
         all_cells = {name: _ROWS[name](sums) for name in ("steps", "samples", "minutes")}
         rows = [(name, (*cells, all_cells.get(name, ""))) for name, cells in rows]
     note = "Minutes are of training alone, without validation and snapshots."
-    commands = " ".join(str(one.get("command", "")) for one in trainings)
+    commands = " ".join(str(training.get("command", "")) for training in trainings)
     for before, now in _RENAMED.items():
         if f"{before}=" in commands:
             note += f" {before} of a command is called {now} today."
@@ -118,13 +118,13 @@ def _summaries(run: StoredRun, words: Words) -> list[Table]:
 
 
 def _require_these_weights(provenance: Provenance, run: StoredRun) -> tuple[str, ...]:
-    used = run.record.get("weights")
-    if not used:
+    weights = run.record.get("weights")
+    if not weights:
         return ("# that run did not record its weights",)
-    if provenance.digest not in used.values():
+    if provenance.digest not in weights.values():
         raise InputError(
-            f"{run.path} has figures of other weights ({', '.join(used)}) than {provenance.path}; "
-            "evaluate these"
+            f"{run.path} has figures of other weights ({', '.join(weights)}) than "
+            f"{provenance.path}; evaluate these"
         )
     return ()
 
@@ -173,8 +173,8 @@ def _file(origin: Mapping[str, Any]) -> str:
 
 def _mean(training: Mapping[str, Any]) -> str:
     """With which weights a training's were averaged afterwards."""
-    other = training.get("averaged_with")
-    return f"{100 * other['share']:.0f} % of {_file(other)}" if other else "none"
+    partner = training.get("averaged_with")
+    return f"{100 * partner['share']:.0f} % of {_file(partner)}" if partner else "none"
 
 
 def _plain(name: str) -> Any:

@@ -10,25 +10,25 @@ from scenefw.report.weights.summary import COLUMNS, Part, Row, Summary, parts_in
 
 
 def headline(
-    runs: Sequence[StoredRun], summaries: Sequence[Summary], kept: Sequence[KeptPart] = ()
+    runs: Sequence[StoredRun], summaries: Sequence[Summary], earlier_parts: Sequence[KeptPart] = ()
 ) -> str:
     """One table of all runs in Markdown, and the commands that found its figures.
 
     Args:
         runs: one per summary at most.
         summaries: in the order of the table.
-        kept: parts of an earlier table; they stay where no run has figures.
+        earlier_parts: parts of an earlier table; they stay where no run has figures.
 
     Raises:
         InputError: there is no run, one has other figures, or two have the same.
     """
     if not runs:
         raise InputError("no results to show; give run.results=[FOLDER,...] of run=evaluate")
-    found = [part for run in runs for part in parts_in(run, summaries)]
+    parts = [part for run in runs for part in parts_in(run, summaries)]
     blocks = []
     for summary in summaries:
-        new = [_block(part) for part in _only(found, summary)]
-        blocks += new or [part for part in kept if part.summary is summary]
+        new = [_block(part) for part in _only(parts, summary)]
+        blocks += new or [part for part in earlier_parts if part.summary is summary]
     table = to_markdown(Table("Figures of the weights that ship", COLUMNS, ()))
     rows = [row for block in blocks for row in block.rows]
     notes = [f"{block.note}\n" for block in blocks]
@@ -47,8 +47,8 @@ def _block(part: Part) -> KeptPart:
 
 def _only(parts: Sequence[Part], summary: Summary) -> list[Part]:
     """The part of a summary, if there is one."""
-    found = [part for part in parts if part.summary is summary]
-    if len(found) > 1:
-        first, second = (part.run.path for part in found[:2])
+    matches = [part for part in parts if part.summary is summary]
+    if len(matches) > 1:
+        first, second = (part.run.path for part in matches[:2])
         raise InputError(f"{first} and {second} hold the same figures")
-    return found
+    return matches

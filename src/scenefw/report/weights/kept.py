@@ -42,9 +42,9 @@ def kept_parts(text: str, summaries: Sequence[Summary]) -> list[KeptPart]:
         summaries: that may be in it.
     """
     lines = text.splitlines()
-    titles = [(i, one) for i, line in enumerate(lines) if (one := _titled(line, summaries))]
+    titles = [(i, match) for i, line in enumerate(lines) if (match := _titled(line, summaries))]
     commands = _commands(lines)
-    each = [(one,) for one in commands] if len(commands) == len(titles) else None
+    command_groups = [(command,) for command in commands] if len(commands) == len(titles) else None
     parts = []
     for number, (start, summary) in enumerate(titles):
         rows = [lines[start]]
@@ -53,7 +53,11 @@ def kept_parts(text: str, summaries: Sequence[Summary]) -> list[KeptPart]:
                 break
             rows.append(line)
         note = next((line for line in lines if line.startswith(f"*{summary.name}.* ")), "")
-        parts.append(KeptPart(summary, tuple(rows), note, each[number] if each else commands))
+        parts.append(
+            KeptPart(
+                summary, tuple(rows), note, command_groups[number] if command_groups else commands
+            )
+        )
     return parts
 
 

@@ -106,11 +106,11 @@ def parts_in(run: StoredRun, among: Sequence[Summary]) -> tuple[Part, ...]:
     Raises:
         InputError: none of them.
     """
-    found = tuple(part for summary in among if (part := summary.within(run)))
-    if not found:
-        wanted = " or ".join(", ".join(summary.needs) for summary in among)
-        raise InputError(f"{run.path} has no figures to show here; expected {wanted}")
-    return found
+    parts = tuple(part for summary in among if (part := summary.within(run)))
+    if not parts:
+        expected = " or ".join(", ".join(summary.needs) for summary in among)
+        raise InputError(f"{run.path} has no figures to show here; expected {expected}")
+    return parts
 
 
 def _changed(measure: Measure, name: str, changes: Mapping[str, Any]) -> Measure:

@@ -193,13 +193,13 @@ class MujocoEngine:
             spec.add_mesh(name=name, uservert=np.float32(corners).ravel(), **_faces(corners))
             self._geometry(body, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name)
 
-    def _geometry(self, body: Any, **what: Any) -> None:
+    def _geometry(self, body: Any, **options: Any) -> None:
         time = 2 * self.time_step / self.substeps  # the shortest that is stable
         body.add_geom(
             friction=(self.friction, 0.005, 0.0001),
             solref=(time, 1.0),
             solimp=_IMPEDANCE,
-            **what,
+            **options,
         )
 
 

@@ -111,12 +111,12 @@ class PyBulletEngine:
             self.reset()
         return self._bullet, self._client
 
-    def add(self, item: SceneObject, *, held: bool = False) -> int:
+    def add(self, item: SceneObject, *, multibody: bool = False) -> int:
         """Adds an object and returns its handle.
 
         Args:
             item: the object.
-            held: makes a body that constraints between it and an arm hold steadily.
+            multibody: makes a body that constraints between it and an arm hold steadily.
         """
         if self._bullet is None:
             self.reset()
@@ -128,7 +128,7 @@ class PyBulletEngine:
             shape,
             basePosition=item.pose.position.tolist(),
             baseOrientation=[x, y, z, w],
-            useMaximalCoordinates=not held,  # a plain body: three times as fast as a multibody
+            useMaximalCoordinates=not multibody,  # a plain body: three times as fast as a multibody
             physicsClientId=client,
         )
         bullet.changeDynamics(
@@ -160,10 +160,13 @@ class PyBulletEngine:
 
     def overlaps(self, handle: int) -> bool:
         """Whether the object touches another object or the floor where it is now."""
-        others = [self._floor, *(other for other in self._objects if other != handle)]
+        neighbours = [
+            self._floor,
+            *(neighbour for neighbour in self._objects if neighbour != handle),
+        ]
         return any(
-            self._bullet.getClosestPoints(handle, other, 0.0, physicsClientId=self._client)
-            for other in others
+            self._bullet.getClosestPoints(handle, neighbour, 0.0, physicsClientId=self._client)
+            for neighbour in neighbours
         )
 
     def settle(self, max_steps: int) -> bool:
@@ -225,12 +228,12 @@ class PyBulletEngine:
         hulls = collision_hulls(shape, self.hull_tolerance, self.margin)
         if len(hulls) == 1:
             corners = _listed(hulls[0].tobytes())
-            made = bullet.createCollisionShape(
+            shape_id = bullet.createCollisionShape(
                 bullet.GEOM_MESH, vertices=corners, physicsClientId=client
             )
         else:
-            made = _compound(bullet, hulls, client)
-        return int(made)
+            shape_id = _compound(bullet, hulls, client)
+        return int(shape_id)
 
     def _slow(self) -> bool:
         for handle in self._objects:
@@ -250,10 +253,10 @@ def _compound(bullet: Any, hulls: Sequence[Float64], client: int) -> int:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "parts.obj"
         path.write_text(_as_obj(hulls), encoding="ascii")
-        made: int = bullet.createCollisionShape(
+        shape_id: int = bullet.createCollisionShape(
             bullet.GEOM_MESH, fileName=str(path), physicsClientId=client
         )
-    return made
+    return shape_id
 
 
 def _as_obj(hulls: Sequence[Float64]) -> str:

@@ -22,24 +22,24 @@ from scenefw.shapes.tabletop.parts import Look, Part
 
 def remote_control(rng: np.random.Generator) -> list[Part]:
     """A remote control of 8..27 cm, 6..28 mm thick."""
-    found = paint.repainted(easy_remote.remote_control(rng), rng)
+    pieces = paint.repainted(easy_remote.remote_control(rng), rng)
     length = rng.uniform(0.08, 0.27)
     width = float(np.clip(length * rng.uniform(0.2, 0.45), 0.026, 0.075))
-    return paint.sized(found, (length, width, rng.uniform(0.007, 0.028)))
+    return paint.sized(pieces, (length, width, rng.uniform(0.007, 0.028)))
 
 
 def keyboard(rng: np.random.Generator) -> list[Part]:
     """A keyboard of any size: full, small, of 60 per cent, or a block of digits."""
     kind = rng.choice(3, p=[0.4, 0.35, 0.25])
     if kind == 0:
-        found = easy_keyboard.keyboard(rng)
+        pieces = easy_keyboard.keyboard(rng)
         factor = rng.uniform(0.5, 1.0)
-        vertices = np.concatenate([part.vertices for part in found])
+        vertices = np.concatenate([part.vertices for part in pieces])
         length, width = factor * np.ptp(vertices[:, :2], axis=0)
-        found = paint.sized(found, (length, width, rng.uniform(0.007, 0.03)))
+        pieces = paint.sized(pieces, (length, width, rng.uniform(0.007, 0.03)))
     else:
-        found = _pad(rng, digits=bool(kind == 2))
-    return paint.repainted(found, rng)
+        pieces = _pad(rng, digits=bool(kind == 2))
+    return paint.repainted(pieces, rng)
 
 
 def _pad(rng: np.random.Generator, *, digits: bool) -> list[Part]:
@@ -57,27 +57,27 @@ def _pad(rng: np.random.Generator, *, digits: bool) -> list[Part]:
 
 def model_plane(rng: np.random.Generator) -> list[Part]:
     """A model plane of 5..32 cm."""
-    found = paint.repainted(easy_plane.model_plane(rng), rng, share=0.5)
+    pieces = paint.repainted(easy_plane.model_plane(rng), rng, share=0.5)
     length = float(rng.choice([rng.uniform(0.05, 0.14), rng.uniform(0.12, 0.32)]))
-    vertices = np.concatenate([part.vertices for part in found])
+    vertices = np.concatenate([part.vertices for part in pieces])
     factor = length / np.ptp(vertices[:, 0])
     return [
-        part.turned(np.diag([factor, factor, factor * rng.uniform(0.7, 1.1)])) for part in found
+        part.turned(np.diag([factor, factor, factor * rng.uniform(0.7, 1.1)])) for part in pieces
     ]
 
 
 def coin(rng: np.random.Generator) -> list[Part]:
     """A coin of 15..34 mm, 1.5..2.6 mm thick."""
-    found = paint.repainted(easy_coin.coin(rng), rng, share=0.3, small=0.1)
+    pieces = paint.repainted(easy_coin.coin(rng), rng, share=0.3, small=0.1)
     size = rng.uniform(0.015, 0.034)
-    return paint.sized(found, (size, size, rng.uniform(0.0015, 0.0026)))
+    return paint.sized(pieces, (size, size, rng.uniform(0.0015, 0.0026)))
 
 
 def pen(rng: np.random.Generator) -> list[Part]:
     """A pen, pencil, marker or stub of 6..19 cm, 5..20 mm thick."""
-    found = paint.repainted(easy_pen.pen(rng), rng)
+    pieces = paint.repainted(easy_pen.pen(rng), rng)
     thick = float(rng.choice([rng.uniform(0.005, 0.011), rng.uniform(0.01, 0.02)], p=[0.7, 0.3]))
-    return paint.sized(found, (rng.uniform(0.06, 0.19), thick, thick))
+    return paint.sized(pieces, (rng.uniform(0.06, 0.19), thick, thick))
 
 
 def brick(rng: np.random.Generator) -> list[Part]:
@@ -86,7 +86,7 @@ def brick(rng: np.random.Generator) -> list[Part]:
     pitch = rng.uniform(0.0075, 0.017 if across * deep <= 12 else 0.011)
     height = pitch * rng.choice([rng.uniform(1.0, 1.4), rng.uniform(0.35, 0.5)], p=[0.7, 0.3])
     skin = paint.look(rng) if rng.random() < 0.35 else paint.plain(rng)
-    found = [
+    pieces = [
         parts.box((across * pitch, deep * pitch, height), (0, 0, height / 2), skin, 0.0004),
     ]
     wide = rng.uniform(0.5, 0.68) * pitch
@@ -94,15 +94,17 @@ def brick(rng: np.random.Generator) -> list[Part]:
     rise = rng.uniform(0.15, 0.25) * pitch
     for column, row in product(range(across), range(deep)):
         place = (np.array([column, row]) - [(across - 1) / 2, (deep - 1) / 2]) * pitch
-        found.append(parts.plate(stud + place, height - 0.001, height + rise, skin))
-    return found
+        pieces.append(parts.plate(stud + place, height - 0.001, height + rise, skin))
+    return pieces
 
 
 def paperclip(rng: np.random.Generator) -> list[Part]:
     """A paperclip of 2..7 cm, wire of 0.8..1.6 mm."""
-    found = paint.repainted(easy_wires.paperclip(rng), rng, share=0.3)
+    pieces = paint.repainted(easy_wires.paperclip(rng), rng, share=0.3)
     length = rng.uniform(0.022, 0.07)
-    return paint.sized(found, (length, length * rng.uniform(0.2, 0.3), rng.uniform(0.0008, 0.0016)))
+    return paint.sized(
+        pieces, (length, length * rng.uniform(0.2, 0.3), rng.uniform(0.0008, 0.0016))
+    )
 
 
 def book(rng: np.random.Generator) -> list[Part]:
@@ -110,8 +112,8 @@ def book(rng: np.random.Generator) -> list[Part]:
     length = rng.uniform(0.08, 0.28)
     width = length * rng.uniform(0.55, 0.85)
     height = float(rng.choice([rng.uniform(0.003, 0.012), rng.uniform(0.01, 0.05)]))
-    found = _notebook(rng) if rng.random() < 0.3 else easy_book.book(rng)
-    return paint.sized(paint.repainted(found, rng, share=0.6), (length, width, height))
+    pieces = _notebook(rng) if rng.random() < 0.3 else easy_book.book(rng)
+    return paint.sized(paint.repainted(pieces, rng, share=0.6), (length, width, height))
 
 
 def _notebook(rng: np.random.Generator) -> list[Part]:
@@ -121,7 +123,7 @@ def _notebook(rng: np.random.Generator) -> list[Part]:
     page = Look(colours.grey(0.92), PRINT, rng.uniform(0.005, 0.009), 0.9, 0.0, ink)
     cover = page if rng.random() < 0.35 else paint.look(rng)
     edge = Look(colours.grey(0.88), STRIPES, 0.0012, 0.4, np.pi / 2, colours.grey(0.6))
-    found = [
+    pieces = [
         parts.box((length, width, 0.001), (0, 0, 0.0005), paint.plain(rng)),
         parts.box((length - 0.002, width - 0.002, height - 0.002), (0, 0, height / 2), edge),
         parts.box((length, width, 0.001), (0, 0, height - 0.0005), cover),
@@ -129,5 +131,5 @@ def _notebook(rng: np.random.Generator) -> list[Part]:
     wire = Look(colours.metal(rng), gloss=0.6)
     for x in np.arange(-0.48, 0.481, 0.06) * length:
         loop = parts.lathe([[-0.0012, 0.0065], [0.0012, 0.0065]], wire, 8)
-        found.append(loop.moved([x, -width / 2, height / 2]))
-    return found
+        pieces.append(loop.moved([x, -width / 2, height / 2]))
+    return pieces

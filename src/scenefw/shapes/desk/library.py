@@ -60,8 +60,8 @@ class DeskModels:
     def __init__(self, count: int = 66, others: int = 280, seed: int = 0) -> None:
         self.classes = DESK
         self.seed = seed
-        few, many = _with_final(count), _with_final(others)
-        self.parts = [many if name == "other" else few for name in DESK]
+        class_splits, other_splits = _with_final(count), _with_final(others)
+        self.parts = [other_splits if name == "other" else class_splits for name in DESK]
         self._models: dict[tuple[int, int], TexturedMesh] = {}
 
     def instances(self, label: int, split: str) -> Sequence[int]:

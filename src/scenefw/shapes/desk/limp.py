@@ -23,16 +23,16 @@ def cable(rng: np.random.Generator) -> TexturedMesh:
     spine = np.column_stack([flat, np.full(len(flat), radius)])
     tube = parts.tube(spine, radius, paint.plain(rng), _SIDES)
     knots = [*np.repeat(np.arange(len(spine)), _SIDES), *[0] * _SIDES, *[len(spine) - 1] * _SIDES]
-    found = [tube]
+    pieces = [tube]
     for end, before in ((0, 2), (len(spine) - 1, len(spine) - 3)):
         if rng.random() < 0.7:
             plug = _plug(rng, spine[end], spine[end] - spine[before], radius)
-            found += plug
+            pieces += plug
             knots += [end] * sum(len(part.vertices) for part in plug)
-    mesh = parts.merge(found)
-    vertices = np.concatenate([part.vertices for part in found])
-    moved = mesh.vertices[0] - vertices[0]
-    return replace(mesh, spine=spine + moved, knots=np.array(knots, dtype=np.int64))
+    mesh = parts.merge(pieces)
+    vertices = np.concatenate([part.vertices for part in pieces])
+    offset = mesh.vertices[0] - vertices[0]
+    return replace(mesh, spine=spine + offset, knots=np.array(knots, dtype=np.int64))
 
 
 def _evenly(path: Array) -> Array:
@@ -42,7 +42,7 @@ def _evenly(path: Array) -> Array:
     return np.column_stack([np.interp(places, along, path[:, k]) for k in range(2)])
 
 
-def _through(points: Array) -> Array:
+def _smooth_curve(points: Array) -> Array:
     t = np.arange(len(points))
     dense = np.linspace(0, len(points) - 1, 24 * len(points))
     return np.asarray(CubicSpline(t, points)(dense))
@@ -53,7 +53,7 @@ def _snake(rng: np.random.Generator, radius: float) -> Array:
     x = np.linspace(-0.5, 0.5, count) * length
     sides = np.where(np.arange(count) % 2, 1, -1)
     y = sides * rng.uniform(0.1, 1.0, count) * min(length, 0.2) * 0.3
-    return _through(np.column_stack([x, y]))
+    return _smooth_curve(np.column_stack([x, y]))
 
 
 def _loop(rng: np.random.Generator, radius: float) -> Array:
@@ -63,7 +63,7 @@ def _loop(rng: np.random.Generator, radius: float) -> Array:
     around = size * np.column_stack([np.cos(angle), np.sin(angle) * rng.uniform(0.6, 1)])
     tangent = (around[-1] - around[-2]) * rng.uniform(0.8, 1.6)
     tail = [around[-1] + tangent * step for step in (1, 2)]
-    return _through(np.concatenate([around, tail]))
+    return _smooth_curve(np.concatenate([around, tail]))
 
 
 def _coil(rng: np.random.Generator, radius: float) -> Array:

@@ -15,30 +15,30 @@ def phone(rng: np.random.Generator) -> list[Part]:
     length = rng.uniform(0.09, 0.18)
     width, height = length * rng.uniform(0.4, 0.52), rng.uniform(0.006, 0.014)
     corner = rng.uniform(0.05, 0.2)
-    found = [paint.slab(rng, (length, width, height), paint.look(rng), corner)]
+    pieces = [paint.slab(rng, (length, width, height), paint.look(rng), corner)]
     if rng.random() < 0.6:
         glass = Look(colours.hsv(rng.random(), 0.3, rng.uniform(0.03, 0.3)), gloss=0.7)
         if rng.random() < 0.3:  # it is on
             glass = Look(paint.colour(rng), PRINT, 0.005, 0.7, 0.0, paint.colour(rng), 0.6)
         inner = parts.rounded(0.93 * length, 0.9 * width, corner * width, 4)
-        return [*found, paint.upon(inner, height, glass)]
+        return [*pieces, paint.upon(inner, height, glass)]
     eye = Look(colours.grey(0.05), gloss=0.7)
     for x in np.arange(rng.integers(1, 4)) * 0.014:
         lens = parts.ellipse(0.011, 0.011, 12) + [0.42 * length - x, 0.3 * width]
-        found.append(paint.upon(lens, height, eye, 0.0015))
-    return found
+        pieces.append(paint.upon(lens, height, eye, 0.0015))
+    return pieces
 
 
 def calculator(rng: np.random.Generator) -> list[Part]:
     """A calculator or meter of 8..19 cm with a window and a grid of buttons."""
     length = rng.uniform(0.08, 0.19)
     width, height = length * rng.uniform(0.4, 0.75), rng.uniform(0.006, 0.024)
-    found = [paint.slab(rng, (length, width, height), paint.look(rng), rng.uniform(0, 0.2))]
+    pieces = [paint.slab(rng, (length, width, height), paint.look(rng), rng.uniform(0, 0.2))]
     window = rng.uniform(0.15, 0.4)
     glass = Look(colours.hsv(rng.uniform(0.2, 0.4), 0.2, rng.uniform(0.2, 0.6)), gloss=0.5)
     screen = parts.rectangle(window * length * 0.7, 0.85 * width)
-    found.append(paint.upon(screen + [(0.5 - window / 2) * length, 0], height, glass))
-    return found + _buttons(rng, length * (0.94 - window), width, height, -0.47 * length)
+    pieces.append(paint.upon(screen + [(0.5 - window / 2) * length, 0], height, glass))
+    return pieces + _buttons(rng, length * (0.94 - window), width, height, -0.47 * length)
 
 
 def _buttons(
@@ -48,7 +48,7 @@ def _buttons(
     rise, fill = rng.uniform(0.0008, 0.003), rng.uniform(0.6, 0.85)
     skins = [paint.plain(rng) for _ in range(3)]
     round_ = rng.random() < 0.3
-    found = []
+    pieces = []
     for row in range(rows):
         for column in range(columns):
             deep, wide = length / rows, 0.94 * width / columns
@@ -57,8 +57,8 @@ def _buttons(
             outline = parts.rectangle(fill * deep, fill * wide)
             if round_:
                 outline = parts.ellipse(fill * deep, fill * wide, 10)
-            found.append(paint.upon(outline + place, height, skin, rise))
-    return found
+            pieces.append(paint.upon(outline + place, height, skin, rise))
+    return pieces
 
 
 def laptop(rng: np.random.Generator) -> list[Part]:
@@ -66,27 +66,27 @@ def laptop(rng: np.random.Generator) -> list[Part]:
     length = rng.uniform(0.18, 0.32)
     width, height = length * rng.uniform(0.6, 0.75), rng.uniform(0.007, 0.024)
     corner = rng.uniform(0.02, 0.08)
-    found = [paint.slab(rng, (length, width, height), paint.look(rng), corner)]
+    pieces = [paint.slab(rng, (length, width, height), paint.look(rng), corner)]
     if rng.random() < 0.5:
         face = parts.rounded(0.93 * length, 0.9 * width, 0.005, 4)
         glass = Look(colours.grey(rng.uniform(0.03, 0.2)), gloss=0.7)
-        return [*found, paint.upon(face, height, glass)]
+        return [*pieces, paint.upon(face, height, glass)]
     size = rng.uniform(0.02, 0.05)
-    return [*found, paint.upon(parts.ellipse(size, size, 20), height, paint.plain(rng))]
+    return [*pieces, paint.upon(parts.ellipse(size, size, 20), height, paint.plain(rng))]
 
 
 def box(rng: np.random.Generator) -> list[Part]:
     """A carton or case with sides of 2..24 cm, up to 6 cm high, with a label perhaps."""
     length = rng.uniform(0.04, 0.24)
     width, height = length * rng.uniform(0.3, 0.95), rng.uniform(0.008, 0.06)
-    found = [paint.slab(rng, (length, width, height), paint.look(rng))]
+    pieces = [paint.slab(rng, (length, width, height), paint.look(rng))]
     if rng.random() < 0.6:
         size = rng.uniform(0.4, 0.9, 2) * [length, width]
-        found.append(paint.upon(parts.rectangle(*size), height, paint.look(rng)))
+        pieces.append(paint.upon(parts.rectangle(*size), height, paint.look(rng)))
     if rng.random() < 0.4:
         strip = parts.rectangle(length, width * rng.uniform(0.08, 0.25))
-        found.append(paint.upon(strip, height, paint.plain(rng), 0.0005))
-    return found
+        pieces.append(paint.upon(strip, height, paint.plain(rng), 0.0005))
+    return pieces
 
 
 def pencil_case(rng: np.random.Generator) -> list[Part]:
@@ -155,7 +155,7 @@ def organiser(rng: np.random.Generator) -> list[Part]:
     """A panel of 8..30 cm with rows of buttons, sockets or pills, like a keyboard or remote."""
     length = rng.uniform(0.08, 0.30)
     width, height = min(0.14, length * rng.uniform(0.18, 0.45)), rng.uniform(0.006, 0.03)
-    found = [paint.slab(rng, (length, width, height), paint.look(rng), rng.uniform(0, 0.3))]
+    pieces = [paint.slab(rng, (length, width, height), paint.look(rng), rng.uniform(0, 0.3))]
     rows = int(rng.integers(1, 4))
     columns = int(rng.integers(3, 11))
     deep, wide = 0.92 * length / columns, 0.9 * width / rows
@@ -165,7 +165,7 @@ def organiser(rng: np.random.Generator) -> list[Part]:
     for column, row in np.ndindex(columns, rows):
         place = [(column + 0.5) * deep - 0.46 * length, (row + 0.5) * wide - 0.45 * width]
         outline = parts.rounded(fill * deep, fill * wide, 0.3 * fill * min(deep, wide), 3)
-        found.append(paint.upon(outline + place, height, skin, rise))
+        pieces.append(paint.upon(outline + place, height, skin, rise))
         mark = parts.rectangle(0.3 * fill * deep, 0.3 * fill * wide)
-        found.append(paint.upon(mark + place, height + rise, ink))
-    return found
+        pieces.append(paint.upon(mark + place, height + rise, ink))
+    return pieces

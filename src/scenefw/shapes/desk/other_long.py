@@ -39,14 +39,14 @@ def tool(rng: np.random.Generator) -> list[Part]:
     shaft = paint.plain(rng, colours.metal(rng) if rng.random() < 0.7 else None)
     handle = [[-half, 0.4], [-half + 0.006, 0.5], [split - 0.01, 0.42], [split, 0.25]]
     profile = [[x, r * thick] for x, r in handle]
-    found = [
+    pieces = [
         parts.lathe(profile, paint.look(rng), 12),
         parts.lathe([[split, 0.12 * thick], [half, 0.12 * thick]], shaft, 8),
     ]
     if rng.random() < 0.6:
         size = (0.02, thick * rng.uniform(0.4, 1.3), 0.2 * thick)
-        found.append(parts.box(size, (half, 0, 0), shaft))
-    return found
+        pieces.append(parts.box(size, (half, 0, 0), shaft))
+    return pieces
 
 
 def cross(rng: np.random.Generator) -> list[Part]:
@@ -65,11 +65,11 @@ def cross(rng: np.random.Generator) -> list[Part]:
     bar = parts.box(
         (thick * rng.uniform(0.6, 2.0), span, 0.6 * high), (place, 0, 0.5 * high), second, 0.0005
     )
-    found = [body, bar]
+    pieces = [body, bar]
     if rng.random() < 0.5:
         size = (thick, span * rng.uniform(0.3, 0.8), 0.5 * high)
-        found.append(parts.box(size, (-half + thick, 0, 0.5 * high), second, 0.0005))
-    return found
+        pieces.append(parts.box(size, (-half + thick, 0, 0.5 * high), second, 0.0005))
+    return pieces
 
 
 def clip_or_key(rng: np.random.Generator) -> list[Part]:
@@ -85,14 +85,14 @@ def clip_or_key(rng: np.random.Generator) -> list[Part]:
         path = np.column_stack([flat, np.full(len(flat), wire)])
         return [parts.tube(path, wire, skin, 7)]
     head, high = length * rng.uniform(0.2, 0.35), 2 * wire
-    found = [
+    pieces = [
         paint.ring(0.25 * head, 0.5 * head, 0.0, high, skin, 20),
         parts.box((length - head, 0.2 * head, high), (length / 2, 0, high / 2), skin),
     ]
     for x in rng.uniform(0.55, 0.95, 3) * (length - 0.5 * head):
         size = (0.1 * head, 0.2 * head, high)
-        found.append(parts.box(size, (x, 0.18 * head, high / 2), skin))
-    return found
+        pieces.append(parts.box(size, (x, 0.18 * head, high / 2), skin))
+    return pieces
 
 
 def scissors(rng: np.random.Generator) -> list[Part]:
@@ -100,7 +100,7 @@ def scissors(rng: np.random.Generator) -> list[Part]:
     length, high = rng.uniform(0.09, 0.22), rng.uniform(0.004, 0.01)
     angle = rng.uniform(0.06, 0.35)
     metal, skin = paint.plain(rng, colours.metal(rng)), paint.plain(rng)
-    found = []
+    pieces = []
     for number, side in enumerate((-1, 1)):
         c, s = np.cos(angle), side * np.sin(angle)
         turn = [[c, -s, 0], [s, c, 0], [0, 0, 1]]
@@ -108,20 +108,20 @@ def scissors(rng: np.random.Generator) -> list[Part]:
         blade = np.array([[-0.5, -0.04], [0.5, -0.005], [0.5, 0.01], [-0.1, 0.05]]) * length
         grip = paint.ring(0.06 * length, 0.1 * length, 0.0, high, skin, 18)
         grip = grip.moved([-0.45 * length, -side * 0.02 * length, 0])
-        found += [parts.plate(blade, low, top, metal).turned(turn), grip.turned(turn)]
-    return found
+        pieces += [parts.plate(blade, low, top, metal).turned(turn), grip.turned(turn)]
+    return pieces
 
 
 def die_or_block(rng: np.random.Generator) -> list[Part]:
     """A die, peg or small block of 1..5 cm, with knobs on top perhaps: about a toy brick."""
     size = rng.uniform(0.01, 0.05, 3) * [1, 1, 0.7]
     size[2] = max(size[2], 0.008)
-    found = [paint.slab(rng, size.tolist(), paint.look(rng), rng.uniform(0, 0.25))]
+    pieces = [paint.slab(rng, size.tolist(), paint.look(rng), rng.uniform(0, 0.25))]
     if rng.random() < 0.6:
         skin = paint.plain(rng)
         knob = 0.2 * float(size[:2].min())
         spot = parts.ellipse(knob, knob, 10)
         rise = rng.choice([0.0003, rng.uniform(0.001, 0.004)])
         for x, y in rng.choice([-0.28, 0.0, 0.28], (int(rng.integers(1, 6)), 2)):
-            found.append(paint.upon(spot + [x * size[0], y * size[1]], size[2], skin, rise))
-    return found
+            pieces.append(paint.upon(spot + [x * size[0], y * size[1]], size[2], skin, rise))
+    return pieces

@@ -24,17 +24,17 @@ def disc(rng: np.random.Generator) -> list[Part]:
     metal = rng.random() < 0.5
     skin = paint.plain(rng, colours.metal(rng)) if metal else paint.look(rng)
     disc_ = parts.ellipse(size, size, 28)
-    found = [parts.plate(disc_, 0.0, high, skin, 0.2 * high)]
+    pieces = [parts.plate(disc_, 0.0, high, skin, 0.2 * high)]
     kind = rng.integers(4)
     if kind == 0:  # holes of a button
         for x, y in ((-1, 0), (1, 0), (0, -1), (0, 1))[: int(rng.choice([2, 4]))]:
             hole = parts.ellipse(0.13 * size, 0.13 * size, 8) + np.array([x, y]) * 0.14 * size
-            found.append(paint.upon(hole, high, Look(colours.grey(0.1))))
+            pieces.append(paint.upon(hole, high, Look(colours.grey(0.1))))
     elif kind == 1:  # a rim
-        found.append(paint.ring(0.4 * size, 0.47 * size, high - 0.0003, high + 0.0004, skin))
+        pieces.append(paint.ring(0.4 * size, 0.47 * size, high - 0.0003, high + 0.0004, skin))
     elif kind == 2:  # a print
-        found.append(paint.upon(0.7 * disc_, high, paint.look(rng)))
-    return found
+        pieces.append(paint.upon(0.7 * disc_, high, paint.look(rng)))
+    return pieces
 
 
 def cup(rng: np.random.Generator) -> list[Part]:
@@ -50,18 +50,18 @@ def cup(rng: np.random.Generator) -> list[Part]:
         (foot - wall, wall),
         (0, wall),
     ]
-    found = [paint.revolved(profile, skin)]
+    pieces = [paint.revolved(profile, skin)]
     if rng.random() < 0.5:
         level = rng.uniform(0.4, 0.85)
         wide = 2 * (foot + (radius - foot) * level - wall / 2)
         drink = Look(colours.hsv(rng.uniform(0.03, 0.15), 0.7, rng.uniform(0.1, 0.6)), gloss=0.7)
-        found.append(parts.plate(parts.ellipse(wide, wide, 28), wall, level * high, drink))
+        pieces.append(parts.plate(parts.ellipse(wide, wide, 28), wall, level * high, drink))
     if rng.random() < 0.5:
         angle = np.linspace(-1.3, 1.3, 9)
         bow = np.column_stack([0.95 * radius + 0.3 * high * np.cos(angle), np.zeros(9),
                                0.55 * high + 0.3 * high * np.sin(angle)])  # fmt: skip
-        found.append(parts.tube(bow, rng.uniform(0.003, 0.005), skin, 8))
-    return found
+        pieces.append(parts.tube(bow, rng.uniform(0.003, 0.005), skin, 8))
+    return pieces
 
 
 def plate(rng: np.random.Generator) -> list[Part]:
@@ -114,12 +114,12 @@ def mouse(rng: np.random.Generator) -> list[Part]:
     levels = [(0.0, 0.96), (0.25, 1.0), (0.6, 0.92), (0.85, 0.7), (0.96, 0.4), (1.0, 0.1)]
     outline = parts.ellipse(length, width, 24)
     rings = [np.column_stack([s * outline, np.full(24, h * high)]) for h, s in levels]
-    found = [parts.loft(rings, paint.look(rng), smooth=True)]
+    pieces = [parts.loft(rings, paint.look(rng), smooth=True)]
     if rng.random() < 0.7:
         wheel = parts.lathe([[-0.003, 0.008], [0.003, 0.008]], paint.plain(rng), 12)
-        found.append(wheel.turned([[0, -1, 0], [1, 0, 0], [0, 0, 1]]).moved(
+        pieces.append(wheel.turned([[0, -1, 0], [1, 0, 0], [0, 0, 1]]).moved(
             [0.25 * length, 0, 0.88 * high - 0.003]))  # fmt: skip
-    return found
+    return pieces
 
 
 def controller(rng: np.random.Generator) -> list[Part]:
@@ -127,23 +127,23 @@ def controller(rng: np.random.Generator) -> list[Part]:
     length = rng.uniform(0.1, 0.17)
     width, high = 0.55 * length, rng.uniform(0.018, 0.035)
     skin, keys = paint.look(rng), [paint.plain(rng) for _ in range(5)]
-    found = [
+    pieces = [
         parts.plate(parts.rounded(length, 0.6 * width, 0.25 * width, 5), 0.0, high, skin, 0.006)
     ]
     for side in (-1, 1):
         grip = parts.ellipse(0.36 * length, width, 18) @ [[0.95, side * 0.3], [-side * 0.3, 0.95]]
         place = [side * 0.34 * length, -0.22 * width]
-        found.append(parts.plate(grip + place, 0.0, 0.93 * high, skin, 0.008))
+        pieces.append(parts.plate(grip + place, 0.0, 0.93 * high, skin, 0.008))
         stick = parts.ellipse(0.11 * length, 0.11 * length, 16) + [
             side * 0.15 * length,
             -0.1 * width,
         ]
-        found.append(paint.upon(stick, high, keys[0], 0.006))
+        pieces.append(paint.upon(stick, high, keys[0], 0.006))
     for number, turn in enumerate(np.arange(4) * np.pi / 2):
         spot = np.array([np.cos(turn), np.sin(turn)]) * 0.055 * length
         button = parts.ellipse(0.055 * length, 0.055 * length, 10)
         middle = spot + [0.32 * length, 0.08 * width]
-        found.append(paint.upon(button + middle, high, keys[1 + number], 0.002))
+        pieces.append(paint.upon(button + middle, high, keys[1 + number], 0.002))
         mark = parts.rectangle(0.05 * length, 0.05 * length) + spot + [-0.32 * length, 0.08 * width]
-        found.append(paint.upon(mark, high, keys[0], 0.002))
-    return found
+        pieces.append(paint.upon(mark, high, keys[0], 0.002))
+    return pieces

@@ -64,33 +64,33 @@ def plain(rng: np.random.Generator, first: Colour | None = None) -> Look:
 
 
 def repainted(
-    found: Iterable[Part], rng: np.random.Generator, share: float = 0.75, small: float = 0.2
+    pieces: Iterable[Part], rng: np.random.Generator, share: float = 0.75, small: float = 0.2
 ) -> list[Part]:
     """The same parts with other looks: a `share` of the two largest, few of the others."""
-    found = list(found)
+    pieces = list(pieces)
     areas: dict[Look, float] = {}
-    for part in found:
+    for part in pieces:
         area = np.linalg.norm(face_normals(part.vertices[part.faces]), axis=1).sum()
         areas[part.look] = areas.get(part.look, 0.0) + float(area)
     changed = {}
-    for place, old in enumerate(sorted(areas, key=lambda one: -areas[one])):
+    for place, old in enumerate(sorted(areas, key=lambda skin: -areas[skin])):
         new = look(rng) if place < 2 else plain(rng)
         changed[old] = new if rng.random() < (share if place < 2 else small) else old
-    return [replace(part, look=changed[part.look]) for part in found]
+    return [replace(part, look=changed[part.look]) for part in pieces]
 
 
-def sized(found: Iterable[Part], size: Sequence[float | None]) -> list[Part]:
+def sized(pieces: Iterable[Part], size: Sequence[float | None]) -> list[Part]:
     """The same parts stretched to a bounding box (m); None keeps the proportion along an axis."""
-    found = list(found)
-    vertices = np.concatenate([part.vertices for part in found])
+    pieces = list(pieces)
+    vertices = np.concatenate([part.vertices for part in pieces])
     extent = np.ptp(vertices, axis=0)
     factors = [
         None if to is None else to / max(e, 1e-9) for to, e in zip(size, extent, strict=True)
     ]
-    kept = [factor for factor in factors if factor is not None]
-    common = float(np.mean(kept)) if kept else 1.0
+    fixed_factors = [factor for factor in factors if factor is not None]
+    common = float(np.mean(fixed_factors)) if fixed_factors else 1.0
     matrix = np.diag([common if factor is None else factor for factor in factors])
-    return [part.turned(matrix) for part in found]
+    return [part.turned(matrix) for part in pieces]
 
 
 def revolved(profile: Sequence[Sequence[float]], skin: Look, steps: int = 28) -> Part:

@@ -20,13 +20,13 @@ def book(rng: np.random.Generator) -> list[Part]:
     paper = Look(colours.hsv(0.12, 0.12, 0.9), STRIPES, 0.0011, 0.5, np.pi / 2,
                  colours.grey(0.6))  # fmt: skip
     pages = (length - 2 * edge, width - edge - cover, height - 2 * cover)
-    found = [
+    pieces = [
         parts.box((length, width, cover), (0, 0, cover / 2), look),
         parts.box((length, width, cover), (0, 0, height - cover / 2), look),
         parts.box((length, cover, height), (0, -width / 2 + cover / 2, height / 2), look),
         parts.box(pages, (0, -edge / 2 + cover / 2, height / 2), paper),
     ]
-    return [*found, *_print(rng, length, width, height, colour)]
+    return [*pieces, *_print(rng, length, width, height, colour)]
 
 
 def _print(
@@ -37,19 +37,19 @@ def _print(
     top = height + 0.00025
     y, line = rng.uniform(-0.02, 0.02) * width, rng.uniform(0.035, 0.06) * length
     x = -0.5 * length + rng.uniform(0.1, 0.2) * length
-    found = []
+    pieces = []
     for _ in range(int(rng.integers(1, 4))):
         wide = rng.uniform(0.4, 0.78) * width
         letters = int(rng.integers(4, 9))
         for letter in range(letters):
             place = y + ((letter + 0.5) / letters - 0.5) * wide
             glyph = parts.rectangle(line * rng.uniform(0.6, 1.0), 0.6 * wide / letters)
-            found.append(parts.plate(glyph + [x, place], height - 0.0003, top, ink))
+            pieces.append(parts.plate(glyph + [x, place], height - 0.0003, top, ink))
         x += 1.5 * line
     if rng.random() < 0.7:
         picture = colours.painted(rng, colours.vivid(rng), colours.vivid(rng))
         size = rng.uniform(0.25, 0.4) * length, rng.uniform(0.4, 0.75) * width
         at = [0.48 * length - 0.62 * size[0], y]
         shape = parts.ellipse(*size, 24) if rng.random() < 0.4 else parts.rectangle(*size)
-        found.append(parts.plate(shape + at, height - 0.0003, top, picture))
-    return found
+        pieces.append(parts.plate(shape + at, height - 0.0003, top, picture))
+    return pieces

@@ -20,9 +20,11 @@ def brick(rng: np.random.Generator) -> list[Part]:
     look = Look(colours.vivid(rng), gloss=rng.uniform(0.1, 0.5))
     if rng.random() < 0.2:
         look = Look(colours.grey(rng.choice([0.2, 0.55, 0.9])), gloss=0.3)
-    found = [parts.box((across * pitch, deep * pitch, height), (0, 0, height / 2), look, 0.0004)]
+    pieces = [parts.box((across * pitch, deep * pitch, height), (0, 0, height / 2), look, 0.0004)]
     stud = parts.ellipse(0.6 * pitch, 0.6 * pitch, 14)
     for column, row in product(range(across), range(deep)):
         place = (np.array([column, row]) - [(across - 1) / 2, (deep - 1) / 2]) * pitch
-        found.append(parts.plate(stud + place, height - 0.001, height + 0.22 * pitch, look, 0.0003))
-    return found
+        pieces.append(
+            parts.plate(stud + place, height - 0.001, height + 0.22 * pitch, look, 0.0003)
+        )
+    return pieces

@@ -15,7 +15,7 @@ def coin(rng: np.random.Generator) -> list[Part]:
     inner = outer if rng.random() < 0.6 else Look(colours.metal(rng), gloss=0.5)
     sides = int(rng.choice([7, 12, 40], p=[0.1, 0.1, 0.8]))
     disc = parts.ellipse(size, size, sides)
-    found = [
+    pieces = [
         parts.plate(disc, 0.0, height, outer, bevel=0.0003),
         parts.plate(0.86 * disc, 0.0, height + 0.0001, Look(colours.shade(outer.colour, 0.75))),
         parts.plate(parts.ellipse(0.68 * size, 0.68 * size, 32), 0.0, height + 0.0002, inner),
@@ -27,9 +27,9 @@ def coin(rng: np.random.Generator) -> list[Part]:
         turn = rng.uniform(0, np.pi)
         c, s = np.cos(turn), np.sin(turn)
         mark = parts.ellipse(width, depth, 12) + rng.uniform(-0.13, 0.13, 2) * size
-        found.append(parts.plate(mark @ [[c, s], [-s, c]], height, top, relief))
+        pieces.append(parts.plate(mark @ [[c, s], [-s, c]], height, top, relief))
     for angle in np.arange(0, 2 * np.pi, rng.uniform(0.3, 0.8)):
         dot = parts.ellipse(0.04 * size, 0.04 * size, 6)
         place = 0.39 * size * np.array([np.cos(angle), np.sin(angle)])
-        found.append(parts.plate(dot + place, height, top, outer))
-    return found
+        pieces.append(parts.plate(dot + place, height, top, outer))
+    return pieces

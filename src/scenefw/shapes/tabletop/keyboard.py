@@ -36,18 +36,18 @@ def keyboard(rng: np.random.Generator) -> list[Part]:
     look = colours.device(rng, body)
     radius = rng.uniform(0.003, 0.012)
     bevel = min(rng.uniform(0.001, 0.004), 0.4 * height)
-    found = [parts.plate(parts.rounded(*size, radius), 0.0, height, look, bevel)]
+    pieces = [parts.plate(parts.rounded(*size, radius), 0.0, height, look, bevel)]
     left, low = -size[0] / 2 + margin, -size[1] / 2 + margin + shelf
     tops = Keys(rng, pitch, height, body)
-    found += tops.main(left, low, rows)
+    pieces += tops.main(left, low, rows)
     if blocks >= 1:
-        found += tops.arrows(left + 15.2 * pitch, low, rows)
+        pieces += tops.arrows(left + 15.2 * pitch, low, rows)
     if blocks == 2:
-        found += tops.numbers(left + 18.6 * pitch, low)
+        pieces += tops.numbers(left + 18.6 * pitch, low)
     if brow:
-        found += _lamps(rng, size, height, brow + margin)
+        pieces += _lamps(rng, size, height, brow + margin)
     slope = np.tan(np.deg2rad(rng.uniform(0, 6)))
-    return [_tilted(part, slope, -size[1] / 2) for part in found]
+    return [_tilted(part, slope, -size[1] / 2) for part in pieces]
 
 
 class Keys:
@@ -59,14 +59,14 @@ class Keys:
         self.pitch, self.height = pitch, height
         cap = body if rng.random() < 0.3 else colours.plastic(rng)
         self.letters = Look(cap, gloss=rng.uniform(0, 0.25))
-        self.others = self.letters
+        self.modifiers = self.letters
         if rng.random() < 0.4:
-            self.others = Look(colours.shade(cap, rng.choice([0.5, 1.7])), gloss=0.1)
+            self.modifiers = Look(colours.shade(cap, rng.choice([0.5, 1.7])), gloss=0.1)
         self.ink = Look(colours.contrast(cap, rng))
         self.rise = rng.choice([rng.uniform(0.0015, 0.003), rng.uniform(0.004, 0.008)])
         self.gap = rng.uniform(0.0015, 0.0035)
         self.taper = min(0.0025, 0.4 * self.rise)
-        self.accent = Look(colours.vivid(rng)) if rng.random() < 0.25 else self.others
+        self.accent = Look(colours.vivid(rng)) if rng.random() < 0.25 else self.modifiers
 
     def main(self, left: float, low: float, rows: int) -> Iterator[Part]:
         """The letters, space bar and function keys."""
@@ -74,7 +74,7 @@ class Keys:
             x = left
             for number, width in enumerate(widths):
                 letter = width == 1.0
-                look = self.letters if letter or width > 5 else self.others
+                look = self.letters if letter or width > 5 else self.modifiers
                 if (row, number) in ((rows - 1, 0), (2, len(widths) - 1)):  # escape and return
                     look = self.accent
                 yield from self._key(x, low + row * self.pitch, width, look, marked=width < 5)
@@ -96,7 +96,7 @@ class Keys:
 
     def _place(self, left: float, low: float, column: int, row: int) -> Iterator[Part]:
         x, y = left + column * self.pitch, low + row * self.pitch
-        yield from self._key(x, y, 1.0, self.others, marked=True)
+        yield from self._key(x, y, 1.0, self.modifiers, marked=True)
 
     def _key(self, x: float, y: float, width: float, look: Look, *, marked: bool) -> Iterator[Part]:
         size = (width * self.pitch - self.gap, self.pitch - self.gap)

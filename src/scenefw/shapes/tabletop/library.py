@@ -97,8 +97,8 @@ def _known_split(split: str) -> str:
 
 def _class_names(classes: str | Sequence[str]) -> tuple[str, ...]:
     names = SETS.get(classes, (classes,)) if isinstance(classes, str) else tuple(classes)
-    missing = [name for name in names[1:] if name not in FAMILIES]
-    if not names or names[0] != "surface" or len(names) < 2 or missing:
+    unknown_names = [name for name in names[1:] if name not in FAMILIES]
+    if not names or names[0] != "surface" or len(names) < 2 or unknown_names:
         raise ConfigError(
             f"classes {classes!r} are unknown; give {' or '.join(SETS)}, or surface and some of "
             f"{', '.join(FAMILIES)}"

@@ -37,11 +37,11 @@ class _Plane:
 
     def parts(self) -> list[Part]:
         """All of the plane."""
-        found = [self._fuselage(), *self._cockpit(), *self._tail()]
-        found += getattr(self, f"_{self.kind}")()
+        pieces = [self._fuselage(), *self._cockpit(), *self._tail()]
+        pieces += getattr(self, f"_{self.kind}")()
         if self.kind != "jet" and self.rng.random() < 0.6:
-            found += self._wheels()
-        return found
+            pieces += self._wheels()
+        return pieces
 
     def _fuselage(self) -> Part:
         nose = {"airliner": 0.12, "propeller": 0.10, "biplane": 0.08, "jet": 0.35}[self.kind]
@@ -65,10 +65,10 @@ class _Plane:
         bulge = np.sqrt(np.clip(1 - t**2, 0.01, 1)) * self.radius * 0.62
         glass = parts.lathe(np.column_stack([t * size * self.length, bulge]), self.glass, 10)
         height = 0.42 if self.kind == "airliner" else 0.62
-        found = [glass.moved([place * self.length, 0, height * self.radius])]
+        pieces = [glass.moved([place * self.length, 0, height * self.radius])]
         if self.kind == "airliner":
-            found += self._windows()
-        return found
+            pieces += self._windows()
+        return pieces
 
     def _windows(self) -> list[Part]:
         size, r = 0.022 * self.length, self.radius
@@ -88,38 +88,38 @@ class _Plane:
         lift = 0.3 * r
         span = self.length * self.rng.uniform(0.14, 0.2)
         plane = _wing(span, chord, 0.55 * chord, sweep, 0.05 * span, self.wings)
-        both = [plane, plane.turned(np.diag([1, -1, 1]))]
-        found = [wing.moved([end + chord, 0, lift]) for wing in both]
+        tailplanes = [plane, plane.turned(np.diag([1, -1, 1]))]
+        pieces = [wing.moved([end + chord, 0, lift]) for wing in tailplanes]
         fin = _wing(high, chord, 0.5 * chord, sweep, 0.0, self.accent)
         upright = fin.turned([[1, 0, 0], [0, 0, 1], [0, 1, 0]])
         sides = (-0.6 * r, 0.6 * r) if self.kind == "jet" and self.rng.random() < 0.6 else (0.0,)
-        return [*found, *(upright.moved([end + chord, y, 0.3 * r]) for y in sides)]
+        return [*pieces, *(upright.moved([end + chord, y, 0.3 * r]) for y in sides)]
 
     def _main(
         self, span: float, chord: float, tip: float, sweep: float, up: float, place: Array
     ) -> list[Part]:
         wing = _wing(span, chord, tip, sweep, up, self.wings)
-        found = [wing, wing.turned(np.diag([1, -1, 1]))]
+        pieces = [wing, wing.turned(np.diag([1, -1, 1]))]
         if self.rng.random() < 0.5:  # tips of another colour
             low = np.array([-sweep * 0.82, span * 0.82, up * 0.82])
             cap = _wing(0.18 * span, chord + 0.82 * (tip - chord), tip, 0.18 * sweep, 0.18 * up,
                         self.accent, 1.25).moved(low)  # fmt: skip
-            found += [cap, cap.turned(np.diag([1, -1, 1]))]
-        return [part.moved(place) for part in found]
+            pieces += [cap, cap.turned(np.diag([1, -1, 1]))]
+        return [part.moved(place) for part in pieces]
 
     def _airliner(self) -> list[Part]:
         long, r, rng = self.length, self.radius, self.rng
         span, chord = long * rng.uniform(0.42, 0.52), long * rng.uniform(0.16, 0.21)
         sweep = span * rng.uniform(0.4, 0.6)
         place = np.array([0.14 * long, 0, -0.45 * r])
-        found = self._main(span, chord, 0.3 * chord, sweep, 0.08 * span, place)
+        pieces = self._main(span, chord, 0.3 * chord, sweep, 0.08 * span, place)
         engine = np.array([[-0.05, 0.6], [-0.02, 0.95], [0.03, 1.0], [0.05, 0.8]])
         engine *= [long, 0.4 * r]
         nacelle = parts.lathe(engine, self.accent, 10)
         for share in (0.35, 0.62)[: int(rng.integers(1, 3))]:
             at = place + [0.03 * long - share * sweep, share * span, share * 0.08 * span - 0.45 * r]
-            found += [nacelle.moved(at), nacelle.moved(at * [1, -1, 1])]
-        return found
+            pieces += [nacelle.moved(at), nacelle.moved(at * [1, -1, 1])]
+        return pieces
 
     def _propeller(self) -> list[Part]:
         long, r, rng = self.length, self.radius, self.rng
@@ -134,33 +134,36 @@ class _Plane:
     def _biplane(self) -> list[Part]:
         long, r, rng = self.length, self.radius, self.rng
         span, chord = long * rng.uniform(0.45, 0.58), long * rng.uniform(0.16, 0.2)
-        found = []
+        pieces = []
         low, high = -0.7 * r, 1.9 * r
         for height, shift in ((low, 0.0), (high, 0.03)):
             place = np.array([(0.22 + shift) * long, 0, height])
-            found += self._main(span, chord, 0.9 * chord, 0.0, 0.0, place)
+            pieces += self._main(span, chord, 0.9 * chord, 0.0, 0.0, place)
         for side in (-0.7, 0.7, -0.12, 0.12):
-            for back in (0.18, 0.1):
-                path = [[back * long, side * span, low], [(back + 0.03) * long, side * span, high]]
-                found.append(parts.tube(path, 0.006 * long, self.dark, 6))
-        return [*found, *self._airscrew()]
+            for offset in (0.18, 0.1):
+                path = [
+                    [offset * long, side * span, low],
+                    [(offset + 0.03) * long, side * span, high],
+                ]
+                pieces.append(parts.tube(path, 0.006 * long, self.dark, 6))
+        return [*pieces, *self._airscrew()]
 
     def _jet(self) -> list[Part]:
         long, r, rng = self.length, self.radius, self.rng
         span, chord = long * rng.uniform(0.26, 0.36), long * rng.uniform(0.36, 0.5)
         place = np.array([0.12 * long, 0, -0.1 * r])
-        found = self._main(span, chord, 0.22 * chord, 0.62 * chord, 0.0, place)
+        pieces = self._main(span, chord, 0.22 * chord, 0.62 * chord, 0.0, place)
         for side in (-1, 1):
             size = (0.3 * long, 0.9 * r, 1.1 * r)
-            found.append(
+            pieces.append(
                 parts.box(size, (0.03 * long, side * 0.95 * r, -0.2 * r), self.body, 0.3 * r)
             )
-        return found
+        return pieces
 
     def _airscrew(self) -> list[Part]:
         long, r = self.length, self.radius
         tip = np.array([[0.46, 0.3], [0.5, 0.28], [0.53, 0.04]]) * [long, r / 0.9]
-        found = [parts.lathe(tip, self.accent, 10)]
+        pieces = [parts.lathe(tip, self.accent, 10)]
         turn = self.rng.uniform(0.2, np.pi - 0.2)
         blades = int(self.rng.integers(2, 4))
         for angle in turn + np.arange(blades) * 2 * np.pi / blades:
@@ -169,21 +172,21 @@ class _Plane:
             )
             c, s = np.cos(angle), np.sin(angle)
             blade = blade.turned([[1, 0, 0], [0, c, -s], [0, s, c]])
-            found.append(blade)
-        return found
+            pieces.append(blade)
+        return pieces
 
     def _wheels(self) -> list[Part]:
         long, r = self.length, self.radius
         size = 0.35 * r
         wheel = parts.lathe([[-0.2 * size, size], [0.2 * size, size]], self.dark, 12)
         wheel = wheel.turned([[0, 1, 0], [1, 0, 0], [0, 0, 1]])
-        found = []
+        pieces = []
         for x, y in ((0.3, 0.0), (0.02, 1.0), (0.02, -1.0)):
             at = np.array([x * long, y * 1.1 * r, -1.35 * r])
-            found.append(wheel.moved(at))
+            pieces.append(wheel.moved(at))
             up = np.array([at, [at[0], 0.5 * at[1], 0.0]])
-            found.append(parts.tube(up, 0.006 * long, self.dark, 6))
-        return found
+            pieces.append(parts.tube(up, 0.006 * long, self.dark, 6))
+        return pieces
 
 
 def _wing(

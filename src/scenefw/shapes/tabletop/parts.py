@@ -116,9 +116,9 @@ def tube(path: ArrayLike, radius: float, look: Look, sides: int = 8) -> Part:
     for point, ahead in zip(path, along, strict=True):
         frame = frame - ahead * (frame @ ahead)  # carried along without twisting
         frame /= np.linalg.norm(frame)
-        other = np.cross(ahead, frame)
+        binormal = np.cross(ahead, frame)
         rings.append(
-            point + radius * (np.cos(turn)[:, None] * frame + np.sin(turn)[:, None] * other)
+            point + radius * (np.cos(turn)[:, None] * frame + np.sin(turn)[:, None] * binormal)
         )
     return loft(rings, look, smooth=True)
 
@@ -209,5 +209,5 @@ def _fan(ring: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _perpendicular(direction: Array) -> Array:
-    other = np.eye(3)[np.argmin(np.abs(direction))]
-    return np.cross(direction, other)
+    axis = np.eye(3)[np.argmin(np.abs(direction))]
+    return np.cross(direction, axis)

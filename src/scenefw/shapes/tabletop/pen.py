@@ -13,12 +13,12 @@ def pen(rng: np.random.Generator) -> list[Part]:
     length, radius = rng.uniform(0.12, 0.17), rng.uniform(0.0035, 0.0065)
     colour = colours.vivid(rng) if rng.random() < 0.6 else colours.plastic(rng)
     body = colours.painted(rng, colour, colours.contrast(colour, rng))
-    found = _pencil(length, radius, body) if rng.random() < 0.3 else _ballpoint(
+    pieces = _pencil(length, radius, body) if rng.random() < 0.3 else _ballpoint(
         rng, length, radius, body
     )  # fmt: skip
     turn = rng.uniform(0, 2 * np.pi)
     c, s = np.cos(turn), np.sin(turn)
-    return [part.turned([[1, 0, 0], [0, c, -s], [0, s, c]]) for part in found]
+    return [part.turned([[1, 0, 0], [0, c, -s], [0, s, c]]) for part in pieces]
 
 
 def _pencil(length: float, radius: float, body: Look) -> list[Part]:
@@ -41,7 +41,7 @@ def _ballpoint(rng: np.random.Generator, length: float, radius: float, body: Loo
     accent = Look(colours.plastic(rng) if rng.random() < 0.5 else colours.vivid(rng), gloss=0.3)
     metal = Look(colours.metal(rng), gloss=0.7)
     wide = radius * rng.uniform(1.02, 1.2)
-    found = [
+    pieces = [
         parts.lathe([[split, radius], [half - tip, 0.92 * radius]], body, 16),
         parts.lathe([[-half + 0.004, wide], [split, wide]], accent, 16),
         parts.lathe([[half - tip, 0.9 * radius], [half - 0.003, 0.3 * radius]], metal, 12),
@@ -51,4 +51,4 @@ def _ballpoint(rng: np.random.Generator, length: float, radius: float, body: Loo
     long = rng.uniform(0.03, 0.045)
     clip = parts.box((long, 0.003, 0.0012), (-half + 0.005 + long / 2, 0, wide + 0.0012), metal)
     foot = parts.box((0.004, 0.003, 0.002), (-half + 0.007, 0, wide + 0.0003), metal)
-    return [*found, clip, foot]
+    return [*pieces, clip, foot]

@@ -32,14 +32,14 @@ def _case(
     outline = parts.rounded(length, width, radius, 5)
     waist = rng.uniform(0.0, 0.15) * rng.integers(0, 2)  # narrower in the middle, held there
     outline[:, 1] *= 1 - waist * np.cos(np.pi * outline[:, 0] / length) ** 2
-    found = [parts.plate(outline, 0.0, height, look, bevel=rng.uniform(0.001, 0.004))]
+    pieces = [parts.plate(outline, 0.0, height, look, bevel=rng.uniform(0.001, 0.004))]
     if rng.random() < 0.5:  # a front plate of another colour
         face = Look(colours.shade(look.colour, rng.choice([0.5, 1.6])), gloss=0.3)
         inner = parts.shrunk(outline, 0.0045)
-        found.append(parts.plate(inner, height - 0.002, height + 0.0003, face))
+        pieces.append(parts.plate(inner, height - 0.002, height + 0.0003, face))
     nose = Look(colours.hsv(0.0, 0.5, 0.12), gloss=0.6)
-    found.append(parts.box((0.002, width * 0.4, height * 0.4), (length / 2, 0, height / 2), nose))
-    return found
+    pieces.append(parts.box((0.002, width * 0.4, height * 0.4), (length / 2, 0, height / 2), nose))
+    return pieces
 
 
 class _Panel:
@@ -62,7 +62,7 @@ class _Panel:
         self.row = self.pitch * rng.uniform(0.7, 1.0)
         self.round = bool(rng.random() < 0.4)
         self.rise = rng.uniform(0.001, 0.003)
-        self.used = start
+        self.offset = start
 
     def parts(self) -> Iterator[Part]:
         """All buttons."""
@@ -71,16 +71,16 @@ class _Panel:
         yield from self._power()
         for number in self.rng.permutation(len(groups)):
             group = groups[number]
-            if self.used < end - self.pitch:
+            if self.offset < end - self.pitch:
                 yield from (part for part in group() if self._fits(part))
-        while self.used < end - self.row:
+        while self.offset < end - self.row:
             yield from (part for part in self._buttons(1) if self._fits(part))
 
     def _fits(self, part: Part) -> bool:
         return bool(part.vertices[:, 0].min() > 0.005 - self.half)
 
     def _x(self) -> float:
-        return self.half - self.used
+        return self.half - self.offset
 
     def _button(
         self, x: float, y: float, width: float, depth: float, look: Look, rise: float = 0.0
@@ -101,33 +101,33 @@ class _Panel:
         side = self.rng.choice([-1, 1]) * (self.room / 2 - self.pitch / 2)
         size = 0.75 * min(self.pitch, 0.012)
         yield self._button(self._x(), side, size, size, red)
-        self.used += self.row
+        self.offset += self.row
 
     def _buttons(self, rows: int) -> Iterator[Part]:
         for _ in range(rows):
-            self.used += self.row / 2
+            self.offset += self.row / 2
             for column in range(self.columns):
                 y = (column - (self.columns - 1) / 2) * self.pitch
                 wide, deep = 0.62 * self.row, 0.7 * self.pitch
                 yield self._button(self._x(), y, wide, deep, self.keys)
                 yield self._mark(self._x(), y, 0.3 * wide, 0.3 * deep)
-            self.used += self.row / 2
+            self.offset += self.row / 2
 
     def _numbers(self) -> Iterator[Part]:
         yield from self._buttons(4)
-        self.used += 0.004
+        self.offset += 0.004
 
     def _colours(self) -> Iterator[Part]:
-        self.used += 0.5 * self.row
+        self.offset += 0.5 * self.row
         for place, hue in enumerate((0.0, 0.35, 0.15, 0.62)):
             look = Look(colours.hsv(hue, 0.85, 0.75), gloss=0.2)
             y = (place - 1.5) * self.room / 4
             yield self._button(self._x(), y, 0.4 * self.row, 0.7 * self.room / 4, look)
-        self.used += 0.6 * self.row
+        self.offset += 0.6 * self.row
 
     def _arrows(self) -> Iterator[Part]:
         size = min(self.room, 0.038) * self.rng.uniform(0.75, 0.98)
-        self.used += size / 2 + 0.002
+        self.offset += size / 2 + 0.002
         x, top = self._x(), self.height + self.rise
         ring = parts.ellipse(size, size, 24) + [x, 0]
         yield parts.plate(ring, self.height - 0.001, top, self.keys, bevel=0.0006)
@@ -136,15 +136,15 @@ class _Panel:
         for turn in np.arange(4) * np.pi / 2:
             place = 0.36 * size * np.array([np.cos(turn), np.sin(turn)])
             yield self._mark(x + place[0], place[1], 0.08 * size, 0.08 * size)
-        self.used += size / 2 + 0.004
+        self.offset += size / 2 + 0.004
 
     def _rockers(self) -> Iterator[Part]:
         long = 0.02 * self.rng.uniform(0.8, 1.3)
-        self.used += long / 2 + 0.002
+        self.offset += long / 2 + 0.002
         for side in (-1, 1):
             y = side * (self.room / 2 - self.pitch / 2)
             yield self._button(self._x(), y, long, 0.6 * self.pitch, self.keys, 1.4 * self.rise)
             for end in (-1, 1):
                 x = self._x() + end * 0.3 * long
                 yield self._mark(x, y, 0.12 * long, 0.12 * long, 1.4 * self.rise)
-        self.used += long / 2 + 0.003
+        self.offset += long / 2 + 0.003

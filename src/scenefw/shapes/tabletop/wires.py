@@ -15,10 +15,10 @@ def cable(rng: np.random.Generator) -> list[Part]:
     look = colours.device(rng, colours.plastic(rng))
     path = _coil(rng, radius) if rng.random() < 0.45 else _snake(rng)
     path = np.column_stack([path, np.full(len(path), radius)])
-    found = [parts.tube(path, radius, look, 10)]
+    pieces = [parts.tube(path, radius, look, 10)]
     for end, before in ((path[0], path[2]), (path[-1], path[-3])):
-        found += _plug(rng, end, end - before, radius)
-    return found
+        pieces += _plug(rng, end, end - before, radius)
+    return pieces
 
 
 def _snake(rng: np.random.Generator) -> Array:

@@ -40,8 +40,8 @@ class Truth:
     grid = GRID
     logit = 20.0
 
-    def decompose(self, seen):
-        instances = seen.batch.instances
+    def decompose(self, scene):
+        instances = scene.batch.instances
         found = of_instances(instances[0])
         ids = np.unique(instances[instances > 0])
         inside = instances == torch.from_numpy(ids)[:, None, None, None]
@@ -114,8 +114,8 @@ def test_the_cross_entropy_of_a_constant_is_that_of_its_share(tmp_path):
 class AllButFirst(Truth):
     """The truth without its first object."""
 
-    def decompose(self, seen):
-        found = super().decompose(seen)
+    def decompose(self, scene):
+        found = super().decompose(scene)
         return FoundSet(found.objects[1:], np.maximum(found.labels - 1, 0))
 
 

@@ -47,7 +47,7 @@ def evaluation(**settings):
 @pytest.mark.skipif(not shipped_scenes().exists(), reason="no shipped data set")
 def test_objects_are_as_sure_as_samples_are_alike(tmp_path):
     result = evaluation().run()
-    assert result.said.tolist() == pytest.approx([1.0, 0.5] * 2)
+    assert result.agreement.tolist() == pytest.approx([1.0, 0.5] * 2)
     assert len(set(result.scenes.tolist())) == 2
     (tmp_path / "config.yaml").write_text("a: 1\n")
     (tmp_path / "run.json").write_text("{}")

@@ -70,8 +70,8 @@ def test_further_samples_follow_the_first(scenes):
         return Examples(*parts, count=1, samples=samples).make()[0]
 
     one, three = make(1), make(3)
-    assert one.others == ()
+    assert one.further_samples == ()
     assert np.array_equal(one.tsdf, three.tsdf)
-    for i, (tsdf, instances) in enumerate(three.others, start=1):
+    for i, (tsdf, instances) in enumerate(three.further_samples, start=1):
         np.testing.assert_allclose(tsdf, one.tsdf + 0.01 * i, atol=1e-6)
         assert ((instances > 0) == (tsdf < 0)).all()

@@ -68,7 +68,7 @@ def test_codes_that_say_the_height_vary_as_it_does():
     one = evaluation(3)
     scores = one.score(0)
     seen = one.see(0)
-    drawn = [int((scene.tsdf[0, 7, 7] < 0).sum()) for scene in one.drawn(seen, 1)[1:]]
+    drawn = [int((scene.tsdf[0, 7, 7] < 0).sum()) for scene in one.completions(seen, 1)[1:]]
     pairs = [(a, b) for i, a in enumerate(drawn) for b in drawn[i + 1 :]]
     expected = np.mean([1 - min(pair) / max(pair) for pair in pairs])
     assert scores.variety[1]["among"] == pytest.approx(expected)

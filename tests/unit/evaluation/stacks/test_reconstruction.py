@@ -261,7 +261,7 @@ def test_objects_by_the_pixels_that_show_them(result):
         mean = sum(one.count * one.iou[method] for one in bins) / len(objects)
         right = method == "oracle"
         assert mean > 0.95 if right else mean == 0
-        assert all(one.found[method] == float(right) for one in bins)
+        assert all(one.recall[method] == float(right) for one in bins)
     assert bins[-1].low == 100
     assert bins[-1].count > 0.5 * len(objects)
     assert all(sum(view.pixels) < 160 * 120 for view in result.views)
