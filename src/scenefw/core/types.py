@@ -5,6 +5,7 @@ Batches of torch tensors are in `core.batches`.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
@@ -136,9 +137,8 @@ class GridSpec:
         return (self.resolution,) * 3
 
     def centres(self) -> Float64:
-        """World coordinates of all voxel centres, (X, Y, Z, 3)."""
-        axes = [low + (np.arange(self.resolution) + 0.5) * self.voxel_size for low in self.lower]
-        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        """World coordinates of all voxel centres, (X, Y, Z, 3); they can't be written to."""
+        return _centres(self)
 
     def to_voxels(self, points: Float64) -> Float64:
         """Continuous voxel coordinates (..., 3): 0 is the centre of the first voxel."""
@@ -164,6 +164,14 @@ class GridSpec:
     def to_world(self, voxels: Float64) -> Float64:
         """World coordinates (..., 3) of continuous voxel coordinates."""
         return (np.asarray(voxels) + 0.5) * self.voxel_size + self.lower
+
+
+@functools.lru_cache(maxsize=4)
+def _centres(grid: GridSpec) -> Float64:
+    axes = [low + (np.arange(grid.resolution) + 0.5) * grid.voxel_size for low in grid.lower]
+    centres: Float64 = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    centres.flags.writeable = False
+    return centres
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import binary_erosion, maximum_filter
+from scipy.ndimage import binary_erosion, find_objects, maximum_filter
 from scipy.spatial import cKDTree
 
 from scenefw.core.evidence import Evidence
@@ -14,6 +14,8 @@ from scenefw.perception.evidence.silhouettes import passed_places
 from scenefw.perception.observation.pixels import WIDTH
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from scenefw.core.types import Float64, GridSpec, Int32
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from scenefw.perception.steps import Objects
 
     Mask = NDArray[np.bool_]
+    Box = tuple[slice, ...]
 
 _BELOW = 0.006  # m: of points under the floor
 _LEFT = 0.25  # of an object's pixels: if borders take more, all count
@@ -70,64 +73,97 @@ class EvidenceOfView:
 
     def of(self, label: int, objects: Objects, view: ViewGeometry) -> Evidence:
         """The evidence about the object with this label; it may have no points."""
-        seen = _thinned(view.points[self._inner(label, objects.pixels, view)], self.seen)
-        hidden = _thinned(self._hidden(label, objects, view, seen), self.hidden)
-        points = np.concatenate([seen, hidden])
-        sigmas = np.repeat([self.seen_sigma, self.hidden_sigma], [len(seen), len(hidden)])
+        return self.of_each([label], objects, view)[0]
+
+    def of_each(
+        self, labels: Sequence[int], objects: Objects, view: ViewGeometry
+    ) -> list[Evidence]:
+        """The evidence about objects with these labels."""
+        masks = objects.pixels
+        boxes = find_objects(masks)
+        shown = masks > 0 if view.mixed is None else (masks > 0) & ~view.mixed
+        surface = view.points[shown], masks[shown]
+        return [
+            self._evidence(
+                label, boxes[label - 1] if label <= len(boxes) else None, surface, objects, view
+            )
+            for label in labels
+        ]
+
+    def _evidence(
+        self,
+        label: int,
+        box: Box | None,
+        surface: tuple[Float64, Int32],
+        objects: Objects,
+        view: ViewGeometry,
+    ) -> Evidence:
+        """Of an object whose pixels lie in a box; `surface` are all points with their labels."""
+        visible = np.empty((0, 3)) if box is None else self._visible(label, box, objects, view)
+        visible = _thinned(visible, self.seen)
+        hidden = _thinned(self._hidden(label, objects, view, visible), self.hidden)
+        points = np.concatenate([visible, hidden])
+        sigmas = np.repeat([self.seen_sigma, self.hidden_sigma], [len(visible), len(hidden)])
         outside = np.empty((0, 3))
         if len(points):
-            outside = self._outside(label, objects.pixels, view, points)
+            outside = self._outside(label, surface, objects, view, points)
         return Evidence(points, sigmas, outside, np.full(len(outside), self.outside_sigma))
 
-    def _inner(self, label: int, masks: Int32, view: ViewGeometry) -> Mask:
-        """Pixels that show the object, but for mixed ones and those at borders if enough remain."""
-        own: Mask = masks == label
-        if not own.any():
-            return own
+    def _visible(self, label: int, box: Box, objects: Objects, view: ViewGeometry) -> Float64:
+        """Points of the object, but for mixed pixels and those at borders if enough remain."""
+        reach = round(self.border * objects.pixels.shape[1] / WIDTH)
+        box = tuple(slice(max(side.start - reach, 0), side.stop + reach) for side in box)
+        masks, points = objects.pixels[box], view.points[box]
+        inside: Mask = masks == label
         if view.mixed is not None:
-            sure = own & ~view.mixed
-            own = sure if sure.sum() >= _LEFT * own.sum() else own
-        reach = round(self.border * own.shape[1] / WIDTH)
-        if reach == 0:
-            return own
-        box = tuple(slice(max(k - reach, 0), m + reach + 1) for k, m in _ends(own))
-        others = (masks[box] > 0) & (masks[box] != label)
-        inner = own.copy()
-        inner[box] &= ~maximum_filter(others, 2 * reach + 1)
-        return inner if inner.sum() >= _LEFT * own.sum() else own
+            sure = inside & ~view.mixed[box]
+            inside = sure if sure.sum() >= _LEFT * inside.sum() else inside
+        if reach:
+            neighbours = maximum_filter((masks > 0) & (masks != label), 2 * reach + 1)
+            inner = inside & ~neighbours
+            inside = inner if inner.sum() >= _LEFT * inside.sum() else inside
+        return points[inside]
 
-    def _hidden(self, label: int, objects: Objects, view: ViewGeometry, seen: Float64) -> Float64:
-        """Points of the predicted surface that are away from all that is seen of the object."""
+    def _hidden(
+        self, label: int, objects: Objects, view: ViewGeometry, visible: Float64
+    ) -> Float64:
+        """Points of the rough surface that are away from all that is visible of the object."""
         if objects.instances is None or objects.tsdf is None:
             return np.empty((0, 3))
-        own = objects.instances == label
-        if not own.any():
+        inside = objects.instances == label
+        if not inside.any():
             return np.empty((0, 3))
-        box = _room_about(own)
-        own, tsdf = own[box], objects.tsdf[box]
-        places = np.nonzero(own & ~binary_erosion(own))
+        box = _room_about(inside)
+        inside, tsdf = inside[box], objects.tsdf[box]
+        places = np.nonzero(inside & ~binary_erosion(inside))
         slope = np.stack(list(np.gradient(tsdf)), axis=-1)[places]
         slope /= np.maximum(np.linalg.norm(slope, axis=1, keepdims=True), 1e-9)
         points = view.grid.centres()[box][places] - tsdf[places][:, None] * slope
-        if not len(seen) or not len(points):
+        if not len(visible) or not len(points):
             return np.asarray(points, dtype=np.float64)
-        return points[cKDTree(seen).query(points)[0] > 2 * view.grid.voxel_size]
+        return points[cKDTree(visible).query(points)[0] > 2 * view.grid.voxel_size]
 
-    def _outside(self, label: int, masks: Int32, view: ViewGeometry, points: Float64) -> Float64:
+    def _outside(
+        self,
+        label: int,
+        surface: tuple[Float64, Int32],
+        objects: Objects,
+        view: ViewGeometry,
+        points: Float64,
+    ) -> Float64:
         room = 4 * view.grid.voxel_size
         low, high = points.min(axis=0) - room, points.max(axis=0) + room
         box = _box(view.grid, low, high)
         centres, empty = view.grid.centres()[box], view.free[box]
-        shown = (masks > 0) & (masks != label)
-        others = view.points[shown if view.mixed is None else shown & ~view.mixed]
+        places, labels = surface
         free = _thinned(_within(centres[empty], low, high), self.outside)
-        beside = _thinned(_within(others, low, high), self.outside)
+        neighbours = _within(places[labels != label], low, high)
         x, y = np.meshgrid(*np.linspace(low[:2], high[:2], 10).T)
         below = np.stack([x, y, np.full_like(x, -_BELOW)], axis=-1).reshape(-1, 3)
         passed = np.empty((0, 3))
-        if view.eye is not None:
-            passed = passed_places(masks == label, view.points, view.eye, self.beside)
-        return np.concatenate([free, beside, below, passed])
+        if view.eye is not None and self.beside:
+            passed = passed_places(objects.pixels == label, view.points, view.eye, self.beside)
+        return np.concatenate([free, _thinned(neighbours, self.outside), below, passed])
 
 
 def _thinned(points: Float64, most: int) -> Float64:

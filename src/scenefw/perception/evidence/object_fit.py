@@ -68,11 +68,9 @@ class ObjectFit:
         volumes = np.zeros(0, np.int32) if objects.instances is None else objects.instances
         in_volume = np.unique(volumes[volumes > 0])
         labels = np.union1d(in_volume, masks[masks > 0]).astype(int).tolist()
-        evidence = {
-            label: self.evidence.of(label, objects, view)
-            for label in labels
-            if label in in_volume or self._stands(label, objects, view)
-        }
+        labels = [k for k in labels if k in in_volume or self._stands(k, objects, view)]
+        each = self.evidence.of_each(labels, objects, view)
+        evidence = dict(zip(labels, each, strict=True))
         sigma = self.evidence.seen_sigma
         return {k: e for k, e in evidence.items() if (e.sigmas == sigma).sum() >= self.min_points}
 

@@ -9,9 +9,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from scenefw.core.errors import ConfigError
-from scenefw.fitting.placed import OUTLIERS, robust_deviation, signed_distance
+from scenefw.fitting.placed import OUTLIERS, signed_distance
 from scenefw.perception.segmentation.regions import hiding
-from scenefw.perception.steps import Objects
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -19,9 +18,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from scenefw.core.evidence import Evidence, FittedSuperquadric
-    from scenefw.core.protocols import ShapeFit
     from scenefw.core.types import Float32, Float64, Int32
-    from scenefw.perception.evidence.gathering import EvidenceOfView
+    from scenefw.perception.grouping.segment_fits import SegmentFits
     from scenefw.perception.observation.observation import ViewGeometry
 
     Group = frozenset[int]
@@ -41,8 +39,7 @@ class GroupedByEvidence:
     that is explained best is joined first.
 
     Args:
-        fit: of superquadrics, each by itself.
-        evidence: what a view says about an object.
+        fits: of superquadrics to segments.
         tolerance: how much more squared deviation, robust, of any part's points than with a
             superquadric of its own, plus that of the places outside, is still one object.
         least: parts of fewer pixels stay alone.
@@ -53,8 +50,7 @@ class GroupedByEvidence:
 
     def __init__(
         self,
-        fit: ShapeFit,
-        evidence: EvidenceOfView,
+        fits: SegmentFits,
         tolerance: float = 0.3,
         least: int = 30,
     ) -> None:
@@ -63,7 +59,7 @@ class GroupedByEvidence:
                 f"tolerance is {tolerance} and least {least}; expected a positive number and at "
                 "least 4 pixels"
             )
-        self.fit, self.evidence, self.tolerance, self.least = fit, evidence, tolerance, least
+        self.fits, self.tolerance, self.least = fits, tolerance, least
 
     def merge(self, parts: Int32, view: ViewGeometry, depth: Float32) -> Int32:
         """Objects (H, W), 0 = none, of parts (H, W) of a depth image (H, W; m)."""
@@ -95,9 +91,8 @@ class GroupedByEvidence:
         self, groups: Iterable[Group], parts: Int32, view: ViewGeometry
     ) -> dict[Group, tuple[FittedSuperquadric, Evidence]]:
         """One superquadric for each group, and what it is fitted to."""
-        evidence = {group: self._evidence(group, parts, view) for group in groups}
-        fitted = self.fit.fit(list(evidence.values()))
-        return dict(zip(evidence, zip(fitted, evidence.values(), strict=True), strict=True))
+        each = list(groups)
+        return dict(zip(each, self.fits.of_groups(each, parts, view), strict=True))
 
     def _costs(
         self,
@@ -114,15 +109,10 @@ class GroupedByEvidence:
             found[group] = max(*worse, 0.0) + _inside(fitted, evidence)
         return found
 
-    def _evidence(self, group: Group, parts: Int32, view: ViewGeometry) -> Evidence:
-        label = min(group)
-        masks = np.where(np.isin(parts, list(group)), label, parts)
-        return self.evidence.of(label, Objects(masks), view)
-
     def _robust(self, fitted: FittedSuperquadric, points: Float64) -> float:
         """Squared deviation of a part's points from a superquadric."""
         some = points[:: -(-len(points) // _POINTS)]
-        return float(robust_deviation(fitted, some, self.evidence.seen_sigma).mean())
+        return float(self.fits.deviations(fitted, some).mean())
 
 
 def _inside(fitted: FittedSuperquadric, evidence: Evidence) -> float:

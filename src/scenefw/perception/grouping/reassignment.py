@@ -8,15 +8,12 @@ import numpy as np
 
 from scenefw.core.settings import PART, POSITIVE, SHARE, at_least
 from scenefw.fitting.placed import signed_distance
-from scenefw.perception.steps import Objects
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from scenefw.core.evidence import FittedSuperquadric
-    from scenefw.core.protocols import ShapeFit
     from scenefw.core.types import Int32
-    from scenefw.perception.evidence.gathering import EvidenceOfView
+    from scenefw.perception.grouping.segment_fits import SegmentFits
     from scenefw.perception.observation.observation import ViewGeometry
 
     Distances = NDArray[np.float64]
@@ -31,8 +28,7 @@ class DealtByFit:
     superquadric describes keep theirs: there, to be off the own surface says nothing.
 
     Args:
-        fit: of superquadrics, each by itself.
-        evidence: what views say about an object.
+        fits: of superquadrics to segments.
         near: seen points up to this far from a surface are explained (m).
         explained: share of an object's pixels from which on others explain it.
         trusted: share of an object's pixels that its own superquadric must explain before pixels
@@ -45,8 +41,7 @@ class DealtByFit:
 
     def __init__(
         self,
-        fit: ShapeFit,
-        evidence: EvidenceOfView,
+        fits: SegmentFits,
         near: float = 0.005,
         explained: float = 0.85,
         trusted: float = 0.0,
@@ -56,7 +51,7 @@ class DealtByFit:
         PART.require(explained=explained)
         SHARE.require(trusted=trusted)
         at_least(4).require(least=least)
-        self.fit, self.evidence = fit, evidence
+        self.fits = fits
         self.near, self.explained, self.trusted, self.least = near, explained, trusted, least
 
     def reassign(self, objects: Int32, view: ViewGeometry) -> Int32:
@@ -76,12 +71,10 @@ class DealtByFit:
         """Labels (N,) of large objects, and distances (N, H, W) of pixels to their surfaces (m)."""
         found, pixels = np.unique(objects[objects > 0], return_counts=True)
         labels = found[pixels >= self.least]
-        fits: list[FittedSuperquadric] = self.fit.fit(
-            [self.evidence.of(int(label), Objects(objects), view) for label in labels]
-        )
+        fits = self.fits.of(labels.tolist(), objects, view)
         away = np.full((len(labels), *objects.shape), np.inf)
         shown = objects > 0
-        for row, one in enumerate(fits):
+        for row, (one, _) in enumerate(fits):
             away[row, shown] = np.abs(signed_distance(one, view.points[shown]))
         return labels, away
 

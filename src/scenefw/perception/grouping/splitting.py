@@ -10,10 +10,9 @@ from scipy.ndimage import label as components
 from scipy.ndimage import median_filter
 
 from scenefw.core.settings import COUNT, POSITIVE
-from scenefw.fitting.placed import robust_deviation, signed_distance
+from scenefw.fitting.placed import signed_distance
 from scenefw.perception.evidence.silhouettes import box_about
 from scenefw.perception.observation.pixels import WIDTH
-from scenefw.perception.steps import Objects
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,9 +20,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from scenefw.core.evidence import FittedSuperquadric
-    from scenefw.core.protocols import ShapeFit
     from scenefw.core.types import Int32
-    from scenefw.perception.evidence.gathering import EvidenceOfView
+    from scenefw.perception.grouping.segment_fits import SegmentFits
     from scenefw.perception.observation.observation import ViewGeometry
 
 _FAR = 2.0  # deviations of pixels that the second superquadric starts from
@@ -48,8 +46,7 @@ class SplitByEvidence:
     pixels go to the nearer surface, in turns.
 
     Args:
-        fit: of superquadrics, each by itself.
-        evidence: what a view says about an object.
+        fits: of superquadrics to segments.
         gain: squared deviations, over all pixels of the part (of an image 640 wide), that
             two superquadrics must save.
         share: of the part's pixels that the smaller piece must have, at least.
@@ -63,8 +60,7 @@ class SplitByEvidence:
 
     def __init__(
         self,
-        fit: ShapeFit,
-        evidence: EvidenceOfView,
+        fits: SegmentFits,
         gain: float = 3000.0,
         share: float = 0.02,
         left: float = 0.3,
@@ -73,7 +69,7 @@ class SplitByEvidence:
     ) -> None:
         POSITIVE.require(gain=gain, share=share, left=left, smallest=smallest)
         COUNT.require(rounds=rounds)
-        self.fit, self.evidence, self.gain, self.share = fit, evidence, gain, share
+        self.fits, self.gain, self.share = fits, gain, share
         self.left, self.smallest, self.rounds = left, smallest, rounds
 
     def split(self, parts: Int32, view: ViewGeometry) -> Int32:
@@ -120,7 +116,7 @@ class SplitByEvidence:
         own = parts == part
         far = np.zeros(own.shape, dtype=bool)
         distances = np.abs(signed_distance(one, view.points[own]))
-        far[own] = distances > _FAR * self.evidence.seen_sigma
+        far[own] = distances > _FAR * self.fits.evidence.seen_sigma
         regions, _ = components(far)
         sizes = np.bincount(regions.ravel())
         sizes[0] = 0
@@ -157,9 +153,9 @@ class SplitByEvidence:
     def _fitted(
         self, labels: Sequence[int], parts: Int32, view: ViewGeometry
     ) -> list[FittedSuperquadric]:
-        return self.fit.fit([self.evidence.of(label, Objects(parts), view) for label in labels])
+        return [shape for shape, _ in self.fits.of(labels, parts, view)]
 
     def _deviations(
         self, fitted: FittedSuperquadric, view: ViewGeometry, own: NDArray[np.bool_]
     ) -> NDArray[np.float64]:
-        return robust_deviation(fitted, view.points[own], self.evidence.seen_sigma)
+        return self.fits.deviations(fitted, view.points[own])
