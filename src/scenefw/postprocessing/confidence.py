@@ -1,6 +1,8 @@
 """How sure a prediction is of each object, from how alike several latent samples are."""
 
+import json
 from collections.abc import Sequence
+from importlib.resources import files
 
 import numpy as np
 import torch
@@ -40,6 +42,15 @@ class Calibration:
                 f"said {list(said)} must rise, and expected {list(expected)} must not fall"
             )
         self.said, self.expected = knots, values
+
+    @classmethod
+    def shipped(cls, name: str) -> "Calibration":
+        """The calibration that was measured for a method, `assets/NAME_calibration.json`."""
+        text = (files("scenefw") / "assets" / f"{name}_calibration.json").read_text(
+            encoding="utf-8"
+        )
+        content = json.loads(text)
+        return cls(content["said"], content["expected"])
 
     def __call__(self, agreement: ArrayLike) -> np.ndarray:
         """Expected IoU for agreements of any shape."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from scipy.ndimage import binary_erosion
 
-from scenefw.core.settings import NOT_NEGATIVE, POSITIVE, SHARE, at_least
+from scenefw.core.settings import NOT_NEGATIVE, SHARE, at_least
 from scenefw.fitting.placed import signed_distance
 from scenefw.perception.observation.pixels import WIDTH
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from scenefw.core.evidence import FittedSuperquadric
     from scenefw.core.types import Float64, GridSpec, Int32
     from scenefw.fitting.vessels import FittedVessel
+    from scenefw.perception.evidence.tolerances import Tolerances
     from scenefw.perception.observation.observation import Observation, ViewGeometry
     from scenefw.perception.steps import ObjectSet
 
@@ -48,10 +49,9 @@ class Vessels:
 
     Args:
         fit: of a vessel to points.
+        tolerances: say which points it explains, and how many it must.
         points: of an object, at most.
         edge: pixels (of an image 640 wide) at the ends of an object that don't count.
-        near: points up to this far from the surface are explained (m).
-        explained: share of the points that a vessel must explain.
         better: by how much more than a superquadric.
         inside: share of the points that must lie on its inside.
         below: by how much these lie below its rim (m).
@@ -67,10 +67,9 @@ class Vessels:
     def __init__(
         self,
         fit: FitsVessels,
+        tolerances: Tolerances,
         points: int = 300,
         edge: int = 2,
-        near: float = 0.006,
-        explained: float = 0.75,
         better: float = 0.05,
         inside: float = 0.1,
         below: float = 0.008,
@@ -79,14 +78,11 @@ class Vessels:
         through: float = 0.15,
         least: int = 100,
     ) -> None:
-        SHARE.require(
-            explained=explained, better=better, inside=inside, width=width, through=through
-        )
-        POSITIVE.require(near=near)
+        SHARE.require(better=better, inside=inside, width=width, through=through)
         at_least(10).require(points=points, least=least)
         NOT_NEGATIVE.require(edge=edge, below=below, flattest=flattest)
-        self.fit, self.points, self.edge, self.near = fit, points, edge, near
-        self.explained, self.better = explained, better
+        self.fit, self.tolerances, self.points, self.edge = fit, tolerances, points, edge
+        self.better = better
         self.inside, self.below, self.through, self.least = inside, below, through, least
         self.width, self.flattest = width, flattest
 
@@ -124,11 +120,13 @@ class Vessels:
                 continue
             known = superquadrics.get(label)
             reached = 0.0 if known is None else self._reached(known, points, view.eye)
-            wanted = max(self.explained, reached + self.better)
+            wanted = max(self.tolerances.min_inlier_ratio, reached + self.better)
             if wanted > 1:
                 continue
             one = self.fit.fit(points, view.eye)
-            if self._share(one.distances) >= wanted and self._open(one, points, view.grid, free):
+            if self.tolerances.inlier_ratio(one.distances) >= wanted and self._open(
+                one, points, view.grid, free
+            ):
                 kept[label] = one
         return kept
 
@@ -144,13 +142,10 @@ class Vessels:
 
     def _reached(self, known: FittedSuperquadric, points: Float64, eye: Float64) -> float:
         """Share of the points that a superquadric explains on the side that looks at the camera."""
-        near = np.abs(signed_distance(known, points)) < self.near
+        near = np.abs(signed_distance(known, points)) < self.tolerances.inlier_distance
         way = eye - points
         before = points + _BEFORE * way / np.linalg.norm(way, axis=1, keepdims=True)
         return float((near & (signed_distance(known, before) > -_WITHIN)).mean())
-
-    def _share(self, distances: Float64) -> float:
-        return float((np.abs(distances) < self.near).mean())
 
     def _open(self, one: FittedVessel, points: Float64, grid: GridSpec, free: Mask) -> bool:
         """Whether the view sees into it, and none of its wall where it sees through."""

@@ -63,8 +63,11 @@ class EvidenceOfView:
         beside: int = 0,
     ) -> None:
         POSITIVE.require(seen_sigma=seen_sigma, outside_sigma=outside_sigma)
-        above(seen_sigma, "as what is seen is the more certain").require(hidden_sigma=hidden_sigma)
-        COUNT.require(seen=seen, hidden=hidden, outside=outside)
+        COUNT.require(seen=seen, outside=outside)
+        NOT_NEGATIVE.require(hidden=hidden)
+        if hidden:
+            certain = above(seen_sigma, "as what is seen is the more certain")
+            certain.require(hidden_sigma=hidden_sigma)
         NOT_NEGATIVE.require(border=border, beside=beside)
         self.seen_sigma, self.hidden_sigma = seen_sigma, hidden_sigma
         self.outside_sigma = outside_sigma

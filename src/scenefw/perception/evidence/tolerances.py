@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scenefw.core.settings import POSITIVE, SHARE
+from scenefw.core.settings import NOT_NEGATIVE, POSITIVE, SHARE
 from scenefw.perception.observation.free_space import free_ratio, places_in
 
 if TYPE_CHECKING:
@@ -21,6 +21,9 @@ class Tolerances:
     """How well a shape must agree with a view.
 
     Args:
+        point_sigma: standard deviation of measured points from a surface (m).
+        outside_sigma: how deep a place outside may lie in an object (m).
+        min_height: above the floor that an object must reach (m).
         inlier_distance: visible points up to this far from a surface lie on it (m).
         min_inlier_ratio: of an object's visible points that its shape must explain.
         max_free_ratio: of a shape that may lie where the view shows free space.
@@ -29,12 +32,17 @@ class Tolerances:
         ConfigError: a ratio outside 0..1, or a distance that isn't positive.
     """
 
+    point_sigma: float
+    outside_sigma: float
+    min_height: float
     inlier_distance: float
     min_inlier_ratio: float
     max_free_ratio: float
 
     def __post_init__(self) -> None:
-        POSITIVE.require(inlier_distance=self.inlier_distance)
+        POSITIVE.require(inlier_distance=self.inlier_distance, point_sigma=self.point_sigma)
+        POSITIVE.require(outside_sigma=self.outside_sigma)
+        NOT_NEGATIVE.require(min_height=self.min_height)
         SHARE.require(min_inlier_ratio=self.min_inlier_ratio, max_free_ratio=self.max_free_ratio)
 
     def inlier_ratio(self, distances: Float64) -> float:

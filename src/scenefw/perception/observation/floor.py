@@ -34,7 +34,6 @@ class FloorFinder:
         iterations: random planes tried.
         farthest: points farther away don't count (m); keeps a room's floor and walls out.
         least_share: of the points within reach that must lie on the plane.
-        seed: of the random planes.
 
     Raises:
         ConfigError: a share outside 0..1, no iteration, or a length that isn't positive.
@@ -46,7 +45,6 @@ class FloorFinder:
         iterations: int = 1000,
         farthest: float = 2.0,
         least_share: float = 0.15,
-        seed: int = 0,
     ) -> None:
         POSITIVE.require(threshold=threshold, farthest=farthest)
         COUNT.require(iterations=iterations)
@@ -55,7 +53,6 @@ class FloorFinder:
         self.iterations = iterations
         self.farthest = farthest
         self.least_share = least_share
-        self.seed = seed
 
     def find(self, frame: Frame) -> Floor:
         """The floor of a frame.
@@ -78,7 +75,7 @@ class FloorFinder:
 
     def _best_plane(self, points: Array, name: str) -> tuple[Array, float]:
         """Normal and height of the random plane with the highest score, on a subset of points."""
-        random = rng.generator(self.seed)
+        random = rng.generator(0)  # the same planes for all images
         few = points[random.choice(len(points), min(_SCORED_POINTS, len(points)), replace=False)]
         corners = few[random.integers(len(few), size=(self.iterations, 3))]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
