@@ -1,6 +1,6 @@
 """scenefw: complete, instance-segmented 3D scenes from views of cluttered table-tops.
 
-`scenefw.load("simstack")` is where to begin in Python: docs/api.md.
+`scenefw.load("reconstruction")` is where to begin in Python: docs/api.md.
 """
 
 

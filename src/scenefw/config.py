@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenefw.core.errors import ConfigError
+from scenefw.renamed_settings import new_name
 
 if TYPE_CHECKING:
     from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -193,7 +194,12 @@ def explain(
             parsed.append(parser.parse_override(text))
         except HydraException:
             return ConfigError(f"'{text}' is not understood; {_as_understood(text, parser)}")
-    complaints = (_unknown_option(override, options) for override in parsed)
+    views = any(override.input_line == "run=decompose" for override in parsed)
+    complaints = (
+        (None if views and override.key_or_group.startswith("run.") else _renamed(override))
+        or _unknown_option(override, options)
+        for override in parsed
+    )
     wrong = next(filter(None, complaints), None) or _unknown_key(parsed, options)
     return ConfigError(wrong or _ambiguous(error) or _unchosen(error, options) or squash(error))
 
@@ -261,6 +267,17 @@ def squash(error: BaseException) -> str:
     if error.__cause__ is not None and str(error.__cause__) not in str(error):
         parts.append(" ".join(str(error.__cause__).split()))
     return ": ".join(part for part in parts if part) or type(error).__name__
+
+
+def _renamed(override: Override) -> str | None:
+    """Says what a setting is called now, if it had another name before."""
+    typed = str(override.input_line).lstrip("+~")
+    key, _, value = typed.partition("=")
+    new = new_name(key, value)
+    if new is None:
+        return None
+    advice = new if "=" in new or not value else f"{new}={value}"
+    return f"{typed} has another name now; give {advice}"
 
 
 def _unknown_option(override: Override, options: Mapping[str, Sequence[str]]) -> str | None:

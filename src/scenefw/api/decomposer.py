@@ -65,7 +65,7 @@ class Decomposer:
 
         Args:
             scene: path of a mesh, of an RGB-D folder or of a sequence in TUM's format; or depth
-                images (H, W) as of `scenefw.load("simstack").predict`.
+                images (H, W) as of `scenefw.load("reconstruction").predict`.
             intrinsics: of all images; of a folder, None or the path of a file.
             poses: camera to world (4, 4) of each image, in one world (OpenCV: x right, y down).
             depth_scale: metres per unit of integer depth; None = 0.001, or that of the format.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
@@ -24,7 +25,9 @@ Setting = str | int | float | bool | Path | None | list[Any] | tuple[Any, ...]
 
 @overload
 def load(
-    name: Literal["simstack"] = "simstack", *overrides: str, **settings: Setting
+    name: Literal["reconstruction", "simstack"] = "reconstruction",
+    *overrides: str,
+    **settings: Setting,
 ) -> Predictor: ...
 
 
@@ -41,7 +44,7 @@ def load(name: Literal["decomposing"], *overrides: str, **settings: Setting) -> 
 
 
 def load(
-    name: str = "simstack", *overrides: str, **settings: Setting
+    name: str = "reconstruction", *overrides: str, **settings: Setting
 ) -> Predictor | Labeller | Sampler | Decomposer:
     """What the command line predicts, labels or draws with, ready to take arrays.
 
@@ -49,11 +52,11 @@ def load(
     the same image gives the same result.
 
     Args:
-        name: `simstack` completes the objects of a depth image; `labelling` fuses RGB-D frames into
+        name: `reconstruction` completes the objects of a depth image; `labelling` fuses RGB-D frames into
             a labelled height map; `scenes` draws scenes that nobody has seen; `decomposing` takes
             meshes of scenes, or depth images with poses, apart into objects.
-        overrides: as on the command line, such as `"parts=creases"` or
-            `"run.pipeline.samples=1"`.
+        overrides: as on the command line, such as `"segmentation=creases"`
+            or `"reconstructor.samples=1"`.
         settings: the same by name, such as `device="cpu"` or `checkpoint="my.safetensors"`.
 
     Raises:
@@ -64,10 +67,18 @@ def load(
         if not isinstance(word, str):
             raise ConfigError(
                 f"scenefw.load takes words, got {word!r} ({type(word).__name__}); give a name and "
-                'settings, such as scenefw.load("simstack", device="cpu")'
+                'settings, such as scenefw.load("reconstruction", device="cpu")'
             )
     words = [*overrides, *(f"{key}={_override_value(value)}" for key, value in settings.items())]
     if name == "simstack":
+        warnings.warn(
+            'scenefw.load("simstack") doesn\'t use the network SIMstack; it is called '
+            'scenefw.load("reconstruction") now',
+            FutureWarning,
+            stacklevel=2,
+        )
+        name = "reconstruction"
+    if name == "reconstruction":
         from scenefw.api.predictor import Predictor
 
         return Predictor.built(Settings(["run=predict", *words]))
@@ -85,7 +96,7 @@ def load(
         from scenefw.api.decomposer import Decomposer
 
         return Decomposer.built(Settings(["run=decompose", *words]))
-    suggestion = near_misses(name, ["simstack", "labelling", "scenes", "decomposing"])
+    suggestion = near_misses(name, ["reconstruction", "labelling", "scenes", "decomposing"])
     raise ConfigError(f"scenefw.load has no '{name}'; {suggestion}")
 
 

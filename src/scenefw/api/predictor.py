@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class Predictor:
-    """What `scenefw.load("simstack")` gives.
+    """What `scenefw.load("reconstruction")` gives.
 
     Args:
         pipeline: makes the scene of an image.
