@@ -52,9 +52,9 @@ def load(
     the same image gives the same result.
 
     Args:
-        name: `reconstruction` completes the objects of a depth image; `labelling` fuses RGB-D frames into
-            a labelled height map; `scenes` draws scenes that nobody has seen; `decomposing` takes
-            meshes of scenes, or depth images with poses, apart into objects.
+        name: `reconstruction` completes the objects of a depth image; `labelling` fuses RGB-D
+            frames into a labelled height map; `scenes` draws scenes that nobody has seen;
+            `decomposing` takes meshes of scenes, or depth images with poses, apart into objects.
         overrides: as on the command line, such as `"segmentation=creases"`
             or `"reconstructor.samples=1"`.
         settings: the same by name, such as `device="cpu"` or `checkpoint="my.safetensors"`.

@@ -62,7 +62,7 @@ class JointFit:
             evidence: about each object.
             fits: the best one of each, as if there were no others.
         """
-        return self._apart(evidence, list(fits))
+        return self._separate(evidence, list(fits))
 
     def draws(
         self,
@@ -82,8 +82,8 @@ class JointFit:
         draws = []
         for _ in range(count):
             sizes = self.single.sizes(len(evidence), generator)
-            sized = self.single.refit(evidence, fits, sizes)
-            draws.append(self._apart(evidence, sized, sizes))
+            resized_fits = self.single.refit(evidence, fits, sizes)
+            draws.append(self._separate(evidence, resized_fits, sizes))
         return draws
 
     def together(
@@ -95,9 +95,9 @@ class JointFit:
             evidence: about each object.
             start: superquadrics that are nearly right.
         """
-        return self._apart(evidence, self.single.refit(evidence, start))
+        return self._separate(evidence, self.single.refit(evidence, start))
 
-    def _apart(
+    def _separate(
         self,
         evidence: Sequence[Evidence],
         fitted: list[FittedSuperquadric],
@@ -105,20 +105,20 @@ class JointFit:
     ) -> list[FittedSuperquadric]:
         """Fitted again until none penetrates another, or rounds are over."""
         for number in range(1, self.rounds + 1):
-            shells = [self._shells(one) for one in fitted]
-            if not _overlap(fitted, _placed(fitted, shells, 1.0)):
+            shells = [self._shells(superquadric) for superquadric in fitted]
+            if not _overlap(fitted, _place_shells(fitted, shells, 1.0)):
                 break
-            places = _placed(fitted, shells, number / self.rounds)
-            joint = [
-                self._with(one, _near(fitted[k], _others(places, k)))
-                for k, one in enumerate(evidence)
+            places = _place_shells(fitted, shells, number / self.rounds)
+            joint_evidence = [
+                self._add_outside(item, _nearby_points(fitted[k], _other_points(places, k)))
+                for k, item in enumerate(evidence)
             ]
-            fitted = self.single.refit(joint, fitted, sizes)
+            fitted = self.single.refit(joint_evidence, fitted, sizes)
         return fitted
 
-    def _with(self, evidence: Evidence, others: Float64) -> Evidence:
-        sigmas = np.concatenate([evidence.outside_sigmas, np.full(len(others), self.sigma)])
-        outside = np.concatenate([evidence.outside, others])
+    def _add_outside(self, evidence: Evidence, points: Float64) -> Evidence:
+        sigmas = np.concatenate([evidence.outside_sigmas, np.full(len(points), self.sigma)])
+        outside = np.concatenate([evidence.outside, points])
         return replace(evidence, outside=outside, outside_sigmas=sigmas)
 
     def _shells(self, fitted: FittedSuperquadric) -> Float64:
@@ -127,29 +127,29 @@ class JointFit:
         return np.concatenate([share * surface for share in _SHELLS])
 
 
-def _placed(
-    fitted: Sequence[FittedSuperquadric], shells: Sequence[Float64], grown: float
+def _place_shells(
+    fitted: Sequence[FittedSuperquadric], shells: Sequence[Float64], scale: float
 ) -> list[Float64]:
     """World coordinates of the shells of each, at a share of their size."""
     return [
-        np.asarray(grown * shell @ one.pose.rotation.T + one.pose.position, dtype=np.float64)
-        for one, shell in zip(fitted, shells, strict=True)
+        np.asarray(scale * shell @ item.pose.rotation.T + item.pose.position, dtype=np.float64)
+        for item, shell in zip(fitted, shells, strict=True)
     ]
 
 
 def _overlap(fitted: Sequence[FittedSuperquadric], places: Sequence[Float64]) -> bool:
     return any(
-        (shape_of(one).value(in_frame_of(one, _others(places, k))) < 1).any()
-        for k, one in enumerate(fitted)
+        (shape_of(item).value(in_frame_of(item, _other_points(places, k))) < 1).any()
+        for k, item in enumerate(fitted)
     )
 
 
-def _others(places: Sequence[Float64], own: int) -> Float64:
+def _other_points(places: Sequence[Float64], index: int) -> Float64:
     """Places of all objects but one."""
-    return np.concatenate([np.empty((0, 3)), *places[:own], *places[own + 1 :]])
+    return np.concatenate([np.empty((0, 3)), *places[:index], *places[index + 1 :]])
 
 
-def _near(fitted: FittedSuperquadric, places: Float64) -> Float64:
+def _nearby_points(fitted: FittedSuperquadric, places: Float64) -> Float64:
     """Places that an object may come to contain in a few steps."""
     local = np.abs(in_frame_of(fitted, places))
     return np.asarray(places[(local < 1.5 * fitted.half_axes + _GROWTH).all(axis=1)])

@@ -16,19 +16,22 @@ if TYPE_CHECKING:
 _TAILS = (4, 96)  # percentiles that say how far a cloud extends
 
 
-def box_starts(points: Float64, sure: Float64 | None = None) -> list[tuple[Pose, Float64]]:
+def box_starts(
+    points: Float64, reliable_points: Float64 | None = None
+) -> list[tuple[Pose, Float64]]:
     """Poses and half-axes to start a fit from: upright at two angles, and along principal axes.
 
     Args:
         points: (N, 3) of the surface (m).
-        sure: (M, 3) those of them that are sure, if not all are: one more box about these alone.
+        reliable_points: (M, 3) those of them that are sure, if not all are: one more box about
+            these alone.
     """
-    turn = _least_rectangle(points[:, :2])
+    turn = _min_rectangle_angle(points[:, :2])
     upright = [Rotation.from_euler("z", angle).as_matrix() for angle in (turn, turn + np.pi / 4)]
     boxes = [_box(points, rotation) for rotation in (*upright, _principal(points))]
-    if sure is None or not 3 < len(sure) < len(points):
+    if reliable_points is None or not 3 < len(reliable_points) < len(points):
         return boxes
-    return [*boxes, _box(sure, _principal(sure))]
+    return [*boxes, _box(reliable_points, _principal(reliable_points))]
 
 
 def _principal(points: Float64) -> Float64:
@@ -45,7 +48,7 @@ def _box(points: Float64, rotation: Float64) -> tuple[Pose, Float64]:
     return Pose(rotation @ ((low + high) / 2), quaternion), np.maximum((high - low) / 2, 0.005)
 
 
-def _least_rectangle(points: Float64) -> float:
+def _min_rectangle_angle(points: Float64) -> float:
     """The angle of the least rectangle about points (N, 2); one side lies on their hull."""
     try:
         corners = points[ConvexHull(points).vertices]

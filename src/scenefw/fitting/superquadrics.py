@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from scenefw.core.evidence import Evidence
     from scenefw.core.types import Float64
 
-_WIDENED = (16, 4)  # times `outliers`, so that a poor start is not all outliers
+_OUTLIER_FACTORS = (16, 4)  # times `outliers`, so that a poor start is not all outliers
 _FIRST_DAMPING = 1e-2
 _FIRST_EXPONENT = 4.0
 
@@ -94,10 +94,12 @@ class SuperquadricFit:
     def fit(self, evidence: Sequence[Evidence]) -> list[FittedSuperquadric]:
         """The best superquadric for each, from boxes about its points."""
         starts = [
-            np.stack([self._state(*box) for box in box_starts(one.points, _sure(one))])
-            for one in evidence
+            np.stack([self._state(*box) for box in box_starts(item.points, _reliable_points(item))])
+            for item in evidence
         ]
-        return self._best(evidence, starts, _WIDENED, self.stiffness) if evidence else []
+        return (
+            self._best_fits(evidence, starts, _OUTLIER_FACTORS, self.stiffness) if evidence else []
+        )
 
     def refit(
         self,
@@ -114,12 +116,12 @@ class SuperquadricFit:
         """
         stiffness = self.stiffness if sizes is None else sizes.stiffness
         starts = []
-        for k, one in enumerate(fitted):
-            start = self._state(one.pose, one.half_axes, one.exponents)
+        for k, superquadric in enumerate(fitted):
+            start = self._state(superquadric.pose, superquadric.half_axes, superquadric.exponents)
             if sizes is not None:
                 start[TYPICAL:] = np.log(sizes.typical[k])
             starts.append(start[None])
-        return self._best(evidence, starts, (), stiffness) if evidence else []
+        return self._best_fits(evidence, starts, (), stiffness) if evidence else []
 
     def separate(
         self, evidence: Sequence[Evidence], fits: Sequence[FittedSuperquadric]
@@ -157,20 +159,20 @@ class SuperquadricFit:
 
     def sizes(self, count: int, generator: Generator) -> Sizes:
         """Random expected sizes of so many objects."""
-        drawn = np.log(self.typical) + self.spread * generator.standard_normal((count, 3))
-        return Sizes(np.exp(drawn), 1 / self.spread**2)
+        log_sizes = np.log(self.typical) + self.spread * generator.standard_normal((count, 3))
+        return Sizes(np.exp(log_sizes), 1 / self.spread**2)
 
-    def _best(
+    def _best_fits(
         self,
         evidence: Sequence[Evidence],
         starts: Sequence[Float64],
-        widened: Sequence[float],
+        outlier_factors: Sequence[float],
         stiffness: float,
     ) -> list[FittedSuperquadric]:
         problem = _Problem.of(evidence, starts, self.device)
-        for factor in widened:
+        for factor in outlier_factors:
             self._advance(problem, self.rounds, factor * self.outliers, stiffness)
-        if widened:
+        if outlier_factors:
             problem = problem.promising()
         self._advance(problem, self.steps, self.outliers, stiffness)
         states = problem.states.cpu().numpy()
@@ -179,7 +181,7 @@ class SuperquadricFit:
             min(np.flatnonzero(owners == k), key=lambda row: states[row, COST])
             for k in range(len(evidence))
         ]
-        return [self._result(states[row], one) for row, one in zip(best, evidence, strict=True)]
+        return [self._result(states[row], item) for row, item in zip(best, evidence, strict=True)]
 
     def _advance(self, problem: _Problem, steps: int, limit: float, stiffness: float) -> None:
         count = len(problem.states)
@@ -226,7 +228,7 @@ class SuperquadricFit:
         return FittedSuperquadric(shape.half_axes, shape.exponents, pose, cost, distances)
 
 
-def _sure(evidence: Evidence) -> Float64:
+def _reliable_points(evidence: Evidence) -> Float64:
     """The surest points (N, 3): those that were seen, where others are supposed."""
     return evidence.points[evidence.sigmas <= evidence.sigmas.min()]
 
@@ -245,11 +247,11 @@ class _Problem:
     def of(
         cls, evidence: Sequence[Evidence], starts: Sequence[Float64], device: torch.device
     ) -> _Problem:
-        places = np.concatenate([part for one in evidence for part in (one.points, one.outside)])
+        places = np.concatenate([part for item in evidence for part in (item.points, item.outside)])
         sigmas = np.concatenate(
-            [part for one in evidence for part in (one.sigmas, one.outside_sigmas)]
+            [part for item in evidence for part in (item.sigmas, item.outside_sigmas)]
         )
-        sizes = [[len(one.points), len(one.outside)] for one in evidence]
+        sizes = [[len(item.points), len(item.outside)] for item in evidence]
         ends = np.cumsum([0, *np.ravel(sizes)])
         ranges = np.stack([ends[0:-2:2], ends[1:-1:2], ends[2::2]], axis=1)
         owners = np.repeat(np.arange(len(starts)), [len(rows) for rows in starts])
@@ -268,14 +270,14 @@ class _Problem:
     def promising(self) -> _Problem:
         """The best third of each object's starts."""
         costs, owners = self.states[:, COST].cpu().numpy(), self.owners.cpu().numpy()
-        kept: list[int] = []
+        selection: list[int] = []
         for owner in np.unique(owners):
             rows = np.flatnonzero(owners == owner)
-            kept.extend(rows[np.argsort(costs[rows])][: max(1, len(rows) // 3)])
-        chosen = torch.as_tensor(kept, device=self.states.device)
+            selection.extend(rows[np.argsort(costs[rows])][: max(1, len(rows) // 3)])
+        indices = torch.as_tensor(selection, device=self.states.device)
         return replace(
             self,
-            objects=self.objects[chosen].contiguous(),
-            states=self.states[chosen].contiguous(),
-            owners=self.owners[chosen].contiguous(),
+            objects=self.objects[indices].contiguous(),
+            states=self.states[indices].contiguous(),
+            owners=self.owners[indices].contiguous(),
         )

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 _UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 _STARTS = ((0.9, 1.0), (0.5, 0.5), (0.6, 1.0))  # base and curve
-_LOW, _HIGH = (0.25, 0.25), (1.15, 2.0)  # of these
-_WALLS = (0.0015, 0.015)  # m
-_RIM = 0.9  # quantile of heights above which points are of the rim
+_MIN_PROFILE, _MAX_PROFILE = (0.25, 0.25), (1.15, 2.0)  # base and curve
+_WALL_RANGE = (0.0015, 0.015)  # m, thickness
+_RIM_QUANTILE = 0.9  # quantile of heights above which points are of the rim
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ class VesselFit:
     ) -> None:
         POSITIVE.require(sigma=sigma, wall_sigma=wall_sigma, stands=stands)
         COUNT.require(steps=steps)
-        between(*_WALLS).require(wall=wall)
+        between(*_WALL_RANGE).require(wall=wall)
         self.sigma, self.wall, self.wall_sigma = sigma, wall, wall_sigma
         self.stands, self.steps = stands, steps
 
@@ -81,16 +81,16 @@ class VesselFit:
             points: (N, 3) of the world, the floor at z = 0 (m).
             eye: (3,) the camera that sees them (m).
         """
-        lowest = float(np.quantile(points[:, 2], 0.02))
-        bottom = 0.0 if lowest < self.stands else lowest
+        min_height = float(np.quantile(points[:, 2], 0.02))
+        bottom = 0.0 if min_height < self.stands else min_height
         top = float(np.quantile(points[:, 2], 0.99))
-        rim = points[points[:, 2] >= np.quantile(points[:, 2], _RIM)]
+        rim = points[points[:, 2] >= np.quantile(points[:, 2], _RIM_QUANTILE)]
         x, y, radius = _circle(rim[:, :2])
         radius = float(np.clip(radius, 0.02, 0.15))
         height = max(top - bottom, 0.01)
-        low = [x - 0.1, y - 0.1, 0.012, 0.008, *_LOW, _WALLS[0]]
-        high = [x + 0.1, y + 0.1, 0.3, 0.4, *_HIGH, _WALLS[1]]
-        found = [
+        low = [x - 0.1, y - 0.1, 0.012, 0.008, *_MIN_PROFILE, _WALL_RANGE[0]]
+        high = [x + 0.1, y + 0.1, 0.3, 0.4, *_MAX_PROFILE, _WALL_RANGE[1]]
+        solutions = [
             least_squares(
                 self._residuals, np.clip([x, y, radius, height, *start, self.wall], low, high),
                 bounds=(low, high), x_scale=[0.01, 0.01, 0.01, 0.01, 0.2, 0.2, 0.001],
@@ -98,8 +98,8 @@ class VesselFit:
             )
             for start in _STARTS
         ]  # fmt: skip
-        best = min(found, key=lambda one: one.cost)
-        return _placed(best.x, points, eye, bottom)
+        best = min(solutions, key=lambda solution: solution.cost)
+        return _fitted_vessel(best.x, points, eye, bottom)
 
     def _residuals(
         self, numbers: Float64, points: Float64, eye: Float64, bottom: float, top: float
@@ -117,22 +117,22 @@ def _distances(
 ) -> tuple[Float64, NDArray[np.bool_]]:
     """Distances to the side of the wall that the camera sees, and which points lie inside."""
     vessel = _vessel(numbers)
-    away, height = points[:, :2] - numbers[:2], points[:, 2] - bottom
-    flat = np.hypot(away[:, 0], away[:, 1])
-    depth = vessel.depth(flat, height)
+    offsets, height = points[:, :2] - numbers[:2], points[:, 2] - bottom
+    radii = np.hypot(offsets[:, 0], offsets[:, 1])
+    depth = vessel.depth(radii, height)
     # The wall looks outward and, where it widens upward, down
-    way = eye - points
-    outward = (away * way[:, :2]).sum(axis=1) / np.maximum(flat, 1e-9)
-    inside = outward < vessel.slope(height) * way[:, 2]
+    to_eye = eye - points
+    outward = (offsets * to_eye[:, :2]).sum(axis=1) / np.maximum(radii, 1e-9)
+    inside = outward < vessel.slope(height) * to_eye[:, 2]
     return np.where(inside, vessel.wall - depth, -depth), inside
 
 
 def _vessel(numbers: Float64) -> Vessel:
-    radius, height, base, curve, wall = (float(one) for one in numbers[2:])
+    radius, height, base, curve, wall = (float(value) for value in numbers[2:])
     return Vessel(radius, base, curve, height, min(wall, 0.8 * min(radius, height)))
 
 
-def _placed(numbers: Float64, points: Float64, eye: Float64, bottom: float) -> FittedVessel:
+def _fitted_vessel(numbers: Float64, points: Float64, eye: Float64, bottom: float) -> FittedVessel:
     vessel = _vessel(numbers)
     place = np.array([numbers[0], numbers[1], bottom - vessel.bottom])
     distances, inside = _distances(numbers, points, eye, bottom)
@@ -141,9 +141,9 @@ def _placed(numbers: Float64, points: Float64, eye: Float64, bottom: float) -> F
 
 def _circle(points: Float64) -> tuple[float, float, float]:
     """Centre and radius of a circle through points (N, 2), by algebraic least squares."""
-    middle = points.mean(axis=0)
-    away = points - middle
-    columns = np.column_stack([2 * away, np.ones(len(away))])
-    solution = np.linalg.lstsq(columns, (away**2).sum(axis=1), rcond=None)[0]
+    mean = points.mean(axis=0)
+    offsets = points - mean
+    columns = np.column_stack([2 * offsets, np.ones(len(offsets))])
+    solution = np.linalg.lstsq(columns, (offsets**2).sum(axis=1), rcond=None)[0]
     radius = np.sqrt(max(solution[2] + (solution[:2] ** 2).sum(), 0.0))
-    return *(middle + solution[:2]).tolist(), float(radius)
+    return *(mean + solution[:2]).tolist(), float(radius)

@@ -34,19 +34,23 @@ class Cached:
 
     def segment(self, view: Observation) -> Int32:
         """Segments (H, W) of a view."""
-        return self._once((view.partial,), lambda: self.step.segment(view))
+        return self._get_or_compute((view.partial,), lambda: self.step.segment(view))
 
     def group(self, segments: Int32, view: Observation) -> Objects:
         """Objects of a view."""
-        return self._once((segments, view.partial), lambda: self.step.group(segments, view))
+        return self._get_or_compute(
+            (segments, view.partial), lambda: self.step.group(segments, view)
+        )
 
-    def _once(self, asked: tuple[object, ...], compute: Callable[[], Result]) -> Result:
+    def _get_or_compute(
+        self, arguments: tuple[object, ...], compute: Callable[[], Result]
+    ) -> Result:
         entries: list[tuple[tuple[object, ...], Any]]
         entries = self._results.__dict__.setdefault("entries", [])
         for key, value in entries:
-            if all(a is b for a, b in zip(key, asked, strict=True)):
-                known: Result = value
-                return known
+            if all(a is b for a, b in zip(key, arguments, strict=True)):
+                cached_result: Result = value
+                return cached_result
         result = compute()
-        entries[:] = [*entries, (asked, result)][-self.size :]
+        entries[:] = [*entries, (arguments, result)][-self.size :]
         return result

@@ -112,8 +112,8 @@ class ReconstructionPipeline:
     def observe(self, frame: Frame, mask: NDArray[np.bool_] | Int32 | None = None) -> Observation:
         """Step 1, which finds out what is wrong with an image before anything takes long."""
         if self.observer is None or self.grid is None:
-            missing = "observer" if self.observer is None else "grid"
-            raise ConfigError(f"the pipeline has no {missing}; give run.pipeline.{missing}")
+            setting = "observer" if self.observer is None else "grid"
+            raise ConfigError(f"the pipeline has no {setting}; give run.pipeline.{setting}")
         return self.observer.observe(frame, self.grid, mask)
 
     def reconstruct(self, view: Observation, *, first_only: bool = False) -> list[SceneEstimate]:

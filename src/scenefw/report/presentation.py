@@ -1,5 +1,7 @@
-"""Results as tables of their figures; the default, where a chapter has no presentation."""
+"""Results as sections: by a chapter's section modules, else as tables of their figures."""
 
+import importlib
+import pkgutil
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -23,6 +25,28 @@ class Figures:
     def sections(self, result: Result, folder: Path) -> tuple[Section, ...]:
         """One section, or one for each part, headed by its name."""
         return sections_by_class(result, folder, {})
+
+
+class Chapter:
+    """Shows results by the section modules of a package (group `presentation`).
+
+    A module of the package that shows an evaluation holds `SECTIONS`, from classes of results to
+    functions of a result and the folder of the page. Other results get a table of their figures.
+
+    Args:
+        package: dotted name.
+    """
+
+    def __init__(self, package: str) -> None:
+        self.package = package
+
+    def sections(self, result: Result, folder: Path) -> tuple[Section, ...]:
+        """Sections of a result, those of several evaluations part by part."""
+        shown_by: dict[type, Show] = {}
+        for module in pkgutil.iter_modules(importlib.import_module(self.package).__path__):
+            content = importlib.import_module(f"{self.package}.{module.name}")
+            shown_by |= getattr(content, "SECTIONS", {})
+        return sections_by_class(result, folder, shown_by)
 
 
 def sections_by_class(

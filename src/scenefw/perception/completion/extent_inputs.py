@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float64, Int32
     from scenefw.perception.observation.observation import ViewGeometry
 
-_USUAL = ObjectSamples()
-_NEAR = 0.006  # m: points further from the fit belong to something else
-_LEAST = 0.004  # m, of half-axes
+_DEFAULT_SAMPLES = ObjectSamples()
+_INLIER_DISTANCE = 0.006  # m: points further from the fit belong to something else
+_MIN_HALF_AXIS = 0.004  # m
 
 
 class SeenObjects:
@@ -56,7 +56,7 @@ class SeenObjects:
         fitted: Sequence[FittedSuperquadric],
         random: Generator,
         rows: int = 1,
-        samples: ObjectSamples = _USUAL,
+        samples: ObjectSamples = _DEFAULT_SAMPLES,
     ) -> None:
         if view.eye is None:
             raise InputError(
@@ -66,16 +66,18 @@ class SeenObjects:
         points = torch.zeros(rows, len(labels), samples.points, 3)
         sizes = torch.zeros(rows, len(labels))
         for slot, label in enumerate(labels):
-            own = view.points[masks == label]
-            explained = own[np.abs(signed_distance(fitted[slot], own)) < _NEAR]
-            own = explained if len(explained) else own
-            chosen = random.integers(len(own), size=(rows, samples.points))
-            points[:, slot] = torch.from_numpy(own[chosen])
+            object_points = view.points[masks == label]
+            inliers = object_points[
+                np.abs(signed_distance(fitted[slot], object_points)) < _INLIER_DISTANCE
+            ]
+            object_points = inliers if len(inliers) else object_points
+            indices = random.integers(len(object_points), size=(rows, samples.points))
+            points[:, slot] = torch.from_numpy(object_points[indices])
             sizes[:, slot] = (masks == label).mean()
         eye = torch.from_numpy(np.asarray(view.eye, dtype=np.float32)).expand(rows, 3)
-        seen = torch.ones(rows, len(labels), dtype=torch.bool)
-        self._seen = points, seen, sizes, _ends(view, masks, labels, eye, random, samples), eye
-        self._turn, self._origin = view_frame(points, seen, eye)
+        visible = torch.ones(rows, len(labels), dtype=torch.bool)
+        self._inputs = points, visible, sizes, _ends(view, masks, labels, eye, random, samples), eye
+        self._turn, self._origin = view_frame(points, visible, eye)
 
     def batch(self, objects: Sequence[FittedSuperquadric], device: torch.device) -> SeenSetBatch:
         """The view in its rows, and what its objects are taken to be.
@@ -85,21 +87,21 @@ class SeenObjects:
             device: where the batch goes.
         """
         scenes = _scenes_of(objects, len(self._origin))
-        fields: dict[str, Tensor] = vars(in_frame(*self._seen, scenes))
+        fields: dict[str, Tensor] = vars(in_frame(*self._inputs, scenes))
         return SeenSetBatch(**{name: value.to(device) for name, value in fields.items()})
 
-    def in_world(self, drawn: SeenSetBatch) -> WorldSets:
+    def in_world(self, samples: SeenSetBatch) -> WorldSets:
         """Sets that a network drew for this view, set k for row k, then for the first again."""
-        rows = torch.arange(len(drawn.positions)) % len(self._origin)
-        back = self._turn[rows].transpose(-1, -2).double()[:, None]
-        turned = (back @ drawn.positions.double().cpu()[..., None])[..., 0]
-        positions = turned + self._origin[rows].double()[:, None]
+        rows = torch.arange(len(samples.positions)) % len(self._origin)
+        to_world = self._turn[rows].transpose(-1, -2).double()[:, None]
+        offsets = (to_world @ samples.positions.double().cpu()[..., None])[..., 0]
+        positions = offsets + self._origin[rows].double()[:, None]
         return WorldSets(
-            drawn.half_axes.double().cpu().numpy(),
-            drawn.exponents.double().cpu().numpy(),
-            (back @ drawn.rotations.double().cpu()).numpy(),
+            samples.half_axes.double().cpu().numpy(),
+            samples.exponents.double().cpu().numpy(),
+            (to_world @ samples.rotations.double().cpu()).numpy(),
             positions.numpy(),
-            drawn.present.cpu().numpy(),
+            samples.present.cpu().numpy(),
         )
 
 
@@ -150,24 +152,24 @@ class WorldSets:
             rows: the draws.
             fitted: superquadrics whose axes they have.
         """
-        return [self._middle_of(k, rows, one) for k, one in enumerate(fitted)]
+        return [self._median_object(k, rows, superquadric) for k, superquadric in enumerate(fitted)]
 
-    def _middle_of(self, k: int, rows: slice, fitted: FittedSuperquadric) -> FittedSuperquadric:
+    def _median_object(self, k: int, rows: slice, fitted: FittedSuperquadric) -> FittedSuperquadric:
         axes = fitted.pose.rotation
-        middles = self.positions[rows, k] @ axes
+        centres = self.positions[rows, k] @ axes
         halves, exponents = (
             np.array(
-                [along(axes, *pair) for pair in zip(self.rotations[rows, k], own, strict=True)]
+                [along(axes, *pair) for pair in zip(self.rotations[rows, k], values, strict=True)]
             )
-            for own in (self.half_axes[rows, k], self.exponents[rows, k])
+            for values in (self.half_axes[rows, k], self.exponents[rows, k])
         )
-        low, high = np.median(middles - halves, axis=0), np.median(middles + halves, axis=0)
+        low, high = np.median(centres - halves, axis=0), np.median(centres + halves, axis=0)
         pose = Pose(axes @ (low + high) / 2, fitted.pose.quaternion)
-        half_axes = np.maximum((high - low) / 2, _LEAST)
+        half_axes = np.maximum((high - low) / 2, _MIN_HALF_AXIS)
         return FittedSuperquadric(half_axes, np.median(exponents, axis=0), pose, 0.0, np.empty(0))
 
 
-_WAYS = equal_descriptions().numpy().astype(np.float64)
+_EQUAL_ROTATIONS = equal_descriptions().numpy().astype(np.float64)
 
 
 def along(axes: Float64, rotation: Float64, numbers: Float64) -> Float64:
@@ -178,8 +180,8 @@ def along(axes: Float64, rotation: Float64, numbers: Float64) -> Float64:
         rotation: (3, 3) of the object.
         numbers: (3,) half-axes or exponents of the object.
     """
-    agreement = np.einsum("ij,ik,wkj->w", axes, rotation, _WAYS)
-    return np.asarray(np.abs(_WAYS[agreement.argmax()]).T @ numbers)
+    agreement = np.einsum("ij,ik,wkj->w", axes, rotation, _EQUAL_ROTATIONS)
+    return np.asarray(np.abs(_EQUAL_ROTATIONS[agreement.argmax()]).T @ numbers)
 
 
 def _ends(
@@ -210,13 +212,13 @@ def _scenes_of(fitted: Sequence[FittedSuperquadric], rows: int) -> SceneParamete
     """One scene of fitted superquadrics, so many times (rows, N)."""
 
     def stacked(values: Sequence[Any], *shape: int) -> Tensor:
-        one = torch.from_numpy(np.array(values, dtype=np.float32).reshape(len(fitted), *shape))
-        return one.expand(rows, *one.shape)
+        tensor = torch.from_numpy(np.array(values, dtype=np.float32).reshape(len(fitted), *shape))
+        return tensor.expand(rows, *tensor.shape)
 
     return SceneParameters(
-        stacked([one.half_axes for one in fitted], 3),
-        stacked([one.exponents for one in fitted], 3),
-        stacked([one.pose.rotation for one in fitted], 3, 3),
-        stacked([one.pose.position for one in fitted], 3),
+        stacked([item.half_axes for item in fitted], 3),
+        stacked([item.exponents for item in fitted], 3),
+        stacked([item.pose.rotation for item in fitted], 3, 3),
+        stacked([item.pose.position for item in fitted], 3),
         torch.ones(rows, len(fitted), dtype=torch.bool),
     )

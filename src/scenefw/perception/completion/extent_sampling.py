@@ -91,69 +91,69 @@ class ExtentSampling:
         random = np.random.default_rng(int(torch.randint(2**62, (1,), generator=generator)))
         if not fits.evidence:
             return [ObjectSet(fits.objects, {})] * samples
-        evidence, alone = list(fits.evidence.values()), list(fits.superquadrics.values())
+        evidence, superquadrics = list(fits.evidence.values()), list(fits.superquadrics.values())
         rows = max(self.median_of + samples - 1, 1)
-        shown = SeenObjects(  # in each row by other points
-            view, fits.objects.pixels, list(fits.evidence), alone, random, rows,
+        seen_objects = SeenObjects(  # in each row by other points
+            view, fits.objects.pixels, list(fits.evidence), superquadrics, random, rows,
             ObjectSamples.of(self.metadata),
         )  # fmt: skip
-        drawn = shown.in_world(self._draw(shown, alone, rows, random))
-        unsampled = self._supported(alone, evidence, view)
+        world_sets = seen_objects.in_world(self._draw(seen_objects, superquadrics, rows, random))
+        fallbacks = self._supported_shapes(superquadrics, evidence, view)
         sets = []
         for number in range(samples):
             if number == 0 and not self.median_of:
-                shapes: Shapes = self.fit.together(evidence, alone)
+                shapes: Shapes = self.fit.together(evidence, superquadrics)
             else:
                 row = self.median_of + number - 1
-                chosen = slice(row, row + 1) if number else slice(self.median_of)
-                shapes = self._refitted(drawn.middle(chosen, alone), evidence, view)
-            shapes = self._supported(shapes, evidence, view)
-            hypothesis = self._accepted(fits, shapes, unsampled, view)
+                selection = slice(row, row + 1) if number else slice(self.median_of)
+                shapes = self._refit(world_sets.middle(selection, superquadrics), evidence, view)
+            shapes = self._supported_shapes(shapes, evidence, view)
+            hypothesis = self._accept(fits, shapes, fallbacks, view)
             if self.hidden is not None and number > 0:
-                hypothesis = self._with_hidden(hypothesis, shapes, shown, view, random)
+                hypothesis = self._add_hidden(hypothesis, shapes, seen_objects, view, random)
             sets.append(hypothesis)
         return sets
 
     @torch.no_grad()
     def _draw(
-        self, shown: SeenObjects, alone: Shapes, rows: int, random: Generator
+        self, seen_objects: SeenObjects, superquadrics: Shapes, rows: int, random: Generator
     ) -> SeenSetBatch:
         generator = torch.Generator().manual_seed(int(random.integers(2**62)))
         device = next(self.model.parameters()).device  # type: ignore[attr-defined]
         spread = [1.0] * self.median_of + [self.spread] * (rows - self.median_of)
-        batch = shown.batch(alone, device)
+        batch = seen_objects.batch(superquadrics, device)
         return self.model.sample(batch, rows, generator, self.steps, spread[:rows])
 
-    def _refitted(
-        self, sampled: Shapes, evidence: Sequence[Evidence], view: ViewGeometry
+    def _refit(
+        self, shapes: Shapes, evidence: Sequence[Evidence], view: ViewGeometry
     ) -> list[FittedSuperquadric]:
         """Superquadrics that explain what is visible, and are as sampled where nothing is."""
-        sampled = extend_to_support(sampled, view.clear, view.grid)
-        expected = [
-            add_predicted_surface(each, shape, self.pseudo_sigma, self.min_gap)
-            for each, shape in zip(evidence, sampled, strict=True)
+        shapes = extend_to_support(shapes, view.clear, view.grid)
+        extended_evidence = [
+            add_predicted_surface(object_evidence, shape, self.pseudo_sigma, self.min_gap)
+            for object_evidence, shape in zip(evidence, shapes, strict=True)
         ]
-        return self.fit.together(expected, sampled)
+        return self.fit.together(extended_evidence, shapes)
 
     @staticmethod
-    def _supported(
+    def _supported_shapes(
         shapes: Shapes, evidence: Sequence[Evidence], view: ViewGeometry
     ) -> list[FittedSuperquadric]:
         """Shapes that stand, with their distances from what is visible of them."""
         return [
-            replace(shape, distances=signed_distance(shape, each.points))
-            for shape, each in zip(
+            replace(shape, distances=signed_distance(shape, object_evidence.points))
+            for shape, object_evidence in zip(
                 extend_to_support(shapes, view.clear, view.grid), evidence, strict=True
             )
         ]
 
-    def _accepted(
-        self, fits: Fits, shapes: Shapes, unsampled: Shapes, view: ViewGeometry
+    def _accept(
+        self, fits: Fits, shapes: Shapes, fallbacks: Shapes, view: ViewGeometry
     ) -> ObjectSet:
         """Each object as it was sampled, else as fitted without, if that agrees with the view."""
         shape_of = {}
         for (label, evidence), *candidates in zip(
-            fits.evidence.items(), shapes, unsampled, strict=True
+            fits.evidence.items(), shapes, fallbacks, strict=True
         ):
             for shape in candidates:
                 if self.tolerances.accept(shape, evidence, view):
@@ -161,11 +161,11 @@ class ExtentSampling:
                     break
         return ObjectSet(fits.objects, shape_of, evidence=fits.evidence)
 
-    def _with_hidden(
+    def _add_hidden(
         self,
         hypothesis: ObjectSet,
         shapes: Shapes,
-        shown: SeenObjects,
+        seen_objects: SeenObjects,
         view: Observation,
         random: Generator,
     ) -> ObjectSet:
@@ -179,5 +179,5 @@ class ExtentSampling:
         ]
         labels = [objects.pixels, *([] if objects.instances is None else [objects.instances])]
         first = 1 + max(int(image.max(initial=0)) for image in labels)
-        shape_of |= dict(enumerate(self.hidden.beside(visible, shown, view, random), first))
+        shape_of |= dict(enumerate(self.hidden.beside(visible, seen_objects, view, random), first))
         return replace(hypothesis, superquadrics=shape_of)

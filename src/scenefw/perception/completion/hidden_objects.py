@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from scenefw.perception.observation.observation import ViewGeometry
 
 _MAX_FREE_RATIO = 0.05  # share of a hidden object that may lie in free space
-_INSIDE = 0.2  # share of a hidden object that may lie in others
+_MAX_OVERLAP_RATIO = 0.2  # share of a hidden object that may lie in others
 
 
 class HiddenObjects:
@@ -56,53 +56,55 @@ class HiddenObjects:
     @torch.no_grad()
     def beside(
         self,
-        known: Sequence[FittedSuperquadric],
-        seen: SeenObjects,
+        superquadrics: Sequence[FittedSuperquadric],
+        seen_objects: SeenObjects,
         view: ViewGeometry,
         random: Generator,
     ) -> list[FittedSuperquadric]:
         """Hidden objects of one scene, often none.
 
         Args:
-            known: the seen objects, one for each of `seen`.
-            seen: what the view shows of them.
+            superquadrics: the seen objects, one for each of `seen_objects`.
+            seen_objects: what the view shows of them.
             view: with seen free space.
             random: for the draws.
         """
         generator = torch.Generator().manual_seed(int(random.integers(2**62)))
         device = next(self.model.parameters()).device  # type: ignore[attr-defined]
-        batch = seen.batch(known, device)
+        batch = seen_objects.batch(superquadrics, device)
         for number in range(self.model.hidden_number(batch, generator), 0, -1):
-            rows = self.model.complete(batch, self.tries, number, generator, self.steps)
-            drawn = seen.in_world(rows)
+            samples = self.model.complete(batch, self.tries, number, generator, self.steps)
+            world_sets = seen_objects.in_world(samples)
             for row in range(self.tries):
-                found = drawn.objects(row, first=len(known))
-                if possible(found, view, known):
-                    return found
+                hidden = world_sets.objects(row, first=len(superquadrics))
+                if possible(hidden, view, superquadrics):
+                    return hidden
         return []
 
 
 def possible(
     hidden: Sequence[FittedSuperquadric],
     view: ViewGeometry,
-    others: Sequence[FittedSuperquadric],
+    neighbours: Sequence[FittedSuperquadric],
 ) -> bool:
     """Whether objects lie neither where the view shows free space nor in other objects.
 
     Args:
         hidden: the objects.
         view: with seen free space, and the grid outside which there is nothing.
-        others: objects beside which they are.
+        neighbours: objects beside which they are.
     """
-    beside = list(others)
-    for one in hidden:
-        places = places_in(one)
+    obstacles = list(neighbours)
+    for superquadric in hidden:
+        places = places_in(superquadric)
         if not view.grid.nearest_voxels(places)[1].all():
             return False
         if free_ratio(places, view.free, view.grid) > _MAX_FREE_RATIO:
             return False
-        solid = [shape_of(other).value(in_frame_of(other, places)) < 1 for other in beside]
-        if solid and np.any(solid, axis=0).mean() > _INSIDE:
+        inside_masks = [
+            shape_of(obstacle).value(in_frame_of(obstacle, places)) < 1 for obstacle in obstacles
+        ]
+        if inside_masks and np.any(inside_masks, axis=0).mean() > _MAX_OVERLAP_RATIO:
             return False
-        beside.append(one)
+        obstacles.append(superquadric)
     return True

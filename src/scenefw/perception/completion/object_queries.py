@@ -70,23 +70,23 @@ class ObjectQueryReconstructor:
         objects = Objects(owners(predicted, points, self.own))
         shapes = dict(enumerate(predicted, 1))
         if self.refined is not None:
-            plain = JointGeometry(points, view.grid, view.free, view.eye)  # no pixel is left out
-            shapes = self.refined.refined(shapes, objects, plain)
+            geometry = JointGeometry(points, view.grid, view.free, view.eye)  # no pixel is left out
+            shapes = self.refined.refined(shapes, objects, geometry)
         return [ObjectSet(objects, shapes)] * samples
 
 
-def owners(objects: Sequence[FittedSuperquadric], points: Float64, near: float) -> Int32:
+def owners(objects: Sequence[FittedSuperquadric], points: Float64, max_distance: float) -> Int32:
     """Which object (H, W) a pixel shows, numbered from 1; 0 = none.
 
     Args:
         objects: the superquadrics.
         points: (H, W, 3) world (m), NaN where nothing is seen.
-        near: how near their surface must be (m).
+        max_distance: how near their surface must be (m).
     """
     masks = np.zeros(points.shape[:2], np.int32)
-    above = points[..., 2] > LOWEST  # False where nothing is seen
-    if not objects or not above.any():
+    above_floor = points[..., 2] > LOWEST  # False where nothing is seen
+    if not objects or not above_floor.any():
         return masks
-    gaps = np.stack([np.abs(signed_distance(one, points[above])) for one in objects])
-    masks[above] = np.where(gaps.min(axis=0) < near, gaps.argmin(axis=0) + 1, 0)
+    gaps = np.stack([np.abs(signed_distance(item, points[above_floor])) for item in objects])
+    masks[above_floor] = np.where(gaps.min(axis=0) < max_distance, gaps.argmin(axis=0) + 1, 0)
     return masks

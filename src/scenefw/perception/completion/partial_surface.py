@@ -43,8 +43,8 @@ class PartialSurface:
         """`samples` times the same scene; fits count for nothing."""
         partial, grid = view.partial, view.grid
         heights = torch.from_numpy(grid.centres()[0, 0, :, 2]).float()
-        cut = (self.clearance * grid.voxel_size - heights).to(partial.distance.device)
-        tsdf = torch.maximum(partial.distance[0, 0].float(), cut.clamp(-grid.truncation))
+        cut_distance = (self.clearance * grid.voxel_size - heights).to(partial.distance.device)
+        tsdf = torch.maximum(partial.distance[0, 0].float(), cut_distance.clamp(-grid.truncation))
         tsdf = tsdf.clamp(max=grid.truncation)
         instances = instances_of(tsdf, self.extractor, grid).cpu().numpy()
         return [ObjectSet(Objects(None, tsdf.cpu().numpy(), instances))] * samples

@@ -67,9 +67,9 @@ class QueriedObjects:
         """
         view = self._view(partial, grid, generator)
         device = next(self.model.parameters()).device  # type: ignore[attr-defined]
-        found = self.model.predict(*(one.to(device) for one in view[:3]))
-        found = _in_world(found, view.turn.to(device), view.origin.to(device))
-        return [self._sure(found, row) for row in range(len(view.points))]
+        predictions = self.model.predict(*(tensor.to(device) for tensor in view[:3]))
+        predictions = _in_world(predictions, view.turn.to(device), view.origin.to(device))
+        return [self._confident_objects(predictions, row) for row in range(len(view.points))]
 
     def _view(self, partial: PartialTSDF, grid: GridSpec, generator: torch.Generator) -> SetView:
         """What the network sees of views."""
@@ -78,41 +78,46 @@ class QueriedObjects:
         chances = torch.rand(len(partial.distance), self.points, generator=generator)
         return volume_view(partial, grid, chances)
 
-    def _sure(self, found: QueriedSet, row: int) -> list[FittedSuperquadric]:
-        chances = found.existence[row].sigmoid().cpu()
-        chances = torch.where(found.active[row].cpu(), chances, 0.0)
+    def _confident_objects(self, predictions: QueriedSet, row: int) -> list[FittedSuperquadric]:
+        chances = predictions.existence[row].sigmoid().cpu()
+        chances = torch.where(predictions.active[row].cpu(), chances, 0.0)
         order = [k for k in chances.argsort(descending=True).tolist() if chances[k] > self.exists]
-        kept: list[FittedSuperquadric] = []
+        objects: list[FittedSuperquadric] = []
         for k in order:
-            one = _superquadric(found, row, k)
-            if all(shared_room(one, other) <= self.shared for other in kept):
-                kept.append(one)
-        return kept
+            candidate = _superquadric(predictions, row, k)
+            if all(shared_room(candidate, item) <= self.shared for item in objects):
+                objects.append(candidate)
+        return objects
 
 
-def shared_room(one: FittedSuperquadric, other: FittedSuperquadric) -> float:
+def shared_room(first: FittedSuperquadric, second: FittedSuperquadric) -> float:
     """Share of the smaller object that lies in the larger one, by points of its shells."""
-    small, large = sorted((one, other), key=lambda each: shape_of(each).volume())
+    small, large = sorted((first, second), key=lambda item: shape_of(item).volume())
     corners = shape_of(small).mesh(_CORNERS).vertices
     inner = np.concatenate([share * corners for share in _SHELLS])
     places = inner @ small.pose.rotation.T + small.pose.position
     return float((shape_of(large).value(in_frame_of(large, places)) < 1).mean())
 
 
-def _in_world(found: QueriedSet, turn: Tensor, origin: Tensor) -> QueriedSet:
+def _in_world(predictions: QueriedSet, turn: Tensor, origin: Tensor) -> QueriedSet:
     """Objects of frames, whose turns (B, 3, 3) are from the world, with origins (B, 3) m."""
-    back = turn.transpose(-1, -2)
+    to_world = turn.transpose(-1, -2)
     return replace(
-        found,
-        rotations=torch.einsum("bij,bnjk->bnik", back, found.rotations),
-        positions=torch.einsum("bij,bnj->bni", back, found.positions) + origin[:, None],
+        predictions,
+        rotations=torch.einsum("bij,bnjk->bnik", to_world, predictions.rotations),
+        positions=torch.einsum("bij,bnj->bni", to_world, predictions.positions) + origin[:, None],
     )
 
 
-def _superquadric(found: QueriedSet, row: int, query: int) -> FittedSuperquadric:
+def _superquadric(predictions: QueriedSet, row: int, query: int) -> FittedSuperquadric:
     axes, exponents, rotation, position = (
-        one[row, query].double().cpu().numpy()
-        for one in (found.half_axes, found.exponents, found.rotations, found.positions)
+        tensor[row, query].double().cpu().numpy()
+        for tensor in (
+            predictions.half_axes,
+            predictions.exponents,
+            predictions.rotations,
+            predictions.positions,
+        )
     )
     pose = Pose(position, geometry.quaternion_from_rotation(rotation))
     return FittedSuperquadric(axes, exponents, pose, 0.0, np.empty(0))

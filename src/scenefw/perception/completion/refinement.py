@@ -71,34 +71,39 @@ class RefinedSets:
             view: of their image.
         """
         evidence = {label: self.evidence.of(label, objects, view) for label in predicted}
-        enough = {k: one for k, one in evidence.items() if self._seen(one).sum() >= self.least}
-        start = [predicted[label] for label in enough]
-        expected = [self._expected(*both) for both in zip(enough.values(), start, strict=True)]
-        fitted = self.fit.together(expected, start) if start else []
-        kept = {
-            label: self._better(one, predicted[label], enough[label])
-            for label, one in zip(enough, fitted, strict=True)
+        fit_evidence = {
+            k: item for k, item in evidence.items() if self._visible_mask(item).sum() >= self.least
         }
-        for label, one in predicted.items():
-            if label not in enough and possible([one], view, list(kept.values())):
-                kept[label] = one
-        return kept
+        start = [predicted[label] for label in fit_evidence]
+        extended_evidence = [
+            self._extended_evidence(*pair)
+            for pair in zip(fit_evidence.values(), start, strict=True)
+        ]
+        fitted = self.fit.together(extended_evidence, start) if start else []
+        shapes = {
+            label: self._better_fit(shape, predicted[label], fit_evidence[label])
+            for label, shape in zip(fit_evidence, fitted, strict=True)
+        }
+        for label, shape in predicted.items():
+            if label not in fit_evidence and possible([shape], view, list(shapes.values())):
+                shapes[label] = shape
+        return shapes
 
-    def _better(
+    def _better_fit(
         self, fitted: FittedSuperquadric, predicted: FittedSuperquadric, evidence: Evidence
     ) -> FittedSuperquadric:
-        both = [
-            replace(one, distances=signed_distance(one, evidence.points))
-            for one in (fitted, predicted)
+        candidates = [
+            replace(shape, distances=signed_distance(shape, evidence.points))
+            for shape in (fitted, predicted)
         ]
-        explained = [self._explained(one, evidence) for one in both]
-        return both[0] if explained[0] >= explained[1] else both[1]
+        inlier_ratios = [self._inlier_ratio(shape, evidence) for shape in candidates]
+        return candidates[0] if inlier_ratios[0] >= inlier_ratios[1] else candidates[1]
 
-    def _explained(self, one: FittedSuperquadric, evidence: Evidence) -> float:
-        return float((np.abs(one.distances[self._seen(evidence)]) < self.near).mean())
+    def _inlier_ratio(self, shape: FittedSuperquadric, evidence: Evidence) -> float:
+        return float((np.abs(shape.distances[self._visible_mask(evidence)]) < self.near).mean())
 
-    def _seen(self, evidence: Evidence) -> np.ndarray:
+    def _visible_mask(self, evidence: Evidence) -> np.ndarray:
         return np.asarray(evidence.sigmas == self.evidence.seen_sigma)
 
-    def _expected(self, evidence: Evidence, predicted: FittedSuperquadric) -> Evidence:
+    def _extended_evidence(self, evidence: Evidence, predicted: FittedSuperquadric) -> Evidence:
         return add_predicted_surface(evidence, predicted, self.drawn_sigma, self.beyond)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from scenefw.core.protocols import Settling
     from scenefw.core.training_protocols import TrainedWholeSetFlow
 
-_SIZES = (2e-3, 0.5)  # m: half-axes of what is taken
+_HALF_AXIS_RANGE = (2e-3, 0.5)  # m
 _EYE, _TARGET = (-0.9, 0.0, 0.6), (0.0, 0.0, 0.05)  # m
 
 
@@ -83,10 +83,10 @@ class ScenePrior:
 
     def _scene(self, seed: int, number: int) -> SceneEstimate:
         generator = torch.Generator().manual_seed(rng.torch_seed(seed, number))
-        many = int(self.model.scenes(1, generator, 1).present.sum())
-        drawn = self.model.scenes(self.attempts, generator, self.steps, many)
+        count = int(self.model.scenes(1, generator, 1).present.sum())
+        samples = self.model.scenes(self.attempts, generator, self.steps, count)
         for row in range(self.attempts):
-            objects = _placed(drawn, row)
+            objects = _placed_shapes(samples, row)
             if not objects or not self._inside(objects):
                 continue
             if self.settling is None:
@@ -94,7 +94,7 @@ class ScenePrior:
             scene = self._estimate(pushed_apart(objects), seed, number, row)
             scene = self.settling.settle([scene])[0]
             if scene.details["settled"]["stable"]:
-                return _seen(scene)
+                return _render(scene)
         raise ConfigError(
             f"scene {number + 1}: none of {self.attempts} draws stands; raise run.prior.attempts, "
             "or ~settling for draws as they are"
@@ -116,30 +116,30 @@ class ScenePrior:
         estimates = estimate_objects(meshes, dict.fromkeys(placed, 1.0), placed)
         empty = np.zeros(self.grid.shape)
         facts = {"drawn": {"seed": seed, "number": number + 1, "draws": row + 1}}
-        return _seen(
+        return _render(
             SceneEstimate(
                 estimates, self.grid, empty.astype(np.float32), empty.astype(np.int32), frame, facts
             )
         )
 
 
-def _placed(drawn: SeenSetBatch, row: int) -> list[PlacedShape]:
+def _placed_shapes(samples: SeenSetBatch, row: int) -> list[PlacedShape]:
     """The objects of one draw; what is not finite is left out."""
-    there = drawn.present[row].cpu().numpy()
+    present = samples.present[row].cpu().numpy()
     axes, exponents, rotations, positions = (
-        field[row].double().cpu().numpy()[there]
-        for field in (drawn.half_axes, drawn.exponents, drawn.rotations, drawn.positions)
+        field[row].double().cpu().numpy()[present]
+        for field in (samples.half_axes, samples.exponents, samples.rotations, samples.positions)
     )
-    found = []
-    for one in zip(axes, exponents, rotations, positions, strict=True):
-        if all(np.isfinite(values).all() for values in one):
-            shape = Superquadric(np.clip(one[0], *_SIZES), one[1])
-            pose = Pose(one[3], geometry.quaternion_from_rotation(one[2]))
-            found.append(PlacedShape(shape, pose))
-    return found
+    placed_shapes = []
+    for parameters in zip(axes, exponents, rotations, positions, strict=True):
+        if all(np.isfinite(values).all() for values in parameters):
+            shape = Superquadric(np.clip(parameters[0], *_HALF_AXIS_RANGE), parameters[1])
+            pose = Pose(parameters[3], geometry.quaternion_from_rotation(parameters[2]))
+            placed_shapes.append(PlacedShape(shape, pose))
+    return placed_shapes
 
 
-def _seen(scene: SceneEstimate) -> SceneEstimate:
+def _render(scene: SceneEstimate) -> SceneEstimate:
     """The scene with volumes of its objects, and what its camera sees of them."""
     placed = [item.placed for item in scene.objects if item.placed is not None]
     parameters, camera = _parameters(placed), scene.frame.camera

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from scenefw.perception.steps import Fits
 
 
-_CLEAR = 0.1  # voxels, from the surface to a centre beside it at least
+_MIN_SURFACE_DISTANCE = 0.1  # voxels, from the surface to a centre beside it
 
 
 class TrainedSets(Protocol):
@@ -91,15 +91,15 @@ class SetNetwork:
         return [ObjectSet(self._objects(prediction)) for prediction in predictions]
 
     def _predictions(
-        self, seen: Tensor, samples: int, generator: torch.Generator
+        self, inputs: Tensor, samples: int, generator: torch.Generator
     ) -> list[ObjectSetPrediction]:
         if not self.model.latent_shape:
-            return [self.model.decompose(seen)]
-        shape = (len(seen), *self.model.latent_shape)
-        every = torch.randn((samples, *shape), generator=generator)
+            return [self.model.decompose(inputs)]
+        shape = (len(inputs), *self.model.latent_shape)
+        all_latents = torch.randn((samples, *shape), generator=generator)
         if self.model.prior_sees_view:
-            every[0] = 0.0
-        return [self.model.sample(seen, latents) for latents in every.to(self.device)]
+            all_latents[0] = 0.0
+        return [self.model.sample(inputs, latents) for latents in all_latents.to(self.device)]
 
     def _objects(self, prediction: ObjectSetPrediction) -> Objects:
         labels = chosen_objects(prediction, 0, self.grid, self.smallest, self.suppress).labels
@@ -111,8 +111,14 @@ class SetNetwork:
         if not inside.any():
             return np.full(inside.shape, limit, np.float32)
         edt = ndimage.distance_transform_edt
-        apart = np.where(inside, 0.5 - edt(inside), edt(~inside) - 0.5) * voxel
-        smooth = ndimage.gaussian_filter(apart, self.smoothing) if self.smoothing else apart
-        least = _CLEAR * voxel  # what is thin stays inside
-        kept = np.where(inside, np.minimum(smooth, -least), np.maximum(smooth, least))
-        return np.clip(kept, -limit, limit).astype(np.float32)
+        distances = np.where(inside, 0.5 - edt(inside), edt(~inside) - 0.5) * voxel
+        smooth_distances = (
+            ndimage.gaussian_filter(distances, self.smoothing) if self.smoothing else distances
+        )
+        min_distance = _MIN_SURFACE_DISTANCE * voxel  # what is thin stays inside
+        clamped_distances = np.where(
+            inside,
+            np.minimum(smooth_distances, -min_distance),
+            np.maximum(smooth_distances, min_distance),
+        )
+        return np.clip(clamped_distances, -limit, limit).astype(np.float32)

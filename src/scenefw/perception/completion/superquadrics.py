@@ -43,12 +43,12 @@ class FitSampling:
         self, fits: Fits, view: ViewGeometry, samples: int, generator: torch.Generator
     ) -> list[ObjectSet]:
         """The best fit of each object, and then draws of what they may be as well."""
-        evidence, alone = list(fits.evidence.values()), list(fits.superquadrics.values())
-        shapes = [self.fit.separate(evidence, alone)]
+        evidence, superquadrics = list(fits.evidence.values()), list(fits.superquadrics.values())
+        shapes = [self.fit.separate(evidence, superquadrics)]
         if self.drawn:
             random = np.random.default_rng(int(torch.randint(2**62, (1,), generator=generator)))
-            shapes += self.fit.draws(evidence, alone, samples - 1, random)
-        return [accepted(fits, each, self.tolerances, view) for each in shapes]
+            shapes += self.fit.draws(evidence, superquadrics, samples - 1, random)
+        return [accepted(fits, hypothesis, self.tolerances, view) for hypothesis in shapes]
 
 
 def accepted(

@@ -19,12 +19,13 @@ if TYPE_CHECKING:
     from scenefw.core.evidence import FittedSuperquadric
     from scenefw.core.types import Float64, GridSpec
 
-_GAP = 0.01  # m: what is no higher above something stands on it
-_UPRIGHT = 0.95  # cosine between an axis and the vertical from which on it is the one that grows
-_WITHIN, _ACROSS = 0.8, 5  # share of the footprint that is looked below, places along each side
+_MAX_SUPPORT_GAP = 0.01  # m: what is no higher above something stands on it
+_MIN_UPRIGHT_COSINE = 0.95  # between an axis and the vertical: from there on that axis grows
+_FOOTPRINT_RATIO = 0.8  # share of the footprint that is looked below
+_SIDE_POINTS = 5  # places along each of its sides
 _STEP = 0.005  # m, downwards
-_LEAST = 0.004  # m, of half-axes
-_THROUGH = 0.1  # share of what is added that may lie where the view sees through
+_MIN_HALF_AXIS = 0.004  # m
+_MAX_FREE_RATIO = 0.1  # share of what is added that may lie where the view sees through
 
 
 def extend_to_support(
@@ -43,54 +44,62 @@ def extend_to_support(
         grid: of free space.
     """
     return [
-        _let_down(one, [other for other in objects if other is not one], free, grid)
-        for one in objects
+        _extend_down(
+            item, [neighbour for neighbour in objects if neighbour is not item], free, grid
+        )
+        for item in objects
     ]
 
 
-def _let_down(
-    one: FittedSuperquadric,
-    others: Sequence[FittedSuperquadric],
+def _extend_down(
+    superquadric: FittedSuperquadric,
+    neighbours: Sequence[FittedSuperquadric],
     free: NDArray[np.bool_],
     grid: GridSpec,
 ) -> FittedSuperquadric:
-    vertical = one.pose.rotation[2]
+    vertical = superquadric.pose.rotation[2]
     axis = int(np.abs(vertical).argmax())
-    lowest = float((shape_of(one).mesh(_ACROSS).vertices @ vertical).min() + one.pose.position[2])
-    if abs(vertical[axis]) < _UPRIGHT:
-        return one
-    if lowest <= _GAP:
-        return _longer(one, axis, min(lowest, 0.0))
-    heights = np.arange(lowest - _STEP, 0, -_STEP)
-    below = _footprint(one, axis)[None] * [1.0, 1.0, 0.0] + heights[:, None, None] * [0.0, 0.0, 1.0]
-    carried = np.zeros(len(heights), dtype=bool)
-    for other in others:
-        inside = shape_of(other).value(in_frame_of(other, below)) < 1
-        carried |= inside.any(axis=1)
-    there = int(carried.argmax()) if carried.any() else len(heights)
-    gap = lowest - (heights[there] if carried.any() else 0.0)
-    if gap <= _GAP or free_ratio(below[:there], free, grid) > _THROUGH:
-        return one
-    return _longer(one, axis, gap)
+    bottom = float(
+        (shape_of(superquadric).mesh(_SIDE_POINTS).vertices @ vertical).min()
+        + superquadric.pose.position[2]
+    )
+    if abs(vertical[axis]) < _MIN_UPRIGHT_COSINE:
+        return superquadric
+    if bottom <= _MAX_SUPPORT_GAP:
+        return _lengthen(superquadric, axis, min(bottom, 0.0))
+    heights = np.arange(bottom - _STEP, 0, -_STEP)
+    footprint = _footprint(superquadric, axis)[None]
+    probes = footprint * [1.0, 1.0, 0.0] + heights[:, None, None] * [0.0, 0.0, 1.0]
+    support_mask = np.zeros(len(heights), dtype=bool)
+    for neighbour in neighbours:
+        inside = shape_of(neighbour).value(in_frame_of(neighbour, probes)) < 1
+        support_mask |= inside.any(axis=1)
+    support_index = int(support_mask.argmax()) if support_mask.any() else len(heights)
+    gap = bottom - (heights[support_index] if support_mask.any() else 0.0)
+    if gap <= _MAX_SUPPORT_GAP or free_ratio(probes[:support_index], free, grid) > _MAX_FREE_RATIO:
+        return superquadric
+    return _lengthen(superquadric, axis, gap)
 
 
-def _longer(one: FittedSuperquadric, axis: int, by: float) -> FittedSuperquadric:
+def _lengthen(superquadric: FittedSuperquadric, axis: int, length: float) -> FittedSuperquadric:
     """An object whose lower end lies so much further down (m), if something of it is left."""
-    half_axes = one.half_axes.copy()
-    half_axes[axis] += by / 2
-    if by == 0 or half_axes[axis] < _LEAST:
-        return one
-    down = -np.sign(one.pose.rotation[2, axis]) * one.pose.rotation[:, axis]
-    pose = Pose(one.pose.position + down * by / 2, one.pose.quaternion)
-    return replace(one, half_axes=half_axes, pose=pose)
+    half_axes = superquadric.half_axes.copy()
+    half_axes[axis] += length / 2
+    if length == 0 or half_axes[axis] < _MIN_HALF_AXIS:
+        return superquadric
+    direction = -np.sign(superquadric.pose.rotation[2, axis]) * superquadric.pose.rotation[:, axis]
+    pose = Pose(superquadric.pose.position + direction * length / 2, superquadric.pose.quaternion)
+    return replace(superquadric, half_axes=half_axes, pose=pose)
 
 
-def _footprint(one: FittedSuperquadric, axis: int) -> Float64:
+def _footprint(superquadric: FittedSuperquadric, axis: int) -> Float64:
     """Places (P, 3) of the world at the height of its centre, over most of its width."""
-    places = np.linspace(-_WITHIN, _WITHIN, _ACROSS)
-    local = np.zeros((_ACROSS**2, 3))
+    places = np.linspace(-_FOOTPRINT_RATIO, _FOOTPRINT_RATIO, _SIDE_POINTS)
+    local = np.zeros((_SIDE_POINTS**2, 3))
     first, second = (k for k in range(3) if k != axis)
     local[:, first], local[:, second] = (
         one_side.ravel() for one_side in np.meshgrid(places, places)
     )
-    return np.asarray((local * one.half_axes) @ one.pose.rotation.T + one.pose.position)
+    return np.asarray(
+        (local * superquadric.half_axes) @ superquadric.pose.rotation.T + superquadric.pose.position
+    )

@@ -68,7 +68,7 @@ def kept(
     inside: NDArray[np.bool_],
     exists: NDArray[np.bool_],
     scores: NDArray[np.float64],
-    most: float,
+    max_iou: float,
 ) -> NDArray[np.bool_]:
     """Which predictions stay if of those that overlap only the one with the highest score may.
 
@@ -76,18 +76,18 @@ def kept(
         inside: (N, X, Y, Z) voxels of each.
         exists: (N,) which are looked at.
         scores: (N,) how sure each is.
-        most: IoU from which on a prediction is another one's duplicate.
+        max_iou: IoU from which on a prediction is another one's duplicate.
     """
     iou = set_overlaps(inside, inside).iou
-    stays = np.zeros_like(exists)
+    keep_mask = np.zeros_like(exists)
     for i in np.argsort(-scores, kind="stable"):
-        stays[i] = exists[i] and not (iou[i, stays] >= most).any()
-    return stays
+        keep_mask[i] = exists[i] and not (iou[i, keep_mask] >= max_iou).any()
+    return keep_mask
 
 
 def _labels(logits: Tensor) -> NDArray[np.int64]:
     """Of objects (P, X, Y, Z): the most probable one, 1..P, 0 where none is above 1/2."""
     if not len(logits):
         return np.zeros(logits.shape[1:], np.int64)
-    highest, which = logits.max(dim=0)
-    return torch.where(highest > 0, which + 1, 0).numpy()
+    highest, index = logits.max(dim=0)
+    return torch.where(highest > 0, index + 1, 0).numpy()

@@ -26,8 +26,9 @@ if TYPE_CHECKING:
 
     Mask = NDArray[np.bool_]
 
-_BEFORE, _WITHIN = 0.02, 0.004  # m: so far before a seen point, nothing is so deep in a solid
-_THERE = 0.98  # share of a vessel in the grid
+_PROBE_DISTANCE = 0.02  # m, from a seen point towards the camera
+_MAX_PROBE_DEPTH = 0.004  # m: a probe that is deeper lies in the solid
+_MIN_GRID_RATIO = 0.98  # share of a vessel that must lie in the grid
 VESSEL_SECTIONS = 24  # of a surface that is looked up in volumes
 
 
@@ -93,7 +94,7 @@ class Vessels:
             return list(sets)
         masks = first.objects.pixels
         vessels = self.detect(masks, view, first.evidence, first.superquadrics)
-        return [with_vessels(each, vessels) for each in sets]
+        return [with_vessels(hypothesis, vessels) for hypothesis in sets]
 
     def detect(
         self,
@@ -110,55 +111,59 @@ class Vessels:
             labels: of objects that are in the grid.
             superquadrics: those that explain objects.
         """
-        kept: dict[int, FittedVessel] = {}
+        vessels: dict[int, FittedVessel] = {}
         if view.eye is None:  # several views: seen from all around
-            return kept
+            return vessels
         free = view.clear  # so that no wall lies in it by half a voxel
         for label in labels:
             points = self._points(masks, view, label)
             if len(points) < self.least:
                 continue
-            known = superquadrics.get(label)
-            reached = 0.0 if known is None else self._reached(known, points, view.eye)
-            wanted = max(self.tolerances.min_inlier_ratio, reached + self.better)
-            if wanted > 1:
+            superquadric = superquadrics.get(label)
+            superquadric_ratio = (
+                0.0 if superquadric is None else self._inlier_ratio(superquadric, points, view.eye)
+            )
+            min_ratio = max(self.tolerances.min_inlier_ratio, superquadric_ratio + self.better)
+            if min_ratio > 1:
                 continue
-            one = self.fit.fit(points, view.eye)
-            if self.tolerances.inlier_ratio(one.distances) >= wanted and self._open(
-                one, points, view.grid, free
+            vessel = self.fit.fit(points, view.eye)
+            if self.tolerances.inlier_ratio(vessel.distances) >= min_ratio and self._is_open(
+                vessel, points, view.grid, free
             ):
-                kept[label] = one
-        return kept
+                vessels[label] = vessel
+        return vessels
 
     def _points(self, masks: Int32, view: ViewGeometry, label: int) -> Float64:
         """Points of an object, away from where its image ends: there they belong to nothing."""
-        own = masks == label
-        edge = round(self.edge * own.shape[1] / WIDTH)
-        inner = binary_erosion(own, iterations=edge) if edge else own
+        object_mask = masks == label
+        edge = round(self.edge * object_mask.shape[1] / WIDTH)
+        inner = binary_erosion(object_mask, iterations=edge) if edge else object_mask
         inner &= np.isfinite(view.points[..., 2])
         points = view.points[inner if view.mixed is None else inner & ~view.mixed]
-        chosen = np.linspace(0, len(points) - 1, min(self.points, len(points))).astype(int)
-        return np.asarray(points[chosen], np.float64)
+        indices = np.linspace(0, len(points) - 1, min(self.points, len(points))).astype(int)
+        return np.asarray(points[indices], np.float64)
 
-    def _reached(self, known: FittedSuperquadric, points: Float64, eye: Float64) -> float:
+    def _inlier_ratio(
+        self, superquadric: FittedSuperquadric, points: Float64, eye: Float64
+    ) -> float:
         """Share of the points that a superquadric explains on the side that looks at the camera."""
-        near = np.abs(signed_distance(known, points)) < self.tolerances.inlier_distance
-        way = eye - points
-        before = points + _BEFORE * way / np.linalg.norm(way, axis=1, keepdims=True)
-        return float((near & (signed_distance(known, before) > -_WITHIN)).mean())
+        inliers = np.abs(signed_distance(superquadric, points)) < self.tolerances.inlier_distance
+        to_eye = eye - points
+        probes = points + _PROBE_DISTANCE * to_eye / np.linalg.norm(to_eye, axis=1, keepdims=True)
+        return float((inliers & (signed_distance(superquadric, probes) > -_MAX_PROBE_DEPTH)).mean())
 
-    def _open(self, one: FittedVessel, points: Float64, grid: GridSpec, free: Mask) -> bool:
+    def _is_open(self, vessel: FittedVessel, points: Float64, grid: GridSpec, free: Mask) -> bool:
         """Whether the view sees into it, and none of its wall where it sees through."""
-        rim = one.pose.position[2] + one.shape.bottom + one.shape.height
-        within = one.inside & (points[:, 2] < rim - self.below)
-        seen = np.ptp(points[:, :2], axis=0).max()
-        narrow = seen < self.width * 2 * one.shape.radius
-        if within.mean() < self.inside or narrow or one.shape.height < self.flattest:
+        rim = vessel.pose.position[2] + vessel.shape.bottom + vessel.shape.height
+        interior = vessel.inside & (points[:, 2] < rim - self.below)
+        visible_width = np.ptp(points[:, :2], axis=0).max()
+        narrow = visible_width < self.width * 2 * vessel.shape.radius
+        if interior.mean() < self.inside or narrow or vessel.shape.height < self.flattest:
             return False
-        corners = one.shape.mesh(VESSEL_SECTIONS).vertices + one.pose.position
-        voxels, there = grid.nearest_voxels(corners)
-        through = free[tuple(voxels[there].T)]
-        return bool(there.mean() > _THERE and through.mean() < self.through)
+        corners = vessel.shape.mesh(VESSEL_SECTIONS).vertices + vessel.pose.position
+        voxels, inside = grid.nearest_voxels(corners)
+        free_corners = free[tuple(voxels[inside].T)]
+        return bool(inside.mean() > _MIN_GRID_RATIO and free_corners.mean() < self.through)
 
 
 def with_vessels(hypothesis: ObjectSet, vessels: Mapping[int, FittedVessel]) -> ObjectSet:

@@ -93,7 +93,7 @@ class VolumeNetwork:
         self.smoothing, self.temperature = smoothing, temperature
         self.typical_first, self.coupled = typical_first, coupled
         self.device = torch.device(device)
-        self.model = _ready(checkpoint.model, self.device)
+        self.model = _prepare(checkpoint.model, self.device)
 
     @torch.no_grad()
     def volumes(
@@ -107,7 +107,7 @@ class VolumeNetwork:
             InputError: the grid is not the one that the network was trained on.
         """
         inputs = self.inputs(partial, grid)
-        return self._decoded(inputs, grid, self._codes(samples, len(inputs), generator))
+        return self._decode(inputs, grid, self._codes(samples, len(inputs), generator))
 
     def inputs(self, partial: PartialTSDF, grid: GridSpec) -> Tensor:
         """What the network sees of partial views.
@@ -124,19 +124,20 @@ class VolumeNetwork:
         self, partial: PartialTSDF, grid: GridSpec, codes: Tensor
     ) -> list[Completion]:
         """Complete scenes of given codes (S, B, latent_size)."""
-        return self._completions(self._decoded(self.inputs(partial, grid), grid, codes), grid)
+        return self._completions(self._decode(self.inputs(partial, grid), grid, codes), grid)
 
-    def _decoded(
-        self, inputs: Tensor, grid: GridSpec, all_codes: Tensor
-    ) -> list[dict[str, Tensor]]:
+    def _decode(self, inputs: Tensor, grid: GridSpec, all_codes: Tensor) -> list[dict[str, Tensor]]:
         results = []
         for codes in all_codes.split(_CODES_AT_ONCE):
-            found = dict(self.model.predict(inputs, codes.flatten(0, 1).to(self.device)).volumes)
-            found["tsdf"] = smoothed(found["tsdf"].float().clamp(-1, 1), self.smoothing)
-            made = {n: one.from_network(found[n], grid) for n, one in self.representations.items()}
+            outputs = dict(self.model.predict(inputs, codes.flatten(0, 1).to(self.device)).volumes)
+            outputs["tsdf"] = smoothed(outputs["tsdf"].float().clamp(-1, 1), self.smoothing)
+            volumes = {
+                n: representation.from_network(outputs[n], grid)
+                for n, representation in self.representations.items()
+            }
             for row in range(len(codes)):
                 part = slice(row * len(inputs), (row + 1) * len(inputs))
-                results.append({name: volume[part] for name, volume in made.items()})
+                results.append({name: volume[part] for name, volume in volumes.items()})
         return results
 
     def _codes(self, samples: int, views: int, generator: torch.Generator) -> Tensor:
@@ -146,15 +147,15 @@ class VolumeNetwork:
             return torch.zeros(1, *shape)
         typical = torch.zeros(int(self.typical_first), *shape)
         draw = coupled_codes if self.coupled else independent_codes
-        drawn = draw(samples - len(typical), shape, generator)
-        return torch.cat([typical, self.temperature * drawn])
+        codes = draw(samples - len(typical), shape, generator)
+        return torch.cat([typical, self.temperature * codes])
 
     def complete(
         self, fits: Fits, view: Observation, samples: int, generator: torch.Generator
     ) -> list[ObjectSet]:
         """Complete scenes of `samples` codes, with all their volumes; fits count for nothing."""
         volumes = self.volumes(view.partial, view.grid, samples, generator)
-        return [ObjectSet(objects_of(each)) for each in self._completions(volumes, view.grid)]
+        return [ObjectSet(objects_of(scene)) for scene in self._completions(volumes, view.grid)]
 
     def group(self, segments: Int32, view: Observation) -> Objects:
         """The most typical scene as rough volumes of segments (`grouping.relabelling`)."""
@@ -169,8 +170,8 @@ class VolumeNetwork:
         self, volumes: Sequence[dict[str, Tensor]], grid: GridSpec
     ) -> list[Completion]:
         return [
-            Completion(found["tsdf"][:, 0], self._instances(found, grid), found)
-            for found in volumes
+            Completion(sample["tsdf"][:, 0], self._instances(sample, grid), sample)
+            for sample in volumes
         ]
 
     def _instances(self, volumes: Mapping[str, Tensor], grid: GridSpec) -> Tensor:
@@ -189,16 +190,16 @@ def objects_of(scene: Completion) -> Objects:
 def _require_outputs(
     representations: Mapping[str, Representation], outputs: Mapping[str, int]
 ) -> None:
-    for name, one in representations.items():
-        if outputs.get(name) != one.channels:
+    for name, representation in representations.items():
+        if outputs.get(name) != representation.channels:
             raise ConfigError(
-                f"the network has no output {name} of {one.channels} channels, its outputs are "
-                f"{', '.join(f'{n} ({c})' for n, c in outputs.items())}; give a checkpoint that "
-                "was trained on it, or leave it out of representation=[...]"
+                f"the network has no output {name} of {representation.channels} channels, its "
+                f"outputs are {', '.join(f'{n} ({c})' for n, c in outputs.items())}; give a "
+                "checkpoint that was trained on it, or leave it out of representation=[...]"
             )
 
 
-def _ready(model: nn.Module, device: torch.device) -> ShapeInstanceModel:
+def _prepare(model: nn.Module, device: torch.device) -> ShapeInstanceModel:
     return model.to(device).eval()
 
 

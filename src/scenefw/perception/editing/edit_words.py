@@ -30,27 +30,27 @@ USAGES = {
 """What can be done; lengths in metres, FILE another scene.json, [...] may be left out."""
 
 
-def edited(objects: Objects, words: str, read: Read) -> Objects:
+def edited(objects: Objects, words: str, read_scene: Read) -> Objects:
     """The objects after one edit.
 
     Args:
         objects: of the scene.
         words: as in `USAGES`.
-        read: gives the scene of a file.
+        read_scene: gives the scene of a file.
 
     Raises:
         InputError: the words make no sense, or there is no such object or file.
     """
     try:
-        name, *rest = shlex.split(words)
+        name, *arguments = shlex.split(words)
     except ValueError:
-        name, rest = "", []
+        name, arguments = "", []
     if name not in USAGES:
-        near = get_close_matches(name, USAGES, 1)
-        fix = f"did you mean {near[0]}?" if near else f"give one of {', '.join(USAGES)}"
+        matches = get_close_matches(name, USAGES, 1)
+        fix = f"did you mean {matches[0]}?" if matches else f"give one of {', '.join(USAGES)}"
         raise InputError(f"there is no edit '{words}'; {fix}")
     try:
-        return _MADE[name](objects, _Words(tuple(rest)), read)
+        return _EDITS[name](objects, _Words(tuple(arguments)), read_scene)
     except _MisfitError as error:
         raise InputError(f"edit '{words}': expected {USAGES[name]}") from error
     except InputError as error:
@@ -65,19 +65,19 @@ class _MisfitError(Exception):
 class _Words:
     """What follows the name of an edit."""
 
-    rest: tuple[str, ...]
+    arguments: tuple[str, ...]
 
     def sized(self, *counts: int) -> _Words:
         """The same, of one of these lengths."""
-        if len(self.rest) not in counts:
+        if len(self.arguments) not in counts:
             raise _MisfitError
         return self
 
     def id(self, place: int) -> int:
-        return int(self._number(self.rest[place], int))
+        return int(self._number(self.arguments[place], int))
 
     def numbers(self, start: int, stop: int | None = None) -> list[float]:
-        return [self._number(word, float) for word in self.rest[start:stop]]
+        return [self._number(word, float) for word in self.arguments[start:stop]]
 
     @staticmethod
     def _number(word: str, kind: Any) -> float:
@@ -87,51 +87,51 @@ class _Words:
             raise _MisfitError from error
 
 
-def _remove(objects: Objects, words: _Words, read: Read) -> Objects:
+def _remove(objects: Objects, words: _Words, read_scene: Read) -> Objects:
     return scene_editing.removed(objects, words.sized(1).id(0))
 
 
-def _move(objects: Objects, words: _Words, read: Read) -> Objects:
+def _move(objects: Objects, words: _Words, read_scene: Read) -> Objects:
     return scene_editing.moved_by(objects, words.sized(4).id(0), words.numbers(1))
 
 
-def _turn(objects: Objects, words: _Words, read: Read) -> Objects:
+def _turn(objects: Objects, words: _Words, read_scene: Read) -> Objects:
     label, (degrees, *axis) = words.sized(2, 5).id(0), words.numbers(1)
     return scene_editing.moved_by(objects, label, turn=degrees, axis=axis or (0.0, 0.0, 1.0))
 
 
-def _scale(objects: Objects, words: _Words, read: Read) -> Objects:
+def _scale(objects: Objects, words: _Words, read_scene: Read) -> Objects:
     return scene_editing.scaled(objects, words.sized(2).id(0), words.numbers(1)[0])
 
 
-def _swap(objects: Objects, words: _Words, read: Read) -> Objects:
+def _swap(objects: Objects, words: _Words, read_scene: Read) -> Objects:
     return scene_editing.swapped(objects, words.sized(2).id(0), words.id(1))
 
 
-def _add(objects: Objects, words: _Words, read: Read) -> Objects:
-    if words.rest[:1] == ("superquadric",):
-        numbers = _Words(words.rest[1:]).sized(8, 9, 10).numbers(0)
+def _add(objects: Objects, words: _Words, read_scene: Read) -> Objects:
+    if words.arguments[:1] == ("superquadric",):
+        numbers = _Words(words.arguments[1:]).sized(8, 9, 10).numbers(0)
         place = [*numbers[6:9], None][:3]
         turn = numbers[9] if len(numbers) > 9 else 0.0
         shape = scene_editing.superquadric(numbers[:3], numbers[3:6], place, turn)
         return scene_editing.added(objects, shape)
-    if len(words.rest) in (1, 4):  # of this scene
-        return _added(objects, objects, words)
+    if len(words.arguments) in (1, 4):  # of this scene
+        return _add_copy(objects, objects, words)
     words.sized(2, 5)
-    return _added(objects, read(words.rest[0]).objects, _Words(words.rest[1:]))
+    return _add_copy(objects, read_scene(words.arguments[0]).objects, _Words(words.arguments[1:]))
 
 
-def _added(objects: Objects, others: Objects, words: _Words) -> Objects:
-    item = scene_editing.named(others, words.id(0))
+def _add_copy(objects: Objects, source: Objects, words: _Words) -> Objects:
+    item = scene_editing.named(source, words.id(0))
     return scene_editing.added(objects, item, words.numbers(1) or (0.0, 0.0, 0.0))
 
 
-def _join(objects: Objects, words: _Words, read: Read) -> Objects:
+def _join(objects: Objects, words: _Words, read_scene: Read) -> Objects:
     by = words.sized(1, 4).numbers(1) or (0.0, 0.0, 0.0)
-    return scene_editing.joined(objects, read(words.rest[0]).objects, by)
+    return scene_editing.joined(objects, read_scene(words.arguments[0]).objects, by)
 
 
-_MADE: dict[str, Callable[[Objects, _Words, Read], Objects]] = {
+_EDITS: dict[str, Callable[[Objects, _Words, Read], Objects]] = {
     "remove": _remove,
     "move": _move,
     "turn": _turn,

@@ -39,12 +39,12 @@ if TYPE_CHECKING:
 
 Objects = tuple[ObjectEstimate, ...]
 
-_FARTHEST = 100.0  # m, of centres from the origin
-_LARGEST = 1000.0  # factor of scaling
-_ROUND = 1e-9
-_MOST_VOXELS = 128  # per side of a grid that grows
-_SURE = 1.0  # of what somebody put there
-_FROM_IMAGE = ("floor", "checkpoint", "samples", "seed")  # details that hold after edits too
+_MAX_DISTANCE = 100.0  # m, of centres from the origin
+_MAX_FACTOR = 1000.0  # of scaling
+_MIN_AXIS_LENGTH = 1e-9  # of an axis of turning
+_MAX_VOXELS = 128  # per side of a grid that grows
+_CONFIDENCE = 1.0  # of an object that somebody has added
+_IMAGE_DETAILS = ("floor", "checkpoint", "samples", "seed")  # details that hold after edits too
 
 
 def named(objects: Objects, label: int) -> ObjectEstimate:
@@ -56,8 +56,8 @@ def named(objects: Objects, label: int) -> ObjectEstimate:
     for item in objects:
         if item.id == label:
             return item
-    known = ", ".join(str(item.id) for item in objects) or "none"
-    raise InputError(f"there is no object {label}; the scene has {known}")
+    ids = ", ".join(str(item.id) for item in objects) or "none"
+    raise InputError(f"there is no object {label}; the scene has {ids}")
 
 
 def removed(objects: Objects, label: int) -> Objects:
@@ -66,8 +66,8 @@ def removed(objects: Objects, label: int) -> Objects:
     Raises:
         InputError: there is no such object.
     """
-    gone = named(objects, label)
-    return tuple(item for item in objects if item is not gone)
+    removed_item = named(objects, label)
+    return tuple(item for item in objects if item is not removed_item)
 
 
 def moved_by(
@@ -89,16 +89,18 @@ def moved_by(
     Raises:
         InputError: there is no such object, or numbers are wrong.
     """
-    item, way = named(objects, label), _three(by, "the move")
-    around = _three(axis, "the axis")
+    item, shift = named(objects, label), _vector(by, "the move")
+    direction = _vector(axis, "the axis")
     require_number(turn, "turn", "degrees")
-    length = float(np.linalg.norm(around))
-    if length < _ROUND or not np.isfinite(turn):
-        raise InputError(f"turn {turn} about {list(around)}: expected degrees and an axis, not 0")
-    rotation = Rotation.from_rotvec(around / length * turn, degrees=True).as_matrix()
+    length = float(np.linalg.norm(direction))
+    if length < _MIN_AXIS_LENGTH or not np.isfinite(turn):
+        raise InputError(
+            f"turn {turn} about {list(direction)}: expected degrees and an axis, not 0"
+        )
+    rotation = Rotation.from_rotvec(direction / length * turn, degrees=True).as_matrix()
     centre = item.pose.position
-    motion = rigid(rotation, centre + way - rotation @ centre)
-    return _with(objects, _within(moved_object(item, motion)))
+    motion = rigid(rotation, centre + shift - rotation @ centre)
+    return _replace_object(objects, _require_reach(moved_object(item, motion)))
 
 
 def scaled(objects: Objects, label: int, factor: float) -> Objects:
@@ -113,22 +115,22 @@ def scaled(objects: Objects, label: int, factor: float) -> Objects:
         InputError: there is no such object, or the factor is not positive.
     """
     require_number(factor, "factor", "a number above 0, such as 2")
-    if not 1 / _LARGEST <= factor <= _LARGEST:
+    if not 1 / _MAX_FACTOR <= factor <= _MAX_FACTOR:
         raise InputError(
-            f"factor {factor:g} of object {label}: expected a number from {1 / _LARGEST:g} to "
-            f"{_LARGEST:g}, such as 2"
+            f"factor {factor:g} of object {label}: expected a number from {1 / _MAX_FACTOR:g} to "
+            f"{_MAX_FACTOR:g}, such as 2"
         )
     item = named(objects, label)
     centre = item.pose.position
     mesh = TriangleMesh(centre + factor * (item.mesh.vertices - centre), item.mesh.faces)
     up = np.array([0.0, 0.0, item.mesh.vertices[:, 2].min() - mesh.vertices[:, 2].min()])
-    larger = replace(
+    scaled_item = replace(
         item,
         mesh=mesh,
         extents=np.asarray(item.extents) * factor,
-        placed=item.placed and _larger(item.placed, factor, centre),
+        placed=item.placed and _scaled_shape(item.placed, factor, centre),
     )
-    return _with(objects, _within(moved_object(larger, rigid(np.eye(3), up))))
+    return _replace_object(objects, _require_reach(moved_object(scaled_item, rigid(np.eye(3), up))))
 
 
 def swapped(objects: Objects, first: int, second: int) -> Objects:
@@ -143,8 +145,8 @@ def swapped(objects: Objects, first: int, second: int) -> Objects:
     a, b = named(objects, first), named(objects, second)
     if a is b:
         raise InputError(f"object {first} can't be swapped with itself; give two ids")
-    objects = _with(objects, _in_place_of(a, b))
-    return _with(objects, _in_place_of(b, a))
+    objects = _replace_object(objects, _in_place_of(a, b))
+    return _replace_object(objects, _in_place_of(b, a))
 
 
 def added(
@@ -160,32 +162,32 @@ def added(
     Raises:
         InputError: numbers are wrong.
     """
-    label = _next(objects)
+    label = _next_id(objects)
     if not isinstance(item, PlacedShape | ObjectEstimate):
         raise InputError(
             f"what is added is a {type(item).__name__}; give an object of a scene, such as "
             "scene[1], or a PlacedShape"
         )
     if isinstance(item, PlacedShape):
-        (made,) = estimate_objects({label: item.mesh()}, {label: _SURE}, {label: item})
+        (new_item,) = estimate_objects({label: item.mesh()}, {label: _CONFIDENCE}, {label: item})
     else:
-        made = replace(item, id=label)
-    shift = rigid(np.eye(3), _three(by, "the move"))
-    return (*objects, _within(moved_object(made, shift)))
+        new_item = replace(item, id=label)
+    shift = rigid(np.eye(3), _vector(by, "the move"))
+    return (*objects, _require_reach(moved_object(new_item, shift)))
 
 
-def joined(objects: Objects, others: Objects, by: ArrayLike = (0.0, 0.0, 0.0)) -> Objects:
+def joined(objects: Objects, second_objects: Objects, by: ArrayLike = (0.0, 0.0, 0.0)) -> Objects:
     """The objects of two scenes; those of the second one get the next ids.
 
     Args:
         objects: of the first scene.
-        others: of the second scene.
+        second_objects: of the second scene.
         by: where the second one goes (m).
 
     Raises:
         InputError: numbers are wrong.
     """
-    for item in others:
+    for item in second_objects:
         objects = added(objects, item, by)
     return objects
 
@@ -209,7 +211,7 @@ def superquadric(
     """
     shape = Superquadric(np.asarray(half_axes, np.float64), np.asarray(exponents, np.float64))
     x, y, z = position if len(position) == 3 else (None,) * 3
-    place = _three((x, y, shape.half_axes[2] if z is None else z), "the position")
+    place = _vector((x, y, shape.half_axes[2] if z is None else z), "the position")
     if not np.isfinite(turn):
         raise InputError(f"turn {turn}: expected degrees")
     rotation = Rotation.from_euler("z", turn, degrees=True).as_matrix()
@@ -231,27 +233,27 @@ def with_objects(estimate: SceneEstimate, objects: Objects) -> SceneEstimate:
     before = estimate.objects
     if len(objects) == len(before) and all(map(operator.is_, objects, before)):
         return estimate
-    grid = _holding(estimate.grid, objects)
-    tsdf, instances = mesh_volumes([(item.id, _with_a_lid(item)) for item in objects], grid)
+    grid = _grid_around(estimate.grid, objects)
+    tsdf, instances = mesh_volumes([(item.id, _mesh_with_lid(item)) for item in objects], grid)
     masks = estimate.masks
     if masks is not None:
         faces = {item.id: item.mesh.faces for item in before}  # a new object may have an old id
-        kept = [item.id for item in objects if faces.get(item.id) is item.mesh.faces]
-        masks = np.where(np.isin(masks, kept), masks, 0).astype(np.int32)
-    details = {key: estimate.details[key] for key in _FROM_IMAGE if key in estimate.details}
+        remaining_ids = [item.id for item in objects if faces.get(item.id) is item.mesh.faces]
+        masks = np.where(np.isin(masks, remaining_ids), masks, 0).astype(np.int32)
+    details = {key: estimate.details[key] for key in _IMAGE_DETAILS if key in estimate.details}
     details["grid"] = asdict(grid)
     return SceneEstimate(objects, grid, tsdf, instances, estimate.frame, details, {}, masks)
 
 
-def _with_a_lid(item: ObjectEstimate) -> TriangleMesh:
+def _mesh_with_lid(item: ObjectEstimate) -> TriangleMesh:
     """What a volume holds of an object."""
     if item.placed is None or not isinstance(item.placed.shape, Vessel):
         return item.mesh
-    own = item.placed.shape.filled_mesh()
-    return TriangleMesh(transform_points(item.placed.pose.matrix, own.vertices), own.faces)
+    mesh = item.placed.shape.filled_mesh()
+    return TriangleMesh(transform_points(item.placed.pose.matrix, mesh.vertices), mesh.faces)
 
 
-def _holding(grid: GridSpec, objects: Objects) -> GridSpec:
+def _grid_around(grid: GridSpec, objects: Objects) -> GridSpec:
     """A grid that holds the old one and all objects."""
     if not objects:
         return grid
@@ -264,11 +266,11 @@ def _holding(grid: GridSpec, objects: Objects) -> GridSpec:
     low, high = np.minimum(low, lower), np.maximum(high, upper)
     extent = float((high - low).max())
     low[:2] -= (extent - (high - low)[:2]) / 2
-    voxels = min(int(np.ceil(extent / grid.voxel_size)), max(_MOST_VOXELS, grid.resolution))
+    voxels = min(int(np.ceil(extent / grid.voxel_size)), max(_MAX_VOXELS, grid.resolution))
     return replace(grid, resolution=voxels, extent=extent, lower=tuple(low.tolist()))
 
 
-def _larger(placed: PlacedShape, factor: float, centre: Float64) -> PlacedShape | None:
+def _scaled_shape(placed: PlacedShape, factor: float, centre: Float64) -> PlacedShape | None:
     """A scaled shape; None of a kind that has no size of its own."""
     shape = placed.shape
     larger: Shape
@@ -285,21 +287,21 @@ def _larger(placed: PlacedShape, factor: float, centre: Float64) -> PlacedShape 
 def _in_place_of(place: ObjectEstimate, shape: ObjectEstimate) -> ObjectEstimate:
     """The shape of one object with the id and the pose of another."""
     motion = place.pose.matrix @ np.linalg.inv(shape.pose.matrix)
-    made = replace(moved_object(shape, motion), id=place.id)
-    up = place.mesh.vertices[:, 2].min() - made.mesh.vertices[:, 2].min()
-    return _within(moved_object(made, rigid(np.eye(3), np.array([0.0, 0.0, up]))))
+    replacement = replace(moved_object(shape, motion), id=place.id)
+    up = place.mesh.vertices[:, 2].min() - replacement.mesh.vertices[:, 2].min()
+    return _require_reach(moved_object(replacement, rigid(np.eye(3), np.array([0.0, 0.0, up]))))
 
 
-def _with(objects: Objects, changed: ObjectEstimate) -> Objects:
+def _replace_object(objects: Objects, changed: ObjectEstimate) -> Objects:
     return tuple(changed if item.id == changed.id else item for item in objects)
 
 
-def _next(objects: Objects) -> int:
+def _next_id(objects: Objects) -> int:
     return max((item.id for item in objects), default=0) + 1
 
 
-def _within(item: ObjectEstimate) -> ObjectEstimate:
-    if not (np.abs(item.pose.position) < _FARTHEST).all():
+def _require_reach(item: ObjectEstimate) -> ObjectEstimate:
+    if not (np.abs(item.pose.position) < _MAX_DISTANCE).all():
         raise InputError(
             f"object {item.id} would be {np.abs(item.pose.position).max():.3g} m away; positions "
             "are in metres"
@@ -307,11 +309,11 @@ def _within(item: ObjectEstimate) -> ObjectEstimate:
     return item
 
 
-def _three(values: Any, what: str) -> Float64:
+def _vector(values: Any, quantity: str) -> Float64:
     try:
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError):
         array = np.full(0, np.nan)
     if array.shape != (3,) or not np.isfinite(array).all():
-        raise InputError(f"{what} is {values!r}: expected 3 numbers")
+        raise InputError(f"{quantity} is {values!r}: expected 3 numbers")
     return array

@@ -73,7 +73,7 @@ def _pose(motion: Float64, pose: Pose) -> Pose:
 
 
 def _volumes(
-    estimate: SceneEstimate, motions: Mapping[int, Float64], gone: Collection[int] = ()
+    estimate: SceneEstimate, motions: Mapping[int, Float64], removed_ids: Collection[int] = ()
 ) -> tuple[Float32, Int32]:
     """Distances and labels; each object's own field is resampled where it lies now."""
     grid = estimate.grid
@@ -81,15 +81,15 @@ def _volumes(
     nearest = np.full(grid.shape, grid.truncation, dtype=np.float32)
     owner = np.zeros(grid.shape, dtype=np.int32)
     for label, (box, part) in fields.items():
-        if label in gone:
+        if label in removed_ids:
             continue
-        whole = np.full(grid.shape, grid.truncation, dtype=np.float32)
-        whole[box] = part
+        field = np.full(grid.shape, grid.truncation, dtype=np.float32)
+        field[box] = part
         if label in motions:
-            before = transform_points(inverse(motions[label]), grid.centres().reshape(-1, 3))
-            places = grid.to_voxels(before).T
-            whole = map_coordinates(whole, places, order=1, cval=grid.truncation)
-            whole = whole.reshape(grid.shape)
-        closer = whole < nearest
-        nearest[closer], owner[closer] = whole[closer], label
+            source_points = transform_points(inverse(motions[label]), grid.centres().reshape(-1, 3))
+            places = grid.to_voxels(source_points).T
+            field = map_coordinates(field, places, order=1, cval=grid.truncation)
+            field = field.reshape(grid.shape)
+        closer = field < nearest
+        nearest[closer], owner[closer] = field[closer], label
     return nearest, np.where(nearest < 0, owner, 0).astype(np.int32)

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from scenefw.perception.observation.observation import Observation
     from scenefw.perception.steps import ObjectSet
 
-_FLOOR = 0.005  # m: what is lower shows no object
-_SHAPE = ("tsdf", "votes")  # what objects are made of; other volumes are kept as they are
+_MIN_HEIGHT = 0.005  # m: what is lower shows no object
+_SHAPE_VOLUMES = ("tsdf", "votes")  # what objects are made of; other volumes are kept as they are
 
 
 class SceneAssembly:
@@ -45,8 +45,11 @@ class SceneAssembly:
 
     def volumes(self, sets: Sequence[ObjectSet], view: Observation) -> list[Completion]:
         """TSDF and instances of each hypothesis as it is, once of one that stands several times."""
-        scenes = {id(each): composed(each, view) for each in {id(s): s for s in sets}.values()}
-        return [scenes[id(each)] for each in sets]
+        scenes = {
+            id(hypothesis): composed(hypothesis, view)
+            for hypothesis in {id(s): s for s in sets}.values()
+        }
+        return [scenes[id(hypothesis)] for hypothesis in sets]
 
     def assemble(
         self, sets: Sequence[ObjectSet], view: Observation, origin: Mapping[str, Any]
@@ -66,15 +69,19 @@ class SceneAssembly:
         scenes = scenes[:1] + [numbered_like(scene, first) for scene in scenes[1:]]
         frame = view.frame if view.workspace is None else view.workspace.frame
         for number, scene in enumerate(scenes):
-            others = [other.instances[0] for i, other in enumerate(scenes) if i != number]
-            sure = confidences(scene.instances[0], others, self.calibration)
-            yield scene_estimate(scene, view.grid, frame, sure, _details(view, origin))
+            alternatives = [
+                alternative.instances[0] for i, alternative in enumerate(scenes) if i != number
+            ]
+            confidence_of_label = confidences(scene.instances[0], alternatives, self.calibration)
+            yield scene_estimate(
+                scene, view.grid, frame, confidence_of_label, _details(view, origin)
+            )
 
 
 def _details(view: Observation, origin: Mapping[str, Any]) -> dict[str, Any]:
     """Facts worth keeping of a prediction."""
     floor = view.floor
-    known = {} if floor is None else {
+    floor_details = {} if floor is None else {
         "floor": {
             "normal": floor.normal,
             "height": floor.height,
@@ -82,7 +89,7 @@ def _details(view: Observation, origin: Mapping[str, Any]) -> dict[str, Any]:
             "deviation": floor.deviation,
         }
     }  # fmt: skip
-    return {**known, **origin, "warnings": list(view.warnings)}
+    return {**floor_details, **origin, "warnings": list(view.warnings)}
 
 
 def cleaned(sample: Completion, grid: GridSpec, partial: PartialTSDF | None = None) -> Completion:
@@ -95,21 +102,23 @@ def cleaned(sample: Completion, grid: GridSpec, partial: PartialTSDF | None = No
     """
     shape = sample.tsdf[0] if partial is None else carve(sample.tsdf[0], partial, grid)
     tsdf, instances = whole_objects(shape, sample.instances[0], grid)
-    return _followed(replace(sample, tsdf=tsdf[None]), instances)
+    return _with_instances(replace(sample, tsdf=tsdf[None]), instances)
 
 
-def numbered_like(sample: Completion, like: Int32) -> Completion:
+def numbered_like(sample: Completion, reference: Int32) -> Completion:
     """A scene whose objects have the labels of another one (X, Y, Z) where they are the same."""
     labels = sample.instances[0]
-    fitted = torch.from_numpy(renumbered_like(labels.cpu().numpy(), like)).to(labels.device)
-    return _followed(sample, fitted)
+    new_labels = torch.from_numpy(renumbered_like(labels.cpu().numpy(), reference)).to(
+        labels.device
+    )
+    return _with_instances(sample, new_labels)
 
 
 def scene_estimate(
     sample: Completion,
     grid: GridSpec,
     frame: Frame,
-    sure: Mapping[int, float],
+    confidence_of_label: Mapping[int, float],
     details: Mapping[str, Any],
 ) -> SceneEstimate:
     """The estimate of a completed scene.
@@ -118,21 +127,21 @@ def scene_estimate(
         sample: a batch of one.
         grid: of its volumes.
         frame: a view of it, with its pose.
-        sure: confidence of each object, by label.
+        confidence_of_label: confidence of each object, by label.
         details: facts worth keeping.
     """
     tsdf, instances = sample.tsdf[0], sample.instances[0]
     placed = sample.placed[0] if sample.placed else {}
     meshes = instance_meshes(tsdf, instances, grid)
-    meshes |= {label: one.mesh() for label, one in placed.items() if label in meshes}
+    meshes |= {label: item.mesh() for label, item in placed.items() if label in meshes}
     return SceneEstimate(
-        estimate_objects(meshes, sure, placed),
+        estimate_objects(meshes, confidence_of_label, placed),
         grid,
         tsdf.cpu().numpy(),
         instances.cpu().numpy(),
         frame,
         {"grid": asdict(grid), **details},
-        {n: v[0].cpu().numpy() for n, v in sample.volumes.items() if n not in _SHAPE},
+        {n: v[0].cpu().numpy() for n, v in sample.volumes.items() if n not in _SHAPE_VOLUMES},
         _masks(sample, grid, frame),
     )
 
@@ -149,21 +158,22 @@ def _masks(sample: Completion, grid: GridSpec, frame: Frame) -> Int32:
         masks = with_bottoms(sample.masks[0].cpu().numpy(), points, shapes)
         return without_holes(masks, points[..., 2])
     instances = sample.instances[0].cpu().numpy()
-    return visible_instances(instances, points, grid, points[..., 2] > _FLOOR)
+    return visible_instances(instances, points, grid, points[..., 2] > _MIN_HEIGHT)
 
 
-def _followed(before: Completion, instances: Tensor) -> Completion:
+def _with_instances(before: Completion, instances: Tensor) -> Completion:
     """With other instances; masks and shapes get the label that most voxels of theirs have now."""
-    old, now = before.instances[0], {0: 0}
-    for label in torch.unique(old[old > 0]).tolist():
-        votes = torch.bincount(instances[(old == label) & (instances > 0)])
-        now[label] = int(votes.argmax()) if len(votes) else 0
+    old_labels, new_label_of = before.instances[0], {0: 0}
+    for label in torch.unique(old_labels[old_labels > 0]).tolist():
+        votes = torch.bincount(instances[(old_labels == label) & (instances > 0)])
+        new_label_of[label] = int(votes.argmax()) if len(votes) else 0
     masks = before.masks
     if masks is not None:
-        table = torch.zeros(int(max(masks.max(), old.max())) + 1, dtype=torch.int32)
-        table[list(now)] = torch.tensor(list(now.values()), dtype=torch.int32)
+        table = torch.zeros(int(max(masks.max(), old_labels.max())) + 1, dtype=torch.int32)
+        table[list(new_label_of)] = torch.tensor(list(new_label_of.values()), dtype=torch.int32)
         masks = table.to(masks.device)[masks.long()]
     placed = tuple(
-        {now[label]: one for label, one in view.items() if now.get(label)} for view in before.placed
+        {new_label_of[label]: item for label, item in view.items() if new_label_of.get(label)}
+        for view in before.placed
     )
     return replace(before, instances=instances[None], masks=masks, placed=placed)

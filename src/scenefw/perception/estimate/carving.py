@@ -9,8 +9,8 @@ from torch.nn import functional
 from scenefw.core.batches import PartialTSDF
 from scenefw.core.types import GridSpec
 
-_SMALLEST = 3e-5  # m^3: anything smaller is a fragment, not an object
-_SMALLEST_FURTHER = 1e-4  # m^3: of a second part of an instance
+_MIN_VOLUME = 3e-5  # m^3: anything smaller is a fragment, not an object
+_MIN_FURTHER_VOLUME = 1e-4  # m^3: of a second part of an instance
 
 
 def carve(tsdf: Tensor, partial: PartialTSDF, grid: GridSpec) -> Tensor:
@@ -27,10 +27,12 @@ def carve(tsdf: Tensor, partial: PartialTSDF, grid: GridSpec) -> Tensor:
     """
     voxel = grid.voxel_size
     heights = torch.from_numpy(grid.centres()[0, 0, :, 2].astype(np.float32)).to(tsdf.device)
-    seen = partial.distance[0, 0].to(tsdf.device)
-    free = partial.observed[0, 0].to(tsdf.device) & (seen > voxel)
-    beside = functional.max_pool3d((~free).float()[None, None], 3, stride=1, padding=1)[0, 0]
-    carved = torch.where(beside == 0, tsdf.clamp(min=voxel / 2), tsdf)
+    distance = partial.distance[0, 0].to(tsdf.device)
+    free = partial.observed[0, 0].to(tsdf.device) & (distance > voxel)
+    beside_occupied = functional.max_pool3d((~free).float()[None, None], 3, stride=1, padding=1)[
+        0, 0
+    ]
+    carved = torch.where(beside_occupied == 0, tsdf.clamp(min=voxel / 2), tsdf)
     return torch.maximum(carved, -heights).clamp(max=grid.truncation)
 
 
@@ -43,17 +45,17 @@ def whole_objects(tsdf: Tensor, instances: Tensor, grid: GridSpec) -> tuple[Tens
     """
     inside = (tsdf < 0).cpu().numpy()
     labels = np.where(inside, instances.cpu().numpy(), 0)
-    first, further = [], []
+    main_parts, further_parts = [], []
     for label in np.unique(labels[labels > 0]):
         parts, _ = ndimage.label(labels == label)
         volumes = np.bincount(parts.ravel())[1:] * grid.voxel_size**3
         order = np.argsort(-volumes, kind="stable")
-        if volumes[order[0]] >= _SMALLEST:
-            first.append(parts == order[0] + 1)
-        further += [parts == i + 1 for i in order[1:] if volumes[i] >= _SMALLEST_FURTHER]
-    kept = np.zeros(labels.shape, dtype=np.int32)
-    for number, mask in enumerate([*first, *further], start=1):
-        kept[mask] = number
-    outside = torch.from_numpy(inside & (kept == 0)).to(tsdf.device)
-    shape = torch.where(outside, torch.full_like(tsdf, grid.voxel_size / 2), tsdf)
-    return shape, torch.from_numpy(kept).to(instances.device)
+        if volumes[order[0]] >= _MIN_VOLUME:
+            main_parts.append(parts == order[0] + 1)
+        further_parts += [parts == i + 1 for i in order[1:] if volumes[i] >= _MIN_FURTHER_VOLUME]
+    new_labels = np.zeros(labels.shape, dtype=np.int32)
+    for number, mask in enumerate([*main_parts, *further_parts], start=1):
+        new_labels[mask] = number
+    leftover = torch.from_numpy(inside & (new_labels == 0)).to(tsdf.device)
+    shape = torch.where(leftover, torch.full_like(tsdf, grid.voxel_size / 2), tsdf)
+    return shape, torch.from_numpy(new_labels).to(instances.device)

@@ -70,17 +70,17 @@ def with_superquadrics(
     instances = np.zeros(grid.shape, np.int32)
     if objects.tsdf is not None and objects.instances is not None:
         instances = np.where(np.isin(objects.instances, list(superquadrics)), 0, objects.instances)
-        around = binary_dilation(instances > 0, iterations=_REACH) & (objects.instances == 0)
-        tsdf = np.where((instances > 0) | around, objects.tsdf, tsdf)
+        shell = binary_dilation(instances > 0, iterations=_REACH) & (objects.instances == 0)
+        tsdf = np.where((instances > 0) | shell, objects.tsdf, tsdf)
     if superquadrics:
         labels = np.array(list(superquadrics), np.int32)
         volumes = scene_volumes(_parameters(list(superquadrics.values())), grid)
-        sharp, owner = volumes.tsdf[0, 0].numpy(), volumes.instances[0].numpy()
-        closer = sharp < tsdf
+        sharp_tsdf, owner = volumes.tsdf[0, 0].numpy(), volumes.instances[0].numpy()
+        closer = sharp_tsdf < tsdf
         instances = np.where(
             closer & (owner > 0), labels[np.maximum(owner - 1, 0)], np.where(closer, 0, instances)
         )
-        tsdf = np.minimum(tsdf, sharp)
+        tsdf = np.minimum(tsdf, sharp_tsdf)
     return tsdf.astype(np.float32), np.where(tsdf < 0, instances, 0).astype(np.int32)
 
 

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float64, Int32, PlacedShape
 
 _BOTTOM = 0.01  # m: bottoms of vessels are thinner
-_BELOW = -0.015  # m: nobody sees so far below the floor
-_ENCLOSED = 0.85  # of a hole's border
+_MIN_HEIGHT = -0.015  # m: nobody sees so far below the floor
+_MIN_ENCLOSED_SHARE = 0.85  # of a hole's border
 
 
 def without_holes(masks: Int32, heights: Float64) -> Int32:
@@ -30,21 +30,21 @@ def without_holes(masks: Int32, heights: Float64) -> Int32:
         masks: (H, W) ids of objects.
         heights: (H, W) of pixels above the floor (m), NaN = no depth.
     """
-    holes, count = ndimage.label((masks == 0) & ~(heights > _BELOW))
-    around = np.pad(np.where(holes > 0, 0, masks + 1), 1)  # 1: of no object
-    inner = np.pad(holes, 1)
+    holes, count = ndimage.label((masks == 0) & ~(heights > _MIN_HEIGHT))
+    padded_labels = np.pad(np.where(holes > 0, 0, masks + 1), 1)  # 1: of no object
+    padded_holes = np.pad(holes, 1)
     owners, borders = [], []
     for axis in (0, 1):
         for step in (1, -1):
-            beside = np.roll(around, step, axis)
-            at = (inner > 0) & (beside > 0)
-            borders.append(inner[at])
-            owners.append(beside[at])
+            neighbours = np.roll(padded_labels, step, axis)
+            on_border = (padded_holes > 0) & (neighbours > 0)
+            borders.append(padded_holes[on_border])
+            owners.append(neighbours[on_border])
     pairs, lengths = np.unique(
         np.stack([np.concatenate(borders), np.concatenate(owners)]), axis=1, return_counts=True
     )
     total = np.bincount(pairs[0], lengths, minlength=count + 1)
-    enclosed = (pairs[1] > 1) & (lengths >= _ENCLOSED * total[pairs[0]])
+    enclosed = (pairs[1] > 1) & (lengths >= _MIN_ENCLOSED_SHARE * total[pairs[0]])
     filled = np.zeros(count + 1, dtype=masks.dtype)
     filled[pairs[0, enclosed]] = pairs[1, enclosed] - 1
     for end in (holes[0], holes[-1], holes[:, 0], holes[:, -1]):
@@ -63,13 +63,13 @@ def with_bottoms(masks: Int32, points: Float64, placed: Mapping[int, PlacedShape
         points: (H, W, 3) of the pixels, world coordinates, floor z = 0 (m), NaN = no depth.
         placed: shapes of objects, by id.
     """
-    found = masks.copy()
-    raised = points.copy()
-    raised[..., 2] = np.maximum(raised[..., 2], 0) + _BOTTOM
-    for label, one in placed.items():
-        if isinstance(one.shape, Vessel):
-            at = np.nonzero((masks == 0) & (np.abs(points[..., 2]) < _BOTTOM))
-            local = (raised[at] - one.pose.position) @ one.pose.rotation
-            within = one.shape.holds(local)
-            found[tuple(axis[within] for axis in at)] = label
-    return found
+    new_masks = masks.copy()
+    raised_points = points.copy()
+    raised_points[..., 2] = np.maximum(raised_points[..., 2], 0) + _BOTTOM
+    for label, item in placed.items():
+        if isinstance(item.shape, Vessel):
+            pixels = np.nonzero((masks == 0) & (np.abs(points[..., 2]) < _BOTTOM))
+            local = (raised_points[pixels] - item.pose.position) @ item.pose.rotation
+            inside = item.shape.holds(local)
+            new_masks[tuple(axis[inside] for axis in pixels)] = label
+    return new_masks

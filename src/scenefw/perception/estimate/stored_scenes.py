@@ -32,11 +32,11 @@ if TYPE_CHECKING:
 
 SCENE = "scene.json"
 MASKS = "masks.png"
-_OWN = ("name", "objects", "camera", "versions")  # the other keys are details
+_SCENE_KEYS = ("name", "objects", "camera", "versions")  # the other keys are details
 _KINDS = ("superquadric", "superellipsoid", "vessel")
-_MOST_BYTES = 64 * 2**20
-_MOST_IDS = 9999
-_ORTHONORMAL = 1e-3
+_MAX_BYTES = 64 * 2**20  # of a file
+_MAX_ID = 9999  # of an object
+_ORTHONORMAL_TOLERANCE = 1e-3  # of rotations and the length of quaternions
 
 
 def read_scene(path: str | Path) -> SceneEstimate:
@@ -55,35 +55,35 @@ def read_scene(path: str | Path) -> SceneEstimate:
     """
     path = Path(path)
     path = path / SCENE if path.is_dir() else path
-    told = _read(path)
+    record = _read_json(path)
     try:
-        items = told["objects"]
+        items = record["objects"]
         objects = tuple(_object(item, path) for item in items)
-        camera = _camera(told["camera"])
-        name, grid = str(told["name"]), _grid(told.get("grid", {}))
+        camera = _camera(record["camera"])
+        name, grid = str(record["name"]), _grid(record.get("grid", {}))
     except (KeyError, TypeError, ValueError, AttributeError, ConfigError) as error:
         raise InputError(
             f"{path} isn't a scenefw scene, or damaged ({type(error).__name__}: {error}); give a "
             "scene.json that run=predict wrote"
         ) from error
     ids = [item.id for item in objects]
-    if len({*ids}) < len(ids) or not all(1 <= label <= _MOST_IDS for label in ids):
-        raise InputError(f"{path} has objects {ids}; expected different ids from 1 to {_MOST_IDS}")
+    if len({*ids}) < len(ids) or not all(1 <= label <= _MAX_ID for label in ids):
+        raise InputError(f"{path} has objects {ids}; expected different ids from 1 to {_MAX_ID}")
     frame = Frame(np.zeros((camera.height, camera.width), np.float32), camera, name=name)
     volume = np.full(grid.shape, grid.truncation, dtype=np.float32)
-    details = {key: value for key, value in told.items() if key not in _OWN}
+    details = {key: value for key, value in record.items() if key not in _SCENE_KEYS}
     empty = SceneEstimate(
         (), grid, volume, np.zeros(grid.shape, np.int32), frame, details, {}, None
     )
-    made = with_objects(empty, objects)
-    return replace(made, details=details, masks=_masks(path, camera))
+    scene = with_objects(empty, objects)
+    return replace(scene, details=details, masks=_masks(path, camera))
 
 
-def _read(path: Path) -> dict[str, Any]:
+def _read_json(path: Path) -> dict[str, Any]:
     try:
-        if path.stat().st_size > _MOST_BYTES:
+        if path.stat().st_size > _MAX_BYTES:
             raise InputError(f"{path} is larger than 64 MiB, so no scene.json")
-        told = json.loads(path.read_text(encoding="utf-8"))
+        record = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         raise InputError(f"there is no {path}; give a scene.json that run=predict wrote") from error
     except (OSError, ValueError, RecursionError) as error:
@@ -91,30 +91,30 @@ def _read(path: Path) -> dict[str, Any]:
             f"{path} can't be read as JSON ({str(error).splitlines()[0]}); give a scene.json that "
             "run=predict wrote"
         ) from error
-    if not isinstance(told, dict) or not {"name", "objects", "camera"} <= told.keys():
+    if not isinstance(record, dict) or not {"name", "objects", "camera"} <= record.keys():
         raise InputError(
             f"{path} lacks name, objects or camera; give a scene.json that run=predict wrote"
         )
-    return told
+    return record
 
 
-def _object(told: dict[str, Any], path: Path) -> ObjectEstimate:
-    label = int(told["id"])
-    shape = told.get("shape")
+def _object(record: dict[str, Any], path: Path) -> ObjectEstimate:
+    label = int(record["id"])
+    shape = record.get("shape")
     try:
-        placed = None if _is_foreign(shape) else _placed(shape)
+        placed = None if _is_foreign(shape) else _placed_shape(shape)
     except InputError as error:
         raise InputError(
             f"the shape of object {label} in {path} is invalid ({error}); predict the scene again"
         ) from error
-    if told.get("mesh") is not None:
+    if record.get("mesh") is not None:
         if shape is not None and _is_foreign(shape):
             warnings.warn(
                 f"object {label} of {path} has a shape of kind {shape['kind']!r}, which isn't "
                 f"known here ({', '.join(_KINDS)} are); its mesh is read alone",
                 stacklevel=2,
             )
-        mesh = _mesh(str(told["mesh"]), path, label)
+        mesh = _mesh(str(record["mesh"]), path, label)
     elif placed is not None:
         mesh = placed.mesh()
     else:
@@ -125,9 +125,9 @@ def _object(told: dict[str, Any], path: Path) -> ObjectEstimate:
     return ObjectEstimate(
         label,
         mesh,
-        _pose(told["pose"]),
-        _numbers(told["extents"], 3),
-        float(told["confidence"]),
+        _pose(record["pose"]),
+        _numbers(record["extents"], 3),
+        float(record["confidence"]),
         placed,
     )
 
@@ -140,67 +140,69 @@ def _mesh(name: str, path: Path, label: int) -> TriangleMesh:
     file = path.parent / name
     try:
         with file.open("rb") as stream:
-            read = trimesh.load(stream, file_type="ply", process=False)
+            surface = trimesh.load(stream, file_type="ply", process=False)
     except FileNotFoundError as error:
         raise InputError(
             f"there is no {file}, the mesh of object {label}; keep the files of a scene together"
         ) from error
     except Exception as error:  # trimesh passes on whatever its reader raises
         raise InputError(f"mesh {file} can't be read ({error}); predict the scene again") from error
-    if not isinstance(read, trimesh.Trimesh):
+    if not isinstance(surface, trimesh.Trimesh):
         raise InputError(f"mesh {file} holds no triangles; predict the scene again")
-    mesh = TriangleMesh(np.asarray(read.vertices, np.float64), np.asarray(read.faces, np.int64))
+    mesh = TriangleMesh(
+        np.asarray(surface.vertices, np.float64), np.asarray(surface.faces, np.int64)
+    )
     if not np.isfinite(mesh.vertices).all() or not closed(mesh):
         raise InputError(f"mesh {file} is not closed, so it has no inside; predict the scene again")
     return mesh
 
 
-def _is_foreign(told: dict[str, Any] | None) -> bool:
-    return told is not None and told["kind"] not in _KINDS
+def _is_foreign(record: dict[str, Any] | None) -> bool:
+    return record is not None and record["kind"] not in _KINDS
 
 
-def _placed(told: dict[str, Any] | None) -> PlacedShape | None:
-    if told is None:
+def _placed_shape(record: dict[str, Any] | None) -> PlacedShape | None:
+    if record is None:
         return None
     shape: Shape
-    if told["kind"] == "superquadric":
-        shape = Superquadric(_numbers(told["half_axes"], 3), _numbers(told["exponents"], 3))
-    elif told["kind"] == "superellipsoid":
-        axes = _numbers(told["half_axes"], 3)
-        shape = Superellipsoid(axes, float(told["e1"]), float(told["e2"]))
+    if record["kind"] == "superquadric":
+        shape = Superquadric(_numbers(record["half_axes"], 3), _numbers(record["exponents"], 3))
+    elif record["kind"] == "superellipsoid":
+        axes = _numbers(record["half_axes"], 3)
+        shape = Superellipsoid(axes, float(record["e1"]), float(record["e2"]))
     else:
-        shape = Vessel(**{one.name: float(told[one.name]) for one in fields(Vessel)})
-    return PlacedShape(shape, _pose(told))
+        shape = Vessel(**{field.name: float(record[field.name]) for field in fields(Vessel)})
+    return PlacedShape(shape, _pose(record))
 
 
-def _pose(told: dict[str, Any]) -> Pose:
-    quaternion = _numbers(told["quaternion"], 4)
+def _pose(record: dict[str, Any]) -> Pose:
+    quaternion = _numbers(record["quaternion"], 4)
     length = float(np.linalg.norm(quaternion))
-    if abs(length - 1) > _ORTHONORMAL:
+    if abs(length - 1) > _ORTHONORMAL_TOLERANCE:
         raise ValueError(f"quaternion {quaternion.tolist()} is not of length 1")
-    return Pose(_numbers(told["position"], 3), quaternion / length)
+    return Pose(_numbers(record["position"], 3), quaternion / length)
 
 
-def _camera(told: dict[str, Any]) -> Camera:
-    pose = np.array(told["T_world_camera"], dtype=np.float64)
+def _camera(record: dict[str, Any]) -> Camera:
+    pose = np.array(record["T_world_camera"], dtype=np.float64)
     rotation = pose[:3, :3] if pose.shape == (4, 4) else np.zeros((3, 3))
-    rigid = np.allclose(rotation @ rotation.T, np.eye(3), atol=_ORTHONORMAL)
+    rigid = np.allclose(rotation @ rotation.T, np.eye(3), atol=_ORTHONORMAL_TOLERANCE)
     if not rigid or not np.isfinite(pose).all() or not np.allclose(pose[3], (0, 0, 0, 1)):
         raise ValueError("T_world_camera is no rigid 4 x 4 matrix")
-    width, height = int(told["width"]), int(told["height"])
+    width, height = int(record["width"]), int(record["height"])
     if not (0 < width <= 20000 and 0 < height <= 20000):
         raise ValueError(f"the camera has {width} x {height} pixels")
-    lens = [float(told[name]) for name in ("fx", "fy", "cx", "cy")]
-    if not np.isfinite(lens).all() or min(lens[:2]) <= 0:
-        raise ValueError(f"the camera has fx, fy, cx, cy = {lens}")
-    return Camera(width, height, lens[0], lens[1], lens[2], lens[3], pose)
+    intrinsics = [float(record[name]) for name in ("fx", "fy", "cx", "cy")]
+    if not np.isfinite(intrinsics).all() or min(intrinsics[:2]) <= 0:
+        raise ValueError(f"the camera has fx, fy, cx, cy = {intrinsics}")
+    return Camera(width, height, intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3], pose)
 
 
-def _grid(told: dict[str, Any]) -> GridSpec:
-    known = {one.name: told[one.name] for one in fields(GridSpec) if one.name in told}
-    if not 2 <= int(known.get("resolution", 64)) <= 512:
-        raise ValueError(f"the grid has {known['resolution']} voxels per side")
-    return GridSpec(**known)
+def _grid(record: dict[str, Any]) -> GridSpec:
+    values = {field.name: record[field.name] for field in fields(GridSpec) if field.name in record}
+    if not 2 <= int(values.get("resolution", 64)) <= 512:
+        raise ValueError(f"the grid has {values['resolution']} voxels per side")
+    return GridSpec(**values)
 
 
 def _masks(path: Path, camera: Camera) -> Int32 | None:

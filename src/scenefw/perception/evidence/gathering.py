@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     Mask = NDArray[np.bool_]
     Box = tuple[slice, ...]
 
-_BELOW = 0.006  # m: of points under the floor
-_LEFT = 0.25  # of an object's pixels: if borders take more, all count
+_FLOOR_DEPTH = 0.006  # m: of points under the floor
+_MIN_PIXEL_RATIO = 0.25  # of an object's pixels that must remain, else all count
 
 
 class EvidenceOfView:
@@ -66,8 +66,8 @@ class EvidenceOfView:
         COUNT.require(seen=seen, outside=outside)
         NOT_NEGATIVE.require(hidden=hidden)
         if hidden:
-            certain = above(seen_sigma, "as what is seen is the more certain")
-            certain.require(hidden_sigma=hidden_sigma)
+            sigma_bound = above(seen_sigma, "as what is seen is the more certain")
+            sigma_bound.require(hidden_sigma=hidden_sigma)
         NOT_NEGATIVE.require(border=border, beside=beside)
         self.seen_sigma, self.hidden_sigma = seen_sigma, hidden_sigma
         self.outside_sigma = outside_sigma
@@ -84,8 +84,8 @@ class EvidenceOfView:
         """The evidence about objects with these labels."""
         masks = objects.pixels
         boxes = find_objects(masks)
-        shown = masks > 0 if view.mixed is None else (masks > 0) & ~view.mixed
-        surface = view.points[shown], masks[shown]
+        foreground = masks > 0 if view.mixed is None else (masks > 0) & ~view.mixed
+        surface = view.points[foreground], masks[foreground]
         return [
             self._evidence(
                 label, boxes[label - 1] if label <= len(boxes) else None, surface, objects, view
@@ -102,32 +102,36 @@ class EvidenceOfView:
         view: ViewGeometry,
     ) -> Evidence:
         """Of an object whose pixels lie in a box; `surface` are all points with their labels."""
-        visible = np.empty((0, 3)) if box is None else self._visible(label, box, objects, view)
-        visible = _thinned(visible, self.seen)
-        hidden = _thinned(self._hidden(label, objects, view, visible), self.hidden)
+        visible = (
+            np.empty((0, 3)) if box is None else self._visible_points(label, box, objects, view)
+        )
+        visible = _subsample(visible, self.seen)
+        hidden = _subsample(self._hidden_points(label, objects, view, visible), self.hidden)
         points = np.concatenate([visible, hidden])
         sigmas = np.repeat([self.seen_sigma, self.hidden_sigma], [len(visible), len(hidden)])
         outside = np.empty((0, 3))
         if len(points):
-            outside = self._outside(label, surface, objects, view, points)
+            outside = self._outside_points(label, surface, objects, view, points)
         return Evidence(points, sigmas, outside, np.full(len(outside), self.outside_sigma))
 
-    def _visible(self, label: int, box: Box, objects: Objects, view: ViewGeometry) -> Float64:
+    def _visible_points(
+        self, label: int, box: Box, objects: Objects, view: ViewGeometry
+    ) -> Float64:
         """Points of the object, but for mixed pixels and those at borders if enough remain."""
         reach = round(self.border * objects.pixels.shape[1] / WIDTH)
         box = tuple(slice(max(side.start - reach, 0), side.stop + reach) for side in box)
         masks, points = objects.pixels[box], view.points[box]
         inside: Mask = masks == label
         if view.mixed is not None:
-            sure = inside & ~view.mixed[box]
-            inside = sure if sure.sum() >= _LEFT * inside.sum() else inside
+            unmixed = inside & ~view.mixed[box]
+            inside = unmixed if unmixed.sum() >= _MIN_PIXEL_RATIO * inside.sum() else inside
         if reach:
             neighbours = maximum_filter((masks > 0) & (masks != label), 2 * reach + 1)
             inner = inside & ~neighbours
-            inside = inner if inner.sum() >= _LEFT * inside.sum() else inside
+            inside = inner if inner.sum() >= _MIN_PIXEL_RATIO * inside.sum() else inside
         return points[inside]
 
-    def _hidden(
+    def _hidden_points(
         self, label: int, objects: Objects, view: ViewGeometry, visible: Float64
     ) -> Float64:
         """Points of the rough surface that are away from all that is visible of the object."""
@@ -136,7 +140,7 @@ class EvidenceOfView:
         inside = objects.instances == label
         if not inside.any():
             return np.empty((0, 3))
-        box = _room_about(inside)
+        box = _padded_box(inside)
         inside, tsdf = inside[box], objects.tsdf[box]
         places = np.nonzero(inside & ~binary_erosion(inside))
         slope = np.stack(list(np.gradient(tsdf)), axis=-1)[places]
@@ -146,7 +150,7 @@ class EvidenceOfView:
             return np.asarray(points, dtype=np.float64)
         return points[cKDTree(visible).query(points)[0] > 2 * view.grid.voxel_size]
 
-    def _outside(
+    def _outside_points(
         self,
         label: int,
         surface: tuple[Float64, Int32],
@@ -156,43 +160,49 @@ class EvidenceOfView:
     ) -> Float64:
         room = 4 * view.grid.voxel_size
         low, high = points.min(axis=0) - room, points.max(axis=0) + room
-        box = _box(view.grid, low, high)
-        centres, empty = view.grid.centres()[box], view.free[box]
+        box = _voxel_box(view.grid, low, high)
+        centres, free_mask = view.grid.centres()[box], view.free[box]
         places, labels = surface
-        free = _thinned(_within(centres[empty], low, high), self.outside)
-        neighbours = _within(places[labels != label], low, high)
+        free_points = _subsample(_points_in_box(centres[free_mask], low, high), self.outside)
+        neighbours = _points_in_box(places[labels != label], low, high)
         x, y = np.meshgrid(*np.linspace(low[:2], high[:2], 10).T)
-        below = np.stack([x, y, np.full_like(x, -_BELOW)], axis=-1).reshape(-1, 3)
-        passed = np.empty((0, 3))
+        floor_points = np.stack([x, y, np.full_like(x, -_FLOOR_DEPTH)], axis=-1).reshape(-1, 3)
+        silhouette_points = np.empty((0, 3))
         if view.eye is not None and self.beside:
-            passed = passed_places(objects.pixels == label, view.points, view.eye, self.beside)
-        return np.concatenate([free, _thinned(neighbours, self.outside), below, passed])
+            silhouette_points = passed_places(
+                objects.pixels == label, view.points, view.eye, self.beside
+            )
+        return np.concatenate(
+            [free_points, _subsample(neighbours, self.outside), floor_points, silhouette_points]
+        )
 
 
-def _thinned(points: Float64, most: int) -> Float64:
+def _subsample(points: Float64, max_points: int) -> Float64:
     """At most so many, evenly spread over their order."""
-    if len(points) <= most:
+    if len(points) <= max_points:
         return np.asarray(points, dtype=np.float64)
-    return np.asarray(points[np.linspace(0, len(points) - 1, most).astype(int)], dtype=np.float64)
+    return np.asarray(
+        points[np.linspace(0, len(points) - 1, max_points).astype(int)], dtype=np.float64
+    )
 
 
-def _within(points: Float64, low: Float64, high: Float64) -> Float64:
+def _points_in_box(points: Float64, low: Float64, high: Float64) -> Float64:
     return points[((points > low) & (points < high)).all(axis=1)]
 
 
-def _room_about(own: Mask) -> tuple[slice, ...]:
+def _padded_box(mask: Mask) -> tuple[slice, ...]:
     """The box about what is marked, and two voxels more."""
-    return tuple(slice(max(low - 2, 0), high + 3) for low, high in _ends(own))
+    return tuple(slice(max(low - 2, 0), high + 3) for low, high in _bounds(mask))
 
 
-def _ends(own: Mask) -> list[tuple[int, int]]:
+def _bounds(mask: Mask) -> list[tuple[int, int]]:
     """First and last index of what is marked, along each axis."""
-    axes = range(own.ndim)
-    along = [np.flatnonzero(own.any(axis=tuple(set(axes) - {k}))) for k in axes]
+    axes = range(mask.ndim)
+    along = [np.flatnonzero(mask.any(axis=tuple(set(axes) - {k}))) for k in axes]
     return [(int(places[0]), int(places[-1])) for places in along]
 
 
-def _box(grid: GridSpec, low: Float64, high: Float64) -> tuple[slice, ...]:
+def _voxel_box(grid: GridSpec, low: Float64, high: Float64) -> tuple[slice, ...]:
     """Voxels whose centres may lie between two corners (m)."""
     first = np.clip(np.floor(grid.to_voxels(low)).astype(int), 0, grid.resolution)
     last = np.clip(np.ceil(grid.to_voxels(high)).astype(int) + 1, 0, grid.resolution)

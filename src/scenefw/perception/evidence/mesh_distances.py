@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 
     from scenefw.core.types import Float32, Float64, GridSpec, Int32, TriangleMesh
 
-_LONGEST = 0.012  # m: longer sides are divided, so that the nearest triangle is one of a few
-_NEAREST = 8  # triangles whose distance is computed, by distance of their middle
-_CROSSINGS = 64  # of a ray with a surface at most
+_MAX_SIDE = 0.012  # m: longer sides are divided, so that the nearest triangle is one of a few
+_NEIGHBOURS = 8  # triangles whose distance is computed, by distance of their middle
+_MAX_CROSSINGS = 64  # of a ray with a surface at most
 _STEP = np.float32(1e-6)  # m, past a crossing
-_ASIDE = (3.1e-7, 7.3e-7)  # m: rays through edges of axis-aligned meshes would count twice
+_RAY_OFFSET = (3.1e-7, 7.3e-7)  # m: rays through edges of axis-aligned meshes would count twice
 
 
 class MeshDistances:
@@ -39,21 +39,21 @@ class MeshDistances:
     def inside(self, points: Float64) -> NDArray[np.bool_]:
         """Whether points (N, 3) lie in the solid: rays upwards cross the surface an odd number."""
         points = np.asarray(points, dtype=np.float64)
-        found = np.zeros(len(points), dtype=bool)
-        near = ((points >= self.low) & (points <= self.high)).all(axis=1)
-        rows = np.flatnonzero(near)
-        start = (points[rows] + (*_ASIDE, 0.0)).astype(np.float32)
-        odd = np.zeros(len(rows), dtype=bool)
-        left = np.arange(len(rows))
-        for _ in range(_CROSSINGS):
-            if not len(left):
+        inside = np.zeros(len(points), dtype=bool)
+        in_box = ((points >= self.low) & (points <= self.high)).all(axis=1)
+        rows = np.flatnonzero(in_box)
+        start = (points[rows] + (*_RAY_OFFSET, 0.0)).astype(np.float32)
+        odd_mask = np.zeros(len(rows), dtype=bool)
+        active_rays = np.arange(len(rows))
+        for _ in range(_MAX_CROSSINGS):
+            if not len(active_rays):
                 break
-            distance, hit = self._cast(start[left], 1.0)
-            left, distance = left[hit], distance[hit]
-            odd[left] ^= True
-            start[left, 2] += distance + _STEP
-        found[rows] = odd
-        return found
+            distance, hit = self._cast(start[active_rays], 1.0)
+            active_rays, distance = active_rays[hit], distance[hit]
+            odd_mask[active_rays] ^= True
+            start[active_rays, 2] += distance + _STEP
+        inside[rows] = odd_mask
+        return inside
 
     def at(self, points: Float64) -> Float64:
         """Distances (N,) of points (N, 3) to the surface (m), negative inside."""
@@ -62,13 +62,15 @@ class MeshDistances:
         points = np.asarray(points, dtype=np.float64)
         if not len(points):
             return np.zeros(0)
-        triangles, tree = self._divided
-        count = min(_NEAREST, len(triangles))
+        triangles, tree = self._subdivision
+        count = min(_NEIGHBOURS, len(triangles))
         rows = tree.query(points, k=count)[1].reshape(len(points), count)
-        flat = closest_point(triangles[rows.ravel()], np.repeat(points, count, axis=0))
-        away = np.linalg.norm(flat.reshape(len(points), count, 3) - points[:, None], axis=-1)
-        least = away.min(axis=1)
-        return np.where(self.inside(points), -least, least)
+        closest_points = closest_point(triangles[rows.ravel()], np.repeat(points, count, axis=0))
+        distances = np.linalg.norm(
+            closest_points.reshape(len(points), count, 3) - points[:, None], axis=-1
+        )
+        min_distances = distances.min(axis=1)
+        return np.where(self.inside(points), -min_distances, min_distances)
 
     def lowest(self, places: Float64) -> Float64:
         """Height (N,) of the lowest surface over places (N, 2) of the floor; NaN where is none."""
@@ -79,7 +81,7 @@ class MeshDistances:
         return self._height(places, self.high[2] + 1.0, -1.0)
 
     def _height(self, places: Float64, start: float, up: float) -> Float64:
-        points = np.column_stack([places + np.array(_ASIDE), np.full(len(places), start)])
+        points = np.column_stack([places + np.array(_RAY_OFFSET), np.full(len(places), start)])
         distance, hit = self._cast(points.astype(np.float32), up)
         return np.where(hit, start + up * distance.astype(np.float64), np.nan)
 
@@ -94,11 +96,11 @@ class MeshDistances:
         return Tree(self.mesh.vertices[self.mesh.faces].astype(np.float32))
 
     @cached_property
-    def _divided(self) -> tuple[Float64, cKDTree]:
+    def _subdivision(self) -> tuple[Float64, cKDTree]:
         """Triangles (T, 3, 3) with short sides, and a tree of their middles."""
         from trimesh.remesh import subdivide_to_size
 
-        longest = max(_LONGEST, float((self.high - self.low).max()) / 40)
+        longest = max(_MAX_SIDE, float((self.high - self.low).max()) / 40)
         vertices, faces = subdivide_to_size(self.mesh.vertices, self.mesh.faces, longest)
         triangles = np.asarray(vertices[faces], dtype=np.float64)
         return triangles, cKDTree(triangles.mean(axis=1))
@@ -119,15 +121,15 @@ def mesh_volumes(
     owner = np.zeros(grid.shape, dtype=np.int32)
     centres = grid.centres()
     for label, mesh in meshes:
-        found = MeshDistances(mesh)
-        low = np.floor(grid.to_voxels(found.low - grid.truncation)).astype(int)
-        high = np.ceil(grid.to_voxels(found.high + grid.truncation)).astype(int) + 1
-        low, high = (np.clip(one, 0, grid.resolution) for one in (low, high))
+        distances = MeshDistances(mesh)
+        low = np.floor(grid.to_voxels(distances.low - grid.truncation)).astype(int)
+        high = np.ceil(grid.to_voxels(distances.high + grid.truncation)).astype(int) + 1
+        low, high = (np.clip(corner, 0, grid.resolution) for corner in (low, high))
         box = tuple(slice(int(a), int(b)) for a, b in zip(low, high, strict=True))
         shape = nearest[box].shape
         if not all(shape):
             continue
-        part = found.at(centres[box].reshape(-1, 3)).reshape(shape)
+        part = distances.at(centres[box].reshape(-1, 3)).reshape(shape)
         part = np.clip(part, -grid.truncation, grid.truncation).astype(np.float32)
         closer = part < nearest[box]
         nearest[box] = np.where(closer, part, nearest[box])

@@ -31,28 +31,28 @@ def nearest_objects(
     for item in objects:
         distances = MeshDistances(item.mesh)
         box = (points > distances.low - reach) & (points < distances.high + reach)
-        found = np.flatnonzero(box.all(axis=1))
-        for rows in np.split(found, range(_AT_ONCE, len(found), _AT_ONCE)) if len(found) else ():
-            away = np.abs(distances.at(points[rows]))
-            closer = (away < nearest[rows]) & (away <= reach)
-            labels[rows[closer]], nearest[rows[closer]] = item.id, away[closer]
+        inside = np.flatnonzero(box.all(axis=1))
+        for rows in np.split(inside, range(_AT_ONCE, len(inside), _AT_ONCE)) if len(inside) else ():
+            gaps = np.abs(distances.at(points[rows]))
+            closer = (gaps < nearest[rows]) & (gaps <= reach)
+            labels[rows[closer]], nearest[rows[closer]] = item.id, gaps[closer]
     return labels, nearest
 
 
 def explained_shares(
-    points: Float64, objects: Sequence[ObjectEstimate], near: float, reach: float
+    points: Float64, objects: Sequence[ObjectEstimate], inlier_distance: float, reach: float
 ) -> dict[int, float]:
     """Of seen points that are an object's, the share that lies on its surface, by id.
 
     Args:
         points: (N, 3) world coordinates (m), without the floor.
         objects: with closed meshes.
-        near: a point lies on a surface up to this far from it (m).
+        inlier_distance: a point lies on a surface up to this far from it (m).
         reach: a point is the nearest object's up to this far from it (m).
     """
     labels, distances = nearest_objects(points, objects, reach)
     shares = {}
     for item in objects:
-        own = distances[labels == item.id]
-        shares[item.id] = float((own < near).mean()) if len(own) else 0.0
+        gaps = distances[labels == item.id]
+        shares[item.id] = float((gaps < inlier_distance).mean()) if len(gaps) else 0.0
     return shares

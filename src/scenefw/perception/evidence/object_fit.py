@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from scenefw.perception.steps import Objects
 
 _MIN_INSIDE_RATIO = 0.98  # of visible points that lie in the grid
-_TOP = 0.95  # quantile of heights that is a top, against single pixels
+_TOP_QUANTILE = 0.95  # quantile of heights that is a top, against single pixels
 
 
 class ObjectFit:
@@ -55,8 +55,8 @@ class ObjectFit:
             view: of their image.
         """
         if objects.masks is None and objects.instances is not None:
-            above = view.points[..., 2] > 0
-            masks = visible_instances(objects.instances, view.points, view.grid, above)
+            above_floor = view.points[..., 2] > 0
+            masks = visible_instances(objects.instances, view.points, view.grid, above_floor)
             objects = replace(objects, masks=masks)
         evidence = self.visible(objects, view)
         shapes = self.shape_fit.fit(list(evidence.values())) if evidence else []
@@ -66,18 +66,18 @@ class ObjectFit:
         """Evidence about objects of which enough is visible, by label."""
         masks = objects.pixels
         volumes = np.zeros(0, np.int32) if objects.instances is None else objects.instances
-        in_volume = np.unique(volumes[volumes > 0])
-        labels = np.union1d(in_volume, masks[masks > 0]).astype(int).tolist()
-        labels = [k for k in labels if k in in_volume or self._stands(k, objects, view)]
-        each = self.evidence.of_each(labels, objects, view)
-        evidence = dict(zip(labels, each, strict=True))
+        volume_labels = np.unique(volumes[volumes > 0])
+        labels = np.union1d(volume_labels, masks[masks > 0]).astype(int).tolist()
+        labels = [k for k in labels if k in volume_labels or self._is_standing(k, objects, view)]
+        observations = self.evidence.of_each(labels, objects, view)
+        evidence = dict(zip(labels, observations, strict=True))
         sigma = self.evidence.seen_sigma
         return {k: e for k, e in evidence.items() if (e.sigmas == sigma).sum() >= self.min_points}
 
-    def _stands(self, label: int, objects: Objects, view: ViewGeometry) -> bool:
+    def _is_standing(self, label: int, objects: Objects, view: ViewGeometry) -> bool:
         """Whether what is visible of an object without a volume is in the grid and above it."""
         points = view.points[objects.pixels == label]
         voxels = view.grid.to_voxels(points)
         inside = ((voxels > 0) & (voxels < view.grid.resolution - 1)).all(axis=-1)
-        high = np.quantile(points[:, 2], _TOP) > self.min_height
+        high = np.quantile(points[:, 2], _TOP_QUANTILE) > self.min_height
         return bool(inside.mean() > _MIN_INSIDE_RATIO and high)

@@ -11,7 +11,7 @@ def visible_instances(
     instances: Int32,
     points: Float64,
     grid: GridSpec,
-    among: NDArray[np.bool_],
+    pixel_mask: NDArray[np.bool_],
     reach: float = 2.0,
 ) -> Int32:
     """Instance labels (H, W) of pixels at their 3D points, 0 = no object.
@@ -23,19 +23,19 @@ def visible_instances(
         instances: (X, Y, Z) labels.
         points: (H, W, 3) world coordinates (m), NaN = no depth.
         grid: of the volume.
-        among: (H, W) pixels that may show one.
+        pixel_mask: (H, W) pixels that may show one.
         reach: how far outside an object a seen point may lie and still be its (voxels).
     """
     voxels = grid.to_voxels(points)
     with np.errstate(invalid="ignore"):
         inside = np.all((voxels > -0.5) & (voxels < grid.resolution - 0.5), axis=-1)
-    chosen = inside & among
-    labels = np.zeros(chosen.shape, np.int32)
-    labels[chosen] = _nearest(instances, voxels[chosen], reach)
+    selection = inside & pixel_mask
+    labels = np.zeros(selection.shape, np.int32)
+    labels[selection] = _nearest_instances(instances, voxels[selection], reach)
     return labels
 
 
-def _nearest(instances: Int32, voxels: Float64, reach: float) -> Int32:
+def _nearest_instances(instances: Int32, voxels: Float64, reach: float) -> Int32:
     """Instance (K,) of least signed distance at voxel coordinates (K, 3), 0 beyond reach."""
     nearest, label = np.full(len(voxels), reach), np.zeros(len(voxels), np.int32)
     for number, box in enumerate(find_objects(instances), start=1):
@@ -48,10 +48,10 @@ def _nearest(instances: Int32, voxels: Float64, reach: float) -> Int32:
             for s, n in zip(box, instances.shape, strict=True)
         ]
         low, high = np.transpose(ends)
-        near = np.flatnonzero(np.all((voxels >= low - 0.5) & (voxels <= high - 0.5), axis=1))
+        indices = np.flatnonzero(np.all((voxels >= low - 0.5) & (voxels <= high - 0.5), axis=1))
         inside = np.pad(instances[tuple(slice(*e) for e in ends)] == number, 1, mode="edge")
         field = distance_transform_edt(~inside) - distance_transform_edt(inside)
-        distance = map_coordinates(field, (voxels[near] - low + 1).T, order=1, mode="nearest")
-        closer = distance < nearest[near]
-        nearest[near[closer]], label[near[closer]] = distance[closer], number
+        distance = map_coordinates(field, (voxels[indices] - low + 1).T, order=1, mode="nearest")
+        closer = distance < nearest[indices]
+        nearest[indices[closer]], label[indices[closer]] = distance[closer], number
     return label

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from scenefw.perception.steps import Segmentation
 
 _PLANES_AT_ONCE = 16
-_MOST_POINTS = 1500  # of a part: hulls of more have hundreds of faces and are hardly larger
+_MAX_POINTS = 1500  # of a part: hulls of more have hundreds of faces and are hardly larger
 
 
 class HullFilling:
@@ -72,17 +72,17 @@ def hulls(segments: Int32, view: ViewGeometry) -> tuple[Float32, Int32]:
 
 def thinned(points: Float64) -> Float64:
     """At most so many points, spread evenly over the image."""
-    return points[:: -(-len(points) // _MOST_POINTS)]
+    return points[:: -(-len(points) // _MAX_POINTS)]
 
 
 def hull_distance(
-    seen: Float64, centres: Float64, grid: GridSpec
+    visible_points: Float64, centres: Float64, grid: GridSpec
 ) -> tuple[tuple[slice, ...], Float32] | None:
     """The box around a part's hull and distances (m) there; None if the hull has no volume.
 
     Outside and beside edges the distance is that to the farthest plane, a lower bound.
     """
-    points = np.concatenate([seen, seen * (1, 1, 0)])
+    points = np.concatenate([visible_points, visible_points * (1, 1, 0)])
     try:
         planes = np.unique(ConvexHull(points).equations, axis=0)  # of triangles, many share one
     except QhullError:  # all points in one plane
@@ -95,18 +95,18 @@ def hull_distance(
     places = centres[box]
     if not places.size:
         return None
-    heights = _farthest(planes, places.reshape(-1, 3), reach).reshape(places.shape[:-1])
+    heights = _farthest_heights(planes, places.reshape(-1, 3), reach).reshape(places.shape[:-1])
     return box, np.clip(heights, -reach, reach).astype(np.float32)
 
 
-def _farthest(planes: Float64, places: Float64, reach: float) -> Float64:
+def _farthest_heights(planes: Float64, places: Float64, reach: float) -> Float64:
     """Height (P,) of each place above the plane that is farthest below it, or `reach` or more.
 
     Most places are soon known to be out of reach, and the further planes are left out for them.
     """
-    heights, todo = np.full(len(places), -np.inf), np.arange(len(places))
-    for some in np.array_split(planes, -(-len(planes) // _PLANES_AT_ONCE)):
-        found = (places[todo] @ some[:, :3].T + some[:, 3]).max(axis=1)
-        heights[todo] = np.maximum(heights[todo], found)
-        todo = todo[heights[todo] < reach]
+    heights, active_rows = np.full(len(places), -np.inf), np.arange(len(places))
+    for plane_batch in np.array_split(planes, -(-len(planes) // _PLANES_AT_ONCE)):
+        batch_heights = (places[active_rows] @ plane_batch[:, :3].T + plane_batch[:, 3]).max(axis=1)
+        heights[active_rows] = np.maximum(heights[active_rows], batch_heights)
+        active_rows = active_rows[heights[active_rows] < reach]
     return heights

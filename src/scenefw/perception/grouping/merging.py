@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
     Group = frozenset[int]
 
-_POINTS = 200  # of a part, enough to say how well a shape explains it
+_MAX_POINTS = 200  # of a part, enough to say how well a shape explains it
 _SEGMENTS = 200  # between two parts
-_FARTHEST, _FAR = 2.0, 0.15  # sizes of the larger of two parts; m
-_THROUGH_FREE = 0.2  # share of them that may be seen through, at borders of voxels
+_MAX_GAP_SIZES, _MAX_GAP = 2.0, 0.15  # sizes of the larger of two parts; m
+_MAX_FREE_RATIO = 0.2  # share of segments that may be seen through, at borders of voxels
 
 
 class GroupedByEvidence:
@@ -72,27 +72,29 @@ class GroupedByEvidence:
             (a, b) for a, b in combinations(groups, 2) if _may_be_one(a | b, points, view, hide)
         ]
         single = self._fits(groups, parts, view)
-        apart = {part: self._robust(single[frozenset([part])][0], points[part]) for part in large}
-        costs = self._costs([a | b for a, b in pairs], parts, points, view, apart)
+        deviations = {
+            part: self._deviation(single[frozenset([part])][0], points[part]) for part in large
+        }
+        costs = self._costs([a | b for a, b in pairs], parts, points, view, deviations)
         while costs:
-            joined = min(costs, key=costs.__getitem__)
-            if costs[joined] > self.tolerance:
+            union = min(costs, key=costs.__getitem__)
+            if costs[union] > self.tolerance:
                 break
-            groups = [group for group in groups if not group <= joined]
-            costs = {pair: cost for pair, cost in costs.items() if not pair & joined}
-            further = [
-                joined | one for one in groups if _may_be_one(joined | one, points, view, hide)
+            groups = [group for group in groups if not group <= union]
+            costs = {pair: cost for pair, cost in costs.items() if not pair & union}
+            candidates = [
+                union | group for group in groups if _may_be_one(union | group, points, view, hide)
             ]
-            costs |= self._costs(further, parts, points, view, apart)
-            groups.append(joined)
-        return _relabelled(parts, groups)
+            costs |= self._costs(candidates, parts, points, view, deviations)
+            groups.append(union)
+        return _relabel(parts, groups)
 
     def _fits(
         self, groups: Iterable[Group], parts: Int32, view: ViewGeometry
     ) -> dict[Group, tuple[FittedSuperquadric, Evidence]]:
         """One superquadric for each group, and what it is fitted to."""
-        each = list(groups)
-        return dict(zip(each, self.fits.of_groups(each, parts, view), strict=True))
+        group_list = list(groups)
+        return dict(zip(group_list, self.fits.of_groups(group_list, parts, view), strict=True))
 
     def _costs(
         self,
@@ -100,22 +102,22 @@ class GroupedByEvidence:
         parts: Int32,
         points: dict[int, Float64],
         view: ViewGeometry,
-        apart: dict[int, float],
+        deviations: dict[int, float],
     ) -> dict[Group, float]:
         """How much worse one superquadric explains each group than one for each part."""
-        found = {}
+        costs = {}
         for group, (fitted, evidence) in self._fits(groups, parts, view).items():
-            worse = [self._robust(fitted, points[part]) - apart[part] for part in group]
-            found[group] = max(*worse, 0.0) + _inside(fitted, evidence)
-        return found
+            increases = [self._deviation(fitted, points[part]) - deviations[part] for part in group]
+            costs[group] = max(*increases, 0.0) + _penetration(fitted, evidence)
+        return costs
 
-    def _robust(self, fitted: FittedSuperquadric, points: Float64) -> float:
+    def _deviation(self, fitted: FittedSuperquadric, points: Float64) -> float:
         """Squared deviation of a part's points from a superquadric."""
-        some = points[:: -(-len(points) // _POINTS)]
-        return float(self.fits.deviations(fitted, some).mean())
+        sample = points[:: -(-len(points) // _MAX_POINTS)]
+        return float(self.fits.deviations(fitted, sample).mean())
 
 
-def _inside(fitted: FittedSuperquadric, evidence: Evidence) -> float:
+def _penetration(fitted: FittedSuperquadric, evidence: Evidence) -> float:
     """Squared depth of the places outside that it contains, per point of its surface."""
     depth = np.minimum(signed_distance(fitted, evidence.outside), 0) / evidence.outside_sigmas
     return float(np.minimum(depth**2, OUTLIERS**2).sum() / len(evidence.points))
@@ -135,19 +137,19 @@ def _may_be_one(
         rng = np.random.default_rng(0)
         first, second = (points[part][rng.integers(len(points[part]), size=_SEGMENTS)]
                          for part in (a, b))  # fmt: skip
-        larger = max(np.linalg.norm(np.ptp(some, axis=0)) for some in (first, second))
-        if cKDTree(first).query(second)[0].min() > max(_FARTHEST * larger, _FAR):
+        size = max(np.linalg.norm(np.ptp(sample, axis=0)) for sample in (first, second))
+        if cKDTree(first).query(second)[0].min() > max(_MAX_GAP_SIZES * size, _MAX_GAP):
             return False
         share = np.linspace(0.2, 0.8, 4)[:, None, None]
         voxels, inside = view.grid.nearest_voxels(first + share * (second - first))
         x, y, z = np.moveaxis(np.clip(voxels, 0, view.grid.resolution - 1), -1, 0)
-        through = (view.free[x, y, z] & inside).any(axis=0)
-        if through.mean() > _THROUGH_FREE:
+        crosses_free = (view.free[x, y, z] & inside).any(axis=0)
+        if crosses_free.mean() > _MAX_FREE_RATIO:
             return False
     return True
 
 
-def _relabelled(parts: Int32, groups: list[Group]) -> Int32:
+def _relabel(parts: Int32, groups: list[Group]) -> Int32:
     """Parts (H, W) with one number per group; those of no group keep one of their own."""
     numbers = np.arange(int(parts.max(initial=0)) + 1)
     for group in groups:

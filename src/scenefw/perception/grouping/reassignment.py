@@ -57,49 +57,57 @@ class DealtByFit:
     def reassign(self, objects: Int32, view: ViewGeometry) -> Int32:
         """Objects (H, W), 0 = none, of one image or of several, stacked."""
         while True:
-            labels, away = self._distances(objects, view)
-            repeated = self._repeated(objects, labels, away)
-            if repeated is None:
-                return self._dealt(objects, labels, away)
-            others = labels != repeated
-            own = objects == repeated
-            nearest = labels[others][away[others][:, own].argmin(axis=0)]
+            labels, distances = self._distances(objects, view)
+            redundant_label = self._redundant_label(objects, labels, distances)
+            if redundant_label is None:
+                return self._reassign_pixels(objects, labels, distances)
+            competitors = labels != redundant_label
+            object_mask = objects == redundant_label
+            nearest_labels = labels[competitors][
+                distances[competitors][:, object_mask].argmin(axis=0)
+            ]
             objects = objects.copy()
-            objects[own] = nearest
+            objects[object_mask] = nearest_labels
 
     def _distances(self, objects: Int32, view: ViewGeometry) -> tuple[Int32, Distances]:
         """Labels (N,) of large objects, and distances (N, H, W) of pixels to their surfaces (m)."""
-        found, pixels = np.unique(objects[objects > 0], return_counts=True)
-        labels = found[pixels >= self.least]
+        all_labels, counts = np.unique(objects[objects > 0], return_counts=True)
+        labels = all_labels[counts >= self.least]
         fits = self.fits.of(labels.tolist(), objects, view)
-        away = np.full((len(labels), *objects.shape), np.inf)
-        shown = objects > 0
-        for row, (one, _) in enumerate(fits):
-            away[row, shown] = np.abs(signed_distance(one, view.points[shown]))
-        return labels, away
+        distances = np.full((len(labels), *objects.shape), np.inf)
+        foreground = objects > 0
+        for row, (superquadric, _) in enumerate(fits):
+            distances[row, foreground] = np.abs(
+                signed_distance(superquadric, view.points[foreground])
+            )
+        return labels, distances
 
-    def _repeated(self, objects: Int32, labels: Int32, away: Distances) -> int | None:
+    def _redundant_label(self, objects: Int32, labels: Int32, distances: Distances) -> int | None:
         """The object that others explain best, if they do."""
         shares = {}
         for row, label in enumerate(labels.tolist()):
-            others = np.delete(away, row, axis=0)[:, objects == label]
-            if len(others):
-                shares[label] = float((others.min(axis=0) < self.near).mean())
+            competing_distances = np.delete(distances, row, axis=0)[:, objects == label]
+            if len(competing_distances):
+                shares[label] = float((competing_distances.min(axis=0) < self.near).mean())
         best = max(shares, key=shares.__getitem__, default=None)
         return best if best is not None and shares[best] >= self.explained else None
 
-    def _dealt(self, objects: Int32, labels: Int32, away: Distances) -> Int32:
+    def _reassign_pixels(self, objects: Int32, labels: Int32, distances: Distances) -> Int32:
         """Pixels off their own object's surface and on another's, at that one."""
         if not len(labels):
             return objects
-        nearest = labels[away.argmin(axis=0)]
+        nearest_labels = labels[distances.argmin(axis=0)]
         rows = np.searchsorted(labels, objects) % len(labels)
-        own = np.take_along_axis(away, rows[None], 0)[0]
-        moved = (labels[rows] == objects) & (own > self.near) & (away.min(axis=0) < self.near)
-        moved &= self._on_own(objects, labels, away)[rows] >= self.trusted
-        return np.where(moved, nearest, objects).astype(np.int32)
+        object_distances = np.take_along_axis(distances, rows[None], 0)[0]
+        reassign_mask = (
+            (labels[rows] == objects)
+            & (object_distances > self.near)
+            & (distances.min(axis=0) < self.near)
+        )
+        reassign_mask &= self._inlier_ratios(objects, labels, distances)[rows] >= self.trusted
+        return np.where(reassign_mask, nearest_labels, objects).astype(np.int32)
 
-    def _on_own(self, objects: Int32, labels: Int32, away: Distances) -> Distances:
+    def _inlier_ratios(self, objects: Int32, labels: Int32, distances: Distances) -> Distances:
         """Shares (N,) of each object's pixels that lie on its own surface."""
-        pairs = zip(labels.tolist(), away, strict=True)
-        return np.array([(far[objects == label] < self.near).mean() for label, far in pairs])
+        pairs = zip(labels.tolist(), distances, strict=True)
+        return np.array([(gaps[objects == label] < self.near).mean() for label, gaps in pairs])

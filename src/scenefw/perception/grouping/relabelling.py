@@ -85,15 +85,15 @@ class ObjectGrouping:
             segments: (H, W), 0 = none.
             view: of their image.
         """
-        marked = view.masks is not None
-        segments = segments if marked else without_ramps(segments, view.mixed)
+        has_masks = view.masks is not None
+        segments = segments if has_masks else without_ramps(segments, view.mixed)
         rough = self.rough.group(segments, view)
         if rough.instances is None:
             raise TypeError("objects without volumes can't be relabelled")
         points, grid = view.points, view.grid
         volumes = visible_instances(rough.instances, points, grid, segments > 0, self.reach)
         objects = segments
-        if not marked:
+        if not has_masks:
             objects = divide(objects, volumes, self.min_divided, view.depth)
             objects = objects if self.split is None else self.split.split(objects, view)
             objects = objects if self.merge is None else self.merge.merge(objects, view, view.depth)
@@ -103,7 +103,7 @@ class ObjectGrouping:
 
 
 def reassigned(
-    instances: Int32, shown: Int32, objects: Int32, points: Float64, grid: GridSpec
+    instances: Int32, pixel_instances: Int32, objects: Int32, points: Float64, grid: GridSpec
 ) -> Int32:
     """Instances (X, Y, Z) that are the objects which their pixels show.
 
@@ -113,24 +113,24 @@ def reassigned(
 
     Args:
         instances: (X, Y, Z) labels, 0 = no object.
-        shown: (H, W) which of them a pixel shows, 0 = none.
+        pixel_instances: (H, W) which of them a pixel shows, 0 = none.
         objects: (H, W) which object a pixel shows instead, 0 = none.
         points: (H, W, 3) of the pixels, world coordinates (m).
         grid: of the volume.
     """
-    found, unused = np.zeros_like(instances), int(objects.max(initial=0)) + 1
+    labels, next_label = np.zeros_like(instances), int(objects.max(initial=0)) + 1
     centres = grid.centres()
     for label in np.unique(instances[instances > 0]):
-        own = instances == label
-        votes = np.bincount(objects[(shown == label) & (objects > 0)], minlength=1)
-        kept = np.flatnonzero(votes > _MIN_PIXEL_RATIO * votes.sum())
-        if not len(kept):
-            found[own] = unused
-            unused += 1
+        instance_mask = instances == label
+        votes = np.bincount(objects[(pixel_instances == label) & (objects > 0)], minlength=1)
+        owners = np.flatnonzero(votes > _MIN_PIXEL_RATIO * votes.sum())
+        if not len(owners):
+            labels[instance_mask] = next_label
+            next_label += 1
             continue
-        pixels = (shown == label) & np.isin(objects, kept)
+        pixels = (pixel_instances == label) & np.isin(objects, owners)
         step = -(-int(pixels.sum()) // _MAX_POINTS)
-        here, there = objects[pixels][::step], points[pixels][::step]
-        nearest = cKDTree(there).query(centres[own])[1]
-        found[own] = here[nearest]
-    return found
+        pixel_labels, pixel_points = objects[pixels][::step], points[pixels][::step]
+        nearest = cKDTree(pixel_points).query(centres[instance_mask])[1]
+        labels[instance_mask] = pixel_labels[nearest]
+    return labels

@@ -46,7 +46,7 @@ class SegmentFits:
             masks: (H, W) labels, 0 = none.
             view: of their image.
         """
-        return self._fitted(self.evidence.of_each(labels, Objects(masks), view), view)
+        return self._fit_evidence(self.evidence.of_each(labels, Objects(masks), view), view)
 
     def of_groups(
         self, groups: Sequence[Collection[int]], masks: Int32, view: ViewGeometry
@@ -57,15 +57,15 @@ class SegmentFits:
             label = min(group)
             merged = np.where(np.isin(masks, list(group)), label, masks)
             evidence.append(self.evidence.of(label, Objects(merged), view))
-        return self._fitted(evidence, view)
+        return self._fit_evidence(evidence, view)
 
-    def _fitted(self, evidence: Sequence[Evidence], view: ViewGeometry) -> list[Fit]:
+    def _fit_evidence(self, evidence: Sequence[Evidence], view: ViewGeometry) -> list[Fit]:
         fits = self._fits if self._points is view.points else {}
-        keys = [_digest(each) for each in evidence]
-        unknown = {k: each for k, each in zip(keys, evidence, strict=True) if k not in fits}
-        new = dict(zip(unknown, self.fit.fit(list(unknown.values())), strict=True))
-        shapes = [new[key] if key in new else fits[key] for key in keys]
-        self._points, self._fits = view.points, fits | new
+        keys = [_digest(item) for item in evidence]
+        new_evidence = {k: item for k, item in zip(keys, evidence, strict=True) if k not in fits}
+        new_fits = dict(zip(new_evidence, self.fit.fit(list(new_evidence.values())), strict=True))
+        shapes = [new_fits[key] if key in new_fits else fits[key] for key in keys]
+        self._points, self._fits = view.points, fits | new_fits
         return list(zip(shapes, evidence, strict=True))
 
     def deviations(self, shape: FittedSuperquadric, points: Float64) -> Float64:

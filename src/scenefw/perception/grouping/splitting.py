@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from scenefw.perception.grouping.segment_fits import SegmentFits
     from scenefw.perception.observation.observation import ViewGeometry
 
-_FAR = 2.0  # deviations of pixels that the second superquadric starts from
-_POOR = 0.3  # squared deviation of a part that one superquadric doesn't explain
-_BLUR = 7  # pixels over which sides are evened out
-_DEEPEST = 2  # cuts of a cut
+_MIN_OUTLIER_SIGMAS = 2.0  # standard deviations of pixels that the second superquadric starts from
+_MIN_SPLIT_DEVIATION = 0.3  # squared deviation of a part that one superquadric doesn't explain
+_FILTER_WIDTH = 7  # pixels over which sides are evened out
+_MAX_DEPTH = 2  # cuts of a cut
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,87 +75,96 @@ class SplitByEvidence:
     def split(self, parts: Int32, view: ViewGeometry) -> Int32:
         """Parts (H, W), 0 = none, some of them cut; new ones have new numbers."""
         sizes = np.bincount(parts.ravel())
-        large = np.flatnonzero(sizes >= 4 * self._smallest(parts))
-        waiting = [(int(part), 0) for part in large[large > 0]]
-        while waiting:
-            fitted = self._fitted([part for part, _ in waiting], parts, view)
-            further = []
-            for (part, depth), one in zip(waiting, fitted, strict=True):
-                cut = self._cut(part, parts, one, view)
-                if cut is not None:
-                    if depth + 1 < _DEEPEST:
-                        further += [(part, depth + 1), (int(cut.max()), depth + 1)]
-                    parts = cut
-            waiting = further
+        large = np.flatnonzero(sizes >= 4 * self._min_pixels(parts))
+        queue = [(int(part), 0) for part in large[large > 0]]
+        while queue:
+            superquadrics = self._fit([part for part, _ in queue], parts, view)
+            next_queue = []
+            for (part, depth), superquadric in zip(queue, superquadrics, strict=True):
+                new_parts = self._split_part(part, parts, superquadric, view)
+                if new_parts is not None:
+                    if depth + 1 < _MAX_DEPTH:
+                        next_queue += [(part, depth + 1), (int(new_parts.max()), depth + 1)]
+                    parts = new_parts
+            queue = next_queue
         return parts
 
-    def _cut(
-        self, part: int, parts: Int32, one: FittedSuperquadric, view: ViewGeometry
+    def _split_part(
+        self, part: int, parts: Int32, superquadric: FittedSuperquadric, view: ViewGeometry
     ) -> Int32 | None:
         """The parts with this one cut in two; None if that explains no more."""
-        own = parts == part
-        before = self._deviations(one, view, own)
-        if before.mean() < _POOR:
+        part_mask = parts == part
+        deviations = self._deviations(superquadric, view, part_mask)
+        if deviations.mean() < _MIN_SPLIT_DEVIATION:
             return None
-        trial = self._started(part, parts, one, view)
+        trial = self._initial_trial(part, parts, superquadric, view)
         for _ in range(self.rounds):
             if trial is None:
                 return None
-            earlier, trial = trial.parts, self._dealt(part, trial.parts, own, view)
-            if trial is not None and np.array_equal(trial.parts, earlier):
+            old_parts, trial = (
+                trial.parts,
+                self._reassign_pixels(part, trial.parts, part_mask, view),
+            )
+            if trial is not None and np.array_equal(trial.parts, old_parts):
                 break  # further rounds give the same
         if trial is None or trial.deviations.mean() > self.left:
             return None
-        saved = (before - trial.deviations).sum() * (WIDTH / parts.shape[1]) ** 2
-        return trial.parts if saved > self.gain else None
+        improvement = (deviations - trial.deviations).sum() * (WIDTH / parts.shape[1]) ** 2
+        return trial.parts if improvement > self.gain else None
 
-    def _started(
-        self, part: int, parts: Int32, one: FittedSuperquadric, view: ViewGeometry
+    def _initial_trial(
+        self, part: int, parts: Int32, superquadric: FittedSuperquadric, view: ViewGeometry
     ) -> _Trial | None:
         """The largest region off the surface as a part of its own."""
-        own = parts == part
-        far = np.zeros(own.shape, dtype=bool)
-        distances = np.abs(signed_distance(one, view.points[own]))
-        far[own] = distances > _FAR * self.fits.evidence.seen_sigma
-        regions, _ = components(far)
+        part_mask = parts == part
+        outliers = np.zeros(part_mask.shape, dtype=bool)
+        distances = np.abs(signed_distance(superquadric, view.points[part_mask]))
+        outliers[part_mask] = distances > _MIN_OUTLIER_SIGMAS * self.fits.evidence.seen_sigma
+        regions, _ = components(outliers)
         sizes = np.bincount(regions.ravel())
         sizes[0] = 0
-        if sizes.max() < max(self._smallest(parts), self.share * own.sum()):
+        if sizes.max() < max(self._min_pixels(parts), self.share * part_mask.sum()):
             return None
-        cut = np.where(regions == sizes.argmax(), parts.max() + 1, parts).astype(np.int32)
-        return _Trial(cut, np.empty(0)) if self._large(part, cut) else None
+        new_parts = np.where(regions == sizes.argmax(), parts.max() + 1, parts).astype(np.int32)
+        return _Trial(new_parts, np.empty(0)) if self._is_large(part, new_parts) else None
 
-    def _dealt(
-        self, part: int, parts: Int32, own: NDArray[np.bool_], view: ViewGeometry
+    def _reassign_pixels(
+        self, part: int, parts: Int32, part_mask: NDArray[np.bool_], view: ViewGeometry
     ) -> _Trial | None:
         """Both pieces fitted, and the pixels of both given to the nearer surface."""
-        new = int(parts.max())
-        both = [self._deviations(f, view, own) for f in self._fitted([part, new], parts, view)]
-        side = np.zeros(own.shape, dtype=np.int32)
-        side[own] = np.where(both[0] <= both[1], 1, 2)
-        about = box_about(own, _BLUR // 2)
-        even = np.zeros_like(side)
-        even[about] = median_filter(side[about], _BLUR)
-        side = np.where(own & (even > 0), even, side)
-        dealt = np.where(own, np.where(side == 2, new, part), parts).astype(np.int32)
-        if not self._large(part, dealt):
+        new_label = int(parts.max())
+        deviations = [
+            self._deviations(f, view, part_mask) for f in self._fit([part, new_label], parts, view)
+        ]
+        side = np.zeros(part_mask.shape, dtype=np.int32)
+        side[part_mask] = np.where(deviations[0] <= deviations[1], 1, 2)
+        box = box_about(part_mask, _FILTER_WIDTH // 2)
+        smooth_side = np.zeros_like(side)
+        smooth_side[box] = median_filter(side[box], _FILTER_WIDTH)
+        side = np.where(part_mask & (smooth_side > 0), smooth_side, side)
+        new_parts = np.where(part_mask, np.where(side == 2, new_label, part), parts).astype(
+            np.int32
+        )
+        if not self._is_large(part, new_parts):
             return None
-        return _Trial(dealt, np.where(dealt[own] == new, both[1], both[0]))
+        return _Trial(
+            new_parts, np.where(new_parts[part_mask] == new_label, deviations[1], deviations[0])
+        )
 
-    def _large(self, part: int, parts: Int32) -> bool:
+    def _is_large(self, part: int, parts: Int32) -> bool:
         """Whether both pieces are large enough."""
         sizes = [(parts == label).sum() for label in (part, parts.max())]
-        return bool(min(sizes) >= self._smallest(parts))
+        return bool(min(sizes) >= self._min_pixels(parts))
 
-    def _smallest(self, parts: Int32) -> float:
+    def _min_pixels(self, parts: Int32) -> float:
         return self.smallest * (parts.shape[1] / WIDTH) ** 2
 
-    def _fitted(
+    def _fit(
         self, labels: Sequence[int], parts: Int32, view: ViewGeometry
     ) -> list[FittedSuperquadric]:
         return [shape for shape, _ in self.fits.of(labels, parts, view)]
 
     def _deviations(
-        self, fitted: FittedSuperquadric, view: ViewGeometry, own: NDArray[np.bool_]
+        self, fitted: FittedSuperquadric, view: ViewGeometry, mask: NDArray[np.bool_]
     ) -> NDArray[np.float64]:
-        return self.fits.deviations(fitted, view.points[own])
+        return self.fits.deviations(fitted, view.points[mask])

@@ -70,16 +70,18 @@ class AllSides:
         if not occupied.any():
             raise InputError("the volume is empty; give one whose distances are negative inside")
         cameras = [
-            stack_cameras([one], tsdf.device) for one in self.cameras.around(*ball(occupied, grid))
+            stack_cameras([camera], tsdf.device)
+            for camera in self.cameras.around(*ball(occupied, grid))
         ]
-        images = [self.renderer.render(tsdf, grid, one) for one in cameras]
+        images = [self.renderer.render(tsdf, grid, camera) for camera in cameras]
         views = [
-            self.mapping.fuse(depth, grid, one) for depth, one in zip(images, cameras, strict=True)
+            self.mapping.fuse(depth, grid, camera)
+            for depth, camera in zip(images, cameras, strict=True)
         ]
-        found = self.reconstructor.complete(views, grid, 1, generator)[0]
-        instances = spread(found.instances[0].cpu().numpy(), occupied)
+        completion = self.reconstructor.complete(views, grid, 1, generator)[0]
+        instances = spread(completion.instances[0].cpu().numpy(), occupied)
         return replace(
-            found,
+            completion,
             tsdf=tsdf[:, 0],
             instances=torch.from_numpy(instances)[None].to(tsdf.device),
         )

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from scenefw.perception.steps import Objects
 
 _CORNERS = 6  # of meshes that say how high an object is
-_DEEP = 0.01  # m
+_MAX_DEPTH_BELOW = 0.01  # m below the floor
 
 
 class ObjectsOfViews(Protocol):
@@ -111,8 +111,8 @@ class FittedToViews:
         )
         objects = self.objects.group(observations, joint, generator)
         fits = self.fit.fit(objects, joint)
-        evidence, alone = list(fits.evidence.values()), list(fits.superquadrics.values())
-        shapes = self.shapes.separate(evidence, alone)
+        evidence, superquadrics = list(fits.evidence.values()), list(fits.superquadrics.values())
+        shapes = self.shapes.separate(evidence, superquadrics)
         hypothesis = accepted(fits, shapes, self.tolerances, joint)
         hypothesis = self._without_sunk(hypothesis, observations, joint)
         scene = composed(hypothesis, observations[0])
@@ -124,14 +124,18 @@ class FittedToViews:
         """The hypothesis with its vessels, and without objects that are noise of the floor."""
         accepted_shapes = dict(hypothesis.superquadrics or {})
         shape_of_label = {k: _out_of_floor(shape, joint) for k, shape in accepted_shapes.items()}
-        sunk = [k for k, shape in shape_of_label.items() if _sunk(shape, self.fit.min_height)]
+        sunk_labels = [
+            k for k, shape in shape_of_label.items() if _is_sunk(shape, self.fit.min_height)
+        ]
         objects = hypothesis.objects
         if objects.instances is not None:
-            remaining = np.where(np.isin(objects.instances, sunk), 0, objects.instances)
-            objects = replace(objects, instances=remaining)
+            instances = np.where(np.isin(objects.instances, sunk_labels), 0, objects.instances)
+            objects = replace(objects, instances=instances)
         vessels = self._vessels(objects, views, joint, accepted_shapes)
-        solid = {k: shape for k, shape in shape_of_label.items() if k not in sunk}
-        return with_vessels(replace(hypothesis, objects=objects, superquadrics=solid), vessels)
+        superquadrics = {k: shape for k, shape in shape_of_label.items() if k not in sunk_labels}
+        return with_vessels(
+            replace(hypothesis, objects=objects, superquadrics=superquadrics), vessels
+        )
 
     def _vessels(
         self,
@@ -146,23 +150,30 @@ class FittedToViews:
             return vessels
         masks = np.split(objects.pixels, len(views))
         for view, mask in zip(views, masks, strict=True):
-            single = replace(joint, points=view.points, eye=view.eye)
-            labels = self.fit.visible(replace(objects, masks=mask), single)
-            vessels = self.hollow.detect(mask, single, labels, shapes) | vessels
+            geometry = replace(joint, points=view.points, eye=view.eye)
+            labels = self.fit.visible(replace(objects, masks=mask), geometry)
+            vessels = self.hollow.detect(mask, geometry, labels, shapes) | vessels
         return vessels
 
 
-def _out_of_floor(one: FittedSuperquadric, view: JointGeometry) -> FittedSuperquadric:
+def _out_of_floor(superquadric: FittedSuperquadric, view: JointGeometry) -> FittedSuperquadric:
     """What reaches far below the floor, as a fit to a shape it isn't may, ends there instead."""
-    return extend_to_support([one], view.free, view.grid)[0] if _heights(one)[0] < -_DEEP else one
+    return (
+        extend_to_support([superquadric], view.free, view.grid)[0]
+        if _heights(superquadric)[0] < -_MAX_DEPTH_BELOW
+        else superquadric
+    )
 
 
-def _sunk(one: FittedSuperquadric, lowest: float) -> bool:
+def _is_sunk(superquadric: FittedSuperquadric, min_height: float) -> bool:
     """Whether more of it is below the floor than above, or it ends lower than this (m)."""
-    return bool(one.pose.position[2] < 0 or _heights(one)[1] < lowest)
+    return bool(superquadric.pose.position[2] < 0 or _heights(superquadric)[1] < min_height)
 
 
-def _heights(one: FittedSuperquadric) -> tuple[float, float]:
+def _heights(superquadric: FittedSuperquadric) -> tuple[float, float]:
     """Lowest and highest point over the floor (m)."""
-    heights = shape_of(one).mesh(_CORNERS).vertices @ one.pose.rotation[2] + one.pose.position[2]
+    heights = (
+        shape_of(superquadric).mesh(_CORNERS).vertices @ superquadric.pose.rotation[2]
+        + superquadric.pose.position[2]
+    )
     return float(heights.min()), float(heights.max())

@@ -21,12 +21,13 @@ if TYPE_CHECKING:
     from scenefw.core.types import Camera
     from scenefw.perception.multiview.all_sides import Surround
 
-_BELOW = (0.02, 0.3)  # m under a plane: sides of what it is the top of, not the room's floor
-_MOST_BELOW = 0.1  # of what is seen, if the plane is a table
+# m under a plane: sides of what it is the top of, not the room's floor
+_DEPTH_RANGE_BELOW = (0.02, 0.3)
+_MAX_SHARE_BELOW = 0.1  # of what is seen, if the plane is a table
 _STRIDE = 4  # pixels
-_RAISED = (0.015, 1.0)  # m: heights of what stands on the table
-_LARGEST = 0.55  # m: radius of what cameras try to see, so that they are near enough for a table
-_NOISE = 0.5  # per cent of vertices at either end that don't say where a scene ends
+_HEIGHT_RANGE = (0.015, 1.0)  # m: heights of what stands on the table
+_MAX_RADIUS = 0.55  # m: radius of what cameras try to see, so that they are near enough for a table
+_OUTLIER_PERCENTAGE = 0.5  # per cent of vertices at either end that don't say where a scene ends
 
 
 @dataclass(frozen=True)
@@ -70,28 +71,34 @@ class MeshViews:
             InputError: nothing stands on the table.
         """
         T, note = self._table(mesh, name)  # noqa: N806
-        placed = TriangleMesh(geometry.transform_points(T, mesh.vertices), mesh.faces)
-        height = placed.vertices[:, 2]
-        raised = placed.vertices[(height > _RAISED[0]) & (height < _RAISED[1])]
-        if not len(raised):
+        placed_mesh = TriangleMesh(geometry.transform_points(T, mesh.vertices), mesh.faces)
+        height = placed_mesh.vertices[:, 2]
+        raised_points = placed_mesh.vertices[
+            (height > _HEIGHT_RANGE[0]) & (height < _HEIGHT_RANGE[1])
+        ]
+        if not len(raised_points):
             raise InputError(
                 f"nothing of {name} stands on the table, which is {note}; give a mesh in metres "
                 "with z up"
             )
-        frames = _views(placed, self.cameras.around(*_ball(raised)), name, table=True)
-        return SeenMesh(placed, T, tuple(frames), note)
+        frames = _views(placed_mesh, self.cameras.around(*_ball(raised_points)), name, table=True)
+        return SeenMesh(placed_mesh, T, tuple(frames), note)
 
     def _table(self, mesh: TriangleMesh, name: str) -> tuple[Float64, str]:
         """The transform (4, 4) to table coordinates, and how it was found."""
         frames = _views(mesh, self.cameras.around(*_ball(mesh.vertices)), name, table=False)
-        found = self.table.alignment(frames[-1], posed=True)
+        alignment = self.table.alignment(frames[-1], posed=True)
         points = np.concatenate([world_points(frame, _STRIDE).reshape(-1, 3) for frame in frames])
-        seen = geometry.transform_points(found.T_table_world, points[~np.isnan(points[:, 2])])
-        below = (seen[:, 2] < -_BELOW[0]) & (seen[:, 2] > -_BELOW[1])
-        if found.table and below.mean() < _MOST_BELOW:
-            return found.T_table_world, "a plane of the mesh"
-        lowest = float(np.percentile(mesh.vertices[:, 2], _NOISE))
-        return geometry.rigid(np.eye(3), (0.0, 0.0, -lowest)), "at the lowest point of the mesh"
+        table_points = geometry.transform_points(
+            alignment.T_table_world, points[~np.isnan(points[:, 2])]
+        )
+        is_below = (table_points[:, 2] < -_DEPTH_RANGE_BELOW[0]) & (
+            table_points[:, 2] > -_DEPTH_RANGE_BELOW[1]
+        )
+        if alignment.table and is_below.mean() < _MAX_SHARE_BELOW:
+            return alignment.T_table_world, "a plane of the mesh"
+        floor = float(np.percentile(mesh.vertices[:, 2], _OUTLIER_PERCENTAGE))
+        return geometry.rigid(np.eye(3), (0.0, 0.0, -floor)), "at the lowest point of the mesh"
 
 
 def _views(mesh: TriangleMesh, cameras: Sequence[Camera], name: str, *, table: bool) -> list[Frame]:
@@ -105,5 +112,5 @@ def _views(mesh: TriangleMesh, cameras: Sequence[Camera], name: str, *, table: b
 
 def _ball(points: Float64) -> tuple[Float64, float]:
     """Centre and radius (m) of a ball about nearly all points (N, 3)."""
-    low, high = np.percentile(points, [_NOISE, 100 - _NOISE], axis=0)
-    return (low + high) / 2, min(float(np.linalg.norm(high - low)) / 2, _LARGEST)
+    low, high = np.percentile(points, [_OUTLIER_PERCENTAGE, 100 - _OUTLIER_PERCENTAGE], axis=0)
+    return (low + high) / 2, min(float(np.linalg.norm(high - low)) / 2, _MAX_RADIUS)

@@ -71,44 +71,44 @@ class OptimisedCode:
             InputError: no view, views that contradict each other, or that came without images.
         """
         require_agreement(views, grid)
-        seen = fused(views, grid) if self.sees_all else views[0]
+        partial = fused(views, grid) if self.sees_all else views[0]
         codes = torch.zeros(samples, 1, self.network.model.latent_size)
         codes[1:] = torch.randn(codes[1:].shape, generator=generator)
-        found = [self.optimised(code, seen, views, grid)[0] for code in codes]
-        return self.network.complete_with(seen, grid, torch.stack(found))
+        optimised_codes = [self.optimised(code, partial, views, grid)[0] for code in codes]
+        return self.network.complete_with(partial, grid, torch.stack(optimised_codes))
 
     def optimised(
-        self, code: Tensor, seen: PartialTSDF, views: Sequence[PartialTSDF], grid: GridSpec
+        self, code: Tensor, partial: PartialTSDF, views: Sequence[PartialTSDF], grid: GridSpec
     ) -> tuple[Tensor, list[float]]:
         """The best code (1, latent_size), and the cost at each iteration and at the end.
 
         Args:
             code: where to start.
-            seen: what the network sees.
+            partial: what the network sees.
             views: with their images, that the scene is to explain.
             grid: the network's.
         """
         if not code.numel():
             return code, []
-        inputs, everything = self.network.inputs(seen, grid), stacked(views)
-        free = code.detach().to(inputs.device).requires_grad_()
-        best, costs = free.detach().clone(), []
-        adam = torch.optim.Adam([free], lr=self.rate)
+        inputs, stacked_views = self.network.inputs(partial, grid), stacked(views)
+        parameter = code.detach().to(inputs.device).requires_grad_()
+        best_code, costs = parameter.detach().clone(), []
+        adam = torch.optim.Adam([parameter], lr=self.rate)
         for _ in range(self.iterations):
             with torch.enable_grad():
-                cost = self._cost(free, inputs, everything, grid)
-                (free.grad,) = torch.autograd.grad(cost, free)
+                cost = self._cost(parameter, inputs, stacked_views, grid)
+                (parameter.grad,) = torch.autograd.grad(cost, parameter)
             costs.append(float(cost.detach()))
             if costs[-1] <= min(costs):
-                best = free.detach().clone()
+                best_code = parameter.detach().clone()
             adam.step()
         with torch.no_grad():
-            costs.append(float(self._cost(free, inputs, everything, grid)))
-        return (free.detach() if costs[-1] <= min(costs) else best).cpu(), costs
+            costs.append(float(self._cost(parameter, inputs, stacked_views, grid)))
+        return (parameter.detach() if costs[-1] <= min(costs) else best_code).cpu(), costs
 
     def _cost(self, code: Tensor, inputs: Tensor, views: PartialTSDF, grid: GridSpec) -> Tensor:
         assert views.depth is not None and views.cameras is not None  # noqa: PT018
         tsdf = self.network.model.predict(inputs, code).volumes["tsdf"][0, 0].float()
-        surface, empty = self.renderer.costs(tsdf, grid, views.depth, views.cameras)
-        total: Tensor = surface + empty + 0.5 * self.prior * code.square().mean()
+        surface_cost, empty_cost = self.renderer.costs(tsdf, grid, views.depth, views.cameras)
+        total: Tensor = surface_cost + empty_cost + 0.5 * self.prior * code.square().mean()
         return total

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from scenefw.perception.observation.observation import Observation
     from scenefw.perception.steps import Grouping, Segmentation
 
-_COARSE = 320  # pixels: width of the images that say which parts are one object
+_COARSE_WIDTH = 320  # pixels: width of the images that say which parts are one object
 
 
 class PartsOfViews:
@@ -57,16 +57,16 @@ class PartsOfViews:
         self, views: Sequence[Observation], joint: JointGeometry, generator: torch.Generator
     ) -> Objects:
         """Objects with masks (V H, W) of all views, one below the other."""
-        alone = [
+        view_parts = [
             self.grouping.group(self.segmentation.segment(view), view).pixels for view in views
         ]
-        parts = _numbered(alone)
-        masks = parts if len(views) == 1 else self._joined(parts, len(views), joint)
+        parts = _number_parts(view_parts)
+        masks = parts if len(views) == 1 else self._join_parts(parts, len(views), joint)
         return Objects(masks, *hulls(masks, joint.points, joint.free, joint.grid))
 
-    def _joined(self, parts: Int32, views: int, joint: JointGeometry) -> Int32:
+    def _join_parts(self, parts: Int32, views: int, joint: JointGeometry) -> Int32:
         """Objects (V H, W) of parts (V H, W)."""
-        step = max(1, parts.shape[1] // _COARSE)
+        step = max(1, parts.shape[1] // _COARSE_WIDTH)
         if self.overlap is not None:
             images = np.split(parts, views)
             places = np.split(joint.points, views)
@@ -75,46 +75,50 @@ class PartsOfViews:
                 [place[::step, ::step] for place in places],
             )
             parts = table[parts].astype(np.int32)
-        few = parts[::step, ::step]
-        coarse = JointGeometry(joint.points[::step, ::step], joint.grid, joint.free)
-        objects = self.merge.merge(few, coarse, np.zeros(few.shape, np.float32))
-        return _refined(self.reassign.reassign(objects, coarse), few, parts, step)
+        coarse_parts = parts[::step, ::step]
+        coarse_joint = JointGeometry(joint.points[::step, ::step], joint.grid, joint.free)
+        objects = self.merge.merge(
+            coarse_parts, coarse_joint, np.zeros(coarse_parts.shape, np.float32)
+        )
+        return _refined(self.reassign.reassign(objects, coarse_joint), coarse_parts, parts, step)
 
 
-def _numbered(alone: Sequence[Int32]) -> Int32:
+def _number_parts(view_parts: Sequence[Int32]) -> Int32:
     """Parts (V H, W) of all views, from 1 on."""
     images, number = [], 0
-    for shown in alone:
-        image = np.zeros_like(shown)
-        for label in np.unique(shown[shown > 0]).tolist():
+    for parts in view_parts:
+        image = np.zeros_like(parts)
+        for label in np.unique(parts[parts > 0]).tolist():
             number += 1
-            image[shown == label] = number
+            image[parts == label] = number
         images.append(image)
     return np.concatenate(images)
 
 
-def _refined(objects: Int32, few: Int32, parts: Int32, step: int) -> Int32:
+def _refined(objects: Int32, coarse_parts: Int32, parts: Int32, step: int) -> Int32:
     """Objects (V H, W) at all pixels of parts, from those at each `step`-th pixel.
 
     A part that was cut is dealt out to the nearest of these pixels that is of the part.
     """
-    found, unused = np.zeros_like(parts), int(objects.max(initial=0)) + 1
+    masks, next_label = np.zeros_like(parts), int(objects.max(initial=0)) + 1
     for part in range(1, int(parts.max(initial=0)) + 1):
-        own, here = parts == part, few == part
-        labels = np.unique(objects[here & (objects > 0)])
+        part_mask, coarse_mask = parts == part, coarse_parts == part
+        labels = np.unique(objects[coarse_mask & (objects > 0)])
         if not len(labels):
-            found[own], unused = unused, unused + 1
+            masks[part_mask], next_label = next_label, next_label + 1
             continue
-        found[own] = labels[0]
+        masks[part_mask] = labels[0]
         if len(labels) > 1:
-            rows, columns = (np.flatnonzero(own.any(axis=k)) for k in (1, 0))
+            rows, columns = (np.flatnonzero(part_mask.any(axis=k)) for k in (1, 0))
             box = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-            at = np.zeros(parts.shape, np.int32)
-            at[::step, ::step] = np.where(here, objects, 0)
-            at = at[box]
-            nearest = distance_transform_edt(at == 0, return_distances=False, return_indices=True)
-            found[box] = np.where(own[box], at[tuple(nearest)], found[box])
-    return found
+            seeds = np.zeros(parts.shape, np.int32)
+            seeds[::step, ::step] = np.where(coarse_mask, objects, 0)
+            seeds = seeds[box]
+            nearest = distance_transform_edt(
+                seeds == 0, return_distances=False, return_indices=True
+            )
+            masks[box] = np.where(part_mask[box], seeds[tuple(nearest)], masks[box])
+    return masks
 
 
 def hulls(
@@ -133,18 +137,18 @@ def hulls(
     tsdf = np.full(grid.shape, grid.truncation, np.float32)
     owner = np.zeros(grid.shape, np.int32)
     nearest = np.full(grid.shape, np.inf, np.float32)
-    centres, surely = grid.centres(), binary_erosion(free, np.ones((3, 3, 3)))
+    centres, clear = grid.centres(), binary_erosion(free, np.ones((3, 3, 3)))
     for label in np.unique(masks[masks > 0]).tolist():
-        seen = thinned(points[masks == label])
-        filled = hull_distance(seen, centres, grid)
-        if filled is None:
+        visible_points = thinned(points[masks == label])
+        hull = hull_distance(visible_points, centres, grid)
+        if hull is None:
             continue
-        box, values = filled
-        values = np.where(surely[box], np.maximum(values, grid.voxel_size / 2), values)
+        box, values = hull
+        values = np.where(clear[box], np.maximum(values, grid.voxel_size / 2), values)
         tsdf[box] = np.minimum(tsdf[box], values)
         inside = values < 0
-        apart = np.full(values.shape, np.inf, np.float32)
-        apart[inside] = cKDTree(seen).query(centres[box][inside])[0]
-        owner[box][apart < nearest[box]] = label
-        nearest[box] = np.minimum(nearest[box], apart)
+        distances = np.full(values.shape, np.inf, np.float32)
+        distances[inside] = cKDTree(visible_points).query(centres[box][inside])[0]
+        owner[box][distances < nearest[box]] = label
+        nearest[box] = np.minimum(nearest[box], distances)
     return tsdf, owner

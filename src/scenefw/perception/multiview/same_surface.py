@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
     from scenefw.core.types import Float64, Int32
 
-_SEVERAL = 0.5  # of the share from which on parts are joined: another part of the image is met too
+# of the share from which on parts are joined: another part of the image is met too
+_MIN_CONTACT_RATIO = 0.5
 
 
 class SameSurface:
@@ -52,52 +53,54 @@ class SameSurface:
         for number, image in enumerate(parts):
             owner[np.unique(image[image > 0])] = number
         shares = self._shares(parts, points, count)
-        both = np.maximum(shares, shares.T)
-        wide = _met_by_several(shares, owner, _SEVERAL * self.share)
-        both[wide | wide.T] = 0.0
-        return _groups(both, owner, self.share)
+        mutual_shares = np.maximum(shares, shares.T)
+        ambiguous_pairs = _find_ambiguous_pairs(shares, owner, _MIN_CONTACT_RATIO * self.share)
+        mutual_shares[ambiguous_pairs | ambiguous_pairs.T] = 0.0
+        return _groups(mutual_shares, owner, self.share)
 
     def _shares(
         self, parts: Sequence[Int32], points: Sequence[Float64], count: int
     ) -> NDArray[np.float64]:
         """(P + 1, P + 1): share of a part's points (row) that lie on a part of another image."""
-        some = [
+        labelled_points = [
             (image[image > 0], place[image > 0]) for image, place in zip(parts, points, strict=True)
         ]
-        trees = [cKDTree(places) if len(places) else None for _, places in some]
-        found, total = np.zeros((count, count)), np.zeros(count)
-        for labels, _ in some:
-            total += np.bincount(labels, minlength=count)
-        for a, b in permutations(range(len(some)), 2):
-            labels, places = some[a]
+        trees = [cKDTree(places) if len(places) else None for _, places in labelled_points]
+        matches, totals = np.zeros((count, count)), np.zeros(count)
+        for labels, _ in labelled_points:
+            totals += np.bincount(labels, minlength=count)
+        for a, b in permutations(range(len(labelled_points)), 2):
+            labels, places = labelled_points[a]
             tree = trees[b]
             if tree is None or not len(labels):
                 continue
             distance, row = tree.query(places, distance_upper_bound=self.near)
-            met = np.isfinite(distance)
-            np.add.at(found, (labels[met], some[b][0][row[met]]), 1)
-        return found / np.maximum(total, 1)[:, None]
+            is_matched = np.isfinite(distance)
+            np.add.at(matches, (labels[is_matched], labelled_points[b][0][row[is_matched]]), 1)
+        return matches / np.maximum(totals, 1)[:, None]
 
 
-def _met_by_several(
-    shares: NDArray[np.float64], owner: NDArray[np.int64], least: float
+def _find_ambiguous_pairs(
+    shares: NDArray[np.float64], owner: NDArray[np.int64], min_share: float
 ) -> NDArray[np.bool_]:
     """Pairs (part of an image, part of another) of which the second meets several of that image."""
-    wide = np.zeros(shares.shape, bool)
+    ambiguous_pairs = np.zeros(shares.shape, bool)
     for image in np.unique(owner[1:]):
-        own = np.flatnonzero(owner == image)
-        own = own[own > 0]
-        several = (shares[own] >= least).sum(axis=0) > 1
-        wide[np.ix_(own, np.flatnonzero(several))] = True
-    return wide
+        image_parts = np.flatnonzero(owner == image)
+        image_parts = image_parts[image_parts > 0]
+        is_ambiguous = (shares[image_parts] >= min_share).sum(axis=0) > 1
+        ambiguous_pairs[np.ix_(image_parts, np.flatnonzero(is_ambiguous))] = True
+    return ambiguous_pairs
 
 
-def _groups(both: NDArray[np.float64], owner: NDArray[np.int64], least: float) -> NDArray[np.int64]:
+def _groups(
+    mutual_shares: NDArray[np.float64], owner: NDArray[np.int64], min_share: float
+) -> NDArray[np.int64]:
     """Joins the pair that shares most first, as long as no group gets two parts of an image."""
     members = {part: {part} for part in range(1, len(owner))}
     table = np.arange(len(owner))
-    first, second = np.nonzero(np.triu(both, 1) >= least)
-    for row in np.argsort(-both[first, second], kind="stable"):
+    first, second = np.nonzero(np.triu(mutual_shares, 1) >= min_share)
+    for row in np.argsort(-mutual_shares[first, second], kind="stable"):
         a, b = int(table[first[row]]), int(table[second[row]])
         if a == b or {owner[p] for p in members[a]} & {owner[p] for p in members[b]}:
             continue

@@ -13,10 +13,10 @@ from scenefw.core.types import Float64, TriangleMesh
 
 MESHES = (".ply", ".obj", ".stl", ".off", ".glb", ".gltf")
 _Y_UP = (".glb", ".gltf")  # by their standard
-_TURNED = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
-_WIDEST = 20.0  # m: what is wider was given in millimetres
-_NARROWEST = 0.02  # m
-_GIVE = "run.mesh_scale (from Python: mesh_scale)="
+_Y_UP_TO_Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
+_MAX_WIDTH = 20.0  # m: what is wider was given in millimetres
+_MIN_WIDTH = 0.02  # m
+_SCALE_SETTING = "run.mesh_scale (from Python: mesh_scale)="
 
 
 def is_mesh(path: Path) -> bool:
@@ -47,7 +47,7 @@ def read_scene_mesh(path: Path | str, scale: float = 1.0) -> tuple[TriangleMesh,
         raise InputError(f"cannot read {path}: {unreadable(error, 'is it a mesh?')}") from error
     T = np.diag([scale, scale, scale, 1.0])  # noqa: N806
     if path.suffix.lower() in _Y_UP:
-        T = _TURNED @ T  # noqa: N806
+        T = _Y_UP_TO_Z_UP @ T  # noqa: N806
     vertices = geometry.transform_points(T, mesh.vertices)
     faces = np.asarray(mesh.faces, np.int64).reshape(-1, 3)
     if not len(faces):
@@ -62,12 +62,12 @@ def _require_metres(path: Path, vertices: np.ndarray) -> None:
     if not np.isfinite(vertices).all():
         raise InputError(f"{path} has vertices that are not numbers; export it again without them")
     width = float(np.ptp(vertices, axis=0).max())
-    if width > _WIDEST:
+    if width > _MAX_WIDTH:
         raise InputError(
-            f"{path} is {width:.0f} m wide; if it is in millimetres, give {_GIVE}0.001"
+            f"{path} is {width:.0f} m wide; if it is in millimetres, give {_SCALE_SETTING}0.001"
         )
-    if width < _NARROWEST:
+    if width < _MIN_WIDTH:
         raise InputError(
             f"{path} is only {width * 1000:.1f} mm wide; expected a scene in metres: give "
-            f"{_GIVE}METRES_PER_UNIT"
+            f"{_SCALE_SETTING}METRES_PER_UNIT"
         )

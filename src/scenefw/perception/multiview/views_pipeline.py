@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from scenefw.core.protocols import MappingMethod, SeveralViewsReconstructor
     from scenefw.core.types import Float64, Frame, GridSpec, SceneEstimate
 
-_NEAR, _REACH = 0.006, 0.02  # m: to a surface that explains a point, and to one that may
-_POINTS = 20000  # of all views, to say how well objects explain them
+_MAX_DISTANCE, _REACH = 0.006, 0.02  # m: to a surface that explains a point, and to one that may
+_MAX_POINTS = 20000  # of all views, to say how well objects explain them
 
 
 @dataclass(frozen=True)
@@ -107,11 +107,11 @@ class ViewsPipeline:
         if not poses:
             raise _no_view()
         places = np.array([pose[:3, 3] for pose in poses])
-        taken, nearest = [0], np.linalg.norm(places - places[0], axis=1)
-        while len(taken) < min(self.views, len(places)) and nearest.max() > 0:
-            taken.append(int(nearest.argmax()))
-            nearest = np.minimum(nearest, np.linalg.norm(places - places[taken[-1]], axis=1))
-        return sorted(taken)
+        selection, nearest = [0], np.linalg.norm(places - places[0], axis=1)
+        while len(selection) < min(self.views, len(places)) and nearest.max() > 0:
+            selection.append(int(nearest.argmax()))
+            nearest = np.minimum(nearest, np.linalg.norm(places - places[selection[-1]], axis=1))
+        return sorted(selection)
 
     def prepare(self, frames: Sequence[Frame]) -> SeenScene:
         """Checks, table, workspace and partial TSDFs of frames whose poses are in one world.
@@ -125,15 +125,15 @@ class ViewsPipeline:
         alignment = self.table.alignment(frames[0], posed=True)
         if not alignment.table:
             warnings.append(alignment.note)
-        on_table = list(transformed(frames, alignment.T_table_world))
-        workspaces = self.workspace.find_together(on_table, self.grid)
+        posed_frames = list(transformed(frames, alignment.T_table_world))
+        workspaces = self.workspace.find_together(posed_frames, self.grid)
         warnings += self.doctor.examine_workspaces(workspaces)
-        partials = tuple(self._partial(one.frame) for one in workspaces)
-        before, after = frames[0].camera, workspaces[0].frame.camera
-        moved = after.T_world_camera @ np.linalg.inv(before.T_world_camera)
+        partials = tuple(self._partial(workspace.frame) for workspace in workspaces)
+        input_camera, output_camera = frames[0].camera, workspaces[0].frame.camera
+        transform = output_camera.T_world_camera @ np.linalg.inv(input_camera.T_world_camera)
         table = "found in the first image" if alignment.note else "the plane z = 0 of the poses"
-        known = tuple(dict.fromkeys(warnings))
-        return SeenScene(tuple(workspaces), partials, moved, known, table)
+        distinct_warnings = tuple(dict.fromkeys(warnings))
+        return SeenScene(tuple(workspaces), partials, transform, distinct_warnings, table)
 
     def complete(self, scene: SeenScene) -> SceneEstimate:
         """The complete scene.
@@ -142,22 +142,22 @@ class ViewsPipeline:
             InputError: the views contradict each other.
         """
         generator = torch.Generator().manual_seed(rng.torch_seed(self.seed))
-        if any(one.objects.any() for one in scene.workspaces):
-            found = self.reconstructor.complete(scene.partials, self.grid, 1, generator)[0]
+        if any(workspace.objects.any() for workspace in scene.workspaces):
+            completion = self.reconstructor.complete(scene.partials, self.grid, 1, generator)[0]
         else:
-            found = _nothing(self.grid)
-        whole = cleaned(found, self.grid, fused(scene.partials, self.grid))
+            completion = _empty_scene(self.grid)
+        cleaned_completion = cleaned(completion, self.grid, fused(scene.partials, self.grid))
         details = {
-            "confidence": f"share of seen points within {_NEAR * 1000:g} mm of the surface",
-            "views": [one.frame.name for one in scene.workspaces],
+            "confidence": f"share of seen points within {_MAX_DISTANCE * 1000:g} mm of the surface",
+            "views": [workspace.frame.name for workspace in scene.workspaces],
             "table": scene.table,
             "seed": self.seed,
             "warnings": list(scene.warnings),
         }
         frame = scene.workspaces[0].frame
-        estimate = scene_estimate(whole, self.grid, frame, {}, details)
-        shares = explained_shares(_seen_points(scene), estimate.objects, _NEAR, _REACH)
-        objects = tuple(replace(one, confidence=shares[one.id]) for one in estimate.objects)
+        estimate = scene_estimate(cleaned_completion, self.grid, frame, {}, details)
+        shares = explained_shares(_seen_points(scene), estimate.objects, _MAX_DISTANCE, _REACH)
+        objects = tuple(replace(item, confidence=shares[item.id]) for item in estimate.objects)
         return replace(estimate, objects=objects)
 
     def _partial(self, frame: Frame) -> PartialTSDF:
@@ -165,7 +165,7 @@ class ViewsPipeline:
         return self.mapping.fuse(depth, self.grid, stack_cameras([frame.camera]))
 
 
-def _nothing(grid: GridSpec) -> Completion:
+def _empty_scene(grid: GridSpec) -> Completion:
     """The complete scene of a table on which nothing stands."""
     free = torch.full((1, *grid.shape), grid.truncation)
     return Completion(free, torch.zeros(1, *grid.shape, dtype=torch.int32))
@@ -177,5 +177,7 @@ def _no_view() -> InputError:
 
 def _seen_points(scene: SeenScene) -> Float64:
     """Some of the points (N, 3) of objects in all views (m)."""
-    points = np.concatenate([world_points(one.frame)[one.objects] for one in scene.workspaces])
-    return points[:: max(1, len(points) // _POINTS)]
+    points = np.concatenate(
+        [world_points(workspace.frame)[workspace.objects] for workspace in scene.workspaces]
+    )
+    return points[:: max(1, len(points) // _MAX_POINTS)]

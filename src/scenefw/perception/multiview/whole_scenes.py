@@ -42,8 +42,8 @@ class WholeScene:
 
 def scene_name(path: Path | str) -> str:
     """What a scene in a file or folder is called."""
-    whole = Path(path).resolve()
-    return whole.stem if is_mesh(whole) else whole.name
+    full_path = Path(path).resolve()
+    return full_path.stem if is_mesh(full_path) else full_path.name
 
 
 def read_whole_scene(
@@ -74,9 +74,9 @@ def read_whole_scene(
     name = scene_name(path)
     if is_mesh(path):
         mesh, T = read_scene_mesh(path, mesh_scale)  # noqa: N806
-        seen = meshes.see(mesh, name)
-        note = f"the table is {seen.note}"
-        return WholeScene(name, seen.frames, seen.T_table_mesh @ T, seen.mesh, note)
+        seen_mesh = meshes.see(mesh, name)
+        note = f"the table is {seen_mesh.note}"
+        return WholeScene(name, seen_mesh.frames, seen_mesh.T_table_mesh @ T, seen_mesh.mesh, note)
     if path.is_file():
         raise InputError(
             f"{path} is no mesh; one depth image is a matter of run=predict, several are given as "
@@ -87,21 +87,21 @@ def read_whole_scene(
     return WholeScene(name, frames)
 
 
-def taken_apart(given: WholeScene, seen: SeenScene, pipeline: ViewsPipeline) -> SceneEstimate:
+def taken_apart(scene: WholeScene, views: SeenScene, pipeline: ViewsPipeline) -> SceneEstimate:
     """The objects of a scene; `details["T_world_input"]` takes the input's coordinates to theirs.
 
     Args:
-        given: as it was read.
-        seen: its views, made ready by the pipeline.
+        scene: as it was read.
+        views: its views, made ready by the pipeline.
         pipeline: finds the objects.
 
     Raises:
         InputError: the views contradict each other.
     """
-    found = pipeline.complete(seen)
+    estimate = pipeline.complete(views)
     details = {
-        **found.details,
-        "table": given.note or found.details["table"],
-        "T_world_input": seen.moved @ given.T_frames_file,
+        **estimate.details,
+        "table": scene.note or estimate.details["table"],
+        "T_world_input": views.moved @ scene.T_frames_file,
     }
-    return replace(found, frame=replace(found.frame, name=given.name), details=details)
+    return replace(estimate, frame=replace(estimate.frame, name=scene.name), details=details)

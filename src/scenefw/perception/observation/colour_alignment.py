@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 _WIDTH = 320  # pixels in which images are compared
 _REACH = 20  # of these, in each direction
-_ALIGNED = 3  # of these, by which edges of both may be apart
+_MAX_ALIGNED_SHIFT = 3  # of these, by which edges of both may be apart
 _JUMP = 0.02  # m
-_FEWEST = 60  # pixels at jumps
-_STRONGEST = 0.98  # share of edges of colour that are weaker than the strongest that count
+_MIN_EDGE_PIXELS = 60  # pixels at jumps
+_CLIP_QUANTILE = 0.98  # share of edges of colour that are weaker than the strongest that count
 
 
 class ColourShift(NamedTuple):
@@ -42,37 +42,38 @@ def colour_shift(depth: Float32, colour: NDArray[np.uint8]) -> ColourShift | Non
     """
     step = max(round(depth.shape[1] / _WIDTH), 1)
     edges = _before_jumps(depth[::step, ::step])
-    if np.count_nonzero(edges) < _FEWEST:
+    if np.count_nonzero(edges) < _MIN_EDGE_PIXELS:
         return None
     grey = colour.mean(axis=-1, dtype=np.float32)
-    smooth = gaussian_filter(grey, step / 2)[::step, ::step]
-    slopes = [gaussian_filter(smooth, 0.7, order=order) for order in ((0, 1), (1, 0))]
+    brightness = gaussian_filter(grey, step / 2)[::step, ::step]
+    slopes = [gaussian_filter(brightness, 0.7, order=order) for order in ((0, 1), (1, 0))]
     gradient = np.hypot(*slopes)
-    gradient = np.minimum(gradient, np.quantile(gradient, _STRONGEST))
+    gradient = np.minimum(gradient, np.quantile(gradient, _CLIP_QUANTILE))
     sums = fftconvolve(gradient - gradient.mean(), edges[::-1, ::-1].astype(np.float32))
     row, column = np.array(edges.shape) - 1  # of no shift
     if min(row, column) < _REACH:
         return None
-    around = np.s_[row - _REACH : row + _REACH + 1, column - _REACH : column + _REACH + 1]
-    sums = sums[around]
-    near = slice(_REACH - _ALIGNED, _REACH + _ALIGNED + 1)
-    best, usual = float(sums.max()), float(sums.mean())
-    if not best > usual:  # of one colour
+    search_window = np.s_[row - _REACH : row + _REACH + 1, column - _REACH : column + _REACH + 1]
+    sums = sums[search_window]
+    aligned_window = slice(_REACH - _MAX_ALIGNED_SHIFT, _REACH + _MAX_ALIGNED_SHIFT + 1)
+    peak, mean = float(sums.max()), float(sums.mean())
+    if not peak > mean:  # of one colour
         return None
     rows, columns = np.array(np.unravel_index(sums.argmax(), sums.shape)) - _REACH
-    agreement = (float(sums[near, near].max()) - usual) / (best - usual)
+    agreement = (float(sums[aligned_window, aligned_window].max()) - mean) / (peak - mean)
     return ColourShift(int(rows) * step, int(columns) * step, agreement)
 
 
 def _before_jumps(depth: Float32) -> NDArray[np.bool_]:
     """Pixels (H, W) one of whose four neighbours is farther away; none at borders of the image."""
-    found = np.zeros(depth.shape, dtype=bool)
-    known = np.where(depth > 0, depth, np.nan)
+    edges = np.zeros(depth.shape, dtype=bool)
+    valid_depth = np.where(depth > 0, depth, np.nan)
     with np.errstate(invalid="ignore"):
         for axis in (0, 1):
-            away = np.diff(known, axis=axis)
-            for side, jumps in ((slice(None, -1), away), (slice(1, None), -away)):
-                here = (slice(None),) * axis + (side,)
-                found[here] |= jumps > _JUMP * np.maximum(known[here], 1.0) ** 2  # as noise grows
-    found[:2] = found[-2:] = found[:, :2] = found[:, -2:] = False
-    return found
+            differences = np.diff(valid_depth, axis=axis)
+            for side, jumps in ((slice(None, -1), differences), (slice(1, None), -differences)):
+                index = (slice(None),) * axis + (side,)
+                # as noise grows
+                edges[index] |= jumps > _JUMP * np.maximum(valid_depth[index], 1.0) ** 2
+    edges[:2] = edges[-2:] = edges[:, :2] = edges[:, -2:] = False
+    return edges

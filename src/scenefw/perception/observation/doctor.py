@@ -19,14 +19,14 @@ GOOD, ODD, UNUSABLE = "good", "odd", "unusable"
 
 _FIELD_OF_VIEW = (15.0, 120.0)
 _FOCAL_RATIO = 1.2
-_OFF_CENTRE = 0.25
+_MAX_CENTRE_OFFSET = 0.25  # of the sides
 _MIDDLE = 0.06  # of the sides: so near the middle, a centre belongs to an image of that shape
 _STACK_HEIGHT = 0.1  # where the middle of a stack is assumed, for its distance (m)
-_UNEVEN = 0.01  # m
-_LITTLE = 0.15  # share of the points that lie on the floor; where it is looked for, it has more
-_MANY, _ENOUGH = 4_000_000, 1_000_000  # pixels
+_MAX_DEVIATION = 0.01  # m
+_MIN_FLOOR_SHARE = 0.15  # of the points; where the floor is looked for, it has more
+_MAX_PIXELS, _TARGET_PIXELS = 4_000_000, 1_000_000  # pixels
 _MEMORY = 200.0  # bytes per pixel, as measured with 5 megapixels
-_MEND = re.compile(r"; |(?<=\?) ")
+_FIX_SEPARATOR = re.compile(r"; |(?<=\?) ")
 
 
 @dataclass(frozen=True)
@@ -103,8 +103,8 @@ class Doctor:
 
     def examine_workspaces(self, workspaces: Sequence[Workspace]) -> list[str]:
         """Warnings about what doesn't fit into the cube of several views, or that it is empty."""
-        if not any(one.objects.any() for one in workspaces):
-            return _warnings([_nothing()])
+        if not any(workspace.objects.any() for workspace in workspaces):
+            return _warnings([_no_objects()])
         return _warnings([_check_left_out(workspaces[0])])
 
     def check_frame(self, frame: Frame) -> list[Check]:
@@ -112,7 +112,7 @@ class Doctor:
         try:
             check_depth(frame.depth, frame.name)
         except InputError as error:
-            return [Check("unit", UNUSABLE, *_parted(error))]
+            return [Check("unit", UNUSABLE, *_split_message(error))]
         median = float(np.median(frame.depth[frame.depth > 0]))
         unit = Check("unit", GOOD, f"the median depth is {median:.2f} m")
         checks = [unit, *_check_intrinsics(frame), self._check_measured(frame)]
@@ -122,59 +122,61 @@ class Doctor:
     def check_floor(self, floor: Floor) -> list[Check]:
         """Evenness of the floor, how much of it is seen, and how the camera stands over it."""
         deviation = f"{floor.deviation * 1000:.0f} mm"
-        on_it = f"{floor.share:.0%} of the points lie on the floor, {deviation} off it"
-        even = Check("floor", GOOD, on_it)
-        if floor.deviation > _UNEVEN:
-            uneven = f"the floor is uneven or noisy ({deviation})"
-            even = Check("floor", ODD, uneven, "check the intrinsics")
-        elif floor.share < _LITTLE:
+        support = f"{floor.share:.0%} of the points lie on the floor, {deviation} off it"
+        evenness = Check("floor", GOOD, support)
+        if floor.deviation > _MAX_DEVIATION:
+            finding = f"the floor is uneven or noisy ({deviation})"
+            evenness = Check("floor", ODD, finding, "check the intrinsics")
+        elif floor.share < _MIN_FLOOR_SHARE:
             fix = "show more of the table; with floor=known: has the camera moved?"
-            even = Check("floor", ODD, f"only {on_it}", fix)
-        down = float(np.degrees(np.arcsin(np.clip(-floor.normal[2], -1, 1))))
-        where = (
-            f"the camera is {floor.height:.2f} m above the floor, looking {down:.0f} degrees down"
+            evenness = Check("floor", ODD, f"only {support}", fix)
+        pitch = float(np.degrees(np.arcsin(np.clip(-floor.normal[2], -1, 1))))
+        pose = (
+            f"the camera is {floor.height:.2f} m above the floor, looking {pitch:.0f} degrees down"
         )
-        flat = down < self.flattest
-        fix = "look at the table from higher up, or check the intrinsics" if flat else ""
-        return [even, Check("tilt", ODD if flat else GOOD, where, fix)]
+        is_flat = pitch < self.flattest
+        fix = "look at the table from higher up, or check the intrinsics" if is_flat else ""
+        return [evenness, Check("tilt", ODD if is_flat else GOOD, pose, fix)]
 
     def check_workspace(self, workspace: Workspace) -> list[Check]:
         """Distance and size of the objects, and what is left out; or that there are none."""
         if not workspace.objects.any():
-            return [_nothing()]
+            return [_no_objects()]
         eye = workspace.frame.camera.T_world_camera[:3, 3]
         distance = float(np.linalg.norm(eye - (0, 0, _STACK_HEIGHT)))
-        near = self.nearest <= distance <= self.farthest
+        is_in_range = self.nearest <= distance <= self.farthest
         limits = f"{self.nearest:g} to {self.farthest:g} m"
         width = float(workspace.size.max())
-        large = width >= self.smallest
+        is_large = width >= self.smallest
         size = " x ".join(f"{side * 100:.0f}" for side in workspace.size)
         return [
             Check(
                 "distance",
-                GOOD if near else ODD,
+                GOOD if is_in_range else ODD,
                 f"the camera is {distance:.2f} m from the objects, made for {limits}",
-                "" if near else "move it, or check the depth scale",
+                "" if is_in_range else "move it, or check the depth scale",
             ),
             Check(
                 "size",
-                GOOD if large else ODD,
+                GOOD if is_large else ODD,
                 f"the objects cover {size} cm"
-                if large
+                if is_large
                 else f"the objects are only {width * 100:.1f} cm large",
-                "" if large else "check the depth scale",
+                "" if is_large else "check the depth scale",
             ),
             _check_left_out(workspace),
         ]
 
     def _check_measured(self, frame: Frame) -> Check:
-        measured = float(np.mean(frame.depth > 0))
-        few = measured < self.least_measured
+        measured_share = float(np.mean(frame.depth > 0))
+        is_sparse = measured_share < self.least_measured
         return Check(
             "measured",
-            ODD if few else GOOD,
-            f"{'only ' if few else ''}{measured:.0%} of the pixels have a depth",
-            "shiny, black or near things have none: change the view or the light" if few else "",
+            ODD if is_sparse else GOOD,
+            f"{'only ' if is_sparse else ''}{measured_share:.0%} of the pixels have a depth",
+            "shiny, black or near things have none: change the view or the light"
+            if is_sparse
+            else "",
         )
 
     def _check_colour(self, frame: Frame) -> list[Check]:
@@ -183,23 +185,32 @@ class Doctor:
             return []
         if shift.agreement >= self.aligned:
             return [Check("colour", GOOD, "edges of colour lie where depth jumps")]
-        ways = ((shift.columns, "to the left", "to the right"), (shift.rows, "above", "below"))
-        apart = [f"{abs(n)} pixels {back if n < 0 else forth}" for n, back, forth in ways if n]
-        found = f"edges of colour seem to lie {' and '.join(apart)}, seen from where depth jumps"
+        directions = (
+            (shift.columns, "to the left", "to the right"),
+            (shift.rows, "above", "below"),
+        )
+        offsets = [
+            f"{abs(n)} pixels {negative_side if n < 0 else positive_side}"
+            for n, negative_side, positive_side in directions
+            if n
+        ]
+        finding = (
+            f"edges of colour seem to lie {' and '.join(offsets)}, seen from where depth jumps"
+        )
         fix = "align colour to depth with your camera's software, or leave it out"
-        return [Check("colour", ODD, found, fix)]
+        return [Check("colour", ODD, finding, fix)]
 
 
 def _check_pixels(frame: Frame) -> list[Check]:
     """Time and memory grow with the pixels, accuracy hardly does beyond a megapixel or so."""
-    if frame.depth.size <= _MANY:
+    if frame.depth.size <= _MAX_PIXELS:
         return []
     height, width = frame.depth.shape
-    every = int(np.ceil(np.sqrt(frame.depth.size / _ENOUGH)))
+    stride = int(np.ceil(np.sqrt(frame.depth.size / _TARGET_PIXELS)))
     memory = frame.depth.size * _MEMORY / 1e9
-    found = f"{width} x {height} pixels take long and about {memory:.0f} GB of memory"
-    fix = f"give depth[::{every}, ::{every}] (masks too), and fx, fy, cx, cy divided by {every}"
-    return [Check("pixels", ODD, found, fix)]
+    finding = f"{width} x {height} pixels take long and about {memory:.0f} GB of memory"
+    fix = f"give depth[::{stride}, ::{stride}] (masks too), and fx, fy, cx, cy divided by {stride}"
+    return [Check("pixels", ODD, finding, fix)]
 
 
 def _check_intrinsics(frame: Frame) -> list[Check]:
@@ -208,21 +219,21 @@ def _check_intrinsics(frame: Frame) -> list[Check]:
     views = [float(np.degrees(2 * np.arctan(side / (2 * focal)))) for side, focal in sizes]
     angles = f"{views[0]:.0f} x {views[1]:.0f} degrees"
     if not all(_FIELD_OF_VIEW[0] < view < _FIELD_OF_VIEW[1] for view in views):
-        found = (
+        finding = (
             f"intrinsics of {frame.name} give a view of {angles} with fx = {camera.fx:g} at "
             f"{camera.width} x {camera.height} pixels"
         )
         fix = "give fx, fy, cx, cy in pixels of this image size"
-        return [Check("intrinsics", UNUSABLE, found, fix)]
-    square = 1 / _FOCAL_RATIO < camera.fx / camera.fy < _FOCAL_RATIO
-    off = (camera.cx / camera.width - 0.5, camera.cy / camera.height - 0.5)
-    turned = (camera.cx / camera.height - 0.5, camera.cy / camera.width - 0.5)
-    swapped = max(np.abs(turned)) < _MIDDLE < max(np.abs(off))
-    central = max(np.abs(off)) <= _OFF_CENTRE and not swapped
+        return [Check("intrinsics", UNUSABLE, finding, fix)]
+    has_square_pixels = 1 / _FOCAL_RATIO < camera.fx / camera.fy < _FOCAL_RATIO
+    offset = (camera.cx / camera.width - 0.5, camera.cy / camera.height - 0.5)
+    transposed_offset = (camera.cx / camera.height - 0.5, camera.cy / camera.width - 0.5)
+    is_swapped = max(np.abs(transposed_offset)) < _MIDDLE < max(np.abs(offset))
+    is_central = max(np.abs(offset)) <= _MAX_CENTRE_OFFSET and not is_swapped
     centre = f"centre ({camera.cx:g}, {camera.cy:g})"
     return [
         Check("intrinsics", GOOD, f"the view is {angles}")
-        if square
+        if has_square_pixels
         else Check(
             "intrinsics",
             ODD,
@@ -230,19 +241,19 @@ def _check_intrinsics(frame: Frame) -> list[Check]:
             "check the intrinsics",
         ),
         Check("centre", GOOD, f"the intrinsics' {centre} is near the middle of the image")
-        if central
+        if is_central
         else Check(
             "centre",
             ODD,
             f"the intrinsics' {centre} is far from the middle of the image",
             "swap cx and cy, or is the image turned?"
-            if swapped
+            if is_swapped
             else "are they of another image size?",
         ),
     ]
 
 
-def _nothing() -> Check:
+def _no_objects() -> Check:
     fix = "check that objects are in view and that the depth scale is right"
     return Check("objects", ODD, "nothing stands on the floor, or only what is flat", fix)
 
@@ -250,25 +261,25 @@ def _nothing() -> Check:
 def _check_left_out(workspace: Workspace) -> Check:
     if not len(workspace.left_out):
         return Check("groups", GOOD, "all objects fit into the cube")
-    where = ", ".join(f"({x:.2f}, {y:.2f})" for x, y in workspace.left_out)
+    positions = ", ".join(f"({x:.2f}, {y:.2f})" for x, y in workspace.left_out)
     return Check(
         "groups",
         ODD,
-        f"{len(workspace.left_out)} object group(s) at x, y = {where} m don't fit into the cube "
-        "with the others and are left out",
+        f"{len(workspace.left_out)} object group(s) at x, y = {positions} m don't fit into the "
+        "cube with the others and are left out",
         "take a picture of each group",
     )
 
 
 def unusable(name: str, error: InputError) -> Check:
     """A check that ended with an error."""
-    return Check(name, UNUSABLE, *_parted(error))
+    return Check(name, UNUSABLE, *_split_message(error))
 
 
-def _parted(error: InputError) -> tuple[str, str]:
+def _split_message(error: InputError) -> tuple[str, str]:
     """What is wrong, and what helps: errors say both in one line."""
-    found, *rest = _MEND.split(str(error), maxsplit=1)
-    return found, "".join(rest)
+    finding, *fixes = _FIX_SEPARATOR.split(str(error), maxsplit=1)
+    return finding, "".join(fixes)
 
 
 def _warnings(checks: Sequence[Check]) -> list[str]:

@@ -12,14 +12,14 @@ from scenefw.perception.observation.points import camera_points
 
 Array = NDArray[np.float64]
 
-_LEAST_UPRIGHT = -0.2  # of the normal along the image's up: walls before a camera are below
-_MOST_SIDEWAYS = 0.7  # of the normal along the image's right: a roll of 45 degrees
+_MIN_UPRIGHT = -0.2  # of the normal along the image's up: walls before a camera are below
+_MAX_SIDEWAYS = 0.7  # of the normal along the image's right: a roll of 45 degrees
 _SCORED_POINTS = 4096
 _TABLE_HEIGHT = 0.3  # a plane this far above another (m) is a table on a room's floor, ...
 _TABLE_SHARE = 0.4  # ... not the top of an object, if it has this share of the other's points
-_PARALLEL = np.cos(np.radians(8))
+_MIN_PARALLEL_COSINE = np.cos(np.radians(8))  # of the angle between two planes
 _REFINEMENTS = 5
-_FEWEST = 100  # points that may tell where a floor is
+_MIN_POINTS = 100  # points that may tell where a floor is
 
 
 class FloorFinder:
@@ -63,41 +63,43 @@ class FloorFinder:
         points = points_within(frame, self.farthest)
         normal, height = self._best_plane(points, frame.name)
         for _ in range(_REFINEMENTS):
-            on_plane = self._near(points, points @ normal + height)
-            normal, height = _fit_plane(points[on_plane])
+            inliers = self._inliers(points, points @ normal + height)
+            normal, height = _fit_plane(points[inliers])
         distance = points @ normal + height
-        on_plane = self._near(points, distance)
-        share = float(on_plane.mean())
+        inliers = self._inliers(points, distance)
+        share = float(inliers.mean())
         if share < self.least_share:
             raise _no_floor(frame.name, share, self.least_share)
-        deviation = float(np.sqrt(np.mean(distance[on_plane] ** 2)))
+        deviation = float(np.sqrt(np.mean(distance[inliers] ** 2)))
         return Floor(normal, float(height), share, deviation)
 
     def _best_plane(self, points: Array, name: str) -> tuple[Array, float]:
         """Normal and height of the random plane with the highest score, on a subset of points."""
         random = rng.generator(0)  # the same planes for all images
-        few = points[random.choice(len(points), min(_SCORED_POINTS, len(points)), replace=False)]
-        corners = few[random.integers(len(few), size=(self.iterations, 3))]
+        sample = points[random.choice(len(points), min(_SCORED_POINTS, len(points)), replace=False)]
+        corners = sample[random.integers(len(sample), size=(self.iterations, 3))]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         length = np.linalg.norm(normals, axis=1)
         normals, corners = normals[length > 1e-6], corners[length > 1e-6]
         normals /= length[length > 1e-6, None]
         heights = -np.einsum("ij,ij->i", normals, corners[:, 0])
-        flip = np.where(heights < 0, -1.0, 1.0)  # the camera is above its floor
-        normals, heights = normals * flip[:, None], heights * flip
+        signs = np.where(heights < 0, -1.0, 1.0)  # the camera is above its floor
+        normals, heights = normals * signs[:, None], heights * signs
         upright = -normals[:, 1]
-        allowed = (upright > _LEAST_UPRIGHT) & (np.abs(normals[:, 0]) < _MOST_SIDEWAYS)
-        if not allowed.any():
+        is_allowed = (upright > _MIN_UPRIGHT) & (np.abs(normals[:, 0]) < _MAX_SIDEWAYS)
+        if not is_allowed.any():
             raise _no_floor(name, 0.0, self.least_share)
-        near = self._near(few, normals @ few.T + heights[:, None])
-        score = near.mean(axis=1) * (1 + upright) * allowed  # a table rather than a wall
+        inliers = self._inliers(sample, normals @ sample.T + heights[:, None])
+        score = inliers.mean(axis=1) * (1 + upright) * is_allowed  # a table rather than a wall
         best = int(np.argmax(score))
-        raised = (heights < heights[best] - _TABLE_HEIGHT) & (normals @ normals[best] > _PARALLEL)
-        tables = np.where(raised & (score > _TABLE_SHARE * score[best]), score, 0.0)
+        is_raised = (heights < heights[best] - _TABLE_HEIGHT) & (
+            normals @ normals[best] > _MIN_PARALLEL_COSINE
+        )
+        tables = np.where(is_raised & (score > _TABLE_SHARE * score[best]), score, 0.0)
         best = int(np.argmax(tables)) if tables.any() else best
         return normals[best], float(heights[best])
 
-    def _near(self, points: Array, distance: Array) -> NDArray[np.bool_]:
+    def _inliers(self, points: Array, distance: Array) -> NDArray[np.bool_]:
         return near_plane(points, distance, self.threshold)
 
 
@@ -110,7 +112,7 @@ def points_within(frame: Frame, farthest: float) -> Array:
     stride = max(1, min(frame.depth.shape) // 160)
     points = camera_points(frame, stride).reshape(-1, 3)
     points = points[points[:, 2] < farthest]
-    if len(points) < _FEWEST:
+    if len(points) < _MIN_POINTS:
         raise InputError(
             f"no floor in {frame.name}: only {len(points)} points are nearer than "
             f"{farthest:g} m; the camera must see the table; or check the unit of depth"
@@ -135,8 +137,8 @@ def _fit_plane(points: Array) -> tuple[Array, float]:
     return (normal, height) if height > 0 else (-normal, -height)
 
 
-def _no_floor(name: str, share: float, least: float) -> InputError:
+def _no_floor(name: str, share: float, min_share: float) -> InputError:
     return InputError(
         f"no floor in {name}: the best plane that faces up holds {share:.0%} of the points, "
-        f"{least:.0%} are needed; the camera must look at a table or floor, image upright"
+        f"{min_share:.0%} are needed; the camera must look at a table or floor, image upright"
     )

@@ -18,11 +18,13 @@ _CORNERS = 6  # of meshes that say where an object is
 _SHELLS = (1.0, 0.6, 0.2)  # of its size
 
 
-def places_in(one: FittedSuperquadric) -> Float64:
+def places_in(superquadric: FittedSuperquadric) -> Float64:
     """Places (P, 3) on the surface of a superquadric and inside of it, world (m)."""
-    corners = shape_of(one).mesh(_CORNERS).vertices
+    corners = shape_of(superquadric).mesh(_CORNERS).vertices
     inner = np.concatenate([share * corners for share in _SHELLS])
-    return np.asarray(inner @ one.pose.rotation.T + one.pose.position, dtype=np.float64)
+    return np.asarray(
+        inner @ superquadric.pose.rotation.T + superquadric.pose.position, dtype=np.float64
+    )
 
 
 def free_ratio(places: Float64, free: NDArray[np.bool_], grid: GridSpec) -> float:

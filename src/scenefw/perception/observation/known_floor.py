@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from scenefw.core.types import Float64, Frame
 
-_UNIT = 0.01  # by which the length of a normal may differ from 1: figures typed by hand
+_MAX_LENGTH_ERROR = 0.01  # by which the length of a normal may differ from 1: figures typed by hand
 
 
 class KnownFloor:
@@ -51,7 +51,7 @@ class KnownFloor:
         least_share: float = 0.05,
     ) -> None:
         if scene is not None and normal is None and height is None:
-            normal, height = _of_scene(Path(scene))
+            normal, height = _floor_of_scene(Path(scene))
         elif scene is not None or normal is None or height is None:
             raise ConfigError(
                 "give floor.normal and floor.height, or floor.scene=.../scene.json, whose floor "
@@ -63,8 +63,8 @@ class KnownFloor:
         SHARE.require(least_share=least_share)
         self.threshold, self.farthest, self.least_share = threshold, farthest, least_share
         POSITIVE.require(height=height)
-        found = np.asarray(normal, np.float64)
-        self.normal: Float64 = found / np.linalg.norm(found)
+        vector = np.asarray(normal, np.float64)
+        self.normal: Float64 = vector / np.linalg.norm(vector)
         self.height = float(height)
 
     def find(self, frame: Frame) -> Floor:
@@ -75,38 +75,40 @@ class KnownFloor:
         """
         points = points_within(frame, self.farthest)
         distance = points @ self.normal + self.height
-        on_plane = near_plane(points, distance, self.threshold)
-        share = float(on_plane.mean())
+        inliers = near_plane(points, distance, self.threshold)
+        share = float(inliers.mean())
         if share < self.least_share:
             raise InputError(
                 f"{frame.name}: {share:.0%} of the points lie on the known floor, "
                 f"{self.least_share:.0%} are needed; has the camera moved? Give its floor again, "
                 "or take floor=ransac"
             )
-        square = np.square(distance[on_plane]).mean() if on_plane.any() else 0.0
-        return Floor(self.normal, self.height, share, float(np.sqrt(square)))
+        mean_square = np.square(distance[inliers]).mean() if inliers.any() else 0.0
+        return Floor(self.normal, self.height, share, float(np.sqrt(mean_square)))
 
 
 def _is_up(normal: Any) -> bool:
     """Whether these are the three numbers of a unit vector, perhaps typed by hand."""
     try:
-        found = np.asarray(normal, np.float64)
+        vector = np.asarray(normal, np.float64)
     except (TypeError, ValueError):
         return False
-    return found.shape == (3,) and bool(abs(np.linalg.norm(found) - 1) <= _UNIT)
+    return vector.shape == (3,) and bool(abs(np.linalg.norm(vector) - 1) <= _MAX_LENGTH_ERROR)
 
 
-def _of_scene(path: Path) -> tuple[Any, float]:
+def _floor_of_scene(path: Path) -> tuple[Any, float]:
     """Normal and height of the floor in a `scene.json`."""
     try:
         floor = json.loads(path.read_text(encoding="utf-8"))["floor"]
         normal, height = floor["normal"], float(floor["height"])
     except (OSError, ValueError, TypeError, KeyError) as error:
-        raise _none_in(path, error) from error
+        raise _no_floor_in(path, error) from error
     if not _is_up(normal) or not height > 0:
-        raise _none_in(path, f"its normal is {normal}, its height {height}")
+        raise _no_floor_in(path, f"its normal is {normal}, its height {height}")
     return normal, height
 
 
-def _none_in(path: Path, why: object) -> InputError:
-    return InputError(f"no floor in {path}; give the scene.json of an earlier run=predict ({why})")
+def _no_floor_in(path: Path, reason: object) -> InputError:
+    return InputError(
+        f"no floor in {path}; give the scene.json of an earlier run=predict ({reason})"
+    )

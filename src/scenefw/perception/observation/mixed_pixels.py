@@ -17,10 +17,11 @@ if TYPE_CHECKING:
     Mask = NDArray[np.bool_]
 
 _REACH = 3  # pixels, of an image 640 wide
-_STEEPEST = 15.0  # degrees
-_OF_FLOOR = 0.7  # of the angle at which the camera looks onto the floor
-_WIDEST, _JUMP = 20, 0.03  # pixels of a ramp, of an image 640 wide; m, of the ends of surfaces
-_RAMP = 2 / 3  # of a part's pixels
+_MAX_GRAZING_ANGLE = 15.0  # degrees between a ray and a ramp
+_MAX_FLOOR_ANGLE_RATIO = 0.7  # of the angle at which the camera looks onto the floor
+_MAX_RAMP_WIDTH = 20  # pixels, of an image 640 wide
+_JUMP = 0.03  # m, of the ends of surfaces
+_MIN_RAMP_SHARE = 2 / 3  # of a part's pixels
 
 
 def mixed_pixels(points: Float64, eye: Float64) -> Mask:
@@ -41,51 +42,59 @@ def mixed_pixels(points: Float64, eye: Float64) -> Mask:
         eye: (3,) where the camera is (m).
     """
     rays = points - eye
-    away = np.linalg.norm(rays, axis=-1)
-    found = np.zeros(away.shape, dtype=bool)
-    rays /= away[..., None]
+    distances = np.linalg.norm(rays, axis=-1)
+    mixed = np.zeros(distances.shape, dtype=bool)
+    rays /= distances[..., None]
     reach = max(1, round(_REACH * points.shape[1] / WIDTH))
-    onto_floor = np.degrees(np.arcsin(np.clip(-rays[..., 2], 0, 1)))
-    limit = np.tan(np.radians(np.minimum(_STEEPEST, _OF_FLOOR * onto_floor)))
+    floor_angle = np.degrees(np.arcsin(np.clip(-rays[..., 2], 0, 1)))
+    limit = np.tan(np.radians(np.minimum(_MAX_GRAZING_ANGLE, _MAX_FLOOR_ANGLE_RATIO * floor_angle)))
     for axis in (0, 1):
-        sides = _slopes(rays, away, axis, reach)
+        sides = _slopes(rays, distances, axis, reach)
         with np.errstate(invalid="ignore"):
-            less, more = (limit * one(*sides) > 1 for one in (np.fmin, np.fmax))
-        less &= ~_on_surface(less, away, axis, round(_WIDEST * points.shape[1] / WIDTH))
-        found |= binary_dilation(less, iterations=reach, mask=more)
-    return found
+            steep, steep_or_end = (
+                limit * reduction(*sides) > 1 for reduction in (np.fmin, np.fmax)
+            )
+        steep &= ~_on_surface(
+            steep, distances, axis, round(_MAX_RAMP_WIDTH * points.shape[1] / WIDTH)
+        )
+        mixed |= binary_dilation(steep, iterations=reach, mask=steep_or_end)
+    return mixed
 
 
 def without_ramps(parts: Int32, mixed: Mask) -> Int32:
     """Parts (H, W) but for those of whose pixels more than two thirds are mixed."""
     pixels = np.maximum(np.bincount(parts.ravel()), 1)
-    ramps = np.bincount(parts.ravel(), mixed.ravel()) > _RAMP * pixels
+    ramps = np.bincount(parts.ravel(), mixed.ravel()) > _MIN_RAMP_SHARE * pixels
     return np.where(ramps[parts], 0, parts).astype(np.int32)
 
 
-def _on_surface(steep: Mask, away: Float64, axis: int, width: int) -> Mask:
+def _on_surface(steep: Mask, distances: Float64, axis: int, width: int) -> Mask:
     """Steep pixels (H, W) of a surface: it is wider than a ramp, or ends where depth jumps.
 
     The farther end of a ramp meets what is behind it; that of a surface doesn't.
     """
-    jump = _JUMP * WIDTH / away.shape[1]
+    jump = _JUMP * WIDTH / distances.shape[1]
     line = np.ones((width, 1) if axis == 0 else (1, width), dtype=bool)
-    step = np.nan_to_num(np.diff(away, axis=axis, append=np.nan), nan=0.0)
-    ahead = maximum_filter1d((step > jump).astype(np.uint8), width, axis, origin=-(width // 2))
-    behind = maximum_filter1d((step < -jump).astype(np.uint8), width, axis, origin=(width - 1) // 2)
-    rises = np.roll(away, -1, axis) > np.roll(away, 1, axis)
-    return np.asarray(binary_opening(steep, line) | (np.where(rises, ahead, behind) > 0))
+    steps = np.nan_to_num(np.diff(distances, axis=axis, append=np.nan), nan=0.0)
+    jump_ahead = maximum_filter1d(
+        (steps > jump).astype(np.uint8), width, axis, origin=-(width // 2)
+    )
+    jump_behind = maximum_filter1d(
+        (steps < -jump).astype(np.uint8), width, axis, origin=(width - 1) // 2
+    )
+    rises = np.roll(distances, -1, axis) > np.roll(distances, 1, axis)
+    return np.asarray(binary_opening(steep, line) | (np.where(rises, jump_ahead, jump_behind) > 0))
 
 
-def _slopes(rays: Float64, away: Float64, axis: int, reach: int) -> tuple[Float64, Float64]:
+def _slopes(rays: Float64, distances: Float64, axis: int, reach: int) -> tuple[Float64, Float64]:
     """Change of distance by way across the view (H, W), before each pixel and after it."""
     later, earlier = (
-        tuple(one if a == axis else slice(None) for a in (0, 1))
-        for one in (slice(reach, None), slice(None, -reach))
+        tuple(span if a == axis else slice(None) for a in (0, 1))
+        for span in (slice(reach, None), slice(None, -reach))
     )
-    before, after = np.full_like(away, np.nan), np.full_like(away, np.nan)
+    before, after = np.full_like(distances, np.nan), np.full_like(distances, np.nan)
     across = np.linalg.norm(rays[later] - rays[earlier], axis=-1)
-    change = np.abs(away[later] - away[earlier])
-    after[earlier] = change / (across * away[earlier])
-    before[later] = change / (across * away[later])
+    change = np.abs(distances[later] - distances[earlier])
+    after[earlier] = change / (across * distances[earlier])
+    before[later] = change / (across * distances[later])
     return before, after

@@ -18,7 +18,7 @@ from scenefw.core.types import Float64, Frame
 from scenefw.perception.observation.floor import FloorFinder
 from scenefw.perception.observation.points import world_points
 
-_HIGHEST = 0.3  # m above the table: anything higher is ignored when finding its middle
+_MAX_HEIGHT = 0.3  # m above the table: anything higher is ignored when finding its middle
 
 
 @dataclass(frozen=True)
@@ -81,25 +81,25 @@ class TableFrame:
         Raises:
             InputError: no table is found, and the poses have none either.
         """
-        old = np.asarray(frame.camera.T_world_camera)
+        camera_pose = np.asarray(frame.camera.T_world_camera)
         try:
             floor = self.floor.find(frame)
         except InputError as error:
             if posed:
                 return Alignment(np.eye(4), f"poses are used as they are: {error}", table=False)
             raise
-        normal = old[:3, :3] @ floor.normal
-        level = float(normal @ old[:3, 3]) - floor.height  # of the table along its normal
+        normal = camera_pose[:3, :3] @ floor.normal
+        level = float(normal @ camera_pose[:3, 3]) - floor.height  # of the table along its normal
         if posed and normal[2] > np.cos(np.radians(self.tilt)) and abs(level) < self.level:
             return Alignment(np.eye(4))
         note = "the table was found in the first frame and is the map's plane z = 0"
-        return Alignment(self._pose(frame) @ geometry.inverse(old), note)
+        return Alignment(self._pose(frame) @ geometry.inverse(camera_pose), note)
 
     def _pose(self, frame: Frame) -> Float64:
         """Camera pose in table coordinates, with the origin in the middle of the seen part."""
         pose = self.floor.find(frame).T_world_camera
         points = world_points(replace(frame, camera=frame.camera.moved(pose)), stride=4)
-        near = (frame.depth[::4, ::4] > 0) & (frame.depth[::4, ::4] < self.farthest)
-        near &= np.abs(np.nan_to_num(points[..., 2], nan=np.inf)) < _HIGHEST
-        middle = np.median(points[near][:, :2], axis=0) if near.any() else np.zeros(2)
+        valid = (frame.depth[::4, ::4] > 0) & (frame.depth[::4, ::4] < self.farthest)
+        valid &= np.abs(np.nan_to_num(points[..., 2], nan=np.inf)) < _MAX_HEIGHT
+        middle = np.median(points[valid][:, :2], axis=0) if valid.any() else np.zeros(2)
         return geometry.rigid(np.eye(3), (-middle[0], -middle[1], 0.0)) @ pose

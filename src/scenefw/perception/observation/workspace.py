@@ -22,8 +22,8 @@ Mask = NDArray[np.bool_]
 _RASTER = FloorRaster()
 _HOLES = 3  # cells: objects and their shadows cut the seen table
 _RIM = 2  # cells: objects may reach over the seen table
-_LEAST_CELLS = 4
-_LEAST_POINTS = 30
+_MIN_CELLS = 4  # of a group of objects
+_MIN_POINTS = 30  # of a group of objects
 
 
 @dataclass(frozen=True)
@@ -89,8 +89,8 @@ class WorkspaceFinder:
             InputError: what stands on the table is larger than the cube, or nothing is where
                 objects are known to be.
         """
-        posed = replace(frame, camera=frame.camera.moved(floor.T_world_camera))
-        return self._found([posed], grid, region)[0]
+        posed_frame = replace(frame, camera=frame.camera.moved(floor.T_world_camera))
+        return self._workspaces([posed_frame], grid, region)[0]
 
     def find_together(
         self, frames: Sequence[Frame], grid: GridSpec, region: Mask | None = None
@@ -105,20 +105,22 @@ class WorkspaceFinder:
         Raises:
             InputError: as `find`.
         """
-        return self._found(frames, grid, region)
+        return self._workspaces(frames, grid, region)
 
-    def _found(
+    def _workspaces(
         self, frames: Sequence[Frame], grid: GridSpec, region: Mask | None
     ) -> list[Workspace]:
         """The workspaces; where objects may be anywhere, there may be none."""
         points = [world_points(frame) for frame in frames]
         tables = [_table(p, self.least_height) if region is None else region for p in points]
         top = grid.lower[2] + grid.extent
-        shown = [t & self._raised(p, top) for t, p in zip(tables, points, strict=True)]
-        everything = np.concatenate([p[mask] for p, mask in zip(points, shown, strict=True)])
-        labels, groups = _groups(everything)
+        raised_masks = [t & self._raised_mask(p, top) for t, p in zip(tables, points, strict=True)]
+        raised_points = np.concatenate(
+            [p[mask] for p, mask in zip(points, raised_masks, strict=True)]
+        )
+        labels, groups = _groups(raised_points)
         if not groups and region is None and any(table.any() for table in tables):
-            return self._bare(frames, points, tables)
+            return self._bare_workspaces(frames, points, tables)
         if not groups:
             raise InputError(
                 f"nothing stands on the floor of {_names(frames)}: no surface from "
@@ -126,16 +128,16 @@ class WorkspaceFinder:
                 f"objects are in view{'' if region is None else ', that the mask covers them'} and "
                 "that the depth scale is right"
             )
-        centre, chosen = _choose(groups, grid.extent - 2 * self.margin, _names(frames))
-        left_out = [g.cells.mean(axis=0) - centre for g in groups if g not in chosen]
-        own = [g.label for g in chosen]
-        inside = [np.isin(_RASTER.look_up(labels, p), own) for p in points]
-        objects = [i & mask for i, mask in zip(inside, shown, strict=True)]
-        found = np.concatenate([p[mask] for p, mask in zip(points, objects, strict=True)])
-        size = np.append(np.ptp(found[:, :2], axis=0), found[:, 2].max())
+        centre, members = _choose(groups, grid.extent - 2 * self.margin, _names(frames))
+        left_out = [g.cells.mean(axis=0) - centre for g in groups if g not in members]
+        member_labels = [g.label for g in members]
+        member_masks = [np.isin(_RASTER.look_up(labels, p), member_labels) for p in points]
+        objects = [i & mask for i, mask in zip(member_masks, raised_masks, strict=True)]
+        object_points = np.concatenate([p[mask] for p, mask in zip(points, objects, strict=True)])
+        size = np.append(np.ptp(object_points[:, :2], axis=0), object_points[:, 2].max())
         return [
             Workspace(
-                self._centred(frame, p, table, centre),
+                self._centred_frame(frame, p, table, centre),
                 mask,
                 size,
                 np.array(left_out).reshape(-1, 2),
@@ -143,15 +145,15 @@ class WorkspaceFinder:
             for frame, p, table, mask in zip(frames, points, tables, objects, strict=True)
         ]
 
-    def _bare(
+    def _bare_workspaces(
         self, frames: Sequence[Frame], points: Sequence[Array], tables: Sequence[Mask]
     ) -> list[Workspace]:
         """Workspaces of a table on which nothing stands, about the middle of what is seen."""
-        seen = [p[table] for p, table in zip(points, tables, strict=True)]
-        middle = np.median(np.concatenate(seen)[:, :2], axis=0)
+        table_points = [p[table] for p, table in zip(points, tables, strict=True)]
+        middle = np.median(np.concatenate(table_points)[:, :2], axis=0)
         return [
             Workspace(
-                self._centred(frame, p, table, middle),
+                self._centred_frame(frame, p, table, middle),
                 np.zeros(table.shape, dtype=bool),
                 np.zeros(3),
                 np.zeros((0, 2)),
@@ -159,34 +161,34 @@ class WorkspaceFinder:
             for frame, p, table in zip(frames, points, tables, strict=True)
         ]
 
-    def _raised(self, points: Array, top: float) -> Mask:
+    def _raised_mask(self, points: Array, top: float) -> Mask:
         """Which points (H, W, 3) lie above the floor, and below the cube's top (m)."""
         height = points[..., 2]  # NaN where no depth: not raised
         return (height > self.least_height) & (height < top)
 
-    def _centred(self, frame: Frame, points: Array, on_table: Mask, centre: Array) -> Frame:
-        moved = geometry.rigid(np.eye(3), (-centre[0], -centre[1], 0.0))
-        pose = moved @ frame.camera.T_world_camera
-        depth = self._depth(frame, points, on_table)
+    def _centred_frame(self, frame: Frame, points: Array, table: Mask, centre: Array) -> Frame:
+        shift = geometry.rigid(np.eye(3), (-centre[0], -centre[1], 0.0))
+        pose = shift @ frame.camera.T_world_camera
+        depth = self._depth(frame, points, table)
         return replace(frame, depth=depth, camera=frame.camera.moved(pose))
 
-    def _depth(self, frame: Frame, points: Array, on_table: Mask) -> NDArray[np.float32]:
+    def _depth(self, frame: Frame, points: Array, table: Mask) -> NDArray[np.float32]:
         height = points[..., 2]
         camera_height = frame.camera.T_world_camera[2, 3]
         with np.errstate(invalid="ignore"):
-            onto_floor = frame.depth * camera_height / (camera_height - height)
-        depth = np.where(height < -self.least_height, onto_floor, frame.depth)
-        return np.where((height > self.least_height) & ~on_table, 0, depth).astype(np.float32)
+            floor_depth = frame.depth * camera_height / (camera_height - height)
+        depth = np.where(height < -self.least_height, floor_depth, frame.depth)
+        return np.where((height > self.least_height) & ~table, 0, depth).astype(np.float32)
 
 
 def _table(points: Array, tolerance: float) -> Mask:
     """Which points (H, W, 3) lie over the table: the hull of the largest piece of floor."""
     floor = _RASTER.count(points[np.abs(points[..., 2]) < tolerance]) > 0
-    closed = ndimage.binary_closing(floor, iterations=_HOLES)
-    pieces, number = ndimage.label(closed)
+    closed_floor = ndimage.binary_closing(floor, iterations=_HOLES)
+    pieces, number = ndimage.label(closed_floor)
     if number == 0:
         return np.zeros(points.shape[:2], dtype=bool)
-    sizes = ndimage.sum_labels(closed, pieces, np.arange(1, number + 1))
+    sizes = ndimage.sum_labels(closed_floor, pieces, np.arange(1, number + 1))
     hull = convex_hull_image(pieces == 1 + int(np.argmax(sizes)))
     hull = ndimage.binary_dilation(hull, iterations=_RIM)
     return _RASTER.look_up(hull, points).astype(bool)
@@ -195,14 +197,14 @@ def _table(points: Array, tolerance: float) -> Mask:
 def _groups(points: Array) -> tuple[NDArray[np.int32], list[_Group]]:
     """Raster of group numbers, and the groups of object points (N, 3) that are not noise."""
     counts = _RASTER.count(points)
-    seen = counts > 0
-    labels, number = ndimage.label(ndimage.binary_dilation(seen), structure=np.ones((3, 3)))
-    labels = np.where(seen, labels, 0)
+    occupied = counts > 0
+    labels, number = ndimage.label(ndimage.binary_dilation(occupied), structure=np.ones((3, 3)))
+    labels = np.where(occupied, labels, 0)
     groups = []
     for label in range(1, number + 1):
         mask = labels == label
         group = _Group(label, _RASTER.centres(mask), int(counts[mask].sum()))
-        if len(group.cells) >= _LEAST_CELLS and group.points >= _LEAST_POINTS:
+        if len(group.cells) >= _MIN_CELLS and group.points >= _MIN_POINTS:
             groups.append(group)
     return labels, groups
 
@@ -215,7 +217,7 @@ def _choose(groups: list[_Group], side: float, name: str) -> tuple[Array, list[_
     best: list[_Group] = []
     for seed in groups:
         members: list[_Group] = []
-        for group in sorted(groups, key=lambda g: _apart(seed, g)):
+        for group in sorted(groups, key=lambda g: _distance(seed, g)):
             if _span([*members, group]).max() <= side:
                 members.append(group)
         if sum(g.points for g in members) > sum(g.points for g in best):
@@ -231,13 +233,13 @@ def _choose(groups: list[_Group], side: float, name: str) -> tuple[Array, list[_
 
 
 def _names(frames: Sequence[Frame]) -> str:
-    first, *others = (frame.name for frame in frames)
-    return f"{first} and {len(others)} more" if others else first
+    first_name, *further_names = (frame.name for frame in frames)
+    return f"{first_name} and {len(further_names)} more" if further_names else first_name
 
 
 def _span(groups: list[_Group]) -> Array:
     return np.ptp(np.concatenate([g.cells for g in groups]), axis=0)
 
 
-def _apart(a: _Group, b: _Group) -> float:
+def _distance(a: _Group, b: _Group) -> float:
     return float(np.linalg.norm(a.cells.mean(axis=0) - b.cells.mean(axis=0)))

@@ -62,11 +62,11 @@ def overlaps(objects: Sequence[ObjectEstimate], tolerance: float = TOLERANCE) ->
         tolerance: depth that counts as touching (m).
     """
     solids = {item.id: MeshDistances(item.mesh) for item in objects}
-    found = [
+    candidates = [
         Overlap(label, 0, -float(solid.low[2]), float("nan")) for label, solid in solids.items()
     ]
-    found += [_overlap(a, solids[a], b, solids[b]) for a, b in combinations(solids, 2)]
-    return [one for one in found if one.depth > tolerance]
+    candidates += [_overlap(a, solids[a], b, solids[b]) for a, b in combinations(solids, 2)]
+    return [overlap for overlap in candidates if overlap.depth > tolerance]
 
 
 def hovers(objects: Sequence[ObjectEstimate], tolerance: float = TOLERANCE) -> list[Hover]:
@@ -80,25 +80,25 @@ def hovers(objects: Sequence[ObjectEstimate], tolerance: float = TOLERANCE) -> l
         tolerance: gap that counts as touching (m).
     """
     solids = {item.id: MeshDistances(item.mesh) for item in objects}
-    found = [_hover(label, solids) for label in solids]
-    return [one for one in found if one.gap > tolerance]
+    candidates = [_hover(label, solids) for label in solids]
+    return [hover for hover in candidates if hover.gap > tolerance]
 
 
 def contact_words(objects: Sequence[ObjectEstimate], tolerance: float = TOLERANCE) -> list[str]:
     """A line for each overlap and each object that nothing carries; none if all is well."""
     lines = []
-    for one in overlaps(objects, tolerance):
-        depth = f"{1000 * one.depth:.0f} mm"
-        if one.second == 0:
-            lines.append(f"object {one.first} reaches {depth} below the floor")
+    for overlap in overlaps(objects, tolerance):
+        depth = f"{1000 * overlap.depth:.0f} mm"
+        if overlap.second == 0:
+            lines.append(f"object {overlap.first} reaches {depth} below the floor")
         else:
             lines.append(
-                f"objects {one.first} and {one.second} run into each other by {depth} "
-                f"({1e6 * one.volume:.0f} cm³)"
+                f"objects {overlap.first} and {overlap.second} run into each other by {depth} "
+                f"({1e6 * overlap.volume:.0f} cm³)"
             )
-    for other in hovers(objects, tolerance):
-        below = f"object {other.below}" if other.below else "the floor"
-        lines.append(f"object {other.id} hovers {1000 * other.gap:.0f} mm above {below}")
+    for hover in hovers(objects, tolerance):
+        below = f"object {hover.below}" if hover.below else "the floor"
+        lines.append(f"object {hover.id} hovers {1000 * hover.gap:.0f} mm above {below}")
     return lines
 
 
@@ -115,20 +115,20 @@ def _overlap(a: int, first: MeshDistances, b: int, second: MeshDistances) -> Ove
 
 
 def _hover(label: int, solids: dict[int, MeshDistances]) -> Hover:
-    own = solids[label]
-    best = Hover(label, max(float(own.low[2]), 0.0), 0)
-    for other, solid in solids.items():
-        if other == label or (solid.high[:2] < own.low[:2]).any():
+    upper = solids[label]
+    best = Hover(label, max(float(upper.low[2]), 0.0), 0)
+    for lower_label, lower in solids.items():
+        if lower_label == label or (lower.high[:2] < upper.low[:2]).any():
             continue
-        if (solid.low[:2] > own.high[:2]).any() or solid.low[2] > own.high[2]:
+        if (lower.low[:2] > upper.high[:2]).any() or lower.low[2] > upper.high[2]:
             continue
-        places = _places(own, solid)
-        bottom, top, least = own.lowest(places), solid.highest(places), solid.lowest(places)
+        places = _places(upper, lower)
+        bottom, top, underside = upper.lowest(places), lower.highest(places), lower.lowest(places)
         with np.errstate(invalid="ignore"):
-            below = least < bottom  # what comes from above, however deep, carries nothing
-            gaps = np.maximum(bottom - top, 0)[below]
+            is_below = underside < bottom  # what comes from above, however deep, carries nothing
+            gaps = np.maximum(bottom - top, 0)[is_below]
         if len(gaps) and gaps.min() < best.gap:
-            best = Hover(label, float(gaps.min()), other)
+            best = Hover(label, float(gaps.min()), lower_label)
     return best
 
 
@@ -140,8 +140,8 @@ def _places(first: MeshDistances, second: MeshDistances) -> Float64:
     lattice = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
     corners = []
     for solid in (first, second):
-        own = solid.mesh.vertices[:: len(solid.mesh.vertices) // _CORNERS + 1, :2]
-        corners.append(own[((own >= low) & (own <= high)).all(axis=1)])
+        vertices = solid.mesh.vertices[:: len(solid.mesh.vertices) // _CORNERS + 1, :2]
+        corners.append(vertices[((vertices >= low) & (vertices <= high)).all(axis=1)])
     return np.concatenate([lattice, *corners])
 
 

@@ -60,8 +60,8 @@ class Placement:
         posed = self.odometry is None
         alignment = self.table.alignment(first, posed=posed)
         T = alignment.T_table_world  # noqa: N806
-        moved = transformed(itertools.chain([first], frames), T)
-        return Placed(Recording(T if posed else None), moved, alignment.note)
+        placed_frames = transformed(itertools.chain([first], frames), T)
+        return Placed(Recording(T if posed else None), placed_frames, alignment.note)
 
     def resume(
         self, frames: Iterable[Frame], before: Recording, last: Frame | None = None
@@ -82,17 +82,17 @@ class Placement:
                     f"the map was made of {len(before.names)} frames; a recording without poses "
                     "is resumed with the frame after the last of them: give run.start=NUMBER"
                 )
-            posed = self.odometry.track(itertools.chain([last], frames))
-            next(posed)
+            posed_frames = self.odometry.track(itertools.chain([last], frames))
+            next(posed_frames)
             start = before.poses[before.names.index(last.name)]
-            return Placed(before, transformed(posed, start))
+            return Placed(before, transformed(posed_frames, start))
         if before.T_map_world is not None:
             return Placed(before, before.in_map(frames))
-        begun = self.begin(frames)
-        T = begun.recording.T_map_world  # noqa: N806
+        placed = self.begin(frames)
+        T = placed.recording.T_map_world  # noqa: N806
         if T is None or not np.array_equal(T, np.eye(4)):
             raise InputError(
                 "the saved map does not hold the pose of the recording's world, and that world is "
                 "not the table's; fuse the whole recording again"
             )
-        return Placed(before if before.names else begun.recording, begun.frames, begun.note)
+        return Placed(before if before.names else placed.recording, placed.frames, placed.note)

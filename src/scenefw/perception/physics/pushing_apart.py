@@ -33,19 +33,19 @@ def pushed_apart(
     turns = [item.pose.rotation for item in objects]
     places = np.array([item.pose.position for item in objects], dtype=np.float64).reshape(-1, 3)
     for _ in range(rounds):
-        moved = 0.0
+        largest_move = 0.0
         for a, b in combinations(range(len(objects)), 2):
-            push = _out_of(shapes, surfaces, turns, places, a, b)
-            back = _out_of(shapes, surfaces, turns, places, b, a)
-            push = push if np.linalg.norm(push) >= np.linalg.norm(back) else -back
+            push = _push_out(shapes, surfaces, turns, places, a, b)
+            counter_push = _push_out(shapes, surfaces, turns, places, b, a)
+            push = push if np.linalg.norm(push) >= np.linalg.norm(counter_push) else -counter_push
             places[a] += push / 2
             places[b] -= push / 2
-            moved = max(moved, float(np.linalg.norm(push)))
+            largest_move = max(largest_move, float(np.linalg.norm(push)))
         for k, surface in enumerate(surfaces):
-            below = float(-(surface @ turns[k][2]).min() - places[k, 2])
-            places[k, 2] += max(below, 0.0)
-            moved = max(moved, below)
-        if moved <= deepest:
+            depth_below = float(-(surface @ turns[k][2]).min() - places[k, 2])
+            places[k, 2] += max(depth_below, 0.0)
+            largest_move = max(largest_move, depth_below)
+        if largest_move <= deepest:
             break
     return [
         replace(item, pose=Pose(place, item.pose.quaternion))
@@ -53,7 +53,7 @@ def pushed_apart(
     ]
 
 
-def _out_of(
+def _push_out(
     shapes: Sequence[Superquadric],
     surfaces: Sequence[Float64],
     turns: Sequence[Float64],
@@ -70,10 +70,10 @@ def _out_of(
     deepest = int(depths.argmax())
     if depths[deepest] <= 0:
         return np.zeros(3)
-    around = points[deepest] + _STEP * np.concatenate([np.eye(3), -np.eye(3)])
-    values = shapes[b].first_order_distance(around)
-    outward = (values[:3] - values[3:]) @ turns[b].T
-    return np.asarray(depths[deepest] * outward / max(np.linalg.norm(outward), 1e-9))
+    neighbours = points[deepest] + _STEP * np.concatenate([np.eye(3), -np.eye(3)])
+    values = shapes[b].first_order_distance(neighbours)
+    normal = (values[:3] - values[3:]) @ turns[b].T
+    return np.asarray(depths[deepest] * normal / max(np.linalg.norm(normal), 1e-9))
 
 
 def _superquadric(item: PlacedShape) -> Superquadric:

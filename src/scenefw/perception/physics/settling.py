@@ -53,33 +53,40 @@ class PhysicalSettling:
 
     def settle(self, scenes: Sequence[SceneEstimate]) -> list[SceneEstimate]:
         """Scenes of one image with their objects at rest; the most stable first if it ranks."""
-        settled = [self._settled(scene, number) for number, scene in enumerate(scenes, start=1)]
-        return sorted(settled, key=_displacement) if self.rank else settled
+        settled_scenes = [
+            self._settle_scene(scene, number) for number, scene in enumerate(scenes, start=1)
+        ]
+        return sorted(settled_scenes, key=_displacement) if self.rank else settled_scenes
 
-    def _settled(self, scene: SceneEstimate, number: int) -> SceneEstimate:
+    def _settle_scene(self, scene: SceneEstimate, number: int) -> SceneEstimate:
         meshes = {item.id: item.mesh for item in scene.objects}
         placed: dict[int, PlacedShape] = {
             item.id: item.placed for item in scene.objects if item.placed is not None
         }
         bodies = self.bodies.make(meshes, placed)
-        found = motions(list(bodies.bodies.values()), self.engine, self.steps, until_rest=True)
-        ends = dict(zip(bodies.bodies, found, strict=True))
-        kept = {label: one for label, one in ends.items() if one.shift <= self.furthest}
+        body_motions = motions(
+            list(bodies.bodies.values()), self.engine, self.steps, until_rest=True
+        )
+        ends = dict(zip(bodies.bodies, body_motions, strict=True))
+        accepted_motions = {
+            label: motion for label, motion in ends.items() if motion.shift <= self.furthest
+        }
         shifts = {
-            label: _shift(bodies.bodies[label].pose.matrix, one) for label, one in kept.items()
+            label: _motion_matrix(bodies.bodies[label].pose.matrix, motion)
+            for label, motion in accepted_motions.items()
         }
         facts = self._facts(bodies, ends) | {"hypothesis": number}
-        after = moved(scene, shifts) if shifts else scene
-        return replace(after, details={**scene.details, "settled": facts})
+        settled_scene = moved(scene, shifts) if shifts else scene
+        return replace(settled_scene, details={**scene.details, "settled": facts})
 
     def _facts(self, bodies: Bodies, ends: Mapping[int, Motion]) -> dict[str, Any]:
-        rows = [self._row(bodies, label, one) for label, one in ends.items()]
+        rows = [self._row(bodies, label, motion) for label, motion in ends.items()]
         rows += [{"id": label, "stays": reason} for label, reason in bodies.left_out.items()]
-        steady = [m.shift <= self.furthest and m.turn < self.steepest for m in ends.values()]
+        is_steady = [m.shift <= self.furthest and m.turn < self.steepest for m in ends.values()]
         facts: dict[str, Any] = {
             "objects": sorted(rows, key=lambda row: row["id"]),
             "displacement": float(np.mean([m.shift for m in ends.values()])) if ends else None,
-            "stable": bool(ends) and all(steady),
+            "stable": bool(ends) and all(is_steady),
         }
         return facts if ends else facts | {"reason": "there is no solid to settle"}
 
@@ -102,17 +109,17 @@ def words(scene: SceneEstimate) -> str:
     facts = scene.details["settled"]
     parts = []
     for row in facts["objects"]:
-        far = f"{100 * row['moved']:.1f} cm and {row['turned']:.0f}°" if "moved" in row else ""
-        stays = f"stays as it was ({row['stays']})" if "stays" in row else f"moved {far}"
+        distance = f"{100 * row['moved']:.1f} cm and {row['turned']:.0f}°" if "moved" in row else ""
+        stays = f"stays as it was ({row['stays']})" if "stays" in row else f"moved {distance}"
         parts.append(f"object {row['id']} {stays}")
     return "settled: " + ("; ".join(parts) or facts["reason"])
 
 
-def _shift(start: Float64, motion: Motion) -> Float64:
+def _motion_matrix(start: Float64, motion: Motion) -> Float64:
     return np.asarray(motion.pose.matrix @ inverse(start))
 
 
 def _displacement(scene: SceneEstimate) -> float:
     """Mean displacement of a scene's objects; scenes without any come last."""
-    found = scene.details["settled"]["displacement"]
-    return float("inf") if found is None else float(found)
+    displacement = scene.details["settled"]["displacement"]
+    return float("inf") if displacement is None else float(displacement)

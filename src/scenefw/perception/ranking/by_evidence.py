@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from scenefw.core.types import Float64, Frame, GridSpec, SceneEstimate
 
-_LOW = 0.01  # m: what is measured above belongs to objects
+_MIN_OBJECT_HEIGHT = 0.01  # m: what is measured above belongs to objects
 
 
 class RankedByEvidence:
@@ -59,19 +59,24 @@ class RankedByEvidence:
         """The scenes of one image with their evidence: the first, then what explains it best."""
         if not scenes:
             return []
-        measured = _measured(scenes[0].frame, scenes[0].grid, self.rays)
-        found = [self._judged(one, number, measured) for number, one in enumerate(scenes, start=1)]
-        return found[:1] + sorted(found[1:], key=_deviation)
+        measurement = _measure(scenes[0].frame, scenes[0].grid, self.rays)
+        candidates = [
+            self._with_evidence(scene, number, measurement)
+            for number, scene in enumerate(scenes, start=1)
+        ]
+        return candidates[:1] + sorted(candidates[1:], key=_deviation)
 
-    def _judged(self, scene: SceneEstimate, number: int, measured: _Measured) -> SceneEstimate:
+    def _with_evidence(
+        self, scene: SceneEstimate, number: int, measurement: _Measurement
+    ) -> SceneEstimate:
         corners = [item.mesh.vertices[item.mesh.faces] for item in scene.objects]
         tree = Tree(np.concatenate([np.zeros((0, 3, 3)), *corners]).astype(np.float32))
-        distance, hit, _ = tree.cast(measured.rays)
-        errors = np.abs(distance.numpy() - measured.distances)
-        counts = measured.objects | (hit.numpy() >= 0)
+        distance, hit, _ = tree.cast(measurement.rays)
+        errors = np.abs(distance.numpy() - measurement.distances)
+        object_pixels = measurement.objects | (hit.numpy() >= 0)
         facts: dict[str, float | None] = {"deviation": None, "explained": None}
-        if counts.any():
-            errors = errors[counts]
+        if object_pixels.any():
+            errors = errors[object_pixels]
             squared = np.minimum(errors / self.sigma, self.outliers) ** 2
             facts["deviation"] = float(np.sqrt(squared.mean()))
             facts["explained"] = float((errors < self.near).mean())
@@ -80,7 +85,7 @@ class RankedByEvidence:
 
 
 @dataclass(frozen=True, eq=False)
-class _Measured:
+class _Measurement:
     """Rays (N, 6) of pixels, their measured lengths (N,), and whether they show an object (N,)."""
 
     rays: torch.Tensor
@@ -88,9 +93,9 @@ class _Measured:
     objects: np.ndarray
 
 
-def _measured(frame: Frame, grid: GridSpec, most: int) -> _Measured:
+def _measure(frame: Frame, grid: GridSpec, max_rays: int) -> _Measurement:
     """Pixels of a frame in world coordinates whose point lies in the grid."""
-    step = max(1, int(np.ceil(np.sqrt(frame.depth.size / most))))
+    step = max(1, int(np.ceil(np.sqrt(frame.depth.size / max_rays))))
     points = world_points(frame)[::step, ::step].reshape(-1, 3)
     voxels = grid.to_voxels(points)
     inside = ((voxels >= 0) & (voxels <= grid.resolution - 1)).all(axis=1)  # not NaN either
@@ -99,9 +104,11 @@ def _measured(frame: Frame, grid: GridSpec, most: int) -> _Measured:
     distances = np.linalg.norm(points - eye, axis=1)
     directions = (points - eye) / np.maximum(distances, 1e-9)[:, None]
     rays = np.concatenate([np.broadcast_to(eye, directions.shape), directions], axis=1)
-    return _Measured(torch.from_numpy(rays.astype(np.float32)), distances, points[:, 2] > _LOW)
+    return _Measurement(
+        torch.from_numpy(rays.astype(np.float32)), distances, points[:, 2] > _MIN_OBJECT_HEIGHT
+    )
 
 
 def _deviation(scene: SceneEstimate) -> float:
-    found = scene.details["evidence"]["deviation"]
-    return float("inf") if found is None else float(found)
+    deviation = scene.details["evidence"]["deviation"]
+    return float("inf") if deviation is None else float(deviation)

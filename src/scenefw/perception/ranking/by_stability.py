@@ -58,17 +58,18 @@ class RankedByStability:
 
     def rank(self, scenes: Sequence[SceneEstimate]) -> list[SceneEstimate]:
         """The scenes of one image: the first, then what explains it best and stands."""
-        judged = [self._judged(one) for one in self.evidence.rank(scenes)]
-        return judged[:1] + sorted(judged[1:], key=self._score)
+        candidates = [self._with_stability(scene) for scene in self.evidence.rank(scenes)]
+        return candidates[:1] + sorted(candidates[1:], key=self._score)
 
-    def _judged(self, scene: SceneEstimate) -> SceneEstimate:
-        found = displacement(scene, self.engine, self.bodies, self.steps, self.furthest)
-        facts = {"displacement": found.mean, "left_out": found.left_out}
+    def _with_stability(self, scene: SceneEstimate) -> SceneEstimate:
+        movement = displacement(scene, self.engine, self.bodies, self.steps, self.furthest)
+        facts = {"displacement": movement.mean, "left_out": movement.left_out}
         return replace(scene, details={**scene.details, "stability": facts})
 
     def _score(self, scene: SceneEstimate) -> float:
         deviation = scene.details["evidence"]["deviation"]
-        moved = scene.details["stability"]["displacement"]
-        if deviation is None or moved is None:  # no object, or none where the image looks: last
+        mean_displacement = scene.details["stability"]["displacement"]
+        # no object, or none where the image looks: last
+        if deviation is None or mean_displacement is None:
             return float("inf")
-        return float(deviation) + float(moved) / self.unit
+        return float(deviation) + float(mean_displacement) / self.unit

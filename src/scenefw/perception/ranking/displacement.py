@@ -40,7 +40,9 @@ def displacement(
     """
     meshes = {item.id: item.mesh for item in scene.objects}
     placed = {item.id: item.placed for item in scene.objects if item.placed is not None}
-    made = bodies.make(meshes, placed)
-    found = motions(list(made.bodies.values()), engine, steps, until_rest=True)
-    shifts = [min(one.shift, furthest) for one in found] + [furthest] * len(made.left_out)
-    return Displacement(float(np.mean(shifts)) if shifts else None, len(made.left_out))
+    solids = bodies.make(meshes, placed)
+    body_motions = motions(list(solids.bodies.values()), engine, steps, until_rest=True)
+    shifts = [min(motion.shift, furthest) for motion in body_motions] + [furthest] * len(
+        solids.left_out
+    )
+    return Displacement(float(np.mean(shifts)) if shifts else None, len(solids.left_out))

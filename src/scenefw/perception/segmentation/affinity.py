@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from scenefw.perception.segmentation.border_colours import BorderColours
     from scenefw.perception.steps import Segmentation
 
-_EXACT = 5e-5  # m: no camera measures a floor 1 m away as well
+_MIN_SIGMA = 5e-5  # m: no camera measures a floor 1 m away as well
 _JUMP = 0.01  # m: what is so much nearer or further than its thinned pixel is something else
 
 
@@ -108,61 +108,64 @@ class AffinityParts:
         step = max(1, round(frame.camera.fx / self.model.focal))
         rows, columns = (np.arange(size) // step for size in frame.depth.shape)
         depth = np.ascontiguousarray(np.nan_to_num(frame.depth[::step, ::step]), np.float32)
-        across, down, shown = self._said(depth, frame.camera, step)
+        across, down, object_probability = self._probabilities(depth, frame.camera, step)
         waves = self.waves * noise if smooth else 0.0
         margin = np.clip(waves, self.margin, max(self.margin, self.lowest))
         above = heights > margin  # NaN where no depth: not above
-        every = np.ix_(rows, columns)
-        if view.noise.sigma > _EXACT:
-            above &= (shown > self.pixel)[every]
+        thinned_pixels = np.ix_(rows, columns)
+        if view.noise.sigma > _MIN_SIGMA:
+            above &= (object_probability > self.pixel)[thinned_pixels]
         regions = self._regions(depth, across, down, above[::step, ::step])
         if self.colours is not None and frame.colour is not None:
-            further = self.colours.added(regions, frame.colour, step)
-            across, down = (p + more for p, more in zip((across, down), further, strict=True))
-        joined = merged(regions, across, down, self.same)
+            colour_terms = self.colours.added(regions, frame.colour, step)
+            across, down = (p + term for p, term in zip((across, down), colour_terms, strict=True))
+        merged_regions = merged(regions, across, down, self.same)
         if self.plain is not None and not smooth:
-            others = self.plain.segment(view)[::step, ::step]
-            joined = joined_within(joined, others, across, down, self.agreed)
-        fewest = self.smallest * (frame.depth.shape[1] / WIDTH) ** 2
-        parts = large_parts(joined, max(1, round(fewest / step**2)))
-        unlikely = (parts > 0) & (_means(shown, parts) < self.shown)
-        parts = large_parts(np.where(unlikely, 0, parts).astype(np.int64), 1)
-        above &= ~unlikely[every]
-        near = np.abs(frame.depth - depth[every]) < _JUMP
-        parts = np.where(above & near, parts[every], 0).astype(np.int32)
-        lowest = np.maximum(self.lowest, self.noisy * noise)
-        return high_parts(grown(parts, above, frame.depth, EDGE), heights, lowest)
+            plain_parts = self.plain.segment(view)[::step, ::step]
+            merged_regions = joined_within(merged_regions, plain_parts, across, down, self.agreed)
+        min_pixels = self.smallest * (frame.depth.shape[1] / WIDTH) ** 2
+        parts = large_parts(merged_regions, max(1, round(min_pixels / step**2)))
+        is_unlikely = (parts > 0) & (_means(object_probability, parts) < self.shown)
+        parts = large_parts(np.where(is_unlikely, 0, parts).astype(np.int64), 1)
+        above &= ~is_unlikely[thinned_pixels]
+        same_depth = np.abs(frame.depth - depth[thinned_pixels]) < _JUMP
+        parts = np.where(above & same_depth, parts[thinned_pixels], 0).astype(np.int32)
+        min_height = np.maximum(self.lowest, self.noisy * noise)
+        return high_parts(grown(parts, above, frame.depth, EDGE), heights, min_height)
 
     def _regions(
         self, depth: Float32, across: Float32, down: Float32, above: NDArray[np.bool_]
     ) -> Int32:
         """Regions (H, W), 0 = none, of the thinned image, before neighbours are joined."""
-        sure = linked_parts(above, across > self.sure, down > self.sure)
-        regions = large_parts(sure, self.seed)
-        likely = linked_parts(above, across > self.same, down > self.same)
-        alone = ~np.isin(likely, likely[regions > 0])  # slivers, of which no few pixels are sure
-        further = large_parts(np.where(alone, likely, 0), self.seed)
-        regions = np.where(further > 0, further + regions.max(initial=0), regions)
+        cores = linked_parts(above, across > self.sure, down > self.sure)
+        regions = large_parts(cores, self.seed)
+        components = linked_parts(above, across > self.same, down > self.same)
+        # slivers, of which no few pixels are sure
+        is_sliver = ~np.isin(components, components[regions > 0])
+        slivers = large_parts(np.where(is_sliver, components, 0), self.seed)
+        regions = np.where(slivers > 0, slivers + regions.max(initial=0), regions)
         return grown(regions, above, depth, EDGE)
 
     @torch.no_grad()
-    def _said(self, depth: Float32, camera: Camera, step: int) -> tuple[Float32, Float32, Float32]:
+    def _probabilities(
+        self, depth: Float32, camera: Camera, step: int
+    ) -> tuple[Float32, Float32, Float32]:
         """Probabilities that a pixel shows what the next one does, on the right and below.
 
         The third (H, W) is that of showing an object, 1 if the network doesn't say it.
         """
         device = next(self.model.parameters()).device  # type: ignore[attr-defined]
-        inner = np.array([[camera.fx, camera.fy, camera.cx, camera.cy]], np.float32) / step
+        intrinsics = np.array([[camera.fx, camera.fy, camera.cx, camera.cy]], np.float32) / step
         cameras = CameraBatch(
             depth.shape[1],
             depth.shape[0],
-            torch.from_numpy(inner).to(device),
+            torch.from_numpy(intrinsics).to(device),
             torch.from_numpy(camera.T_world_camera[None].astype(np.float32)).to(device),
         )
         image = torch.from_numpy(depth)[None].to(device)
-        same: Float32 = self.model(image, cameras)[0].sigmoid().cpu().numpy()
-        shown = np.ones_like(depth) if self.model.shown is None else same[2]
-        return same[0, :, :-1], same[1, :-1], shown
+        probabilities: Float32 = self.model(image, cameras)[0].sigmoid().cpu().numpy()
+        object_probability = np.ones_like(depth) if self.model.shown is None else probabilities[2]
+        return probabilities[0, :, :-1], probabilities[1, :-1], object_probability
 
 
 def _means(values: Float32, parts: Int32) -> Float64:

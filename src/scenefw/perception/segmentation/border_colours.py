@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float32, Int32
 
 
-_MOST = 2.0  # of the strength of edges around objects
-_FAINT = 3.0  # of Lab a pixel: edges around objects of real images have 7 to 24
+_MAX_STRENGTH = 2.0  # of the strength of edges around objects
+_MIN_EDGE_STRENGTH = 3.0  # of Lab a pixel: edges around objects of real images have 7 to 24
 
 
 class BorderColours:
@@ -69,17 +69,23 @@ class BorderColours:
         """
         edges = colour_gradient(colour, self.smoothing)
         width = 2 * round(self.reach * colour.shape[1] / WIDTH) + 1
-        strong = maximum_filter(edges, width)[::step, ::step].astype(np.float32)
-        pairs = (strong[:, 1:], strong[:, :-1]), (strong[1:], strong[:-1])
+        strengths = maximum_filter(edges, width)[::step, ::step].astype(np.float32)
+        pairs = (strengths[:, 1:], strengths[:, :-1]), (strengths[1:], strengths[:-1])
         objects = regions > 0
         ends = objects[:, 1:] != objects[:, :-1], objects[1:] != objects[:-1]
-        around = [np.maximum(*pair)[end] for pair, end in zip(pairs, ends, strict=True)]
-        usual = float(np.median(np.concatenate(around))) if any(map(len, around)) else 0.0
-        if usual < _FAINT:
+        border_strengths = [np.maximum(*pair)[end] for pair, end in zip(pairs, ends, strict=True)]
+        typical_strength = (
+            float(np.median(np.concatenate(border_strengths)))
+            if any(map(len, border_strengths))
+            else 0.0
+        )
+        if typical_strength < _MIN_EDGE_STRENGTH:
             return np.zeros_like(pairs[0][0]), np.zeros_like(pairs[1][0])
-        across, down = (self._added((a + b) / (2 * usual)) for a, b in pairs)
+        across, down = (
+            self._probability_change((a + b) / (2 * typical_strength)) for a, b in pairs
+        )
         return across, down
 
-    def _added(self, strength: Float32) -> Float32:
-        found = self.weight * np.minimum(self.neutral - np.minimum(strength, _MOST), 1.0)
-        return np.asarray(found, dtype=np.float32)
+    def _probability_change(self, strength: Float32) -> Float32:
+        change = self.weight * np.minimum(self.neutral - np.minimum(strength, _MAX_STRENGTH), 1.0)
+        return np.asarray(change, dtype=np.float32)

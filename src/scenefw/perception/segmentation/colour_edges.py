@@ -63,8 +63,8 @@ class ColourEdges:
         if view.colour is None or not parts.any() or not view.noise.is_correlated:
             return parts
         scale = view.depth.shape[1] / WIDTH
-        away = distance_transform_edt(parts == 0)
-        width = ramp_width(view.heights, away, round(self.widest * scale))
+        distance = distance_transform_edt(parts == 0)
+        width = ramp_width(view.heights, distance, round(self.widest * scale))
         if width < self.narrowest * scale:
             return parts
         refined = self.refined(parts, view.colour, width)
@@ -82,12 +82,12 @@ class ColourEdges:
         cores = np.where(distance_transform_edt(parts == 0) > width, outside, 0)
         for label, box in enumerate(find_objects(parts), start=1):
             if box is not None:
-                around = _wider(box)
-                own = parts[around] == label
-                inside = distance_transform_edt(own)
-                cores[around][own & (inside > min(width, self.core * inside.max()))] = label
-        found = watershed(colour_gradient(colour, self.smoothing), cores)
-        return np.where(found == outside, 0, found).astype(np.int32)
+                window = _padded_box(box)
+                part_mask = parts[window] == label
+                depths = distance_transform_edt(part_mask)
+                cores[window][part_mask & (depths > min(width, self.core * depths.max()))] = label
+        labels = watershed(colour_gradient(colour, self.smoothing), cores)
+        return np.where(labels == outside, 0, labels).astype(np.int32)
 
 
 def colour_gradient(colour: NDArray[np.uint8], smoothing: float) -> Float64:
@@ -99,10 +99,10 @@ def colour_gradient(colour: NDArray[np.uint8], smoothing: float) -> Float64:
     """
     sigma = smoothing * colour.shape[1] / WIDTH
     channels = np.moveaxis(rgb2lab(colour), -1, 0)
-    each = [sobel(gaussian_filter(channel, sigma)) for channel in channels]
-    return np.asarray(np.linalg.norm(each, axis=0))
+    gradients = [sobel(gaussian_filter(channel, sigma)) for channel in channels]
+    return np.asarray(np.linalg.norm(gradients, axis=0))
 
 
-def _wider(box: tuple[slice, ...]) -> tuple[slice, ...]:
+def _padded_box(box: tuple[slice, ...]) -> tuple[slice, ...]:
     """A box with a pixel more on each side."""
     return tuple(slice(max(side.start - 1, 0), side.stop + 1) for side in box)

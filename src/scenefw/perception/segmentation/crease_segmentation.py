@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float64, Int32
     from scenefw.perception.observation.observation import Observation
 
-_TOP = 0.95  # share of a part below its top, against single pixels
+_TOP_QUANTILE = 0.95  # share of a part below its top, against single pixels
 
 
 class SeenParts:
@@ -71,17 +71,20 @@ class SeenParts:
         scale = frame.depth.shape[1] / WIDTH
         above = heights > self.margin  # NaN where no depth: not above
         reach = max(1, round(self.reach * scale))
-        smooth = above & ~concave_creases(frame, float(np.cos(np.radians(self.crease))), reach)
-        smallest = max(1, round(self.smallest * scale**2))
-        parts = large_parts(depth_parts(frame.depth, smooth, self.jump), smallest)
+        smooth_mask = above & ~concave_creases(frame, float(np.cos(np.radians(self.crease))), reach)
+        min_pixels = max(1, round(self.smallest * scale**2))
+        parts = large_parts(depth_parts(frame.depth, smooth_mask, self.jump), min_pixels)
         if self.grow:
             parts = grown(parts, above, frame.depth)
         return high_parts(parts, heights, self.lowest)
 
 
-def high_parts(parts: Int32, heights: Float64, lowest: float | Float64) -> Int32:
-    """Parts (H, W) that rise above `lowest` (m, of all pixels or of each), numbered from 1 on."""
-    above = heights - lowest
-    tops = [np.quantile(above[parts == k], _TOP) for k in range(1, parts.max(initial=0) + 1)]
-    kept = np.array([False, *(top > 0 for top in tops)])
-    return (np.cumsum(kept) * kept)[parts].astype(np.int32)
+def high_parts(parts: Int32, heights: Float64, min_height: float | Float64) -> Int32:
+    """Parts (H, W) that rise above `min_height` (m, of all pixels or each), numbered from 1 on."""
+    clearance = heights - min_height
+    tops = [
+        np.quantile(clearance[parts == k], _TOP_QUANTILE)
+        for k in range(1, parts.max(initial=0) + 1)
+    ]
+    keep_mask = np.array([False, *(top > 0 for top in tops)])
+    return (np.cumsum(keep_mask) * keep_mask)[parts].astype(np.int32)

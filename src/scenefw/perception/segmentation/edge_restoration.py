@@ -10,7 +10,7 @@ from scipy.ndimage import distance_transform_edt, find_objects
 from scenefw.core.settings import COUNT, POSITIVE, at_least
 from scenefw.kernels.cameras import floor_depths, stack_cameras
 from scenefw.perception.observation.pixels import WIDTH
-from scenefw.perception.segmentation.ramp_width import LEAST, ramp_width
+from scenefw.perception.segmentation.ramp_width import MIN_RISE, ramp_width
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from scenefw.perception.observation.observation import Observation
     from scenefw.perception.segmentation.colour_edges import ColourEdges
 
-_ALIKE = 0.012  # m of depth between pixels of one surface
-_TALLEST = 0.25  # m
+_MAX_DEPTH_STEP = 0.012  # m of depth between pixels of one surface
+_MAX_HEIGHT = 0.25  # m above the floor
 
 
 class RestoredEdges:
@@ -76,14 +76,14 @@ class RestoredEdges:
         if self.colour is not None and view.masks is None:
             parts = self.colour.moved(parts, view)
         scale, camera = view.depth.shape[1] / WIDTH, view.camera
-        away = distance_transform_edt(parts == 0)
-        width = ramp_width(view.heights, away, round(self.widest * scale))
+        distance = distance_transform_edt(parts == 0)
+        width = ramp_width(view.heights, distance, round(self.widest * scale))
         if width < self.narrowest * scale:
             return view, parts
         depth = continued(view.depth, parts, width)
-        tallest = min(_TALLEST, camera.T_world_camera[2, 3])  # below it rays go down
-        on_floor = (away > 0) & (away <= width + 1)
-        on_floor &= (view.heights > LEAST) & (view.heights < tallest)
+        max_height = min(_MAX_HEIGHT, camera.T_world_camera[2, 3])  # below it rays go down
+        on_floor = (distance > 0) & (distance <= width + 1)
+        on_floor &= (view.heights > MIN_RISE) & (view.heights < max_height)
         depth = np.where(on_floor, floor_depths(stack_cameras([camera]))[0].numpy(), depth)
         beside_jump = distances(jumps(depth, parts, self.jump)) <= width + 1
         return view.restored(np.where(beside_jump, depth, view.depth), self.mapping), parts
@@ -101,51 +101,57 @@ def continued(depth: Float32, parts: Int32, width: int) -> Float32:
         width: pixels.
     """
     inside = (distances(jumps(depth, parts)) > width) & (depth > 0)
-    found = depth.copy()
+    restored_depth = depth.copy()
     for label, box in enumerate(find_objects(parts), start=1):
         if box is None:
             continue
-        own, image = parts[box] == label, depth[box]
-        inner = own & inside[box]
-        if not inner.any():
+        part_mask, image = parts[box] == label, depth[box]
+        core = part_mask & inside[box]
+        if not core.any():
             continue
-        away, nearest = distance_transform_edt(~inner, return_indices=True)
-        at = np.nonzero(own & ~inner & (image > 0) & (away <= 2 * width + 2))
-        here = tuple(axis[at] for axis in nearest)
-        further = tuple(
+        distance, nearest = distance_transform_edt(~core, return_indices=True)
+        pixels = np.nonzero(part_mask & ~core & (image > 0) & (distance <= 2 * width + 2))
+        core_pixels = tuple(axis[pixels] for axis in nearest)
+        mirrored_pixels = tuple(
             np.clip(2 * h - a, 0, size - 1)
-            for h, a, size in zip(here, at, image.shape, strict=True)
+            for h, a, size in zip(core_pixels, pixels, image.shape, strict=True)
         )
-        near, beyond = image[here], image[further]
-        alike = inner[further] & (np.abs(beyond - near) < _ALIKE)
-        found[box][at] = 1 / np.where(alike, 2 / near - 1 / np.where(alike, beyond, 1), 1 / near)
-    return found
+        core_depth, mirrored_depth = image[core_pixels], image[mirrored_pixels]
+        same_surface = core[mirrored_pixels] & (
+            np.abs(mirrored_depth - core_depth) < _MAX_DEPTH_STEP
+        )
+        restored_depth[box][pixels] = 1 / np.where(
+            same_surface,
+            2 / core_depth - 1 / np.where(same_surface, mirrored_depth, 1),
+            1 / core_depth,
+        )
+    return restored_depth
 
 
-def jumps(depth: Float32, parts: Int32, least: float = 0.0) -> NDArray[np.bool_]:
+def jumps(depth: Float32, parts: Int32, min_step: float = 0.0) -> NDArray[np.bool_]:
     """Pixels (H, W) beside which another part is, or none, in another depth.
 
     Args:
         depth: (H, W) metres, 0 = no measurement.
         parts: (H, W), 0 = none.
-        least: by how much depth differs there (m); 0 takes all ends of parts.
+        min_step: by how much depth differs there (m); 0 takes all ends of parts.
     """
-    found = np.zeros(parts.shape, dtype=bool)
+    edges = np.zeros(parts.shape, dtype=bool)
     for first, second in (
         ((slice(None), slice(1, None)), (slice(None), slice(None, -1))),
         ((slice(1, None), slice(None)), (slice(None, -1), slice(None))),
     ):
         ends = parts[first] != parts[second]
-        if least:
-            both = (depth[first] > 0) & (depth[second] > 0)
-            ends &= both & (np.abs(depth[first] - depth[second]) >= least)
-        found[first] |= ends
-        found[second] |= ends
-    return found
+        if min_step:
+            measured = (depth[first] > 0) & (depth[second] > 0)
+            ends &= measured & (np.abs(depth[first] - depth[second]) >= min_step)
+        edges[first] |= ends
+        edges[second] |= ends
+    return edges
 
 
-def distances(marked: NDArray[np.bool_]) -> Float64:
+def distances(mask: NDArray[np.bool_]) -> Float64:
     """Pixels (H, W) to the nearest marked one, infinite if none is."""
-    if not marked.any():
-        return np.full(marked.shape, np.inf)
-    return np.asarray(distance_transform_edt(~marked))
+    if not mask.any():
+        return np.full(mask.shape, np.inf)
+    return np.asarray(distance_transform_edt(~mask))

@@ -9,30 +9,34 @@ import numpy as np
 if TYPE_CHECKING:
     from scenefw.core.types import Float64
 
-LEAST = 0.002
+MIN_RISE = 0.002
 """Height (m) from which on the floor seems to rise."""
-_SHARE = 0.15  # of the height right beside objects: there a ramp ends
-_TYPICAL = 0.7  # quantile of heights: beside lower edges of objects there is no ramp
+_MIN_RISE_SHARE = 0.15  # of the height right beside objects: there a ramp ends
+_TYPICAL_QUANTILE = 0.7  # quantile of heights: beside lower edges of objects there is no ramp
 
 
-def ramp_width(heights: Float64, away: Float64, widest: int) -> int:
-    """Pixels beside objects, 0 to `widest`, over which the floor seems to rise.
+def ramp_width(heights: Float64, distances: Float64, max_width: int) -> int:
+    """Pixels beside objects, 0 to `max_width`, over which the floor seems to rise.
 
     Args:
         heights: (H, W) of pixels (m), NaN = no depth.
-        away: (H, W) pixels from the nearest object, 0 on objects.
-        widest: at most.
+        distances: (H, W) pixels from the nearest object, 0 on objects.
+        max_width: at most.
     """
-    floor = (away > 0) & np.isfinite(heights)
-    ring = np.where(floor, np.rint(away), 0).astype(int)
-    far = heights[(ring > widest + 2) & (ring < 2 * widest)]
-    if not len(far):
+    floor = (distances > 0) & np.isfinite(heights)
+    ring = np.where(floor, np.rint(distances), 0).astype(int)
+    far_heights = heights[(ring > max_width + 2) & (ring < 2 * max_width)]
+    if not len(far_heights):
         return 0
-    usual, least = np.quantile(far, _TYPICAL), LEAST
-    for distance in range(1, widest + 1):
-        own = heights[ring == distance]
-        rise = np.quantile(own, _TYPICAL) - usual if len(own) else 0.0
-        if rise <= least:
+    floor_height, min_rise = np.quantile(far_heights, _TYPICAL_QUANTILE), MIN_RISE
+    for distance in range(1, max_width + 1):
+        ring_heights = heights[ring == distance]
+        rise = (
+            np.quantile(ring_heights, _TYPICAL_QUANTILE) - floor_height
+            if len(ring_heights)
+            else 0.0
+        )
+        if rise <= min_rise:
             return distance - 1
-        least = max(least, _SHARE * rise)
-    return widest
+        min_rise = max(min_rise, _MIN_RISE_SHARE * rise)
+    return max_width

@@ -15,68 +15,68 @@ _NOISE = 0.002  # m between neighbouring pixels of one surface
 EDGE = 0.03
 """m: where depth jumps as far from one pixel to the next, another object begins."""
 
-_SHORTEST = 3  # pixels of a border that say something
+_MIN_BORDER = 3  # pixels of a border that say something
 
 _NEIGHBOURS = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]))
 
 
-def depth_parts(depth: Float32, among: NDArray[np.bool_], jump: float) -> NDArray[np.int64]:
-    """Components (H, W), from 1 on, of the pixels `among` that count; 0 elsewhere.
+def depth_parts(depth: Float32, mask: NDArray[np.bool_], jump: float) -> NDArray[np.int64]:
+    """Components (H, W), from 1 on, of the pixels of `mask`; 0 elsewhere.
 
     Args:
         depth: (H, W) metres.
-        among: (H, W) pixels that belong to a part.
+        mask: (H, W) pixels that belong to a part.
         jump: neighbouring pixels further apart in depth belong to different parts (m).
     """
-    near = [np.abs(depth[a] - depth[b]) < jump for a, b in _NEIGHBOURS]
-    return linked_parts(among, near[0], near[1])
+    links = [np.abs(depth[a] - depth[b]) < jump for a, b in _NEIGHBOURS]
+    return linked_parts(mask, links[0], links[1])
 
 
 def linked_parts(
-    among: NDArray[np.bool_], across: NDArray[np.bool_], down: NDArray[np.bool_]
+    mask: NDArray[np.bool_], across: NDArray[np.bool_], down: NDArray[np.bool_]
 ) -> NDArray[np.int64]:
-    """Components (H, W), from 1 on, of the pixels `among` that links join; 0 elsewhere.
+    """Components (H, W), from 1 on, of the pixels of `mask` that links join; 0 elsewhere.
 
     Args:
-        among: (H, W) pixels that belong to a part.
+        mask: (H, W) pixels that belong to a part.
         across: (H, W - 1) whether a pixel is joined to its right neighbour.
         down: (H - 1, W) whether it is to the one below.
     """
-    index = np.arange(among.size).reshape(among.shape)
+    index = np.arange(mask.size).reshape(mask.shape)
     rows, columns = [], []
     linked = iter((across, down))
     for a, b in _NEIGHBOURS:
-        joined = among[a] & among[b] & next(linked)
-        rows.append(index[a][joined])
-        columns.append(index[b][joined])
+        link_mask = mask[a] & mask[b] & next(linked)
+        rows.append(index[a][link_mask])
+        columns.append(index[b][link_mask])
     row, column = np.concatenate(rows), np.concatenate(columns)
-    links = coo_matrix((np.ones(len(row), bool), (row, column)), (among.size, among.size))
-    labels = connected_components(links, directed=False)[1].reshape(among.shape)
-    used = np.unique(labels[among])
-    return np.where(among, np.searchsorted(used, labels) + 1, 0)
+    links = coo_matrix((np.ones(len(row), bool), (row, column)), (mask.size, mask.size))
+    labels = connected_components(links, directed=False)[1].reshape(mask.shape)
+    component_labels = np.unique(labels[mask])
+    return np.where(mask, np.searchsorted(component_labels, labels) + 1, 0)
 
 
-def merged(regions: Int32, across: Float32, down: Float32, least: float) -> NDArray[np.int64]:
+def merged(regions: Int32, across: Float32, down: Float32, min_mean: float) -> NDArray[np.int64]:
     """Regions (H, W) of which neighbours are joined, the pair with the highest mean border first.
 
     Args:
         regions: (H, W), 0 = none.
         across: (H, W - 1) how surely a pixel and its right neighbour belong together.
         down: (H - 1, W) the same for the one below.
-        least: mean along the border of two regions from which on they are joined.
+        min_mean: mean along the border of two regions from which on they are joined.
     """
     sums, borders = along_borders(regions, across, down)
     owner = np.arange(len(sums))
     while True:
         means = np.divide(sums, borders, out=np.zeros_like(sums), where=borders > 0)
-        kept, gone = np.unravel_index(means.argmax(), means.shape)
-        if means[kept, gone] < least or not borders[kept, gone]:
+        target, source = np.unravel_index(means.argmax(), means.shape)
+        if means[target, source] < min_mean or not borders[target, source]:
             return owner[regions]
-        owner[owner == gone] = kept
+        owner[owner == source] = target
         for table in (sums, borders):
-            table[kept] += table[gone]
-            table[:, kept] += table[:, gone]
-            table[gone] = table[:, gone] = table[kept, kept] = 0
+            table[target] += table[source]
+            table[:, target] += table[:, source]
+            table[source] = table[:, source] = table[target, target] = 0
 
 
 def joined_within(
@@ -84,7 +84,7 @@ def joined_within(
     parts: Int32,
     across: Float32,
     down: Float32,
-    least: float,
+    min_mean: float,
     share: float = 0.8,
 ) -> NDArray[np.int64]:
     """Regions (H, W) of which neighbours are joined that lie in one part of another segmentation.
@@ -94,7 +94,7 @@ def joined_within(
         parts: (H, W) of the other segmentation, 0 = none.
         across: (H, W - 1) how surely a pixel and its right neighbour belong together.
         down: (H - 1, W) the same for the one below.
-        least: mean along the border of two regions above which they are joined.
+        min_mean: mean along the border of two regions above which they are joined.
         share: of a region's pixels that a part must have for the region to lie in it.
     """
     sums, borders = along_borders(regions, across, down)
@@ -102,9 +102,9 @@ def joined_within(
     np.add.at(shared, (regions, parts), 1)
     part = shared.argmax(axis=1)
     within = (part > 0) & (shared.max(axis=1) >= share * shared.sum(axis=1))
-    both = within[:, None] & within & (part[:, None] == part)
-    both &= (borders >= _SHORTEST) & (sums > least * borders)
-    groups = connected_components(csr_matrix(both), directed=False)[1]
+    pairs = within[:, None] & within & (part[:, None] == part)
+    pairs &= (borders >= _MIN_BORDER) & (sums > min_mean * borders)
+    groups = connected_components(csr_matrix(pairs), directed=False)[1]
     _, first = np.unique(groups, return_index=True)
     return np.asarray(first[groups][regions], dtype=np.int64)
 
@@ -121,8 +121,8 @@ def hiding(parts: Int32, depth: Float32, share: float = 0.9) -> NDArray[np.bool_
     """
     across, down = (np.abs(depth[a] - depth[b]) > EDGE for a, b in _NEIGHBOURS)
     jumps, borders = along_borders(parts, across, down)
-    found: NDArray[np.bool_] = (borders > 0) & (jumps >= share * borders)
-    return found
+    occlusions: NDArray[np.bool_] = (borders > 0) & (jumps >= share * borders)
+    return occlusions
 
 
 def along_borders(
@@ -143,19 +143,19 @@ def along_borders(
     values = iter((across, down))
     for a, b in _NEIGHBOURS:
         value, first, second = next(values), parts[a], parts[b]
-        meet = (first != second) & (first > 0) & (second > 0)
+        on_border = (first != second) & (first > 0) & (second > 0)
         for rows, columns in ((first, second), (second, first)):
-            np.add.at(sums, (rows[meet], columns[meet]), value[meet])
-            np.add.at(lengths, (rows[meet], columns[meet]), 1)
+            np.add.at(sums, (rows[on_border], columns[on_border]), value[on_border])
+            np.add.at(lengths, (rows[on_border], columns[on_border]), 1)
     return sums, lengths
 
 
-def large_parts(components: NDArray[np.int64], smallest: int) -> NDArray[np.int32]:
-    """Components (H, W) of at least `smallest` pixels, renumbered from 1 on; others become 0."""
+def large_parts(components: NDArray[np.int64], min_pixels: int) -> NDArray[np.int32]:
+    """Components (H, W) of at least `min_pixels` pixels, renumbered from 1 on; others become 0."""
     sizes = np.bincount(components.ravel())
-    kept = sizes >= smallest
-    kept[0] = False  # label 0 is the background
-    return (np.cumsum(kept) * kept)[components].astype(np.int32)
+    keep_mask = sizes >= min_pixels
+    keep_mask[0] = False  # label 0 is the background
+    return (np.cumsum(keep_mask) * keep_mask)[components].astype(np.int32)
 
 
 def concave_creases(frame: Frame, cosine: float, reach: int) -> NDArray[np.bool_]:
@@ -170,19 +170,22 @@ def concave_creases(frame: Frame, cosine: float, reach: int) -> NDArray[np.bool_
         reach: pixels.
     """
     points = camera_points(frame)
-    found = np.zeros(frame.depth.shape, dtype=bool)
+    creases = np.zeros(frame.depth.shape, dtype=bool)
     for axis in (0, 1):
-        if found.shape[axis] <= 2 * reach:
+        if creases.shape[axis] <= 2 * reach:
             continue
-        before, here, after = _thirds(points, axis, reach)
-        come, go = here - before, after - here
+        before, centre, after = _thirds(points, axis, reach)
+        incoming, outgoing = centre - before, after - centre
         with np.errstate(invalid="ignore"):
-            bent = _dot(come, go) < cosine * np.sqrt(_dot(come, come) * _dot(go, go))
-            behind = _dot(come - go, here) > 0  # here: also the direction of its ray
+            is_bent = _dot(incoming, outgoing) < cosine * np.sqrt(
+                _dot(incoming, incoming) * _dot(outgoing, outgoing)
+            )
+            # centre: also the direction of its ray
+            is_behind = _dot(incoming - outgoing, centre) > 0
         middle = [slice(None), slice(None)]
         middle[axis] = slice(reach, -reach)
-        found[tuple(middle)] |= bent & behind
-    return found
+        creases[tuple(middle)] |= is_bent & is_behind
+    return creases
 
 
 def _thirds(points: Float64, axis: int, reach: int) -> tuple[Float64, Float64, Float64]:
@@ -198,45 +201,47 @@ def _dot(a: Float64, b: Float64) -> Float64:
 
 
 def grown(
-    labels: Int32, among: NDArray[np.bool_], depth: Float32, furthest: float = np.inf
+    labels: Int32, mask: NDArray[np.bool_], depth: Float32, max_step: float = np.inf
 ) -> Int32:
-    """Labels (H, W) that also cover the pixels `among` that can be reached through others.
+    """Labels (H, W) that also cover the pixels of `mask` that can be reached through others.
 
     Each takes the label that is nearest along the image, where a step costs a pixel and each
     millimetre of depth beyond `_NOISE` another (Dijkstra's shortest paths from all labels at once).
 
     Args:
         labels: (H, W), 0 = none.
-        among: (H, W) pixels that may get one.
+        mask: (H, W) pixels that may get one.
         depth: (H, W) metres.
-        furthest: no step goes across a jump of depth above this (m).
+        max_step: no step goes across a jump of depth above this (m).
     """
-    todo = among & (labels == 0)
-    seeds = (labels > 0) & binary_dilation(todo)
-    if not todo.any() or not seeds.any():
+    unlabelled = mask & (labels == 0)
+    seeds = (labels > 0) & binary_dilation(unlabelled)
+    if not unlabelled.any() or not seeds.any():
         return labels
-    number = np.cumsum((todo | seeds).ravel()).reshape(labels.shape) - 1
-    steps = _steps(depth, todo | seeds, number, furthest)
+    number = np.cumsum((unlabelled | seeds).ravel()).reshape(labels.shape) - 1
+    steps = _steps(depth, unlabelled | seeds, number, max_step)
     _, _, source = dijkstra(
         steps, directed=False, indices=number[seeds], return_predecessors=True, min_only=True
     )
-    own = labels[todo | seeds]
+    node_labels = labels[unlabelled | seeds]
     filled = labels.copy()
-    filled[todo | seeds] = np.where(source >= 0, own[np.maximum(source, 0)], own)
+    filled[unlabelled | seeds] = np.where(
+        source >= 0, node_labels[np.maximum(source, 0)], node_labels
+    )
     return filled
 
 
 def _steps(
-    depth: Float32, among: NDArray[np.bool_], number: NDArray[np.intp], furthest: float
+    depth: Float32, mask: NDArray[np.bool_], number: NDArray[np.intp], max_step: float
 ) -> csr_matrix:
     """Costs between neighbours, by their numbers."""
     rows, columns, costs = [], [], []
     for a, b in _NEIGHBOURS:
-        both = among[a] & among[b] & (np.abs(depth[a] - depth[b]) <= furthest)
-        rise = np.abs(depth[a][both] - depth[b][both])
-        rows.append(number[a][both])
-        columns.append(number[b][both])
+        link_mask = mask[a] & mask[b] & (np.abs(depth[a] - depth[b]) <= max_step)
+        rise = np.abs(depth[a][link_mask] - depth[b][link_mask])
+        rows.append(number[a][link_mask])
+        columns.append(number[b][link_mask])
         costs.append(1 + 1000 * np.maximum(rise - _NOISE, 0))
-    size = int(among.sum())
-    places = (np.concatenate(rows), np.concatenate(columns))
-    return csr_matrix((np.concatenate(costs), places), (size, size))
+    size = int(mask.sum())
+    indices = (np.concatenate(rows), np.concatenate(columns))
+    return csr_matrix((np.concatenate(costs), indices), (size, size))

@@ -23,6 +23,7 @@ from scenefw.report.labelling.figures import Panel, bounds_figure, noise_figure
 from scenefw.report.labelling.pictures import example_picture
 from scenefw.report.measured import column
 from scenefw.report.pictures import save_picture
+from scenefw.report.presentation import Show
 from scenefw.report.tables import Cell, Column, Table
 
 DEFINITION = (
@@ -317,3 +318,12 @@ def _bounds(interval: Interval, digits: int = 3) -> str:
 def _listed(numbers: Sequence[int]) -> str:
     words = [str(number) for number in numbers]
     return " and ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
+
+
+SECTIONS: dict[type, Show] = {
+    CurvesResult: curves_sections,
+    NoiseResult: noise_sections,
+    NetworksResult: lambda result, _: network_sections(result),
+    TimesResult: lambda result, _: times_sections(result),
+    WeightsResult: lambda result, _: weights_sections(result),
+}

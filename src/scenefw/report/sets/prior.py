@@ -21,6 +21,7 @@ from scenefw.report.figures import COLOURS, INK, STYLE, to_svg
 from scenefw.report.measured import column
 from scenefw.report.palette import instance_colours
 from scenefw.report.pictures import beside, save_picture
+from scenefw.report.presentation import Show
 from scenefw.report.shading import Solid, draw, turned
 from scenefw.report.tables import Cell, Column, Table
 from scenefw.representations.volumes import scene_volumes
@@ -228,3 +229,6 @@ def _solid(scenes: SceneParameters, row: int) -> Solid:
 
 def _count(scenes: SceneParameters, row: int) -> int:
     return int(scenes.present[row].sum())
+
+
+SECTIONS: dict[type, Show] = {PriorResult: prior_sections}

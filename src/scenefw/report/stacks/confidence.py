@@ -14,6 +14,7 @@ from scenefw.evaluation.stacks.confidence_results import (
 )
 from scenefw.report import measured
 from scenefw.report.blocks import Section, Text
+from scenefw.report.presentation import Show
 from scenefw.report.stacks.draws import ranged
 from scenefw.report.tables import Cell, Column, Table
 
@@ -77,3 +78,6 @@ def _knots(result: ConfidenceResult) -> Text:
     agreements = ", ".join(f"{value:.3f}" for value in fitted.said)
     expected = ", ".join(f"{value:.3f}" for value in fitted.expected)
     return Text(f"Fitted to all of them: said [{agreements}], expected [{expected}].")
+
+
+SECTIONS: dict[type, Show] = {ConfidenceResult: lambda result, _: confidence_sections(result)}

@@ -21,6 +21,7 @@ from scenefw.report.blocks import Drawing, Picture, Section
 from scenefw.report.figures import COLOURS, INK, STYLE, to_svg
 from scenefw.report.films import film_pictures, save_film
 from scenefw.report.pictures import save_picture
+from scenefw.report.presentation import Show
 from scenefw.report.stacks.draws import ranged
 from scenefw.report.tables import Cell, Column, Table
 
@@ -137,3 +138,6 @@ def _films(example: GraspExample, folder: Path) -> tuple[Picture, ...]:
     save_picture(np.concatenate(strip, axis=0), folder / f"{name}.jpg")
     caption = f"{example.name}: {example.words}"
     return (Picture(f"{name}.jpg", caption, (("film (GIF)", f"{name}.gif"),)),)
+
+
+SECTIONS: dict[type, Show] = {GraspingResult: grasping_sections}

@@ -14,6 +14,7 @@ from scenefw.report.blocks import Picture, Section, Text
 from scenefw.report.measured import column
 from scenefw.report.palette import instance_colours
 from scenefw.report.pictures import beside, save_picture
+from scenefw.report.presentation import Show
 from scenefw.report.tables import Column, Table
 
 _SHOWN = (
@@ -166,3 +167,6 @@ def _overlaid(image: ImageResult, labels: NDArray[np.int16]) -> NDArray[np.float
         picture[mask] = 0.4 * picture[mask] + 0.6 * np.array(colour)
         picture[borders(mask)] = np.array(colour) * 0.6
     return picture.astype(np.float32)
+
+
+SECTIONS: dict[type, Show] = {LabelledMaskResult: labelled_mask_sections}

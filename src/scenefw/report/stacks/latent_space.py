@@ -13,6 +13,7 @@ from scenefw.evaluation.stacks.latent_space_results import (
 from scenefw.report import measured
 from scenefw.report.blocks import Drawing, Section
 from scenefw.report.figures import bin_figure
+from scenefw.report.presentation import Show
 from scenefw.report.stacks.draws import ranged
 from scenefw.report.tables import Cell, Column, Table
 
@@ -99,3 +100,6 @@ def way_table(result: LatentSpaceResult) -> Table:
         f"{100 / result.steps:.0f} % each. Errors: 1 - IoU with the true shape."
     )
     return Table("Ways between draws", tuple(columns), tuple(rows), note=note)
+
+
+SECTIONS: dict[type, Show] = {LatentSpaceResult: lambda result, _: latent_space_sections(result)}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from scenefw.evaluation.stacks.ranking_results import ANY, BEST, FIRST, SCORES, RankingResult
 from scenefw.report import measured
 from scenefw.report.blocks import Section
+from scenefw.report.presentation import Show
 from scenefw.report.stacks.draws import ranged
 from scenefw.report.tables import Cell, Column, Table
 
@@ -36,3 +37,6 @@ def ranking_sections(result: RankingResult) -> tuple[Section, ...]:
     quoted = frozenset({_NAMES[BEST]})
     table = Table("The draw that comes first", tuple(columns), tuple(rows), quoted, note)
     return (Section("Rankings", (table,)),)
+
+
+SECTIONS: dict[type, Show] = {RankingResult: lambda result, _: ranking_sections(result)}

@@ -12,6 +12,7 @@ from scenefw.evaluation.stacks.results import VISIBILITY_EDGES, ReconstructionRe
 from scenefw.report import measured
 from scenefw.report.blocks import Drawing, Section, Text
 from scenefw.report.figures import bin_figure
+from scenefw.report.presentation import Show
 from scenefw.report.stacks.draws import draw_sections, ranged, skills
 from scenefw.report.tables import Cell, Column, Table
 
@@ -271,3 +272,8 @@ def _bins_table(
     ]
     rows.append(("views", tuple(str(counts[i]) for i in indices)))
     return Table(title, columns, tuple(rows), frozenset({"views"}))
+
+
+SECTIONS: dict[type, Show] = {
+    ReconstructionResult: lambda result, _: reconstruction_sections(result)
+}

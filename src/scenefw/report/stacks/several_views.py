@@ -11,6 +11,7 @@ from scenefw.evaluation.stacks.methods import described
 from scenefw.evaluation.stacks.several_views_results import SCORES, SeveralViewsResult
 from scenefw.report.blocks import Drawing, Section
 from scenefw.report.figures import bin_figure
+from scenefw.report.presentation import Show
 from scenefw.report.stacks.draws import ranged
 from scenefw.report.tables import Cell, Column, Table
 
@@ -81,3 +82,6 @@ def _cells(result: SeveralViewsResult, method: str, name: str) -> tuple[Cell, ..
         interval = result.interval(method, count, name)
         cells += [SCORES[name].shown(interval.mean), ranged(interval, SCORES[name])]
     return tuple(cells)
+
+
+SECTIONS: dict[type, Show] = {SeveralViewsResult: several_views_sections}

@@ -7,6 +7,7 @@ from scenefw.evaluation.stacks.stability_results import SCORES, TRUTH, Stability
 from scenefw.report import measured
 from scenefw.report.blocks import Drawing, Section
 from scenefw.report.figures import bin_figure
+from scenefw.report.presentation import Show
 from scenefw.report.stacks.draws import ranged
 from scenefw.report.tables import Cell, Column, Table
 
@@ -76,3 +77,6 @@ def _binned(result: StabilityResult, method: str, name: str) -> tuple[float | No
 
 def _name(method: str) -> str:
     return _NAMES.get(method, method.replace("_", " "))
+
+
+SECTIONS: dict[type, Show] = {StabilityResult: lambda result, _: stability_sections(result)}

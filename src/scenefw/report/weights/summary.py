@@ -10,7 +10,7 @@ from scenefw.report.measured import compared, label
 from scenefw.report.stored import StoredRun
 from scenefw.report.tables import Cell, Column
 
-COLUMNS = (Column("scenefw"), Column("without learning"), Column("published"))
+COLUMNS = (Column("default"), Column("without learning"), Column("published"))
 Row = tuple[str, tuple[Cell, ...]]
 Entries = Mapping[str, Mapping[str, Any] | None]
 
