@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
-    from scenefw.core.types import Int32
+    from scenefw.core.types import GridSpec, Int32
     from scenefw.perception.observation.observation import Observation
     from scenefw.perception.steps import Objects
 
@@ -31,6 +31,12 @@ class Cached:
 
     def __reduce__(self) -> tuple[type[Cached], tuple[Any, int]]:
         return Cached, (self.step, self.size)
+
+    @property
+    def grid(self) -> GridSpec | None:
+        """That of the step; None: any."""
+        grid: GridSpec | None = getattr(self.step, "grid", None)
+        return grid
 
     def segment(self, view: Observation) -> Int32:
         """Segments (H, W) of a view."""

@@ -114,6 +114,10 @@ class EdgeRestoration(Protocol):
 class Grouping(Protocol):
     """Step 4: which segments are one object (group `grouping`)."""
 
+    @property
+    def grid(self) -> GridSpec | None:
+        """The grid that its volumes must have; None: any."""
+
     def group(self, segments: Int32, view: Observation) -> Objects:
         """The objects, with rough volumes."""
 

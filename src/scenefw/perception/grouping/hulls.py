@@ -31,6 +31,8 @@ class HullFilling:
         segmentation: whose segments are filled instead; None: those that are given.
     """
 
+    grid: GridSpec | None = None
+
     def __init__(self, segmentation: Segmentation | None = None) -> None:
         self.segmentation = segmentation
 

@@ -78,6 +78,11 @@ class ObjectGrouping:
         self.rough, self.split, self.merge, self.reassign = rough, split, merge, reassign
         self.min_divided, self.reach = min_divided, reach
 
+    @property
+    def grid(self) -> GridSpec | None:
+        """That of the rough volumes; None: any."""
+        return self.rough.grid
+
     def group(self, segments: Int32, view: Observation) -> Objects:
         """The objects of a view, with rough volumes.
 
