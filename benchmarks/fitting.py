@@ -41,7 +41,7 @@ def alone() -> Callable[[], object]:
 
 def together() -> Callable[[], object]:
     fit, evidence = JointFit(SuperquadricFit()), [half_seen(seed) for seed in range(4)]
-    return lambda: fit.fit(evidence)
+    return lambda: fit.separate(evidence, fit.fit(evidence))
 
 
 def scipy(count: int) -> Callable[[], Callable[[], object]]:

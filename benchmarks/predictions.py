@@ -16,7 +16,7 @@ import scenefw
 from benchmarks.harness import Job, Timed
 from benchmarks.rays import VIEW, stack_depth
 from scenefw.core.types import SceneEstimate
-from scenefw.perception.pipeline import Pipeline
+from scenefw.perception.pipeline import ReconstructionPipeline
 from scenefw.report.shading import draw
 from scenefw.report.solids import solids_of
 from scenefw.report.window import SIZE, cropped, window
@@ -36,15 +36,15 @@ def image() -> np.ndarray:
 
 
 @cache
-def pipeline() -> Pipeline:
+def pipeline() -> ReconstructionPipeline:
     """That of `run=predict`."""
-    return scenefw.load("simstack", device="cpu").pipeline
+    return scenefw.load("reconstruction", device="cpu").pipeline
 
 
 @cache
 def scene() -> SceneEstimate:
     """What is predicted."""
-    return scenefw.load("simstack", device="cpu").predict(image(), VIEW).samples[0]
+    return scenefw.load("reconstruction", device="cpu").predict(image(), VIEW).samples[0]
 
 
 def predicted(**settings: bool) -> Timed:
@@ -62,7 +62,7 @@ def predicted(**settings: bool) -> Timed:
 
 def computed() -> Timed:
     """Three hypotheses, nothing written."""
-    predictor, depth = scenefw.load("simstack", device="cpu"), image()
+    predictor, depth = scenefw.load("reconstruction", device="cpu"), image()
     return lambda: predictor.predict(depth, VIEW)
 
 

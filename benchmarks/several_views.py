@@ -15,7 +15,7 @@ from scenefw.data.stacks import StackScenes
 from scenefw.data.views import ViewMaker
 from scenefw.learning.checkpoint import load_checkpoint
 from scenefw.mapping.inverse_ray_tracing import InverseRayTracing
-from scenefw.perception.completion.volume_network import NetworkReconstructor
+from scenefw.perception.completion.volume_network import VolumeNetwork
 from scenefw.perception.multiview.optimised_code import OptimisedCode
 from scenefw.renderers.differentiable import Differentiable, thinned
 from scenefw.renderers.sphere_tracer import SphereTracer
@@ -70,7 +70,7 @@ def optimised(renderer: type[Differentiable]) -> Callable[[], Callable[[], objec
     def setup() -> Callable[[], object]:
         checkpoint: Any = load_checkpoint()
         views = _views(checkpoint.grid)
-        network = NetworkReconstructor(checkpoint, _OneObject())
+        network = VolumeNetwork(checkpoint, _OneObject())
         method = OptimisedCode(network, renderer(), iterations=_ITERATIONS)
         code = torch.zeros(1, checkpoint.model.latent_size)
         return lambda: method.optimised(code, views[0], views, checkpoint.grid)

@@ -118,7 +118,7 @@ def eager() -> Timed:
     parameters = scenes.parameters(torch.arange(SCENES), DEVICE)
     with torch.no_grad():
         made = maker.make(parameters, Streams.of(0, 2, indices=range(SCENES)))
-    centres = torch.from_numpy(GRID.centres()).float().to(DEVICE)
+    centres = torch.tensor(GRID.centres(), dtype=torch.float32, device=DEVICE)
 
     @torch.no_grad()
     def compute() -> None:

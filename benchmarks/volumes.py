@@ -78,7 +78,7 @@ def mesh_to_sdf() -> Timed:
 
 def radial_torch() -> Timed:
     """Eager torch: the distance along the ray from the centre, the votes and the labels."""
-    p, centres = scene(), torch.from_numpy(GRID.centres()).float()
+    p, centres = scene(), torch.tensor(GRID.centres(), dtype=torch.float32)
     return lambda: radial_volumes(p, centres)
 
 
@@ -104,7 +104,7 @@ def radial_volumes(p: SceneParameters, centres: Tensor) -> tuple[Tensor, Tensor,
 
 def occupancy_torch() -> Timed:
     """Eager torch: the left side of eq. 5.1."""
-    p, centres = scene(), torch.from_numpy(GRID.centres()).float()
+    p, centres = scene(), torch.tensor(GRID.centres(), dtype=torch.float32)
 
     def compute() -> Tensor:
         inside = []

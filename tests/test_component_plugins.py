@@ -7,12 +7,12 @@ from tests.test_plugins import PROJECT
 
 SMOKE = ("debug=smoke", "device=cpu")
 FILES = {
-    "parts.py": '''
+    "segments.py": '''
 import numpy as np
 from scipy import ndimage
 
-from scenefw.core.geometry import transform_points
-from scenefw.core.types import Frame, Int32
+from scenefw.core.types import Int32
+from scenefw.perception.observation.observation import Observation
 
 
 class Blobs:
@@ -21,15 +21,10 @@ class Blobs:
     def __init__(self, lowest: float) -> None:
         self.lowest = lowest
 
-    def segment(self, frame: Frame) -> Int32:
-        camera = frame.camera
-        v, u = np.mgrid[: camera.height, : camera.width]
-        rays = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, u * 0 + 1], -1)
-        points = (rays * frame.depth[..., None]).reshape(-1, 3)
-        heights = transform_points(camera.T_world_camera, points)[:, 2].reshape(u.shape)
-        found, _ = ndimage.label((heights > self.lowest) & (frame.depth > 0))
-        found[np.bincount(found.ravel())[found] < 500] = 0
-        return np.unique(found, return_inverse=True)[1].reshape(u.shape).astype(np.int32)
+    def segment(self, view: Observation) -> Int32:
+        blobs, _ = ndimage.label(view.heights > self.lowest)
+        blobs[np.bincount(blobs.ravel())[blobs] < 500] = 0
+        return np.unique(blobs, return_inverse=True)[1].reshape(blobs.shape).astype(np.int32)
 ''',
     "instances.py": '''
 import torch
@@ -140,7 +135,7 @@ class Drawn:
 """,
 }
 OPTIONS = {
-    "parts/blobs": "_target_: scenefw_mine.parts.Blobs\nlowest: 0.02",
+    "segmentation/blobs": "_target_: scenefw_mine.segments.Blobs\nlowest: 0.02",
     "postprocessing/largest": "_target_: scenefw_mine.instances.Largest",
     "renderer/afloat": "_target_: scenefw_mine.images.Afloat",
     "noise/steps": "steps:\n  _target_: scenefw_mine.images.Steps\n  step: 0.01",
@@ -186,14 +181,14 @@ def test_an_evaluation_is_shown_by_a_figure_of_its_own(scenefw, mine):
     assert "of all scenes" in page
 
 
-@pytest.mark.parametrize("chosen", ["parts=blobs", "postprocessing=largest"])
+@pytest.mark.parametrize("chosen", ["segmentation=blobs", "postprocessing=largest"])
 def test_a_scene_is_taken_apart_and_written_by_a_plugin(scenefw, mine, real_data, chosen):
     image = real_data / "real" / "realsense_table" / "uois_1.npz"
-    method = "set_flow" if chosen.startswith("parts") else "network"
+    method = "set_extents" if chosen.startswith("segmentation") else "network"
     words = ("run=predict", f"input={image}", f"reconstructor={method}", "export=[centres]")
     done = scenefw(*words, chosen, *SMOKE, "run.overview=false", "paths.output=out")
     assert done.returncode == 0, done.stderr[-3000:]
     lines = (mine / "out" / "uois_1" / "scene.xyz").read_text().splitlines()
     objects = json.loads((mine / "out" / "uois_1" / "scene.json").read_text())["objects"]
     assert len(lines) == len(objects)
-    assert len(objects) > 3 if method == "set_flow" else len(objects) == 1
+    assert len(objects) > 3 if method == "set_extents" else len(objects) == 1

@@ -14,6 +14,8 @@ from scenefw.data.stacks import StackScenes
 from scenefw.execution.build import Builder
 from scenefw.learning.checkpoint import load_checkpoint
 from scenefw.losses.tsdf import TsdfLoss
+from scenefw.perception.estimate.assembly import SceneAssembly
+from scenefw.perception.pipeline import ReconstructionPipeline
 from scenefw_object_count.batches import CountBatch
 from scenefw_object_count.counters import BaseRate, NetworkCounter
 from scenefw_object_count.evaluation import CountedView, CountResult
@@ -95,24 +97,29 @@ def test_the_base_rate_is_that_of_the_training_scenes():
 class Sure:
     """Counts two, whatever it sees."""
 
-    grid, metadata = GridSpec(16), {}
+    def __init__(self, grid):
+        self.grid, self.metadata = grid, {}
 
     def probabilities(self, partial, grid):
         return torch.tensor([[0.0, 1.0, 0.0]]).expand(len(partial.distance), -1)
 
 
-def test_two_boxes_are_cut_apart():
-    grid = Sure.grid
+@pytest.mark.parametrize("resolution", [16, 32])
+def test_two_boxes_are_cut_apart(resolution):
+    grid, size = GridSpec(resolution), resolution // 4
+    boxes = [(slice(a * size // 2, a * size // 2 + size),) * 2 for a in (1, 5)]
     distance = torch.full((1, 1, *grid.shape), grid.truncation)
-    distance[..., 2:6, 2:6, 4:8] = distance[..., 10:14, 10:14, 4:8] = -0.01
+    for box in boxes:
+        distance[(..., *box, slice(size, 2 * size))] = -0.01
     partial = PartialTSDF(distance, torch.ones_like(distance, dtype=torch.bool))
-    codes = torch.Generator().manual_seed(0)
-    completions = CountedParts(Sure()).complete(partial, grid, 2, codes)
-    for scenes in completions:
-        first, second = (scenes.instances[0, a:b, a:b, 4:8] for a, b in ((2, 6), (10, 14)))
+    pipeline = ReconstructionPipeline(SceneAssembly(), completion=CountedParts(Sure(grid)))
+    samples = pipeline.complete(partial, grid, 2, torch.Generator().manual_seed(0))
+    assert len(samples) == 2
+    for scene in samples:
+        first, second = (scene.instances[0][(*box, slice(size, 2 * size))] for box in boxes)
         assert len(first.unique()) == len(second.unique()) == 1
         assert {int(first[0, 0, 0]), int(second[0, 0, 0])} == {1, 2}
-        assert int((scenes.instances > 0).sum()) == 2 * 4**3
+        assert int((scene.instances > 0).sum()) == 2 * size**3
 
 
 def test_data_with_more_objects_than_the_network_knows_are_refused():

@@ -20,7 +20,7 @@ from scenefw.learning.checkpoint import save_checkpoint
 from scenefw.models.shape_instance_vae import ShapeInstanceVAE
 
 CAMERA = camera_at(eye=(0.0, -0.85, 0.6), size=(160, 120))
-WORDS = ["reconstructor=network", "run.pipeline.samples=2"]  # fits take longer
+WORDS = ["reconstructor=network", "reconstructor.samples=2"]  # fits take longer
 DEPTH = np.rint(frame_of(CAMERA).depth * 1000).astype(np.uint16)
 
 
@@ -36,17 +36,17 @@ def weights(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def simstack(weights):
-    return scenefw.load("simstack", *WORDS, checkpoint=weights, device="cpu")
+def predictor(weights):
+    return scenefw.load("reconstruction", *WORDS, checkpoint=weights, device="cpu")
 
 
-def test_the_same_image_gives_what_the_command_line_gives(simstack, weights, tmp_path, scenefw):
+def test_the_same_image_gives_what_the_command_line_gives(predictor, weights, tmp_path, scenefw):
     np.save(tmp_path / "view.npy", DEPTH)
     np.savetxt(tmp_path / "K.txt", CAMERA.matrix)
     words = ["run=predict", *WORDS, "device=cpu", "run.overview=false", "paths.output=out"]
     done = scenefw(*words, f"input={tmp_path / 'view.npy'}", f"checkpoint={weights}")
     assert done.returncode == 0, done.stderr
-    found = simstack.predict(DEPTH, CAMERA.matrix, name="view")
+    found = predictor.predict(DEPTH, CAMERA.matrix, name="view")
     assert len(found.objects) >= 2
     for number, folder in enumerate(["", "hypothesis_2"]):
         written = tmp_path / "out" / "view" / folder
@@ -60,20 +60,20 @@ def test_the_same_image_gives_what_the_command_line_gives(simstack, weights, tmp
             assert theirs == own
         assert told["camera"] == mine["camera"]
         assert told["floor"] == mine["floor"]
-    from_file = simstack.predict(tmp_path / "view.npy")
+    from_file = predictor.predict(tmp_path / "view.npy")
     np.testing.assert_array_equal(from_file.estimate.tsdf, found.estimate.tsdf)
 
 
-def test_errors_are_those_of_the_command_line(simstack, weights, tmp_path, scenefw):
+def test_errors_are_those_of_the_command_line(predictor, weights, tmp_path, scenefw):
     np.savez(tmp_path / "image.npz", depth=DEPTH.astype(float), K=CAMERA.matrix)
     done = scenefw("run=predict", "input=image.npz", "reconstructor=fitted",
                    f"checkpoint={weights}", "device=cpu")  # fmt: skip
     with pytest.raises(InputError) as caught:
-        simstack.predict(DEPTH.astype(float), CAMERA.matrix, name="image.npz")
+        predictor.predict(DEPTH.astype(float), CAMERA.matrix, name="image.npz")
     assert done.stderr == f"error: {caught.value}\n"
     done = scenefw("run=predict", "fit=joined")
     with pytest.raises(ConfigError) as wrong:
-        load("simstack", fit="joined")
+        load("reconstruction", fit="joined")
     assert done.stderr.startswith(f"error: {wrong.value}")
 
 
@@ -84,22 +84,32 @@ def load(*words, **settings):
 @pytest.mark.parametrize(
     ("words", "settings", "error", "said"),
     [
-        (["simstak"], {}, ConfigError, "did you mean simstack"),
+        (["reconstructon"], {}, ConfigError, "did you mean reconstruction"),
         ([3], {}, ConfigError, r"takes words, got 3 \(int\)"),
-        (["simstack", 3], {}, ConfigError, r"takes words, got 3 \(int\)"),
-        (["simstack"], {"fitt": 1}, ConfigError, "there is no key 'fitt'; did you mean fit?"),
-        (["simstack"], {"labelling": "rule"}, ConfigError, "changes nothing"),
-        (["simstack", "run.overview=false"], {}, ConfigError, "does not read run.overview"),
-        (["simstack"], {"seed": -1}, ConfigError, "seed is -1"),
-        (["simstack"], {"device": "gpu"}, ConfigError, "device=gpu is unknown"),
-        (["simstack", "checkpoints.sets=no.safetensors"], {}, CheckpointError, "no checkpoint at"),
+        (["reconstruction", 3], {}, ConfigError, r"takes words, got 3 \(int\)"),
+        (["reconstruction"], {"fitt": 1}, ConfigError, "there is no key 'fitt'; did you mean fit?"),
+        (["reconstruction"], {"labelling": "rule"}, ConfigError, "changes nothing"),
+        (["reconstruction", "run.overview=false"], {}, ConfigError, "does not read run.overview"),
+        (["reconstruction"], {"seed": -1}, ConfigError, "seed is -1"),
+        (["reconstruction"], {"device": "gpu"}, ConfigError, "device=gpu is unknown"),
         (
-            ["simstack", "reconstructor=fitted"],
+            ["reconstruction", "checkpoints.sets=no.safetensors"],
+            {},
+            CheckpointError,
+            "no checkpoint at",
+        ),
+        (
+            ["reconstruction", "reconstructor=fitted"],
             {"checkpoint": "no file.safetensors"},
             CheckpointError,
             "no checkpoint at",
         ),
-        (["simstack"], {"checkpoint": "my.safetensors"}, ConfigError, "or option that reads it"),
+        (
+            ["reconstruction"],
+            {"checkpoint": "my.safetensors"},
+            ConfigError,
+            "or option that reads it",
+        ),
         (["labelling"], {"labelling": ["rule", "hybrid"]}, ConfigError, "takes one strategy"),
     ],
 )
@@ -108,19 +118,27 @@ def test_wrong_settings_are_one_line(words, settings, error, said):
         load(*words, **settings)
 
 
-def test_an_image_needs_intrinsics_and_a_file_to_be_there(simstack):
+def test_the_name_of_before_is_told_the_new_one():
+    with (
+        pytest.warns(FutureWarning, match=r'scenefw\.load\("reconstruction"\) now'),
+        pytest.raises(ConfigError, match="seed is -1"),
+    ):
+        load("simstack", seed=-1)
+
+
+def test_an_image_needs_intrinsics_and_a_file_to_be_there(predictor):
     with pytest.raises(InputError, match="no intrinsics of image"):
-        simstack.predict(DEPTH)
+        predictor.predict(DEPTH)
     with pytest.raises(InputError, match=r"no file missing\.npz"):
-        simstack.predict("missing.npz")
+        predictor.predict("missing.npz")
     with pytest.raises(InputError, match=r"^depth_scale is 'a' \(str\); expected metres per unit"):
-        simstack.predict(DEPTH, CAMERA.matrix, depth_scale="a")
+        predictor.predict(DEPTH, CAMERA.matrix, depth_scale="a")
 
 
-def test_odd_images_are_warned_of(simstack):
+def test_odd_images_are_warned_of(predictor):
     few = np.where(np.arange(160) % 4 == 0, DEPTH, 0)
     with pytest.warns(UserWarning, match="only 25% of the pixels"):
-        assert "only 25%" in simstack.predict(few, CAMERA).warnings[0]
+        assert "only 25%" in predictor.predict(few, CAMERA).warnings[0]
 
 
 texts = st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"]), max_size=8)

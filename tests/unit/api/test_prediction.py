@@ -4,22 +4,20 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 import trimesh
+from tests.unit.perception.pipelines import KnownBoxes, pipeline_of
 from tests.unit.perception.synthetic import camera_at, frame_of
-from tests.unit.perception.test_pipeline import KnownBoxes
 
 from scenefw import registry
 from scenefw.api.predictor import Predictor
 from scenefw.core.errors import InputError, StorageError
 from scenefw.core.types import GridSpec
-from scenefw.mapping.projective import Projective
-from scenefw.perception.pipeline import Pipeline
 
 CAMERA = camera_at(eye=(0.0, -0.85, 0.6), size=(160, 120))
 
 
 @pytest.fixture(scope="module")
 def prediction():
-    pipeline = Pipeline(KnownBoxes(GridSpec(resolution=32)), Projective(), samples=2)
+    pipeline = pipeline_of(KnownBoxes(GridSpec(resolution=32)), samples=2)
     return Predictor(pipeline).predict(frame_of(CAMERA).depth, CAMERA, name="boxes")
 
 
@@ -33,7 +31,7 @@ def test_objects_samples_masks_and_camera(prediction):
 
 
 def test_a_mask_says_where_objects_are():
-    predictor = Predictor(Pipeline(KnownBoxes(GridSpec(resolution=32)), Projective(), samples=1))
+    predictor = Predictor(pipeline_of(KnownBoxes(GridSpec(resolution=32)), samples=1))
     frame = frame_of(CAMERA)
     assert len(predictor.predict(frame.depth, CAMERA, mask=frame.labels > 0).objects) == 2
     with pytest.raises(InputError, match="mask covers"):

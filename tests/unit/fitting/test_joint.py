@@ -38,7 +38,8 @@ def overlap(one, other):
 def test_objects_back_to_back_share_no_place():
     """Each is seen from its own side only, so alone both grow into the middle."""
     thin = [shown((-0.02, 0, 0), -1), shown((0.02, 0, 0), 1)]
-    apart, joint = ALONE.fit(thin), JointFit(ALONE, rounds=3).fit(thin)
+    apart = JointFit(ALONE, rounds=3).fit(thin)
+    joint = JointFit(ALONE, rounds=3).separate(thin, apart)
     assert overlap(*apart) > 5e-5
     assert overlap(*joint) < 0.2 * overlap(*apart)
     for found, given in zip(joint, thin, strict=True):
@@ -48,16 +49,28 @@ def test_objects_back_to_back_share_no_place():
 
 def test_draws_of_two_objects_keep_out_of_each_other():
     thin = [shown((-0.02, 0, 0), -1), shown((0.02, 0, 0), 1)]
-    draws = JointFit(ALONE, rounds=3).draws(thin, 5, np.random.default_rng(0))
-    alone = ALONE.draws(thin, 5, np.random.default_rng(0))
+    best = ALONE.fit(thin)
+    draws = JointFit(ALONE, rounds=3).draws(thin, best, 5, np.random.default_rng(0))
+    alone = ALONE.draws(thin, best, 5, np.random.default_rng(0))
+    assert len(draws) == len(alone) == 5
     joint, apart = (sum(overlap(*draw) for draw in each) for each in (draws, alone))
     assert joint < 0.5 * apart
 
 
 def test_objects_apart_stay_as_they_are():
     away = [shown((-0.15, 0, 0), -1), shown((0.15, 0, 0), 1)]
-    for joint, alone in zip(JointFit(ALONE).fit(away), ALONE.fit(away), strict=True):
+    fits = ALONE.fit(away)
+    for joint, alone in zip(JointFit(ALONE).separate(away, fits), fits, strict=True):
         np.testing.assert_array_equal(joint.half_axes, alone.half_axes)
+    assert JointFit(ALONE).separate([], []) == []
+
+
+def test_the_fit_of_each_knows_nothing_of_the_others():
+    thin = [shown((-0.02, 0, 0), -1), shown((0.02, 0, 0), 1)]
+    for each, joint in zip(thin, JointFit(ALONE).fit(thin), strict=True):
+        (single,) = ALONE.fit([each])
+        np.testing.assert_array_equal(joint.half_axes, single.half_axes)
+        np.testing.assert_array_equal(joint.pose.position, single.pose.position)
     assert JointFit(ALONE).fit([]) == []
 
 

@@ -17,7 +17,8 @@ from scenefw.mapping.inverse_ray_tracing import InverseRayTracing
 from scenefw.metrics.instances import instance_scores
 from scenefw.metrics.occupancy import occupancy_iou
 from scenefw.metrics.semantic import count_classes, mean_iou
-from scenefw.perception.completion.volume_network import NetworkReconstructor
+from scenefw.perception.completion.volume_network import VolumeNetwork
+from scenefw.perception.observation.observation import Observation
 from scenefw.postprocessing.hough_voting import HoughVoting
 from scenefw.renderers.sphere_tracer import SphereTracer
 from scenefw.scenes.cameras import RandomViewpoints
@@ -59,7 +60,7 @@ def table():
 
 
 def occupancy(checkpoint, request):
-    method = NetworkReconstructor(checkpoint, HoughVoting())
+    method = VolumeNetwork(checkpoint, HoughVoting())
     views = request.getfixturevalue("stacks")
     found = [method.volumes(v.partial, method.grid, 1, torch.Generator())[0]["tsdf"] for v in views]
     pairs = zip(found, views, strict=True)
@@ -67,10 +68,10 @@ def occupancy(checkpoint, request):
 
 
 def instances(checkpoint, request):
-    method = NetworkReconstructor(checkpoint, HoughVoting())
+    method = VolumeNetwork(checkpoint, HoughVoting())
     view = request.getfixturevalue("stacks")[0]  # one: noise takes seconds to part into instances
-    found = method.complete(view.partial, method.grid, 1, torch.Generator())[0]
-    return instance_scores(found.instances.numpy(), view.volumes.instances.numpy()).iou
+    found = method.typical(Observation(None, view.partial, method.grid))
+    return instance_scores(found.instances, view.volumes.instances[0].numpy()).iou
 
 
 def views(checkpoint, request):
@@ -118,7 +119,7 @@ def test_shipped_weights_are_as_good_as_ever(measure, weights, request):
 
 def apart(checkpoint, view):
     """Mean difference (m) of hidden distances, from the zero code to a drawn one."""
-    method = NetworkReconstructor(checkpoint, HoughVoting())
+    method = VolumeNetwork(checkpoint, HoughVoting())
     codes = torch.Generator().manual_seed(0)
     first, second = method.volumes(view.partial, method.grid, 2, codes)
     hidden = ~view.partial.observed

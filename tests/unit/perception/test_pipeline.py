@@ -4,48 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 from hydra.utils import instantiate
 from scipy.ndimage import gaussian_filter
+from tests.unit.perception.pipelines import KnownBoxes, pipeline_of
 from tests.unit.perception.synthetic import STACK, Box, camera_at, frame_of
 
 from scenefw import config
-from scenefw.core.batches import Completion, PartialTSDF
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import GridSpec
 from scenefw.export.summary import plain
-from scenefw.mapping.projective import Projective
-from scenefw.perception.observation.view_frames import seen_frames
-from scenefw.perception.pipeline import Pipeline
+from scenefw.perception.estimate.assembly import SceneAssembly
+from scenefw.perception.pipeline import ReconstructionPipeline
+from scenefw.perception.steps import Objects, ObjectSet
 from scenefw.postprocessing.confidence import Calibration
-
-
-class KnownBoxes:
-    """Answers with the true boxes, turned into the frame that the pipeline has found."""
-
-    calibration = None
-
-    def __init__(self, grid, boxes=STACK):
-        self.grid = grid
-        self.metadata = {"made": "by hand"}
-        self.boxes = boxes
-        self.seen = []
-
-    def complete(self, partial, grid, samples, generator):
-        self.seen.append((partial, torch.rand(1, generator=generator).item()))
-        fields = np.stack([self._distance(grid, box) for box in self.boxes])
-        tsdf = fields.min(axis=0).clip(-grid.truncation, grid.truncation)
-        instances = np.where(tsdf < 0, fields.argmin(axis=0) + 1, 0)
-        tsdf, instances = torch.from_numpy(tsdf).float(), torch.from_numpy(instances).int()
-        return [Completion(tsdf[None], instances[None], {"mine": tsdf[None, None]})] * samples
-
-    @staticmethod
-    def _distance(grid, box):
-        """Signed distance of a box, exact (Quilez)."""
-        lower, upper = np.array(box.lower), np.array(box.upper)
-        q = np.abs(grid.centres() - (lower + upper) / 2) - (upper - lower) / 2
-        return np.linalg.norm(q.clip(min=0), axis=-1) + q.max(axis=-1).clip(max=0)
-
 
 # Seen along +y, so that the frame that is found differs by a shift along y alone.
 CAMERA = camera_at(eye=(0.0, -0.85, 0.6))
@@ -54,7 +25,7 @@ CAMERA = camera_at(eye=(0.0, -0.85, 0.6))
 @pytest.mark.parametrize("resolution", [32, 64])
 def test_objects_of_a_known_scene(resolution):
     grid = GridSpec(resolution=resolution)
-    pipeline = Pipeline(KnownBoxes(grid), Projective(), samples=3)
+    pipeline = pipeline_of(KnownBoxes(grid), samples=3)
     estimate = pipeline.estimate(frame_of(CAMERA, noise=0.001))
     assert [item.id for item in estimate.objects] == [1, 2]
     below, above = estimate.objects
@@ -72,57 +43,52 @@ def test_objects_of_a_known_scene(resolution):
 @pytest.mark.parametrize("resolution", [32, 64])
 def test_partial_tsdf_is_zero_on_seen_surfaces(resolution):
     grid = GridSpec(resolution=resolution)
-    method = KnownBoxes(grid)
-    frame = frame_of(CAMERA)
-    view = Pipeline(method, Projective()).prepare(frame)
-    truth = method.complete(view.partial, grid, 1, torch.Generator())[0].tsdf
-    partial: PartialTSDF = view.partial
+    boxes = KnownBoxes(grid)
+    partial = pipeline_of(boxes).observe(frame_of(CAMERA)).partial
+    truth, _ = boxes.volumes(grid)
     x, y, z = np.moveaxis(grid.centres(), -1, 0)
     top = (np.abs(x) < 0.03) & (y > 0.0) & (y < 0.04) & (np.abs(z - 0.2) < 1.5 * grid.voxel_size)
     assert top.sum() >= 2
     seen = partial.distance[0, 0].numpy()
     assert partial.observed[0, 0].numpy()[top & (z > 0.2)].all()
-    assert ((seen > 0) == (truth[0].numpy() > 0))[top].mean() > 0.9
+    assert ((seen > 0) == (truth > 0))[top].mean() > 0.9
     floor = (x > 0.2) & (x < 0.3) & (np.abs(y) < 0.2) & (z > 0) & (z < 2 * grid.voxel_size)
     assert (np.abs(seen[floor]) < 4 * grid.voxel_size).all()
 
 
 def test_same_image_same_estimate():
     grid = GridSpec(resolution=32)
-    method = KnownBoxes(grid)
-    pipeline = Pipeline(method, Projective(), seed=7)
+    boxes = KnownBoxes(grid)
+    pipeline = pipeline_of(boxes, seed=7)
     frame = frame_of(CAMERA)
     first, second = pipeline.estimate(frame), pipeline.estimate(frame)
     np.testing.assert_array_equal(first.tsdf, second.tsdf)
-    assert method.seen[0][1] == method.seen[1][1]
-    other = KnownBoxes(grid)
-    Pipeline(other, Projective(), seed=8).estimate(frame)
-    assert other.seen[0][1] != method.seen[0][1]
+    (_, number), (_, again) = boxes.requests
+    assert number == again
+    pipeline_of(boxes, seed=8).estimate(frame)
+    assert boxes.requests[-1][1] != number
 
 
 class Growing(KnownBoxes):
     """Every further sample is 7 mm fatter, and numbers its objects the other way round."""
 
-    def complete(self, partial, grid, samples, generator):
-        (first, *_) = super().complete(partial, grid, samples, generator)
-        tsdf = first.tsdf
-        nearest = torch.stack(
-            [torch.from_numpy(self._distance(grid, box)).float() for box in self.boxes]
-        ).argmin(dim=0)
-        found = [first]
+    def complete(self, fits, view, samples, generator):
+        first = super().complete(fits, view, 1, generator)[0]
+        nearest = self.distances(view.grid).argmin(axis=0)
+        sets = [first]
         for number in range(1, samples):
-            fatter = tsdf - 0.007 * number
-            instances = torch.where(fatter < 0, 2 - nearest[None], 0).int()
-            found.append(Completion(fatter, instances))
-        return found
+            tsdf = first.objects.tsdf - np.float32(0.007 * number)
+            instances = np.where(tsdf < 0, 2 - nearest, 0).astype(np.int32)
+            sets.append(ObjectSet(Objects(None, tsdf, instances)))
+        return sets
 
 
 @pytest.mark.parametrize("resolution", [48, 64])
 def test_hypotheses_keep_the_ids_of_objects_and_agree_less_the_more_they_differ(resolution):
     grid = GridSpec(resolution=resolution)
-    pipeline = Pipeline(Growing(grid), Projective(), samples=3, carve=False)
-    view = pipeline.prepare(frame_of(CAMERA))
-    first, second, third = pipeline.hypotheses(view)
+    pipeline = pipeline_of(Growing(grid), samples=3, carve=False)
+    view = pipeline.observe(frame_of(CAMERA))
+    first, second, third = pipeline.reconstruct(view)
     for other in (second, third):
         assert [item.id for item in other.objects] == [1, 2]
         for mine, its in zip(first.objects, other.objects, strict=True):
@@ -131,24 +97,39 @@ def test_hypotheses_keep_the_ids_of_objects_and_agree_less_the_more_they_differ(
             assert np.prod(its.extents) > np.prod(mine.extents)
     between, outer = (scene.objects[0].confidence for scene in (second, first))
     assert between > outer > 0
-    np.testing.assert_array_equal(pipeline.complete(view).tsdf, first.tsdf)
+    (alone,) = pipeline.reconstruct(view, first_only=True)
+    np.testing.assert_array_equal(alone.tsdf, first.tsdf)
+    assert [item.confidence for item in alone.objects] == [
+        item.confidence for item in first.objects
+    ]
 
 
 def test_carving_can_be_switched_off():
     grid = GridSpec(resolution=32)
-    ghost = (*STACK, type(STACK[0])((-0.1, -0.35, 0.05), (0.1, -0.25, 0.2)))
+    ghost = (*STACK, Box((-0.1, -0.35, 0.05), (0.1, -0.25, 0.2)))
     frame = frame_of(CAMERA)
-    carved = Pipeline(KnownBoxes(grid, ghost), Projective()).estimate(frame)
-    kept = Pipeline(KnownBoxes(grid, ghost), Projective(), carve=False).estimate(frame)
+    carved = pipeline_of(KnownBoxes(grid, ghost)).estimate(frame)
+    kept = pipeline_of(KnownBoxes(grid, ghost), carve=False).estimate(frame)
     assert len(carved.objects) == 2
     assert len(kept.objects) == 3
 
 
 def test_a_network_that_sees_nothing_gives_no_object():
     grid = GridSpec(resolution=32)
-    far = (type(STACK[0])((5, 5, 5), (6, 6, 6)),)
-    estimate = Pipeline(KnownBoxes(grid, far), Projective()).estimate(frame_of(CAMERA))
+    far = (Box((5, 5, 5), (6, 6, 6)),)
+    estimate = pipeline_of(KnownBoxes(grid, far)).estimate(frame_of(CAMERA))
     assert estimate.objects == ()
+
+
+class NoObject:
+    """A segmentation that finds nothing, and keeps the views that it is shown."""
+
+    def __init__(self):
+        self.views = []
+
+    def segment(self, view):
+        self.views.append(view)
+        return np.zeros(view.depth.shape, np.int32)
 
 
 def test_methods_see_the_colour_of_the_image():
@@ -156,31 +137,32 @@ def test_methods_see_the_colour_of_the_image():
     frame = frame_of(CAMERA, noise=0.001)
     colour = np.random.default_rng(0).integers(0, 256, (*frame.depth.shape, 3), dtype=np.uint8)
     colour.flags.writeable = False
-    pipeline = Pipeline(KnownBoxes(GridSpec(32)), Projective())
+    segmentation = NoObject()
+    pipeline = pipeline_of(KnownBoxes(GridSpec(32)), segmentation=segmentation)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        partial = pipeline.prepare(replace(frame, colour=colour)).partial
-    (seen,) = seen_frames(partial, "a test")
-    np.testing.assert_array_equal(seen.colour, colour)
-    (grey,) = seen_frames(pipeline.prepare(frame).partial, "a test")
+        pipeline.estimate(replace(frame, colour=colour))
+    pipeline.estimate(frame)
+    coloured, grey = segmentation.views
+    np.testing.assert_array_equal(coloured.colour, colour)
     assert grey.colour is None
 
 
 def test_unusable_images_stop_before_the_network():
-    method = KnownBoxes(GridSpec(resolution=32))
+    boxes = KnownBoxes(GridSpec(resolution=32))
     frame = frame_of(CAMERA, boxes=())
     with pytest.raises(InputError, match="nothing stands"):
-        Pipeline(method, Projective()).prepare(frame, np.ones(frame.depth.shape, bool))
+        pipeline_of(boxes).observe(frame, np.ones(frame.depth.shape, bool))
     with pytest.raises(InputError, match="no measurements"):
-        Pipeline(method, Projective()).estimate(replace(frame, depth=frame.depth * 0))
-    assert method.seen == []
+        pipeline_of(boxes).estimate(replace(frame, depth=frame.depth * 0))
+    assert boxes.requests == []
 
 
 def test_a_bare_table_is_an_empty_scene_with_a_warning():
-    grid, far = GridSpec(resolution=32), (type(STACK[0])((5, 5, 5), (6, 6, 6)),)
+    grid, far = GridSpec(resolution=32), (Box((5, 5, 5), (6, 6, 6)),)
     for size in ((160, 120), (320, 240)):
         frame = frame_of(camera_at(size=size), boxes=(), noise=0.001)
-        estimate = Pipeline(KnownBoxes(grid, far), Projective()).estimate(frame)
+        estimate = pipeline_of(KnownBoxes(grid, far)).estimate(frame)
         assert estimate.objects == ()
         (warning,) = estimate.details["warnings"]
         assert warning.startswith("nothing stands on the floor, or only what is flat; check that")
@@ -201,7 +183,7 @@ def test_the_pipeline_that_ships_finds_nothing_on_a_bare_table(waves):
 
 
 def _shipped():
-    words = ["run=predict", "input=x", "device=cpu", "run.pipeline.samples=1"]
+    words = ["run=predict", "input=x", "device=cpu", "reconstructor.samples=1"]
     return instantiate(config.compose(words).run.pipeline)
 
 
@@ -233,37 +215,47 @@ def test_the_pipeline_that_ships_makes_do_with_half_an_image(side):
 
 def test_no_sample_at_all_is_one_line():
     with pytest.raises(ConfigError, match="samples = 0"):
-        Pipeline(KnownBoxes(GridSpec(resolution=16)), Projective(), samples=0)
+        pipeline_of(KnownBoxes(GridSpec(resolution=16)), samples=0)
 
 
 class OtherNumbers(KnownBoxes):
     """Numbers objects anew in every sample, and says which pixels show them."""
 
-    def complete(self, partial, grid, samples, generator):
-        (first, *others) = super().complete(partial, grid, samples, generator)
-        drawn = torch.zeros(1, 240, 320, dtype=torch.int32)
-        drawn[:, :100], drawn[:, 200:] = 1, 2
-        swapped = torch.tensor([0, 2, 1], dtype=torch.int32)
-        found = [replace(first, masks=drawn)]
-        for other in others:
-            labels, masks = swapped[other.instances.long()], swapped[drawn.long()]
-            found.append(replace(other, instances=labels, masks=masks))
-        return found
+    def complete(self, fits, view, samples, generator):
+        (first, *others) = super().complete(fits, view, samples, generator)
+        masks = np.zeros(view.depth.shape, np.int32)
+        masks[:100], masks[200:] = 1, 2
+        swapped = np.array([0, 2, 1], np.int32)
+        labels = first.objects.instances
+        return [
+            ObjectSet(replace(first.objects, masks=masks)),
+            *(
+                ObjectSet(replace(other.objects, masks=swapped[masks], instances=swapped[labels]))
+                for other in others
+            ),
+        ]
 
 
 def test_masks_keep_the_numbers_of_their_objects():
-    pipeline = Pipeline(OtherNumbers(GridSpec(resolution=32)), Projective(), samples=3)
-    for estimate in pipeline.hypotheses(pipeline.prepare(frame_of(CAMERA, noise=0.001))):
+    pipeline = pipeline_of(OtherNumbers(GridSpec(resolution=32)), samples=3)
+    for estimate in pipeline(frame_of(CAMERA, noise=0.001)):
         below, above = (np.unique(estimate.masks[rows]) for rows in (np.s_[:100], np.s_[200:]))
         assert below.tolist() == [1]
         assert above.tolist() == [2]
 
 
-def test_confidence_is_what_the_method_says_of_agreement():
-    class Half(KnownBoxes):
-        calibration = Calibration([0.0, 1.0], [0.1, 0.5])
+def test_confidence_is_what_the_calibration_says_of_agreement():
+    boxes, half = KnownBoxes(GridSpec(resolution=32)), Calibration([0.0, 1.0], [0.1, 0.5])
+    pipeline = pipeline_of(boxes, calibration=half, samples=2)
+    scene = pipeline.estimate(frame_of(CAMERA))
+    assert [item.confidence for item in scene.objects] == pytest.approx([0.5, 0.5])
 
-    scene = Pipeline(Half(GridSpec(resolution=32)), Projective(), samples=2).estimate(
-        frame_of(CAMERA)
-    )
-    assert [item.confidence for item in scene.objects] == pytest.approx([0.5] * len(scene.objects))
+
+def test_an_image_needs_an_observer_and_a_grid():
+    frame, boxes = frame_of(CAMERA), KnownBoxes(None)
+    with pytest.raises(ConfigError, match=r"no grid; give run\.pipeline\.grid"):
+        pipeline_of(boxes).observe(frame)
+    assert pipeline_of(boxes, grid=GridSpec(resolution=32)).observe(frame).grid.resolution == 32
+    blind = ReconstructionPipeline(SceneAssembly(), completion=boxes, grid=GridSpec(resolution=32))
+    with pytest.raises(ConfigError, match=r"no observer; give run\.pipeline\.observer"):
+        blind.estimate(frame)

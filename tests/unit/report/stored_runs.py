@@ -23,10 +23,10 @@ STACKS = {
     "zero_code/chamfer_full_excess": 0.0067,
     "zero_code/instance_iou": 0.733,
     "zero_code/occupancy_iou": 0.796,
-    "set_flow/chamfer_full_excess": 0.0021,
-    "set_flow/instance_iou": 0.822,
-    "set_flow/chamfer_full": 0.019,
-    "set_flow/occupancy_bce": 0.044,
+    "set_extents/chamfer_full_excess": 0.0021,
+    "set_extents/instance_iou": 0.822,
+    "set_extents/chamfer_full": 0.019,
+    "set_extents/occupancy_bce": 0.044,
     "hull_filling/chamfer_full_excess": 0.0148,
     "hull_filling/instance_iou": 0.61,
     "base_rate/occupancy_bce": 0.075,
@@ -34,9 +34,9 @@ STACKS = {
     "draws/scenefw/log_skill": 0.612,
     "draws/scenefw/log_skill_low": 0.58,
     "draws/scenefw/log_skill_high": 0.64,
-    "draws/set_flow/log_skill": 0.92,
-    "draws/set_flow/log_skill_low": 0.9,
-    "draws/set_flow/log_skill_high": 0.94,
+    "draws/set_extents/log_skill": 0.92,
+    "draws/set_extents/log_skill_low": 0.9,
+    "draws/set_extents/log_skill_high": 0.94,
     "draws/hull_filling/log_skill": 0.401,
 }
 IMAGES = {
@@ -65,8 +65,8 @@ LABELLING = {
 CLASSES = ("surface", "remote_control", "keyboard", "model_plane")
 MEASURES = {
     **of_scores(
-        ("scenefw", "zero_code", "set_flow", "hull_filling", "base_rate", "training_mean"),
-        ("scenefw", "set_flow", "hull_filling"),
+        ("scenefw", "zero_code", "set_extents", "hull_filling", "base_rate", "training_mean"),
+        ("scenefw", "set_extents", "hull_filling"),
     ),
     **REAL_IMAGES,
     **join_measures(

@@ -1,12 +1,10 @@
 import numpy as np
 import pytest
+from tests.unit.perception.pipelines import KnownBoxes, pipeline_of
 from tests.unit.perception.synthetic import camera_at, frame_of
-from tests.unit.perception.test_pipeline import KnownBoxes
 
 from scenefw.core.geometry import rigid
 from scenefw.core.types import GridSpec
-from scenefw.mapping.projective import Projective
-from scenefw.perception.pipeline import Pipeline
 from scenefw.report.edits import Edits
 
 GRID = GridSpec(resolution=32)
@@ -15,7 +13,7 @@ CAMERA = camera_at(eye=(0.0, -0.85, 0.6), size=(160, 120))
 
 @pytest.fixture(scope="module")
 def scene():
-    return Pipeline(KnownBoxes(GRID), Projective(), samples=1).estimate(frame_of(CAMERA))
+    return pipeline_of(KnownBoxes(GRID), samples=1).estimate(frame_of(CAMERA))
 
 
 def test_nothing_done_is_the_prediction_itself(scene):

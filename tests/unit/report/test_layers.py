@@ -2,13 +2,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.unit.perception.pipelines import KnownBoxes, pipeline_of
 from tests.unit.perception.synthetic import STACK, camera_at, frame_of
-from tests.unit.perception.test_pipeline import KnownBoxes
 
 from scenefw.core.geometry import rotation_from_quaternion
 from scenefw.core.types import GridSpec, TriangleMesh
-from scenefw.mapping.projective import Projective
-from scenefw.perception.pipeline import Pipeline
 from scenefw.report import layers
 
 GRID = GridSpec(resolution=32)
@@ -17,11 +15,10 @@ CAMERA = camera_at(eye=(0.0, -0.85, 0.6), size=(160, 120))
 
 @pytest.fixture(scope="module")
 def known():
-    frame = frame_of(CAMERA)
-    view = Pipeline(KnownBoxes(GRID), Projective(), samples=1)
-    prepared = view.prepare(frame)
-    partial = prepared.partial.distance[0, 0].numpy()
-    return layers.Prediction((view.complete(prepared),), frame, partial)
+    pipeline = pipeline_of(KnownBoxes(GRID), samples=1)
+    view = pipeline.observe(frame_of(CAMERA))
+    partial = view.partial.distance[0, 0].numpy()
+    return layers.Prediction(tuple(pipeline.reconstruct(view)), view.source, partial)
 
 
 def test_points_lie_on_floor_and_boxes(known):

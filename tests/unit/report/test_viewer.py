@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from tests.unit.perception.pipelines import KnownBoxes, pipeline_of
 from tests.unit.perception.synthetic import camera_at, frame_of
-from tests.unit.perception.test_pipeline import KnownBoxes
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.geometry import rigid
@@ -15,9 +15,7 @@ from scenefw.core.types import GridSpec
 from scenefw.export.mjcf import MJCF
 from scenefw.export.scene_files import GLB, PLY, Summary
 from scenefw.export.urdf import URDF
-from scenefw.mapping.projective import Projective
 from scenefw.perception.editing.transforms import moved, without
-from scenefw.perception.pipeline import Pipeline
 from scenefw.report.layers import Prediction
 from scenefw.report.viewer import Viewer
 from scenefw.report.viewer_server import open_server, require_free
@@ -38,11 +36,11 @@ class Lifting:
 
 @pytest.fixture(scope="module")
 def known():
-    pipeline = Pipeline(KnownBoxes(GridSpec(resolution=32)), Projective(), samples=1)
-    view = pipeline.prepare(frame_of(CAMERA))
-    scene = pipeline.complete(view)
+    pipeline = pipeline_of(KnownBoxes(GridSpec(resolution=32)), samples=1)
+    view = pipeline.observe(frame_of(CAMERA))
+    (scene,) = pipeline.reconstruct(view)
     partial = view.partial.distance[0, 0].numpy()
-    return Prediction((scene, without(scene, {2})), view.frame, partial)
+    return Prediction((scene, without(scene, {2})), view.source, partial)
 
 
 @pytest.fixture

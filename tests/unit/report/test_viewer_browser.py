@@ -10,15 +10,13 @@ import numpy as np
 import pytest
 import trimesh
 from PIL import Image
+from tests.unit.perception.pipelines import KnownBoxes, pipeline_of
 from tests.unit.perception.synthetic import camera_at, frame_of
-from tests.unit.perception.test_pipeline import KnownBoxes
 from tests.unit.tasks.recordings import table
 
 from scenefw.core.types import GridSpec
 from scenefw.export.scene_files import GLB
-from scenefw.mapping.projective import Projective
 from scenefw.perception.editing.transforms import without
-from scenefw.perception.pipeline import Pipeline
 from scenefw.report.labelling.map_viewer import MapViewer
 from scenefw.report.layers import Prediction
 from scenefw.report.viewer import Viewer
@@ -51,11 +49,11 @@ def page(tmp_path):
 
 @pytest.fixture
 def viewer(tmp_path):
-    pipeline = Pipeline(KnownBoxes(GridSpec(resolution=32)), Projective(), samples=1)
-    view = pipeline.prepare(frame_of(camera_at(eye=(0.0, -0.85, 0.6), size=(160, 120))))
-    scene = pipeline.complete(view)
+    pipeline = pipeline_of(KnownBoxes(GridSpec(resolution=32)), samples=1)
+    view = pipeline.observe(frame_of(camera_at(eye=(0.0, -0.85, 0.6), size=(160, 120))))
+    (scene,) = pipeline.reconstruct(view)
     scenes = (scene, without(scene, {2}))
-    known = Prediction(scenes, view.frame, view.partial.distance[0, 0].numpy())
+    known = Prediction(scenes, view.source, view.partial.distance[0, 0].numpy())
     server = open_server("127.0.0.1", 0)
     yield Viewer(server, ["boxes"], lambda _: known, {"glb": GLB()}, tmp_path / "out")
     server.stop()

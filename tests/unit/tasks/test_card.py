@@ -27,7 +27,7 @@ def test_the_card_in_the_run_folder_and_where_it_is_published(tmp_path):
 @pytest.mark.parametrize("path", sorted(shipped_checkpoint().parent.glob("*.safetensors")))
 def test_shipped_weights_have_their_card_beside_them(path):
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    again = f"run=card checkpoint={path.stem} report.publish=... (docs/results/README.md)"
+    again = f"run=card checkpoint={path.stem} report.publish=... (CONTRIBUTING.md)"
     assert digest in path.with_suffix(".md").read_text(), f"make the card anew: {again}"
 
 

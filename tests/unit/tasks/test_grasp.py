@@ -4,15 +4,13 @@ import numpy as np
 import pytest
 from PIL import Image
 from tests.unit.grasping.boxes import grasping
-from tests.unit.perception.test_pipeline import KnownBoxes
+from tests.unit.perception.pipelines import KnownBoxes, pipeline_of
 from tests.unit.tasks.test_predict import save
 
 from scenefw.core.geometry import rigid, rotation_from_quaternion
 from scenefw.core.grasps import Ranking
 from scenefw.core.types import GridSpec
-from scenefw.mapping.projective import Projective
 from scenefw.perception.physics.bodies import BodyMaker
-from scenefw.perception.pipeline import Pipeline
 from scenefw.report import films
 from scenefw.tasks.grasp import Grasp
 from scenefw.tasks.predict import Predict
@@ -21,7 +19,7 @@ pytest.importorskip("pybullet", reason="needs pybullet (pip install 'scenefw[sim
 
 
 def task(image, output, chosen):
-    pipeline = Pipeline(KnownBoxes(GridSpec(resolution=32)), Projective(), samples=1)
+    pipeline = pipeline_of(KnownBoxes(GridSpec(resolution=32)), samples=1)
     return Grasp(Predict(image, pipeline, output, hypotheses=False), chosen, BodyMaker())
 
 

@@ -87,7 +87,7 @@ def test_command_line(scenefw, document, tmp_path):
     write_run(tmp_path / "a", STACKS)
     done = scenefw("run=headline", "run.results=[a]", "paths.output=out")
     assert done.returncode == 0, done.stderr[-3000:]
-    row = "| instance IoU, network of volumes alone ↑ | 0.733 | 0.610 | – |"
+    row = "| instance IoU ↑ | 0.822 | 0.610 | – |"
     assert row in document.read_text()
     done = scenefw("run=headline", "paths.output=out")
     assert done.returncode == 2

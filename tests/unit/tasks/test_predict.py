@@ -5,19 +5,17 @@ import numpy as np
 import pytest
 import trimesh
 from PIL import Image
+from tests.unit.perception.pipelines import KnownBoxes, pipeline_of
 from tests.unit.perception.synthetic import camera_at, frame_of
-from tests.unit.perception.test_pipeline import KnownBoxes
 
 from scenefw.core.errors import ConfigError, IncompleteError, InputError, StorageError
 from scenefw.core.types import GridSpec
 from scenefw.export.superquadrics import Superquadrics
 from scenefw.export.urdf import URDF
 from scenefw.learning.checkpoint import save_checkpoint
-from scenefw.mapping.projective import Projective
 from scenefw.models.shape_instance_vae import ShapeInstanceVAE
 from scenefw.perception.physics.bodies import BodyMaker
 from scenefw.perception.physics.settling import PhysicalSettling
-from scenefw.perception.pipeline import Pipeline
 from scenefw.scenes.engines.pybullet_engine import PyBulletEngine
 from scenefw.tasks.predict import Predict
 
@@ -26,7 +24,7 @@ CAMERA = camera_at(eye=(0.0, -0.85, 0.6), size=(160, 120))
 
 @pytest.fixture
 def pipeline():
-    return Pipeline(KnownBoxes(GridSpec(resolution=32)), Projective(), samples=2)
+    return pipeline_of(KnownBoxes(GridSpec(resolution=32)), samples=2)
 
 
 def save(path, scale=1000.0, **changes):

@@ -4,13 +4,11 @@ import threading
 
 import numpy as np
 import pytest
+from tests.unit.perception.pipelines import KnownBoxes, pipeline_of
 from tests.unit.perception.synthetic import camera_at, frame_of
-from tests.unit.perception.test_pipeline import KnownBoxes
 
 from scenefw.core.errors import ConfigError, InputError, MissingDependencyError
 from scenefw.core.types import GridSpec
-from scenefw.mapping.projective import Projective
-from scenefw.perception.pipeline import Pipeline
 from scenefw.tasks.view import View
 
 CAMERA = camera_at(eye=(0.0, -0.85, 0.6), size=(160, 120))
@@ -18,7 +16,7 @@ CAMERA = camera_at(eye=(0.0, -0.85, 0.6), size=(160, 120))
 
 @pytest.fixture
 def pipeline():
-    return Pipeline(KnownBoxes(GridSpec(resolution=32)), Projective(), samples=2)
+    return pipeline_of(KnownBoxes(GridSpec(resolution=32)), samples=2)
 
 
 def save(path):
@@ -64,7 +62,7 @@ def test_a_port_in_use_is_said_before_the_work(tmp_path, pipeline):
         port = taken.getsockname()[1]
         with pytest.raises(ConfigError, match=r"in use.*run\.port="):
             View(save(tmp_path / "boxes.npz"), pipeline, tmp_path, port=port).run()
-    assert pipeline.reconstructor.seen == []
+    assert pipeline.completion.requests == []
 
 
 def test_without_viser_the_install_line_is_said(tmp_path, pipeline, monkeypatch):

@@ -1,4 +1,4 @@
-"""Objects of a view by their number: the seen surface, cut into as many parts as are counted."""
+"""Objects of a view by their number: its surface, cut into as many parts as are counted."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ import torch
 from scipy.cluster.vq import kmeans2
 from scipy.spatial.distance import cdist
 
-from scenefw.core.batches import Completion
+from scenefw.perception.steps import Objects, ObjectSet
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-    from torch import Tensor
 
-    from scenefw.core.batches import PartialTSDF
-    from scenefw.core.types import GridSpec
+    from scenefw.core.types import Float32, GridSpec, Int32
+    from scenefw.perception.observation.observation import Observation
+    from scenefw.perception.steps import Fits
     from scenefw_object_count.counters import NetworkCounter
 
 
 class CountedParts:
-    """Cuts what was seen into as many parts as a network counts (group `reconstructor`).
+    """Cuts what is visible into as many parts as a network counts (group `completion`).
 
     Nothing is completed: shapes are the partial TSDF above the floor. The first sample has the most
     probable number of objects, the others numbers that are drawn from the distribution.
@@ -30,8 +30,6 @@ class CountedParts:
         counter: says how many objects there are.
         clearance: everything below this height above the floor z = 0 is cut off (voxels).
     """
-
-    calibration = None  # how right it is by how alike its samples are was not measured
 
     def __init__(self, counter: NetworkCounter, clearance: float = 1.0) -> None:
         self.counter, self.clearance = counter, clearance
@@ -43,25 +41,25 @@ class CountedParts:
         return self.counter.grid
 
     def complete(
-        self, partial: PartialTSDF, grid: GridSpec, samples: int, generator: torch.Generator
-    ) -> list[Completion]:
-        """Scenes of B partial views with the most probable, and with drawn numbers of objects."""
-        probabilities = self.counter.probabilities(partial, grid)
-        heights = torch.from_numpy(grid.centres()[0, 0, :, 2]).float()
-        floor = (self.clearance * grid.voxel_size - heights).to(partial.distance.device)
-        tsdf = torch.maximum(partial.distance[:, 0].float(), floor).clamp(max=grid.truncation)
+        self, fits: Fits, view: Observation, samples: int, generator: torch.Generator
+    ) -> list[ObjectSet]:
+        """Scenes with the most probable, and with drawn numbers of objects; needs no fits."""
+        partial, grid = view.partial, view.grid
+        probabilities = self.counter.probabilities(partial, grid)[0]
+        floor = self.clearance * grid.voxel_size - grid.centres()[0, 0, :, 2]
+        tsdf = np.maximum(partial.distance[0, 0].float().cpu().numpy(), floor.astype(np.float32))
+        tsdf = tsdf.clip(max=grid.truncation)
         draws = torch.multinomial(probabilities, samples, replacement=True, generator=generator)
-        draws[:, 0] = probabilities.argmax(dim=1)
-        return [Completion(tsdf, _parts(tsdf, counts + 1)) for counts in draws.T]
+        draws[0] = probabilities.argmax()
+        return [ObjectSet(Objects(None, tsdf, _parts(tsdf, n + 1))) for n in draws.tolist()]
 
 
-def _parts(tsdf: Tensor, counts: Tensor) -> Tensor:
-    """Instances (B, X, Y, Z) int32 of TSDFs (B, X, Y, Z), `counts` (B,) in each."""
-    inside = (tsdf < 0).cpu().numpy()
+def _parts(tsdf: Float32, count: int) -> Int32:
+    """Instances (X, Y, Z) of a TSDF (X, Y, Z), `count` of them."""
+    inside = tsdf < 0
     labels = np.zeros(inside.shape, np.int32)
-    for mask, row, count in zip(inside, labels, counts.tolist(), strict=True):
-        row[mask] = _clusters(np.argwhere(mask).astype(np.float64), count) + 1
-    return torch.from_numpy(labels).to(tsdf.device)
+    labels[inside] = _clusters(np.argwhere(inside).astype(np.float64), count) + 1
+    return labels
 
 
 def _clusters(points: NDArray[np.float64], count: int) -> NDArray[np.int32]:

@@ -42,7 +42,7 @@ class PartialSurface:
     ) -> list[ObjectSet]:
         """`samples` times the same scene; fits count for nothing."""
         partial, grid = view.partial, view.grid
-        heights = torch.from_numpy(grid.centres()[0, 0, :, 2]).float()
+        heights = torch.tensor(grid.centres()[0, 0, :, 2], dtype=torch.float32)
         cut_distance = (self.clearance * grid.voxel_size - heights).to(partial.distance.device)
         tsdf = torch.maximum(partial.distance[0, 0].float(), cut_distance.clamp(-grid.truncation))
         tsdf = tsdf.clamp(max=grid.truncation)

@@ -29,7 +29,7 @@ from scenefw.evaluation.sets.scene_numbers import (
 from scenefw.learning.checkpoint import Checkpoint, save_checkpoint
 from scenefw.models.set_flow import SetFlow
 from scenefw.report.blocks import Picture
-from scenefw.report.sets.presentation import SetResults
+from scenefw.report.presentation import Chapter
 from scenefw.scenes.cameras import RandomViewpoints
 from scenefw.scenes.engines.pybullet_engine import PyBulletEngine
 from scenefw.shapes.superquadric import Superquadric
@@ -178,7 +178,7 @@ def test_an_untrained_network_gives_a_page(data, tmp_path, monkeypatch):
     result = evaluation(data, model, few, examples=1).run()
     assert result.split == "val"
     assert 1 <= result.figures["drawn/count"] <= 8
-    sections = SetResults().sections(result, tmp_path)
+    sections = Chapter("scenefw.report.sets").sections(result, tmp_path)
     tests, made, drawn = sections
     table = tests.blocks[0]
     assert [name for name, _ in table.rows][:3] == [

@@ -14,7 +14,7 @@ from scenefw.evaluation.stacks.confidence_results import ConfidenceResult, Objec
 from scenefw.mapping.projective import Projective
 from scenefw.postprocessing.confidence import Calibration
 from scenefw.renderers.sphere_tracer import SphereTracer
-from scenefw.report.stacks.presentation import StackResults
+from scenefw.report.presentation import Chapter
 from scenefw.scenes.cameras import RandomViewpoints
 
 GRID = GridSpec(resolution=24)
@@ -97,7 +97,7 @@ def test_too_sure_methods_have_a_bias_that_calibration_takes_away():
 
 def test_the_page_says_what_to_fit():
     result = ConfidenceResult(objects(), 3)
-    (section,) = StackResults().sections(result, None)
+    (section,) = Chapter("scenefw.report.stacks").sections(result, None)
     scores, bins, knots = section.blocks
     assert [name for name, _ in scores.rows] == [
         "agreement as it is", "calibrated on the other half of the scenes",
@@ -112,6 +112,6 @@ def test_the_page_says_what_to_fit():
 
 
 def test_without_objects_the_page_says_so():
-    (section,) = StackResults().sections(ConfidenceResult((), 3), None)
+    (section,) = Chapter("scenefw.report.stacks").sections(ConfidenceResult((), 3), None)
     assert "No object" in section.blocks[0].text
     assert ConfidenceResult((), 3).figures == {"objects": 0, "scenes": 0}

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 from tests.unit.evaluation.stacks.test_reconstruction import Nothing, evaluation
+from tests.unit.perception.pipelines import pipeline_of
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import GridSpec
@@ -134,9 +135,10 @@ def test_the_training_mean_is_that_of_its_scenes(resolution):
 
 @pytest.fixture(scope="module")
 def result():
+    parts = SeenParts(0.01, 0.02, 25.0, 8, 320, grow=False)
     methods = {
-        "hull_filling": HullFilling(SeenParts(0.01, 0.02, 25.0, 8, 320, grow=False)),
-        "partial_tsdf": PartialSurface(ConnectedComponents()),
+        "hull_filling": pipeline_of(segmentation=parts, grouping=HullFilling()),
+        "partial_tsdf": pipeline_of(PartialSurface(ConnectedComponents())),
         "nothing": Nothing(),
     }
     scenes = StackScenes(split="val", limit=6)

@@ -18,6 +18,7 @@ from scenefw.data.stored_labels import StoredLabels
 from scenefw.evaluation.stacks.labelled_masks import LabelledMasks
 from scenefw.metrics.masks import mask_scores
 from scenefw.perception.evidence.visible_instances import visible_instances
+from scenefw.perception.observation.observation import Observation
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.segmentation.colour_edges import ColourEdges
 from scenefw.perception.segmentation.crease_segmentation import SeenParts
@@ -216,7 +217,7 @@ def test_masks_count_as_they_are_and_margins_take_from_both(tmp_path):
         low = heights <= margin
         for prefix, labels in (
             ("", wide),
-            ("reference/", SeenParts(margin, smallest=50).segment(frame)),
+            ("reference/", SeenParts(margin, smallest=50).segment(Observation(frame))),
         ):
             cut = mask_scores(np.where(low, 0, labels), frame.labels)
             assert figures[f"{prefix}{where}/overlap_f"] == pytest.approx(cut.overlap_f)

@@ -29,11 +29,11 @@ def test_what_learns_is_measured_against_the_strongest_reference_of_its_table():
 
 
 def test_draws_that_learn_are_measured_against_draws_that_do_not():
-    drawn = ["coupled", "set_flow", "fitted_hulls", "drawn_fits"]
+    drawn = ["coupled", "set_extents", "fitted_hulls", "drawn_fits"]
     figures = of_scores(["coupled", "fitted_hulls"], drawn)
-    for name in ("coupled", "set_flow"):
+    for name in ("coupled", "set_extents"):
         assert figures[f"draws/{name}/energy"].trivial == "draws/drawn_fits/energy"
     for name in ("fitted_hulls", "drawn_fits"):
         assert figures[f"draws/{name}/energy"].trivial is None
     figures = of_scores(["coupled", "fitted_hulls"], drawn[:-1])
-    assert figures["draws/set_flow/energy"].trivial == "draws/fitted_hulls/energy"
+    assert figures["draws/set_extents/energy"].trivial == "draws/fitted_hulls/energy"

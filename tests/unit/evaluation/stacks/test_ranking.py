@@ -16,7 +16,7 @@ from scenefw.evaluation.stacks.ranking_results import RankingResult, ViewChoices
 from scenefw.mapping.projective import Projective
 from scenefw.perception.physics.bodies import BodyMaker
 from scenefw.renderers.sphere_tracer import SphereTracer
-from scenefw.report.stacks.presentation import StackResults
+from scenefw.report.presentation import Chapter
 from scenefw.scenes.cameras import RandomViewpoints
 from scenefw.scenes.engines.pybullet_engine import PyBulletEngine
 
@@ -119,7 +119,7 @@ def test_gains_are_those_beyond_any_draw_of_the_same_views():
     assert [gain.mean, gain.low, gain.high] == pytest.approx([0.05] * 3)
     wide = result.score("good", "instance_iou")
     assert wide.high - wide.low > 0.1
-    (section,) = StackResults().sections(result, None)
+    (section,) = Chapter("scenefw.report.stacks").sections(result, None)
     (table,) = section.blocks
     assert [name for name, _ in table.rows] == [
         "the first hypothesis, which stays the first", "any draw (order by chance)",

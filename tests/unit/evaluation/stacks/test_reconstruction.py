@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from tests.unit.perception.pipelines import pipeline_of
 
 from scenefw.core.batches import Completion
 from scenefw.core.errors import ConfigError
@@ -89,7 +90,7 @@ def result():
     grid = GridSpec(resolution=48)
     methods = {
         "oracle": Oracle(scenes, grid, 2),
-        "partial_tsdf": PartialSurface(ConnectedComponents()),
+        "partial_tsdf": pipeline_of(PartialSurface(ConnectedComponents())),
         "nothing": Nothing(),
     }
     return evaluation(methods, scenes, views=2, samples=3, workers=1).run()
@@ -175,7 +176,7 @@ def test_figures_of_a_method_do_not_depend_on_others_beside_it():
 
 def test_views_side_by_side_give_the_same_figures():
     scenes = StackScenes(split="test", limit=3)
-    coin = {"coin": Coin(), "partial_tsdf": PartialSurface(ConnectedComponents())}
+    coin = {"coin": Coin(), "partial_tsdf": pipeline_of(PartialSurface(ConnectedComponents()))}
     one, two = (
         evaluation(coin, scenes, grid=GridSpec(resolution=16), workers=workers).run()
         for workers in (1, 2)
@@ -186,7 +187,7 @@ def test_views_side_by_side_give_the_same_figures():
 @pytest.mark.exhaustive
 def test_views_scored_by_other_processes_give_the_same_figures():
     scenes = StackScenes(split="test", limit=3)
-    methods = {"partial_tsdf": PartialSurface(ConnectedComponents())}
+    methods = {"partial_tsdf": pipeline_of(PartialSurface(ConnectedComponents()))}
     one, two = (
         evaluation(methods, scenes, grid=GridSpec(resolution=16), **where).run()
         for where in ({"workers": 1}, {"parallel": Local(2)})

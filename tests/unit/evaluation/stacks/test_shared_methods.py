@@ -1,29 +1,48 @@
 """What methods of the reconstruction table share, as configured."""
 
+import pytest
+
 from scenefw import config
 from scenefw.execution.build import Builder
-from scenefw.perception.cached import Remembered
+from scenefw.perception.cached import Cached
 
 
-def test_methods_that_begin_with_the_same_scenes_ask_one_and_the_same_object():
+@pytest.fixture(scope="module")
+def methods():
+    """Those of the table, and those whose samples are judged as samples."""
     composed = config.compose(["run=evaluate", "debug=smoke", "device=cpu"])
-    methods = Builder(composed).build("evaluation.methods")
-    assert methods["fitted"].inner.inner is methods["zero_code"]
-    grouped = methods["fitted_hulls"].inner
-    assert isinstance(grouped, Remembered)
-    assert methods["crease_parts"].inner is grouped
-    assert grouped.inner.inner is methods["hull_filling"]
-    learnt = methods["set_flow"].inner
-    assert learnt.inner.inner.parts is None  # it fills those of the image
-    assert grouped.inner.inner.parts is not None
-    assert type(learnt.inner.parts).__name__ == "AffinityParts"
-    assert type(grouped.inner.parts).__name__ == "SeenParts"  # the reference learns nothing
+    builder = Builder(composed)
+    draws = builder.build("evaluation.draws.methods")
+    return {**builder.build("evaluation.methods"), **draws}
+
+
+@pytest.mark.parametrize("step", ["segmentation", "grouping"])
+def test_methods_that_begin_with_the_same_steps_ask_one_and_the_same_object(methods, step):
+    reference = getattr(methods["fitted_hulls"], step)
+    assert isinstance(reference, Cached)
+    assert getattr(methods["crease_parts"], step) is reference
+    assert getattr(methods["drawn_fits"], step) is reference
+    learnt = getattr(methods["set_extents"], step)
+    assert isinstance(learnt, Cached)
+    assert learnt is not reference
+
+
+def test_references_learn_nothing(methods):
+    learnt, reference = methods["set_extents"], methods["fitted_hulls"]
+    assert type(learnt.segmentation.step).__name__ == "AffinityParts"
+    assert methods["fitted"].segmentation is learnt.segmentation
+    assert learnt.grouping.step.rough.segmentation is None  # it fills those of the image
+    assert type(reference.segmentation.step).__name__ == "SeenParts"
+    filled = reference.grouping.step.rough.segmentation
+    assert vars(filled) == vars(methods["hull_filling"].segmentation)
+    assert vars(filled) != vars(reference.segmentation.step)  # wider creases belong to nothing
+    assert methods["crease_parts"].edges is None
 
 
 def test_the_order_of_methods_is_that_of_random_points_and_of_rows():
     composed = config.compose(["run=evaluate"])
     assert list(composed.evaluation.methods) == [
-        "scenefw", "zero_code", "set_flow", "fitted", "fitted_hulls", "hull_filling",
+        "scenefw", "zero_code", "set_extents", "fitted", "fitted_hulls", "hull_filling",
         "partial_tsdf", "trained_here", "fully_convolutional", "sscnet", "unconditional",
         "crease_parts",
     ]  # fmt: skip

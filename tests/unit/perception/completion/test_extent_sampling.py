@@ -1,12 +1,14 @@
-"""Draws of a network as what is expected of hidden parts, and as hidden objects."""
+"""Samples of a network as what is expected of hidden parts, and as hidden objects."""
 
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
 import torch
-from tests.unit.perception.evidence.test_gathering import view_of
-from tests.unit.perception.synthetic import STACK, camera_at
+from tests.unit.perception.completion.observed_boxes import FRONT
+from tests.unit.perception.evidence.test_gathering import scene_of
+from tests.unit.perception.synthetic import STACK
+from tests.unit.perception.usual_fits import TOLERANCES, object_fit
 
 from scenefw import registry
 from scenefw.core.errors import ConfigError, InputError
@@ -18,10 +20,10 @@ from scenefw.fitting.joint import JointFit
 from scenefw.fitting.placed import shape_of, signed_distance
 from scenefw.fitting.superquadrics import SuperquadricFit
 from scenefw.perception.completion.extent_inputs import SeenObjects, along
-from scenefw.perception.completion.extent_sampling import DrawnSets
+from scenefw.perception.completion.extent_sampling import ExtentSampling
 from scenefw.perception.completion.hidden_objects import HiddenObjects
-from scenefw.perception.evidence.gathering import EvidenceOfView
-from scenefw.perception.observation.free_space import places_in, seen_through, surely_free
+from scenefw.perception.observation.free_space import free_ratio, places_in
+from scenefw.perception.steps import Objects
 from scenefw.shapes.equal_descriptions import equal_descriptions
 
 
@@ -69,23 +71,27 @@ class Loaded:
     metadata: dict = field(default_factory=lambda: {"made": "by hand"})
 
 
-@dataclass
-class Inner:
-    grid = None
-    metadata: dict = field(default_factory=dict)
+FIT = JointFit(SuperquadricFit())
+USUAL = {"steps": 20, "median_of": 32, "spread": 1.0, "pseudo_sigma": 0.008, "min_gap": 0.01}
 
 
-def method(boxes, **settings):
-    fit = JointFit(SuperquadricFit())
-    return DrawnSets(Inner(), fit, EvidenceOfView(), Loaded(Told(boxes)), **settings)
+def method(boxes, fit=FIT, **settings):
+    """With a network that samples these boxes."""
+    return ExtentSampling(fit, TOLERANCES, Loaded(Told(boxes)), **USUAL | settings)
 
 
-def seen():
-    """The fronts of two boxes: their backs are hidden, and no predicted volume says where."""
-    view, camera = view_of(48), camera_at(eye=(0.0, -0.85, 0.6))
-    masks = np.where(view.points[..., 1] > 0, 0, view.masks)
-    nothing = replace(view, tsdf=np.full_like(view.tsdf, 0.1), instances=0 * view.instances)
-    return replace(nothing, masks=masks, eye=camera.T_world_camera[:3, 3])
+def sampled(sampling, scene, samples=1):
+    """The superquadrics of hypotheses, by label."""
+    fits = object_fit().fit(*scene)
+    sets = sampling.complete(fits, scene[1], samples, torch.Generator().manual_seed(0))
+    return [each.superquadrics for each in sets]
+
+
+def fronts():
+    """The fronts of two boxes: their backs are hidden, and no rough volume says where."""
+    objects, geometry = scene_of(48)
+    masks = np.where(geometry.points[..., 1] > 0, 0, objects.masks)
+    return Objects(masks), replace(geometry, eye=FRONT.T_world_camera[:3, 3])
 
 
 def test_half_axes_are_told_along_other_axes():
@@ -96,15 +102,21 @@ def test_half_axes_are_told_along_other_axes():
     assert np.allclose(found, np.abs(turn).T @ [1.0, 2.0, 3.0])
 
 
-def boxes_that_end_at(view, back):
-    """The two boxes of the view, but so deep that their backs are there."""
+def boxes_that_end_at(scene, back):
+    """The two boxes of a scene, but so deep that their backs are there."""
     told = []
     for box in STACK:
         lower, upper = np.array(box.lower), np.array(box.upper)
         upper[1] = back
-        ahead = np.abs(turn_of(view) @ (upper - lower) / 2)
-        told.append([_in_view_frame(view, (lower + upper) / 2), ahead.tolist()])
+        ahead = np.abs(turn_of(scene) @ (upper - lower) / 2)
+        told.append([_in_view_frame(scene, (lower + upper) / 2), ahead.tolist()])
     return told
+
+
+def apart(one, label, scene):
+    """Mean distance (m) of an object's visible points from a superquadric."""
+    objects, view = scene
+    return np.abs(signed_distance(one, view.points[objects.masks == label])).mean()
 
 
 def back_of(one):
@@ -115,45 +127,42 @@ def back_of(one):
 
 def test_objects_end_where_they_are_drawn_to_end():
     """Their backs are not seen; fronts and tops are, and stay there."""
-    view = seen()
+    scene = fronts()
     for back in (0.03, 0.08, 0.13):
-        boxes = [boxes_that_end_at(view, back)]
-        best, drawn = method(boxes).superquadrics(view, 2, np.random.default_rng(0))
-        for found in (best, drawn):
+        boxes = [boxes_that_end_at(scene, back)]
+        for found in sampled(method(boxes), scene, 2):
             assert set(found) == {1, 2}
             assert np.allclose([back_of(found[k]) for k in (1, 2)], back, atol=0.012)
             for k in (1, 2):
-                points = view.points[view.masks == k]
-                assert np.abs(signed_distance(found[k], points)).mean() < 0.003
+                assert apart(found[k], k, scene) < 0.003
 
 
-def test_the_first_sample_is_in_the_middle_of_draws():
-    view = seen()
-    boxes = [boxes_that_end_at(view, back) for back in (0.03, 0.08, 0.09, 0.02, 0.12)]
-    first, *draws = method(boxes, votes=3).superquadrics(view, 3, np.random.default_rng(0))
+def test_the_first_hypothesis_is_the_median_of_samples():
+    scene = fronts()
+    boxes = [boxes_that_end_at(scene, back) for back in (0.03, 0.08, 0.09, 0.02, 0.12)]
+    first, *further = sampled(method(boxes, median_of=3), scene, 3)
     assert np.allclose([back_of(first[k]) for k in (1, 2)], 0.08, atol=0.012)
-    backs = [back_of(draw[1]) for draw in draws]
-    assert np.allclose(backs, [0.02, 0.12], atol=0.012)  # draws of their own
+    backs = [back_of(each[1]) for each in further]
+    assert np.allclose(backs, [0.02, 0.12], atol=0.012)  # samples of their own
 
 
 def test_networks_are_shown_as_much_of_objects_as_in_their_training():
-    view = seen()
-    drawn = method([boxes_that_end_at(view, 0.08)])
-    drawn.superquadrics(view, 1)
-    assert drawn.model.shown.points.shape[-2:] == (192, 3)
-    assert drawn.model.shown.ends.shape[-2:] == (48, 7)
-    drawn.metadata |= ObjectSamples(points=40, ends=9, width=40).facts()
-    drawn.superquadrics(view, 1)
-    assert drawn.model.shown.points.shape[-2:] == (40, 3)
-    assert drawn.model.shown.ends.shape[-2:] == (9, 7)
+    scene = fronts()
+    sampling = method([boxes_that_end_at(scene, 0.08)])
+    assert sampling.metadata == {"made": "by hand"}
+    sampled(sampling, scene)
+    assert sampling.model.shown.points.shape[-2:] == (192, 3)
+    assert sampling.model.shown.ends.shape[-2:] == (48, 7)
+    sampling.metadata |= ObjectSamples(points=40, ends=9, width=40).facts()
+    sampled(sampling, scene)
+    assert sampling.model.shown.points.shape[-2:] == (40, 3)
+    assert sampling.model.shown.ends.shape[-2:] == (9, 7)
 
 
-def test_without_votes_the_first_sample_is_the_fit_without_a_network():
-    view = seen()
+def test_the_median_of_no_sample_is_the_fit_without_a_network():
+    scene = fronts()
     found = [
-        method([boxes_that_end_at(view, back)] * 2, votes=0).superquadrics(
-            view, 3, np.random.default_rng(0)
-        )
+        sampled(method([boxes_that_end_at(scene, back)] * 2, median_of=0), scene, 3)
         for back in (0.03, 0.12)
     ]
     for k in (1, 2):
@@ -163,19 +172,20 @@ def test_without_votes_the_first_sample_is_the_fit_without_a_network():
 
 def test_sets_of_all_rows_are_where_they_are_in_the_world():
     """Each row of a view has other points, so another frame; objects come back from all of them."""
-    view = seen()
+    scene = fronts()
     fitted = [
         FittedSuperquadric(
             np.array([0.02, 0.03, 0.05]), np.array([2.0, 4.0, 8.0]), one.pose, 0.0, np.empty(0)
         )
-        for one in method([boxes_that_end_at(view, 0.08)]).superquadrics(view, 1)[0].values()
+        for one in sampled(method([boxes_that_end_at(scene, 0.08)]), scene)[0].values()
     ]
-    objects = SeenObjects(view, [1, 2], fitted, np.random.default_rng(0), rows=3)
-    batch = objects.batch(fitted, torch.device("cpu"))
+    objects, view = scene
+    shown = SeenObjects(view, objects.masks, [1, 2], fitted, np.random.default_rng(0), rows=3)
+    batch = shown.batch(fitted, torch.device("cpu"))
     assert batch.points.shape[0] == 3
     assert not torch.allclose(batch.positions[0], batch.positions[1], atol=1e-5)
     again = replace(batch, **{n: torch.cat([x, x[:1]]) for n, x in vars(batch).items()})
-    world = objects.in_world(again)
+    world = shown.in_world(again)
     for row in range(4):
         for one, true in zip(world.objects(row), fitted, strict=True):
             assert np.allclose(one.pose.matrix, true.pose.matrix, atol=1e-5)
@@ -186,30 +196,24 @@ def test_sets_of_all_rows_are_where_they_are_in_the_world():
 
 
 def test_a_view_of_nothing_is_an_empty_set():
-    view = seen()
+    objects, view = fronts()
     network = registry.build("model", "set_extents")  # not told: it has to see the objects
-    flow = DrawnSets(
-        Inner(),
-        JointFit(SuperquadricFit()),
-        EvidenceOfView(),
-        Loaded(network.requires_grad_(False)),
-    )
-    assert flow.superquadrics(replace(view, masks=0 * view.masks), 3) == [{}, {}, {}]
+    flow = ExtentSampling(FIT, TOLERANCES, Loaded(network.requires_grad_(False)), **USUAL)
+    assert sampled(flow, (Objects(0 * objects.masks), view), 3) == [{}, {}, {}]
 
 
-def test_what_is_drawn_where_something_else_is_seen_gives_way():
-    """A draw in front of what is seen moves no face that is seen."""
-    view = seen()
-    boxes = [boxes_that_end_at(view, 0.08)]
+def test_a_sample_where_something_else_is_seen_gives_way():
+    """A sample in front of what is seen moves no face that is seen."""
+    scene = fronts()
+    boxes = [boxes_that_end_at(scene, 0.08)]
     boxes[0][0] = [(np.array(boxes[0][0][0]) + [0, 0, 0.03]).tolist(), boxes[0][0][1]]
-    best = method(boxes).superquadrics(view, 1, np.random.default_rng(0))[0]
-    points = view.points[view.masks == 1]
-    assert np.abs(signed_distance(best[1], points)).mean() < 0.003
+    (best,) = sampled(method(boxes), scene)
+    assert apart(best[1], 1, scene) < 0.003
 
 
-def wider(told, view, label, by):
+def wider(told, scene, label, by):
     """The same boxes, of which one goes further to its right by so much (m)."""
-    ahead = turn_of(view)[:, 0]
+    ahead = turn_of(scene)[:, 0]
     changed = [[list(part) for part in one] for one in told]
     centre, half = (np.array(part) for part in changed[label - 1])
     changed[label - 1] = [
@@ -220,16 +224,16 @@ def wider(told, view, label, by):
 
 
 @pytest.mark.parametrize("by", [0.15, 0.25])
-def test_a_draw_through_seen_free_space_gives_way_to_the_fit(by):
+def test_a_sample_through_seen_free_space_gives_way_to_the_fit(by):
     """No face decides how far the end goes, but what is beside the boxes is seen to be free."""
-    view = seen()
+    objects, view = fronts()
     view = replace(view, free=np.abs(view.grid.centres()[..., 0]) > 0.12)
-    told = boxes_that_end_at(view, 0.08)
-    found = method([wider(told, view, 2, by)]).superquadrics(view, 2, np.random.default_rng(0))
-    for scene in found:
-        assert set(scene) == {1, 2}
-        for one in scene.values():
-            assert seen_through(places_in(one), surely_free(view)) <= 0.05
+    scene = objects, view
+    told = boxes_that_end_at(scene, 0.08)
+    for found in sampled(method([wider(told, scene, 2, by)]), scene, 2):
+        assert set(found) == {1, 2}
+        for one in found.values():
+            assert free_ratio(places_in(one), view.clear, view.grid) <= 0.05
 
 
 class Sinking(JointFit):
@@ -247,61 +251,61 @@ class Sinking(JointFit):
 
 
 def test_no_object_ends_below_the_floor_after_the_last_fit():
-    view = seen()
-    sinking = DrawnSets(
-        Inner(),
-        Sinking(SuperquadricFit()),
-        EvidenceOfView(),
-        Loaded(Told([boxes_that_end_at(view, 0.08)])),
-    )
-    lower = sinking.superquadrics(view, 1, np.random.default_rng(0))[0][1]
+    scene = fronts()
+    sinking = method([boxes_that_end_at(scene, 0.08)], fit=Sinking(SuperquadricFit()))
+    lower = sampled(sinking, scene)[0][1]
     corners = shape_of(lower).mesh(8).vertices @ lower.pose.rotation.T + lower.pose.position
     assert abs(corners[:, 2].min()) < 0.002
-    points = view.points[view.masks == 1]
-    assert np.abs(signed_distance(lower, points)).mean() < 0.003
+    assert apart(lower, 1, scene) < 0.003
 
 
 def test_settings_out_of_range_are_told():
-    for settings in ({"steps": 0}, {"votes": -1}, {"drawn_sigma": 0.001}, {"beyond": -0.1}):
-        with pytest.raises(ConfigError, match=f"^{next(iter(settings))} = "):
-            method([[]], **settings)
+    wrong = {"steps": 0, "median_of": -1, "spread": -1.0, "pseudo_sigma": 0.0, "min_gap": -0.1}
+    for name, value in wrong.items():
+        with pytest.raises(ConfigError, match=f"^{name} = "):
+            method([[]], **{name: value})
 
 
-def with_hidden(view, *places):
+def with_hidden(scene, *places):
     """Draws beside the best scene: one small box at each place, in one try after the other."""
     small = [0.01, 0.01, 0.01]
-    told = boxes_that_end_at(view, 0.06)
-    tries = [[*told, [_in_view_frame(view, np.array(place)), small]] for place in places]
+    told = boxes_that_end_at(scene, 0.06)
+    tries = [[*told, [_in_view_frame(scene, np.array(place)), small]] for place in places]
     model = Told(tries)
     hidden = HiddenObjects(Loaded(model), tries=len(tries))
-    best, drawn = method([told], hidden=hidden).superquadrics(view, 2, np.random.default_rng(0))
+    best, drawn = sampled(method([told], hidden=hidden), scene, 2)
     return best, [one for label, one in drawn.items() if label not in best], model.known
 
 
+def behind(scene):
+    """A place on the floor that the lower box hides."""
+    objects, view = scene
+    place = view.eye + 1.25 * (view.points[objects.masks == 1].mean(axis=0) - view.eye)
+    place[2] = 0.02
+    assert not view.free[tuple(np.rint(view.grid.to_voxels(place)).astype(int))]
+    return place
+
+
 def test_hidden_objects_appear_where_nothing_is_seen_alone():
-    view = seen()
-    behind = view.eye + 1.25 * (view.points[view.masks == 1].mean(axis=0) - view.eye)
-    behind[2] = 0.02
-    assert not view.free[tuple(np.rint(view.grid.to_voxels(behind)).astype(int))]
+    scene = fronts()
+    place = behind(scene)
     in_the_air, outside = (0.0, -0.3, 0.5), (0.0, 0.9, 0.02)
-    best, hidden, known = with_hidden(view, in_the_air, outside, behind)
-    assert np.allclose([one.pose.position for one in hidden], [behind], atol=0.005)
+    best, hidden, known = with_hidden(scene, in_the_air, outside, place)
+    assert np.allclose([one.pose.position for one in hidden], [place], atol=0.005)
     assert np.allclose(known.half_axes[0].numpy(), [best[k].half_axes for k in (1, 2)], atol=0.02)
-    assert not with_hidden(view, in_the_air, outside)[1]
+    assert not with_hidden(scene, in_the_air, outside)[1]
     inside = best[1].pose.position
-    assert not with_hidden(view, inside)[1]
+    assert not with_hidden(scene, inside)[1]
 
 
 def test_where_there_is_no_room_for_two_hidden_objects_there_is_one():
-    view = seen()
-    behind = view.eye + 1.25 * (view.points[view.masks == 1].mean(axis=0) - view.eye)
-    behind[2] = 0.02
-    small, told = [0.01, 0.01, 0.01], boxes_that_end_at(view, 0.06)
-    places = [_in_view_frame(view, np.array(place)) for place in (behind, (0.0, -0.3, 0.5))]
+    scene = fronts()
+    small, told = [0.01, 0.01, 0.01], boxes_that_end_at(scene, 0.06)
+    places = [_in_view_frame(scene, np.array(place)) for place in (behind(scene), (0.0, -0.3, 0.5))]
     model = Told([[*told, *[[place, small] for place in places]]])
     for model.hidden, count in ((2, 1), (0, 0)):
         hidden = HiddenObjects(Loaded(model), tries=2)
-        best, drawn = method([told], hidden=hidden).superquadrics(view, 2, np.random.default_rng(0))
+        best, drawn = sampled(method([told], hidden=hidden), scene, 2)
         assert len(drawn) - len(best) == count
 
 
@@ -314,22 +318,28 @@ def test_networks_that_draw_nothing_hidden_are_refused():
         HiddenObjects(Loaded(Told([])), tries=0)
 
 
-def _in_view_frame(view, place):
+def middle_of(scene):
+    """The mean of what is visible of both boxes."""
+    objects, view = scene
+    return np.mean([view.points[objects.masks == k].mean(axis=0) for k in (1, 2)], axis=0)
+
+
+def _in_view_frame(scene, place):
     """What a network must say for an object to be at a place of the world."""
-    middle = np.mean([view.points[view.masks == k].mean(axis=0) for k in (1, 2)], axis=0)
+    middle = middle_of(scene)
     origin = np.array([middle[0], middle[1], 0.0])
-    return (turn_of(view) @ (place - origin)).astype(np.float32).tolist()
+    return (turn_of(scene) @ (place - origin)).astype(np.float32).tolist()
 
 
-def turn_of(view):
+def turn_of(scene):
     """Rotation from the world to the frame of the view."""
-    middle = np.mean([view.points[view.masks == k].mean(axis=0) for k in (1, 2)], axis=0)
-    ahead = (middle - view.eye)[:2] / np.linalg.norm((middle - view.eye)[:2])
+    way = (middle_of(scene) - scene[1].eye)[:2]
+    ahead = way / np.linalg.norm(way)
     return np.array([[*ahead, 0], [-ahead[1], ahead[0], 0], [0, 0, 1]])
 
 
 def test_a_view_without_a_camera_is_told():
-    view = replace(seen(), eye=None)
-    boxes = boxes_that_end_at(seen(), 0.1)
+    scene = fronts()
+    blind = scene[0], replace(scene[1], eye=None)
     with pytest.raises(InputError, match="what one camera sees, and this view has no camera"):
-        method(boxes).superquadrics(view, 1, np.random.default_rng(0))
+        sampled(method([boxes_that_end_at(scene, 0.1)]), blind)

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 import torch
-from tests.unit.perception.completion.test_superquadrics import partial_of
-from tests.unit.perception.evidence.test_gathering import distance, view_of
+from tests.unit.perception.completion.observed_boxes import observed, partial_of
+from tests.unit.perception.evidence.test_gathering import distance, scene_of
 from tests.unit.perception.synthetic import STACK, camera_at
 
 from scenefw.core.errors import ConfigError, InputError
@@ -18,7 +18,10 @@ from scenefw.fitting.joint import JointFit
 from scenefw.fitting.superquadrics import SuperquadricFit
 from scenefw.perception.completion.object_queries import ObjectQueryReconstructor
 from scenefw.perception.completion.refinement import RefinedSets
+from scenefw.perception.estimate.composition import composed
 from scenefw.perception.evidence.gathering import EvidenceOfView
+from scenefw.perception.observation.observation import Observation
+from scenefw.perception.steps import Fits, Objects
 
 BOXES = [(np.array(box.lower), np.array(box.upper)) for box in STACK]
 ROUGH = [(lower + 0.012, upper + 0.012) for lower, upper in BOXES]
@@ -70,39 +73,44 @@ class Loaded:
     metadata: dict = field(default_factory=lambda: {"made": "by hand"})
 
 
+NO_FITS = Fits(Objects(None))
+
+
 def complete(boxes, *, fitted=False, resolution=48):
-    view, camera = view_of(resolution), camera_at(eye=(0.0, -0.85, 0.6))
+    """The true objects, the network, and the scene that it gives."""
+    objects, geometry = scene_of(resolution)
     model = Told(boxes)
     refined = RefinedSets(JointFit(SuperquadricFit()), EvidenceOfView()) if fitted else None
-    method = ObjectQueryReconstructor(Loaded(model, view.grid), refined)
+    method = ObjectQueryReconstructor(Loaded(model, geometry.grid), refined)
     assert method.metadata == {"made": "by hand"}
-    scenes = method.complete(partial_of(view, camera), view.grid, 2, torch.Generator())
-    assert len(scenes) == 2
-    return view, model, scenes[0]
+    view = observed(geometry)
+    first, second = method.complete(NO_FITS, view, 2, torch.Generator())
+    assert second is first
+    return objects, model, composed(first, view)
 
 
 @pytest.mark.parametrize(("metadata", "points"), [({}, 1024), (view_facts(50), 50)])
 def test_networks_are_shown_as_many_points_as_in_their_training(metadata, points):
-    view, camera = view_of(48), camera_at(eye=(0.0, -0.85, 0.6))
-    method = ObjectQueryReconstructor(Loaded(Told(BOXES), view.grid, metadata))
-    method.complete(partial_of(view, camera), view.grid, 1, torch.Generator())
+    _, geometry = scene_of(48)
+    method = ObjectQueryReconstructor(Loaded(Told(BOXES), geometry.grid, metadata))
+    method.complete(NO_FITS, observed(geometry), 1, torch.Generator())
     assert method.queried.model.saw[1].shape == (1, points, 3)
 
 
-def overlap(scene, view):
-    found, true = scene.tsdf[0].numpy() < 0, view.tsdf < 0
+def overlap(scene, objects):
+    found, true = scene.tsdf[0].numpy() < 0, objects.tsdf < 0
     return (found & true).sum() / (found | true).sum()
 
 
 def test_what_is_predicted_becomes_a_scene():
-    view, model, scene = complete(BOXES)
-    assert overlap(scene, view) > 0.95
+    objects, model, scene = complete(BOXES)
+    assert overlap(scene, objects) > 0.95
     assert set(np.unique(scene.instances.numpy())) == {0, 1, 2}
     assert list(scene.placed[0]) == [1, 2]
     shown = scene.masks[0].numpy()
-    both = (view.masks > 0) & (shown > 0)
-    assert (shown[both] == view.masks[both]).mean() > 0.98
-    assert both.sum() > 0.97 * (view.masks > 0).sum()
+    both = (objects.masks > 0) & (shown > 0)
+    assert (shown[both] == objects.masks[both]).mean() > 0.98
+    assert both.sum() > 0.97 * (objects.masks > 0).sum()
     _, points, seen = model.saw
     assert seen.all()
     gaps = np.min([np.abs(distance(points[0].numpy(), box)) for box in STACK], axis=0)
@@ -112,25 +120,25 @@ def test_what_is_predicted_becomes_a_scene():
 @pytest.mark.parametrize("eye", [(0.0, -0.85, 0.6), (0.7, 0.4, 0.5)])
 @pytest.mark.parametrize("width", [64, 128])
 def test_what_is_predicted_in_the_frame_of_an_image_stands_in_the_world(eye, width):
-    view, camera = view_of(48), camera_at(eye=eye)
-    nothing = replace(view, free=np.zeros_like(view.free))  # another side is free from here
-    partial = partial_of(nothing, camera)
-    seen = image_view(partial, view.grid, width)
+    objects, geometry = scene_of(48)
+    nothing = replace(geometry, free=np.zeros_like(geometry.free))  # another side is free from here
+    view = observed(nothing, camera_at(eye=eye))
+    seen = image_view(view.partial, view.grid, width)
     assert abs(seen.turn[0, 0, 1]) > 0.1  # not the world's x
     model = ToldOfImages(BOXES, seen)
     method = ObjectQueryReconstructor(Loaded(model, view.grid, image_facts(width)))
-    (scene,) = method.complete(partial, view.grid, 1, torch.Generator())
-    assert overlap(scene, view) > 0.95
+    (hypothesis,) = method.complete(NO_FITS, view, 1, torch.Generator())
+    assert overlap(composed(hypothesis, view), objects) > 0.95
     condition, points, _ = model.saw
     assert condition.shape[-1] == width
     assert torch.equal(points, seen.points)
 
 
 def test_rough_predictions_are_fitted_to_what_is_seen():
-    view, _, rough = complete(ROUGH)
+    objects, _, rough = complete(ROUGH)
     _, _, fitted = complete(ROUGH, fitted=True)
-    assert overlap(fitted, view) > overlap(rough, view) + 0.1
-    assert overlap(fitted, view) > 0.9
+    assert overlap(fitted, objects) > overlap(rough, objects) + 0.1
+    assert overlap(fitted, objects) > 0.9
 
 
 def test_of_predictions_of_one_object_the_surer_is_kept():
@@ -155,11 +163,11 @@ def test_a_view_without_objects_is_empty():
 
 
 def test_what_it_cannot_do_is_said_in_one_line():
-    view, camera = view_of(32), camera_at(eye=(0.0, -0.85, 0.6))
-    loaded = Loaded(Told(BOXES), view.grid)
-    partial = replace(partial_of(view, camera), depth=None)
+    _, geometry = scene_of(32)
+    loaded = Loaded(Told(BOXES), geometry.grid)
+    blind = Observation.of_partial(replace(partial_of(geometry), depth=None), geometry.grid)
     with pytest.raises(InputError, match="needs the depth images"):
-        ObjectQueryReconstructor(loaded).complete(partial, view.grid, 1, torch.Generator())
+        ObjectQueryReconstructor(loaded).complete(NO_FITS, blind, 1, torch.Generator())
     for wrong, words in (({"exists": 1.5}, r"exists = 1\.5"), ({"own": 0.0}, r"own = 0\.0")):
         with pytest.raises(ConfigError, match=words):
             ObjectQueryReconstructor(loaded, **wrong)

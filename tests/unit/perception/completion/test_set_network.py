@@ -14,6 +14,8 @@ from scenefw.models.set_placed_vae import PlacedSetVAE
 from scenefw.models.set_vae import SetVAE
 from scenefw.perception.completion.set_network import SetNetwork
 from scenefw.perception.completion.suppression import chosen_objects
+from scenefw.perception.observation.observation import Observation
+from scenefw.perception.steps import Fits, Objects
 
 SMALL = {"encoder_widths": (4, 4), "decoder_widths": (4, 4), "code_size": 4}
 
@@ -45,30 +47,39 @@ class TwoBalls(torch.nn.Module):
         )  # fmt: skip
 
 
-def partial(grid, count=1):
-    shape = (count, 1, *grid.shape)
-    return PartialTSDF(torch.full(shape, grid.truncation), torch.zeros(shape, dtype=torch.bool))
+def scenes_of(method, samples=1, grid=None, seed=0):
+    """What a method says of a view of nothing."""
+    grid = method.grid if grid is None else grid
+    shape = (1, 1, *grid.shape)
+    partial = PartialTSDF(torch.full(shape, grid.truncation), torch.zeros(shape, dtype=torch.bool))
+    view, generator = Observation(None, partial, grid), torch.Generator().manual_seed(seed)
+    sets = method.complete(Fits(Objects(None)), view, samples, generator)
+    assert all(each.superquadrics is None for each in sets)
+    return [each.objects for each in sets]
 
 
 @pytest.mark.parametrize("resolution", [32, 48])
 def test_objects_of_a_network_are_balls_where_it_says(resolution):
     grid = GridSpec(resolution)
     method = SetNetwork(Checkpoint(TwoBalls(grid), grid), suppress=0.3)
-    (scene,) = method.complete(partial(grid, 2), grid, 3, torch.Generator())
-    assert scene.instances.unique().tolist() == [0, 1, 2]  # the duplicate and the empty one aren't
-    for row in range(2):
-        for label, centre in enumerate(TwoBalls.centres, start=1):
-            inside = grid.centres()[(scene.instances[row] == label).numpy()]
-            np.testing.assert_allclose(inside.mean(axis=0), centre, atol=grid.voxel_size)
-            volume = len(inside) * grid.voxel_size**3
-            assert volume == pytest.approx(4 / 3 * np.pi * 0.1**3, rel=0.12)
+    (scene,) = scenes_of(method, 3)
+    assert np.unique(scene.instances).tolist() == [
+        0,
+        1,
+        2,
+    ]  # the duplicate and the empty one aren't
+    assert (scene.tsdf.dtype, scene.instances.dtype) == (np.float32, np.int32)
+    for label, centre in enumerate(TwoBalls.centres, start=1):
+        inside = grid.centres()[scene.instances == label]
+        np.testing.assert_allclose(inside.mean(axis=0), centre, atol=grid.voxel_size)
+        volume = len(inside) * grid.voxel_size**3
+        assert volume == pytest.approx(4 / 3 * np.pi * 0.1**3, rel=0.12)
     exact = (
         np.min([np.linalg.norm(grid.centres() - at, axis=-1) for at in TwoBalls.centres], 0) - 0.1
     )
     near = np.abs(exact) < grid.truncation / 2
-    found = scene.tsdf[0].numpy()
-    assert np.abs(found - exact)[near].mean() < 0.3 * grid.voxel_size
-    assert np.abs(found - exact)[near].max() < grid.voxel_size
+    assert np.abs(scene.tsdf - exact)[near].mean() < 0.3 * grid.voxel_size
+    assert np.abs(scene.tsdf - exact)[near].max() < grid.voxel_size
     predicted = TwoBalls(grid).decompose(torch.zeros(1))
     for suppress, count in ((None, 3), (0.3, 2)):
         assert chosen_objects(predicted, 0, grid, 3e-5, suppress).exists.sum() == count
@@ -78,14 +89,13 @@ def test_networks_with_a_prior_draw_and_others_do_not():
     grid = GridSpec(16)
     torch.manual_seed(0)
     plain = SetNetwork(Checkpoint(SetAutoencoder(16, 3, "view", **SMALL), grid))
-    assert len(plain.complete(partial(grid), grid, 4, torch.Generator())) == 1
+    assert len(scenes_of(plain, 4)) == 1
     vae = PlacedSetVAE(16, 3, **SMALL)
     drawing = SetNetwork(Checkpoint(vae, grid))
     noise = []
     sample = vae.sample
     vae.sample = lambda seen, latents: noise.append(latents) or sample(seen, latents)
-    scenes = drawing.complete(partial(grid, 2), grid, 3, torch.Generator().manual_seed(1))
-    assert len(scenes) == 3
+    assert len(scenes_of(drawing, 3, seed=1)) == 3
     assert not noise[0].any()
     assert (noise[1] != noise[2]).any()
 
@@ -98,9 +108,9 @@ def test_what_is_thin_is_kept(smoothing):
     model.logits[0, 0, 8:24, 10, 12] = 9.0
     model.logits[0, 1, 8:24, 20, 12:14] = 9.0
     method = SetNetwork(Checkpoint(model, grid), smoothing=smoothing)
-    (scene,) = method.complete(partial(grid), grid, 1, torch.Generator())
-    assert torch.equal(scene.tsdf < 0, scene.instances > 0)
-    assert torch.bincount(scene.instances.flatten()).tolist()[1:] == [16, 32]
+    (scene,) = scenes_of(method)
+    assert np.array_equal(scene.tsdf < 0, scene.instances > 0)
+    assert np.bincount(scene.instances.ravel()).tolist()[1:] == [16, 32]
 
 
 def test_without_a_prior_of_the_view_the_first_scene_is_drawn_too():
@@ -110,7 +120,7 @@ def test_without_a_prior_of_the_view_the_first_scene_is_drawn_too():
     sample = vae.sample
     vae.sample = lambda seen, latents: noise.append(latents) or sample(seen, latents)
     method = SetNetwork(Checkpoint(vae, grid))
-    assert len(method.complete(partial(grid), grid, 2, torch.Generator())) == 2
+    assert len(scenes_of(method, 2)) == 2
     assert all(one.any() for one in noise)
 
 
@@ -118,11 +128,9 @@ def test_nothing_predicted_is_an_empty_scene():
     grid = GridSpec(16)
     model = TwoBalls(grid)
     model.logits = torch.full_like(model.logits, -9.0)
-    (scene,) = SetNetwork(Checkpoint(model, grid)).complete(
-        partial(grid), grid, 1, torch.Generator()
-    )
+    (scene,) = scenes_of(SetNetwork(Checkpoint(model, grid)))
     assert not scene.instances.any()
-    assert (scene.tsdf == grid.truncation).all()
+    assert (scene.tsdf == np.float32(grid.truncation)).all()
 
 
 def test_wrong_networks_and_grids_are_one_line():
@@ -131,7 +139,7 @@ def test_wrong_networks_and_grids_are_one_line():
         SetNetwork(Checkpoint(whole, GridSpec(16)))
     method = SetNetwork(Checkpoint(TwoBalls(GridSpec(16)), GridSpec(16)))
     with pytest.raises(InputError, match="fuse it on the checkpoint's grid"):
-        method.complete(partial(GridSpec(32)), GridSpec(32), 1, torch.Generator())
+        scenes_of(method, grid=GridSpec(32))
     with pytest.raises(ConfigError, match="suppress"):
         SetNetwork(Checkpoint(TwoBalls(GridSpec(16)), GridSpec(16)), suppress=2.0)
 

@@ -1,146 +1,106 @@
-"""Superquadrics in place of predicted objects, and objects that stay as they are."""
+"""Superquadrics in place of rough volumes, and draws of them."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
-from tests.unit.perception.evidence.test_gathering import distance, view_of
-from tests.unit.perception.synthetic import STACK, camera_at, frame_of
+from tests.unit.perception.completion.observed_boxes import observed
+from tests.unit.perception.evidence.test_gathering import scene_of
+from tests.unit.perception.usual_fits import TOLERANCES, object_fit
 
-from scenefw.core.batches import Completion, PartialTSDF
-from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import Pose
 from scenefw.fitting.superquadrics import SuperquadricFit
-from scenefw.kernels.cameras import stack_cameras
-from scenefw.perception.completion.superquadrics import Fitted, composed, each_drawn
-from scenefw.perception.evidence.gathering import EvidenceOfView, View
+from scenefw.perception.completion.superquadrics import FitSampling
+from scenefw.perception.estimate.composition import composed, with_superquadrics
+from scenefw.perception.evidence.gathering import EvidenceOfView
+from scenefw.perception.evidence.object_fit import ObjectFit
+from scenefw.perception.steps import Objects
 
 
-class Rough:
-    """Predicts the boxes of a view with their hidden half missing."""
-
-    def __init__(self, view):
-        self.grid, self.metadata = view.grid, {"made": "by hand"}
-        behind = view.grid.centres()[..., 1] > 0.02
-        tsdf = np.where(behind, view.grid.truncation, view.tsdf)
-        self.scene = Completion(
-            torch.from_numpy(tsdf)[None].float(),
-            torch.from_numpy(np.where(behind, 0, view.instances))[None].int(),
-            masks=torch.from_numpy(view.masks)[None],
-        )
-
-    def complete(self, partial, grid, samples, generator):
-        return [self.scene] * samples
+def sampled(objects, view, samples=1, seed=0, tolerances=TOLERANCES, shape_fit=None, **settings):
+    """Hypotheses of objects and a view."""
+    fit = object_fit() if shape_fit is None else ObjectFit(shape_fit, EvidenceOfView(), 20, 0.015)
+    method = FitSampling(SuperquadricFit(), tolerances, **settings)
+    generator = torch.Generator().manual_seed(seed)
+    return method.complete(fit.fit(objects, view), view, samples, generator)
 
 
-def partial_of(view, camera):
-    frame = frame_of(camera)
-    free = torch.from_numpy(view.free)[None, None]
-    far = torch.where(free, view.grid.truncation, -0.01)
-    images = torch.from_numpy(frame.depth)[None]
-    return PartialTSDF(far, free, images, stack_cameras([camera]))
-
-
-class Shifted:
-    """Restores images by moving all that they show 2 cm away from the camera."""
-
-    def of(self, partial, grid):
-        return replace(partial, depth=partial.depth + 0.02)
-
-
-def test_edges_are_restored_before_anything_else():
-    """The method inside and the fit see the restored image alone."""
-    view, camera = view_of(32), camera_at(eye=(0.0, -0.85, 0.6))
-    rough = Rough(view)
-    asked = []
-    rough.complete = lambda partial, *_: asked.append(partial) or [rough.scene]
-    plain, moved = (
-        Fitted(rough, SuperquadricFit(), EvidenceOfView(), edges=edges).complete(
-            partial_of(view, camera), view.grid, 1, torch.Generator()
-        )[0]
-        for edges in (None, Shifted())
-    )
-    assert torch.allclose(asked[1].depth, asked[0].depth + 0.02)
-    assert not torch.equal(plain.tsdf, moved.tsdf)
+def half_of(objects, grid):
+    """Objects whose volumes lack their hidden half."""
+    behind = grid.centres()[..., 1] > 0.02
+    tsdf = np.where(behind, np.float32(grid.truncation), objects.tsdf)
+    return replace(objects, tsdf=tsdf, instances=np.where(behind, 0, objects.instances))
 
 
 @pytest.mark.parametrize("resolution", [32, 64])
 def test_boxes_come_out_sharp_and_whole(resolution):
-    view, camera = view_of(resolution), camera_at(eye=(0.0, -0.85, 0.6))
-    rough = Rough(view)
-    method = Fitted(rough, SuperquadricFit(), EvidenceOfView())
-    assert method.metadata == {"made": "by hand"}
-    (scene,) = method.complete(partial_of(view, camera), view.grid, 1, torch.Generator())
-    before, after, true = (
-        volumes.tsdf[0].numpy() < 0 if isinstance(volumes, Completion) else volumes.tsdf < 0
-        for volumes in (rough.scene, scene, view)
-    )
+    objects, geometry = scene_of(resolution)
+    view, rough = observed(geometry), half_of(objects, geometry.grid)
+    (hypothesis,) = sampled(rough, view)
+    scene = composed(hypothesis, view)
+    before, after, true = rough.tsdf < 0, scene.tsdf[0].numpy() < 0, objects.tsdf < 0
     overlap = [(solid & true).sum() / (solid | true).sum() for solid in (before, after)]
     assert overlap[1] > overlap[0] + 0.1
     found = scene.instances[0].numpy()
     assert set(np.unique(found)) == {0, 1, 2}
     assert ((found > 0) == after).all()
-    assert torch.equal(scene.masks, rough.scene.masks)
-    volume = torch.zeros(1, 1, *view.grid.shape)
-    without = PartialTSDF(volume, volume > 0)
-    with pytest.raises(InputError, match="depth images"):
-        method.complete(without, view.grid, 1, torch.Generator())
+    np.testing.assert_array_equal(scene.masks[0].numpy(), objects.masks)
+    assert set(scene.placed[0]) == {1, 2}
+    for label, one in hypothesis.superquadrics.items():
+        np.testing.assert_array_equal(scene.placed[0][label].shape.half_axes, one.half_axes)
+        np.testing.assert_array_equal(scene.placed[0][label].pose.matrix, one.pose.matrix)
 
 
 def test_draws_differ_in_what_is_hidden_and_agree_in_what_is_seen():
-    view, camera = view_of(48), camera_at(eye=(0.0, -0.85, 0.6))
-    empty = replace(view, tsdf=np.full_like(view.tsdf, 0.1), instances=0 * view.instances)
-    method = Fitted(Rough(empty), SuperquadricFit(), EvidenceOfView())
-    partial = partial_of(view, camera)
+    objects, geometry = scene_of(48)
+    flat = Objects(objects.masks)
 
-    def scenes(count, seed=0):
-        return method.complete(partial, view.grid, count, torch.Generator().manual_seed(seed))
+    def volumes(count, seed=0):
+        return [
+            with_superquadrics(each.objects, each.superquadrics, geometry.grid)[0]
+            for each in sampled(flat, geometry, count, seed)
+        ]
 
-    (best,), (first, *drawn) = scenes(1), scenes(6)
-    assert torch.equal(first.tsdf, best.tsdf)
-    solid = torch.stack([scene.tsdf[0] < 0 for scene in (first, *drawn)])
-    differs = (solid.any(dim=0) & ~solid.all(dim=0)).numpy()
+    (best,), (first, *drawn) = volumes(1), volumes(6)
+    np.testing.assert_array_equal(first, best)
+    solid = np.stack([first, *drawn]) < 0
+    differs = solid.any(axis=0) & ~solid.all(axis=0)
     assert differs.sum() > 50
-    assert not (differs & view.free).any()
-    again = scenes(6)[3]
-    assert torch.equal(again.tsdf, drawn[2].tsdf)
-    assert not torch.equal(scenes(6, seed=1)[3].tsdf, drawn[2].tsdf)
+    assert not (differs & geometry.free).any()
+    np.testing.assert_array_equal(volumes(6)[3], drawn[2])
+    assert not np.array_equal(volumes(6, seed=1)[3], drawn[2])
 
 
-def test_without_draws_all_samples_are_the_best_fit():
-    view, camera = view_of(32), camera_at(eye=(0.0, -0.85, 0.6))
-    method = Fitted(Rough(view), SuperquadricFit(), EvidenceOfView(), drawn=False)
+def test_without_draws_there_is_one_set_and_no_random_number():
+    objects, geometry = scene_of(32)
+    fits = object_fit().fit(objects, geometry)
+    method = FitSampling(SuperquadricFit(), TOLERANCES, drawn=False)
     generator = torch.Generator()
     before = generator.get_state()
-    first, second = method.complete(partial_of(view, camera), view.grid, 2, generator)
-    assert second is first
+    (only,) = method.complete(fits, geometry, 3, generator)
     assert torch.equal(generator.get_state(), before)
-
-
-def test_each_scene_is_drawn_as_often_as_it_stands():
-    calls = []
-
-    def draw(scene, count):
-        calls.append((scene, count))
-        return [f"{scene}{number}" for number in range(count)]
-
-    assert each_drawn(["a", "b", "a"], draw) == ["a0", "b1", "a1"]
-    assert calls == [("a", 2), ("b", 2)]
+    (best,) = sampled(objects, geometry)
+    for label in (1, 2):
+        mine, other = (each.superquadrics[label] for each in (only, best))
+        np.testing.assert_array_equal(mine.half_axes, other.half_axes)
 
 
 def test_what_no_superquadric_explains_stays_as_it_was():
-    """An L: its seen points fit no convex shape."""
-    view = view_of(32)
-    whole = View(
-        view.points, (view.masks > 0).astype(np.int32), view.tsdf,
-        (view.instances > 0).astype(np.int32), view.free, view.grid,
-    )  # fmt: skip
-    strict = Fitted(Rough(view), SuperquadricFit(), EvidenceOfView(), near=0.002, explained=0.95)
-    assert strict.superquadrics(whole) == [{}]
-    tsdf, instances = composed({}, whole)
+    """An L: its visible points fit no convex shape."""
+    objects, geometry = scene_of(32)
+    whole = Objects(
+        (objects.masks > 0).astype(np.int32), objects.tsdf, (objects.instances > 0).astype(np.int32)
+    )
+    strict = replace(TOLERANCES, inlier_distance=0.002, min_inlier_ratio=0.95)
+    (hypothesis,) = sampled(whole, geometry, tolerances=strict)
+    assert hypothesis.superquadrics == {}
+    assert set(hypothesis.evidence) == {1}
+    tsdf, instances = with_superquadrics(whole, hypothesis.superquadrics, geometry.grid)
     np.testing.assert_array_equal(instances, whole.instances)
     assert ((tsdf < 0) == (whole.tsdf < 0)).all()
+    loose = replace(TOLERANCES, inlier_distance=0.1, max_free_ratio=1.0)
+    assert set(sampled(whole, geometry, tolerances=loose)[0].superquadrics) == {1}
 
 
 class Elongated(SuperquadricFit):
@@ -162,46 +122,23 @@ RIGHT = np.array([1.0, 0.0, 0.0])
 
 def test_a_fit_through_seen_free_space_is_not_taken():
     """Its distances say that it explains what is seen, but beside the object the floor is seen."""
-    view = view_of(48)
-    view = replace(view, free=np.abs(view.grid.centres()[..., 0]) > 0.12)
-    found = Fitted(Rough(view), SuperquadricFit(), EvidenceOfView()).superquadrics(view)[0]
-    assert set(found) == {1, 2}
-    assert Fitted(Rough(view), Elongated(), EvidenceOfView()).superquadrics(view) == [{}]
-    blind = replace(view, free=np.zeros_like(view.free))
-    assert Fitted(Rough(view), Elongated(), EvidenceOfView()).superquadrics(blind) != [{}]
+    objects, geometry = scene_of(48)
+    geometry = replace(geometry, free=np.abs(geometry.grid.centres()[..., 0]) > 0.12)
+    assert set(sampled(objects, geometry)[0].superquadrics) == {1, 2}
+    assert sampled(objects, geometry, shape_fit=Elongated())[0].superquadrics == {}
+    blind = replace(geometry, free=np.zeros_like(geometry.free))
+    assert sampled(objects, blind, shape_fit=Elongated())[0].superquadrics != {}
+    tolerant = replace(TOLERANCES, max_free_ratio=1.0)
+    shapes = sampled(objects, geometry, shape_fit=Elongated(), tolerances=tolerant)
+    assert shapes[0].superquadrics != {}
 
 
-def test_one_sharp_object_beside_one_that_stays():
-    view = view_of(64)
-    method = Fitted(Rough(view), SuperquadricFit(), EvidenceOfView())
-    (label, sharp), *_ = method.superquadrics(view)[0].items()
-    tsdf, instances = composed({label: sharp}, view)
-    other = 3 - label
-    kept = (instances == other).sum() / (view.instances == other).sum()
-    assert 0.8 < kept <= 1
-    assert ((instances > 0) == (tsdf < 0)).all()
-    inside = distance(view.grid.centres(), STACK[label - 1]) < -0.01
-    assert (instances[inside] == label).mean() > 0.85
-
-
-def test_what_is_seen_but_not_predicted_becomes_an_object():
-    view = view_of(64)
-    empty = View(
-        view.points, view.masks, np.full_like(view.tsdf, view.grid.truncation),
-        np.zeros_like(view.instances), view.free, view.grid,
-    )  # fmt: skip
-    found = Fitted(Rough(view), SuperquadricFit(), EvidenceOfView()).superquadrics(empty)[0]
-    assert set(found) == {1, 2}
-    tsdf, instances = composed(found, empty)
-    assert ((tsdf < 0) & (view.tsdf < 0)).sum() > 0.6 * ((tsdf < 0) | (view.tsdf < 0)).sum()
+def test_masks_alone_become_solid_objects():
+    objects, geometry = scene_of(64)
+    (hypothesis,) = sampled(Objects(objects.masks), geometry)
+    assert set(hypothesis.superquadrics) == {1, 2}
+    tsdf, instances = with_superquadrics(
+        hypothesis.objects, hypothesis.superquadrics, geometry.grid
+    )
+    assert ((tsdf < 0) & (objects.tsdf < 0)).sum() > 0.6 * ((tsdf < 0) | (objects.tsdf < 0)).sum()
     assert set(np.unique(instances)) == {0, 1, 2}
-    low = Fitted(Rough(view), SuperquadricFit(), EvidenceOfView(), lowest=0.15)
-    assert set(low.superquadrics(empty)[0]) == {2}  # the other one is 12 cm high
-    away = replace(empty, points=empty.points + (0.0, 2.0, 0.0))
-    assert Fitted(Rough(view), SuperquadricFit(), EvidenceOfView()).superquadrics(away) == [{}]
-
-
-@pytest.mark.parametrize("wrong", [{"near": 0}, {"explained": 1.5}, {"least": 0}])
-def test_wrong_numbers_are_refused(wrong):
-    with pytest.raises(ConfigError, match=next(iter(wrong))):
-        Fitted(Rough(view_of(16)), SuperquadricFit(), EvidenceOfView(), **wrong)

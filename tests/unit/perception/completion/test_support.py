@@ -7,27 +7,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from tests.unit.perception.evidence.test_gathering import view_of
+from tests.unit.perception.evidence.test_gathering import scene_of
 
 from scenefw.core import geometry
 from scenefw.core.evidence import FittedSuperquadric
 from scenefw.core.types import Pose
 from scenefw.fitting.placed import shape_of
-from scenefw.perception.completion.support import standing
+from scenefw.perception.completion.support import extend_to_support
+
+GRID = scene_of(32)[1].grid
+CLOSED = np.zeros(GRID.shape, dtype=bool)
+"""What a view that sees through nothing shows to be free."""
 
 
-def closed():
-    """A view that sees through nothing."""
-    view = view_of(32)
-    return replace(view, free=np.zeros_like(view.free))
-
-
-CLOSED = closed()
-
-
-@pytest.fixture(scope="module")
-def view():
-    return CLOSED
+def standing(*objects, free=CLOSED):
+    return extend_to_support(objects, free, GRID)
 
 
 def box(lower, upper, turn=None):
@@ -49,40 +43,39 @@ WAYS = [np.eye(3), np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]), np.diag([1.0, 
 
 
 @pytest.mark.parametrize("turn", WAYS)
-def test_a_box_in_the_air_goes_on_to_the_floor(view, turn):
+def test_a_box_in_the_air_goes_on_to_the_floor(turn):
     one = box((0.0, 0.0, 0.05), (0.1, 0.06, 0.12), turn)
-    (found,) = standing([one], view)
+    (found,) = standing(one)
     lower, upper = ends(found)
     assert np.allclose(lower, (0, 0, 0), atol=2e-3)
     assert np.allclose(upper, (0.1, 0.06, 0.12), atol=2e-3)
 
 
 @pytest.mark.parametrize("turn", WAYS)
-def test_a_box_in_the_air_goes_on_to_the_box_below_it(view, turn):
+def test_a_box_in_the_air_goes_on_to_the_box_below_it(turn):
     below = box((-0.02, -0.02, 0.0), (0.12, 0.12, 0.03))
     beside = box((0.3, 0.0, 0.0), (0.4, 0.1, 0.04))
-    found = standing([box((0.0, 0.0, 0.08), (0.1, 0.06, 0.12), turn), below, beside], view)
+    found = standing(box((0.0, 0.0, 0.08), (0.1, 0.06, 0.12), turn), below, beside)
     assert found[1:] == [below, beside]
     assert abs(ends(found[0])[0][2] - 0.03) < 0.008
     assert abs(ends(found[0])[1][2] - 0.12) < 2e-3
 
 
-def test_a_box_that_sinks_into_the_floor_ends_there(view):
-    (found,) = standing([box((0.0, 0.0, -0.02), (0.1, 0.06, 0.06))], view)
+def test_a_box_that_sinks_into_the_floor_ends_there():
+    (found,) = standing(box((0.0, 0.0, -0.02), (0.1, 0.06, 0.06)))
     lower, upper = ends(found)
     assert np.allclose([lower[2], upper[2]], [0.0, 0.06], atol=2e-3)
     below = box((0.0, 0.0, -0.05), (0.1, 0.06, 0.002))  # nothing would be left of it
-    assert standing([below], view) == [below]
+    assert standing(below) == [below]
 
 
-def test_what_is_carried_or_tilted_or_seen_through_stays(view):
+def test_what_is_carried_or_tilted_or_seen_through_stays():
     carried = [box((0, 0, 0), (0.1, 0.1, 0.05)), box((0.05, 0, 0.055), (0.15, 0.1, 0.1))]
-    assert standing(carried, view) == carried
+    assert standing(*carried) == carried
     tilted = box((0, 0, 0.05), (0.1, 0.06, 0.12), Rotation.from_euler("x", 40, True).as_matrix())
-    assert standing([tilted], view) == [tilted]
+    assert standing(tilted) == [tilted]
     hanging = box((0.0, 0.0, 0.08), (0.1, 0.06, 0.12))
-    seen = replace(view, free=np.ones_like(view.free))
-    assert standing([hanging], seen) == [hanging]
+    assert standing(hanging, free=~CLOSED) == [hanging]
 
 
 @given(
@@ -92,7 +85,7 @@ def test_the_upper_end_stays_and_the_lower_one_comes_to_the_floor(low, height, t
     turn = Rotation.from_euler("zx", (around, tilt), degrees=True).as_matrix()
     one = box((0.0, 0.0, low), (0.08, 0.05, low + height), np.eye(3))
     one = replace(one, pose=Pose(one.pose.position, geometry.quaternion_from_rotation(turn)))
-    (found,) = standing([one], CLOSED)
+    (found,) = standing(one)
     up = one.pose.rotation[:, 2]
     tops = [x.pose.position + x.half_axes[2] * up for x in (one, found)]
     assert np.allclose(*tops, atol=1e-6)

@@ -8,6 +8,7 @@ import pytest
 import torch
 import trimesh
 from scipy.spatial import cKDTree
+from tests.unit.perception.usual_fits import TOLERANCES
 
 import scenefw
 from scenefw.core.errors import ConfigError
@@ -18,8 +19,10 @@ from scenefw.fitting.vessels import VesselFit
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.kernels.meshes import Tree
 from scenefw.noise.stereo import Stereo
-from scenefw.perception.completion.vessels import Vessels, with_vessels
-from scenefw.perception.evidence.gathering import View
+from scenefw.perception.completion.vessels import Vessels
+from scenefw.perception.estimate.composition import with_vessels
+from scenefw.perception.observation.observation import JointGeometry
+from scenefw.perception.steps import Objects, ObjectSet
 from scenefw.shapes.superquadric import Superquadric
 from scenefw.shapes.vessel import Vessel
 
@@ -49,7 +52,8 @@ def pictured(mesh, camera):
     return far.numpy().reshape(shape), (hit.numpy() >= 0).reshape(shape)
 
 
-def view_of(mesh, eye, resolution=64, size=(320, 240)):
+def scene_of(mesh, eye, resolution=64, size=(320, 240)):
+    """The masks of an image of one object, and what that says."""
     camera = lens(eye, size)
     depth, shown = pictured(mesh, camera)
     u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
@@ -65,9 +69,14 @@ def view_of(mesh, eye, resolution=64, size=(320, 240)):
     inside = (columns >= 0) & (columns < camera.width) & (rows >= 0) & (rows < camera.height)
     before = depth[np.where(inside, rows, 0), np.where(inside, columns, 0)]
     free = inside & (seen[:, 2] < before - grid.voxel_size)
-    empty = np.full(grid.shape, grid.truncation, np.float32)
-    return View(points, shown.astype(np.int32), empty, np.zeros(grid.shape, np.int32),
-                free.reshape(grid.shape), grid, pose[:3, 3])  # fmt: skip
+    geometry = JointGeometry(points, grid, free.reshape(grid.shape), pose[:3, 3])
+    return shown.astype(np.int32), geometry
+
+
+def detected(masks, geometry, known=None, **settings):
+    """The vessels that object 1 may be, beside superquadrics that explain it."""
+    vessels = Vessels(VesselFit(), TOLERANCES, **settings)
+    return vessels.detect(masks, geometry, [1], known or {})
 
 
 def upright(shape, height):
@@ -82,87 +91,112 @@ EYES = [(0.1, -0.7, 0.55), (-0.4, 0.4, 0.6)]
 @pytest.mark.parametrize("eye", EYES)
 @pytest.mark.parametrize("vessel", [MUG, BOWL])
 def test_what_one_sees_into_becomes_hollow(vessel, eye, size):
-    view = view_of(vessel.mesh(), eye, size=size)
-    found = Vessels(VesselFit()).found(view, [1], {})
+    scene = scene_of(vessel.mesh(), eye, size=size)
+    found = detected(*scene)
     assert list(found) == [1]
     assert found[1].shape.radius == pytest.approx(vessel.radius, rel=0.06)
     # A superquadric about it all is no better, as the far wall is seen through it
     about = Superquadric([vessel.radius] * 2 + [vessel.height / 2], [2, 2, 40])
     known = {1: upright(about, vessel.height / 2)}
-    assert list(Vessels(VesselFit()).found(view, [1], known)) == [1]
+    assert list(detected(*scene, known)) == [1]
 
 
 @pytest.mark.parametrize("eye", EYES)
 def test_a_can_stays_solid_with_a_superquadric_and_without(eye):
-    view = view_of(CAN.mesh(24), eye)
-    assert Vessels(VesselFit()).found(view, [1], {1: upright(CAN, 0.05)}) == {}
-    assert Vessels(VesselFit()).found(view, [1], {}) == {}
+    scene = scene_of(CAN.mesh(24), eye)
+    assert detected(*scene, {1: upright(CAN, 0.05)}) == {}
+    assert detected(*scene) == {}
 
 
 def test_a_mug_from_the_side_stays_solid():
-    view = view_of(MUG.mesh(), (0.0, -0.9, 0.06))
-    assert Vessels(VesselFit()).found(view, [1], {}) == {}
+    assert detected(*scene_of(MUG.mesh(), (0.0, -0.9, 0.06))) == {}
 
 
 def test_without_one_eye_and_with_few_points_nothing_is_hollow():
-    view = view_of(MUG.mesh(), EYES[0])
-    assert Vessels(VesselFit()).found(replace(view, eye=None), [1], {}) == {}
-    assert Vessels(VesselFit(), least=10**6).found(view, [1], {}) == {}
+    masks, geometry = scene_of(MUG.mesh(), EYES[0])
+    assert detected(masks, replace(geometry, eye=None)) == {}
+    assert detected(masks, geometry, least=10**6) == {}
 
 
 def test_a_wall_where_the_view_sees_through_is_none():
-    view = view_of(MUG.mesh(), EYES[0])
-    everything = np.ones_like(view.free)
-    assert Vessels(VesselFit()).found(replace(view, free=everything), [1], {}) == {}
+    masks, geometry = scene_of(MUG.mesh(), EYES[0])
+    everything = np.ones_like(geometry.free)
+    assert detected(masks, replace(geometry, free=everything)) == {}
+
+
+def test_pixels_between_two_surfaces_do_not_count():
+    masks, geometry = scene_of(MUG.mesh(), EYES[0])
+    assert list(detected(masks, replace(geometry, mixed=masks == 0))) == [1]
+    assert detected(masks, replace(geometry, mixed=masks > 0)) == {}
+
+
+def test_what_is_hollow_is_so_in_all_hypotheses():
+    """The further one has an object more, as networks add hidden ones."""
+    masks, geometry = scene_of(MUG.mesh(), EYES[0])
+    about = upright(Superquadric([0.04, 0.04, 0.05], [2, 2, 40]), 0.05)
+    first = ObjectSet(Objects(masks), {1: about}, evidence={1: object()})
+    further = replace(first, superquadrics={1: about, 2: about})
+    rough = ObjectSet(Objects(masks))  # no shape explains anything
+    vessels = Vessels(VesselFit(), TOLERANCES)
+    one, other = vessels.replace([first, further], geometry)
+    assert list(one.vessels) == list(other.vessels) == [1]
+    assert one.vessels[1] is other.vessels[1]
+    assert one.superquadrics == {}
+    assert other.superquadrics == {2: about}
+    assert vessels.replace([rough, rough], geometry) == [rough, rough]
+    unexplained = replace(first, superquadrics={})
+    assert list(vessels.replace([unexplained], geometry)[0].vessels) == [1]
+    unseen = replace(first, evidence={})
+    assert vessels.replace([unseen], geometry)[0].superquadrics == {1: about}
 
 
 def test_what_lies_in_a_vessel_keeps_its_voxels():
-    view = view_of(BOWL.mesh(), EYES[0])
-    found = Vessels(VesselFit()).found(view, [1], {})
-    ball = np.linalg.norm(view.grid.centres() - [*PLACE, 0.035], axis=-1) - 0.03
-    tsdf = np.minimum(ball, view.grid.truncation).astype(np.float32)
+    masks, geometry = scene_of(BOWL.mesh(), EYES[0])
+    found, grid = detected(masks, geometry), geometry.grid
+    ball = np.linalg.norm(grid.centres() - [*PLACE, 0.035], axis=-1) - 0.03
+    tsdf = np.minimum(ball, grid.truncation).astype(np.float32)
     instances = np.where(ball < 0, 2, 0).astype(np.int32)
-    _, labels = with_vessels(found, tsdf, instances, view)
+    _, labels = with_vessels(tsdf, instances, found, grid)
     assert np.array_equal(labels == 2, instances == 2)
     assert (labels == 1).sum() > 100
 
 
 def test_a_piece_of_a_large_or_a_flat_one_is_none():
-    view = view_of(BOWL.mesh(), EYES[0])
-    narrow = replace(view, masks=view.masks * (np.abs(view.points[..., 0] - PLACE[0]) < 0.02))
-    narrow = replace(narrow, masks=narrow.masks * (view.points[..., 1] > PLACE[1]))
-    assert Vessels(VesselFit()).found(narrow, [1], {}) == {}
-    assert Vessels(VesselFit(), flattest=0.07).found(view, [1], {}) == {}
+    masks, geometry = scene_of(BOWL.mesh(), EYES[0])
+    x, y, _ = np.moveaxis(geometry.points, -1, 0)
+    narrow = masks * (np.abs(x - PLACE[0]) < 0.02) * (y > PLACE[1])
+    assert detected(narrow, geometry) == {}
+    assert detected(masks, geometry, flattest=0.07) == {}
 
 
 def test_a_vessel_that_ends_beyond_the_grid_is_none():
-    view = view_of(MUG.mesh(), EYES[0])
+    masks, geometry = scene_of(MUG.mesh(), EYES[0])
     small = GridSpec(resolution=64, extent=0.2, lower=(PLACE[0] - 0.2, PLACE[1] - 0.1, -0.02))
     free = np.zeros(small.shape, bool)
-    assert Vessels(VesselFit()).found(replace(view, grid=small, free=free), [1], {}) == {}
+    assert detected(masks, replace(geometry, grid=small, free=free)) == {}
 
 
 @pytest.mark.parametrize("resolution", [64, 96])
 def test_volumes_have_a_lid_and_others_stay(resolution):
-    view = view_of(BOWL.mesh(), EYES[0], resolution)
-    found = Vessels(VesselFit()).found(view, [1], {})
-    other = np.linalg.norm(view.grid.centres() - [-0.2, 0.1, 0.05], axis=-1) - 0.05
-    tsdf = np.minimum(other, view.grid.truncation).astype(np.float32)
+    masks, geometry = scene_of(BOWL.mesh(), EYES[0], resolution)
+    found, grid = detected(masks, geometry), geometry.grid
+    other = np.linalg.norm(grid.centres() - [-0.2, 0.1, 0.05], axis=-1) - 0.05
+    tsdf = np.minimum(other, grid.truncation).astype(np.float32)
     instances = np.where(tsdf < 0, 2, 0).astype(np.int32)
-    made, labels = with_vessels(found, tsdf, instances, view)
+    made, labels = with_vessels(tsdf, instances, found, grid)
     assert set(np.unique(labels)) == {0, 1, 2}
     assert np.array_equal(labels == 2, instances == 2)
-    filled = (labels == 1).sum() * view.grid.voxel_size**3
+    filled = (labels == 1).sum() * grid.voxel_size**3
     t = np.linspace(0, 1, 2001)
     true = np.pi * np.mean((0.08 * (0.4 + 0.6 * t**0.5)) ** 2) * 0.06
     assert filled == pytest.approx(true, rel=0.15)
     assert np.array_equal(made < 0, labels > 0)
 
 
-@pytest.mark.parametrize("wrong", [{"near": 0.0}, {"explained": 1.5}, {"points": 3}, {"edge": -1}])
+@pytest.mark.parametrize("wrong", [{"better": 1.5}, {"points": 3}, {"edge": -1}, {"below": -0.1}])
 def test_bad_settings(wrong):
     with pytest.raises(ConfigError, match=f"^{next(iter(wrong))} = "):
-        Vessels(VesselFit(), **wrong)
+        Vessels(VesselFit(), TOLERANCES, **wrong)
 
 
 HOLLOW = "ycb_video_frame/024_bowl ycb_video_frame/025_mug pybullet_urdf/bowl pybullet_urdf/mug"
@@ -190,8 +224,8 @@ def off(scene, camera, mesh):
 def test_real_bowls_and_mugs_are_met_and_solid_things_stay(real_data, capsys):
     """Pictures of scanned meshes with noise of a stereo camera, from two sides each."""
     models = {
-        name: scenefw.load("simstack", "run.pipeline.samples=1", *more)
-        for name, more in (("hollow", []), ("solid", ["reconstructor.vessels=null"]))
+        name: scenefw.load("reconstruction", "reconstructor.samples=1", *more)
+        for name, more in (("hollow", []), ("solid", ["reconstructor.hollow=null"]))
     }
     rng = np.random.default_rng(0)
     rows = {}

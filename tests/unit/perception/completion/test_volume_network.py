@@ -10,10 +10,12 @@ from scenefw.core.batches import PartialTSDF, ShapeInstancePrediction
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import GridSpec
 from scenefw.perception.completion.volume_network import (
-    NetworkReconstructor,
+    VolumeNetwork,
     coupled_codes,
     smoothed,
 )
+from scenefw.perception.observation.observation import Observation
+from scenefw.perception.steps import Fits, Objects
 from scenefw.representations.occupancy import Occupancy
 
 
@@ -44,24 +46,54 @@ def make(resolution, smoothing=0.0, **options):
     checkpoint = SimpleNamespace(model=Echo(), grid=grid, metadata={})
     distance = grid.truncation * (2 * torch.rand(2, 1, *grid.shape) - 1)
     return (
-        NetworkReconstructor(checkpoint, Signs(), smoothing=smoothing, **options),
+        VolumeNetwork(checkpoint, Signs(), smoothing=smoothing, **options),
         grid,
         PartialTSDF(distance, distance > 0),
     )
 
 
+def scenes_of(method, partial, samples, seed=0):
+    """What a method says of the first of some views."""
+    first = PartialTSDF(partial.distance[:1], partial.observed[:1])
+    view, generator = Observation(None, first, method.grid), torch.Generator().manual_seed(seed)
+    sets = method.complete(Fits(Objects(None)), view, samples, generator)
+    assert all(each.superquadrics is None for each in sets)
+    return [each.objects for each in sets]
+
+
 @pytest.mark.parametrize("resolution", [8, 16])
 def test_first_sample_is_the_zero_code_and_distances_are_metres(resolution):
     method, grid, partial = make(resolution)
-    samples = method.complete(partial, grid, 3, torch.Generator().manual_seed(0))
+    samples = scenes_of(method, partial, 3)
     assert len(samples) == 3
-    torch.testing.assert_close(samples[0].tsdf, partial.distance[:, 0])
-    for tsdf, instances in ((one.tsdf, one.instances) for one in samples):
-        assert tsdf.shape == instances.shape == (2, *grid.shape)
-        assert instances.dtype == torch.int32
-        assert tsdf.abs().max() <= grid.truncation * 1.0001
-        assert ((instances > 0) == (tsdf < 0)).all()
-    assert not torch.equal(samples[1].tsdf, samples[2].tsdf)
+    np.testing.assert_allclose(samples[0].tsdf, partial.distance[0, 0], rtol=1e-5, atol=1e-7)
+    for one in samples:
+        assert one.tsdf.shape == one.instances.shape == grid.shape
+        assert (one.tsdf.dtype, one.instances.dtype) == (np.float32, np.int32)
+        assert np.abs(one.tsdf).max() <= grid.truncation * 1.0001
+        assert ((one.instances > 0) == (one.tsdf < 0)).all()
+        assert one.masks is None
+        assert one.volumes["votes"].shape == (1, 3, *grid.shape)
+    assert not np.array_equal(samples[1].tsdf, samples[2].tsdf)
+
+
+def test_codes_of_several_views_are_decoded_together():
+    method, grid, partial = make(8)
+    codes = torch.tensor([0.0, 5.0])[:, None, None].expand(2, 2, 4)
+    zero, high = method.complete_with(partial, grid, codes)
+    torch.testing.assert_close(zero.tsdf, partial.distance[:, 0])
+    torch.testing.assert_close(high.tsdf, torch.full_like(zero.tsdf, grid.truncation))
+    assert not high.instances.any()
+
+
+def test_the_most_typical_scene_needs_no_fits_and_no_segments():
+    method, grid, partial = make(8)
+    first = scenes_of(method, partial, 3)[0]
+    view = Observation(None, PartialTSDF(partial.distance[:1], partial.observed[:1]), grid)
+    segments = np.ones((4, 5), np.int32)
+    for objects in (method.typical(view), method.group(segments, view)):
+        np.testing.assert_array_equal(objects.tsdf, first.tsdf)
+        np.testing.assert_array_equal(objects.instances, first.instances)
 
 
 def test_codes_come_from_the_generator():
@@ -166,9 +198,9 @@ def test_distances_are_smoothed_before_instances_are_found():
 def test_a_network_without_codes_gives_one_sample():
     grid = GridSpec(resolution=8)
     checkpoint = SimpleNamespace(model=Echo(latent_size=0), grid=grid, metadata={})
-    method = NetworkReconstructor(checkpoint, Signs())
+    method = VolumeNetwork(checkpoint, Signs())
     partial = PartialTSDF(torch.zeros(2, 1, *grid.shape), torch.ones(2, 1, *grid.shape, dtype=bool))
-    assert len(method.complete(partial, grid, 3, torch.Generator())) == 1
+    assert len(scenes_of(method, partial, 3)) == 1
 
 
 def test_an_output_that_the_network_lacks_is_one_line():

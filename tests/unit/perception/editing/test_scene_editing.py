@@ -4,7 +4,7 @@ from tests.unit.perception.edited_scenes import block, scene
 
 from scenefw.core.errors import InputError
 from scenefw.core.types import PlacedShape, Pose
-from scenefw.perception import editing
+from scenefw.perception.editing import scene_editing as editing
 from scenefw.perception.editing.edit_words import USAGES, edited
 from scenefw.perception.physics.contacts import contact_words, hovers, overlaps
 from scenefw.shapes.moments import moments

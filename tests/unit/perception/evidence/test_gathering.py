@@ -8,12 +8,14 @@ from tests.unit.perception.synthetic import STACK, camera_at, frame_of
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import GridSpec
-from scenefw.perception.evidence.gathering import EvidenceOfView, View
+from scenefw.perception.evidence.gathering import EvidenceOfView
+from scenefw.perception.observation.observation import JointGeometry
 from scenefw.perception.observation.points import world_points
+from scenefw.perception.steps import Objects
 
 
-def view_of(resolution):
-    """Two boxes on each other, seen from the front, with their true volumes."""
+def scene_of(resolution):
+    """Two boxes on each other with their true volumes, and what a view from the front says."""
     grid, camera = GridSpec(resolution=resolution), camera_at(eye=(0.0, -0.85, 0.6))
     frame = frame_of(camera)
     points = world_points(type(frame)(frame.depth, camera))
@@ -21,7 +23,8 @@ def view_of(resolution):
     tsdf = fields.min(axis=0).clip(-grid.truncation, grid.truncation).astype(np.float32)
     instances = np.where(tsdf < 0, fields.argmin(axis=0) + 1, 0).astype(np.int32)
     in_front = grid.centres()[..., 1] < -0.1
-    return View(points, frame.labels, tsdf, instances, in_front, grid)
+    objects = Objects(frame.labels, tsdf, instances)
+    return objects, JointGeometry(points, grid, in_front)
 
 
 def distance(points, box):
@@ -34,14 +37,14 @@ def distance(points, box):
 @pytest.mark.parametrize("resolution", [32, 64])
 @pytest.mark.parametrize("label", [1, 2])
 def test_points_lie_on_the_object_and_places_outside_of_it(resolution, label):
-    view, box = view_of(resolution), STACK[label - 1]
+    (objects, geometry), box = scene_of(resolution), STACK[label - 1]
     gathered = EvidenceOfView(seen=100, hidden=80, outside=50)
-    found = gathered.of(label, view)
+    found = gathered.of(label, objects, geometry)
     seen = found.sigmas == gathered.seen_sigma
     assert 0 < seen.sum() <= 100
     assert 0 < (~seen).sum() <= 80
     assert np.abs(distance(found.points[seen], box)).max() < 1e-5
-    assert np.abs(distance(found.points[~seen], box)).max() < 1.5 * view.grid.voxel_size
+    assert np.abs(distance(found.points[~seen], box)).max() < 1.5 * geometry.grid.voxel_size
     assert found.points[~seen, 1].mean() > found.points[seen, 1].mean() + 0.03  # it is behind
     assert distance(found.outside, box).min() > -1e-5
     assert (found.outside[:, 2] < 0).any()
@@ -50,17 +53,48 @@ def test_points_lie_on_the_object_and_places_outside_of_it(resolution, label):
     assert (found.outside[:, 1] < -0.1).any()
 
 
+@pytest.mark.parametrize("resolution", [32, 64])
+def test_of_several_objects_each_has_the_evidence_that_it_has_alone(resolution):
+    """In whatever order they are asked for, an object that isn't there among them."""
+    objects, geometry = scene_of(resolution)
+    gathered = EvidenceOfView(border=4, beside=50)
+    known = replace(geometry, eye=np.array([0.0, -0.85, 0.6]))
+    labels = (2, 9, 1)
+    for label, found in zip(labels, gathered.of_each(labels, objects, known), strict=True):
+        alone = gathered.of(label, objects, known)
+        for name in ("points", "sigmas", "outside", "outside_sigmas"):
+            np.testing.assert_array_equal(getattr(found, name), getattr(alone, name))
+        assert bool(len(found.points)) == (label < 9)
+
+
 def test_an_object_that_nobody_sees_has_only_hints():
-    view = view_of(32)
-    unseen = View(
-        view.points, np.zeros_like(view.masks), view.tsdf, view.instances, view.free, view.grid
-    )
+    objects, geometry = scene_of(32)
+    unseen = replace(objects, masks=np.zeros_like(objects.masks))
     gathered = EvidenceOfView()
-    assert (gathered.of(1, unseen).sigmas == gathered.hidden_sigma).all()
-    assert len(gathered.of(7, view).points) == 0
+    hints = gathered.of(1, unseen, geometry)
+    assert len(hints.points) > 0
+    assert (hints.sigmas == gathered.hidden_sigma).all()
+    assert len(gathered.of(7, objects, geometry).points) == 0
 
 
-@pytest.mark.parametrize("wrong", [{"seen_sigma": 0}, {"hidden": 0}, {"outside_sigma": -1}])
+def test_an_object_without_a_volume_has_no_hints():
+    objects, geometry = scene_of(32)
+    gathered = EvidenceOfView()
+    flat = gathered.of(1, Objects(objects.masks), geometry)
+    assert len(flat.points) > 0
+    assert (flat.sigmas == gathered.seen_sigma).all()
+
+
+def test_without_hints_their_certainty_does_not_matter():
+    objects, geometry = scene_of(32)
+    gathered = EvidenceOfView(hidden=0, hidden_sigma=0.001)
+    found, usual = gathered.of(1, objects, geometry), EvidenceOfView().of(1, objects, geometry)
+    visible = usual.sigmas == EvidenceOfView().seen_sigma
+    assert not visible.all()
+    np.testing.assert_array_equal(found.points, usual.points[visible])
+
+
+@pytest.mark.parametrize("wrong", [{"seen_sigma": 0}, {"hidden": -1}, {"outside_sigma": -1}])
 def test_wrong_numbers_are_refused(wrong):
     with pytest.raises(ConfigError, match=f"^{next(iter(wrong))} = "):
         EvidenceOfView(**wrong)
@@ -81,17 +115,19 @@ def test_pixels_beside_another_object_are_left_out(width):
     masks[100:140, 22:60] = 4
     points = np.stack([x, y, np.ones_like(x)], axis=-1) * 1e-3
     empty = np.zeros((8, 8, 8), np.float32)
-    view = View(points, masks, empty, empty.astype(np.int32), empty > 0, GridSpec(resolution=8))
+    objects = Objects(masks, empty, empty.astype(np.int32))
+    geometry = JointGeometry(points, GridSpec(resolution=8), empty > 0)
     reach = 4 * width // 640
     own = EvidenceOfView(seen=10**6, border=4)
-    columns = {k: np.rint(1e3 * own.of(k, view).points[:, 0]) for k in (1, 2, 3, 4)}
+    found = {k: own.of(k, objects, geometry).points for k in (1, 2, 3, 4)}
+    columns = {k: np.rint(1e3 * points[:, 0]) for k, points in found.items()}
     assert columns[1].min() == 20  # nothing beside it there
     assert columns[1].max() == 59 - reach
     assert columns[2].min() == 60 + reach
     assert set(columns[3]) == {20, 21}  # thinner than the border
     assert columns[4].min() == 22 + reach
     everything = EvidenceOfView(seen=10**6)
-    assert len(everything.of(1, view).points) == 1600
+    assert len(everything.of(1, objects, geometry).points) == 1600
 
 
 def test_a_negative_border_is_told():
@@ -100,12 +136,13 @@ def test_a_negative_border_is_told():
 
 
 def test_places_that_rays_pass_are_outside_if_the_camera_is_known():
-    view, box = view_of(64), STACK[0]
-    known = replace(view, eye=np.array([0.0, -0.85, 0.6]))
+    (objects, geometry), box = scene_of(64), STACK[0]
+    known = replace(geometry, eye=np.array([0.0, -0.85, 0.6]))
     gathered, plain = EvidenceOfView(beside=100), EvidenceOfView()
-    before = len(plain.of(1, known).outside)
-    assert len(gathered.of(1, view).outside) == before  # nobody knows where the camera is
-    more = gathered.of(1, known).outside[before:]
+    before = len(plain.of(1, objects, known).outside)
+    blind = gathered.of(1, objects, geometry)  # nobody knows where the camera is
+    assert len(blind.outside) == before
+    more = gathered.of(1, objects, known).outside[before:]
     assert 50 < len(more) <= 100
     assert distance(more, box).min() > 0
     with pytest.raises(ConfigError, match="beside"):

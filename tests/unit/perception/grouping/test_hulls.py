@@ -1,23 +1,22 @@
 """Hull filling: a box is filled to the floor, and it beats what is not completed at all."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import torch
+from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from scenefw.core.batches import PartialTSDF
-from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.errors import InputError
 from scenefw.core.geometry import look_at
 from scenefw.core.types import Camera, GridSpec
 from scenefw.kernels.cameras import camera_of, stack_cameras
 from scenefw.mapping.projective import Projective
-from scenefw.perception.grouping.hulls import HullFilling, _farthest
-from scenefw.perception.observation.view_frames import seen_frames
+from scenefw.perception.grouping.hulls import HullFilling, hull_distance
+from scenefw.perception.observation.observation import Observation
 from scenefw.perception.segmentation.crease_segmentation import SeenParts
 
-METHOD = HullFilling(SeenParts(0.01, 0.02, 25.0, 6, 800, grow=False))
+CREASES = SeenParts(0.01, 0.02, 25.0, 6, 800, grow=False)
 
 
 def box_depth(camera, low, high):
@@ -40,66 +39,87 @@ def seen(request):
     low, high = np.array([-0.12, -0.1, 0.0]), np.array([0.12, 0.1, 0.2])
     cameras = stack_cameras([camera])
     depth = torch.from_numpy(box_depth(camera, low, high))[None]
-    partial = Projective().fuse(depth, grid, cameras)
+    view = Observation.of_partial(Projective().fuse(depth, grid, cameras), grid)
     centres = grid.centres()
-    return partial, grid, np.maximum(low - centres, centres - high).max(axis=-1)
+    return view, np.maximum(low - centres, centres - high).max(axis=-1)
 
 
 def test_a_box_is_filled(seen):
-    partial, grid, distance = seen
-    first, second = METHOD.complete(partial, grid, 2, None)
-    assert second is first
-    tsdf, instances = first.tsdf, first.instances
-    inside = tsdf[0].numpy() < 0
+    view, distance = seen
+    grid, segments = view.grid, CREASES.segment(view)
+    objects = HullFilling().group(segments, view)
+    assert objects.masks is segments
+    inside = objects.tsdf < 0
     assert inside[distance < -0.01].all()  # to a pixel and the margin above the floor
     assert not inside[distance > 0.003].any()
-    assert set(np.unique(instances[0].numpy())) == {0, 1}
-    assert ((instances[0].numpy() > 0) == inside).all()
+    assert set(np.unique(objects.instances)) == {0, 1}
+    assert ((objects.instances > 0) == inside).all()
     heights = np.flatnonzero(inside.any(axis=(0, 1)))
     assert grid.centres()[0, 0, heights[0], 2] < grid.voxel_size  # down to the floor
 
 
-def test_parts_that_come_with_the_view_are_filled(seen):
-    """Their numbers may have gaps; without them, something has to look for parts."""
-    partial, grid, _ = seen
-    blind = HullFilling(None)
-    with pytest.raises(ConfigError, match="give its setting parts"):
-        blind.complete(partial, grid, 1, None)
-    found = METHOD.parts.segment(seen_frames(partial, "a test")[0])
-    given = replace(partial, parts=torch.from_numpy(np.where(found > 0, 7, 0))[None])
-    (scene,), (own,) = blind.complete(given, grid, 1, None), METHOD.complete(partial, grid, 1, None)
-    assert torch.equal(scene.tsdf, own.tsdf)
-    assert torch.equal(scene.instances, 7 * own.instances)
+def test_segments_keep_their_numbers_which_may_have_gaps(seen):
+    view, _ = seen
+    segments = CREASES.segment(view)
+    plain, high = (HullFilling().group(one, view) for one in (segments, 7 * segments))
+    np.testing.assert_array_equal(high.tsdf, plain.tsdf)
+    np.testing.assert_array_equal(high.instances, 7 * plain.instances)
+
+
+def test_segments_of_another_segmentation_take_the_place_of_given_ones(seen):
+    view, _ = seen
+    segments = CREASES.segment(view)
+    plain = HullFilling().group(segments, view)
+    found = HullFilling(CREASES).group(np.zeros_like(segments), view)
+    for name in ("masks", "tsdf", "instances"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(plain, name))
 
 
 def test_nothing_lies_in_free_space_or_below_the_floor(seen):
-    partial, grid, _ = seen
-    tsdf = METHOD.complete(partial, grid, 1, None)[0].tsdf
-    free = partial.observed[0, 0] & (partial.distance[0, 0] >= grid.truncation)
-    assert (tsdf[0][free] < 0).float().mean() < 0.001
-    assert not (tsdf[0][..., grid.centres()[0, 0, :, 2] < 0] < 0).any()
+    view, _ = seen
+    tsdf = HullFilling(CREASES).group(None, view).tsdf
+    assert (tsdf < 0).any()
+    partial = view.partial
+    free = (partial.observed & (partial.distance >= view.grid.truncation))[0, 0].numpy()
+    assert (tsdf[free] < 0).mean() < 0.001
+    assert not (tsdf[..., view.grid.centres()[0, 0, :, 2] < 0] < 0).any()
 
 
 def test_an_empty_floor_is_empty(seen):
-    partial, grid, _ = seen
-    camera = camera_of(partial.cameras, 0)
-    bare = torch.from_numpy(box_depth(camera, np.full(3, 9.0), np.full(3, 9.1)))[None]
-    empty = Projective().fuse(bare, grid, partial.cameras)
-    (found,) = METHOD.complete(empty, grid, 1, None)
+    view, _ = seen
+    bare = torch.from_numpy(box_depth(view.camera, np.full(3, 9.0), np.full(3, 9.1)))[None]
+    partial = Projective().fuse(bare, view.grid, stack_cameras([view.camera]))
+    found = HullFilling(CREASES).group(None, Observation.of_partial(partial, view.grid))
     assert (found.tsdf > 0).all()
+    assert not found.masks.any()
     assert not found.instances.any()
 
 
-def test_distances_are_those_to_the_farthest_plane_of_all():
-    rng = np.random.default_rng(3)
-    planes = rng.normal(size=(50, 4))
-    planes[:, :3] /= np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
-    planes[:, 3] = -0.3
-    places = rng.uniform(-0.6, 0.6, (4000, 3))
-    true = (places @ planes[:, :3].T + planes[:, 3]).max(axis=1)
-    assert 500 < (true < 0.2).sum() < 3500
-    found = _farthest(planes, places, 0.2)
-    assert np.allclose(np.minimum(found, 0.2), np.minimum(true, 0.2), atol=1e-12)
+@pytest.mark.parametrize("resolution", [24, 48])
+def test_distances_are_those_to_the_farthest_plane_of_all(resolution):
+    """Of a ball, whose hull with its footprint has many faces."""
+    grid = GridSpec(resolution=resolution)
+    points = np.random.default_rng(3).normal(size=(150, 3))
+    points = 0.15 * points / np.linalg.norm(points, axis=1, keepdims=True) + (0.02, 0.0, 0.2)
+    box, distance = hull_distance(points, grid.centres(), grid)
+    planes = ConvexHull(np.concatenate([points, points * (1, 1, 0)])).equations
+    true = (grid.centres() @ planes[:, :3].T + planes[:, 3]).max(axis=-1)
+    reach = grid.truncation
+    assert len(np.unique(planes, axis=0)) > 150
+    np.testing.assert_allclose(distance, np.clip(true[box], -reach, reach), atol=1e-6)
+    assert (distance == np.float32(reach)).any()
+    beside = np.ones(grid.shape, dtype=bool)
+    beside[box] = False
+    assert beside.any()
+    assert true[beside].min() >= 0.5 * reach
+
+
+def test_points_in_one_plane_have_no_hull():
+    grid = GridSpec(resolution=24)
+    flat = np.random.default_rng(0).uniform(-0.1, 0.1, (50, 3)) * (1, 1, 0)
+    assert hull_distance(flat, grid.centres(), grid) is None
+    outside = np.random.default_rng(0).uniform(5.0, 5.1, (50, 3))
+    assert hull_distance(outside, grid.centres(), grid) is None
 
 
 def test_cameras_survive_batches():
@@ -114,5 +134,6 @@ def test_cameras_survive_batches():
 def test_missing_images_are_named():
     grid = GridSpec(resolution=4)
     volume = torch.ones(1, 1, *grid.shape)
+    partial = PartialTSDF(volume, volume > 0)
     with pytest.raises(InputError, match="depth images"):
-        METHOD.complete(PartialTSDF(volume, volume > 0), grid, 1, None)
+        HullFilling(CREASES).group(None, Observation.of_partial(partial, grid))

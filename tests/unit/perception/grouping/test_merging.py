@@ -7,28 +7,28 @@ from tests.unit.perception.synthetic import Box, camera_at, frame_of
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import Frame, GridSpec
 from scenefw.fitting.superquadrics import SuperquadricFit
-from scenefw.perception.evidence.gathering import EvidenceOfView, View
+from scenefw.perception.evidence.gathering import EvidenceOfView
 from scenefw.perception.grouping.merging import GroupedByEvidence
+from scenefw.perception.grouping.segment_fits import SegmentFits
+from scenefw.perception.observation.observation import JointGeometry
 from scenefw.perception.observation.points import world_points
 
 LONG = Box((-0.2, -0.04, 0.0), (0.2, 0.04, 0.08))
 IN_FRONT = Box((-0.05, -0.16, 0.0), (0.05, -0.08, 0.2))
 
 
-def grouping(**changes):
-    evidence = EvidenceOfView(seen=200, hidden=1, outside=100)
-    return GroupedByEvidence(SuperquadricFit(), evidence, **changes)
+def merging(**changes):
+    evidence = EvidenceOfView(seen=200, hidden=0, outside=100)
+    return GroupedByEvidence(SegmentFits(SuperquadricFit(), evidence), **changes)
 
 
 def seen(boxes, resolution=48):
-    """A view of boxes, their masks, and depth; no network says anything."""
+    """What a view of boxes says, their masks, and depth."""
     grid, camera = GridSpec(resolution=resolution), camera_at(eye=(0.0, -0.9, 0.5))
     frame = frame_of(camera, boxes)
     points = world_points(Frame(frame.depth, camera))
-    nothing = np.zeros(grid.shape, np.int32)
-    tsdf = np.full(grid.shape, grid.truncation, np.float32)
-    view = View(points, np.zeros_like(frame.labels), tsdf, nothing, free(grid, camera, frame), grid)
-    return view, frame.labels, frame.depth
+    geometry = JointGeometry(points, grid, free(grid, camera, frame))
+    return geometry, frame.labels, frame.depth
 
 
 def free(grid, camera, frame):
@@ -51,10 +51,10 @@ def cut(labels, label):
 
 @pytest.mark.parametrize("resolution", [32, 64])
 def test_an_object_goes_on_behind_another(resolution):
-    view, labels, depth = seen((LONG, IN_FRONT), resolution)
+    geometry, labels, depth = seen((LONG, IN_FRONT), resolution)
     parts = cut(labels, 1)
     assert len(np.unique(parts)) == 4
-    found = grouping().objects(parts, view, depth)
+    found = merging().merge(parts, geometry, depth)
     np.testing.assert_array_equal(np.unique(found), [0, 1, 2])
     for label in (1, 2):
         assert len(np.unique(found[labels == label])) == 1
@@ -64,42 +64,22 @@ def test_an_object_goes_on_behind_another(resolution):
 def test_two_objects_with_a_gap_stay_two():
     """The same pieces, but the view goes through between them."""
     left, right = Box(LONG.lower, (-0.04, 0.04, 0.08)), Box((0.04, -0.04, 0.0), LONG.upper)
-    view, labels, depth = seen((left, right))
-    np.testing.assert_array_equal(grouping().objects(labels, view, depth), labels)
+    geometry, labels, depth = seen((left, right))
+    np.testing.assert_array_equal(merging().merge(labels, geometry, depth), labels)
 
 
 def test_objects_of_other_heights_behind_another_stay_two():
     left, right = Box(LONG.lower, (-0.02, 0.04, 0.16)), Box((0.02, -0.04, 0.0), LONG.upper)
-    view, labels, depth = seen((left, right, IN_FRONT))
-    np.testing.assert_array_equal(grouping().objects(labels, view, depth), labels)
-
-
-def test_what_a_network_divides_wrongly_is_joined_again():
-    view, labels, depth = seen((LONG,))
-    shown = cut(labels, 1)
-    view = View(view.points, shown, view.tsdf, view.instances, view.free, view.grid)
-    np.testing.assert_array_equal(grouping().objects(labels, view, depth), labels)
-
-
-def test_what_a_network_divides_rightly_stays_divided():
-    """Two boxes side by side that the image alone doesn't separate."""
-    view, labels, depth = seen(
-        (Box((-0.2, -0.04, 0), (0, 0.04, 0.16)), Box((0, -0.04, 0), LONG.upper))
-    )
-    view = View(view.points, labels, view.tsdf, view.instances, view.free, view.grid)
-    one = (labels > 0).astype(np.int32)
-    found = grouping().objects(one, view, depth)
-    assert len(np.unique(found)) == 3
-    assert all(len(np.unique(found[labels == label])) == 1 for label in (1, 2))
-    assert (grouping(divided=0.6).objects(one, view, depth) == one).all()
+    geometry, labels, depth = seen((left, right, IN_FRONT))
+    np.testing.assert_array_equal(merging().merge(labels, geometry, depth), labels)
 
 
 def test_few_pixels_and_none():
-    view, labels, depth = seen((LONG,))
+    geometry, labels, depth = seen((LONG,))
     parts = np.zeros_like(labels)
-    assert (grouping().objects(parts, view, depth) == 0).all()
+    assert (merging().merge(parts, geometry, depth) == 0).all()
     parts[labels > 0] = np.arange((labels > 0).sum()) // 10 + 1
-    assert (grouping(least=100).objects(parts, view, depth) == parts).all()
+    assert (merging(least=100).merge(parts, geometry, depth) == parts).all()
 
 
 def test_a_sliver_of_what_an_object_hides_stays_apart():
@@ -108,18 +88,18 @@ def test_a_sliver_of_what_an_object_hides_stays_apart():
         Box((-0.1, -0.1, 0.0), (0.1, 0.0, 0.3)),
         Box((0.06, 0.1, 0.0), (0.135, 0.2, 0.25)),
     )
-    view, labels, depth = seen((high, behind))
+    geometry, labels, depth = seen((high, behind))
     assert 30 <= (labels == 2).sum() < 0.1 * (labels == 1).sum()
-    found = grouping(tolerance=1e6).objects(labels, view, depth)
+    found = merging(tolerance=1e6).merge(labels, geometry, depth)
     assert (found == labels).all()
     level = np.ones_like(depth)  # an image that does not say it
-    assert found.max() > grouping(tolerance=1e6).objects(labels, view, level).max()
+    assert found.max() > merging(tolerance=1e6).merge(labels, geometry, level).max()
 
 
-@pytest.mark.parametrize("wrong", [{"tolerance": 0}, {"least": 0}, {"divided": 0}])
+@pytest.mark.parametrize("wrong", [{"tolerance": 0}, {"least": 0}])
 def test_wrong_numbers_are_refused(wrong):
     with pytest.raises(ConfigError, match=next(iter(wrong))):
-        grouping(**wrong)
+        merging(**wrong)
 
 
 @pytest.mark.parametrize("between", [0.1, 0.4])
@@ -129,6 +109,6 @@ def test_small_parts_far_apart_stay_two(between):
     left = Box((-half - 0.04, -0.02, 0.0), (-half, 0.02, 0.04))
     right = Box((half, -0.02, 0.0), (half + 0.04, 0.02, 0.04))
     wall = Box((-half, -0.16, 0.0), (half, -0.08, 0.2))
-    view, labels, depth = seen((left, right, wall))
-    found = grouping().objects(labels, view, depth)
+    geometry, labels, depth = seen((left, right, wall))
+    found = merging().merge(labels, geometry, depth)
     assert (found[labels == 1][0] == found[labels == 2][0]) == (between < 0.15)

@@ -1,37 +1,29 @@
 """Pixels that lie on another object's superquadric go to it."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from tests.unit.perception.evidence.test_gathering import view_of
+from tests.unit.perception.evidence.test_gathering import scene_of
 
 from scenefw.core.errors import ConfigError
 from scenefw.fitting.superquadrics import SuperquadricFit
 from scenefw.perception.evidence.gathering import EvidenceOfView
 from scenefw.perception.grouping.reassignment import DealtByFit
-
-
-class AsTheyAre:
-    """Parts are objects."""
-
-    def objects(self, parts, view, depth):
-        return parts
+from scenefw.perception.grouping.segment_fits import SegmentFits
 
 
 def dealt(**settings):
-    return DealtByFit(AsTheyAre(), SuperquadricFit(), EvidenceOfView(hidden=1), **settings)
+    return DealtByFit(SegmentFits(SuperquadricFit(), EvidenceOfView(hidden=0)), **settings)
 
 
 @pytest.fixture(scope="module")
 def boxes():
-    """Two boxes and their true masks."""
-    view = view_of(48)
-    return replace(view, instances=0 * view.instances), view.masks
+    """What a view of two boxes says, and their true masks."""
+    objects, geometry = scene_of(48)
+    return geometry, objects.masks
 
 
 def objects_of(boxes, masks, **settings):
-    return dealt(**settings).objects(masks.astype(np.int32), boxes[0], None)
+    return dealt(**settings).reassign(masks.astype(np.int32), boxes[0])
 
 
 def test_true_masks_stay(boxes):

@@ -1,40 +1,79 @@
-"""Instances regrouped by parts of the image: rules on drawn images, volumes, real images."""
+"""Segments and rough volumes that become objects: drawn images, boxes, real images."""
 
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 from hydra.utils import instantiate
-from tests.unit.perception.synthetic import STACK, camera_at, frame_of
+from tests.unit.perception.blurred import seen
+from tests.unit.perception.grouping.test_merging import LONG, merging
+from tests.unit.perception.observations import observation_of
+from tests.unit.perception.synthetic import STACK, Box, camera_at, frame_of
 
 from scenefw import config
-from scenefw.core.batches import Completion, PartialTSDF
+from scenefw.core.batches import PartialTSDF
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import GridSpec
 from scenefw.data.readers import read_frame
-from scenefw.kernels.cameras import stack_cameras
 from scenefw.metrics.masks import mask_scores
-from scenefw.perception.grouping.division import GroupedByNetwork, divide
+from scenefw.perception.evidence.visible_instances import visible_instances
+from scenefw.perception.grouping.division import divide
 from scenefw.perception.grouping.hulls import HullFilling
-from scenefw.perception.grouping.relabelling import PartGuided, reassigned
+from scenefw.perception.grouping.relabelling import ObjectGrouping, reassigned
+from scenefw.perception.observation.observation import Observation
 from scenefw.perception.segmentation.crease_segmentation import SeenParts
+from scenefw.perception.steps import Objects
+
+EYE = (0.0, -0.85, 0.6)
 
 
 class Fixed:
-    """Answers with instances made beforehand."""
+    """Answers with rough volumes made beforehand."""
 
-    def __init__(self, grid, instances):
-        self.grid, self.metadata, self.instances = grid, {"made": "by hand"}, instances
+    def __init__(self, instances):
+        self.instances = instances
 
-    def complete(self, partial, grid, samples, generator):
-        tsdf = torch.where(self.instances > 0, -0.01, 0.01)
-        return [Completion(tsdf, self.instances, {"mine": tsdf[:, None]})] * samples
+    def group(self, segments, view):
+        tsdf = np.where(self.instances > 0, -0.01, 0.01).astype(np.float32)
+        volumes = {"mine": torch.from_numpy(tsdf)[None, None]}
+        return Objects(segments, tsdf, self.instances, volumes)
 
 
-def drawn(*rows, scale=40):
+class Step:
+    """Splits, merges or reassigns: adds a number to all labels, so that the order can be read."""
+
+    def __init__(self, change):
+        self.change = change
+
+    def split(self, parts, view):
+        return np.where(parts > 0, self.change(parts), 0).astype(np.int32)
+
+    def merge(self, parts, view, depth):
+        assert depth is view.depth
+        return self.split(parts, view)
+
+    reassign = split
+
+
+def grouping_of(rough, split=None, merge=None, reassign=None, min_divided=0.3, reach=2.0):
+    """The step of a pipeline, which learns nothing and asks nobody else."""
+    return ObjectGrouping(rough, split, merge, reassign, min_divided, reach)
+
+
+def view_of_boxes(resolution, boxes=STACK):
+    """The observation of boxes, which pixels show them, and (X, Y, Z) which voxels are theirs."""
+    grid, camera = GridSpec(resolution=resolution), camera_at(eye=EYE)
+    frame = replace(frame_of(camera, boxes), camera=camera)
+    inside = [
+        np.all((grid.centres() > box.lower) & (grid.centres() < box.upper), axis=-1)
+        for box in boxes
+    ]
+    volumes = np.select(inside, np.arange(1, len(boxes) + 1), 0).astype(np.int32)
+    return observation_of(frame, grid), frame.labels, volumes
+
+
+def drawn(*rows, scale=6):
     """An image of digits, each pixel of which becomes a square."""
     image = np.array([[int(digit) for digit in row] for row in rows], np.int32)
     return image.repeat(scale, axis=0).repeat(scale, axis=1)
@@ -47,27 +86,6 @@ def same(labels, expected):
     return counts == [pairs.shape[1]] * 2 and ((labels == 0) == (expected == 0)).all()
 
 
-PARTS = drawn("00000", "11233", "11233", "00200")
-
-
-def test_what_hides_an_object_leaves_two_parts_of_it():
-    shown = drawn("00000", "55755", "55755", "00700")
-    assert same(GroupedByNetwork().join(PARTS, shown), drawn("00000", "11211", "11211", "00200"))
-
-
-def test_parts_that_touch_stay_apart_and_fragments_join():
-    shown = drawn("00000", "77755", "77755", "00700")
-    assert same(GroupedByNetwork().join(PARTS, shown), PARTS)
-    assert same(
-        GroupedByNetwork(fragment=0.8).join(PARTS, shown), drawn("00000", "11133", "11133", "00100")
-    )
-
-
-def test_a_part_that_shows_no_instance_well_stays_alone():
-    shown = drawn("00000", "55705", "50755", "00700")
-    assert same(GroupedByNetwork(share=0.9).join(PARTS, shown), PARTS)
-
-
 @pytest.mark.parametrize(
     ("rows", "expected"),
     [
@@ -77,10 +95,10 @@ def test_a_part_that_shows_no_instance_well_stays_alone():
     ],
 )
 def test_a_part_of_several_instances_is_divided(rows, expected):
-    shown = drawn(*rows, scale=6)
+    shown = drawn(*rows)
     objects = np.ones_like(shown)
     found = divide(objects, shown, 0.3, np.ones(objects.shape, np.float32))
-    assert same(found, drawn(*expected, scale=6))
+    assert same(found, drawn(*expected))
 
 
 @pytest.mark.parametrize("resolution", [16, 32])
@@ -105,106 +123,142 @@ def test_voxels_go_to_the_object_that_is_seen_nearest(resolution):
 
 
 @pytest.mark.parametrize("resolution", [32, 64])
-def test_two_boxes_that_a_network_takes_for_one(resolution):
+def test_segments_divide_a_rough_volume_of_two_boxes(resolution):
     """And masks agree with volumes; other volumes come through."""
-    grid = GridSpec(resolution=resolution)
-    camera = camera_at(eye=(0.0, -0.85, 0.6))
-    frame = frame_of(camera)
-    inside = [
-        np.all((grid.centres() > box.lower) & (grid.centres() < box.upper), axis=-1)
-        for box in STACK
-    ]
-    one = torch.from_numpy((inside[0] | inside[1]).astype(np.int32))[None]
-    volume = torch.zeros(1, 1, *grid.shape)
-    partial = PartialTSDF(
-        volume, volume > 0, torch.from_numpy(frame.depth)[None], stack_cameras([camera])
-    )
-    method = PartGuided(Fixed(grid, one), SeenParts(smallest=2000), GroupedByNetwork())
-    assert method.metadata == {"made": "by hand"}
-    (scene,) = method.complete(partial, grid, 1, torch.Generator())
-    found = scene.instances[0].numpy()
+    view, labels, boxes = view_of_boxes(resolution)
+    one = (boxes > 0).astype(np.int32)
+    segments = SeenParts(smallest=2000).segment(view)
+    objects = grouping_of(Fixed(one)).group(segments, view)
+    found = objects.instances
     assert len(np.unique(found[found > 0])) == 2
-    for box in inside:
-        votes = np.bincount(found[box & (found > 0)])
+    for label in (1, 2):
+        votes = np.bincount(found[(boxes == label) & (found > 0)])
         assert votes.max() > 0.65 * votes.sum()  # the nearest seen point is no more than a guess
-    assert set(np.unique(scene.masks)) == {0, *np.unique(found[found > 0])}
-    assert scene.volumes.keys() == {"mine"}
-    parts = method.parts.segment(replace(frame, camera=camera))
-    known = replace(partial, parts=torch.from_numpy(parts)[None])
-    nobody = PartGuided(Fixed(grid, one), None, GroupedByNetwork())  # parts were found before
-    (again,) = nobody.complete(known, grid, 1, torch.Generator())
-    assert torch.equal(again.masks, scene.masks)
-    with pytest.raises(InputError, match="depth images"):
-        method.complete(PartialTSDF(volume, volume > 0), grid, 1, torch.Generator())
-
-
-class FirstPart:
-    """Finds the first of the parts that another finds."""
-
-    def __init__(self, inner):
-        self.inner = inner
-
-    def segment(self, frame):
-        parts = self.inner.segment(frame)
-        return np.where(parts == 1, 1, 0).astype(np.int32)
+        same_pixels = objects.masks[(labels == label) & (objects.masks > 0)]
+        assert (same_pixels == votes.argmax()).mean() > 0.95
+    assert set(np.unique(objects.masks)) == {0, *np.unique(found[found > 0])}
+    assert objects.volumes.keys() == {"mine"}
+    assert ((found > 0) == (one > 0)).all()
 
 
 @pytest.mark.parametrize("resolution", [32, 64])
-def test_hulls_are_those_of_the_parts_alone(resolution):
-    """What the parts leave to the floor isn't filled, though creases make a part of it."""
-    grid, camera = GridSpec(resolution=resolution), camera_at(eye=(0.0, -0.85, 0.6))
-    depth, volume = torch.from_numpy(frame_of(camera).depth)[None], torch.zeros(1, 1, *grid.shape)
-    partial = PartialTSDF(volume + grid.truncation, volume > 0, depth, stack_cameras([camera]))
-    parts = SeenParts(smallest=2000)
-    (both,) = HullFilling(parts).complete(partial, grid, 1, torch.Generator())
-    method = PartGuided(HullFilling(None), FirstPart(parts), GroupedByNetwork())
-    (first,) = method.complete(partial, grid, 1, torch.Generator())
-    assert len(both.instances.unique()) == 3
-    assert len(first.instances.unique()) == 2
-    assert torch.equal(first.instances.unique(), first.masks.unique())
-    masks = parts.segment(replace(frame_of(camera), camera=camera))
-    marked = replace(partial, masks=torch.from_numpy(masks)[None])
-    (known,) = method.complete(marked, grid, 1, torch.Generator())
-    assert torch.equal(known.instances.unique(), marked.masks.unique())
+def test_what_rough_volumes_divide_wrongly_is_merged_again(resolution):
+    view, labels, boxes = view_of_boxes(resolution, (LONG,))
+    halves = np.where(view.grid.centres()[..., 0] > 0, 2 * boxes, boxes).astype(np.int32)
+    divided = grouping_of(Fixed(halves)).group(labels, view)
+    assert len(np.unique(divided.masks)) == 3
+    objects = grouping_of(Fixed(halves), merge=merging()).group(labels, view)
+    np.testing.assert_array_equal(objects.masks, labels)
+    np.testing.assert_array_equal(objects.instances, boxes)
 
 
-@pytest.mark.parametrize("wrong", [{"share": 1.5}, {"divided": -1}, {"border": 0}])
+@pytest.mark.parametrize("resolution", [32, 64])
+def test_what_rough_volumes_divide_rightly_stays_divided(resolution):
+    """Two boxes side by side that the segments don't separate."""
+    sides = Box((-0.2, -0.04, 0), (0, 0.04, 0.16)), Box((0, -0.04, 0), LONG.upper)
+    view, labels, boxes = view_of_boxes(resolution, sides)
+    one = (labels > 0).astype(np.int32)
+    objects = grouping_of(Fixed(boxes), merge=merging()).group(one, view)
+    assert len(np.unique(objects.masks)) == 3
+    votes = [np.bincount(objects.masks[labels == label]) for label in (1, 2)]
+    assert min(each.max() / each.sum() for each in votes) > 0.95
+    assert votes[0].argmax() != votes[1].argmax()
+    whole = grouping_of(Fixed(boxes), min_divided=0.9).group(one, view)
+    np.testing.assert_array_equal(whole.masks, one)
+
+
+def test_segments_are_split_then_merged_then_reassigned():
+    view, labels, boxes = view_of_boxes(32)
+    add, double, square = (Step(one) for one in (lambda k: k + 1, lambda k: 2 * k, lambda k: k * k))
+    objects = grouping_of(Fixed(boxes), add, double, square).group(labels, view)
+    expected = np.where(labels > 0, (2 * (labels + 1)) ** 2, 0)
+    np.testing.assert_array_equal(objects.masks, expected)
+    assert set(np.unique(objects.instances)) == set(np.unique(expected))
+
+
+@pytest.mark.parametrize("resolution", [32, 64])
+def test_marked_objects_stay(resolution):
+    """No step changes them, and rough volumes don't divide them."""
+    view, labels, boxes = view_of_boxes(resolution)
+    one = (labels > 0).astype(np.int32)
+    change = Step(lambda parts: parts + 1)
+    grouping = grouping_of(Fixed(boxes), change, change, change, min_divided=0.1)
+    free, marked = (grouping.group(one, k) for k in (view, replace(view, masks=one)))
+    assert len(np.unique(free.masks)) == 3
+    np.testing.assert_array_equal(marked.masks, one)
+    np.testing.assert_array_equal(marked.instances > 0, boxes > 0)
+    assert set(np.unique(marked.instances)) == {0, 1}
+
+
+@pytest.mark.parametrize("size", [(320, 240), (640, 480)])
+def test_ramps_of_blurred_edges_are_no_objects_unless_marked(size):
+    sharp, blurred, _ = seen(size, reach=7)
+    view = observation_of(blurred, GridSpec(resolution=32))
+    ramp = view.mixed & (sharp.labels == 0)
+    assert ramp.any()
+    segments = np.where(ramp, 2, sharp.labels).astype(np.int32)
+    grouping = grouping_of(HullFilling())
+    objects = grouping.group(segments, view)
+    np.testing.assert_array_equal(objects.masks, np.where(ramp, 0, segments))
+    marked = grouping.group(segments, replace(view, masks=segments))
+    np.testing.assert_array_equal(marked.masks, segments)
+
+
+@pytest.mark.parametrize("resolution", [32, 64])
+def test_hulls_are_those_of_the_segments_alone(resolution):
+    """What they leave to the floor isn't filled, though creases would make a segment of it."""
+    view, _, _ = view_of_boxes(resolution)
+    both = SeenParts(smallest=2000).segment(view)
+    first = np.where(both == 1, 1, 0).astype(np.int32)
+    for segments in (both, first):
+        objects = grouping_of(HullFilling()).group(segments, view)
+        np.testing.assert_array_equal(np.unique(objects.instances), np.unique(segments))
+        np.testing.assert_array_equal(np.unique(objects.masks), np.unique(segments))
+    assert both.max() == 2
+
+
+def test_a_step_without_volumes_or_a_view_without_image_is_refused():
+    view, labels, boxes = view_of_boxes(32)
+
+    class Flat:
+        def group(self, segments, view):
+            return Objects(segments)
+
+    with pytest.raises(TypeError, match="without volumes"):
+        grouping_of(Flat()).group(labels, view)
+    bare = PartialTSDF(view.partial.distance, view.partial.observed)
+    with pytest.raises(InputError, match="depth images"):
+        grouping_of(Fixed(boxes)).group(labels, Observation.of_partial(bare, view.grid))
+
+
+@pytest.mark.parametrize("wrong", [{"min_divided": 0.0}, {"min_divided": 1.5}, {"reach": 0.0}])
 def test_wrong_numbers_are_refused(wrong):
-    with pytest.raises(ConfigError, match=next(iter(wrong))):
-        GroupedByNetwork(**wrong)
+    with pytest.raises(ConfigError, match=f"^{next(iter(wrong))} = "):
+        grouping_of(None, **wrong)
 
 
-def test_a_reach_of_nothing_is_refused():
-    with pytest.raises(ConfigError, match="reach is 0"):
-        PartGuided(Fixed(GridSpec(resolution=32), None), SeenParts(), GroupedByNetwork(), reach=0)
+def on_real_image(real_data, name, reconstructor):
+    """The grouping that a command builds, an image with hand-made labels, and its segments."""
+    words = [f"reconstructor={reconstructor}", "run=predict", "input=x", "device=cpu"]
+    pipeline = instantiate(config.compose(words).run.pipeline)
+    frame = read_frame(real_data / "real" / "mosd_learn" / f"{name}.npz")
+    grid = getattr(pipeline.grouping.rough, "grid", GridSpec(resolution=64))
+    view = pipeline.observer.observe(frame, grid)
+    return pipeline.grouping, frame.labels, view, pipeline.segmentation.segment(view)
 
 
-def on_real_image(name, reconstructor):
-    """The pipeline that a command builds, an image with hand-made labels, and what it shows."""
-    beside = Path(__file__).parents[4] / ".." / "shared" / "data"
-    folder = Path(os.environ.get("SCENEFW_DATA", beside)) / "real" / "mosd_learn"
-    if not folder.is_dir():
-        pytest.skip(f"no labelled real images at {folder} (set SCENEFW_DATA)")
-    words = [f"reconstructor={reconstructor}", "run=predict", "input=x", "run.pipeline.samples=1"]
-    pipeline = instantiate(config.compose([*words, "device=cpu"]).run.pipeline)
-    frame = read_frame(folder / f"{name}.npz")
-    return pipeline, frame, pipeline.estimate(frame)
+@pytest.mark.parametrize("name", ["learn00", "learn29"])
+def test_real_images(real_data, name):
+    """The network alone joins two boxes on one, segments alone divide an object on the other."""
+    grouping, labels, view, segments = on_real_image(real_data, name, "fitted")
+    assert mask_scores(grouping.group(segments, view).masks, labels).overlap_f > 0.95
+    rough = grouping.rough.group(segments, view)
+    shown = visible_instances(rough.instances, view.points, view.grid, view.heights > 0.005)
+    assert min(mask_scores(one, labels).overlap_f for one in (shown, segments)) < 0.8
 
 
-@pytest.mark.parametrize(("name", "least"), [("learn00", 0.95), ("learn29", 0.95)])
-def test_real_images(name, least):
-    """The network alone joins two boxes on one, parts alone divide an object on the other."""
-    pipeline, frame, estimate = on_real_image(name, "part_guided")
-    assert mask_scores(estimate.masks, frame.labels).overlap_f > least
-    pipeline.reconstructor = pipeline.reconstructor.inner
-    plain = pipeline.estimate(frame).masks
-    parts = SeenParts().segment(estimate.frame)
-    assert min(mask_scores(found, frame.labels).overlap_f for found in (plain, parts)) < 0.8
-
-
-def test_parts_of_a_real_image_are_joined_by_evidence():
-    """Fine parts divide its objects; joined, they have the hand-made borders."""
-    pipeline, frame, estimate = on_real_image("learn29", "by_evidence")
-    assert mask_scores(estimate.masks, frame.labels).overlap_f > 0.95
-    parts = pipeline.reconstructor.parts.segment(estimate.frame)
-    assert mask_scores(parts, frame.labels).overlap_f < 0.85
+def test_segments_of_a_real_image_are_merged_by_evidence(real_data):
+    """Fine segments divide its objects; merged, they have the hand-made borders."""
+    grouping, labels, view, segments = on_real_image(real_data, "learn29", "fitted_hulls")
+    assert mask_scores(grouping.group(segments, view).masks, labels).overlap_f > 0.95
+    assert mask_scores(segments, labels).overlap_f < 0.85

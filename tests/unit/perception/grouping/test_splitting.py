@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from tests.unit.perception.grouping.test_merging import grouping, seen
+from tests.unit.perception.grouping.test_merging import merging, seen
 from tests.unit.perception.synthetic import Box
 
 from scenefw.core.errors import ConfigError
 from scenefw.fitting.superquadrics import SuperquadricFit
 from scenefw.perception.evidence.gathering import EvidenceOfView
+from scenefw.perception.grouping.segment_fits import SegmentFits
 from scenefw.perception.grouping.splitting import SplitByEvidence
 
 BELOW = Box((-0.16, -0.1, 0.0), (0.16, 0.1, 0.08))
@@ -16,8 +17,8 @@ ALONE = Box((0.3, -0.1, 0.0), (0.45, 0.05, 0.1))
 
 
 def split(**changes):
-    evidence = EvidenceOfView(seen=200, hidden=1, outside=100)
-    return SplitByEvidence(SuperquadricFit(), evidence, **changes)
+    evidence = EvidenceOfView(seen=200, hidden=0, outside=100)
+    return SplitByEvidence(SegmentFits(SuperquadricFit(), evidence), **changes)
 
 
 def overlap(found, true):
@@ -32,32 +33,32 @@ def overlap(found, true):
 
 @pytest.mark.parametrize("resolution", [32, 64])
 def test_two_boxes_in_one_part_are_cut_where_they_touch(resolution):
-    view, labels, depth = seen((BELOW, ABOVE, ALONE), resolution)
+    geometry, labels, depth = seen((BELOW, ABOVE, ALONE), resolution)
     parts = np.where(labels == 2, 1, labels).astype(np.int32)
-    found = split().parts(parts, view)
+    found = split().split(parts, geometry)
     assert overlap(found, labels) > 0.9 > overlap(parts, labels)
     assert ((found > 0) == (parts > 0)).all()
     assert len(np.unique(found)) == len(np.unique(labels))
-    joined = grouping(split=split()).objects(parts, view, depth)
+    joined = merging().merge(found, geometry, depth)
     assert overlap(joined, labels) > 0.9
 
 
 def test_what_one_superquadric_explains_stays_whole():
-    view, labels, _ = seen((BELOW, ALONE))
-    np.testing.assert_array_equal(split().parts(labels, view), labels)
+    geometry, labels, _ = seen((BELOW, ALONE))
+    np.testing.assert_array_equal(split().split(labels, geometry), labels)
 
 
 def test_a_cut_that_saves_too_little_is_not_made():
-    view, labels, _ = seen((BELOW, ABOVE))
+    geometry, labels, _ = seen((BELOW, ABOVE))
     parts = (labels > 0).astype(np.int32)
-    np.testing.assert_array_equal(split(gain=1e9).parts(parts, view), parts)
-    np.testing.assert_array_equal(split(share=0.9).parts(parts, view), parts)
-    np.testing.assert_array_equal(split(left=1e-9).parts(parts, view), parts)
+    np.testing.assert_array_equal(split(gain=1e9).split(parts, geometry), parts)
+    np.testing.assert_array_equal(split(share=0.9).split(parts, geometry), parts)
+    np.testing.assert_array_equal(split(left=1e-9).split(parts, geometry), parts)
 
 
 def test_an_image_without_parts():
-    view, labels, _ = seen((BELOW,))
-    assert not split().parts(np.zeros_like(labels), view).any()
+    geometry, labels, _ = seen((BELOW,))
+    assert not split().split(np.zeros_like(labels), geometry).any()
 
 
 def test_numbers_are_checked():

@@ -8,16 +8,18 @@ from scipy.ndimage import gaussian_filter, uniform_filter1d
 from tests.unit.perception.synthetic import Box, camera_at, frame_of
 
 from scenefw.core.types import GridSpec
-from scenefw.perception.evidence.gathering import EvidenceOfView, View
+from scenefw.perception.evidence.gathering import EvidenceOfView
 from scenefw.perception.observation.mixed_pixels import mixed_pixels, without_ramps
+from scenefw.perception.observation.observation import JointGeometry, Observation
 from scenefw.perception.observation.points import world_points
+from scenefw.perception.steps import Objects
 
 TOWER = Box((-0.06, -0.06, 0.0), (0.06, 0.06, 0.15))
 SIZES = [(320, 240), (640, 480)]
 
 
-def seen(size, blurred=True, noise=0.001):
-    """Points, what pixels show, and by how much their depth is wrong."""
+def blurred_frame(size, blurred=True, noise=0.001):
+    """The frame of a stereo camera, and by how much its depth is wrong."""
     camera = camera_at(eye=(0.0, -0.9, 0.6), size=size)
     sharp = frame_of(camera, (TOWER,))
     field = gaussian_filter(np.random.default_rng(0).normal(size=sharp.depth.shape), 4)
@@ -25,8 +27,13 @@ def seen(size, blurred=True, noise=0.001):
     if blurred:
         window = 2 * round(7 * size[0] / 640) + 1
         depth = (1 / uniform_filter1d(1 / depth, window, axis=1)).astype(np.float32)
-    frame = replace(sharp, depth=depth, camera=camera)
-    return world_points(frame), sharp.labels, np.abs(depth - sharp.depth), camera
+    return replace(sharp, depth=depth, camera=camera), np.abs(depth - sharp.depth)
+
+
+def seen(size, blurred=True):
+    """Points, what pixels show, by how much their depth is wrong, and the camera."""
+    frame, wrong = blurred_frame(size, blurred)
+    return world_points(frame), frame.labels, wrong, frame.camera
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -63,15 +70,27 @@ def test_a_side_along_which_the_camera_looks_is_a_surface(size, depth):
     assert mixed_pixels(points, camera.T_world_camera[:3, 3])[side].mean() < 0.15
 
 
+@pytest.mark.parametrize("size", SIZES)
+def test_an_observation_of_a_stereo_camera_has_them(size):
+    frame, _ = blurred_frame(size)
+    view = Observation(frame)
+    np.testing.assert_array_equal(view.mixed, mixed_pixels(view.points, view.eye))
+    assert view.mixed.any()
+
+
 def test_an_image_without_noise_has_none():
-    points, _, _, camera = seen(SIZES[0], noise=0.0)
-    assert not mixed_pixels(points, camera.T_world_camera[:3, 3]).any()
+    frame, _ = blurred_frame(SIZES[0], noise=0.0)
+    view = Observation(frame)
+    assert mixed_pixels(view.points, view.eye).any()
+    assert not view.mixed.any()
 
 
 def test_a_camera_whose_pixels_err_by_themselves_has_none():
-    points, _, _, camera = seen(SIZES[0])
-    points[..., 2] += np.random.default_rng(0).normal(0, 0.003, points.shape[:2])
-    assert not mixed_pixels(points, camera.T_world_camera[:3, 3]).any()
+    frame, _ = blurred_frame(SIZES[0])
+    noise = np.random.default_rng(0).normal(0, 0.003, frame.depth.shape)
+    view = Observation(replace(frame, depth=(frame.depth + noise).astype(np.float32)))
+    assert mixed_pixels(view.points, view.eye).any()
+    assert not view.mixed.any()
 
 
 def test_no_depth_is_not_mixed():
@@ -87,12 +106,13 @@ def test_ramps_make_no_object_longer(size):
     eye = camera.T_world_camera[:3, 3]
     grid = GridSpec(resolution=32)
     own = ((labels == 1) | (wrong > 0.004)) & (points[..., 2] > 0.02)
-    nothing = np.zeros(grid.shape, np.int32)
-    view = View(points, own.astype(np.int32), nothing + 1.0, nothing, nothing > 0, grid, eye)
+    objects = Objects(own.astype(np.int32))
+    geometry = JointGeometry(points, grid, np.zeros(grid.shape, dtype=bool), eye)
     end = TOWER.upper[1] + 0.01
     evidence = EvidenceOfView()
-    with_ramps = evidence.of(1, view).points
-    without = evidence.of(1, replace(view, mixed=mixed_pixels(points, eye))).points
+    with_ramps = evidence.of(1, objects, geometry).points
+    clean = replace(geometry, mixed=mixed_pixels(points, eye))
+    without = evidence.of(1, objects, clean).points
     assert (with_ramps[:, 1] > end).mean() > 0.01
     assert (without[:, 1] > end).mean() < 0.3 * (with_ramps[:, 1] > end).mean()
 

@@ -2,15 +2,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.unit.perception.pipelines import KnownBoxes, pipeline_of
 from tests.unit.perception.synthetic import camera_at, frame_of
-from tests.unit.perception.test_pipeline import KnownBoxes
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import rigid
 from scenefw.core.types import GridSpec
-from scenefw.mapping.projective import Projective
 from scenefw.perception.editing.transforms import moved, without
-from scenefw.perception.pipeline import Pipeline
 from scenefw.perception.ranking.by_evidence import RankedByEvidence
 
 CAMERA = camera_at(eye=(0.0, -0.85, 0.6), size=(160, 120))
@@ -39,7 +37,7 @@ def depth_of(scene):
 
 @pytest.fixture(scope="module", params=[32, 64])
 def scene(request):
-    pipeline = Pipeline(KnownBoxes(GridSpec(resolution=request.param)), Projective(), samples=1)
+    pipeline = pipeline_of(KnownBoxes(GridSpec(resolution=request.param)), samples=1)
     return pipeline.estimate(frame_of(CAMERA))
 
 
@@ -96,14 +94,17 @@ def test_an_image_of_the_floor_alone_has_no_evidence(scene):
 def test_the_pipeline_ranks_and_says_so(scene):
     class Reversed:
         def rank(self, scenes):
-            return list(scenes)[::-1]
+            self.scenes = scenes
+            return scenes[::-1]
 
-    pipeline = Pipeline(KnownBoxes(scene.grid), Projective(), samples=3, ranking=RankedByEvidence())
-    view = pipeline.prepare(frame_of(CAMERA))
-    numbers = [one.details["evidence"]["hypothesis"] for one in pipeline.hypotheses(view)]
-    assert numbers == [1, 2, 3]
+    pipeline = pipeline_of(KnownBoxes(scene.grid), samples=3, ranking=RankedByEvidence())
+    view = pipeline.observe(frame_of(CAMERA))
+    hypotheses = [each.details["evidence"]["hypothesis"] for each in pipeline.reconstruct(view)]
+    assert hypotheses == [1, 2, 3]
     pipeline.ranking = Reversed()
-    assert len(list(pipeline.hypotheses(view))) == 3
+    reverse = pipeline.reconstruct(view)
+    assert len(reverse) == 3
+    assert all(a is b for a, b in zip(reverse, pipeline.ranking.scenes[::-1], strict=True))
 
 
 @pytest.mark.parametrize("wrong", [{"sigma": 0}, {"outliers": -1}, {"near": 0}, {"rays": 0}])

@@ -16,10 +16,11 @@ from scenefw.learning.checkpoint import load_checkpoint
 from scenefw.losses.part_affinity import true_affinities
 from scenefw.metrics.masks import mask_scores
 from scenefw.perception.observation.floor import FloorFinder
+from scenefw.perception.observation.observation import Observation
 from scenefw.perception.segmentation import affinity as affinity_parts
 from scenefw.perception.segmentation.affinity import AffinityParts
 from scenefw.perception.segmentation.border_colours import BorderColours
-from scenefw.perception.segmentation.crease_segmentation import SeenParts, floor_noise
+from scenefw.perception.segmentation.crease_segmentation import SeenParts
 
 
 class Knowing(torch.nn.Module):
@@ -55,7 +56,7 @@ def seen():
 def test_true_affinities_give_true_parts(seen, thinned):
     frame, owners = seen
     focal = frame.camera.fx / thinned
-    parts = AffinityParts(Loaded(Knowing(owners, focal)), smallest=20).segment(frame)
+    parts = AffinityParts(Loaded(Knowing(owners, focal)), smallest=20).segment(Observation(frame))
     above = (parts > 0) & (owners > 0)
     assert above.sum() > 0.97 * (owners > 0).sum()
     for label in np.unique(owners[owners > 0]):
@@ -76,7 +77,7 @@ def test_pixels_beside_a_jump_go_to_what_they_show(monkeypatch):
     finder = AffinityParts(Loaded(Knowing(owners, camera.fx / 3)), smallest=10, seed=4)
 
     def astray():
-        parts = finder.segment(frame)
+        parts = finder.segment(Observation(frame))
         assert parts.max() == 2
         names = np.array([0, *(np.bincount(owners[parts == part]).argmax() for part in (1, 2))])
         assert sorted(names) == [0, 1, 2]
@@ -108,7 +109,7 @@ def test_a_sliver_behind_an_object_is_no_part_of_it(monkeypatch, thinned):
     few = (owners == 2).sum() // thinned**2
     for smallest, parts in ((1, 2), (4 * few, 1)):
         finder = AffinityParts(Loaded(network), smallest=4 * smallest * thinned**2, seed=4)
-        found = finder.segment(frame)
+        found = finder.segment(Observation(frame))
         assert found.max() == parts
         assert len(np.unique(found[(owners == 1) & (found > 0)])) == 1
         shared = np.unique(found[owners == 1]).tolist()
@@ -118,7 +119,7 @@ def test_a_sliver_behind_an_object_is_no_part_of_it(monkeypatch, thinned):
 def test_images_without_objects_have_no_parts(seen):
     frame, owners = seen
     finder = AffinityParts(Loaded(Knowing(0 * owners, frame.camera.fx)))
-    assert finder.segment(replace(frame, depth=np.zeros_like(frame.depth))).max() == 0
+    assert finder.segment(Observation(replace(frame, depth=np.zeros_like(frame.depth)))).max() == 0
 
 
 def test_a_few_likely_pixels_do_not_join_two_objects(seen):
@@ -129,8 +130,10 @@ def test_a_few_likely_pixels_do_not_join_two_objects(seen):
     rows, columns = np.nonzero((owners[:-1] == 2) & (owners[1:] == 1))
     true[0, 1, rows[10:13], columns[10:13]] = 2.0
     network.forward = lambda *_: true
-    assert AffinityParts(Loaded(network), smallest=20).segment(frame).max() == 2
-    joined = AffinityParts(Loaded(network), smallest=20, same=0.01).segment(frame).max()
+    assert AffinityParts(Loaded(network), smallest=20).segment(Observation(frame)).max() == 2
+    joined = (
+        AffinityParts(Loaded(network), smallest=20, same=0.01).segment(Observation(frame)).max()
+    )
     assert joined == 1
 
 
@@ -173,10 +176,12 @@ def test_what_shows_no_object_is_in_no_part(seen, thinned):
     frame, owners = seen
     focal = frame.camera.fx / thinned
     every, first = (
-        AffinityParts(Loaded(Showing(owners, focal, *shown)), smallest=20).segment(frame)
+        AffinityParts(Loaded(Showing(owners, focal, *shown)), smallest=20).segment(
+            Observation(frame)
+        )
         for shown in ((1, 2), (1,))
     )
-    plain = AffinityParts(Loaded(Knowing(owners, focal)), smallest=20).segment(frame)
+    plain = AffinityParts(Loaded(Knowing(owners, focal)), smallest=20).segment(Observation(frame))
     near = 1.0 if thinned == 1 else 0.97  # the border of thinned pixels
     assert (every == plain)[plain > 0].mean() >= near
     assert not every[plain == 0].any()
@@ -184,7 +189,7 @@ def test_what_shows_no_object_is_in_no_part(seen, thinned):
     other = (owners == 2) & (first > 0)
     assert other.sum() < 0.03 * (owners == 2).sum()  # pixels of thinned images on its border
     anything = AffinityParts(Loaded(Showing(owners, focal)), smallest=20, shown=0.0, pixel=0.0)
-    assert np.array_equal(anything.segment(frame), plain)
+    assert np.array_equal(anything.segment(Observation(frame)), plain)
 
 
 def test_pixels_that_show_no_object_leave_their_part(seen):
@@ -193,13 +198,13 @@ def test_pixels_that_show_no_object_leave_their_part(seen):
     model = Showing(owners, frame.camera.fx, 1, 2)
     rim = (owners == 1) & ~binary_erosion(owners == 1, iterations=2)
     model.which[torch.from_numpy(rim)] = False
-    exact = AffinityParts(Loaded(model), smallest=20).segment(frame)
+    exact = AffinityParts(Loaded(model), smallest=20).segment(Observation(frame))
     rng = np.random.default_rng(0)
     noise = 0.0005 * rng.normal(size=owners.shape).astype(np.float32)
     frame = replace(frame, depth=np.where(owners > 0, frame.depth, frame.depth + noise))
-    found = AffinityParts(Loaded(model), smallest=20).segment(frame)
+    found = AffinityParts(Loaded(model), smallest=20).segment(Observation(frame))
     assert not found[rim].any()
-    kept = AffinityParts(Loaded(model), smallest=20, pixel=0.0).segment(frame)
+    kept = AffinityParts(Loaded(model), smallest=20, pixel=0.0).segment(Observation(frame))
     assert (kept[rim] > 0).mean() > 0.7  # the rest stands on the floor
     assert np.array_equal(found[~rim] > 0, kept[~rim] > 0)
     assert np.array_equal(exact, kept)  # the floor of an image without noise is where heights end
@@ -210,36 +215,15 @@ def test_parts_as_low_as_the_floor_waves_are_its_noise():
     camera = camera_at(eye=(0.0, -0.9, 0.5))
     frame = replace(frame_of(camera, (flat, box)), camera=camera)
     finder = AffinityParts(Loaded(Knowing(frame.labels, camera.fx)))
-    assert finder.segment(frame).max() == 2
+    assert finder.segment(Observation(frame)).max() == 2
     rng = np.random.default_rng(0)
     normal = rng.normal(size=frame.depth.shape).astype(np.float32)
     waves = frame.depth + 0.007 * frame.depth**2 * normal
     noisy = replace(frame, depth=np.where(frame.labels > 0, frame.depth, waves))
-    found = finder.segment(noisy)
+    found = finder.segment(Observation(noisy))
     assert found.max() >= 1
     assert not (found[frame.labels == 1] > 0).any()
     assert (found[frame.labels == 2] > 0).mean() > 0.9
-
-
-def test_things_lower_than_others_are_no_noise_of_the_floor():
-    """Flat things on half of the image, and their noise, are above it."""
-    rng = np.random.default_rng(0)
-    heights = 0.001 * rng.normal(size=(200, 200))
-    heights[:120] += 0.02
-    near, far = (np.full(heights.shape, z, np.float32) for z in (1.0, 2.0))
-    assert floor_noise(heights, near) == pytest.approx(0.001, rel=0.1)
-    assert floor_noise(heights, far) == pytest.approx(0.00025, rel=0.1)  # at 1 m
-    assert floor_noise(heights[:120], near[:120]) == 0  # no floor is seen
-    assert floor_noise(np.full((4, 4), np.nan), near[:4, :4]) == 0
-
-
-def test_what_was_moved_onto_the_floor_says_nothing_about_its_noise():
-    """Most of the image lies beyond the table, where depth is that of the floor."""
-    rng = np.random.default_rng(0)
-    heights = 0.002 * rng.normal(size=(200, 200))
-    heights[:160] = 1e-8 * rng.normal(size=(160, 200))
-    depth = np.ones(heights.shape, np.float32)
-    assert floor_noise(heights, depth) == pytest.approx(0.002, rel=0.1)
 
 
 def half_sure(thinned):
@@ -267,7 +251,7 @@ def test_what_no_jump_and_no_crease_cuts_is_joined_from_a_lower_mean_on(thinned)
 
     def number(image=frame, **settings):
         finder = AffinityParts(Loaded(network), same=0.6, smallest=20, **settings)
-        return finder.segment(image).max()
+        return finder.segment(Observation(image)).max()
 
     plain = SeenParts(smallest=20)
     assert number() == 2
@@ -286,14 +270,14 @@ def test_colour_decides_where_the_network_is_unsure(thinned):
     def number(colours, *paints):
         image = np.array(paints, np.uint8)[halves]
         finder = AffinityParts(Loaded(network), same=0.6, smallest=20, colours=colours)
-        return finder.segment(replace(frame, colour=image)).max()
+        return finder.segment(Observation(replace(frame, colour=image))).max()
 
     floor, red, blue = (90, 90, 80), (200, 40, 40), (40, 60, 200)
     assert number(BorderColours(neutral=1.0), floor, red, red) == 1
     assert number(BorderColours(neutral=1.0), floor, red, blue) == 2
     assert number(None, floor, red, red) == 2
     grey = AffinityParts(Loaded(network), same=0.6, smallest=20, colours=BorderColours())
-    assert grey.segment(frame).max() == 2
+    assert grey.segment(Observation(frame)).max() == 2
 
 
 @pytest.mark.exhaustive
@@ -301,12 +285,15 @@ def test_shipped_weights_cut_real_images_better_than_creases_do(real_data):
     """Parts alone, before fits join them: labelled images, and ten things on a wavy floor."""
     folder = real_data / "real"
     loaded = load_checkpoint(None, task="part_affinity", shipped="part_affinity")
-    methods = {"network": AffinityParts(loaded), "creases": instantiate(option("parts", "creases"))}
+    methods = {
+        "network": AffinityParts(loaded),
+        "creases": instantiate(option("segmentation", "creases")),
+    }
     floor = FloorFinder()
 
     def cut(method, frame):
         pose = floor.find(frame).T_world_camera
-        return method.segment(replace(frame, camera=frame.camera.moved(pose)))
+        return method.segment(Observation(replace(frame, camera=frame.camera.moved(pose))))
 
     frames = read_frames(folder / "mosd_learn")
     scores = {
@@ -331,7 +318,9 @@ def test_waves_of_the_floor_beside_an_object_are_not_its(seen):
     wide = grey_dilation(owners, size=(31, 31))
     floor = (wide > 0) & (owners == 0)
     network = Loaded(Knowing(wide, frame.camera.fx))
-    with_waves, without = (AffinityParts(network, waves=k).segment(noisy) > 0 for k in (0.0, 2.5))
+    with_waves, without = (
+        AffinityParts(network, waves=k).segment(Observation(noisy)) > 0 for k in (0.0, 2.5)
+    )
     assert with_waves[floor].mean() > 0.05
     assert without[floor].mean() < 0.5 * with_waves[floor].mean()
     assert without[owners > 0].mean() > 0.9 * with_waves[owners > 0].mean()

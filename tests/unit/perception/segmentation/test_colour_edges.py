@@ -11,6 +11,7 @@ from tests.unit.perception.blurred import seen
 
 from scenefw.core.errors import ConfigError
 from scenefw.metrics.masks import mask_scores
+from scenefw.perception.observation.observation import Observation
 from scenefw.perception.segmentation.colour_edges import ColourEdges
 
 SIZES = [(240, 320), (480, 640)]
@@ -94,11 +95,12 @@ def test_ends_move_by_as_much_as_ramps_are_wide(size):
     sharp, blurred, pixels = seen(size, 6)
     far = binary_dilation(sharp.labels > 0, iterations=pixels // 2).astype(np.int32)
     paint = np.where(sharp.labels[..., None] > 0, [200, 60, 40], [90, 90, 80]).astype(np.uint8)
-    found = ColourEdges().moved(far, replace(blurred, colour=paint))
+    found = ColourEdges().moved(far, Observation(replace(blurred, colour=paint)))
     assert (found != sharp.labels).sum() < 0.2 * (far != sharp.labels).sum()
     lost = np.random.default_rng(0).random(far.shape) < 0.03
     holes = np.where(lost, np.float32(0), blurred.depth)
-    found = ColourEdges().moved(far, replace(blurred, colour=paint, depth=holes))
+    view = Observation(replace(blurred, colour=paint, depth=holes))
+    found = ColourEdges().moved(far, view)
     assert found.any()
     assert not found[lost].any()
 
@@ -107,12 +109,15 @@ def test_without_colour_or_ramps_parts_stay():
     sharp, blurred, pixels = seen((640, 480), 6)
     far = binary_dilation(sharp.labels > 0, iterations=pixels // 2).astype(np.int32)
     paint = np.where(sharp.labels[..., None] > 0, [200, 60, 40], [90, 90, 80]).astype(np.uint8)
-    assert ColourEdges().moved(far, blurred) is far
-    assert ColourEdges().moved(0 * far, replace(blurred, colour=paint)).max() == 0
+    assert ColourEdges().moved(far, Observation(blurred)) is far
+    view = Observation(replace(blurred, colour=paint))
+    assert ColourEdges().moved(far, view) is not far
+    assert ColourEdges().moved(0 * far, view).max() == 0
     exact, _, _ = seen((640, 480), 0, noise=0.0)
-    assert ColourEdges().moved(sharp.labels, replace(exact, colour=paint)) is sharp.labels
     _, unblurred, _ = seen((640, 480), 0)
-    assert ColourEdges().moved(sharp.labels, replace(unblurred, colour=paint)) is sharp.labels
+    for one in (exact, unblurred):
+        view = Observation(replace(one, colour=paint))
+        assert ColourEdges().moved(sharp.labels, view) is sharp.labels
 
 
 def test_bad_settings():

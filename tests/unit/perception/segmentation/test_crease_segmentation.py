@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter
 from tests.unit.perception.synthetic import Box, camera_at, frame_of
 
 from scenefw.core.errors import ConfigError
@@ -15,8 +14,8 @@ from scenefw.core.types import Camera, Frame
 from scenefw.data.readers import read_frames
 from scenefw.metrics.masks import mask_scores
 from scenefw.perception.observation.floor import FloorFinder
-from scenefw.perception.observation.points import world_points
-from scenefw.perception.segmentation.crease_segmentation import SeenParts, floor_is_smooth
+from scenefw.perception.observation.observation import Observation
+from scenefw.perception.segmentation.crease_segmentation import SeenParts
 
 CAMERA = Camera(120, 90, 110.0, 110.0, 59.5, 44.5, look_at((0.0, -0.6, 0.8), (0.0, 0.0, 0.0)))
 
@@ -41,7 +40,7 @@ def _depth_of_slabs(slabs):
 
 def test_separate_slabs_are_found_exactly():
     frame, labels = _depth_of_slabs([(-0.2, -0.05, -0.1, 0.1, 0.05), (0.05, 0.2, -0.1, 0.1, 0.1)])
-    found = SeenParts(jump=0.03, crease=180).segment(frame)
+    found = SeenParts(jump=0.03, crease=180).segment(Observation(frame))
     assert mask_scores(found, labels).overlap_f == 1
     assert found.max() == 2
 
@@ -49,17 +48,17 @@ def test_separate_slabs_are_found_exactly():
 def test_depth_jump_cuts_what_touches_in_the_image():
     slabs = [(-0.1, 0.1, -0.1, 0.0, 0.15), (-0.1, 0.1, 0.0, 0.1, 0.05)]
     frame, labels = _depth_of_slabs(slabs)
-    cut = SeenParts(jump=0.04, crease=180).segment(frame)
-    joined = SeenParts(jump=1.0, crease=180).segment(frame)
+    cut = SeenParts(jump=0.04, crease=180).segment(Observation(frame))
+    joined = SeenParts(jump=1.0, crease=180).segment(Observation(frame))
     assert mask_scores(cut, labels).objects_f75 == 1
     assert joined.max() == 1
 
 
 def test_specks_holes_and_empty_images_are_no_objects():
     frame, _ = _depth_of_slabs([(0.0, 0.02, 0.0, 0.02, 0.05)])
-    assert SeenParts(smallest=5000).segment(frame).max() == 0
+    assert SeenParts(smallest=5000).segment(Observation(frame)).max() == 0
     nothing = replace(frame, depth=np.zeros_like(frame.depth))
-    assert SeenParts().segment(nothing).max() == 0
+    assert SeenParts().segment(Observation(nothing)).max() == 0
 
 
 def folded(angle, width, height):
@@ -73,16 +72,16 @@ def folded(angle, width, height):
 @pytest.mark.parametrize("size", [(160, 120), (320, 240)])
 def test_concave_creases_cut_and_belong_to_the_parts_beside_them(size):
     width, _ = size
-    found = SeenParts().segment(folded(60, *size))
+    found = SeenParts().segment(Observation(folded(60, *size)))
     assert set(np.unique(found)) == {1, 2}  # no pixel is left out
     assert (found[:, : width // 2] == found[0, 0]).mean() > 0.95
     assert (found[:, width // 2 :] == found[0, -1]).mean() > 0.95
     assert found[0, 0] != found[0, -1]
-    lines = SeenParts(grow=False).segment(folded(60, *size))
+    lines = SeenParts(grow=False).segment(Observation(folded(60, *size)))
     assert 0 < (lines == 0).mean() < 0.2
     assert (lines[lines > 0] == found[lines > 0]).all()
-    assert SeenParts().segment(folded(-60, *size)).max() == 1
-    assert SeenParts(crease=180).segment(folded(60, *size)).max() == 1
+    assert SeenParts().segment(Observation(folded(-60, *size))).max() == 1
+    assert SeenParts(crease=180).segment(Observation(folded(60, *size))).max() == 1
 
 
 @pytest.mark.parametrize(
@@ -105,7 +104,7 @@ def test_near_the_figures_measured_elsewhere():
     for frame in read_frames(folder):
         pose = floor.find(frame).T_world_camera
         placed = replace(frame, camera=frame.camera.moved(pose))
-        scores.append(mask_scores(method.segment(placed), frame.labels))
+        scores.append(mask_scores(method.segment(Observation(placed)), frame.labels))
     assert np.mean([s.overlap_f for s in scores]) == pytest.approx(0.855, abs=0.02)
     assert np.mean([s.boundary_f for s in scores]) == pytest.approx(0.726, abs=0.03)
 
@@ -114,33 +113,7 @@ def test_what_hardly_rises_above_the_floor_is_its_noise():
     flat, box = Box((-0.2, -0.1, 0.0), (-0.05, 0.0, 0.01)), Box((0.05, -0.1, 0.0), (0.2, 0.0, 0.1))
     camera = camera_at(eye=(0.0, -0.9, 0.5))
     frame = replace(frame_of(camera, (flat, box)), camera=camera)
-    assert SeenParts(margin=0.003, smallest=100).segment(frame).max() == 2
-    high = SeenParts(margin=0.003, smallest=100, lowest=0.02).segment(frame)
+    assert SeenParts(margin=0.003, smallest=100).segment(Observation(frame)).max() == 2
+    high = SeenParts(margin=0.003, smallest=100, lowest=0.02).segment(Observation(frame))
     assert high.max() == 1
     assert ((high > 0) & (frame.labels != 2)).sum() == 0
-
-
-def heights_of(frame):
-    """Heights (H, W) above the floor that is found in a frame."""
-    pose = FloorFinder().find(frame).T_world_camera
-    return world_points(replace(frame, camera=frame.camera.moved(pose)))[..., 2]
-
-
-@pytest.mark.parametrize(("group", "smooth"), [("realsense_table", True), ("mosd_learn", False)])
-def test_floors_of_stereo_cameras_are_smooth_and_of_structured_light_are_not(
-    real_data, group, smooth
-):
-    frames = list(read_frames(real_data / "real" / group))[:9]
-    assert len(frames) == 9
-    assert [floor_is_smooth(heights_of(one)) for one in frames] == [smooth] * 9
-
-
-@pytest.mark.parametrize("factor", [1, 2])
-def test_the_floor_is_smooth_where_neighbours_err_alike(factor):
-    """Fields of one deviation, with and without ties between neighbours, in two sizes of image."""
-    noise = np.random.default_rng(0).normal(size=(480 * factor, 640 * factor))
-    waves = gaussian_filter(noise, 4 * factor)
-    assert floor_is_smooth(0.003 * waves / waves.std())
-    assert not floor_is_smooth(0.003 * noise)
-    assert not floor_is_smooth(np.zeros_like(noise))
-    assert not floor_is_smooth(np.full_like(noise, np.nan))

@@ -1,8 +1,6 @@
 """Edges of blurred images, against what rays really meet."""
 
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,20 +8,19 @@ import torch
 from hydra.utils import instantiate
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.ndimage import (
-    binary_dilation,
-    distance_transform_edt,
-)
+from scipy.ndimage import binary_dilation, distance_transform_edt
 from tests.unit.perception.blurred import seen
+from tests.unit.perception.observations import observation_of
 
 from scenefw import config
+from scenefw.core.batches import PartialTSDF
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import GridSpec
 from scenefw.data.outlines import Outlines
 from scenefw.data.readers import read_frame
-from scenefw.kernels.cameras import stack_cameras
 from scenefw.mapping.projective import Projective
 from scenefw.metrics.masks import mask_scores
+from scenefw.perception.observation.observation import Observation
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.segmentation.colour_edges import ColourEdges
 from scenefw.perception.segmentation.edge_restoration import RestoredEdges, continued
@@ -33,76 +30,80 @@ SIZES = [(320, 240), (640, 480)]
 GRID = GridSpec(32)
 
 
-class Known:
-    """Parts that are known."""
-
-    def __init__(self, labels):
-        self.labels = labels
-
-    def segment(self, frame):
-        return self.labels
-
-
-def partial_of(frame):
-    depth = torch.from_numpy(frame.depth)[None]
-    return Projective().fuse(depth, GRID, stack_cameras([frame.camera]))
+EDGES = RestoredEdges(Projective())
 
 
 @pytest.mark.parametrize("size", SIZES)
 def test_depth_beside_edges_is_nearly_as_if_nothing_were_blurred(size):
     sharp, blurred, _ = seen(size, reach=6)
-    edges = RestoredEdges(Known(sharp.labels), Projective())
-    partial = partial_of(blurred)
-    found = edges.of(partial, GRID)
-    image = found.depth[0].numpy()
+    view = observation_of(blurred, GRID)
+    found, segments = EDGES.restore(view, sharp.labels)
     near = distance_transform_edt(sharp.labels == 0) < 20
-    before, after = (np.abs(one - sharp.depth)[near] for one in (blurred.depth, image))
+    before, after = (np.abs(one - sharp.depth)[near] for one in (blurred.depth, found.depth))
     wrong = before > 0.02
     assert wrong.sum() > 0.002 * sharp.depth.size
     assert (after[wrong] < 0.01).mean() > 0.85
     assert (after > 0.01).sum() < 0.3 * (before > 0.01).sum()
-    # The partial TSDF is that of the restored image
-    again = partial_of(replace(blurred, depth=image))
-    assert torch.equal(found.distance, again.distance)
-    assert found.cameras is partial.cameras
+    assert segments is sharp.labels
+    # The partial TSDF and the points are those of the restored image, the noise that of the other
+    again = observation_of(replace(blurred, depth=found.depth), GRID)
+    assert torch.equal(found.partial.distance, again.partial.distance)
+    assert not torch.equal(found.partial.distance, view.partial.distance)
+    np.testing.assert_array_equal(found.points, again.points)
+    assert found.partial.cameras is view.partial.cameras
+    assert found.noise == view.noise
 
 
 @pytest.mark.parametrize(("noise", "alone"), [(0.0, 0.0), (0.001, 0.003)])
 def test_images_that_no_stereo_camera_took_are_left_alone(noise, alone):
     """The floor has no noise, or that of each pixel by itself."""
     sharp, frame, _ = seen(SIZES[1], 6 if noise else 0, noise, alone)
-    partial = partial_of(frame)
-    assert RestoredEdges(Known(sharp.labels), Projective()).of(partial, GRID) is partial
+    view = observation_of(frame, GRID)
+    found, segments = EDGES.restore(view, sharp.labels)
+    assert found is view
+    assert segments is sharp.labels
 
 
 @pytest.mark.parametrize("objects", [True, False])
 def test_without_ramps_or_objects_depth_stays(objects):
-    """What was found in the image is kept, so that nobody looks again."""
     sharp, frame, _ = seen(SIZES[1], 0 if objects else 6)
+    view = observation_of(frame, GRID)
+    assert view.noise.is_correlated
     labels = sharp.labels if objects else np.zeros_like(sharp.labels)
-    found = RestoredEdges(Known(labels), Projective()).of(partial_of(frame), GRID)
-    assert np.array_equal(found.depth[0].numpy(), frame.depth)
-    assert np.array_equal(found.parts[0].numpy(), labels)
+    found, segments = EDGES.restore(view, labels)
+    assert found is view
+    assert segments is labels
 
 
-def test_two_parts_of_one_surface_go_on_into_each_other():
+def test_two_segments_of_one_surface_go_on_into_each_other():
     """Where they touch there is no jump, so nothing was blurred there."""
     sharp, blurred, _ = seen(SIZES[1], 6)
-    halves = sharp.labels * (1 + (np.arange(sharp.labels.shape[1]) > 320))
-    partial = partial_of(blurred)
-    image = RestoredEdges(Known(halves), Projective()).of(partial, GRID).depth[0].numpy()
+    halves = sharp.labels * (1 + (np.arange(sharp.labels.shape[1]) > 320)).astype(np.int32)
+    found, _ = EDGES.restore(observation_of(blurred, GRID), halves)
     inside = distance_transform_edt(sharp.labels) > 12
     assert inside[:, 318:323].any()
-    assert np.array_equal(image[inside], blurred.depth[inside])
-    assert (image != blurred.depth).any()
+    assert np.array_equal(found.depth[inside], blurred.depth[inside])
+    assert (found.depth != blurred.depth).any()
 
 
-def test_objects_that_are_known_stand_for_parts():
-    sharp, frame, _ = seen(SIZES[0], 6)
-    partial = replace(partial_of(frame), masks=torch.from_numpy(sharp.labels)[None])
-    found = RestoredEdges(Known(None), Projective()).of(partial, GRID)
-    assert not torch.equal(found.depth, partial.depth)
-    assert found.masks is partial.masks
+def test_objects_that_are_marked_stay():
+    """They stand for segments, and colour doesn't move them."""
+    sharp, frame, pixels = seen(SIZES[0], 6)
+    far = binary_dilation(sharp.labels > 0, iterations=pixels // 2).astype(np.int32)
+    view = observation_of(replace(frame, colour=painted(sharp)), GRID, masks=far)
+    edges = RestoredEdges(Projective(), colour=ColourEdges())
+    found, segments = edges.restore(view, far)
+    assert segments is far
+    assert found.masks is far
+    assert not torch.equal(found.partial.depth, view.partial.depth)
+    plain, _ = EDGES.restore(observation_of(frame, GRID), far)
+    np.testing.assert_array_equal(found.depth, plain.depth)
+    assert edges.restore(replace(view, masks=None), far)[1] is not far
+
+
+def painted(frame):
+    """The colours of a frame: objects are red."""
+    return np.where(frame.labels[..., None] > 0, [200, 60, 40], [90, 90, 80]).astype(np.uint8)
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -116,27 +117,23 @@ def test_ramps_are_as_wide_as_windows(size, reach):
 
 @pytest.mark.parametrize("size", SIZES)
 def test_colour_says_where_objects_end(size):
-    """Parts whose ends lie three pixels too far out have them back, and so has depth."""
+    """Segments whose ends lie three pixels too far out have them back, and so has depth."""
     sharp, blurred, pixels = seen(size, reach=6)
     far = binary_dilation(sharp.labels > 0, iterations=pixels // 2).astype(np.int32)
-    paint = np.where(sharp.labels[..., None] > 0, [200, 60, 40], [90, 90, 80]).astype(np.uint8)
-    partial = replace(partial_of(blurred), colours=torch.from_numpy(paint)[None])
-    plain = RestoredEdges(Known(far), Projective()).of(partial, GRID)
-    found = RestoredEdges(Known(far), Projective(), colour=ColourEdges()).of(partial, GRID)
-    assert (plain.parts[0].numpy() != sharp.labels).sum() > 5 * pixels * pixels
-    assert (found.parts[0].numpy() != sharp.labels).sum() < 0.2 * (far != sharp.labels).sum()
-    wrong, right = (
-        (np.abs(one.depth[0].numpy() - sharp.depth) > 0.01).sum() for one in (plain, found)
-    )
+    colour = painted(sharp)
+    view = observation_of(replace(blurred, colour=colour), GRID)
+    by_colour = RestoredEdges(Projective(), colour=ColourEdges())
+    plain, far_out = EDGES.restore(view, far)
+    found, moved = by_colour.restore(view, far)
+    assert (far_out != sharp.labels).sum() > 5 * pixels * pixels
+    assert (moved != sharp.labels).sum() < 0.2 * (far != sharp.labels).sum()
+    wrong, right = ((np.abs(one.depth - sharp.depth) > 0.01).sum() for one in (plain, found))
     assert right < 0.6 * wrong
-    assert found.colours is partial.colours
-    # Without a colour image, or with known objects, all is as before
-    grey = replace(partial, colours=None)
-    again = RestoredEdges(Known(far), Projective(), colour=ColourEdges()).of(grey, GRID)
-    assert torch.equal(again.parts, plain.parts)
-    known = replace(partial, masks=torch.from_numpy(far)[None])
-    again = RestoredEdges(Known(None), Projective(), colour=ColourEdges()).of(known, GRID)
-    assert torch.equal(again.depth, plain.depth)
+    assert found.colour is colour
+    # Without a colour image all is as before
+    grey, segments = by_colour.restore(observation_of(blurred, GRID), far)
+    np.testing.assert_array_equal(segments, far_out)
+    np.testing.assert_array_equal(grey.depth, plain.depth)
 
 
 @given(
@@ -161,45 +158,40 @@ def test_a_plane_goes_on_as_a_plane(slopes, distance, width):
 @pytest.mark.parametrize("size", SIZES)
 def test_pixels_of_the_floor_beside_objects_lie_on_it(size):
     sharp, blurred, pixels = seen(size, 6)
-    partial = partial_of(blurred)
-    image = RestoredEdges(Known(sharp.labels), Projective()).of(partial, GRID).depth[0].numpy()
-    changed = (image != blurred.depth) & (sharp.labels == 0)
+    found, _ = EDGES.restore(observation_of(blurred, GRID), sharp.labels)
+    changed = (found.depth != blurred.depth) & (sharp.labels == 0)
     assert changed.sum() > 100
     assert distance_transform_edt(sharp.labels == 0)[changed].max() <= 2 * (pixels + 1)
-    heights = world_points(replace(blurred, depth=image))[..., 2]
+    heights = world_points(replace(blurred, depth=found.depth))[..., 2]
     assert np.abs(heights[changed]).max() < 1e-4
 
 
-def file_of(folder, name):
-    beside = Path(__file__).parents[4] / ".." / "shared" / "data"
-    return Path(os.environ.get("SCENEFW_DATA", beside)) / "real" / folder / f"{name}.npz"
-
-
-def real(folder, name):
-    """A partial TSDF of a real image, and what cuts it into parts."""
-    file = file_of(folder, name)
-    if not file.is_file():
-        pytest.skip(f"no real image {file} (set SCENEFW_DATA)")
+def on_real_image(real_data, folder, name):
+    """The restoration that a command builds, an image's observation, and its segments."""
     words = ["run=predict", "input=x", "device=cpu"]
     pipeline = instantiate(config.compose(words).run.pipeline)
-    return pipeline, pipeline.prepare(read_frame(file)).partial
+    view = pipeline.observe(read_frame(real_data / "real" / folder / f"{name}.npz"))
+    return pipeline.edges, view, pipeline.segmentation.segment(view)
 
 
-def test_of_real_images_those_of_a_stereo_camera_change():
-    pipeline, partial = real("realsense_table", "uois_0")
-    found = pipeline.reconstructor.edges.of(partial, pipeline.grid)
-    changed = (found.depth != partial.depth)[0].numpy()
-    assert 0.005 < changed.mean() < 0.1
-    assert found.parts.max() > 5
-    edges = pipeline.reconstructor.edges
-    plain = RestoredEdges(edges.parts, edges.mapping).of(partial, pipeline.grid)
-    true = Outlines("realsense_table").of(file_of("realsense_table", "uois_0"))
-    by_depth, by_colour = (
-        mask_scores(one.parts[0].numpy(), true).boundary_f for one in (plain, found)
-    )
+def test_of_real_images_those_of_a_stereo_camera_change(real_data):
+    edges, view, segments = on_real_image(real_data, "realsense_table", "uois_0")
+    found, moved = edges.restore(view, segments)
+    assert 0.005 < (found.depth != view.depth).mean() < 0.1
+    assert moved.max() > 5
+    _, plain = RestoredEdges(edges.mapping).restore(view, segments)
+    file = real_data / "real" / "realsense_table" / "uois_0.npz"
+    true = Outlines("realsense_table").of(file)
+    by_depth, by_colour = (mask_scores(one, true).boundary_f for one in (plain, moved))
     assert by_colour > by_depth + 0.05
-    pipeline, partial = real("mosd_learn", "learn13")
-    assert pipeline.reconstructor.edges.of(partial, pipeline.grid) is partial
+
+
+def test_of_real_images_those_of_structured_light_stay(real_data):
+    edges, view, segments = on_real_image(real_data, "mosd_learn", "learn13")
+    found, same = edges.restore(view, segments)
+    assert segments.any()
+    assert found is view
+    assert same is segments
 
 
 def test_a_part_without_ends_stays():
@@ -216,12 +208,13 @@ def test_a_thin_part_stays():
 
 def test_bad_settings_and_no_images():
     with pytest.raises(ConfigError, match=r"^narrowest = 0"):
-        RestoredEdges(Known(None), Projective(), narrowest=0)
+        RestoredEdges(Projective(), narrowest=0)
     with pytest.raises(ConfigError, match=r"^widest = 2"):
-        RestoredEdges(Known(None), Projective(), narrowest=3, widest=2)
+        RestoredEdges(Projective(), narrowest=3, widest=2)
     with pytest.raises(ConfigError, match=r"^jump = 0"):
-        RestoredEdges(Known(None), Projective(), jump=0)
-    sharp, frame, _ = seen(SIZES[0], 6)
-    partial = replace(partial_of(frame), depth=None)
-    with pytest.raises(InputError, match="restoring edges needs the depth images"):
-        RestoredEdges(Known(sharp.labels), Projective()).of(partial, GRID)
+        RestoredEdges(Projective(), jump=0)
+    sharp, _, _ = seen(SIZES[0], 6)
+    volume = torch.ones(1, 1, *GRID.shape)
+    bare = Observation.of_partial(PartialTSDF(volume, volume > 0), GRID)
+    with pytest.raises(InputError, match="needs the depth images"):
+        EDGES.restore(bare, sharp.labels)

@@ -27,11 +27,11 @@ from scenefw.report.labelling.pictures import (
     map_picture,
     source_picture,
 )
-from scenefw.report.labelling.presentation import LabellingResults
 from scenefw.report.palette import class_colours
+from scenefw.report.presentation import Chapter
 from scenefw.report.tables import Table, to_markdown
 
-sections = LabellingResults().sections
+sections = Chapter("scenefw.report.labelling").sections
 
 
 def tables(shown):

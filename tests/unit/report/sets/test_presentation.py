@@ -14,9 +14,9 @@ from scenefw.evaluation.sets.results import (
 )
 from scenefw.evaluation.several import SeveralResults
 from scenefw.report.blocks import Picture
+from scenefw.report.presentation import Chapter
 from scenefw.report.sets.codes import neighbour_map, principal_components
 from scenefw.report.sets.examples import distances, draw_example
-from scenefw.report.sets.presentation import SetResults
 
 GRID = GridSpec(16)
 
@@ -43,7 +43,7 @@ def result(published="of_six", *, codes=True, examples=True):
 
 
 def test_the_page_has_the_thesiss_row_the_codes_and_pictures(tmp_path):
-    sections = SetResults().sections(result(), tmp_path)
+    sections = Chapter("scenefw.report.sets").sections(result(), tmp_path)
     assert [one.title.split(": ")[1] for one in sections] == [
         "decomposition", "codes", "test scenes",
     ]  # fmt: skip
@@ -74,7 +74,9 @@ def test_many_methods_take_several_rows(methods, across, down, monkeypatch):
 
 
 def test_without_codes_or_a_thesis_nothing_is_invented(tmp_path):
-    sections = SetResults().sections(result(None, codes=False, examples=False), tmp_path)
+    sections = Chapter("scenefw.report.sets").sections(
+        result(None, codes=False, examples=False), tmp_path
+    )
     assert [one.title for one in sections] == [
         "Scenes as sets: decomposition",
     ]  # fmt: skip
@@ -83,7 +85,10 @@ def test_without_codes_or_a_thesis_nothing_is_invented(tmp_path):
 
 def test_parts_follow_each_other(tmp_path):
     parts = {name: result(name, examples=False) for name in ("of_six", "of_four_to_eight")}
-    titles = [one.title for one in SetResults().sections(SeveralResults(parts), tmp_path)]
+    titles = [
+        one.title
+        for one in Chapter("scenefw.report.sets").sections(SeveralResults(parts), tmp_path)
+    ]
     assert titles[0] == "6 objects: decomposition"
     assert titles[2] == "4 to 8 objects: decomposition"
 
@@ -124,9 +129,10 @@ def test_distances_are_signed_and_smooth():
 def test_the_network_of_an_experiment_has_a_name_that_says_so(tmp_path):
     made = result(examples=False)
     scenes = tuple(
-        replace(one, scores={"scenefw": one.scores["ours"], "set_flow": {}}) for one in made.scenes
+        replace(scene, scores={"scenefw": scene.scores["ours"], "set_extents": {}})
+        for scene in made.scenes
     )
-    named = replace(made, scenes=scenes, methods=("scenefw", "set_flow"))
-    for table in SetResults().sections(named, tmp_path)[0].blocks[:2]:
-        assert {"set network", "set flow"} <= set(dict(table.rows))
+    named = replace(made, scenes=scenes, methods=("scenefw", "set_extents"))
+    for table in Chapter("scenefw.report.sets").sections(named, tmp_path)[0].blocks[:2]:
+        assert {"set network", "set extents"} <= set(dict(table.rows))
         assert "scenefw" not in dict(table.rows)

@@ -16,9 +16,9 @@ from scenefw.evaluation.stacks.results import ReconstructionResult, ViewScores
 from scenefw.metrics.masks import MaskScores
 from scenefw.metrics.seams import Seams
 from scenefw.report.blocks import Drawing
-from scenefw.report.stacks.presentation import StackResults
+from scenefw.report.presentation import Chapter
 
-sections = StackResults().sections
+sections = Chapter("scenefw.report.stacks").sections
 OURS = "network of volumes, drawn codes (as in the thesis)"
 GOOD = MaskScores(0.9, 0.8, 0.85, 0.7, 0.6, 0.65, 1.0, 2, 2)
 POOR = replace(GOOD, overlap_f=0.5, objects_f75=0.0, predicted=4)
