@@ -51,7 +51,7 @@ class ReconstructionPipeline:
         hollow: 7, makes objects hollow that the view looks into.
         assembly: 8, makes volumes, meshes, masks and confidences.
         ranking: 9, orders the hypotheses after the first.
-        grid: of volumes; None: that of the completion.
+        grid: of volumes, where no step has one; None: any.
         samples: hypotheses; the first is the most typical one.
         seed: of the random numbers.
 
@@ -78,7 +78,8 @@ class ReconstructionPipeline:
         self.observer, self.segmentation, self.edges = observer, segmentation, edges
         self.grouping, self.fit, self.completion = grouping, fit, completion
         self.hollow, self.assembly, self.ranking = hollow, assembly, ranking
-        self.grid = grid if completion is None or completion.grid is None else completion.grid
+        networks = [step.grid for step in (completion, grouping) if step is not None]
+        self.grid: GridSpec | None = next(filter(None, networks), grid)
         self.metadata: dict[str, Any] = {} if completion is None else dict(completion.metadata)
         self.samples, self.seed = samples, seed
 
@@ -113,7 +114,9 @@ class ReconstructionPipeline:
         """Step 1, which finds out what is wrong with an image before anything takes long."""
         if self.observer is None or self.grid is None:
             setting = "observer" if self.observer is None else "grid"
-            raise ConfigError(f"the pipeline has no {setting}; give run.pipeline.{setting}")
+            raise ConfigError(
+                f"the pipeline has no {setting}; give 'reconstructor.{setting}=${{{setting}}}'"
+            )
         return self.observer.observe(frame, self.grid, mask)
 
     def reconstruct(self, view: Observation, *, first_only: bool = False) -> list[SceneEstimate]:

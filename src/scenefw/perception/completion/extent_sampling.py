@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, above
 from scenefw.data.view_samples import ObjectSamples
 from scenefw.fitting.placed import signed_distance
 from scenefw.perception.completion.extent_inputs import SeenObjects
@@ -77,7 +77,8 @@ class ExtentSampling:
     ) -> None:
         COUNT.require(steps=steps)
         NOT_NEGATIVE.require(median_of=median_of, min_gap=min_gap, spread=spread)
-        POSITIVE.require(pseudo_sigma=pseudo_sigma)
+        certain = above(tolerances.point_sigma, "as what is measured is the more certain")
+        certain.require(pseudo_sigma=pseudo_sigma)
         self.fit, self.tolerances = fit, tolerances
         self.model, self.hidden = checkpoint.model, hidden
         self.steps, self.median_of, self.spread = steps, median_of, spread
