@@ -157,7 +157,10 @@ def test_settings_of_a_training(words, expected):
             r"^renderer is a MeshRaycaster, .* a SurfaceRenderer",
         ),
         ("run=train dataset=tabletop", r"^dataset is a TabletopScenes, .* expected a TrainingData"),
-        ("run=predict run.pipeline=3", r"^run\.pipeline is 3; expected a part \(Pipeline\), whose"),
+        (
+            "run=predict run.pipeline=3",
+            r"^run\.pipeline is 3; expected a part \(ReconstructionPipeline\), whose",
+        ),
         ("run=predict run.settling=at_rest", r"^run\.settling is at_rest; .* \(Settling\)"),
         ("run=evaluate evaluation=labelling", r"^dataset is a StackData, .* a FrameSource"),
     ],

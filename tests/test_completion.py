@@ -37,7 +37,7 @@ def test_options_of_a_group_also_in_lists_and_sweeps():
     [
         ([], "size"),
         (["run=predict"], "run"),
-        (["run=predict"], "run.pipeline"),
+        (["run=decompose"], "run.pipeline"),
         (["run=predict"], "reconstructor"),  # chosen by the option of `run`
         (["experiment=table_6_1"], "model"),  # by a file that the experiment names
         (["experiment=thesis/simstack"], "learning"),  # by one that such a file names in turn
@@ -67,7 +67,7 @@ def test_answers_need_neither_torch_nor_hydra(tmp_path):
         "import sys; from scenefw.__main__ import main; main(['-sc', 'query=bash']);"
         "sys.exit(bool({'torch', 'numpy', 'hydra', 'numba', 'rich'} & set(sys.modules)))"
     )
-    line = "scenefw run=predict run.pipeline.sam and what is right of the cursor"
+    line = "scenefw run=predict reconstructor.sam and what is right of the cursor"
     env = {**os.environ, "COMP_LINE": line, "COMP_POINT": str(line.index(" and"))}
     done = subprocess.run(
         [sys.executable, "-c", code],
@@ -78,7 +78,7 @@ def test_answers_need_neither_torch_nor_hydra(tmp_path):
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout == "run.pipeline.samples=\n"
+    assert done.stdout == "reconstructor.samples=\n"
 
 
 @pytest.mark.parametrize(

@@ -107,7 +107,7 @@ def test_protocols_are_those_that_the_core_s_source_has():
         if re.match(r"class \w+\(.*\bProtocol\):", line)
     }
     assert set(PROTOCOLS) == written
-    assert {"Renderer", "PartFinder", "DatasetFormat"} <= written
+    assert {"Renderer", "ShapeFit", "DatasetFormat"} <= written
 
 
 class Fits(Protocol):

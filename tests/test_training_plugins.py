@@ -134,7 +134,7 @@ def test_a_representation_is_trained_on_and_comes_out_by_name(plugin, scenefw, t
     head = network.decoder.others["standing"]
     image = real_data / "real" / "realsense_table" / "uois_1.npz"
     words = ("run=predict", "reconstructor=fitted", f"input={image}", f"checkpoint={weights}")
-    done = scenefw(*words, chosen, "device=cpu", "paths.output=seen", "run.pipeline.samples=1")
+    done = scenefw(*words, chosen, "device=cpu", "paths.output=seen", "reconstructor.samples=1")
     assert done.returncode == 0, done.stderr[-3000:]
     with np.load(tmp_path / "seen" / "uois_1" / "volumes.npz") as stored:
         assert list(stored) == ["standing"]

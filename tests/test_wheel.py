@@ -106,7 +106,7 @@ def test_an_image_is_predicted_elsewhere(run, tmp_path):
     depth[45:75, 35:65] = 0.70
     depth[50:75, 90:125] = 0.74
     np.savez(tmp_path / "blocks.npz", depth=depth, K=[[150, 0, 79.5], [0, 150, 59.5], [0, 0, 1]])
-    quick = ["run.pipeline.samples=1", "run.overview=false", "run.hypotheses=false"]
+    quick = ["reconstructor.samples=1", "run.overview=false", "run.hypotheses=false"]
     words = ["run=predict", "reconstructor=network", *quick, "input=blocks.npz", "device=cpu"]
     said = run("scenefw", *words, "paths.output=out")
     assert said.splitlines()[-1] == str(tmp_path / "out")

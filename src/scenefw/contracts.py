@@ -124,7 +124,7 @@ def _wrong_signature(
     try:
         bound = signature.bind(
             None,
-            *(p for p in theirs if p.kind is p.POSITIONAL_OR_KEYWORD),
+            *(p for p in theirs if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)),
             **{p.name: p for p in theirs if p.kind is p.KEYWORD_ONLY},
         ).arguments
     except TypeError as error:

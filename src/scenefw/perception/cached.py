@@ -34,8 +34,8 @@ class Cached:
 
     @property
     def grid(self) -> GridSpec | None:
-        """That of the step; None: any."""
-        grid: GridSpec | None = getattr(self.step, "grid", None)
+        """That of the grouping; None: any."""
+        grid: GridSpec | None = self.step.grid
         return grid
 
     def segment(self, view: Observation) -> Int32:

@@ -45,7 +45,7 @@ class Chapter:
         shown_by: dict[type, Show] = {}
         for module in pkgutil.iter_modules(importlib.import_module(self.package).__path__):
             content = importlib.import_module(f"{self.package}.{module.name}")
-            shown_by |= getattr(content, "SECTIONS", {})
+            shown_by |= vars(content).get("SECTIONS", {})
         return sections_by_class(result, folder, shown_by)
 
 

@@ -253,9 +253,9 @@ def test_confidence_is_what_the_calibration_says_of_agreement():
 
 def test_an_image_needs_an_observer_and_a_grid():
     frame, boxes = frame_of(CAMERA), KnownBoxes(None)
-    with pytest.raises(ConfigError, match=r"no grid; give run\.pipeline\.grid"):
+    with pytest.raises(ConfigError, match=r"no grid; give .reconstructor\.grid="):
         pipeline_of(boxes).observe(frame)
     assert pipeline_of(boxes, grid=GridSpec(resolution=32)).observe(frame).grid.resolution == 32
     blind = ReconstructionPipeline(SceneAssembly(), completion=boxes, grid=GridSpec(resolution=32))
-    with pytest.raises(ConfigError, match=r"no observer; give run\.pipeline\.observer"):
+    with pytest.raises(ConfigError, match=r"no observer; give .reconstructor\.observer="):
         blind.estimate(frame)
