@@ -7,25 +7,25 @@ from tests.unit.perception.usual_fits import TOLERANCES, object_fit
 from scenefw.core.types import TriangleMesh
 from scenefw.fitting.joint import JointFit
 from scenefw.fitting.superquadrics import SuperquadricFit
-from scenefw.perception.evidence.gathering import EvidenceOfView
+from scenefw.perception.evidence.gathering import EvidenceGathering
 from scenefw.perception.grouping.hulls import HullFilling
-from scenefw.perception.grouping.merging import GroupedByEvidence
-from scenefw.perception.grouping.reassignment import DealtByFit
+from scenefw.perception.grouping.merging import FitMerging
+from scenefw.perception.grouping.reassignment import ResidualReassignment
 from scenefw.perception.grouping.relabelling import ObjectGrouping
 from scenefw.perception.grouping.segment_fits import SegmentFits
-from scenefw.perception.multiview.fitted_to_views import FittedToViews
-from scenefw.perception.multiview.parts_of_views import PartsOfViews
-from scenefw.perception.segmentation.crease_segmentation import SeenParts
+from scenefw.perception.multiview.fitted_to_views import ViewsFit
+from scenefw.perception.multiview.parts_of_views import ViewsGrouping
+from scenefw.perception.segmentation.crease_segmentation import CreaseSegmentation
 
 
 def fitted_parts(overlap=None):
     """Superquadrics fitted to segments between creases of all views."""
     fit = SuperquadricFit()
-    fits = SegmentFits(fit, EvidenceOfView(hidden=1))
-    merge, reassign = GroupedByEvidence(fits), DealtByFit(fits)
+    fits = SegmentFits(fit, EvidenceGathering(hidden_points=1))
+    merge, reassign = FitMerging(fits), ResidualReassignment(fits)
     grouping = ObjectGrouping(HullFilling(), None, merge, reassign, min_divided=0.3, reach=2.0)
-    objects = PartsOfViews(SeenParts(), grouping, merge, reassign, overlap)
-    return FittedToViews(objects, object_fit(), JointFit(fit), TOLERANCES)
+    objects = ViewsGrouping(CreaseSegmentation(), grouping, merge, reassign, overlap)
+    return ViewsFit(objects, object_fit(), JointFit(fit), TOLERANCES)
 
 
 def boxes(*sides_and_places, table=None):

@@ -8,7 +8,7 @@ from tests.unit.perception.synthetic import STACK, Box, camera_at, frame_of
 from scenefw.core.errors import InputError
 from scenefw.core.types import GridSpec
 from scenefw.perception.grouping.relabelling import ObjectGrouping
-from scenefw.perception.segmentation.crease_segmentation import SeenParts
+from scenefw.perception.segmentation.crease_segmentation import CreaseSegmentation
 
 GRID = GridSpec(resolution=32)
 CAMERA = camera_at(eye=(0.0, -0.85, 0.6))
@@ -46,7 +46,9 @@ def test_ids_decide_which_pixels_are_one_object():
     halves = np.where(frame.labels > 0, 1 + (np.arange(320) > 150), 0)
     rough = KnownBoxes(GRID, ONE)
     grouping = ObjectGrouping(rough, None, None, None, min_divided=0.3, reach=2.0)
-    pipeline = pipeline_of(segmentation=SeenParts(), grouping=grouping, grid=GRID, samples=1)
+    pipeline = pipeline_of(
+        segmentation=CreaseSegmentation(), grouping=grouping, grid=GRID, samples=1
+    )
     assert len(pipeline.estimate(frame).objects) == 1
     (estimate,) = pipeline(frame, halves)
     assert len(estimate.objects) == 2

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import torch
+from scenefw.perception.observation.view_frames import seen_frames
 from tests.unit.mapping.test_several_views import BACK, FRONT, GRID, box_at, seen
 from torch import nn
 
@@ -14,15 +15,14 @@ from scenefw.fitting.superquadrics import SuperquadricFit
 from scenefw.metrics.occupancy import occupancy_iou
 from scenefw.perception.completion.superquadrics import Fitted
 from scenefw.perception.completion.volume_network import NetworkReconstructor
-from scenefw.perception.evidence.gathering import EvidenceOfView
-from scenefw.perception.grouping.merging import GroupedByEvidence
-from scenefw.perception.grouping.reassignment import DealtByFit
+from scenefw.perception.evidence.gathering import EvidenceGathering
+from scenefw.perception.grouping.merging import FitMerging
+from scenefw.perception.grouping.reassignment import ResidualReassignment
 from scenefw.perception.multiview.conditioned import Conditioned
-from scenefw.perception.multiview.fitted_to_views import FittedToViews
+from scenefw.perception.multiview.fitted_to_views import ViewsFit
 from scenefw.perception.multiview.optimised_code import OptimisedCode
-from scenefw.perception.multiview.parts_of_views import PartsOfViews, _refined
+from scenefw.perception.multiview.parts_of_views import ViewsGrouping, _refined
 from scenefw.perception.observation.points import world_points
-from scenefw.perception.observation.view_frames import seen_frames
 from scenefw.renderers.differentiable import Differentiable
 from scenefw.representations.volumes import scene_volumes
 
@@ -83,11 +83,13 @@ def two_boxes():
 
 
 def by_evidence():
-    return GroupedByEvidence(SuperquadricFit(), EvidenceOfView(hidden=1))
+    return FitMerging(SuperquadricFit(), EvidenceGathering(hidden_points=1))
 
 
 def dealt():
-    return DealtByFit(by_evidence(), SuperquadricFit(), EvidenceOfView(hidden=1))
+    return ResidualReassignment(
+        by_evidence(), SuperquadricFit(), EvidenceGathering(hidden_points=1)
+    )
 
 
 class BoxDecoder(nn.Module):
@@ -117,14 +119,14 @@ def network():
 
 def test_halves_seen_from_two_sides_are_one_object_and_fitted_whole():
     views, parts = seen(box_at(0.0), FRONT, BACK), HalfSeen()
-    joined = PartsOfViews(parts, dealt())
+    joined = ViewsGrouping(parts, dealt())
     (scene,) = joined.complete(views, GRID, 1, NOISE)
     assert scene.instances.unique().tolist() == [0, 1]
     assert scene.masks.shape == (1, 120, 80)
     joined.complete(views[:1], GRID, 1, NOISE)
     assert parts.calls == 2  # each view once
-    fitted = Fitted(parts, SuperquadricFit(), EvidenceOfView())
-    (sharp,) = FittedToViews(joined, fitted).complete(views, GRID, 1, NOISE)
+    fitted = Fitted(parts, SuperquadricFit(), EvidenceGathering())
+    (sharp,) = ViewsFit(joined, fitted).complete(views, GRID, 1, NOISE)
     truth = scene_volumes(box_at(0.0), GRID).tsdf[0, 0].numpy() < 0
     assert occupancy_iou(sharp.tsdf[0].numpy() < 0, truth) > 0.9
     assert occupancy_iou(scene.tsdf[0].numpy() < 0, truth) > 0.9  # the hull of both halves
@@ -133,7 +135,7 @@ def test_halves_seen_from_two_sides_are_one_object_and_fitted_whole():
 def test_boxes_side_by_side_stay_two():
     scene = two_boxes()
     views = seen(scene, (0.0, 0.9, 0.5), (0.0, -0.9, 0.5))
-    (found,) = PartsOfViews(MasksOf(scene), dealt()).complete(views, GRID, 1, NOISE)
+    (found,) = ViewsGrouping(MasksOf(scene), dealt()).complete(views, GRID, 1, NOISE)
     assert sorted(found.masks.unique().tolist()) == [0, 1, 2]
     first, second = np.split(found.masks[0].numpy(), 2)
     for shown, view in zip((first, second), views, strict=True):
@@ -148,9 +150,9 @@ def test_a_view_that_takes_two_for_one_is_overruled_by_those_that_know_better():
     scene = two_boxes()
     eyes = (0.5, 0.7, 0.6), (-0.5, 0.7, 0.6), (0.0, 0.9, 0.3), (0.0, -0.8, 0.6)
     views, parts = seen(scene, *eyes), MasksOf(scene, blind=-1)
-    (before,) = PartsOfViews(parts, by_evidence()).complete(views, GRID, 1, NOISE)
+    (before,) = ViewsGrouping(parts, by_evidence()).complete(views, GRID, 1, NOISE)
     assert before.masks.max() > 2
-    (found,) = PartsOfViews(parts, dealt()).complete(views, GRID, 1, NOISE)
+    (found,) = ViewsGrouping(parts, dealt()).complete(views, GRID, 1, NOISE)
     assert found.masks.max() == 2
     last = np.split(found.masks[0].numpy(), len(eyes))[-1]
     points = world_points(seen_frames(views[-1], "a test")[0])
@@ -204,4 +206,6 @@ def test_numbers_are_checked():
     with pytest.raises(ConfigError, match="iterations"):
         OptimisedCode(network(), Differentiable(), iterations=0)
     with pytest.raises(ConfigError, match="share above 0"):
-        DealtByFit(by_evidence(), SuperquadricFit(), EvidenceOfView(), explained=0)
+        ResidualReassignment(
+            by_evidence(), SuperquadricFit(), EvidenceGathering(), min_explained_ratio=0
+        )

@@ -1,7 +1,7 @@
 """The fit of objects and its tolerances, with the numbers of conf/."""
 
 from scenefw.fitting.superquadrics import SuperquadricFit
-from scenefw.perception.evidence.gathering import EvidenceOfView
+from scenefw.perception.evidence.gathering import EvidenceGathering
 from scenefw.perception.evidence.object_fit import ObjectFit
 from scenefw.perception.evidence.tolerances import Tolerances
 
@@ -17,4 +17,4 @@ TOLERANCES = Tolerances(
 
 def object_fit(min_points=20, min_height=0.015):
     """Superquadrics of single objects."""
-    return ObjectFit(SuperquadricFit(), EvidenceOfView(), min_points, min_height)
+    return ObjectFit(SuperquadricFit(), EvidenceGathering(), min_points, min_height)

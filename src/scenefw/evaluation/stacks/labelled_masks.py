@@ -20,7 +20,7 @@ from scenefw.perception.evidence.visible_instances import visible_instances
 from scenefw.perception.observation.observation import Observation
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.segmentation.colour_edges import ColourEdges
-from scenefw.perception.segmentation.crease_segmentation import SeenParts
+from scenefw.perception.segmentation.crease_segmentation import CreaseSegmentation
 
 Source = Literal["scores", "reference"]
 NO_SEAMS = Seams()
@@ -227,7 +227,7 @@ class LabelledMasks:
         self,
         input: str | Path | None,  # noqa: A002 - named as the setting on the command line
         method: Estimator,
-        reference: SeenParts,
+        reference: CreaseSegmentation,
         labels: TrueLabels,
         colour: ColourEdges | None = None,
         tolerance: float = 0.003,
@@ -319,7 +319,7 @@ class LabelledMasks:
             for source, labels in masks.items()
         }
 
-    def _plain(self, reference: SeenParts, frame: Frame) -> Int32:
+    def _plain(self, reference: CreaseSegmentation, frame: Frame) -> Int32:
         view = Observation(frame)
         parts = reference.segment(view)
         return parts if self.colour is None else self.colour.moved(parts, view)

@@ -35,7 +35,7 @@ _INLIER_DISTANCE = 0.006  # m: points further from the fit belong to something e
 _MIN_HALF_AXIS = 0.004  # m
 
 
-class SeenObjects:
+class ExtentInputs:
     """What a view shows of objects that were fitted to it, in the frame in which networks see it.
 
     Args:

@@ -11,7 +11,7 @@ import torch
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, above
 from scenefw.data.view_samples import ObjectSamples
 from scenefw.fitting.placed import signed_distance
-from scenefw.perception.completion.extent_inputs import SeenObjects
+from scenefw.perception.completion.extent_inputs import ExtentInputs
 from scenefw.perception.completion.support import extend_to_support
 from scenefw.perception.evidence.pseudo_observations import add_predicted_surface
 from scenefw.perception.steps import ObjectSet
@@ -94,7 +94,7 @@ class ExtentSampling:
             return [ObjectSet(fits.objects, {})] * samples
         evidence, superquadrics = list(fits.evidence.values()), list(fits.superquadrics.values())
         rows = max(self.median_of + samples - 1, 1)
-        seen_objects = SeenObjects(  # in each row by other points
+        seen_objects = ExtentInputs(  # in each row by other points
             view, fits.objects.pixels, list(fits.evidence), superquadrics, random, rows,
             ObjectSamples.of(self.metadata),
         )  # fmt: skip
@@ -117,7 +117,7 @@ class ExtentSampling:
 
     @torch.no_grad()
     def _draw(
-        self, seen_objects: SeenObjects, superquadrics: Shapes, rows: int, random: Generator
+        self, seen_objects: ExtentInputs, superquadrics: Shapes, rows: int, random: Generator
     ) -> SeenSetBatch:
         generator = torch.Generator().manual_seed(int(random.integers(2**62)))
         device = next(self.model.parameters()).device  # type: ignore[attr-defined]
@@ -166,7 +166,7 @@ class ExtentSampling:
         self,
         hypothesis: ObjectSet,
         shapes: Shapes,
-        seen_objects: SeenObjects,
+        seen_objects: ExtentInputs,
         view: Observation,
         random: Generator,
     ) -> ObjectSet:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from scenefw.core.evidence import FittedSuperquadric
     from scenefw.core.training_protocols import TrainedWholeSetFlow
-    from scenefw.perception.completion.extent_inputs import SeenObjects
+    from scenefw.perception.completion.extent_inputs import ExtentInputs
     from scenefw.perception.observation.observation import ViewGeometry
 
 _MAX_FREE_RATIO = 0.05  # share of a hidden object that may lie in free space
@@ -57,7 +57,7 @@ class HiddenObjects:
     def beside(
         self,
         superquadrics: Sequence[FittedSuperquadric],
-        seen_objects: SeenObjects,
+        seen_objects: ExtentInputs,
         view: ViewGeometry,
         random: Generator,
     ) -> list[FittedSuperquadric]:

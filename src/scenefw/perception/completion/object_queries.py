@@ -10,7 +10,7 @@ import torch
 from scenefw.core.settings import POSITIVE
 from scenefw.data.seen_points import LOWEST
 from scenefw.fitting.placed import signed_distance
-from scenefw.perception.completion.queried_objects import QueriedObjects
+from scenefw.perception.completion.queried_objects import QueryDecoding
 from scenefw.perception.observation.observation import JointGeometry
 from scenefw.perception.steps import Objects, ObjectSet
 
@@ -20,24 +20,24 @@ if TYPE_CHECKING:
     from scenefw.core.evidence import FittedSuperquadric
     from scenefw.core.query_protocols import TrainedObjectQueries
     from scenefw.core.types import Float64, Int32
-    from scenefw.perception.completion.refinement import RefinedSets
+    from scenefw.perception.completion.refinement import SetRefinement
     from scenefw.perception.observation.observation import Observation
     from scenefw.perception.steps import Fits
 
 
-class ObjectQueryReconstructor:
+class ObjectQuerySampling:
     """Predicts sets of superquadrics from views (group `reconstructor`).
 
-    A pixel shows the object whose surface is nearest, if that is near. With `refined`, objects are
-    fitted again to what is seen of them; without it they are as predicted. There is one sample:
+    A pixel shows the object whose surface is nearest, if that is near. With `refinement`, objects
+    are fitted again to what is seen of them; without it they are as predicted. There is one sample:
     nothing is drawn.
 
     Args:
         checkpoint: of a decoder of sets; its grid is the grid of everything here.
-        refined: fits objects to the image; None leaves them as predicted.
-        exists: how sure the network must be that there is an object (0 to 1).
-        shared: share of an object's room that a surer one may have.
-        own: a pixel shows an object whose surface is this near (m).
+        refinement: fits objects to the image; None leaves them as predicted.
+        min_existence: how sure the network must be that there is an object (0 to 1).
+        max_shared_ratio: share of an object's room that a surer one may have.
+        max_distance: a pixel shows an object whose surface is this near (m).
 
     Raises:
         ConfigError: a share outside 0..1, or a distance that isn't positive.
@@ -46,14 +46,14 @@ class ObjectQueryReconstructor:
     def __init__(
         self,
         checkpoint: TrainedObjectQueries,
-        refined: RefinedSets | None = None,
-        exists: float = 0.5,
-        shared: float = 0.5,
-        own: float = 0.02,
+        refinement: SetRefinement | None = None,
+        min_existence: float = 0.5,
+        max_shared_ratio: float = 0.5,
+        max_distance: float = 0.02,
     ) -> None:
-        POSITIVE.require(own=own)
-        self.queried = QueriedObjects(checkpoint, exists, shared)
-        self.refined, self.own = refined, own
+        POSITIVE.require(own=max_distance)
+        self.queried = QueryDecoding(checkpoint, min_existence, max_shared_ratio)
+        self.refinement, self.max_distance = refinement, max_distance
         self.grid = checkpoint.grid
         self.metadata: dict[str, Any] = dict(checkpoint.metadata)
 
@@ -67,11 +67,11 @@ class ObjectQueryReconstructor:
         """
         points = view.points
         (predicted,) = self.queried.of(view.partial, view.grid, generator)
-        objects = Objects(owners(predicted, points, self.own))
+        objects = Objects(owners(predicted, points, self.max_distance))
         shapes = dict(enumerate(predicted, 1))
-        if self.refined is not None:
+        if self.refinement is not None:
             geometry = JointGeometry(points, view.grid, view.free, view.eye)  # no pixel is left out
-            shapes = self.refined.refined(shapes, objects, geometry)
+            shapes = self.refinement.refined(shapes, objects, geometry)
         return [ObjectSet(objects, shapes)] * samples
 
 

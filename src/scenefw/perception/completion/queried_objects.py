@@ -30,29 +30,32 @@ _CORNERS = 6  # of meshes that say where an object is
 _SHELLS = (1.0, 0.7, 0.4, 0.1)  # of sizes: so its inner points are spread
 
 
-class QueriedObjects:
+class QueryDecoding:
     """Asks a network for the objects of views, and leaves out those that it is not sure of.
 
     Several queries may find one object. So of two that share much of their room, the surer stays.
 
     Args:
         checkpoint: of a decoder of sets.
-        exists: how sure the network must be that there is an object (0 to 1).
-        shared: share of an object's room that a surer one may have.
+        min_existence: how sure the network must be that there is an object (0 to 1).
+        max_shared_ratio: share of an object's room that a surer one may have.
 
     Raises:
         ConfigError: a share outside 0..1.
     """
 
     def __init__(
-        self, checkpoint: TrainedObjectQueries, exists: float = 0.5, shared: float = 0.5
+        self,
+        checkpoint: TrainedObjectQueries,
+        min_existence: float = 0.5,
+        max_shared_ratio: float = 0.5,
     ) -> None:
-        PROBABILITY.require(exists=exists)
-        PART.require(shared=shared)
+        PROBABILITY.require(exists=min_existence)
+        PART.require(shared=max_shared_ratio)
         self.model: ObjectQueryModel = checkpoint.model
         self.points = points_of_view(checkpoint.metadata)
         self.width = width_of_view(checkpoint.metadata)
-        self.exists, self.shared = exists, shared
+        self.min_existence, self.max_shared_ratio = min_existence, max_shared_ratio
 
     @torch.no_grad()
     def of(
@@ -81,11 +84,13 @@ class QueriedObjects:
     def _confident_objects(self, predictions: QueriedSet, row: int) -> list[FittedSuperquadric]:
         chances = predictions.existence[row].sigmoid().cpu()
         chances = torch.where(predictions.active[row].cpu(), chances, 0.0)
-        order = [k for k in chances.argsort(descending=True).tolist() if chances[k] > self.exists]
+        order = [
+            k for k in chances.argsort(descending=True).tolist() if chances[k] > self.min_existence
+        ]
         objects: list[FittedSuperquadric] = []
         for k in order:
             candidate = _superquadric(predictions, row, k)
-            if all(shared_room(candidate, item) <= self.shared for item in objects):
+            if all(shared_room(candidate, item) <= self.max_shared_ratio for item in objects):
                 objects.append(candidate)
         return objects
 

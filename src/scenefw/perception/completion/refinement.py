@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
     from scenefw.core.evidence import Evidence, FittedSuperquadric
     from scenefw.core.protocols import ShapeFit
-    from scenefw.perception.evidence.gathering import EvidenceOfView
+    from scenefw.perception.evidence.gathering import EvidenceGathering
     from scenefw.perception.observation.observation import ViewGeometry
     from scenefw.perception.steps import Objects
 
 
-class RefinedSets:
+class SetRefinement:
     """Fits predicted objects to their seen points; where nothing is seen, the prediction counts.
 
     Points of a predicted surface that lie away from all that is seen of its object are evidence as
@@ -33,10 +33,10 @@ class RefinedSets:
     Args:
         fit: of superquadrics to evidence.
         evidence: what a view says about an object.
-        near: seen points up to this far from the surface are explained (m).
-        least: seen points that an object must have to be fitted.
-        drawn_sigma: standard deviation of points of predicted surfaces (m).
-        beyond: points of predicted surfaces count that are further than this from seen ones (m).
+        inlier_distance: seen points up to this far from the surface are explained (m).
+        min_points: seen points that an object must have to be fitted.
+        pseudo_sigma: standard deviation of points of predicted surfaces (m).
+        min_gap: points of predicted surfaces count that are further than this from seen ones (m).
 
     Raises:
         ConfigError: a number that isn't positive.
@@ -45,20 +45,25 @@ class RefinedSets:
     def __init__(
         self,
         fit: ShapeFit,
-        evidence: EvidenceOfView,
-        near: float = 0.006,
-        least: int = 60,
-        drawn_sigma: float = 0.008,
-        beyond: float = 0.01,
+        evidence: EvidenceGathering,
+        inlier_distance: float = 0.006,
+        min_points: int = 60,
+        pseudo_sigma: float = 0.008,
+        min_gap: float = 0.01,
     ) -> None:
-        POSITIVE.require(near=near)
-        COUNT.require(least=least)
-        NOT_NEGATIVE.require(beyond=beyond)
-        above(evidence.seen_sigma, "as what is seen is the more certain").require(
-            drawn_sigma=drawn_sigma
+        POSITIVE.require(near=inlier_distance)
+        COUNT.require(least=min_points)
+        NOT_NEGATIVE.require(beyond=min_gap)
+        above(evidence.visible_sigma, "as what is seen is the more certain").require(
+            drawn_sigma=pseudo_sigma
         )
-        self.fit, self.evidence, self.near, self.least = fit, evidence, near, least
-        self.drawn_sigma, self.beyond = drawn_sigma, beyond
+        self.fit, self.evidence, self.inlier_distance, self.min_points = (
+            fit,
+            evidence,
+            inlier_distance,
+            min_points,
+        )
+        self.pseudo_sigma, self.min_gap = pseudo_sigma, min_gap
 
     def refined(
         self, predicted: Mapping[int, FittedSuperquadric], objects: Objects, view: ViewGeometry
@@ -72,7 +77,9 @@ class RefinedSets:
         """
         evidence = {label: self.evidence.of(label, objects, view) for label in predicted}
         fit_evidence = {
-            k: item for k, item in evidence.items() if self._visible_mask(item).sum() >= self.least
+            k: item
+            for k, item in evidence.items()
+            if self._visible_mask(item).sum() >= self.min_points
         }
         start = [predicted[label] for label in fit_evidence]
         extended_evidence = [
@@ -100,10 +107,12 @@ class RefinedSets:
         return candidates[0] if inlier_ratios[0] >= inlier_ratios[1] else candidates[1]
 
     def _inlier_ratio(self, shape: FittedSuperquadric, evidence: Evidence) -> float:
-        return float((np.abs(shape.distances[self._visible_mask(evidence)]) < self.near).mean())
+        return float(
+            (np.abs(shape.distances[self._visible_mask(evidence)]) < self.inlier_distance).mean()
+        )
 
     def _visible_mask(self, evidence: Evidence) -> np.ndarray:
-        return np.asarray(evidence.sigmas == self.evidence.seen_sigma)
+        return np.asarray(evidence.sigmas == self.evidence.visible_sigma)
 
     def _extended_evidence(self, evidence: Evidence, predicted: FittedSuperquadric) -> Evidence:
-        return add_predicted_surface(evidence, predicted, self.drawn_sigma, self.beyond)
+        return add_predicted_surface(evidence, predicted, self.pseudo_sigma, self.min_gap)

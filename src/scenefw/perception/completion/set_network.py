@@ -47,8 +47,8 @@ class SetNetwork:
     Args:
         checkpoint: of the task object_sets, of a network that sees one view.
         device: where the network runs.
-        smallest: a prediction of a lower volume is no object (m^3).
-        suppress: of predictions that overlap with this IoU or more the surest stays; None: all.
+        min_volume: a prediction of a lower volume is no object (m^3).
+        max_iou: of predictions that overlap with this IoU or more the surest stays; None: all.
         smoothing: standard deviation (voxels) of a Gaussian over distances, which are those to
             borders of voxels; 0 for none.
 
@@ -60,12 +60,12 @@ class SetNetwork:
         self,
         checkpoint: TrainedSets,
         device: str = "cpu",
-        smallest: float = 3e-5,
-        suppress: float | None = 0.3,
+        min_volume: float = 3e-5,
+        max_iou: float | None = 0.3,
         smoothing: float = 0.7,
     ) -> None:
-        NOT_NEGATIVE.require(smallest=smallest, smoothing=smoothing)
-        PART.require(suppress=suppress)
+        NOT_NEGATIVE.require(smallest=min_volume, smoothing=smoothing)
+        PART.require(suppress=max_iou)
         self.device = torch.device(device)
         self.model = checkpoint.model.to(self.device).eval()
         if self.model.sees == "occupancy":
@@ -74,7 +74,7 @@ class SetNetwork:
                 "training with model.sees=view (experiment=decomposition)"
             )
         self.grid, self.metadata = checkpoint.grid, dict(checkpoint.metadata)
-        self.smallest, self.suppress, self.smoothing = smallest, suppress, smoothing
+        self.min_volume, self.max_iou, self.smoothing = min_volume, max_iou, smoothing
 
     @torch.no_grad()
     def complete(
@@ -102,7 +102,7 @@ class SetNetwork:
         return [self.model.sample(inputs, latents) for latents in all_latents.to(self.device)]
 
     def _objects(self, prediction: ObjectSetPrediction) -> Objects:
-        labels = chosen_objects(prediction, 0, self.grid, self.smallest, self.suppress).labels
+        labels = chosen_objects(prediction, 0, self.grid, self.min_volume, self.max_iou).labels
         return Objects(None, self._distances(labels > 0), labels.astype(np.int32))
 
     def _distances(self, inside: NDArray[np.bool_]) -> Float32:

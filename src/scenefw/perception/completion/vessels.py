@@ -52,14 +52,14 @@ class Vessels:
         fit: of a vessel to points.
         tolerances: say which points it explains, and how many it must.
         points: of an object, at most.
-        edge: pixels (of an image 640 wide) at the ends of an object that don't count.
-        better: by how much more than a superquadric.
-        inside: share of the points that must lie on its inside.
-        below: by how much these lie below its rim (m).
-        width: share of its diameter over which points must lie.
-        flattest: height that it must have (m).
-        through: share of its surface that may lie where the view sees through.
-        least: points that an object must have.
+        edge_pixels: pixels (of an image 640 wide) at the ends of an object that don't count.
+        min_gain: by how much more than a superquadric.
+        min_inside_ratio: share of the points that must lie on its inside.
+        min_depth: by how much these lie below its rim (m).
+        min_width_ratio: share of its diameter over which points must lie.
+        min_height: height that it must have (m).
+        max_free_ratio: share of its surface that may lie where the view sees through.
+        min_points: points that an object must have.
 
     Raises:
         ConfigError: a share outside 0..1, or another number that isn't positive.
@@ -70,22 +70,34 @@ class Vessels:
         fit: FitsVessels,
         tolerances: Tolerances,
         points: int = 300,
-        edge: int = 2,
-        better: float = 0.05,
-        inside: float = 0.1,
-        below: float = 0.008,
-        width: float = 0.75,
-        flattest: float = 0.015,
-        through: float = 0.15,
-        least: int = 100,
+        edge_pixels: int = 2,
+        min_gain: float = 0.05,
+        min_inside_ratio: float = 0.1,
+        min_depth: float = 0.008,
+        min_width_ratio: float = 0.75,
+        min_height: float = 0.015,
+        max_free_ratio: float = 0.15,
+        min_points: int = 100,
     ) -> None:
-        SHARE.require(better=better, inside=inside, width=width, through=through)
-        at_least(10).require(points=points, least=least)
-        NOT_NEGATIVE.require(edge=edge, below=below, flattest=flattest)
-        self.fit, self.tolerances, self.points, self.edge = fit, tolerances, points, edge
-        self.better = better
-        self.inside, self.below, self.through, self.least = inside, below, through, least
-        self.width, self.flattest = width, flattest
+        SHARE.require(
+            better=min_gain, inside=min_inside_ratio, width=min_width_ratio, through=max_free_ratio
+        )
+        at_least(10).require(points=points, least=min_points)
+        NOT_NEGATIVE.require(edge=edge_pixels, below=min_depth, flattest=min_height)
+        self.fit, self.tolerances, self.points, self.edge_pixels = (
+            fit,
+            tolerances,
+            points,
+            edge_pixels,
+        )
+        self.min_gain = min_gain
+        self.min_inside_ratio, self.min_depth, self.max_free_ratio, self.min_points = (
+            min_inside_ratio,
+            min_depth,
+            max_free_ratio,
+            min_points,
+        )
+        self.min_width_ratio, self.min_height = min_width_ratio, min_height
 
     def replace(self, sets: Sequence[ObjectSet], view: Observation) -> list[ObjectSet]:
         """Hypotheses in which objects that the view looks into are vessels, the same in all."""
@@ -117,13 +129,13 @@ class Vessels:
         free = view.clear  # so that no wall lies in it by half a voxel
         for label in labels:
             points = self._points(masks, view, label)
-            if len(points) < self.least:
+            if len(points) < self.min_points:
                 continue
             superquadric = superquadrics.get(label)
             superquadric_ratio = (
                 0.0 if superquadric is None else self._inlier_ratio(superquadric, points, view.eye)
             )
-            min_ratio = max(self.tolerances.min_inlier_ratio, superquadric_ratio + self.better)
+            min_ratio = max(self.tolerances.min_inlier_ratio, superquadric_ratio + self.min_gain)
             if min_ratio > 1:
                 continue
             vessel = self.fit.fit(points, view.eye)
@@ -136,7 +148,7 @@ class Vessels:
     def _points(self, masks: Int32, view: ViewGeometry, label: int) -> Float64:
         """Points of an object, away from where its image ends: there they belong to nothing."""
         object_mask = masks == label
-        edge = round(self.edge * object_mask.shape[1] / WIDTH)
+        edge = round(self.edge_pixels * object_mask.shape[1] / WIDTH)
         inner = binary_erosion(object_mask, iterations=edge) if edge else object_mask
         inner &= np.isfinite(view.points[..., 2])
         points = view.points[inner if view.mixed is None else inner & ~view.mixed]
@@ -155,15 +167,19 @@ class Vessels:
     def _is_open(self, vessel: FittedVessel, points: Float64, grid: GridSpec, free: Mask) -> bool:
         """Whether the view sees into it, and none of its wall where it sees through."""
         rim = vessel.pose.position[2] + vessel.shape.bottom + vessel.shape.height
-        interior = vessel.inside & (points[:, 2] < rim - self.below)
+        interior = vessel.inside & (points[:, 2] < rim - self.min_depth)
         visible_width = np.ptp(points[:, :2], axis=0).max()
-        narrow = visible_width < self.width * 2 * vessel.shape.radius
-        if interior.mean() < self.inside or narrow or vessel.shape.height < self.flattest:
+        narrow = visible_width < self.min_width_ratio * 2 * vessel.shape.radius
+        if (
+            interior.mean() < self.min_inside_ratio
+            or narrow
+            or vessel.shape.height < self.min_height
+        ):
             return False
         corners = vessel.shape.mesh(VESSEL_SECTIONS).vertices + vessel.pose.position
         voxels, inside = grid.nearest_voxels(corners)
         free_corners = free[tuple(voxels[inside].T)]
-        return bool(inside.mean() > _MIN_GRID_RATIO and free_corners.mean() < self.through)
+        return bool(inside.mean() > _MIN_GRID_RATIO and free_corners.mean() < self.max_free_ratio)
 
 
 def with_vessels(hypothesis: ObjectSet, vessels: Mapping[int, FittedVessel]) -> ObjectSet:

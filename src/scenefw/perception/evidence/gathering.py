@@ -29,7 +29,7 @@ _FLOOR_DEPTH = 0.006  # m: of points under the floor
 _MIN_PIXEL_RATIO = 0.25  # of an object's pixels that must remain, else all count
 
 
-class EvidenceOfView:
+class EvidenceGathering:
     """Gathers what a view and a predicted scene say about an object.
 
     Its seen points are near its surface. Where it isn't seen, the predicted surface is a weak
@@ -37,15 +37,17 @@ class EvidenceOfView:
     floor.
 
     Args:
-        seen_sigma: standard deviation of seen points from the surface (m).
+        visible_sigma: standard deviation of seen points from the surface (m).
         hidden_sigma: of predicted ones (m).
         outside_sigma: how deep a place outside may lie in the object (m).
-        seen: points at most; likewise the following.
-        hidden: predicted points.
-        outside: places of each kind outside.
-        border: pixels (of an image 640 wide) beside those of another object that don't count as
-            seen: some belong to it, and a few are enough to mislead the fit of a thin object.
-        beside: places outside on rays that pass the object closely, where the camera is known.
+        visible_points: points at most; likewise the following.
+        hidden_points: predicted points.
+        outside_points: places of each kind outside.
+        border_pixels: width (pixels of an image 640 wide) of the border to another object, whose
+            pixels aren't evidence: some are the other's, and a few mislead the fit of a thin
+            object.
+        passing_points: places outside on rays that pass the object closely, where the camera is
+            known.
 
     Raises:
         ConfigError: a number isn't positive, or hidden points are as certain as seen ones.
@@ -53,26 +55,30 @@ class EvidenceOfView:
 
     def __init__(
         self,
-        seen_sigma: float = 0.003,
+        visible_sigma: float = 0.003,
         hidden_sigma: float = 0.1,
         outside_sigma: float = 0.004,
-        seen: int = 400,
-        hidden: int = 200,
-        outside: int = 200,
-        border: int = 0,
-        beside: int = 0,
+        visible_points: int = 400,
+        hidden_points: int = 200,
+        outside_points: int = 200,
+        border_pixels: int = 0,
+        passing_points: int = 0,
     ) -> None:
-        POSITIVE.require(seen_sigma=seen_sigma, outside_sigma=outside_sigma)
-        COUNT.require(seen=seen, outside=outside)
-        NOT_NEGATIVE.require(hidden=hidden)
-        if hidden:
-            sigma_bound = above(seen_sigma, "as what is seen is the more certain")
+        POSITIVE.require(seen_sigma=visible_sigma, outside_sigma=outside_sigma)
+        COUNT.require(seen=visible_points, outside=outside_points)
+        NOT_NEGATIVE.require(hidden=hidden_points)
+        if hidden_points:
+            sigma_bound = above(visible_sigma, "as what is seen is the more certain")
             sigma_bound.require(hidden_sigma=hidden_sigma)
-        NOT_NEGATIVE.require(border=border, beside=beside)
-        self.seen_sigma, self.hidden_sigma = seen_sigma, hidden_sigma
+        NOT_NEGATIVE.require(border=border_pixels, beside=passing_points)
+        self.visible_sigma, self.hidden_sigma = visible_sigma, hidden_sigma
         self.outside_sigma = outside_sigma
-        self.seen, self.hidden, self.outside = seen, hidden, outside
-        self.border, self.beside = border, beside
+        self.visible_points, self.hidden_points, self.outside_points = (
+            visible_points,
+            hidden_points,
+            outside_points,
+        )
+        self.border_pixels, self.passing_points = border_pixels, passing_points
 
     def of(self, label: int, objects: Objects, view: ViewGeometry) -> Evidence:
         """The evidence about the object with this label; it may have no points."""
@@ -105,10 +111,10 @@ class EvidenceOfView:
         visible = (
             np.empty((0, 3)) if box is None else self._visible_points(label, box, objects, view)
         )
-        visible = _subsample(visible, self.seen)
-        hidden = _subsample(self._hidden_points(label, objects, view, visible), self.hidden)
+        visible = _subsample(visible, self.visible_points)
+        hidden = _subsample(self._hidden_points(label, objects, view, visible), self.hidden_points)
         points = np.concatenate([visible, hidden])
-        sigmas = np.repeat([self.seen_sigma, self.hidden_sigma], [len(visible), len(hidden)])
+        sigmas = np.repeat([self.visible_sigma, self.hidden_sigma], [len(visible), len(hidden)])
         outside = np.empty((0, 3))
         if len(points):
             outside = self._outside_points(label, surface, objects, view, points)
@@ -118,7 +124,7 @@ class EvidenceOfView:
         self, label: int, box: Box, objects: Objects, view: ViewGeometry
     ) -> Float64:
         """Points of the object, but for mixed pixels and those at borders if enough remain."""
-        reach = round(self.border * objects.pixels.shape[1] / WIDTH)
+        reach = round(self.border_pixels * objects.pixels.shape[1] / WIDTH)
         box = tuple(slice(max(side.start - reach, 0), side.stop + reach) for side in box)
         masks, points = objects.pixels[box], view.points[box]
         inside: Mask = masks == label
@@ -163,17 +169,22 @@ class EvidenceOfView:
         box = _voxel_box(view.grid, low, high)
         centres, free_mask = view.grid.centres()[box], view.free[box]
         places, labels = surface
-        free_points = _subsample(_points_in_box(centres[free_mask], low, high), self.outside)
+        free_points = _subsample(_points_in_box(centres[free_mask], low, high), self.outside_points)
         neighbours = _points_in_box(places[labels != label], low, high)
         x, y = np.meshgrid(*np.linspace(low[:2], high[:2], 10).T)
         floor_points = np.stack([x, y, np.full_like(x, -_FLOOR_DEPTH)], axis=-1).reshape(-1, 3)
         silhouette_points = np.empty((0, 3))
-        if view.eye is not None and self.beside:
+        if view.eye is not None and self.passing_points:
             silhouette_points = passed_places(
-                objects.pixels == label, view.points, view.eye, self.beside
+                objects.pixels == label, view.points, view.eye, self.passing_points
             )
         return np.concatenate(
-            [free_points, _subsample(neighbours, self.outside), floor_points, silhouette_points]
+            [
+                free_points,
+                _subsample(neighbours, self.outside_points),
+                floor_points,
+                silhouette_points,
+            ]
         )
 
 

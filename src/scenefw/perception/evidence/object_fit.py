@@ -14,7 +14,7 @@ from scenefw.perception.steps import Fits
 if TYPE_CHECKING:
     from scenefw.core.evidence import Evidence
     from scenefw.core.protocols import ShapeFit
-    from scenefw.perception.evidence.gathering import EvidenceOfView
+    from scenefw.perception.evidence.gathering import EvidenceGathering
     from scenefw.perception.observation.observation import ViewGeometry
     from scenefw.perception.steps import Objects
 
@@ -40,7 +40,7 @@ class ObjectFit:
     """
 
     def __init__(
-        self, fit: ShapeFit, evidence: EvidenceOfView, min_points: int, min_height: float
+        self, fit: ShapeFit, evidence: EvidenceGathering, min_points: int, min_height: float
     ) -> None:
         COUNT.require(min_points=min_points)
         NOT_NEGATIVE.require(min_height=min_height)
@@ -71,7 +71,7 @@ class ObjectFit:
         labels = [k for k in labels if k in volume_labels or self._is_standing(k, objects, view)]
         observations = self.evidence.of_each(labels, objects, view)
         evidence = dict(zip(labels, observations, strict=True))
-        sigma = self.evidence.seen_sigma
+        sigma = self.evidence.visible_sigma
         return {k: e for k, e in evidence.items() if (e.sigmas == sigma).sum() >= self.min_points}
 
     def _is_standing(self, label: int, objects: Objects, view: ViewGeometry) -> bool:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import POSITIVE, at_least
 from scenefw.fitting.placed import OUTLIERS, signed_distance
 from scenefw.perception.segmentation.regions import hiding
 
@@ -30,7 +30,7 @@ _MAX_GAP_SIZES, _MAX_GAP = 2.0, 0.15  # sizes of the larger of two parts; m
 _MAX_FREE_RATIO = 0.2  # share of segments that may be seen through, at borders of voxels
 
 
-class GroupedByEvidence:
+class FitMerging:
     """Joins the parts that one superquadric explains as well as one for each.
 
     What hides the middle of an object leaves two parts of it, and one superquadric goes on behind
@@ -40,9 +40,9 @@ class GroupedByEvidence:
 
     Args:
         fits: of superquadrics to segments.
-        tolerance: how much more squared deviation, robust, of any part's points than with a
+        max_deviation: how much more squared deviation, robust, of any part's points than with a
             superquadric of its own, plus that of the places outside, is still one object.
-        least: parts of fewer pixels stay alone.
+        min_pixels: parts of fewer pixels stay alone.
 
     Raises:
         ConfigError: a number that isn't positive.
@@ -51,20 +51,17 @@ class GroupedByEvidence:
     def __init__(
         self,
         fits: SegmentFits,
-        tolerance: float = 0.3,
-        least: int = 30,
+        max_deviation: float = 0.3,
+        min_pixels: int = 30,
     ) -> None:
-        if not tolerance > 0 or least < 4:
-            raise ConfigError(
-                f"tolerance is {tolerance} and least {least}; expected a positive number and at "
-                "least 4 pixels"
-            )
-        self.fits, self.tolerance, self.least = fits, tolerance, least
+        POSITIVE.require(max_deviation=max_deviation)
+        at_least(4).require(min_pixels=min_pixels)
+        self.fits, self.max_deviation, self.min_pixels = fits, max_deviation, min_pixels
 
     def merge(self, parts: Int32, view: ViewGeometry, depth: Float32) -> Int32:
         """Objects (H, W), 0 = none, of parts (H, W) of a depth image (H, W; m)."""
         sizes = np.bincount(parts.ravel())
-        large = [part for part in range(1, len(sizes)) if sizes[part] >= self.least]
+        large = [part for part in range(1, len(sizes)) if sizes[part] >= self.min_pixels]
         points = {part: view.points[parts == part] for part in large}
         groups: list[Group] = [frozenset([part]) for part in large]
         hide = hiding(parts, depth)
@@ -78,7 +75,7 @@ class GroupedByEvidence:
         costs = self._costs([a | b for a, b in pairs], parts, points, view, deviations)
         while costs:
             union = min(costs, key=costs.__getitem__)
-            if costs[union] > self.tolerance:
+            if costs[union] > self.max_deviation:
                 break
             groups = [group for group in groups if not group <= union]
             costs = {pair: cost for pair, cost in costs.items() if not pair & union}

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     Distances = NDArray[np.float64]
 
 
-class DealtByFit:
+class ResidualReassignment:
     """Gives each pixel to the object on whose superquadric it lies.
 
     A view in which two objects look like one makes a part that belongs to neither. If other views
@@ -29,11 +29,11 @@ class DealtByFit:
 
     Args:
         fits: of superquadrics to segments.
-        near: seen points up to this far from a surface are explained (m).
-        explained: share of an object's pixels from which on others explain it.
-        trusted: share of an object's pixels that its own superquadric must explain before pixels
-            off it go to others.
-        least: objects of fewer pixels stay as they are.
+        inlier_distance: seen points up to this far from a surface are explained (m).
+        min_explained_ratio: share of an object's pixels from which on others explain it.
+        min_inlier_ratio: share of an object's pixels that its own superquadric must explain before
+            pixels off it go to others.
+        min_pixels: objects of fewer pixels stay as they are.
 
     Raises:
         ConfigError: a distance that isn't positive, a share outside 0..1, or fewer than 4 pixels.
@@ -42,17 +42,22 @@ class DealtByFit:
     def __init__(
         self,
         fits: SegmentFits,
-        near: float = 0.005,
-        explained: float = 0.85,
-        trusted: float = 0.0,
-        least: int = 30,
+        inlier_distance: float = 0.005,
+        min_explained_ratio: float = 0.85,
+        min_inlier_ratio: float = 0.0,
+        min_pixels: int = 30,
     ) -> None:
-        POSITIVE.require(near=near)
-        PART.require(explained=explained)
-        SHARE.require(trusted=trusted)
-        at_least(4).require(least=least)
+        POSITIVE.require(near=inlier_distance)
+        PART.require(explained=min_explained_ratio)
+        SHARE.require(trusted=min_inlier_ratio)
+        at_least(4).require(least=min_pixels)
         self.fits = fits
-        self.near, self.explained, self.trusted, self.least = near, explained, trusted, least
+        self.inlier_distance, self.min_explained_ratio, self.min_inlier_ratio, self.min_pixels = (
+            inlier_distance,
+            min_explained_ratio,
+            min_inlier_ratio,
+            min_pixels,
+        )
 
     def reassign(self, objects: Int32, view: ViewGeometry) -> Int32:
         """Objects (H, W), 0 = none, of one image or of several, stacked."""
@@ -72,7 +77,7 @@ class DealtByFit:
     def _distances(self, objects: Int32, view: ViewGeometry) -> tuple[Int32, Distances]:
         """Labels (N,) of large objects, and distances (N, H, W) of pixels to their surfaces (m)."""
         all_labels, counts = np.unique(objects[objects > 0], return_counts=True)
-        labels = all_labels[counts >= self.least]
+        labels = all_labels[counts >= self.min_pixels]
         fits = self.fits.of(labels.tolist(), objects, view)
         distances = np.full((len(labels), *objects.shape), np.inf)
         foreground = objects > 0
@@ -88,9 +93,11 @@ class DealtByFit:
         for row, label in enumerate(labels.tolist()):
             competing_distances = np.delete(distances, row, axis=0)[:, objects == label]
             if len(competing_distances):
-                shares[label] = float((competing_distances.min(axis=0) < self.near).mean())
+                shares[label] = float(
+                    (competing_distances.min(axis=0) < self.inlier_distance).mean()
+                )
         best = max(shares, key=shares.__getitem__, default=None)
-        return best if best is not None and shares[best] >= self.explained else None
+        return best if best is not None and shares[best] >= self.min_explained_ratio else None
 
     def _reassign_pixels(self, objects: Int32, labels: Int32, distances: Distances) -> Int32:
         """Pixels off their own object's surface and on another's, at that one."""
@@ -101,13 +108,17 @@ class DealtByFit:
         object_distances = np.take_along_axis(distances, rows[None], 0)[0]
         reassign_mask = (
             (labels[rows] == objects)
-            & (object_distances > self.near)
-            & (distances.min(axis=0) < self.near)
+            & (object_distances > self.inlier_distance)
+            & (distances.min(axis=0) < self.inlier_distance)
         )
-        reassign_mask &= self._inlier_ratios(objects, labels, distances)[rows] >= self.trusted
+        reassign_mask &= (
+            self._inlier_ratios(objects, labels, distances)[rows] >= self.min_inlier_ratio
+        )
         return np.where(reassign_mask, nearest_labels, objects).astype(np.int32)
 
     def _inlier_ratios(self, objects: Int32, labels: Int32, distances: Distances) -> Distances:
         """Shares (N,) of each object's pixels that lie on its own surface."""
         pairs = zip(labels.tolist(), distances, strict=True)
-        return np.array([(gaps[objects == label] < self.near).mean() for label, gaps in pairs])
+        return np.array(
+            [(gaps[objects == label] < self.inlier_distance).mean() for label, gaps in pairs]
+        )

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from scenefw.core.evidence import Evidence, FittedSuperquadric
     from scenefw.core.protocols import ShapeFit
     from scenefw.core.types import Float64, Int32
-    from scenefw.perception.evidence.gathering import EvidenceOfView
+    from scenefw.perception.evidence.gathering import EvidenceGathering
     from scenefw.perception.observation.observation import ViewGeometry
 
     Fit = tuple[FittedSuperquadric, Evidence]
@@ -33,7 +33,7 @@ class SegmentFits:
         evidence: what a view says about a segment.
     """
 
-    def __init__(self, fit: ShapeFit, evidence: EvidenceOfView) -> None:
+    def __init__(self, fit: ShapeFit, evidence: EvidenceGathering) -> None:
         self.fit, self.evidence = fit, evidence
         self._fits: dict[bytes, FittedSuperquadric] = {}
         self._points: Float64 | None = None  # of the view whose fits these are
@@ -70,7 +70,7 @@ class SegmentFits:
 
     def deviations(self, shape: FittedSuperquadric, points: Float64) -> Float64:
         """Robust squared deviations (N,) of points (N, 3) from a superquadric."""
-        return robust_deviation(shape, points, self.evidence.seen_sigma)
+        return robust_deviation(shape, points, self.evidence.visible_sigma)
 
 
 def _digest(evidence: Evidence) -> bytes:

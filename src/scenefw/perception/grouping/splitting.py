@@ -38,7 +38,7 @@ class _Trial:
     deviations: NDArray[np.float64]
 
 
-class SplitByEvidence:
+class FitSplitting:
     """Cuts parts of which one superquadric leaves a connected region unexplained.
 
     Where two objects touch without a jump or a crease, they look like one part. A robust fit then
@@ -47,11 +47,12 @@ class SplitByEvidence:
 
     Args:
         fits: of superquadrics to segments.
-        gain: squared deviations, over all pixels of the part (of an image 640 wide), that
+        min_gain: squared deviations, over all pixels of the part (of an image 640 wide), that
             two superquadrics must save.
-        share: of the part's pixels that the smaller piece must have, at least.
-        left: mean squared deviation that may be left, else the pieces are no superquadrics either.
-        smallest: pixels of a piece (of an image 640 wide).
+        min_ratio: of the part's pixels that the smaller piece must have, at least.
+        max_deviation: mean squared deviation that may be left, else the pieces are no superquadrics
+            either.
+        min_pixels: pixels of a piece (of an image 640 wide).
         rounds: how often pixels are dealt out anew.
 
     Raises:
@@ -61,16 +62,16 @@ class SplitByEvidence:
     def __init__(
         self,
         fits: SegmentFits,
-        gain: float = 3000.0,
-        share: float = 0.02,
-        left: float = 0.3,
-        smallest: int = 100,
+        min_gain: float = 3000.0,
+        min_ratio: float = 0.02,
+        max_deviation: float = 0.3,
+        min_pixels: int = 100,
         rounds: int = 5,
     ) -> None:
-        POSITIVE.require(gain=gain, share=share, left=left, smallest=smallest)
+        POSITIVE.require(gain=min_gain, share=min_ratio, left=max_deviation, smallest=min_pixels)
         COUNT.require(rounds=rounds)
-        self.fits, self.gain, self.share = fits, gain, share
-        self.left, self.smallest, self.rounds = left, smallest, rounds
+        self.fits, self.min_gain, self.min_ratio = fits, min_gain, min_ratio
+        self.max_deviation, self.min_pixels, self.rounds = max_deviation, min_pixels, rounds
 
     def split(self, parts: Int32, view: ViewGeometry) -> Int32:
         """Parts (H, W), 0 = none, some of them cut; new ones have new numbers."""
@@ -107,10 +108,10 @@ class SplitByEvidence:
             )
             if trial is not None and np.array_equal(trial.parts, old_parts):
                 break  # further rounds give the same
-        if trial is None or trial.deviations.mean() > self.left:
+        if trial is None or trial.deviations.mean() > self.max_deviation:
             return None
         improvement = (deviations - trial.deviations).sum() * (WIDTH / parts.shape[1]) ** 2
-        return trial.parts if improvement > self.gain else None
+        return trial.parts if improvement > self.min_gain else None
 
     def _initial_trial(
         self, part: int, parts: Int32, superquadric: FittedSuperquadric, view: ViewGeometry
@@ -119,11 +120,11 @@ class SplitByEvidence:
         part_mask = parts == part
         outliers = np.zeros(part_mask.shape, dtype=bool)
         distances = np.abs(signed_distance(superquadric, view.points[part_mask]))
-        outliers[part_mask] = distances > _MIN_OUTLIER_SIGMAS * self.fits.evidence.seen_sigma
+        outliers[part_mask] = distances > _MIN_OUTLIER_SIGMAS * self.fits.evidence.visible_sigma
         regions, _ = components(outliers)
         sizes = np.bincount(regions.ravel())
         sizes[0] = 0
-        if sizes.max() < max(self._min_pixels(parts), self.share * part_mask.sum()):
+        if sizes.max() < max(self._min_pixels(parts), self.min_ratio * part_mask.sum()):
             return None
         new_parts = np.where(regions == sizes.argmax(), parts.max() + 1, parts).astype(np.int32)
         return _Trial(new_parts, np.empty(0)) if self._is_large(part, new_parts) else None
@@ -157,7 +158,7 @@ class SplitByEvidence:
         return bool(min(sizes) >= self._min_pixels(parts))
 
     def _min_pixels(self, parts: Int32) -> float:
-        return self.smallest * (parts.shape[1] / WIDTH) ** 2
+        return self.min_pixels * (parts.shape[1] / WIDTH) ** 2
 
     def _fit(
         self, labels: Sequence[int], parts: Int32, view: ViewGeometry

@@ -63,7 +63,7 @@ class FusedVolumes:
         return self.network.typical(Observation(None, partial, joint.grid))
 
 
-class FittedToViews:
+class ViewsFit:
     """Superquadrics fitted to the visible points and free space of all views.
 
     An object that no superquadric explains in all views keeps its volume. What is mostly

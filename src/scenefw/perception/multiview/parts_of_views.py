@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
     from scenefw.core.types import Float32, Float64, GridSpec, Int32
     from scenefw.perception.grouping.relabelling import Merging, Reassignment
-    from scenefw.perception.multiview.same_surface import SameSurface
+    from scenefw.perception.multiview.same_surface import SurfaceOverlap
     from scenefw.perception.observation.observation import Observation
     from scenefw.perception.steps import Grouping, Segmentation
 
 _COARSE_WIDTH = 320  # pixels: width of the images that say which parts are one object
 
 
-class PartsOfViews:
+class ViewsGrouping:
     """Joins the objects that each view shows if they are one in all views.
 
     What one view shows of an object may be cut or joined wrongly, so all views decide together: the
@@ -48,7 +48,7 @@ class PartsOfViews:
         grouping: Grouping,
         merge: Merging,
         reassign: Reassignment,
-        overlap: SameSurface | None = None,
+        overlap: SurfaceOverlap | None = None,
     ) -> None:
         self.segmentation, self.grouping = segmentation, grouping
         self.merge, self.reassign, self.overlap = merge, reassign, overlap

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _MIN_CONTACT_RATIO = 0.5
 
 
-class SameSurface:
+class SurfaceOverlap:
     """Joins parts of different images whose points lie on each other.
 
     A pair is joined if that is so for a large share of the smaller part. A part that meets several
@@ -29,17 +29,17 @@ class SameSurface:
     joined with none of these. No group gets two parts of one image.
 
     Args:
-        near: points up to this far from each other are of one surface (m).
-        share: of a part's points that lie on the other part, from which on both are one object.
+        inlier_distance: points up to this far from each other are of one surface (m).
+        min_ratio: of a part's points that lie on the other part, from which on both are one object.
 
     Raises:
         ConfigError: a number is out of range.
     """
 
-    def __init__(self, near: float = 0.006, share: float = 0.4) -> None:
-        POSITIVE.require(near=near)
-        PART.require(share=share)
-        self.near, self.share = near, share
+    def __init__(self, inlier_distance: float = 0.006, min_ratio: float = 0.4) -> None:
+        POSITIVE.require(near=inlier_distance)
+        PART.require(share=min_ratio)
+        self.inlier_distance, self.min_ratio = inlier_distance, min_ratio
 
     def joined(self, parts: Sequence[Int32], points: Sequence[Float64]) -> NDArray[np.int64]:
         """A table (P + 1,) from numbers of parts to the least number of their group; 0 stays 0.
@@ -54,9 +54,9 @@ class SameSurface:
             owner[np.unique(image[image > 0])] = number
         shares = self._shares(parts, points, count)
         mutual_shares = np.maximum(shares, shares.T)
-        ambiguous_pairs = _find_ambiguous_pairs(shares, owner, _MIN_CONTACT_RATIO * self.share)
+        ambiguous_pairs = _find_ambiguous_pairs(shares, owner, _MIN_CONTACT_RATIO * self.min_ratio)
         mutual_shares[ambiguous_pairs | ambiguous_pairs.T] = 0.0
-        return _groups(mutual_shares, owner, self.share)
+        return _groups(mutual_shares, owner, self.min_ratio)
 
     def _shares(
         self, parts: Sequence[Int32], points: Sequence[Float64], count: int
@@ -74,7 +74,7 @@ class SameSurface:
             tree = trees[b]
             if tree is None or not len(labels):
                 continue
-            distance, row = tree.query(places, distance_upper_bound=self.near)
+            distance, row = tree.query(places, distance_upper_bound=self.inlier_distance)
             is_matched = np.isfinite(distance)
             np.add.at(matches, (labels[is_matched], labelled_points[b][0][row[is_matched]]), 1)
         return matches / np.maximum(totals, 1)[:, None]

@@ -56,14 +56,14 @@ class Doctor:
     """Checks units, intrinsics, floor and scale; errors stop, warnings go with the result.
 
     Args:
-        nearest: the camera should be this far from the stack at least (m).
-        farthest: and at most this far (m).
-        smallest: the largest object group should be this large at least (m).
-        least_measured: share of pixels that should have a depth.
-        flattest: the camera should look down by this much at least (degrees).
-        aligned: agreement of colour with depth at least (`colour_alignment.ColourShift`). 54 real
-            images have 0.79 and more; if their colour is moved by 14 to 24 pixels, 45 to 53 of them
-            have less than 0.6.
+        min_distance: the camera should be this far from the stack at least (m).
+        max_distance: and at most this far (m).
+        min_size: the largest object group should be this large at least (m).
+        min_measured_ratio: share of pixels that should have a depth.
+        min_tilt: the camera should look down by this much at least (degrees).
+        min_alignment: agreement of colour with depth at least (`colour_alignment.ColourShift`). 54
+            real images have 0.79 and more; if their colour is moved by 14 to 24 pixels, 45 to 53 of
+            them have less than 0.6.
 
     Raises:
         ConfigError: a negative length, a share outside 0..1, or an angle outside 0..90 degrees.
@@ -71,23 +71,23 @@ class Doctor:
 
     def __init__(
         self,
-        nearest: float = 0.4,
-        farthest: float = 1.75,
-        smallest: float = 0.05,
-        least_measured: float = 0.3,
-        flattest: float = 8.0,
-        aligned: float = 0.6,
+        min_distance: float = 0.4,
+        max_distance: float = 1.75,
+        min_size: float = 0.05,
+        min_measured_ratio: float = 0.3,
+        min_tilt: float = 8.0,
+        min_alignment: float = 0.6,
     ) -> None:
-        NOT_NEGATIVE.require(nearest=nearest, smallest=smallest)
-        above(nearest, "as it is the farther end").require(farthest=farthest)
-        SHARE.require(least_measured=least_measured, aligned=aligned)
-        between(0, 90).require(flattest=flattest)
-        self.nearest = nearest
-        self.farthest = farthest
-        self.smallest = smallest
-        self.least_measured = least_measured
-        self.flattest = flattest
-        self.aligned = aligned
+        NOT_NEGATIVE.require(nearest=min_distance, smallest=min_size)
+        above(min_distance, "as it is the farther end").require(farthest=max_distance)
+        SHARE.require(least_measured=min_measured_ratio, aligned=min_alignment)
+        between(0, 90).require(flattest=min_tilt)
+        self.min_distance = min_distance
+        self.max_distance = max_distance
+        self.min_size = min_size
+        self.min_measured_ratio = min_measured_ratio
+        self.min_tilt = min_tilt
+        self.min_alignment = min_alignment
 
     def examine_frame(self, frame: Frame) -> list[str]:
         """Warnings about a frame as read.
@@ -134,7 +134,7 @@ class Doctor:
         pose = (
             f"the camera is {floor.height:.2f} m above the floor, looking {pitch:.0f} degrees down"
         )
-        is_flat = pitch < self.flattest
+        is_flat = pitch < self.min_tilt
         fix = "look at the table from higher up, or check the intrinsics" if is_flat else ""
         return [evenness, Check("tilt", ODD if is_flat else GOOD, pose, fix)]
 
@@ -144,10 +144,10 @@ class Doctor:
             return [_no_objects()]
         eye = workspace.frame.camera.T_world_camera[:3, 3]
         distance = float(np.linalg.norm(eye - (0, 0, _STACK_HEIGHT)))
-        is_in_range = self.nearest <= distance <= self.farthest
-        limits = f"{self.nearest:g} to {self.farthest:g} m"
+        is_in_range = self.min_distance <= distance <= self.max_distance
+        limits = f"{self.min_distance:g} to {self.max_distance:g} m"
         width = float(workspace.size.max())
-        is_large = width >= self.smallest
+        is_large = width >= self.min_size
         size = " x ".join(f"{side * 100:.0f}" for side in workspace.size)
         return [
             Check(
@@ -169,7 +169,7 @@ class Doctor:
 
     def _check_measured(self, frame: Frame) -> Check:
         measured_share = float(np.mean(frame.depth > 0))
-        is_sparse = measured_share < self.least_measured
+        is_sparse = measured_share < self.min_measured_ratio
         return Check(
             "measured",
             ODD if is_sparse else GOOD,
@@ -183,7 +183,7 @@ class Doctor:
         shift = None if frame.colour is None else colour_shift(frame.depth, frame.colour)
         if shift is None:
             return []
-        if shift.agreement >= self.aligned:
+        if shift.agreement >= self.min_alignment:
             return [Check("colour", GOOD, "edges of colour lie where depth jumps")]
         directions = (
             (shift.columns, "to the left", "to the right"),

@@ -30,10 +30,11 @@ class FloorFinder:
     least-squares fit to its points follows. The same image gives the same floor.
 
     Args:
-        threshold: points this close to a plane lie on it at 1 m; grows with depth squared (m).
+        inlier_distance: points this close to a plane lie on it at 1 m; grows with depth squared
+            (m).
         iterations: random planes tried.
-        farthest: points farther away don't count (m); keeps a room's floor and walls out.
-        least_share: of the points within reach that must lie on the plane.
+        max_depth: points farther away don't count (m); keeps a room's floor and walls out.
+        min_inlier_ratio: of the points within reach that must lie on the plane.
 
     Raises:
         ConfigError: a share outside 0..1, no iteration, or a length that isn't positive.
@@ -41,18 +42,18 @@ class FloorFinder:
 
     def __init__(
         self,
-        threshold: float = 0.008,
+        inlier_distance: float = 0.008,
         iterations: int = 1000,
-        farthest: float = 2.0,
-        least_share: float = 0.15,
+        max_depth: float = 2.0,
+        min_inlier_ratio: float = 0.15,
     ) -> None:
-        POSITIVE.require(threshold=threshold, farthest=farthest)
+        POSITIVE.require(threshold=inlier_distance, farthest=max_depth)
         COUNT.require(iterations=iterations)
-        SHARE.require(least_share=least_share)
-        self.threshold = threshold
+        SHARE.require(least_share=min_inlier_ratio)
+        self.inlier_distance = inlier_distance
         self.iterations = iterations
-        self.farthest = farthest
-        self.least_share = least_share
+        self.max_depth = max_depth
+        self.min_inlier_ratio = min_inlier_ratio
 
     def find(self, frame: Frame) -> Floor:
         """The floor of a frame.
@@ -60,7 +61,7 @@ class FloorFinder:
         Raises:
             InputError: too few points within reach, or no plane among them.
         """
-        points = points_within(frame, self.farthest)
+        points = points_within(frame, self.max_depth)
         normal, height = self._best_plane(points, frame.name)
         for _ in range(_REFINEMENTS):
             inliers = self._inliers(points, points @ normal + height)
@@ -68,8 +69,8 @@ class FloorFinder:
         distance = points @ normal + height
         inliers = self._inliers(points, distance)
         share = float(inliers.mean())
-        if share < self.least_share:
-            raise _no_floor(frame.name, share, self.least_share)
+        if share < self.min_inlier_ratio:
+            raise _no_floor(frame.name, share, self.min_inlier_ratio)
         deviation = float(np.sqrt(np.mean(distance[inliers] ** 2)))
         return Floor(normal, float(height), share, deviation)
 
@@ -88,7 +89,7 @@ class FloorFinder:
         upright = -normals[:, 1]
         is_allowed = (upright > _MIN_UPRIGHT) & (np.abs(normals[:, 0]) < _MAX_SIDEWAYS)
         if not is_allowed.any():
-            raise _no_floor(name, 0.0, self.least_share)
+            raise _no_floor(name, 0.0, self.min_inlier_ratio)
         inliers = self._inliers(sample, normals @ sample.T + heights[:, None])
         score = inliers.mean(axis=1) * (1 + upright) * is_allowed  # a table rather than a wall
         best = int(np.argmax(score))
@@ -100,7 +101,7 @@ class FloorFinder:
         return normals[best], float(heights[best])
 
     def _inliers(self, points: Array, distance: Array) -> NDArray[np.bool_]:
-        return near_plane(points, distance, self.threshold)
+        return near_plane(points, distance, self.inlier_distance)
 
 
 def points_within(frame: Frame, farthest: float) -> Array:

@@ -31,9 +31,10 @@ class KnownFloor:
         normal: (3,) of the floor, up, in camera coordinates (x right, y down, z forward).
         height: of the camera above the floor (m).
         scene: `scene.json` of an earlier prediction, whose floor it is; instead of both.
-        threshold: points this close to the floor lie on it at 1 m; grows with depth squared (m).
-        farthest: points farther away don't count (m).
-        least_share: of the points within reach that must lie on the floor.
+        inlier_distance: points this close to the floor lie on it at 1 m; grows with depth squared
+            (m).
+        max_depth: points farther away don't count (m).
+        min_inlier_ratio: of the points within reach that must lie on the floor.
 
     Raises:
         ConfigError: neither a plane nor a scene or both, a normal that isn't one, a height or
@@ -46,9 +47,9 @@ class KnownFloor:
         normal: Sequence[float] | None = None,
         height: float | None = None,
         scene: str | None = None,
-        threshold: float = 0.008,
-        farthest: float = 2.0,
-        least_share: float = 0.05,
+        inlier_distance: float = 0.008,
+        max_depth: float = 2.0,
+        min_inlier_ratio: float = 0.05,
     ) -> None:
         if scene is not None and normal is None and height is None:
             normal, height = _floor_of_scene(Path(scene))
@@ -59,9 +60,13 @@ class KnownFloor:
             )
         elif not _is_up(normal):
             raise ConfigError(f"floor.normal is {normal}; expected the 3 numbers of a unit vector")
-        POSITIVE.require(threshold=threshold, farthest=farthest)
-        SHARE.require(least_share=least_share)
-        self.threshold, self.farthest, self.least_share = threshold, farthest, least_share
+        POSITIVE.require(threshold=inlier_distance, farthest=max_depth)
+        SHARE.require(least_share=min_inlier_ratio)
+        self.inlier_distance, self.max_depth, self.min_inlier_ratio = (
+            inlier_distance,
+            max_depth,
+            min_inlier_ratio,
+        )
         POSITIVE.require(height=height)
         vector = np.asarray(normal, np.float64)
         self.normal: Float64 = vector / np.linalg.norm(vector)
@@ -73,15 +78,15 @@ class KnownFloor:
         Raises:
             InputError: too few points within reach, or too few of them on the floor.
         """
-        points = points_within(frame, self.farthest)
+        points = points_within(frame, self.max_depth)
         distance = points @ self.normal + self.height
-        inliers = near_plane(points, distance, self.threshold)
+        inliers = near_plane(points, distance, self.inlier_distance)
         share = float(inliers.mean())
-        if share < self.least_share:
+        if share < self.min_inlier_ratio:
             raise InputError(
                 f"{frame.name}: {share:.0%} of the points lie on the known floor, "
-                f"{self.least_share:.0%} are needed; has the camera moved? Give its floor again, "
-                "or take floor=ransac"
+                f"{self.min_inlier_ratio:.0%} are needed; has the camera moved? Give its floor "
+                "again, or take floor=ransac"
             )
         mean_square = np.square(distance[inliers]).mean() if inliers.any() else 0.0
         return Floor(self.normal, self.height, share, float(np.sqrt(mean_square)))

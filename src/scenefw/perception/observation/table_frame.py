@@ -41,10 +41,10 @@ class TableFrame:
 
     Args:
         floor: finds the table.
-        farthest: points farther from the camera don't say where the middle is (m).
-        tilt: poses of a world whose plane z = 0 is off the table by no more than this are kept
+        max_depth: points farther from the camera don't say where the middle is (m).
+        max_tilt: poses of a world whose plane z = 0 is off the table by no more than this are kept
             (degrees).
-        level: the same for its height (m).
+        max_offset: the same for its height (m).
 
     Raises:
         ConfigError: a number that isn't positive.
@@ -53,13 +53,13 @@ class TableFrame:
     def __init__(
         self,
         floor: FloorFinding | None = None,
-        farthest: float = 2.0,
-        tilt: float = 5.0,
-        level: float = 0.03,
+        max_depth: float = 2.0,
+        max_tilt: float = 5.0,
+        max_offset: float = 0.03,
     ) -> None:
-        POSITIVE.require(farthest=farthest, tilt=tilt, level=level)
+        POSITIVE.require(farthest=max_depth, tilt=max_tilt, level=max_offset)
         self.floor = floor or FloorFinder()
-        self.farthest, self.tilt, self.level = farthest, tilt, level
+        self.max_depth, self.max_tilt, self.max_offset = max_depth, max_tilt, max_offset
 
     def rectified(self, frame: Frame) -> Frame:
         """The frame in table coordinates, whatever its camera's pose was.
@@ -90,7 +90,7 @@ class TableFrame:
             raise
         normal = camera_pose[:3, :3] @ floor.normal
         level = float(normal @ camera_pose[:3, 3]) - floor.height  # of the table along its normal
-        if posed and normal[2] > np.cos(np.radians(self.tilt)) and abs(level) < self.level:
+        if posed and normal[2] > np.cos(np.radians(self.max_tilt)) and abs(level) < self.max_offset:
             return Alignment(np.eye(4))
         note = "the table was found in the first frame and is the map's plane z = 0"
         return Alignment(self._pose(frame) @ geometry.inverse(camera_pose), note)
@@ -99,7 +99,7 @@ class TableFrame:
         """Camera pose in table coordinates, with the origin in the middle of the seen part."""
         pose = self.floor.find(frame).T_world_camera
         points = world_points(replace(frame, camera=frame.camera.moved(pose)), stride=4)
-        valid = (frame.depth[::4, ::4] > 0) & (frame.depth[::4, ::4] < self.farthest)
+        valid = (frame.depth[::4, ::4] > 0) & (frame.depth[::4, ::4] < self.max_depth)
         valid &= np.abs(np.nan_to_num(points[..., 2], nan=np.inf)) < _MAX_HEIGHT
         middle = np.median(points[valid][:, :2], axis=0) if valid.any() else np.zeros(2)
         return geometry.rigid(np.eye(3), (-middle[0], -middle[1], 0.0)) @ pose

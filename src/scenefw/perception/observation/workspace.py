@@ -61,17 +61,17 @@ class WorkspaceFinder:
     moved up their rays onto it, so that the table looks endless, as the floor does in training.
 
     Args:
-        least_height: lower points belong to the floor (m).
+        min_height: lower points belong to the floor (m).
         margin: objects stay this far from the cube's sides (m).
 
     Raises:
         ConfigError: a height that isn't positive, or a negative margin.
     """
 
-    def __init__(self, least_height: float = 0.015, margin: float = 0.03) -> None:
-        POSITIVE.require(least_height=least_height)
+    def __init__(self, min_height: float = 0.015, margin: float = 0.03) -> None:
+        POSITIVE.require(least_height=min_height)
         NOT_NEGATIVE.require(margin=margin)
-        self.least_height = least_height
+        self.min_height = min_height
         self.margin = margin
 
     def find(
@@ -112,7 +112,7 @@ class WorkspaceFinder:
     ) -> list[Workspace]:
         """The workspaces; where objects may be anywhere, there may be none."""
         points = [world_points(frame) for frame in frames]
-        tables = [_table(p, self.least_height) if region is None else region for p in points]
+        tables = [_table(p, self.min_height) if region is None else region for p in points]
         top = grid.lower[2] + grid.extent
         raised_masks = [t & self._raised_mask(p, top) for t, p in zip(tables, points, strict=True)]
         raised_points = np.concatenate(
@@ -124,7 +124,7 @@ class WorkspaceFinder:
         if not groups:
             raise InputError(
                 f"nothing stands on the floor of {_names(frames)}: no surface from "
-                f"{self.least_height * 100:g} cm to {top * 100:.0f} cm above it; check that "
+                f"{self.min_height * 100:g} cm to {top * 100:.0f} cm above it; check that "
                 f"objects are in view{'' if region is None else ', that the mask covers them'} and "
                 "that the depth scale is right"
             )
@@ -164,7 +164,7 @@ class WorkspaceFinder:
     def _raised_mask(self, points: Array, top: float) -> Mask:
         """Which points (H, W, 3) lie above the floor, and below the cube's top (m)."""
         height = points[..., 2]  # NaN where no depth: not raised
-        return (height > self.least_height) & (height < top)
+        return (height > self.min_height) & (height < top)
 
     def _centred_frame(self, frame: Frame, points: Array, table: Mask, centre: Array) -> Frame:
         shift = geometry.rigid(np.eye(3), (-centre[0], -centre[1], 0.0))
@@ -177,8 +177,8 @@ class WorkspaceFinder:
         camera_height = frame.camera.T_world_camera[2, 3]
         with np.errstate(invalid="ignore"):
             floor_depth = frame.depth * camera_height / (camera_height - height)
-        depth = np.where(height < -self.least_height, floor_depth, frame.depth)
-        return np.where((height > self.least_height) & ~table, 0, depth).astype(np.float32)
+        depth = np.where(height < -self.min_height, floor_depth, frame.depth)
+        return np.where((height > self.min_height) & ~table, 0, depth).astype(np.float32)
 
 
 def _table(points: Array, tolerance: float) -> Mask:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _MIN_OBJECT_HEIGHT = 0.01  # m: what is measured above belongs to objects
 
 
-class RankedByEvidence:
+class EvidenceRanking:
     """Ray-casts the objects of each scene and the floor, and compares with measured depth.
 
     The score is the mean of min(|d - d'| / sigma, outliers)^2 over pixels that show an object in
@@ -31,14 +31,14 @@ class RankedByEvidence:
     0.802 in the mean, the best of ten 0.826).
 
     `details["evidence"]` of each scene has `deviation` (the root of the score, standard
-    deviations), `explained` (share of these pixels within `near`) and `hypothesis`, its number
-    before.
+    deviations), `explained` (share of these pixels within `inlier_distance`) and `hypothesis`, its
+    number before.
 
     Args:
         sigma: standard deviation of depth along a ray (m).
-        outliers: standard deviations that a pixel counts at most.
-        near: distance up to which a pixel is explained (m).
-        rays: pixels that are compared at most, on a regular lattice.
+        max_sigmas: standard deviations that a pixel counts at most.
+        inlier_distance: distance up to which a pixel is explained (m).
+        max_rays: pixels that are compared at most, on a regular lattice.
 
     Raises:
         ConfigError: a number that isn't positive.
@@ -47,19 +47,24 @@ class RankedByEvidence:
     def __init__(
         self,
         sigma: float = 0.005,
-        outliers: float = 3.0,
-        near: float = 0.01,
-        rays: int = 20000,
+        max_sigmas: float = 3.0,
+        inlier_distance: float = 0.01,
+        max_rays: int = 20000,
     ) -> None:
-        POSITIVE.require(sigma=sigma, outliers=outliers, near=near)
-        COUNT.require(rays=rays)
-        self.sigma, self.outliers, self.near, self.rays = sigma, outliers, near, rays
+        POSITIVE.require(sigma=sigma, outliers=max_sigmas, near=inlier_distance)
+        COUNT.require(rays=max_rays)
+        self.sigma, self.max_sigmas, self.inlier_distance, self.max_rays = (
+            sigma,
+            max_sigmas,
+            inlier_distance,
+            max_rays,
+        )
 
     def rank(self, scenes: Sequence[SceneEstimate]) -> list[SceneEstimate]:
         """The scenes of one image with their evidence: the first, then what explains it best."""
         if not scenes:
             return []
-        measurement = _measure(scenes[0].frame, scenes[0].grid, self.rays)
+        measurement = _measure(scenes[0].frame, scenes[0].grid, self.max_rays)
         candidates = [
             self._with_evidence(scene, number, measurement)
             for number, scene in enumerate(scenes, start=1)
@@ -77,9 +82,9 @@ class RankedByEvidence:
         facts: dict[str, float | None] = {"deviation": None, "explained": None}
         if object_pixels.any():
             errors = errors[object_pixels]
-            squared = np.minimum(errors / self.sigma, self.outliers) ** 2
+            squared = np.minimum(errors / self.sigma, self.max_sigmas) ** 2
             facts["deviation"] = float(np.sqrt(squared.mean()))
-            facts["explained"] = float((errors < self.near).mean())
+            facts["explained"] = float((errors < self.inlier_distance).mean())
         facts["hypothesis"] = number
         return replace(scene, details={**scene.details, "evidence": facts})
 

@@ -14,16 +14,16 @@ if TYPE_CHECKING:
     from scenefw.core.protocols import Engine
     from scenefw.core.types import SceneEstimate
     from scenefw.perception.physics.bodies import BodyMaker
-    from scenefw.perception.ranking.by_evidence import RankedByEvidence
+    from scenefw.perception.ranking.by_evidence import EvidenceRanking
 
 
-class RankedByStability:
+class StabilityRanking:
     """Adds to the evidence how far objects move when they are left to gravity (group `ranking`).
 
-    The score is the deviation of `RankedByEvidence` plus the mean displacement of the objects in
+    The score is the deviation of `EvidenceRanking` plus the mean displacement of the objects in
     units of `unit`; the least comes next after the first scene, the most typical one, which stays
-    the first. What is no solid can't be simulated and counts as moved by `furthest`. Scenes stay as
-    they are: `settling=physics` lets objects come to rest.
+    the first. What is no solid can't be simulated and counts as moved by `max_displacement`. Scenes
+    stay as they are: `settling=physics` lets objects come to rest.
 
     `experiment=ranking` compares what comes first with evidence alone.
 
@@ -36,7 +36,7 @@ class RankedByStability:
         bodies: makes rigid bodies of the objects.
         steps: of the simulation at most; it ends when everything rests.
         unit: a displacement that counts as one standard deviation of depth (m).
-        furthest: an object counts as moved this far at most (m).
+        max_displacement: an object counts as moved this far at most (m).
 
     Raises:
         ConfigError: a number that isn't positive.
@@ -44,17 +44,17 @@ class RankedByStability:
 
     def __init__(
         self,
-        evidence: RankedByEvidence,
+        evidence: EvidenceRanking,
         engine: Engine,
         bodies: BodyMaker,
         steps: int = 2400,
         unit: float = 0.1,
-        furthest: float = 0.2,
+        max_displacement: float = 0.2,
     ) -> None:
         COUNT.require(steps=steps)
-        POSITIVE.require(unit=unit, furthest=furthest)
+        POSITIVE.require(unit=unit, furthest=max_displacement)
         self.evidence, self.engine, self.bodies = evidence, engine, bodies
-        self.steps, self.unit, self.furthest = steps, unit, furthest
+        self.steps, self.unit, self.max_displacement = steps, unit, max_displacement
 
     def rank(self, scenes: Sequence[SceneEstimate]) -> list[SceneEstimate]:
         """The scenes of one image: the first, then what explains it best and stands."""
@@ -62,7 +62,7 @@ class RankedByStability:
         return candidates[:1] + sorted(candidates[1:], key=self._score)
 
     def _with_stability(self, scene: SceneEstimate) -> SceneEstimate:
-        movement = displacement(scene, self.engine, self.bodies, self.steps, self.furthest)
+        movement = displacement(scene, self.engine, self.bodies, self.steps, self.max_displacement)
         facts = {"displacement": movement.mean, "left_out": movement.left_out}
         return replace(scene, details={**scene.details, "stability": facts})
 

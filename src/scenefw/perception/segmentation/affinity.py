@@ -33,7 +33,7 @@ _MIN_SIGMA = 5e-5  # m: no camera measures a floor 1 m away as well
 _JUMP = 0.01  # m: what is so much nearer or further than its thinned pixel is something else
 
 
-class AffinityParts:
+class AffinitySegmentation:
     """Cuts a depth image above the floor where a network finds different objects.
 
     Pixels that surely show the same object are joined first, and others go to what is nearest along
@@ -50,21 +50,24 @@ class AffinityParts:
 
     Args:
         checkpoint: of a network of affinities.
-        sure: probability of the same object from which on pixels are joined first.
-        same: mean along a border from which on the regions beside it are joined.
-        seed: pixels (of the thinned image) of the smallest region.
-        shown: parts whose pixels show an object less probably, on average, are dropped.
-        pixel: so are pixels that don't show one more probably than this, if the floor has noise;
-            without it, heights alone say where an object ends.
-        margin: points up to this height above the floor belong to it (m).
-        waves: so do points up to so many standard deviations of the floor's heights at the same
-            depth, if they are no higher than `lowest` and the floor waves.
-        smallest: parts of fewer pixels (of an image 640 wide) are dropped.
-        lowest: parts that rise no higher above the floor (m) are noise of it.
-        noisy: so are parts that rise no higher than so many standard deviations of its heights at
-            the same depth.
-        plain: cuts the image without learning; None: nothing is joined for lying in its parts.
-        agreed: mean along a border above which regions are joined that lie in one of its parts.
+        min_core_affinity: probability of the same object from which on pixels are joined first.
+        min_affinity: mean along a border from which on the regions beside it are joined.
+        min_region: pixels (of the thinned image) of the smallest region.
+        min_object_probability: parts whose pixels show an object less probably, on average, are
+            dropped.
+        min_pixel_probability: so are pixels that don't show one more probably than this, if the
+            floor has noise; without it, heights alone say where an object ends.
+        floor_margin: points up to this height above the floor belong to it (m).
+        floor_sigmas: so do points up to so many standard deviations of the floor's heights at the
+            same depth, if they are no higher than `min_height` and the floor waves.
+        min_pixels: parts of fewer pixels (of an image 640 wide) are dropped.
+        min_height: parts that rise no higher above the floor (m) are noise of it.
+        min_height_sigmas: so are parts that rise no higher than so many standard deviations of its
+            heights at the same depth.
+        crease_segmentation: cuts the image without learning; None: nothing is joined for lying in
+            its parts.
+        min_crease_affinity: mean along a border above which regions are joined that lie in one of
+            its parts.
         colours: what the colours along a border add to its mean, if the image has some; None: they
             say nothing.
 
@@ -75,31 +78,51 @@ class AffinityParts:
     def __init__(
         self,
         checkpoint: TrainedPartAffinity,
-        sure: float = 0.95,
-        same: float = 0.7,
-        seed: int = 12,
-        shown: float = 0.6,
-        pixel: float = 0.9,
-        margin: float = 0.005,
-        waves: float = 2.5,
-        smallest: float = 60.0,
-        lowest: float = 0.012,
-        noisy: float = 7.0,
-        plain: Segmentation | None = None,
-        agreed: float = 0.35,
+        min_core_affinity: float = 0.95,
+        min_affinity: float = 0.7,
+        min_region: int = 12,
+        min_object_probability: float = 0.6,
+        min_pixel_probability: float = 0.9,
+        floor_margin: float = 0.005,
+        floor_sigmas: float = 2.5,
+        min_pixels: float = 60.0,
+        min_height: float = 0.012,
+        min_height_sigmas: float = 7.0,
+        crease_segmentation: Segmentation | None = None,
+        min_crease_affinity: float = 0.35,
         colours: BorderColours | None = None,
     ) -> None:
-        PROBABILITY.require(sure=sure, same=same, agreed=agreed)
-        below(1).require(shown=shown, pixel=pixel)
-        NOT_NEGATIVE.require(margin=margin, waves=waves, lowest=lowest, noisy=noisy)
-        COUNT.require(seed=seed, smallest=smallest)
+        PROBABILITY.require(sure=min_core_affinity, same=min_affinity, agreed=min_crease_affinity)
+        below(1).require(shown=min_object_probability, pixel=min_pixel_probability)
+        NOT_NEGATIVE.require(
+            margin=floor_margin, waves=floor_sigmas, lowest=min_height, noisy=min_height_sigmas
+        )
+        COUNT.require(seed=min_region, smallest=min_pixels)
         self.model: PartAffinityModel = checkpoint.model
         self.metadata = dict(checkpoint.metadata)
-        self.sure, self.same, self.seed = sure, same, seed
-        self.shown, self.pixel = shown, pixel
-        self.margin, self.waves, self.smallest = margin, waves, smallest
-        self.lowest, self.noisy, self.colours = lowest, noisy, colours
-        self.plain, self.agreed = plain, agreed
+        self.min_core_affinity, self.min_affinity, self.min_region = (
+            min_core_affinity,
+            min_affinity,
+            min_region,
+        )
+        self.min_object_probability, self.min_pixel_probability = (
+            min_object_probability,
+            min_pixel_probability,
+        )
+        self.floor_margin, self.floor_sigmas, self.min_pixels = (
+            floor_margin,
+            floor_sigmas,
+            min_pixels,
+        )
+        self.min_height, self.min_height_sigmas, self.colours = (
+            min_height,
+            min_height_sigmas,
+            colours,
+        )
+        self.crease_segmentation, self.min_crease_affinity = (
+            crease_segmentation,
+            min_crease_affinity,
+        )
 
     def segment(self, view: Observation) -> Int32:
         """Parts (H, W), 0 = none, of a depth image."""
@@ -109,40 +132,44 @@ class AffinityParts:
         rows, columns = (np.arange(size) // step for size in frame.depth.shape)
         depth = np.ascontiguousarray(np.nan_to_num(frame.depth[::step, ::step]), np.float32)
         across, down, object_probability = self._probabilities(depth, frame.camera, step)
-        waves = self.waves * noise if smooth else 0.0
-        margin = np.clip(waves, self.margin, max(self.margin, self.lowest))
+        waves = self.floor_sigmas * noise if smooth else 0.0
+        margin = np.clip(waves, self.floor_margin, max(self.floor_margin, self.min_height))
         above = heights > margin  # NaN where no depth: not above
         thinned_pixels = np.ix_(rows, columns)
         if view.noise.sigma > _MIN_SIGMA:
-            above &= (object_probability > self.pixel)[thinned_pixels]
+            above &= (object_probability > self.min_pixel_probability)[thinned_pixels]
         regions = self._regions(depth, across, down, above[::step, ::step])
         if self.colours is not None and frame.colour is not None:
             colour_terms = self.colours.added(regions, frame.colour, step)
             across, down = (p + term for p, term in zip((across, down), colour_terms, strict=True))
-        merged_regions = merged(regions, across, down, self.same)
-        if self.plain is not None and not smooth:
-            plain_parts = self.plain.segment(view)[::step, ::step]
-            merged_regions = joined_within(merged_regions, plain_parts, across, down, self.agreed)
-        min_pixels = self.smallest * (frame.depth.shape[1] / WIDTH) ** 2
+        merged_regions = merged(regions, across, down, self.min_affinity)
+        if self.crease_segmentation is not None and not smooth:
+            plain_parts = self.crease_segmentation.segment(view)[::step, ::step]
+            merged_regions = joined_within(
+                merged_regions, plain_parts, across, down, self.min_crease_affinity
+            )
+        min_pixels = self.min_pixels * (frame.depth.shape[1] / WIDTH) ** 2
         parts = large_parts(merged_regions, max(1, round(min_pixels / step**2)))
-        is_unlikely = (parts > 0) & (_means(object_probability, parts) < self.shown)
+        is_unlikely = (parts > 0) & (
+            _means(object_probability, parts) < self.min_object_probability
+        )
         parts = large_parts(np.where(is_unlikely, 0, parts).astype(np.int64), 1)
         above &= ~is_unlikely[thinned_pixels]
         same_depth = np.abs(frame.depth - depth[thinned_pixels]) < _JUMP
         parts = np.where(above & same_depth, parts[thinned_pixels], 0).astype(np.int32)
-        min_height = np.maximum(self.lowest, self.noisy * noise)
+        min_height = np.maximum(self.min_height, self.min_height_sigmas * noise)
         return high_parts(grown(parts, above, frame.depth, EDGE), heights, min_height)
 
     def _regions(
         self, depth: Float32, across: Float32, down: Float32, above: NDArray[np.bool_]
     ) -> Int32:
         """Regions (H, W), 0 = none, of the thinned image, before neighbours are joined."""
-        cores = linked_parts(above, across > self.sure, down > self.sure)
-        regions = large_parts(cores, self.seed)
-        components = linked_parts(above, across > self.same, down > self.same)
+        cores = linked_parts(above, across > self.min_core_affinity, down > self.min_core_affinity)
+        regions = large_parts(cores, self.min_region)
+        components = linked_parts(above, across > self.min_affinity, down > self.min_affinity)
         # slivers, of which no few pixels are sure
         is_sliver = ~np.isin(components, components[regions > 0])
-        slivers = large_parts(np.where(is_sliver, components, 0), self.seed)
+        slivers = large_parts(np.where(is_sliver, components, 0), self.min_region)
         regions = np.where(slivers > 0, slivers + regions.max(initial=0), regions)
         return grown(regions, above, depth, EDGE)
 

@@ -34,10 +34,10 @@ class ColourEdges:
 
     Args:
         smoothing: standard deviation of the image's smoothing (pixels of an image 640 wide).
-        core: of the depth of a part in pixels, the share that lies outside of its core at most, so
-            that small parts have one.
-        narrowest: pixels from an edge to the end of its ramp, at least.
-        widest: the same, at most; both of an image 640 wide.
+        core_ratio: of the depth of a part in pixels, the share that lies outside of its core at
+            most, so that small parts have one.
+        min_width: pixels from an edge to the end of its ramp, at least.
+        max_width: the same, at most; both of an image 640 wide.
 
     Raises:
         ConfigError: a negative smoothing, a share that isn't in 0..1 or is 1, less than one pixel,
@@ -47,16 +47,16 @@ class ColourEdges:
     def __init__(
         self,
         smoothing: float = 1.0,
-        core: float = 0.6,
-        narrowest: float = 2.0,
-        widest: float = 12.0,
+        core_ratio: float = 0.6,
+        min_width: float = 2.0,
+        max_width: float = 12.0,
     ) -> None:
         NOT_NEGATIVE.require(smoothing=smoothing)
-        below(1).require(core=core)
-        COUNT.require(narrowest=narrowest, widest=widest)
-        at_least(narrowest).require(widest=widest)
-        self.smoothing, self.core = smoothing, core
-        self.narrowest, self.widest = narrowest, widest
+        below(1).require(core=core_ratio)
+        COUNT.require(narrowest=min_width, widest=max_width)
+        at_least(min_width).require(widest=max_width)
+        self.smoothing, self.core_ratio = smoothing, core_ratio
+        self.min_width, self.max_width = min_width, max_width
 
     def moved(self, parts: Int32, view: Observation) -> Int32:
         """Parts (H, W) of a depth image; pixels without depth show none."""
@@ -64,8 +64,8 @@ class ColourEdges:
             return parts
         scale = view.depth.shape[1] / WIDTH
         distance = distance_transform_edt(parts == 0)
-        width = ramp_width(view.heights, distance, round(self.widest * scale))
-        if width < self.narrowest * scale:
+        width = ramp_width(view.heights, distance, round(self.max_width * scale))
+        if width < self.min_width * scale:
             return parts
         refined = self.refined(parts, view.colour, width)
         return np.where(view.depth > 0, refined, 0).astype(np.int32)
@@ -85,7 +85,9 @@ class ColourEdges:
                 window = _padded_box(box)
                 part_mask = parts[window] == label
                 depths = distance_transform_edt(part_mask)
-                cores[window][part_mask & (depths > min(width, self.core * depths.max()))] = label
+                cores[window][part_mask & (depths > min(width, self.core_ratio * depths.max()))] = (
+                    label
+                )
         labels = watershed(colour_gradient(colour, self.smoothing), cores)
         return np.where(labels == outside, 0, labels).astype(np.int32)
 

@@ -17,20 +17,20 @@ if TYPE_CHECKING:
 _TOP_QUANTILE = 0.95  # share of a part below its top, against single pixels
 
 
-class SeenParts:
+class CreaseSegmentation:
     """Cuts a depth image above the floor at jumps of depth and at creases; learns nothing.
 
     No convex object has a concave crease, so two parts that meet in one are two objects. Creases
     are lines some pixels wide; their pixels then join the part that is nearest along the surface.
 
     Args:
-        margin: points up to this height above the floor belong to it (m).
-        jump: neighbouring pixels further apart in depth belong to different parts (m).
-        crease: a surface that bends towards the camera by more than this is cut (degrees); 180
+        floor_margin: points up to this height above the floor belong to it (m).
+        max_step: neighbouring pixels further apart in depth belong to different parts (m).
+        min_bend: a surface that bends towards the camera by more than this is cut (degrees); 180
             cuts nowhere.
         reach: on either side, between which a bend is measured (pixels of an image 640 wide).
-        smallest: parts of fewer pixels (of an image 640 wide) are dropped.
-        lowest: parts that rise no higher above the floor (m) are noise of it.
+        min_pixels: parts of fewer pixels (of an image 640 wide) are dropped.
+        min_height: parts that rise no higher above the floor (m) are noise of it.
         grow: whether pixels of creases join parts; without it they are none's.
 
     Raises:
@@ -39,29 +39,34 @@ class SeenParts:
 
     def __init__(
         self,
-        margin: float = 0.005,
-        jump: float = 0.012,
-        crease: float = 30.0,
+        floor_margin: float = 0.005,
+        max_step: float = 0.012,
+        min_bend: float = 30.0,
         reach: float = 8.0,
-        smallest: float = 500.0,
-        lowest: float = 0.0,
+        min_pixels: float = 500.0,
+        min_height: float = 0.0,
         *,
         grow: bool = True,
     ) -> None:
-        POSITIVE.require(jump=jump, crease=crease, reach=reach, smallest=smallest)
-        NOT_NEGATIVE.require(margin=margin, lowest=lowest)
-        self.margin, self.jump, self.crease = margin, jump, crease
-        self.reach, self.smallest, self.lowest, self.grow = reach, smallest, lowest, grow
+        POSITIVE.require(jump=max_step, crease=min_bend, reach=reach, smallest=min_pixels)
+        NOT_NEGATIVE.require(margin=floor_margin, lowest=min_height)
+        self.floor_margin, self.max_step, self.min_bend = floor_margin, max_step, min_bend
+        self.reach, self.min_pixels, self.min_height, self.grow = (
+            reach,
+            min_pixels,
+            min_height,
+            grow,
+        )
 
     def with_margin(self, margin: float) -> Self:
         """The same at another margin (m)."""
         return type(self)(
             margin,
-            self.jump,
-            self.crease,
+            self.max_step,
+            self.min_bend,
             self.reach,
-            self.smallest,
-            self.lowest,
+            self.min_pixels,
+            self.min_height,
             grow=self.grow,
         )
 
@@ -69,14 +74,16 @@ class SeenParts:
         """Parts (H, W), 0 = none, of a depth image."""
         frame, heights = view.frame, view.heights
         scale = frame.depth.shape[1] / WIDTH
-        above = heights > self.margin  # NaN where no depth: not above
+        above = heights > self.floor_margin  # NaN where no depth: not above
         reach = max(1, round(self.reach * scale))
-        smooth_mask = above & ~concave_creases(frame, float(np.cos(np.radians(self.crease))), reach)
-        min_pixels = max(1, round(self.smallest * scale**2))
-        parts = large_parts(depth_parts(frame.depth, smooth_mask, self.jump), min_pixels)
+        smooth_mask = above & ~concave_creases(
+            frame, float(np.cos(np.radians(self.min_bend))), reach
+        )
+        min_pixels = max(1, round(self.min_pixels * scale**2))
+        parts = large_parts(depth_parts(frame.depth, smooth_mask, self.max_step), min_pixels)
         if self.grow:
             parts = grown(parts, above, frame.depth)
-        return high_parts(parts, heights, self.lowest)
+        return high_parts(parts, heights, self.min_height)
 
 
 def high_parts(parts: Int32, heights: Float64, min_height: float | Float64) -> Int32:

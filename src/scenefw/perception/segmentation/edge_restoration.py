@@ -24,24 +24,24 @@ _MAX_DEPTH_STEP = 0.012  # m of depth between pixels of one surface
 _MAX_HEIGHT = 0.25  # m above the floor
 
 
-class RestoredEdges:
+class EdgeRestoration:
     """Gives images of stereo cameras the edges back that windows have blurred.
 
     Such a camera matches windows. Across an edge, depth leads in a ramp from the object to what is
     behind; the edge is in the middle of the ramp. A network says where objects end. How wide ramps
     are is seen on the floor, whose heights are known: beside objects it seems to rise. If it does,
-    over `narrowest` pixels or more, pixels of an object that are so close to its end continue the
+    over `min_width` pixels or more, pixels of an object that are so close to its end continue the
     object's surface, and those of the floor lie on it. This is done where depth then jumps by
-    `jump`: where two parts touch, or a part stands on the floor, nothing was blurred.
+    `min_step`: where two parts touch, or a part stands on the floor, nothing was blurred.
 
     Images without correlated noise, and images without ramps, stay as they are. Parts are those of
     the image as it was: of what is restored, ends of ramps would be parts of their own.
 
     Args:
         mapping: makes the partial TSDF of what is restored.
-        narrowest: pixels from an edge to the end of its ramp, at least.
-        widest: the same, at most; both of an image 640 wide.
-        jump: by which depth differs between the two sides of an edge, at least (m).
+        min_width: pixels from an edge to the end of its ramp, at least.
+        max_width: the same, at most; both of an image 640 wide.
+        min_step: by which depth differs between the two sides of an edge, at least (m).
         colour: moves ends of parts to edges of the colour image first, where there is one; None:
             they stay in the middle of ramps. Masks that come with the view are not moved.
 
@@ -52,16 +52,16 @@ class RestoredEdges:
     def __init__(
         self,
         mapping: MappingMethod,
-        narrowest: float = 2.0,
-        widest: float = 12.0,
-        jump: float = 0.02,
+        min_width: float = 2.0,
+        max_width: float = 12.0,
+        min_step: float = 0.02,
         colour: ColourEdges | None = None,
     ) -> None:
-        COUNT.require(narrowest=narrowest, widest=widest)
-        POSITIVE.require(jump=jump)
-        at_least(narrowest).require(widest=widest)
+        COUNT.require(narrowest=min_width, widest=max_width)
+        POSITIVE.require(jump=min_step)
+        at_least(min_width).require(widest=max_width)
         self.mapping = mapping
-        self.narrowest, self.widest, self.jump = narrowest, widest, jump
+        self.min_width, self.max_width, self.min_step = min_width, max_width, min_step
         self.colour = colour
 
     def restore(self, view: Observation, parts: Int32) -> tuple[Observation, Int32]:
@@ -77,15 +77,15 @@ class RestoredEdges:
             parts = self.colour.moved(parts, view)
         scale, camera = view.depth.shape[1] / WIDTH, view.camera
         distance = distance_transform_edt(parts == 0)
-        width = ramp_width(view.heights, distance, round(self.widest * scale))
-        if width < self.narrowest * scale:
+        width = ramp_width(view.heights, distance, round(self.max_width * scale))
+        if width < self.min_width * scale:
             return view, parts
         depth = continued(view.depth, parts, width)
         max_height = min(_MAX_HEIGHT, camera.T_world_camera[2, 3])  # below it rays go down
         on_floor = (distance > 0) & (distance <= width + 1)
         on_floor &= (view.heights > MIN_RISE) & (view.heights < max_height)
         depth = np.where(on_floor, floor_depths(stack_cameras([camera]))[0].numpy(), depth)
-        beside_jump = distances(jumps(depth, parts, self.jump)) <= width + 1
+        beside_jump = distances(jumps(depth, parts, self.min_step)) <= width + 1
         return view.restored(np.where(beside_jump, depth, view.depth), self.mapping), parts
 
 

@@ -16,7 +16,7 @@ from scenefw.evaluation.stacks.draws import DrawScoring, Truth, hidden_objects, 
 from scenefw.evaluation.stacks.training_mean import TrainingMean
 from scenefw.perception.completion.partial_surface import PartialSurface
 from scenefw.perception.grouping.hulls import HullFilling
-from scenefw.perception.segmentation.crease_segmentation import SeenParts
+from scenefw.perception.segmentation.crease_segmentation import CreaseSegmentation
 from scenefw.postprocessing.connected_components import ConnectedComponents
 from scenefw.representations.volumes import scene_volumes
 
@@ -135,7 +135,7 @@ def test_the_training_mean_is_that_of_its_scenes(resolution):
 
 @pytest.fixture(scope="module")
 def result():
-    parts = SeenParts(0.01, 0.02, 25.0, 8, 320, grow=False)
+    parts = CreaseSegmentation(0.01, 0.02, 25.0, 8, 320, grow=False)
     methods = {
         "hull_filling": pipeline_of(segmentation=parts, grouping=HullFilling()),
         "partial_tsdf": pipeline_of(PartialSurface(ConnectedComponents())),

@@ -21,7 +21,7 @@ from scenefw.perception.evidence.visible_instances import visible_instances
 from scenefw.perception.observation.observation import Observation
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.segmentation.colour_edges import ColourEdges
-from scenefw.perception.segmentation.crease_segmentation import SeenParts
+from scenefw.perception.segmentation.crease_segmentation import CreaseSegmentation
 
 CAMERA = Camera(160, 120, 150.0, 150.0, 79.5, 59.5, look_at((0.5, -0.5, 0.6), (0.0, 0.0, 0.05)))
 BOXES = [((-0.15, -0.1, 0.0), (0.0, 0.1, 0.1)), ((0.0, -0.1, 0.0), (0.15, 0.1, 0.15))]
@@ -107,7 +107,9 @@ def test_run_gives_means_of_method_and_reference(tmp_path):
     frame = _frame()
     _save(tmp_path / "a.npz", frame, instances=frame.labels)
     _save(tmp_path / "c.npz", frame)
-    result = LabelledMasks(tmp_path, _Method(), SeenParts(smallest=50), StoredLabels()).run()
+    result = LabelledMasks(
+        tmp_path, _Method(), CreaseSegmentation(min_pixels=50), StoredLabels()
+    ).run()
     figures = result.figures
     assert (figures["images"], figures["failures"]) == (1, 0)
     assert figures["overlap_f"] == result.images[0].scores.overlap_f > 0.95
@@ -136,7 +138,7 @@ def test_outlines_score_as_labels_of_pixels_do(tmp_path):
     _save(tmp_path / "a.npz", frame, instances=frame.labels)
     _save(tmp_path / "b.npz", frame)
     _outline(tmp_path / "a.rgb.json")
-    plain = SeenParts(smallest=50)
+    plain = CreaseSegmentation(min_pixels=50)
     drawn = LabelledMasks(tmp_path, _Method(), plain, Outlines()).run()
     stored = LabelledMasks(tmp_path, _Method(), plain, StoredLabels()).run()
     assert [image.name for image in drawn.images] == ["a"]
@@ -150,7 +152,7 @@ def test_pixels_without_depth_count_for_nothing(tmp_path):
     depth = frame.depth.copy()
     depth[frame.labels == 1] = 0
     _save(tmp_path / "a.npz", replace(frame, depth=depth), instances=frame.labels)
-    (image,) = LabelledMasks(tmp_path, _Method(), SeenParts(), StoredLabels()).run().images
+    (image,) = LabelledMasks(tmp_path, _Method(), CreaseSegmentation(), StoredLabels()).run().images
     assert (image.labels["true"][frame.labels == 1] == -1).all()
     assert image.scores.true == 1
 
@@ -161,7 +163,7 @@ def test_outlines_of_another_size_are_one_line(tmp_path):
     _save(tmp_path / "b.npz", _frame())
     _outline(tmp_path / "b.rgb.json")  # a good one doesn't hide it
     with pytest.raises(LabelsError, match="320 x 240 pixels, its depth of 160 x 120"):
-        LabelledMasks(tmp_path, _Method(), SeenParts(), Outlines()).run()
+        LabelledMasks(tmp_path, _Method(), CreaseSegmentation(), Outlines()).run()
 
 
 def test_published_figures_are_of_published_images_alone(tmp_path):
@@ -169,7 +171,9 @@ def test_published_figures_are_of_published_images_alone(tmp_path):
 
     def measures(**about):
         return (
-            LabelledMasks(tmp_path, _Method(), SeenParts(), StoredLabels(), **about).run().measures
+            LabelledMasks(tmp_path, _Method(), CreaseSegmentation(), StoredLabels(), **about)
+            .run()
+            .measures
         )
 
     assert measures()["overlap_f"].published is None
@@ -188,9 +192,13 @@ def test_methods_beside_have_rows_of_their_own(tmp_path):
     _save(tmp_path / "a.npz", _frame(), instances=_frame().labels)
     beside = {"blind": _Blind(), "left_out": None}
     result = LabelledMasks(
-        tmp_path, _Method(), SeenParts(smallest=50), StoredLabels(), beside=beside
+        tmp_path, _Method(), CreaseSegmentation(min_pixels=50), StoredLabels(), beside=beside
     ).run()
-    alone = LabelledMasks(tmp_path, _Blind(), SeenParts(smallest=50), StoredLabels()).run().figures
+    alone = (
+        LabelledMasks(tmp_path, _Blind(), CreaseSegmentation(min_pixels=50), StoredLabels())
+        .run()
+        .figures
+    )
     assert result.beside == ("blind",)
     for name in ("overlap_f", "boundary_f", "seam_f", "count_error"):
         assert result.figures[f"blind/{name}"] == alone[name]
@@ -208,7 +216,7 @@ def test_masks_count_as_they_are_and_margins_take_from_both(tmp_path):
         def estimate(self, frame):
             return replace(_estimate(replace(frame, camera=CAMERA), 32), masks=wide)
 
-    plain = SeenParts(0.005, smallest=50)
+    plain = CreaseSegmentation(0.005, min_pixels=50)
     result = LabelledMasks(tmp_path, Wide(), plain, StoredLabels(), margins=[0.005, 0.03]).run()
     figures, expected = result.figures, mask_scores(wide, frame.labels)
     assert figures["overlap_precision"] == expected.overlap_precision < 0.97
@@ -217,7 +225,7 @@ def test_masks_count_as_they_are_and_margins_take_from_both(tmp_path):
         low = heights <= margin
         for prefix, labels in (
             ("", wide),
-            ("reference/", SeenParts(margin, smallest=50).segment(Observation(frame))),
+            ("reference/", CreaseSegmentation(margin, min_pixels=50).segment(Observation(frame))),
         ):
             cut = mask_scores(np.where(low, 0, labels), frame.labels)
             assert figures[f"{prefix}{where}/overlap_f"] == pytest.approx(cut.overlap_f)
@@ -239,7 +247,7 @@ def test_ends_of_the_reference_move_to_colour(tmp_path):
             return replace(_estimate(placed, 32), masks=sharp.labels)
 
     def boundary(colour):
-        run = LabelledMasks(tmp_path, Placed(), SeenParts(), StoredLabels(), colour).run()
+        run = LabelledMasks(tmp_path, Placed(), CreaseSegmentation(), StoredLabels(), colour).run()
         assert run.figures["overlap_f"] == 1
         return run.figures["reference/boundary_f"]
 
@@ -248,7 +256,9 @@ def test_ends_of_the_reference_move_to_colour(tmp_path):
 
 def test_every_figure_at_a_margin_has_its_measure(tmp_path):
     _save(tmp_path / "a.npz", _frame(), instances=_frame().labels)
-    result = LabelledMasks(tmp_path, _Method(), SeenParts(), StoredLabels(), margins=[0.008]).run()
+    result = LabelledMasks(
+        tmp_path, _Method(), CreaseSegmentation(), StoredLabels(), margins=[0.008]
+    ).run()
     assert result.figures.keys() <= result.measures.keys()
     measure = result.measures["8 mm/overlap_f"]
     assert measure.trivial == "reference/8 mm/overlap_f"
@@ -260,10 +270,14 @@ def test_seams_are_added_up_over_images_and_failures(tmp_path):
     hole = frame.depth.copy()
     hole[0, 0] = 0
     _save(tmp_path / "a.npz", frame, instances=frame.labels)
-    one = LabelledMasks(tmp_path, _Method(), SeenParts(smallest=50), StoredLabels()).run()
+    one = LabelledMasks(
+        tmp_path, _Method(), CreaseSegmentation(min_pixels=50), StoredLabels()
+    ).run()
     assert one.figures["seam_f"] > 0.9
     _save(tmp_path / "b.npz", replace(frame, depth=hole), instances=frame.labels)
-    both = LabelledMasks(tmp_path, _Method(), SeenParts(smallest=50), StoredLabels()).run()
+    both = LabelledMasks(
+        tmp_path, _Method(), CreaseSegmentation(min_pixels=50), StoredLabels()
+    ).run()
     assert both.figures["seam_recall"] == pytest.approx(one.figures["seam_recall"] / 2)
     assert both.figures["seam_precision"] == one.figures["seam_precision"]
 
@@ -285,7 +299,9 @@ def test_images_that_fail_count_as_nothing_found(tmp_path):
     _save(tmp_path / "d.npz", replace(frame, depth=empty), label=coded)
     _save(tmp_path / "e.npz", replace(frame, depth=empty))
     np.save(tmp_path / "f.npy", empty)
-    result = LabelledMasks(tmp_path, _Method(), SeenParts(smallest=50), StoredLabels()).run()
+    result = LabelledMasks(
+        tmp_path, _Method(), CreaseSegmentation(min_pixels=50), StoredLabels()
+    ).run()
     assert [(f.name, f.objects) for f in result.failures] == [("b", 2), ("d", 2)]
     assert result.failures[0].reason == "no floor"
     assert "no measurement" in result.failures[1].reason
@@ -305,7 +321,9 @@ def test_a_damaged_image_counts_as_nothing_found_of_an_unknown_number(tmp_path):
     _save(tmp_path / "a.npz", frame, instances=frame.labels)
     whole = (tmp_path / "a.npz").read_bytes()
     (tmp_path / "b.npz").write_bytes(whole[: len(whole) // 2])
-    result = LabelledMasks(tmp_path, _Method(), SeenParts(smallest=50), StoredLabels()).run()
+    result = LabelledMasks(
+        tmp_path, _Method(), CreaseSegmentation(min_pixels=50), StoredLabels()
+    ).run()
     figures = result.figures
     assert [(f.name, f.objects) for f in result.failures] == [("b", None)]
     assert figures["overlap_f"] == pytest.approx(result.images[0].scores.overlap_f / 2)
@@ -322,18 +340,18 @@ def test_the_whole_folder_is_followed_by_a_bar(tmp_path):
         seen.append((len(paths), what))
         return paths
 
-    LabelledMasks(tmp_path, _Method(), SeenParts(), StoredLabels()).run(track)
+    LabelledMasks(tmp_path, _Method(), CreaseSegmentation(), StoredLabels()).run(track)
     assert seen == [(2, "labelled images")]
 
 
 def test_unusable_input_is_one_line(tmp_path):
     frame = _frame()
     with pytest.raises(ConfigError, match="input=FOLDER"):
-        LabelledMasks(None, _Method(), SeenParts(), StoredLabels())
+        LabelledMasks(None, _Method(), CreaseSegmentation(), StoredLabels())
     _save(tmp_path / "a.npz", frame)
     with pytest.raises(InputError, match="none of the 1 images"):
-        LabelledMasks(tmp_path, _Method(), SeenParts(), StoredLabels()).run()
+        LabelledMasks(tmp_path, _Method(), CreaseSegmentation(), StoredLabels()).run()
     frame.depth[0, 0] = 0
     _save(tmp_path / "a.npz", frame, instances=frame.labels)
     with pytest.raises(InputError, match="no floor"):
-        LabelledMasks(tmp_path, _Method(), SeenParts(), StoredLabels()).run()
+        LabelledMasks(tmp_path, _Method(), CreaseSegmentation(), StoredLabels()).run()

@@ -29,10 +29,10 @@ def test_methods_that_begin_with_the_same_steps_ask_one_and_the_same_object(meth
 
 def test_references_learn_nothing(methods):
     learnt, reference = methods["set_extents"], methods["fitted_hulls"]
-    assert type(learnt.segmentation.step).__name__ == "AffinityParts"
+    assert type(learnt.segmentation.step).__name__ == "AffinitySegmentation"
     assert methods["fitted"].segmentation is learnt.segmentation
     assert learnt.grouping.step.rough.segmentation is None  # it fills those of the image
-    assert type(reference.segmentation.step).__name__ == "SeenParts"
+    assert type(reference.segmentation.step).__name__ == "CreaseSegmentation"
     filled = reference.grouping.step.rough.segmentation
     assert vars(filled) == vars(methods["hull_filling"].segmentation)
     assert vars(filled) != vars(reference.segmentation.step)  # wider creases belong to nothing

@@ -19,7 +19,7 @@ from scenefw.data.view_samples import ObjectSamples
 from scenefw.fitting.joint import JointFit
 from scenefw.fitting.placed import shape_of, signed_distance
 from scenefw.fitting.superquadrics import SuperquadricFit
-from scenefw.perception.completion.extent_inputs import SeenObjects, along
+from scenefw.perception.completion.extent_inputs import ExtentInputs, along
 from scenefw.perception.completion.extent_sampling import ExtentSampling
 from scenefw.perception.completion.hidden_objects import HiddenObjects
 from scenefw.perception.observation.free_space import free_ratio, places_in
@@ -180,7 +180,7 @@ def test_sets_of_all_rows_are_where_they_are_in_the_world():
         for one in sampled(method([boxes_that_end_at(scene, 0.08)]), scene)[0].values()
     ]
     objects, view = scene
-    shown = SeenObjects(view, objects.masks, [1, 2], fitted, np.random.default_rng(0), rows=3)
+    shown = ExtentInputs(view, objects.masks, [1, 2], fitted, np.random.default_rng(0), rows=3)
     batch = shown.batch(fitted, torch.device("cpu"))
     assert batch.points.shape[0] == 3
     assert not torch.allclose(batch.positions[0], batch.positions[1], atol=1e-5)

@@ -16,10 +16,10 @@ from scenefw.data.set_views import image_view
 from scenefw.data.view_samples import image_facts, view_facts
 from scenefw.fitting.joint import JointFit
 from scenefw.fitting.superquadrics import SuperquadricFit
-from scenefw.perception.completion.object_queries import ObjectQueryReconstructor
-from scenefw.perception.completion.refinement import RefinedSets
+from scenefw.perception.completion.object_queries import ObjectQuerySampling
+from scenefw.perception.completion.refinement import SetRefinement
 from scenefw.perception.estimate.composition import composed
-from scenefw.perception.evidence.gathering import EvidenceOfView
+from scenefw.perception.evidence.gathering import EvidenceGathering
 from scenefw.perception.observation.observation import Observation
 from scenefw.perception.steps import Fits, Objects
 
@@ -80,8 +80,8 @@ def complete(boxes, *, fitted=False, resolution=48):
     """The true objects, the network, and the scene that it gives."""
     objects, geometry = scene_of(resolution)
     model = Told(boxes)
-    refined = RefinedSets(JointFit(SuperquadricFit()), EvidenceOfView()) if fitted else None
-    method = ObjectQueryReconstructor(Loaded(model, geometry.grid), refined)
+    refined = SetRefinement(JointFit(SuperquadricFit()), EvidenceGathering()) if fitted else None
+    method = ObjectQuerySampling(Loaded(model, geometry.grid), refined)
     assert method.metadata == {"made": "by hand"}
     view = observed(geometry)
     first, second = method.complete(NO_FITS, view, 2, torch.Generator())
@@ -92,7 +92,7 @@ def complete(boxes, *, fitted=False, resolution=48):
 @pytest.mark.parametrize(("metadata", "points"), [({}, 1024), (view_facts(50), 50)])
 def test_networks_are_shown_as_many_points_as_in_their_training(metadata, points):
     _, geometry = scene_of(48)
-    method = ObjectQueryReconstructor(Loaded(Told(BOXES), geometry.grid, metadata))
+    method = ObjectQuerySampling(Loaded(Told(BOXES), geometry.grid, metadata))
     method.complete(NO_FITS, observed(geometry), 1, torch.Generator())
     assert method.queried.model.saw[1].shape == (1, points, 3)
 
@@ -126,7 +126,7 @@ def test_what_is_predicted_in_the_frame_of_an_image_stands_in_the_world(eye, wid
     seen = image_view(view.partial, view.grid, width)
     assert abs(seen.turn[0, 0, 1]) > 0.1  # not the world's x
     model = ToldOfImages(BOXES, seen)
-    method = ObjectQueryReconstructor(Loaded(model, view.grid, image_facts(width)))
+    method = ObjectQuerySampling(Loaded(model, view.grid, image_facts(width)))
     (hypothesis,) = method.complete(NO_FITS, view, 1, torch.Generator())
     assert overlap(composed(hypothesis, view), objects) > 0.95
     condition, points, _ = model.saw
@@ -167,9 +167,9 @@ def test_what_it_cannot_do_is_said_in_one_line():
     loaded = Loaded(Told(BOXES), geometry.grid)
     blind = Observation.of_partial(replace(partial_of(geometry), depth=None), geometry.grid)
     with pytest.raises(InputError, match="needs the depth images"):
-        ObjectQueryReconstructor(loaded).complete(NO_FITS, blind, 1, torch.Generator())
+        ObjectQuerySampling(loaded).complete(NO_FITS, blind, 1, torch.Generator())
     for wrong, words in (({"exists": 1.5}, r"exists = 1\.5"), ({"own": 0.0}, r"own = 0\.0")):
         with pytest.raises(ConfigError, match=words):
-            ObjectQueryReconstructor(loaded, **wrong)
+            ObjectQuerySampling(loaded, **wrong)
     with pytest.raises(ConfigError, match=r"drawn_sigma = 0\.001"):
-        RefinedSets(JointFit(SuperquadricFit()), EvidenceOfView(), drawn_sigma=0.001)
+        SetRefinement(JointFit(SuperquadricFit()), EvidenceGathering(), pseudo_sigma=0.001)

@@ -61,7 +61,7 @@ def scenes_of(method, samples=1, grid=None, seed=0):
 @pytest.mark.parametrize("resolution", [32, 48])
 def test_objects_of_a_network_are_balls_where_it_says(resolution):
     grid = GridSpec(resolution)
-    method = SetNetwork(Checkpoint(TwoBalls(grid), grid), suppress=0.3)
+    method = SetNetwork(Checkpoint(TwoBalls(grid), grid), max_iou=0.3)
     (scene,) = scenes_of(method, 3)
     assert np.unique(scene.instances).tolist() == [
         0,
@@ -141,7 +141,7 @@ def test_wrong_networks_and_grids_are_one_line():
     with pytest.raises(InputError, match="fuse it on the checkpoint's grid"):
         scenes_of(method, grid=GridSpec(32))
     with pytest.raises(ConfigError, match="suppress"):
-        SetNetwork(Checkpoint(TwoBalls(GridSpec(16)), GridSpec(16)), suppress=2.0)
+        SetNetwork(Checkpoint(TwoBalls(GridSpec(16)), GridSpec(16)), max_iou=2.0)
 
 
 def test_codes_of_another_decoder_are_one_line():

@@ -13,14 +13,16 @@ from scenefw.core.types import Pose
 from scenefw.fitting.superquadrics import SuperquadricFit
 from scenefw.perception.completion.superquadrics import FitSampling
 from scenefw.perception.estimate.composition import composed, with_superquadrics
-from scenefw.perception.evidence.gathering import EvidenceOfView
+from scenefw.perception.evidence.gathering import EvidenceGathering
 from scenefw.perception.evidence.object_fit import ObjectFit
 from scenefw.perception.steps import Objects
 
 
 def sampled(objects, view, samples=1, seed=0, tolerances=TOLERANCES, shape_fit=None, **settings):
     """Hypotheses of objects and a view."""
-    fit = object_fit() if shape_fit is None else ObjectFit(shape_fit, EvidenceOfView(), 20, 0.015)
+    fit = (
+        object_fit() if shape_fit is None else ObjectFit(shape_fit, EvidenceGathering(), 20, 0.015)
+    )
     method = FitSampling(SuperquadricFit(), tolerances, **settings)
     generator = torch.Generator().manual_seed(seed)
     return method.complete(fit.fit(objects, view), view, samples, generator)

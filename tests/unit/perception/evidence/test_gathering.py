@@ -8,7 +8,7 @@ from tests.unit.perception.synthetic import STACK, camera_at, frame_of
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import GridSpec
-from scenefw.perception.evidence.gathering import EvidenceOfView
+from scenefw.perception.evidence.gathering import EvidenceGathering
 from scenefw.perception.observation.observation import JointGeometry
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.steps import Objects
@@ -38,9 +38,9 @@ def distance(points, box):
 @pytest.mark.parametrize("label", [1, 2])
 def test_points_lie_on_the_object_and_places_outside_of_it(resolution, label):
     (objects, geometry), box = scene_of(resolution), STACK[label - 1]
-    gathered = EvidenceOfView(seen=100, hidden=80, outside=50)
+    gathered = EvidenceGathering(visible_points=100, hidden_points=80, outside_points=50)
     found = gathered.of(label, objects, geometry)
-    seen = found.sigmas == gathered.seen_sigma
+    seen = found.sigmas == gathered.visible_sigma
     assert 0 < seen.sum() <= 100
     assert 0 < (~seen).sum() <= 80
     assert np.abs(distance(found.points[seen], box)).max() < 1e-5
@@ -57,7 +57,7 @@ def test_points_lie_on_the_object_and_places_outside_of_it(resolution, label):
 def test_of_several_objects_each_has_the_evidence_that_it_has_alone(resolution):
     """In whatever order they are asked for, an object that isn't there among them."""
     objects, geometry = scene_of(resolution)
-    gathered = EvidenceOfView(border=4, beside=50)
+    gathered = EvidenceGathering(border_pixels=4, passing_points=50)
     known = replace(geometry, eye=np.array([0.0, -0.85, 0.6]))
     labels = (2, 9, 1)
     for label, found in zip(labels, gathered.of_each(labels, objects, known), strict=True):
@@ -70,7 +70,7 @@ def test_of_several_objects_each_has_the_evidence_that_it_has_alone(resolution):
 def test_an_object_that_nobody_sees_has_only_hints():
     objects, geometry = scene_of(32)
     unseen = replace(objects, masks=np.zeros_like(objects.masks))
-    gathered = EvidenceOfView()
+    gathered = EvidenceGathering()
     hints = gathered.of(1, unseen, geometry)
     assert len(hints.points) > 0
     assert (hints.sigmas == gathered.hidden_sigma).all()
@@ -79,17 +79,17 @@ def test_an_object_that_nobody_sees_has_only_hints():
 
 def test_an_object_without_a_volume_has_no_hints():
     objects, geometry = scene_of(32)
-    gathered = EvidenceOfView()
+    gathered = EvidenceGathering()
     flat = gathered.of(1, Objects(objects.masks), geometry)
     assert len(flat.points) > 0
-    assert (flat.sigmas == gathered.seen_sigma).all()
+    assert (flat.sigmas == gathered.visible_sigma).all()
 
 
 def test_without_hints_their_certainty_does_not_matter():
     objects, geometry = scene_of(32)
-    gathered = EvidenceOfView(hidden=0, hidden_sigma=0.001)
-    found, usual = gathered.of(1, objects, geometry), EvidenceOfView().of(1, objects, geometry)
-    visible = usual.sigmas == EvidenceOfView().seen_sigma
+    gathered = EvidenceGathering(hidden_points=0, hidden_sigma=0.001)
+    found, usual = gathered.of(1, objects, geometry), EvidenceGathering().of(1, objects, geometry)
+    visible = usual.sigmas == EvidenceGathering().visible_sigma
     assert not visible.all()
     np.testing.assert_array_equal(found.points, usual.points[visible])
 
@@ -97,12 +97,12 @@ def test_without_hints_their_certainty_does_not_matter():
 @pytest.mark.parametrize("wrong", [{"seen_sigma": 0}, {"hidden": -1}, {"outside_sigma": -1}])
 def test_wrong_numbers_are_refused(wrong):
     with pytest.raises(ConfigError, match=f"^{next(iter(wrong))} = "):
-        EvidenceOfView(**wrong)
+        EvidenceGathering(**wrong)
 
 
 def test_what_is_seen_is_more_certain():
     with pytest.raises(ConfigError, match="more certain"):
-        EvidenceOfView(seen_sigma=0.1)
+        EvidenceGathering(visible_sigma=0.1)
 
 
 @pytest.mark.parametrize("width", [320, 640])
@@ -118,7 +118,7 @@ def test_pixels_beside_another_object_are_left_out(width):
     objects = Objects(masks, empty, empty.astype(np.int32))
     geometry = JointGeometry(points, GridSpec(resolution=8), empty > 0)
     reach = 4 * width // 640
-    own = EvidenceOfView(seen=10**6, border=4)
+    own = EvidenceGathering(visible_points=10**6, border_pixels=4)
     found = {k: own.of(k, objects, geometry).points for k in (1, 2, 3, 4)}
     columns = {k: np.rint(1e3 * points[:, 0]) for k, points in found.items()}
     assert columns[1].min() == 20  # nothing beside it there
@@ -126,19 +126,19 @@ def test_pixels_beside_another_object_are_left_out(width):
     assert columns[2].min() == 60 + reach
     assert set(columns[3]) == {20, 21}  # thinner than the border
     assert columns[4].min() == 22 + reach
-    everything = EvidenceOfView(seen=10**6)
+    everything = EvidenceGathering(visible_points=10**6)
     assert len(everything.of(1, objects, geometry).points) == 1600
 
 
 def test_a_negative_border_is_told():
     with pytest.raises(ConfigError, match="border = -1"):
-        EvidenceOfView(border=-1)
+        EvidenceGathering(border_pixels=-1)
 
 
 def test_places_that_rays_pass_are_outside_if_the_camera_is_known():
     (objects, geometry), box = scene_of(64), STACK[0]
     known = replace(geometry, eye=np.array([0.0, -0.85, 0.6]))
-    gathered, plain = EvidenceOfView(beside=100), EvidenceOfView()
+    gathered, plain = EvidenceGathering(passing_points=100), EvidenceGathering()
     before = len(plain.of(1, objects, known).outside)
     blind = gathered.of(1, objects, geometry)  # nobody knows where the camera is
     assert len(blind.outside) == before
@@ -146,4 +146,4 @@ def test_places_that_rays_pass_are_outside_if_the_camera_is_known():
     assert 50 < len(more) <= 100
     assert distance(more, box).min() > 0
     with pytest.raises(ConfigError, match="beside"):
-        EvidenceOfView(beside=-1)
+        EvidenceGathering(passing_points=-1)

@@ -14,9 +14,9 @@ from scenefw.kernels.cameras import camera_of, stack_cameras
 from scenefw.mapping.projective import Projective
 from scenefw.perception.grouping.hulls import HullFilling, hull_distance
 from scenefw.perception.observation.observation import Observation
-from scenefw.perception.segmentation.crease_segmentation import SeenParts
+from scenefw.perception.segmentation.crease_segmentation import CreaseSegmentation
 
-CREASES = SeenParts(0.01, 0.02, 25.0, 6, 800, grow=False)
+CREASES = CreaseSegmentation(0.01, 0.02, 25.0, 6, 800, grow=False)
 
 
 def box_depth(camera, low, high):

@@ -7,8 +7,8 @@ from tests.unit.perception.synthetic import Box, camera_at, frame_of
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import Frame, GridSpec
 from scenefw.fitting.superquadrics import SuperquadricFit
-from scenefw.perception.evidence.gathering import EvidenceOfView
-from scenefw.perception.grouping.merging import GroupedByEvidence
+from scenefw.perception.evidence.gathering import EvidenceGathering
+from scenefw.perception.grouping.merging import FitMerging
 from scenefw.perception.grouping.segment_fits import SegmentFits
 from scenefw.perception.observation.observation import JointGeometry
 from scenefw.perception.observation.points import world_points
@@ -18,8 +18,8 @@ IN_FRONT = Box((-0.05, -0.16, 0.0), (0.05, -0.08, 0.2))
 
 
 def merging(**changes):
-    evidence = EvidenceOfView(seen=200, hidden=0, outside=100)
-    return GroupedByEvidence(SegmentFits(SuperquadricFit(), evidence), **changes)
+    evidence = EvidenceGathering(visible_points=200, hidden_points=0, outside_points=100)
+    return FitMerging(SegmentFits(SuperquadricFit(), evidence), **changes)
 
 
 def seen(boxes, resolution=48):

@@ -6,13 +6,15 @@ from tests.unit.perception.evidence.test_gathering import scene_of
 
 from scenefw.core.errors import ConfigError
 from scenefw.fitting.superquadrics import SuperquadricFit
-from scenefw.perception.evidence.gathering import EvidenceOfView
-from scenefw.perception.grouping.reassignment import DealtByFit
+from scenefw.perception.evidence.gathering import EvidenceGathering
+from scenefw.perception.grouping.reassignment import ResidualReassignment
 from scenefw.perception.grouping.segment_fits import SegmentFits
 
 
 def dealt(**settings):
-    return DealtByFit(SegmentFits(SuperquadricFit(), EvidenceOfView(hidden=0)), **settings)
+    return ResidualReassignment(
+        SegmentFits(SuperquadricFit(), EvidenceGathering(hidden_points=0)), **settings
+    )
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,7 @@ from scenefw.perception.grouping.division import divide
 from scenefw.perception.grouping.hulls import HullFilling
 from scenefw.perception.grouping.relabelling import ObjectGrouping, reassigned
 from scenefw.perception.observation.observation import Observation
-from scenefw.perception.segmentation.crease_segmentation import SeenParts
+from scenefw.perception.segmentation.crease_segmentation import CreaseSegmentation
 from scenefw.perception.steps import Objects
 
 EYE = (0.0, -0.85, 0.6)
@@ -127,7 +127,7 @@ def test_segments_divide_a_rough_volume_of_two_boxes(resolution):
     """And masks agree with volumes; other volumes come through."""
     view, labels, boxes = view_of_boxes(resolution)
     one = (boxes > 0).astype(np.int32)
-    segments = SeenParts(smallest=2000).segment(view)
+    segments = CreaseSegmentation(min_pixels=2000).segment(view)
     objects = grouping_of(Fixed(one)).group(segments, view)
     found = objects.instances
     assert len(np.unique(found[found > 0])) == 2
@@ -208,7 +208,7 @@ def test_ramps_of_blurred_edges_are_no_objects_unless_marked(size):
 def test_hulls_are_those_of_the_segments_alone(resolution):
     """What they leave to the floor isn't filled, though creases would make a segment of it."""
     view, _, _ = view_of_boxes(resolution)
-    both = SeenParts(smallest=2000).segment(view)
+    both = CreaseSegmentation(min_pixels=2000).segment(view)
     first = np.where(both == 1, 1, 0).astype(np.int32)
     for segments in (both, first):
         objects = grouping_of(HullFilling()).group(segments, view)

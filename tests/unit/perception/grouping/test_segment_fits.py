@@ -7,11 +7,11 @@ import pytest
 from tests.unit.perception.evidence.test_gathering import scene_of
 
 from scenefw.fitting.superquadrics import SuperquadricFit
-from scenefw.perception.evidence.gathering import EvidenceOfView
+from scenefw.perception.evidence.gathering import EvidenceGathering
 from scenefw.perception.grouping.segment_fits import SegmentFits
 from scenefw.perception.steps import Objects
 
-EVIDENCE = EvidenceOfView(seen=60, hidden=0, outside=30)
+EVIDENCE = EvidenceGathering(visible_points=60, hidden_points=0, outside_points=30)
 
 
 class Counted:

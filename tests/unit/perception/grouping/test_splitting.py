@@ -7,9 +7,9 @@ from tests.unit.perception.synthetic import Box
 
 from scenefw.core.errors import ConfigError
 from scenefw.fitting.superquadrics import SuperquadricFit
-from scenefw.perception.evidence.gathering import EvidenceOfView
+from scenefw.perception.evidence.gathering import EvidenceGathering
 from scenefw.perception.grouping.segment_fits import SegmentFits
-from scenefw.perception.grouping.splitting import SplitByEvidence
+from scenefw.perception.grouping.splitting import FitSplitting
 
 BELOW = Box((-0.16, -0.1, 0.0), (0.16, 0.1, 0.08))
 ABOVE = Box((-0.1, -0.1, 0.08), (-0.02, -0.02, 0.24))
@@ -17,8 +17,8 @@ ALONE = Box((0.3, -0.1, 0.0), (0.45, 0.05, 0.1))
 
 
 def split(**changes):
-    evidence = EvidenceOfView(seen=200, hidden=0, outside=100)
-    return SplitByEvidence(SegmentFits(SuperquadricFit(), evidence), **changes)
+    evidence = EvidenceGathering(visible_points=200, hidden_points=0, outside_points=100)
+    return FitSplitting(SegmentFits(SuperquadricFit(), evidence), **changes)
 
 
 def overlap(found, true):

@@ -12,7 +12,7 @@ from scenefw.perception.observation.points import world_points
 from scenefw.perception.observation.table_frame import TableFrame
 from scenefw.scenes.surround import SurroundingCameras
 
-VIEWS = MeshViews(SurroundingCameras(160, 120, ring=3), TableFrame(tilt=0.3, level=0.002))
+VIEWS = MeshViews(SurroundingCameras(160, 120, ring=3), TableFrame(max_tilt=0.3, max_offset=0.002))
 
 
 def moved(mesh, T):  # noqa: N803

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenefw.core.errors import ConfigError
-from scenefw.perception.multiview.same_surface import SameSurface
+from scenefw.perception.multiview.same_surface import SurfaceOverlap
 
 
 def strip(first, last, step=0.002):
@@ -24,7 +24,7 @@ def image(*strips):
 
 def joined(*images, **settings):
     parts, points = zip(*images, strict=True)
-    return SameSurface(**settings).joined(parts, points).tolist()
+    return SurfaceOverlap(**settings).joined(parts, points).tolist()
 
 
 def test_parts_that_overlap_enough_are_one():
@@ -63,10 +63,10 @@ def test_neither_order_nor_place_matters(order, seed):
     views = [image((i + 1, 0.06 * i, 0.06 * i + 0.1)) for i in range(3)] + [image((4, 0.5, 0.6))]
     moved = np.random.default_rng(seed).normal(size=3)
     parts, points = zip(*[(views[i][0], views[i][1] + moved) for i in order], strict=True)
-    assert SameSurface().joined(parts, points).tolist() == [0, 1, 1, 1, 4]
+    assert SurfaceOverlap().joined(parts, points).tolist() == [0, 1, 1, 1, 4]
 
 
 @pytest.mark.parametrize("wrong", [{"near": 0.0}, {"share": 0.0}, {"share": 1.1}])
 def test_settings_out_of_range(wrong):
     with pytest.raises(ConfigError, match=next(iter(wrong))):
-        SameSurface(**wrong)
+        SurfaceOverlap(**wrong)

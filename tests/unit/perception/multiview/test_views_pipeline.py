@@ -11,7 +11,7 @@ from scenefw.core import geometry
 from scenefw.core.errors import InputError
 from scenefw.core.types import GridSpec
 from scenefw.mapping.inverse_ray_tracing import InverseRayTracing
-from scenefw.perception.multiview.same_surface import SameSurface
+from scenefw.perception.multiview.same_surface import SurfaceOverlap
 from scenefw.perception.multiview.views_pipeline import ViewsPipeline
 from scenefw.perception.observation.table_frame import TableFrame
 
@@ -24,7 +24,7 @@ HERE = np.eye(4)
 
 def pipeline(overlap=None, **settings):
     grid = GridSpec(resolution=64)
-    table = TableFrame(tilt=0.3, level=0.002)
+    table = TableFrame(max_tilt=0.3, max_offset=0.002)
     return ViewsPipeline(fitted_parts(overlap), InverseRayTracing(), grid, table, **settings)
 
 
@@ -35,7 +35,7 @@ def frames(noise=0.0, world=HERE):
     ]
 
 
-@pytest.mark.parametrize(("noise", "overlap"), [(0.0, None), (0.001, SameSurface())])
+@pytest.mark.parametrize(("noise", "overlap"), [(0.0, None), (0.001, SurfaceOverlap())])
 def test_boxes_are_found_at_their_size(noise, overlap):
     found = pipeline(overlap).estimate(frames(noise))
     assert len(found.objects) == 2

@@ -68,7 +68,9 @@ def test_colour_beside_the_depth_is_warned_of():
     assert warning.startswith("edges of colour seem to lie ")
     assert " pixels to the right and " in warning
     assert " pixels above, seen from where depth jumps; align colour to depth" in warning
-    assert Doctor(aligned=0.0).examine_frame(replace(good, colour=np.roll(colour, 12, 0))) == []
+    assert (
+        Doctor(min_alignment=0.0).examine_frame(replace(good, colour=np.roll(colour, 12, 0))) == []
+    )
 
 
 def test_a_shift_along_one_axis_alone_is_told_alone(frame, monkeypatch):
@@ -137,14 +139,14 @@ def test_every_check_that_is_not_good_says_what_helps(frame):
 @pytest.mark.parametrize(
     ("made", "setting"),
     [
-        (lambda: Doctor(nearest=-1), "nearest"),
-        (lambda: Doctor(nearest=2, farthest=1), "farthest"),
-        (lambda: Doctor(least_measured=2), "least_measured"),
-        (lambda: Doctor(flattest=-3), "flattest"),
-        (lambda: FloorFinder(threshold=-0.01), "threshold"),
+        (lambda: Doctor(min_distance=-1), "nearest"),
+        (lambda: Doctor(min_distance=2, max_distance=1), "farthest"),
+        (lambda: Doctor(min_measured_ratio=2), "least_measured"),
+        (lambda: Doctor(min_tilt=-3), "flattest"),
+        (lambda: FloorFinder(inlier_distance=-0.01), "threshold"),
         (lambda: FloorFinder(iterations=0), "iterations"),
-        (lambda: FloorFinder(least_share=1.5), "least_share"),
-        (lambda: WorkspaceFinder(least_height=-1), "least_height"),
+        (lambda: FloorFinder(min_inlier_ratio=1.5), "least_share"),
+        (lambda: WorkspaceFinder(min_height=-1), "least_height"),
         (lambda: WorkspaceFinder(margin=-1), "margin"),
     ],
 )

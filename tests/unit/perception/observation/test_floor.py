@@ -61,7 +61,7 @@ def test_prefers_the_table_to_the_room_below_it():
     table = Box((-0.45, -0.35, -0.03), (0.45, 0.35, 0.0))
     camera = camera_at(eye=(0.0, -1.0, 0.8))
     frame = frame_of(camera, table=table, room=-0.7)
-    assert FloorFinder(farthest=4.0).find(frame).height == pytest.approx(0.8, abs=0.01)
+    assert FloorFinder(max_depth=4.0).find(frame).height == pytest.approx(0.8, abs=0.01)
 
 
 def test_a_large_box_side_is_no_floor():
@@ -80,7 +80,7 @@ def test_no_plane_is_one_line(shift):
     camera = camera_at()
     depth = (shift + random.uniform(0.5, 1.9, (240, 320))).astype(np.float32)
     with pytest.raises(InputError, match="no floor in noise") as error:
-        FloorFinder(least_share=0.3).find(Frame(depth, camera, name="noise"))
+        FloorFinder(min_inlier_ratio=0.3).find(Frame(depth, camera, name="noise"))
     assert "\n" not in str(error.value)
 
 

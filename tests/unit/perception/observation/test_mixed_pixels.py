@@ -8,7 +8,7 @@ from scipy.ndimage import gaussian_filter, uniform_filter1d
 from tests.unit.perception.synthetic import Box, camera_at, frame_of
 
 from scenefw.core.types import GridSpec
-from scenefw.perception.evidence.gathering import EvidenceOfView
+from scenefw.perception.evidence.gathering import EvidenceGathering
 from scenefw.perception.observation.mixed_pixels import mixed_pixels, without_ramps
 from scenefw.perception.observation.observation import JointGeometry, Observation
 from scenefw.perception.observation.points import world_points
@@ -109,7 +109,7 @@ def test_ramps_make_no_object_longer(size):
     objects = Objects(own.astype(np.int32))
     geometry = JointGeometry(points, grid, np.zeros(grid.shape, dtype=bool), eye)
     end = TOWER.upper[1] + 0.01
-    evidence = EvidenceOfView()
+    evidence = EvidenceGathering()
     with_ramps = evidence.of(1, objects, geometry).points
     clean = replace(geometry, mixed=mixed_pixels(points, eye))
     without = evidence.of(1, objects, clean).points

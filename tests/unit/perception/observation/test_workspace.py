@@ -13,7 +13,7 @@ GRID = GridSpec()
 
 
 def workspace_of(frame, grid=GRID, **settings):
-    floor = FloorFinder(farthest=3.0).find(frame)
+    floor = FloorFinder(max_depth=3.0).find(frame)
     return WorkspaceFinder(**settings).find(frame, floor, grid)
 
 

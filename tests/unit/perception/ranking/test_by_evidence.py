@@ -9,7 +9,7 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import rigid
 from scenefw.core.types import GridSpec
 from scenefw.perception.editing.transforms import moved, without
-from scenefw.perception.ranking.by_evidence import RankedByEvidence
+from scenefw.perception.ranking.by_evidence import EvidenceRanking
 
 CAMERA = camera_at(eye=(0.0, -0.85, 0.6), size=(160, 120))
 SIGMA = 0.005
@@ -48,7 +48,7 @@ def shifted(scene, x=0.0, y=0.0):
 def test_scenes_come_in_the_order_in_which_they_are_wrong(scene):
     one, three = shifted(scene, x=0.01), shifted(scene, x=0.03)
     gone = without(scene, {1, 2})
-    ranked = RankedByEvidence().rank([scene, gone, three, one, scene])
+    ranked = EvidenceRanking().rank([scene, gone, three, one, scene])
     assert [one.details["evidence"]["hypothesis"] for one in ranked] == [1, 5, 4, 3, 2]
     shares = [one.details["evidence"]["explained"] for one in ranked]
     assert shares[0] == shares[1] > 0.7  # rays along edges meet the floor behind
@@ -57,14 +57,14 @@ def test_scenes_come_in_the_order_in_which_they_are_wrong(scene):
 
 
 def test_the_first_scene_stays_the_first(scene):
-    ranked = RankedByEvidence().rank([without(scene, {1, 2}), scene])
+    ranked = EvidenceRanking().rank([without(scene, {1, 2}), scene])
     assert [one.details["evidence"]["hypothesis"] for one in ranked] == [1, 2]
-    assert RankedByEvidence().rank([]) == []
+    assert EvidenceRanking().rank([]) == []
 
 
 def test_the_deviation_is_that_of_depth_along_rays(scene):
     """What is measured is what is ray-cast, so that an exact scene has none."""
-    known = RankedByEvidence(SIGMA, outliers=100)
+    known = EvidenceRanking(SIGMA, max_sigmas=100)
     depth = depth_of(scene)
     exact = replace(scene, frame=replace(scene.frame, depth=depth))
     found = known.rank([exact])[0].details["evidence"]
@@ -73,21 +73,21 @@ def test_the_deviation_is_that_of_depth_along_rays(scene):
     later = replace(exact, frame=replace(scene.frame, depth=np.where(depth > 0, depth + 0.01, 0)))
     found = known.rank([later])[0].details["evidence"]["deviation"] * SIGMA
     assert 0.01 < found < 0.0125  # along rays, which are longer than depth
-    most = RankedByEvidence(SIGMA, outliers=2.0).rank([without(scene, {1, 2})])[0]
+    most = EvidenceRanking(SIGMA, max_sigmas=2.0).rank([without(scene, {1, 2})])[0]
     assert most.details["evidence"]["deviation"] == pytest.approx(2.0, abs=0.05)
 
 
 def test_what_the_image_does_not_show_costs_where_it_hides_the_floor(scene):
     """An object that is moved out of the pile covers floor that is seen."""
     aside = shifted(scene, x=0.25)
-    found = RankedByEvidence().rank([scene, aside])[1].details["evidence"]
-    assert found["explained"] < RankedByEvidence().rank([scene])[0].details["evidence"]["explained"]
+    found = EvidenceRanking().rank([scene, aside])[1].details["evidence"]
+    assert found["explained"] < EvidenceRanking().rank([scene])[0].details["evidence"]["explained"]
 
 
 def test_an_image_of_the_floor_alone_has_no_evidence(scene):
     bare = without(scene, {1, 2})
     points = replace(bare.frame, depth=np.zeros_like(bare.frame.depth))
-    found = RankedByEvidence().rank([replace(bare, frame=points)])[0].details["evidence"]
+    found = EvidenceRanking().rank([replace(bare, frame=points)])[0].details["evidence"]
     assert found == {"deviation": None, "explained": None, "hypothesis": 1}
 
 
@@ -97,7 +97,7 @@ def test_the_pipeline_ranks_and_says_so(scene):
             self.scenes = scenes
             return scenes[::-1]
 
-    pipeline = pipeline_of(KnownBoxes(scene.grid), samples=3, ranking=RankedByEvidence())
+    pipeline = pipeline_of(KnownBoxes(scene.grid), samples=3, ranking=EvidenceRanking())
     view = pipeline.observe(frame_of(CAMERA))
     hypotheses = [each.details["evidence"]["hypothesis"] for each in pipeline.reconstruct(view)]
     assert hypotheses == [1, 2, 3]
@@ -110,4 +110,4 @@ def test_the_pipeline_ranks_and_says_so(scene):
 @pytest.mark.parametrize("wrong", [{"sigma": 0}, {"outliers": -1}, {"near": 0}, {"rays": 0}])
 def test_settings_are_checked(wrong):
     with pytest.raises(ConfigError, match=f"^{next(iter(wrong))} = "):
-        RankedByEvidence(**wrong)
+        EvidenceRanking(**wrong)

@@ -8,7 +8,7 @@ from tests.unit.perception.physics.test_settling import HALF, estimate
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import TriangleMesh
 from scenefw.perception.physics.bodies import BodyMaker
-from scenefw.perception.ranking.by_stability import RankedByStability
+from scenefw.perception.ranking.by_stability import StabilityRanking
 from scenefw.scenes.engines.pybullet_engine import PyBulletEngine
 
 STANDS = (0.2, 0, HALF), (-0.1, 0, HALF)
@@ -35,7 +35,7 @@ def order(ranking, *piles):
 
 
 def by(*deviations, **settings):
-    return RankedByStability(Told(*deviations), PyBulletEngine(), BodyMaker(), **settings)
+    return StabilityRanking(Told(*deviations), PyBulletEngine(), BodyMaker(), **settings)
 
 
 def test_of_equally_explained_scenes_the_one_that_stands_comes_first():

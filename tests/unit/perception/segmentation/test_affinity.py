@@ -18,9 +18,9 @@ from scenefw.metrics.masks import mask_scores
 from scenefw.perception.observation.floor import FloorFinder
 from scenefw.perception.observation.observation import Observation
 from scenefw.perception.segmentation import affinity as affinity_parts
-from scenefw.perception.segmentation.affinity import AffinityParts
+from scenefw.perception.segmentation.affinity import AffinitySegmentation
 from scenefw.perception.segmentation.border_colours import BorderColours
-from scenefw.perception.segmentation.crease_segmentation import SeenParts
+from scenefw.perception.segmentation.crease_segmentation import CreaseSegmentation
 
 
 class Knowing(torch.nn.Module):
@@ -56,7 +56,9 @@ def seen():
 def test_true_affinities_give_true_parts(seen, thinned):
     frame, owners = seen
     focal = frame.camera.fx / thinned
-    parts = AffinityParts(Loaded(Knowing(owners, focal)), smallest=20).segment(Observation(frame))
+    parts = AffinitySegmentation(Loaded(Knowing(owners, focal)), min_pixels=20).segment(
+        Observation(frame)
+    )
     above = (parts > 0) & (owners > 0)
     assert above.sum() > 0.97 * (owners > 0).sum()
     for label in np.unique(owners[owners > 0]):
@@ -74,7 +76,9 @@ def test_pixels_beside_a_jump_go_to_what_they_show(monkeypatch):
     camera = camera_at(eye=(0.0, -0.85, 0.35))
     frame = replace(frame_of(camera, (front, back)), camera=camera)
     owners = frame.labels
-    finder = AffinityParts(Loaded(Knowing(owners, camera.fx / 3)), smallest=10, seed=4)
+    finder = AffinitySegmentation(
+        Loaded(Knowing(owners, camera.fx / 3)), min_pixels=10, min_region=4
+    )
 
     def astray():
         parts = finder.segment(Observation(frame))
@@ -108,7 +112,9 @@ def test_a_sliver_behind_an_object_is_no_part_of_it(monkeypatch, thinned):
     network.forward = forward
     few = (owners == 2).sum() // thinned**2
     for smallest, parts in ((1, 2), (4 * few, 1)):
-        finder = AffinityParts(Loaded(network), smallest=4 * smallest * thinned**2, seed=4)
+        finder = AffinitySegmentation(
+            Loaded(network), min_pixels=4 * smallest * thinned**2, min_region=4
+        )
         found = finder.segment(Observation(frame))
         assert found.max() == parts
         assert len(np.unique(found[(owners == 1) & (found > 0)])) == 1
@@ -118,7 +124,7 @@ def test_a_sliver_behind_an_object_is_no_part_of_it(monkeypatch, thinned):
 
 def test_images_without_objects_have_no_parts(seen):
     frame, owners = seen
-    finder = AffinityParts(Loaded(Knowing(0 * owners, frame.camera.fx)))
+    finder = AffinitySegmentation(Loaded(Knowing(0 * owners, frame.camera.fx)))
     assert finder.segment(Observation(replace(frame, depth=np.zeros_like(frame.depth)))).max() == 0
 
 
@@ -130,9 +136,13 @@ def test_a_few_likely_pixels_do_not_join_two_objects(seen):
     rows, columns = np.nonzero((owners[:-1] == 2) & (owners[1:] == 1))
     true[0, 1, rows[10:13], columns[10:13]] = 2.0
     network.forward = lambda *_: true
-    assert AffinityParts(Loaded(network), smallest=20).segment(Observation(frame)).max() == 2
+    assert (
+        AffinitySegmentation(Loaded(network), min_pixels=20).segment(Observation(frame)).max() == 2
+    )
     joined = (
-        AffinityParts(Loaded(network), smallest=20, same=0.01).segment(Observation(frame)).max()
+        AffinitySegmentation(Loaded(network), min_pixels=20, min_affinity=0.01)
+        .segment(Observation(frame))
+        .max()
     )
     assert joined == 1
 
@@ -153,7 +163,7 @@ def test_a_few_likely_pixels_do_not_join_two_objects(seen):
 )
 def test_bad_settings(seen, wrong):
     with pytest.raises(ConfigError, match=f"^{next(iter(wrong))} = "):
-        AffinityParts(Loaded(Knowing(seen[1], 100.0)), **wrong)
+        AffinitySegmentation(Loaded(Knowing(seen[1], 100.0)), **wrong)
 
 
 class Showing(Knowing):
@@ -176,19 +186,26 @@ def test_what_shows_no_object_is_in_no_part(seen, thinned):
     frame, owners = seen
     focal = frame.camera.fx / thinned
     every, first = (
-        AffinityParts(Loaded(Showing(owners, focal, *shown)), smallest=20).segment(
+        AffinitySegmentation(Loaded(Showing(owners, focal, *shown)), min_pixels=20).segment(
             Observation(frame)
         )
         for shown in ((1, 2), (1,))
     )
-    plain = AffinityParts(Loaded(Knowing(owners, focal)), smallest=20).segment(Observation(frame))
+    plain = AffinitySegmentation(Loaded(Knowing(owners, focal)), min_pixels=20).segment(
+        Observation(frame)
+    )
     near = 1.0 if thinned == 1 else 0.97  # the border of thinned pixels
     assert (every == plain)[plain > 0].mean() >= near
     assert not every[plain == 0].any()
     assert first.max() == 1
     other = (owners == 2) & (first > 0)
     assert other.sum() < 0.03 * (owners == 2).sum()  # pixels of thinned images on its border
-    anything = AffinityParts(Loaded(Showing(owners, focal)), smallest=20, shown=0.0, pixel=0.0)
+    anything = AffinitySegmentation(
+        Loaded(Showing(owners, focal)),
+        min_pixels=20,
+        min_object_probability=0.0,
+        min_pixel_probability=0.0,
+    )
     assert np.array_equal(anything.segment(Observation(frame)), plain)
 
 
@@ -198,13 +215,15 @@ def test_pixels_that_show_no_object_leave_their_part(seen):
     model = Showing(owners, frame.camera.fx, 1, 2)
     rim = (owners == 1) & ~binary_erosion(owners == 1, iterations=2)
     model.which[torch.from_numpy(rim)] = False
-    exact = AffinityParts(Loaded(model), smallest=20).segment(Observation(frame))
+    exact = AffinitySegmentation(Loaded(model), min_pixels=20).segment(Observation(frame))
     rng = np.random.default_rng(0)
     noise = 0.0005 * rng.normal(size=owners.shape).astype(np.float32)
     frame = replace(frame, depth=np.where(owners > 0, frame.depth, frame.depth + noise))
-    found = AffinityParts(Loaded(model), smallest=20).segment(Observation(frame))
+    found = AffinitySegmentation(Loaded(model), min_pixels=20).segment(Observation(frame))
     assert not found[rim].any()
-    kept = AffinityParts(Loaded(model), smallest=20, pixel=0.0).segment(Observation(frame))
+    kept = AffinitySegmentation(Loaded(model), min_pixels=20, min_pixel_probability=0.0).segment(
+        Observation(frame)
+    )
     assert (kept[rim] > 0).mean() > 0.7  # the rest stands on the floor
     assert np.array_equal(found[~rim] > 0, kept[~rim] > 0)
     assert np.array_equal(exact, kept)  # the floor of an image without noise is where heights end
@@ -214,7 +233,7 @@ def test_parts_as_low_as_the_floor_waves_are_its_noise():
     flat, box = Box((-0.2, -0.1, 0.0), (-0.05, 0.0, 0.015)), Box((0.05, -0.1, 0.0), (0.2, 0.0, 0.1))
     camera = camera_at(eye=(0.0, -0.9, 0.5))
     frame = replace(frame_of(camera, (flat, box)), camera=camera)
-    finder = AffinityParts(Loaded(Knowing(frame.labels, camera.fx)))
+    finder = AffinitySegmentation(Loaded(Knowing(frame.labels, camera.fx)))
     assert finder.segment(Observation(frame)).max() == 2
     rng = np.random.default_rng(0)
     normal = rng.normal(size=frame.depth.shape).astype(np.float32)
@@ -250,10 +269,10 @@ def test_what_no_jump_and_no_crease_cuts_is_joined_from_a_lower_mean_on(thinned)
     frame, _, network = half_sure(thinned)
 
     def number(image=frame, **settings):
-        finder = AffinityParts(Loaded(network), same=0.6, smallest=20, **settings)
+        finder = AffinitySegmentation(Loaded(network), min_affinity=0.6, min_pixels=20, **settings)
         return finder.segment(Observation(image)).max()
 
-    plain = SeenParts(smallest=20)
+    plain = CreaseSegmentation(min_pixels=20)
     assert number() == 2
     assert number(plain=plain) == 1
     assert number(plain=plain, agreed=0.55) == 2
@@ -269,14 +288,18 @@ def test_colour_decides_where_the_network_is_unsure(thinned):
 
     def number(colours, *paints):
         image = np.array(paints, np.uint8)[halves]
-        finder = AffinityParts(Loaded(network), same=0.6, smallest=20, colours=colours)
+        finder = AffinitySegmentation(
+            Loaded(network), min_affinity=0.6, min_pixels=20, colours=colours
+        )
         return finder.segment(Observation(replace(frame, colour=image))).max()
 
     floor, red, blue = (90, 90, 80), (200, 40, 40), (40, 60, 200)
     assert number(BorderColours(neutral=1.0), floor, red, red) == 1
     assert number(BorderColours(neutral=1.0), floor, red, blue) == 2
     assert number(None, floor, red, red) == 2
-    grey = AffinityParts(Loaded(network), same=0.6, smallest=20, colours=BorderColours())
+    grey = AffinitySegmentation(
+        Loaded(network), min_affinity=0.6, min_pixels=20, colours=BorderColours()
+    )
     assert grey.segment(Observation(frame)).max() == 2
 
 
@@ -286,7 +309,7 @@ def test_shipped_weights_cut_real_images_better_than_creases_do(real_data):
     folder = real_data / "real"
     loaded = load_checkpoint(None, task="part_affinity", shipped="part_affinity")
     methods = {
-        "network": AffinityParts(loaded),
+        "network": AffinitySegmentation(loaded),
         "creases": instantiate(option("segmentation", "creases")),
     }
     floor = FloorFinder()
@@ -319,7 +342,8 @@ def test_waves_of_the_floor_beside_an_object_are_not_its(seen):
     floor = (wide > 0) & (owners == 0)
     network = Loaded(Knowing(wide, frame.camera.fx))
     with_waves, without = (
-        AffinityParts(network, waves=k).segment(Observation(noisy)) > 0 for k in (0.0, 2.5)
+        AffinitySegmentation(network, floor_sigmas=k).segment(Observation(noisy)) > 0
+        for k in (0.0, 2.5)
     )
     assert with_waves[floor].mean() > 0.05
     assert without[floor].mean() < 0.5 * with_waves[floor].mean()

@@ -124,8 +124,8 @@ def test_bad_settings():
     with pytest.raises(ConfigError, match=r"^smoothing = -1"):
         ColourEdges(smoothing=-1)
     with pytest.raises(ConfigError, match=r"^core = 1"):
-        ColourEdges(core=1)
+        ColourEdges(core_ratio=1)
     with pytest.raises(ConfigError, match=r"^narrowest = 0"):
-        ColourEdges(narrowest=0)
+        ColourEdges(min_width=0)
     with pytest.raises(ConfigError, match=r"^widest = 2"):
-        ColourEdges(narrowest=3, widest=2)
+        ColourEdges(min_width=3, max_width=2)

@@ -15,7 +15,7 @@ from scenefw.data.readers import read_frames
 from scenefw.metrics.masks import mask_scores
 from scenefw.perception.observation.floor import FloorFinder
 from scenefw.perception.observation.observation import Observation
-from scenefw.perception.segmentation.crease_segmentation import SeenParts
+from scenefw.perception.segmentation.crease_segmentation import CreaseSegmentation
 
 CAMERA = Camera(120, 90, 110.0, 110.0, 59.5, 44.5, look_at((0.0, -0.6, 0.8), (0.0, 0.0, 0.0)))
 
@@ -40,7 +40,7 @@ def _depth_of_slabs(slabs):
 
 def test_separate_slabs_are_found_exactly():
     frame, labels = _depth_of_slabs([(-0.2, -0.05, -0.1, 0.1, 0.05), (0.05, 0.2, -0.1, 0.1, 0.1)])
-    found = SeenParts(jump=0.03, crease=180).segment(Observation(frame))
+    found = CreaseSegmentation(max_step=0.03, min_bend=180).segment(Observation(frame))
     assert mask_scores(found, labels).overlap_f == 1
     assert found.max() == 2
 
@@ -48,17 +48,17 @@ def test_separate_slabs_are_found_exactly():
 def test_depth_jump_cuts_what_touches_in_the_image():
     slabs = [(-0.1, 0.1, -0.1, 0.0, 0.15), (-0.1, 0.1, 0.0, 0.1, 0.05)]
     frame, labels = _depth_of_slabs(slabs)
-    cut = SeenParts(jump=0.04, crease=180).segment(Observation(frame))
-    joined = SeenParts(jump=1.0, crease=180).segment(Observation(frame))
+    cut = CreaseSegmentation(max_step=0.04, min_bend=180).segment(Observation(frame))
+    joined = CreaseSegmentation(max_step=1.0, min_bend=180).segment(Observation(frame))
     assert mask_scores(cut, labels).objects_f75 == 1
     assert joined.max() == 1
 
 
 def test_specks_holes_and_empty_images_are_no_objects():
     frame, _ = _depth_of_slabs([(0.0, 0.02, 0.0, 0.02, 0.05)])
-    assert SeenParts(smallest=5000).segment(Observation(frame)).max() == 0
+    assert CreaseSegmentation(min_pixels=5000).segment(Observation(frame)).max() == 0
     nothing = replace(frame, depth=np.zeros_like(frame.depth))
-    assert SeenParts().segment(Observation(nothing)).max() == 0
+    assert CreaseSegmentation().segment(Observation(nothing)).max() == 0
 
 
 def folded(angle, width, height):
@@ -72,16 +72,16 @@ def folded(angle, width, height):
 @pytest.mark.parametrize("size", [(160, 120), (320, 240)])
 def test_concave_creases_cut_and_belong_to_the_parts_beside_them(size):
     width, _ = size
-    found = SeenParts().segment(Observation(folded(60, *size)))
+    found = CreaseSegmentation().segment(Observation(folded(60, *size)))
     assert set(np.unique(found)) == {1, 2}  # no pixel is left out
     assert (found[:, : width // 2] == found[0, 0]).mean() > 0.95
     assert (found[:, width // 2 :] == found[0, -1]).mean() > 0.95
     assert found[0, 0] != found[0, -1]
-    lines = SeenParts(grow=False).segment(Observation(folded(60, *size)))
+    lines = CreaseSegmentation(grow=False).segment(Observation(folded(60, *size)))
     assert 0 < (lines == 0).mean() < 0.2
     assert (lines[lines > 0] == found[lines > 0]).all()
-    assert SeenParts().segment(Observation(folded(-60, *size))).max() == 1
-    assert SeenParts(crease=180).segment(Observation(folded(60, *size))).max() == 1
+    assert CreaseSegmentation().segment(Observation(folded(-60, *size))).max() == 1
+    assert CreaseSegmentation(min_bend=180).segment(Observation(folded(60, *size))).max() == 1
 
 
 @pytest.mark.parametrize(
@@ -89,7 +89,7 @@ def test_concave_creases_cut_and_belong_to_the_parts_beside_them(size):
 )
 def test_wrong_numbers_are_refused(wrong):
     with pytest.raises(ConfigError, match=next(iter(wrong))):
-        SeenParts(**wrong)
+        CreaseSegmentation(**wrong)
 
 
 @pytest.mark.exhaustive
@@ -99,7 +99,10 @@ def test_near_the_figures_measured_elsewhere():
     folder = Path(os.environ.get("SCENEFW_DATA", beside)) / "real" / "mosd_learn"
     if not folder.is_dir():
         pytest.skip(f"no labelled real images at {folder} (set SCENEFW_DATA)")
-    method, floor = SeenParts(margin=0.01, jump=0.02, crease=180, smallest=100), FloorFinder()
+    method, floor = (
+        CreaseSegmentation(floor_margin=0.01, max_step=0.02, min_bend=180, min_pixels=100),
+        FloorFinder(),
+    )
     scores = []
     for frame in read_frames(folder):
         pose = floor.find(frame).T_world_camera
@@ -113,7 +116,12 @@ def test_what_hardly_rises_above_the_floor_is_its_noise():
     flat, box = Box((-0.2, -0.1, 0.0), (-0.05, 0.0, 0.01)), Box((0.05, -0.1, 0.0), (0.2, 0.0, 0.1))
     camera = camera_at(eye=(0.0, -0.9, 0.5))
     frame = replace(frame_of(camera, (flat, box)), camera=camera)
-    assert SeenParts(margin=0.003, smallest=100).segment(Observation(frame)).max() == 2
-    high = SeenParts(margin=0.003, smallest=100, lowest=0.02).segment(Observation(frame))
+    assert (
+        CreaseSegmentation(floor_margin=0.003, min_pixels=100).segment(Observation(frame)).max()
+        == 2
+    )
+    high = CreaseSegmentation(floor_margin=0.003, min_pixels=100, min_height=0.02).segment(
+        Observation(frame)
+    )
     assert high.max() == 1
     assert ((high > 0) & (frame.labels != 2)).sum() == 0

@@ -23,14 +23,14 @@ from scenefw.metrics.masks import mask_scores
 from scenefw.perception.observation.observation import Observation
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.segmentation.colour_edges import ColourEdges
-from scenefw.perception.segmentation.edge_restoration import RestoredEdges, continued
+from scenefw.perception.segmentation.edge_restoration import EdgeRestoration, continued
 from scenefw.perception.segmentation.ramp_width import ramp_width
 
 SIZES = [(320, 240), (640, 480)]
 GRID = GridSpec(32)
 
 
-EDGES = RestoredEdges(Projective())
+EDGES = EdgeRestoration(Projective())
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -91,7 +91,7 @@ def test_objects_that_are_marked_stay():
     sharp, frame, pixels = seen(SIZES[0], 6)
     far = binary_dilation(sharp.labels > 0, iterations=pixels // 2).astype(np.int32)
     view = observation_of(replace(frame, colour=painted(sharp)), GRID, masks=far)
-    edges = RestoredEdges(Projective(), colour=ColourEdges())
+    edges = EdgeRestoration(Projective(), colour=ColourEdges())
     found, segments = edges.restore(view, far)
     assert segments is far
     assert found.masks is far
@@ -122,7 +122,7 @@ def test_colour_says_where_objects_end(size):
     far = binary_dilation(sharp.labels > 0, iterations=pixels // 2).astype(np.int32)
     colour = painted(sharp)
     view = observation_of(replace(blurred, colour=colour), GRID)
-    by_colour = RestoredEdges(Projective(), colour=ColourEdges())
+    by_colour = EdgeRestoration(Projective(), colour=ColourEdges())
     plain, far_out = EDGES.restore(view, far)
     found, moved = by_colour.restore(view, far)
     assert (far_out != sharp.labels).sum() > 5 * pixels * pixels
@@ -179,7 +179,7 @@ def test_of_real_images_those_of_a_stereo_camera_change(real_data):
     found, moved = edges.restore(view, segments)
     assert 0.005 < (found.depth != view.depth).mean() < 0.1
     assert moved.max() > 5
-    _, plain = RestoredEdges(edges.mapping).restore(view, segments)
+    _, plain = EdgeRestoration(edges.mapping).restore(view, segments)
     file = real_data / "real" / "realsense_table" / "uois_0.npz"
     true = Outlines("realsense_table").of(file)
     by_depth, by_colour = (mask_scores(one, true).boundary_f for one in (plain, moved))
@@ -208,11 +208,11 @@ def test_a_thin_part_stays():
 
 def test_bad_settings_and_no_images():
     with pytest.raises(ConfigError, match=r"^narrowest = 0"):
-        RestoredEdges(Projective(), narrowest=0)
+        EdgeRestoration(Projective(), min_width=0)
     with pytest.raises(ConfigError, match=r"^widest = 2"):
-        RestoredEdges(Projective(), narrowest=3, widest=2)
+        EdgeRestoration(Projective(), min_width=3, max_width=2)
     with pytest.raises(ConfigError, match=r"^jump = 0"):
-        RestoredEdges(Projective(), jump=0)
+        EdgeRestoration(Projective(), min_step=0)
     sharp, _, _ = seen(SIZES[0], 6)
     volume = torch.ones(1, 1, *GRID.shape)
     bare = Observation.of_partial(PartialTSDF(volume, volume > 0), GRID)
