@@ -9,6 +9,7 @@ TOLERANCES = Tolerances(
     point_sigma=0.003,
     outside_sigma=0.004,
     min_height=0.015,
+    min_pixels=60,
     inlier_distance=0.006,
     min_inlier_ratio=0.75,
     max_free_ratio=0.05,

@@ -51,7 +51,7 @@ class ObjectQuerySampling:
         max_shared_ratio: float = 0.5,
         max_distance: float = 0.02,
     ) -> None:
-        POSITIVE.require(own=max_distance)
+        POSITIVE.require(max_distance=max_distance)
         self.queried = QueryDecoding(checkpoint, min_existence, max_shared_ratio)
         self.refinement, self.max_distance = refinement, max_distance
         self.grid = checkpoint.grid

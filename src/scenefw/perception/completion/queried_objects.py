@@ -50,8 +50,8 @@ class QueryDecoding:
         min_existence: float = 0.5,
         max_shared_ratio: float = 0.5,
     ) -> None:
-        PROBABILITY.require(exists=min_existence)
-        PART.require(shared=max_shared_ratio)
+        PROBABILITY.require(min_existence=min_existence)
+        PART.require(max_shared_ratio=max_shared_ratio)
         self.model: ObjectQueryModel = checkpoint.model
         self.points = points_of_view(checkpoint.metadata)
         self.width = width_of_view(checkpoint.metadata)

@@ -51,11 +51,11 @@ class SetRefinement:
         pseudo_sigma: float = 0.008,
         min_gap: float = 0.01,
     ) -> None:
-        POSITIVE.require(near=inlier_distance)
-        COUNT.require(least=min_points)
-        NOT_NEGATIVE.require(beyond=min_gap)
+        POSITIVE.require(inlier_distance=inlier_distance)
+        COUNT.require(min_points=min_points)
+        NOT_NEGATIVE.require(min_gap=min_gap)
         above(evidence.visible_sigma, "as what is seen is the more certain").require(
-            drawn_sigma=pseudo_sigma
+            pseudo_sigma=pseudo_sigma
         )
         self.fit, self.evidence, self.inlier_distance, self.min_points = (
             fit,

@@ -64,8 +64,8 @@ class SetNetwork:
         max_iou: float | None = 0.3,
         smoothing: float = 0.7,
     ) -> None:
-        NOT_NEGATIVE.require(smallest=min_volume, smoothing=smoothing)
-        PART.require(suppress=max_iou)
+        NOT_NEGATIVE.require(min_volume=min_volume, smoothing=smoothing)
+        PART.require(max_iou=max_iou)
         self.device = torch.device(device)
         self.model = checkpoint.model.to(self.device).eval()
         if self.model.sees == "occupancy":

@@ -80,10 +80,13 @@ class Vessels:
         min_points: int = 100,
     ) -> None:
         SHARE.require(
-            better=min_gain, inside=min_inside_ratio, width=min_width_ratio, through=max_free_ratio
+            min_gain=min_gain,
+            min_inside_ratio=min_inside_ratio,
+            min_width_ratio=min_width_ratio,
+            max_free_ratio=max_free_ratio,
         )
-        at_least(10).require(points=points, least=min_points)
-        NOT_NEGATIVE.require(edge=edge_pixels, below=min_depth, flattest=min_height)
+        at_least(10).require(points=points, min_points=min_points)
+        NOT_NEGATIVE.require(edge_pixels=edge_pixels, min_depth=min_depth, min_height=min_height)
         self.fit, self.tolerances, self.points, self.edge_pixels = (
             fit,
             tolerances,

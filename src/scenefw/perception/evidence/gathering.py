@@ -64,13 +64,13 @@ class EvidenceGathering:
         border_pixels: int = 0,
         passing_points: int = 0,
     ) -> None:
-        POSITIVE.require(seen_sigma=visible_sigma, outside_sigma=outside_sigma)
-        COUNT.require(seen=visible_points, outside=outside_points)
-        NOT_NEGATIVE.require(hidden=hidden_points)
+        POSITIVE.require(visible_sigma=visible_sigma, outside_sigma=outside_sigma)
+        COUNT.require(visible_points=visible_points, outside_points=outside_points)
+        NOT_NEGATIVE.require(hidden_points=hidden_points)
         if hidden_points:
             sigma_bound = above(visible_sigma, "as what is seen is the more certain")
             sigma_bound.require(hidden_sigma=hidden_sigma)
-        NOT_NEGATIVE.require(border=border_pixels, beside=passing_points)
+        NOT_NEGATIVE.require(border_pixels=border_pixels, passing_points=passing_points)
         self.visible_sigma, self.hidden_sigma = visible_sigma, hidden_sigma
         self.outside_sigma = outside_sigma
         self.visible_points, self.hidden_points, self.outside_points = (

@@ -47,10 +47,10 @@ class ResidualReassignment:
         min_inlier_ratio: float = 0.0,
         min_pixels: int = 30,
     ) -> None:
-        POSITIVE.require(near=inlier_distance)
-        PART.require(explained=min_explained_ratio)
-        SHARE.require(trusted=min_inlier_ratio)
-        at_least(4).require(least=min_pixels)
+        POSITIVE.require(inlier_distance=inlier_distance)
+        PART.require(min_explained_ratio=min_explained_ratio)
+        SHARE.require(min_inlier_ratio=min_inlier_ratio)
+        at_least(4).require(min_pixels=min_pixels)
         self.fits = fits
         self.inlier_distance, self.min_explained_ratio, self.min_inlier_ratio, self.min_pixels = (
             inlier_distance,

@@ -68,7 +68,12 @@ class FitSplitting:
         min_pixels: int = 100,
         rounds: int = 5,
     ) -> None:
-        POSITIVE.require(gain=min_gain, share=min_ratio, left=max_deviation, smallest=min_pixels)
+        POSITIVE.require(
+            min_gain=min_gain,
+            min_ratio=min_ratio,
+            max_deviation=max_deviation,
+            min_pixels=min_pixels,
+        )
         COUNT.require(rounds=rounds)
         self.fits, self.min_gain, self.min_ratio = fits, min_gain, min_ratio
         self.max_deviation, self.min_pixels, self.rounds = max_deviation, min_pixels, rounds

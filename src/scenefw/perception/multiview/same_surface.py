@@ -37,8 +37,8 @@ class SurfaceOverlap:
     """
 
     def __init__(self, inlier_distance: float = 0.006, min_ratio: float = 0.4) -> None:
-        POSITIVE.require(near=inlier_distance)
-        PART.require(share=min_ratio)
+        POSITIVE.require(inlier_distance=inlier_distance)
+        PART.require(min_ratio=min_ratio)
         self.inlier_distance, self.min_ratio = inlier_distance, min_ratio
 
     def joined(self, parts: Sequence[Int32], points: Sequence[Float64]) -> NDArray[np.int64]:

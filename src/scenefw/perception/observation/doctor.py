@@ -78,10 +78,10 @@ class Doctor:
         min_tilt: float = 8.0,
         min_alignment: float = 0.6,
     ) -> None:
-        NOT_NEGATIVE.require(nearest=min_distance, smallest=min_size)
-        above(min_distance, "as it is the farther end").require(farthest=max_distance)
-        SHARE.require(least_measured=min_measured_ratio, aligned=min_alignment)
-        between(0, 90).require(flattest=min_tilt)
+        NOT_NEGATIVE.require(min_distance=min_distance, min_size=min_size)
+        above(min_distance, "as it is the farther end").require(max_distance=max_distance)
+        SHARE.require(min_measured_ratio=min_measured_ratio, min_alignment=min_alignment)
+        between(0, 90).require(min_tilt=min_tilt)
         self.min_distance = min_distance
         self.max_distance = max_distance
         self.min_size = min_size

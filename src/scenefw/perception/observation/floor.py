@@ -47,9 +47,9 @@ class FloorFinder:
         max_depth: float = 2.0,
         min_inlier_ratio: float = 0.15,
     ) -> None:
-        POSITIVE.require(threshold=inlier_distance, farthest=max_depth)
+        POSITIVE.require(inlier_distance=inlier_distance, max_depth=max_depth)
         COUNT.require(iterations=iterations)
-        SHARE.require(least_share=min_inlier_ratio)
+        SHARE.require(min_inlier_ratio=min_inlier_ratio)
         self.inlier_distance = inlier_distance
         self.iterations = iterations
         self.max_depth = max_depth

@@ -60,8 +60,8 @@ class KnownFloor:
             )
         elif not _is_up(normal):
             raise ConfigError(f"floor.normal is {normal}; expected the 3 numbers of a unit vector")
-        POSITIVE.require(threshold=inlier_distance, farthest=max_depth)
-        SHARE.require(least_share=min_inlier_ratio)
+        POSITIVE.require(inlier_distance=inlier_distance, max_depth=max_depth)
+        SHARE.require(min_inlier_ratio=min_inlier_ratio)
         self.inlier_distance, self.max_depth, self.min_inlier_ratio = (
             inlier_distance,
             max_depth,

@@ -57,7 +57,7 @@ class TableFrame:
         max_tilt: float = 5.0,
         max_offset: float = 0.03,
     ) -> None:
-        POSITIVE.require(farthest=max_depth, tilt=max_tilt, level=max_offset)
+        POSITIVE.require(max_depth=max_depth, max_tilt=max_tilt, max_offset=max_offset)
         self.floor = floor or FloorFinder()
         self.max_depth, self.max_tilt, self.max_offset = max_depth, max_tilt, max_offset
 

@@ -69,7 +69,7 @@ class WorkspaceFinder:
     """
 
     def __init__(self, min_height: float = 0.015, margin: float = 0.03) -> None:
-        POSITIVE.require(least_height=min_height)
+        POSITIVE.require(min_height=min_height)
         NOT_NEGATIVE.require(margin=margin)
         self.min_height = min_height
         self.margin = margin

@@ -51,8 +51,8 @@ class EvidenceRanking:
         inlier_distance: float = 0.01,
         max_rays: int = 20000,
     ) -> None:
-        POSITIVE.require(sigma=sigma, outliers=max_sigmas, near=inlier_distance)
-        COUNT.require(rays=max_rays)
+        POSITIVE.require(sigma=sigma, max_sigmas=max_sigmas, inlier_distance=inlier_distance)
+        COUNT.require(max_rays=max_rays)
         self.sigma, self.max_sigmas, self.inlier_distance, self.max_rays = (
             sigma,
             max_sigmas,

@@ -52,7 +52,7 @@ class StabilityRanking:
         max_displacement: float = 0.2,
     ) -> None:
         COUNT.require(steps=steps)
-        POSITIVE.require(unit=unit, furthest=max_displacement)
+        POSITIVE.require(unit=unit, max_displacement=max_displacement)
         self.evidence, self.engine, self.bodies = evidence, engine, bodies
         self.steps, self.unit, self.max_displacement = steps, unit, max_displacement
 

@@ -92,12 +92,22 @@ class AffinitySegmentation:
         min_crease_affinity: float = 0.35,
         colours: BorderColours | None = None,
     ) -> None:
-        PROBABILITY.require(sure=min_core_affinity, same=min_affinity, agreed=min_crease_affinity)
-        below(1).require(shown=min_object_probability, pixel=min_pixel_probability)
-        NOT_NEGATIVE.require(
-            margin=floor_margin, waves=floor_sigmas, lowest=min_height, noisy=min_height_sigmas
+        PROBABILITY.require(
+            min_core_affinity=min_core_affinity,
+            min_affinity=min_affinity,
+            min_crease_affinity=min_crease_affinity,
         )
-        COUNT.require(seed=min_region, smallest=min_pixels)
+        below(1).require(
+            min_object_probability=min_object_probability,
+            min_pixel_probability=min_pixel_probability,
+        )
+        NOT_NEGATIVE.require(
+            floor_margin=floor_margin,
+            floor_sigmas=floor_sigmas,
+            min_height=min_height,
+            min_height_sigmas=min_height_sigmas,
+        )
+        COUNT.require(min_region=min_region, min_pixels=min_pixels)
         self.model: PartAffinityModel = checkpoint.model
         self.metadata = dict(checkpoint.metadata)
         self.min_core_affinity, self.min_affinity, self.min_region = (

@@ -52,9 +52,9 @@ class ColourEdges:
         max_width: float = 12.0,
     ) -> None:
         NOT_NEGATIVE.require(smoothing=smoothing)
-        below(1).require(core=core_ratio)
-        COUNT.require(narrowest=min_width, widest=max_width)
-        at_least(min_width).require(widest=max_width)
+        below(1).require(core_ratio=core_ratio)
+        COUNT.require(min_width=min_width, max_width=max_width)
+        at_least(min_width).require(max_width=max_width)
         self.smoothing, self.core_ratio = smoothing, core_ratio
         self.min_width, self.max_width = min_width, max_width
 

@@ -48,8 +48,8 @@ class CreaseSegmentation:
         *,
         grow: bool = True,
     ) -> None:
-        POSITIVE.require(jump=max_step, crease=min_bend, reach=reach, smallest=min_pixels)
-        NOT_NEGATIVE.require(margin=floor_margin, lowest=min_height)
+        POSITIVE.require(max_step=max_step, min_bend=min_bend, reach=reach, min_pixels=min_pixels)
+        NOT_NEGATIVE.require(floor_margin=floor_margin, min_height=min_height)
         self.floor_margin, self.max_step, self.min_bend = floor_margin, max_step, min_bend
         self.reach, self.min_pixels, self.min_height, self.grow = (
             reach,

@@ -57,9 +57,9 @@ class EdgeRestoration:
         min_step: float = 0.02,
         colour: ColourEdges | None = None,
     ) -> None:
-        COUNT.require(narrowest=min_width, widest=max_width)
-        POSITIVE.require(jump=min_step)
-        at_least(min_width).require(widest=max_width)
+        COUNT.require(min_width=min_width, max_width=max_width)
+        POSITIVE.require(min_step=min_step)
+        at_least(min_width).require(max_width=max_width)
         self.mapping = mapping
         self.min_width, self.max_width, self.min_step = min_width, max_width, min_step
         self.colour = colour

@@ -168,8 +168,11 @@ def test_what_it_cannot_do_is_said_in_one_line():
     blind = Observation.of_partial(replace(partial_of(geometry), depth=None), geometry.grid)
     with pytest.raises(InputError, match="needs the depth images"):
         ObjectQuerySampling(loaded).complete(NO_FITS, blind, 1, torch.Generator())
-    for wrong, words in (({"exists": 1.5}, r"exists = 1\.5"), ({"own": 0.0}, r"own = 0\.0")):
+    for wrong, words in (
+        ({"min_existence": 1.5}, r"min_existence = 1\.5"),
+        ({"max_distance": 0.0}, r"max_distance = 0\.0"),
+    ):
         with pytest.raises(ConfigError, match=words):
             ObjectQuerySampling(loaded, **wrong)
-    with pytest.raises(ConfigError, match=r"drawn_sigma = 0\.001"):
+    with pytest.raises(ConfigError, match=r"pseudo_sigma = 0\.001"):
         SetRefinement(JointFit(SuperquadricFit()), EvidenceGathering(), pseudo_sigma=0.001)

@@ -115,7 +115,7 @@ def test_a_mug_from_the_side_stays_solid():
 def test_without_one_eye_and_with_few_points_nothing_is_hollow():
     masks, geometry = scene_of(MUG.mesh(), EYES[0])
     assert detected(masks, replace(geometry, eye=None)) == {}
-    assert detected(masks, geometry, least=10**6) == {}
+    assert detected(masks, geometry, min_points=10**6) == {}
 
 
 def test_a_wall_where_the_view_sees_through_is_none():
@@ -166,7 +166,7 @@ def test_a_piece_of_a_large_or_a_flat_one_is_none():
     x, y, _ = np.moveaxis(geometry.points, -1, 0)
     narrow = masks * (np.abs(x - PLACE[0]) < 0.02) * (y > PLACE[1])
     assert detected(narrow, geometry) == {}
-    assert detected(masks, geometry, flattest=0.07) == {}
+    assert detected(masks, geometry, min_height=0.07) == {}
 
 
 def test_a_vessel_that_ends_beyond_the_grid_is_none():
@@ -193,7 +193,9 @@ def test_volumes_have_a_lid_and_others_stay(resolution):
     assert np.array_equal(made < 0, labels > 0)
 
 
-@pytest.mark.parametrize("wrong", [{"better": 1.5}, {"points": 3}, {"edge": -1}, {"below": -0.1}])
+@pytest.mark.parametrize(
+    "wrong", [{"min_gain": 1.5}, {"points": 3}, {"edge_pixels": -1}, {"min_depth": -0.1}]
+)
 def test_bad_settings(wrong):
     with pytest.raises(ConfigError, match=f"^{next(iter(wrong))} = "):
         Vessels(VesselFit(), TOLERANCES, **wrong)

@@ -18,7 +18,7 @@ def cut(distance, grid):
 @pytest.mark.parametrize("resolution", [32, 64])
 def test_carving_keeps_what_is_unseen_or_on_the_surface(resolution):
     grid = GridSpec(resolution=resolution)
-    wall = torch.from_numpy(grid.centres()[..., 1]).float()  # seen free space is y < 0
+    wall = torch.tensor(grid.centres()[..., 1], dtype=torch.float32)  # seen free space is y < 0
     partial = PartialTSDF(cut(-wall, grid)[None, None], (wall < grid.voxel_size)[None, None])
     before = cut(sphere(grid, (0, 0, 0.05), 0.2), grid)
     after = carve(before, partial, grid)

@@ -94,7 +94,9 @@ def test_without_hints_their_certainty_does_not_matter():
     np.testing.assert_array_equal(found.points, usual.points[visible])
 
 
-@pytest.mark.parametrize("wrong", [{"seen_sigma": 0}, {"hidden": -1}, {"outside_sigma": -1}])
+@pytest.mark.parametrize(
+    "wrong", [{"visible_sigma": 0}, {"hidden_points": -1}, {"outside_sigma": -1}]
+)
 def test_wrong_numbers_are_refused(wrong):
     with pytest.raises(ConfigError, match=f"^{next(iter(wrong))} = "):
         EvidenceGathering(**wrong)
@@ -131,7 +133,7 @@ def test_pixels_beside_another_object_are_left_out(width):
 
 
 def test_a_negative_border_is_told():
-    with pytest.raises(ConfigError, match="border = -1"):
+    with pytest.raises(ConfigError, match="border_pixels = -1"):
         EvidenceGathering(border_pixels=-1)
 
 
@@ -145,5 +147,5 @@ def test_places_that_rays_pass_are_outside_if_the_camera_is_known():
     more = gathered.of(1, objects, known).outside[before:]
     assert 50 < len(more) <= 100
     assert distance(more, box).min() > 0
-    with pytest.raises(ConfigError, match="beside"):
+    with pytest.raises(ConfigError, match="passing_points"):
         EvidenceGathering(passing_points=-1)

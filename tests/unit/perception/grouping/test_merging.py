@@ -79,7 +79,7 @@ def test_few_pixels_and_none():
     parts = np.zeros_like(labels)
     assert (merging().merge(parts, geometry, depth) == 0).all()
     parts[labels > 0] = np.arange((labels > 0).sum()) // 10 + 1
-    assert (merging(least=100).merge(parts, geometry, depth) == parts).all()
+    assert (merging(min_pixels=100).merge(parts, geometry, depth) == parts).all()
 
 
 def test_a_sliver_of_what_an_object_hides_stays_apart():
@@ -90,13 +90,13 @@ def test_a_sliver_of_what_an_object_hides_stays_apart():
     )
     geometry, labels, depth = seen((high, behind))
     assert 30 <= (labels == 2).sum() < 0.1 * (labels == 1).sum()
-    found = merging(tolerance=1e6).merge(labels, geometry, depth)
+    found = merging(max_deviation=1e6).merge(labels, geometry, depth)
     assert (found == labels).all()
     level = np.ones_like(depth)  # an image that does not say it
-    assert found.max() > merging(tolerance=1e6).merge(labels, geometry, level).max()
+    assert found.max() > merging(max_deviation=1e6).merge(labels, geometry, level).max()
 
 
-@pytest.mark.parametrize("wrong", [{"tolerance": 0}, {"least": 0}])
+@pytest.mark.parametrize("wrong", [{"max_deviation": 0}, {"min_pixels": 0}])
 def test_wrong_numbers_are_refused(wrong):
     with pytest.raises(ConfigError, match=next(iter(wrong))):
         merging(**wrong)

@@ -52,8 +52,8 @@ def test_what_its_own_superquadric_does_not_explain_keeps_its_pixels(boxes):
     columns = np.nonzero(true == 2)[1]
     strip = (true == 2) & (np.arange(true.shape[1]) < np.quantile(columns, 0.1))
     wrong = np.where(strip, 1, true)
-    assert (objects_of(boxes, wrong, trusted=0.5) == 2)[strip].mean() > 0.9
-    assert (objects_of(boxes, wrong, trusted=0.999) == 1)[strip].all()
+    assert (objects_of(boxes, wrong, min_inlier_ratio=0.5) == 2)[strip].mean() > 0.9
+    assert (objects_of(boxes, wrong, min_inlier_ratio=0.999) == 1)[strip].all()
 
 
 def test_a_part_that_two_others_explain_is_given_up(boxes):
@@ -79,7 +79,13 @@ def test_specks_stay_as_they_are(boxes, count):
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"near": 0.0}, {"explained": 0.0}, {"trusted": 1.5}, {"least": 3}]
+    "wrong",
+    [
+        {"inlier_distance": 0.0},
+        {"min_explained_ratio": 0.0},
+        {"min_inlier_ratio": 1.5},
+        {"min_pixels": 3},
+    ],
 )
 def test_bad_settings(wrong):
     with pytest.raises(ConfigError, match=f"^{next(iter(wrong))} = "):

@@ -242,7 +242,7 @@ def on_real_image(real_data, name, reconstructor):
     words = [f"reconstructor={reconstructor}", "run=predict", "input=x", "device=cpu"]
     pipeline = instantiate(config.compose(words).run.pipeline)
     frame = read_frame(real_data / "real" / "mosd_learn" / f"{name}.npz")
-    grid = getattr(pipeline.grouping.rough, "grid", GridSpec(resolution=64))
+    grid = pipeline.grid or GridSpec(resolution=64)
     view = pipeline.observer.observe(frame, grid)
     return pipeline.grouping, frame.labels, view, pipeline.segmentation.segment(view)
 

@@ -51,9 +51,9 @@ def test_what_one_superquadric_explains_stays_whole():
 def test_a_cut_that_saves_too_little_is_not_made():
     geometry, labels, _ = seen((BELOW, ABOVE))
     parts = (labels > 0).astype(np.int32)
-    np.testing.assert_array_equal(split(gain=1e9).split(parts, geometry), parts)
-    np.testing.assert_array_equal(split(share=0.9).split(parts, geometry), parts)
-    np.testing.assert_array_equal(split(left=1e-9).split(parts, geometry), parts)
+    np.testing.assert_array_equal(split(min_gain=1e9).split(parts, geometry), parts)
+    np.testing.assert_array_equal(split(min_ratio=0.9).split(parts, geometry), parts)
+    np.testing.assert_array_equal(split(max_deviation=1e-9).split(parts, geometry), parts)
 
 
 def test_an_image_without_parts():
@@ -62,5 +62,5 @@ def test_an_image_without_parts():
 
 
 def test_numbers_are_checked():
-    with pytest.raises(ConfigError, match=r"^gain = 0\.0"):
-        split(gain=0.0)
+    with pytest.raises(ConfigError, match=r"^min_gain = 0\.0"):
+        split(min_gain=0.0)

@@ -30,7 +30,7 @@ def joined(*images, **settings):
 def test_parts_that_overlap_enough_are_one():
     assert joined(image((1, 0.0, 0.1)), image((2, 0.05, 0.15))) == [0, 1, 1]
     assert joined(image((1, 0.0, 0.1)), image((2, 0.08, 0.18))) == [0, 1, 2]
-    assert joined(image((1, 0.0, 0.1)), image((2, 0.08, 0.18)), share=0.2) == [0, 1, 1]
+    assert joined(image((1, 0.0, 0.1)), image((2, 0.08, 0.18)), min_ratio=0.2) == [0, 1, 1]
 
 
 def test_a_chain_of_views_goes_around_an_object():
@@ -66,7 +66,9 @@ def test_neither_order_nor_place_matters(order, seed):
     assert SurfaceOverlap().joined(parts, points).tolist() == [0, 1, 1, 1, 4]
 
 
-@pytest.mark.parametrize("wrong", [{"near": 0.0}, {"share": 0.0}, {"share": 1.1}])
+@pytest.mark.parametrize(
+    "wrong", [{"inlier_distance": 0.0}, {"min_ratio": 0.0}, {"min_ratio": 1.1}]
+)
 def test_settings_out_of_range(wrong):
     with pytest.raises(ConfigError, match=next(iter(wrong))):
         SurfaceOverlap(**wrong)

@@ -139,14 +139,14 @@ def test_every_check_that_is_not_good_says_what_helps(frame):
 @pytest.mark.parametrize(
     ("made", "setting"),
     [
-        (lambda: Doctor(min_distance=-1), "nearest"),
-        (lambda: Doctor(min_distance=2, max_distance=1), "farthest"),
-        (lambda: Doctor(min_measured_ratio=2), "least_measured"),
-        (lambda: Doctor(min_tilt=-3), "flattest"),
-        (lambda: FloorFinder(inlier_distance=-0.01), "threshold"),
+        (lambda: Doctor(min_distance=-1), "min_distance"),
+        (lambda: Doctor(min_distance=2, max_distance=1), "max_distance"),
+        (lambda: Doctor(min_measured_ratio=2), "min_measured_ratio"),
+        (lambda: Doctor(min_tilt=-3), "min_tilt"),
+        (lambda: FloorFinder(inlier_distance=-0.01), "inlier_distance"),
         (lambda: FloorFinder(iterations=0), "iterations"),
-        (lambda: FloorFinder(min_inlier_ratio=1.5), "least_share"),
-        (lambda: WorkspaceFinder(min_height=-1), "least_height"),
+        (lambda: FloorFinder(min_inlier_ratio=1.5), "min_inlier_ratio"),
+        (lambda: WorkspaceFinder(min_height=-1), "min_height"),
         (lambda: WorkspaceFinder(margin=-1), "margin"),
     ],
 )

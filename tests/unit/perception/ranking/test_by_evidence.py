@@ -107,7 +107,9 @@ def test_the_pipeline_ranks_and_says_so(scene):
     assert all(a is b for a, b in zip(reverse, pipeline.ranking.scenes[::-1], strict=True))
 
 
-@pytest.mark.parametrize("wrong", [{"sigma": 0}, {"outliers": -1}, {"near": 0}, {"rays": 0}])
+@pytest.mark.parametrize(
+    "wrong", [{"sigma": 0}, {"max_sigmas": -1}, {"inlier_distance": 0}, {"max_rays": 0}]
+)
 def test_settings_are_checked(wrong):
     with pytest.raises(ConfigError, match=f"^{next(iter(wrong))} = "):
         EvidenceRanking(**wrong)

@@ -79,7 +79,7 @@ def test_scenes_stay_as_they_are():
     assert after.tsdf is before.tsdf
 
 
-@pytest.mark.parametrize("wrong", [{"unit": 0.0}, {"furthest": -1.0}, {"steps": 0}])
+@pytest.mark.parametrize("wrong", [{"unit": 0.0}, {"max_displacement": -1.0}, {"steps": 0}])
 def test_numbers_that_mean_nothing_are_refused(wrong):
     with pytest.raises(ConfigError, match=next(iter(wrong))) as caught:
         by(**wrong)

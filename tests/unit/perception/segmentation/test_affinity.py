@@ -150,15 +150,15 @@ def test_a_few_likely_pixels_do_not_join_two_objects(seen):
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"sure": 1.0},
-        {"same": 0.0},
-        {"seed": 0},
-        {"agreed": 1.0},
-        {"shown": 1.0},
-        {"pixel": 1.0},
-        {"margin": -0.1},
-        {"smallest": 0},
-        {"lowest": -1.0},
+        {"min_core_affinity": 1.0},
+        {"min_affinity": 0.0},
+        {"min_region": 0},
+        {"min_crease_affinity": 1.0},
+        {"min_object_probability": 1.0},
+        {"min_pixel_probability": 1.0},
+        {"floor_margin": -0.1},
+        {"min_pixels": 0},
+        {"min_height": -1.0},
     ],
 )
 def test_bad_settings(seen, wrong):
@@ -274,12 +274,12 @@ def test_what_no_jump_and_no_crease_cuts_is_joined_from_a_lower_mean_on(thinned)
 
     plain = CreaseSegmentation(min_pixels=20)
     assert number() == 2
-    assert number(plain=plain) == 1
-    assert number(plain=plain, agreed=0.55) == 2
+    assert number(crease_segmentation=plain) == 1
+    assert number(crease_segmentation=plain, min_crease_affinity=0.55) == 2
     field = gaussian_filter(np.random.default_rng(0).normal(size=frame.depth.shape), 4)
     noise = 0.002 * field / field.std()
     waving = replace(frame, depth=(frame.depth + noise).astype(np.float32))  # of a stereo camera
-    assert number(waving, plain=plain) == number(waving)
+    assert number(waving, crease_segmentation=plain) == number(waving)
 
 
 @pytest.mark.parametrize("thinned", [1, 2])

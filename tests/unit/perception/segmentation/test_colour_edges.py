@@ -123,9 +123,9 @@ def test_without_colour_or_ramps_parts_stay():
 def test_bad_settings():
     with pytest.raises(ConfigError, match=r"^smoothing = -1"):
         ColourEdges(smoothing=-1)
-    with pytest.raises(ConfigError, match=r"^core = 1"):
+    with pytest.raises(ConfigError, match=r"^core_ratio = 1"):
         ColourEdges(core_ratio=1)
-    with pytest.raises(ConfigError, match=r"^narrowest = 0"):
+    with pytest.raises(ConfigError, match=r"^min_width = 0"):
         ColourEdges(min_width=0)
-    with pytest.raises(ConfigError, match=r"^widest = 2"):
+    with pytest.raises(ConfigError, match=r"^max_width = 2"):
         ColourEdges(min_width=3, max_width=2)

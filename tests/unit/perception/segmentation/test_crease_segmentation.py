@@ -85,7 +85,8 @@ def test_concave_creases_cut_and_belong_to_the_parts_beside_them(size):
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"margin": -0.01}, {"jump": 0}, {"crease": 0}, {"reach": 0}, {"smallest": 0}]
+    "wrong",
+    [{"floor_margin": -0.01}, {"max_step": 0}, {"min_bend": 0}, {"reach": 0}, {"min_pixels": 0}],
 )
 def test_wrong_numbers_are_refused(wrong):
     with pytest.raises(ConfigError, match=next(iter(wrong))):

@@ -207,11 +207,11 @@ def test_a_thin_part_stays():
 
 
 def test_bad_settings_and_no_images():
-    with pytest.raises(ConfigError, match=r"^narrowest = 0"):
+    with pytest.raises(ConfigError, match=r"^min_width = 0"):
         EdgeRestoration(Projective(), min_width=0)
-    with pytest.raises(ConfigError, match=r"^widest = 2"):
+    with pytest.raises(ConfigError, match=r"^max_width = 2"):
         EdgeRestoration(Projective(), min_width=3, max_width=2)
-    with pytest.raises(ConfigError, match=r"^jump = 0"):
+    with pytest.raises(ConfigError, match=r"^min_step = 0"):
         EdgeRestoration(Projective(), min_step=0)
     sharp, _, _ = seen(SIZES[0], 6)
     volume = torch.ones(1, 1, *GRID.shape)

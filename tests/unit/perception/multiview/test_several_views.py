@@ -5,71 +5,73 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import torch
-from scenefw.perception.observation.view_frames import seen_frames
 from tests.unit.mapping.test_several_views import BACK, FRONT, GRID, box_at, seen
+from tests.unit.perception.usual_fits import TOLERANCES, object_fit
 from torch import nn
 
-from scenefw.core.batches import Completion, SceneParameters, ShapeInstancePrediction
+from scenefw.core.batches import SceneParameters, ShapeInstancePrediction
 from scenefw.core.errors import ConfigError
 from scenefw.fitting.superquadrics import SuperquadricFit
 from scenefw.metrics.occupancy import occupancy_iou
-from scenefw.perception.completion.superquadrics import Fitted
-from scenefw.perception.completion.volume_network import NetworkReconstructor
+from scenefw.perception.cached import Cached
+from scenefw.perception.completion.volume_network import VolumeNetwork
 from scenefw.perception.evidence.gathering import EvidenceGathering
 from scenefw.perception.grouping.merging import FitMerging
 from scenefw.perception.grouping.reassignment import ResidualReassignment
+from scenefw.perception.grouping.segment_fits import SegmentFits
 from scenefw.perception.multiview.conditioned import Conditioned
 from scenefw.perception.multiview.fitted_to_views import ViewsFit
 from scenefw.perception.multiview.optimised_code import OptimisedCode
 from scenefw.perception.multiview.parts_of_views import ViewsGrouping, _refined
-from scenefw.perception.observation.points import world_points
+from scenefw.perception.observation.observation import JointGeometry, Observation
+from scenefw.perception.steps import Objects
 from scenefw.renderers.differentiable import Differentiable
 from scenefw.representations.volumes import scene_volumes
 
 NOISE = torch.Generator()
 
 
-class HalfSeen:
-    """Finds in each view the half of the box that is nearer to the camera, and says its pixels."""
-
-    grid, metadata = GRID, {}
+class Foreground:
+    """One segment of each view: all that is above the floor, the half of a box that faces it."""
 
     def __init__(self):
         self.calls = 0
 
-    def complete(self, partial, grid, samples, generator):
+    def segment(self, view):
         self.calls += 1
-        volumes = scene_volumes(box_at(0.0), grid)
-        side = float(partial.cameras.T_world_camera[0, 0, 3])
-        near = torch.from_numpy(grid.centres()[..., 0] * np.sign(side) > -0.03)
-        labels = torch.where(near, volumes.instances[0], 0).int()
-        (frame,) = seen_frames(partial, "a test")
-        shown = torch.from_numpy(world_points(frame)[..., 2] > 0.01)[None]  # not the floor
-        return [Completion(volumes.tsdf[:, 0], labels[None], masks=shown.int())]
+        return (view.heights > 0.01).astype(np.int32)
 
 
-class MasksOf:
-    """Finds the boxes of a scene by which of them a seen point is nearest to.
+class NearestBoxes:
+    """Segments of a scene's boxes, by which of them a visible point is nearest to."""
 
-    In views from `blind` (a place along y) all are one.
-    """
+    def __init__(self, scene):
+        self.places = scene.positions[0].numpy()
 
-    grid, metadata = GRID, {}
+    def segment(self, view):
+        distances = np.linalg.norm(view.points[..., None, :] - self.places, axis=-1)
+        return np.where(view.heights > 0.01, distances.argmin(axis=-1) + 1, 0).astype(np.int32)
 
-    def __init__(self, scene, blind=None):
-        self.scene, self.blind = scene, blind
 
-    def complete(self, partial, grid, samples, generator):
-        volumes = scene_volumes(self.scene, grid)
-        (frame,) = seen_frames(partial, "a test")
-        points = world_points(frame)
-        away = np.linalg.norm(points[..., None, :] - self.scene.positions[0].numpy(), axis=-1)
-        shown = np.where(points[..., 2] > 0.01, away.argmin(axis=-1) + 1, 0)
-        labels = volumes.instances
-        if self.blind is not None and partial.cameras.T_world_camera[0, 1, 3] * self.blind > 0:
-            shown, labels = (shown > 0).astype(int), (labels > 0).int()
-        masks = torch.from_numpy(shown.astype(np.int32))[None]
-        return [Completion(volumes.tsdf[:, 0], labels, masks=masks)]
+class SegmentsAsObjects:
+    """Each segment is an object; in views from `blind` (a place along y) all are one."""
+
+    grid = GRID
+
+    def __init__(self, blind=None):
+        self.blind, self.calls = blind, 0
+
+    def group(self, segments, view):
+        self.calls += 1
+        is_blind = self.blind is not None and view.eye[1] * self.blind > 0
+        return Objects(np.minimum(segments, 1) if is_blind else segments)
+
+
+class NoReassignment:
+    """Leaves all pixels at the objects that they are of."""
+
+    def reassign(self, objects, view):
+        return objects
 
 
 def two_boxes():
@@ -82,14 +84,27 @@ def two_boxes():
     )  # fmt: skip
 
 
-def by_evidence():
-    return FitMerging(SuperquadricFit(), EvidenceGathering(hidden_points=1))
+def fits():
+    return SegmentFits(SuperquadricFit(), EvidenceGathering(hidden_points=1))
 
 
-def dealt():
-    return ResidualReassignment(
-        by_evidence(), SuperquadricFit(), EvidenceGathering(hidden_points=1)
-    )
+def views_grouping(segmentation, grouping, reassign=None):
+    """Objects of all views, merged by evidence and then dealt out by fit unless told otherwise."""
+    reassign = ResidualReassignment(fits()) if reassign is None else reassign
+    return ViewsGrouping(segmentation, grouping, FitMerging(fits()), reassign)
+
+
+def objects_of(grouping, views):
+    """Objects of partial TSDFs by a `ViewsGrouping`."""
+    observations = [Observation.of_partial(view, GRID) for view in views]
+    points = np.concatenate([view.points for view in observations])
+    free = np.any([view.free for view in observations], axis=0)
+    return grouping.group(observations, JointGeometry(points, GRID, free), NOISE)
+
+
+def points_of(view):
+    """World coordinates (H, W, 3) of the pixels of a partial TSDF."""
+    return Observation.of_partial(view, GRID).points
 
 
 class BoxDecoder(nn.Module):
@@ -114,48 +129,53 @@ class NoInstances:
 
 def network():
     checkpoint = SimpleNamespace(model=BoxDecoder(), grid=GRID, metadata={})
-    return NetworkReconstructor(checkpoint, NoInstances(), smoothing=0)
+    return VolumeNetwork(checkpoint, NoInstances(), smoothing=0)
 
 
 def test_halves_seen_from_two_sides_are_one_object_and_fitted_whole():
-    views, parts = seen(box_at(0.0), FRONT, BACK), HalfSeen()
-    joined = ViewsGrouping(parts, dealt())
-    (scene,) = joined.complete(views, GRID, 1, NOISE)
-    assert scene.instances.unique().tolist() == [0, 1]
-    assert scene.masks.shape == (1, 120, 80)
-    joined.complete(views[:1], GRID, 1, NOISE)
-    assert parts.calls == 2  # each view once
-    fitted = Fitted(parts, SuperquadricFit(), EvidenceGathering())
-    (sharp,) = ViewsFit(joined, fitted).complete(views, GRID, 1, NOISE)
+    views, segmentation, grouping = (
+        seen(box_at(0.0), FRONT, BACK),
+        Foreground(),
+        SegmentsAsObjects(),
+    )
+    joined = views_grouping(Cached(segmentation), Cached(grouping))
+    objects = objects_of(joined, views)
+    assert np.unique(objects.instances).tolist() == [0, 1]
+    assert np.unique(objects.masks).tolist() == [0, 1]
+    assert objects.masks.shape == (120, 80)
+    objects_of(joined, views[:1])
+    (sharp,) = ViewsFit(joined, object_fit(), SuperquadricFit(), TOLERANCES).complete(
+        views, GRID, 1, NOISE
+    )
+    assert (segmentation.calls, grouping.calls) == (2, 2)  # each view once
     truth = scene_volumes(box_at(0.0), GRID).tsdf[0, 0].numpy() < 0
     assert occupancy_iou(sharp.tsdf[0].numpy() < 0, truth) > 0.9
-    assert occupancy_iou(scene.tsdf[0].numpy() < 0, truth) > 0.9  # the hull of both halves
+    assert occupancy_iou(objects.tsdf < 0, truth) > 0.9  # the hull of both halves
 
 
 def test_boxes_side_by_side_stay_two():
     scene = two_boxes()
     views = seen(scene, (0.0, 0.9, 0.5), (0.0, -0.9, 0.5))
-    (found,) = ViewsGrouping(MasksOf(scene), dealt()).complete(views, GRID, 1, NOISE)
-    assert sorted(found.masks.unique().tolist()) == [0, 1, 2]
-    first, second = np.split(found.masks[0].numpy(), 2)
-    for shown, view in zip((first, second), views, strict=True):
-        points = world_points(seen_frames(view, "a test")[0])
-        left = shown[points[..., 0] < -0.03]
-        right = shown[(points[..., 0] > 0.03) & (points[..., 2] > 0.01)]
+    found = objects_of(views_grouping(NearestBoxes(scene), SegmentsAsObjects()), views)
+    assert np.unique(found.masks).tolist() == [0, 1, 2]
+    for mask, view in zip(np.split(found.masks, 2), views, strict=True):
+        points = points_of(view)
+        left = mask[points[..., 0] < -0.03]
+        right = mask[(points[..., 0] > 0.03) & (points[..., 2] > 0.01)]
         assert np.unique(left[left > 0]).tolist() != np.unique(right).tolist()
-    assert np.bincount(found.instances[0].ravel())[1:].min() > 50
+    assert np.bincount(found.instances.ravel())[1:].min() > 50
 
 
 def test_a_view_that_takes_two_for_one_is_overruled_by_those_that_know_better():
     scene = two_boxes()
     eyes = (0.5, 0.7, 0.6), (-0.5, 0.7, 0.6), (0.0, 0.9, 0.3), (0.0, -0.8, 0.6)
-    views, parts = seen(scene, *eyes), MasksOf(scene, blind=-1)
-    (before,) = ViewsGrouping(parts, by_evidence()).complete(views, GRID, 1, NOISE)
+    views, steps = seen(scene, *eyes), (NearestBoxes(scene), SegmentsAsObjects(blind=-1))
+    before = objects_of(views_grouping(*steps, NoReassignment()), views)
     assert before.masks.max() > 2
-    (found,) = ViewsGrouping(parts, dealt()).complete(views, GRID, 1, NOISE)
+    found = objects_of(views_grouping(*steps), views)
     assert found.masks.max() == 2
-    last = np.split(found.masks[0].numpy(), len(eyes))[-1]
-    points = world_points(seen_frames(views[-1], "a test")[0])
+    last = np.split(found.masks, len(eyes))[-1]
+    points = points_of(views[-1])
     high = points[..., 2] > 0.01
     sides = [np.bincount(last[high & (s * points[..., 0] > 0.03)], minlength=3) for s in (1, -1)]
     assert {int(one.argmax()) for one in sides} == {1, 2}
@@ -206,6 +226,4 @@ def test_numbers_are_checked():
     with pytest.raises(ConfigError, match="iterations"):
         OptimisedCode(network(), Differentiable(), iterations=0)
     with pytest.raises(ConfigError, match="share above 0"):
-        ResidualReassignment(
-            by_evidence(), SuperquadricFit(), EvidenceGathering(), min_explained_ratio=0
-        )
+        ResidualReassignment(fits(), min_explained_ratio=0)
