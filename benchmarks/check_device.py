@@ -19,11 +19,11 @@ from torch import Tensor
 from scenefw import config, plugins
 from scenefw.core.batches import IndexBatch
 from scenefw.core.rng import Streams
-from scenefw.data.conditioning import shape_instance_batch
-from scenefw.data.part_views import PartViews
-from scenefw.data.seen_sets import SeenSets
-from scenefw.data.segmentation import SegmentationData
-from scenefw.data.stacks import StackScenes
+from scenefw.data.batches.conditioning import shape_instance_batch
+from scenefw.data.batches.part_views import PartViews
+from scenefw.data.batches.set_flow import SeenSets
+from scenefw.data.batches.stacks import StackScenes
+from scenefw.data.tabletop.segmentation import SegmentationData
 
 SCENES = 4
 TOLERANCES = {  # metres, or units of a loss; and the share of values that may be farther off

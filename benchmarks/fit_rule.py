@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenefw import registry
-from scenefw.data.tabletop import TabletopScenes
+from scenefw.data.tabletop.table_scenes import TabletopScenes
 from scenefw.labelling.components import FEATURES, Row, answers, components, fitted
 from scenefw.metrics.semantic import class_ious, count_classes, mean_iou
 from scenefw.renderers.mesh_raycaster import MeshRaycaster

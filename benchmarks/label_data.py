@@ -22,11 +22,11 @@ from benchmarks.harness import Job, Timed
 from benchmarks.training_data import finished
 from scenefw.core.batches import SegmentationBatch
 from scenefw.core.rng import Streams
-from scenefw.data.label_views import RenderedViews, ViewSamples
-from scenefw.data.light import ColourJitter
-from scenefw.data.map_crops import MapCrops, RenderedMaps
-from scenefw.data.segmentation import Samples
-from scenefw.data.tabletop import TabletopScenes
+from scenefw.data.tabletop.label_views import RenderedViews, ViewSamples
+from scenefw.data.tabletop.light import ColourJitter
+from scenefw.data.tabletop.map_crops import MapCrops, RenderedMaps
+from scenefw.data.tabletop.segmentation import Samples
+from scenefw.data.tabletop.table_scenes import TabletopScenes
 from scenefw.losses.cross_entropy import CrossEntropy
 from scenefw.models.fusenet import FuseNet
 from scenefw.noise.kinect import Kinect

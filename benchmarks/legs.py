@@ -16,7 +16,7 @@ from benchmarks.trainings import HERE, STATE, Ledger, Machine, Training
 from scenefw.core.errors import CheckpointError
 from scenefw.core.versions import versions
 from scenefw.learning.provenance import read_provenance
-from scenefw.learning.state import read_state
+from scenefw.learning.runtime.state import read_state
 
 WARMUP = 500
 """Steps over which the rate rises where weights meet a fresh optimiser, as in scale=thesis."""

@@ -11,8 +11,8 @@ from torch.nn.functional import grid_sample
 from benchmarks.harness import Job
 from scenefw.core.batches import CameraBatch, PartialTSDF
 from scenefw.core.types import GridSpec
-from scenefw.data.stacks import StackScenes
-from scenefw.data.views import ViewMaker
+from scenefw.data.batches.stacks import StackScenes
+from scenefw.data.batches.views import ViewMaker
 from scenefw.learning.checkpoint import load_checkpoint
 from scenefw.mapping.inverse_ray_tracing import InverseRayTracing
 from scenefw.perception.completion.volume_network import VolumeNetwork

@@ -9,7 +9,7 @@ from benchmarks.harness import Job
 from scenefw.core.height_maps import HeightGrid
 from scenefw.core.tabletop import TabletopGeometry
 from scenefw.core.types import Camera
-from scenefw.data.tabletop import TabletopScenes
+from scenefw.data.tabletop.table_scenes import TabletopScenes
 from scenefw.kernels.meshes import Tree
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
 from scenefw.scenes.desk import DeskGenerator

@@ -18,10 +18,10 @@ from benchmarks.volumes import radial_volumes
 from scenefw.core.batches import SceneParameters, ShapeInstanceBatch
 from scenefw.core.rng import Streams
 from scenefw.core.types import GridSpec
-from scenefw.data.augmentation import RigidAugmentation
-from scenefw.data.conditioning import shape_instance_batch
-from scenefw.data.stacks import StackScenes
-from scenefw.data.views import ViewMaker
+from scenefw.data.batches.augmentation import RigidAugmentation
+from scenefw.data.batches.conditioning import shape_instance_batch
+from scenefw.data.batches.stacks import StackScenes
+from scenefw.data.batches.views import ViewMaker
 from scenefw.losses.partial_tsdf import PartialTsdfLoss
 from scenefw.losses.sample_spread import SampleSpread
 from scenefw.losses.tsdf import TsdfLoss

@@ -25,7 +25,7 @@ from torch import Tensor
 from benchmarks.trainings import STATE, states_folder
 from scenefw.core.errors import CheckpointError, SceneFWError
 from scenefw.core.files import replacing
-from scenefw.learning.state import read_state, write_state
+from scenefw.learning.runtime.state import read_state, write_state
 
 PART = 15_000_000  # bytes
 _HALF = 65_000.0  # about the largest float16

@@ -13,7 +13,7 @@ from torch import Tensor
 from benchmarks.harness import Job, Timed
 from scenefw.core.batches import SceneParameters
 from scenefw.core.types import GridSpec
-from scenefw.data.stacks import StackScenes
+from scenefw.data.batches.stacks import StackScenes
 from scenefw.representations.volumes import object_occupancy, scene_volumes
 from scenefw.shapes.superquadric import Superquadric
 

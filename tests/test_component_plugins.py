@@ -98,7 +98,7 @@ from matplotlib.figure import Figure
 
 from scenefw.core.measures import Measure
 from scenefw.core.protocols import Track
-from scenefw.data.stacks import StackScenes
+from scenefw.data.batches.stacks import StackScenes
 from scenefw.report.blocks import Drawing, Section
 from scenefw.report.figures import to_svg
 from scenefw.report.presentation import figure_table
@@ -145,7 +145,7 @@ OPTIONS = {
   - override /presentation@_global_.presentation: drawn
 _target_: scenefw_mine.heights.HowHigh
 scenes:
-  _target_: scenefw.data.stacks.StackScenes
+  _target_: scenefw.data.batches.stacks.StackScenes
   path: ${dataset.path}
   split: test
   limit: ${size.test_scenes}""",

@@ -7,8 +7,8 @@ import pytest
 from tests.test_plugins import PROJECT
 from tests.unit.tasks.recordings import CLASSES, frames
 
-from scenefw.data.height_maps import load_map
-from scenefw.data.sequences import write_sequence
+from scenefw.data.files.height_maps import load_map
+from scenefw.data.files.sequences import write_sequence
 
 STRATEGY = '''
 """Gives the whole map the class that most pixels of labelled views have."""

@@ -18,7 +18,7 @@ from tests.unit.learning import plain
 
 from scenefw import config, registry
 from scenefw.core.errors import ConfigError
-from scenefw.learning.state import write_state
+from scenefw.learning.runtime.state import write_state
 
 ENTRY = """
 {name}:

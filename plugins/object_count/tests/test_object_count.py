@@ -10,7 +10,7 @@ from scenefw import config, plugins
 from scenefw.core.batches import PartialTSDF
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import GridSpec
-from scenefw.data.stacks import StackScenes
+from scenefw.data.batches.stacks import StackScenes
 from scenefw.execution.build import Builder
 from scenefw.learning.checkpoint import load_checkpoint
 from scenefw.losses.tsdf import TsdfLoss

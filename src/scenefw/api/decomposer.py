@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any
 from scenefw.api.prediction import Prediction
 from scenefw.core.errors import InputError, require_number
 from scenefw.core.settings import POSITIVE
-from scenefw.data.arrays import frame_of
-from scenefw.data.poses import require_metres
+from scenefw.data.files.arrays import frame_of
+from scenefw.data.files.poses import require_metres
 from scenefw.perception.multiview.whole_scenes import WholeScene, read_whole_scene, taken_apart
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from scenefw.api.settings import Settings
-    from scenefw.data.intrinsics import Intrinsics
+    from scenefw.data.files.intrinsics import Intrinsics
     from scenefw.perception.multiview.mesh_views import MeshViews
     from scenefw.perception.multiview.views_pipeline import ViewsPipeline
 

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenefw.core.errors import ConfigError, InputError, require_number
-from scenefw.data.arrays import frame_of
-from scenefw.data.height_maps import save_map
-from scenefw.data.recordings import STATE, Recording
+from scenefw.data.files.arrays import frame_of
+from scenefw.data.files.height_maps import save_map
+from scenefw.data.files.recordings import STATE, Recording
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from scenefw.core.height_maps import HeightMap
     from scenefw.core.labelling_protocols import Labelling, RunningLabelling
     from scenefw.core.types import Frame
-    from scenefw.data.intrinsics import Intrinsics
+    from scenefw.data.files.intrinsics import Intrinsics
     from scenefw.perception.observation.table_frame import TableFrame
 
 

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING
 
 from scenefw.api.prediction import Prediction
 from scenefw.core.errors import InputError, require_number
-from scenefw.data.arrays import colour_of, frame_of, mask_of
-from scenefw.data.readers import read_frame
+from scenefw.data.files.arrays import colour_of, frame_of, mask_of
+from scenefw.data.files.readers import read_frame
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from scenefw.api.settings import Settings
     from scenefw.core.types import Frame
-    from scenefw.data.intrinsics import Intrinsics
+    from scenefw.data.files.intrinsics import Intrinsics
     from scenefw.perception.pipeline import ReconstructionPipeline
 
 

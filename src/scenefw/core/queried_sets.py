@@ -24,7 +24,7 @@ class ViewedSetBatch:
     """B views of superquadrics: what each shows, points that are seen, what is there.
 
     All places, objects too, are in one frame: the world for volumes, and for images that of the
-    view (z up from the floor, x level and away from the camera; see `data.set_views.SetView`).
+    view (z up from the floor, x level and away from the camera; `data.batches.set_inputs`).
 
     Args:
         condition: what the encoder sees: volumes (B, 2, X, Y, Z) as in `ShapeInstanceBatch`, or

@@ -16,9 +16,9 @@ from scenefw.core.files import unreadable
 from scenefw.core.height_maps import HeightMap
 from scenefw.core.rng import generator, number_of
 from scenefw.core.types import Frame
-from scenefw.data.distances import DEPTH, distance_image
-from scenefw.data.pictures import DAMAGED_PICTURE
-from scenefw.data.segmentation import image_tensor
+from scenefw.data.files.pictures import DAMAGED_PICTURE
+from scenefw.data.tabletop.distances import DEPTH, distance_image
+from scenefw.data.tabletop.segmentation import image_tensor
 from scenefw.labelling.sliding_window import SlidingWindow
 
 Probabilities = NDArray[np.float32]

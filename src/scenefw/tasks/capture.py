@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.data.realsense import RealSense, require_realsense
+from scenefw.data.files.realsense import RealSense, require_realsense
 from scenefw.tasks.recorded import write_recording
 
 

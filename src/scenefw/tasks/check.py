@@ -12,7 +12,7 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.files import write_text
 from scenefw.core.protocols import Engine
 from scenefw.core.types import Scene
-from scenefw.data.stacks import data_file
+from scenefw.data.batches.stacks import data_file
 from scenefw.scenes import statistics
 from scenefw.scenes.checks import deepest_penetration
 from scenefw.scenes.storage import StoredScenes, load_manifest, load_scenes

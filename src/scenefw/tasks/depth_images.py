@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.files import require_apart
-from scenefw.data.arrays import read_mask
-from scenefw.data.readers import find_images, read_frame
+from scenefw.data.files.arrays import read_mask
+from scenefw.data.files.readers import find_images, read_frame
 
 if TYPE_CHECKING:
     from scenefw.core.types import Frame
@@ -23,7 +23,7 @@ class DepthImages:
         intrinsics: file with the intrinsics of .png and .npy images; None looks beside them.
         depth_scale: metres per unit of integer depth; None = that of the format, else millimetres.
         masks: folder of masks of objects, NAME.png for each image, or such a file (see
-            `data.arrays.read_mask`); None = none are known.
+            `data.files.arrays.read_mask`); None = none are known.
         output: where results go, not among the images; None = nowhere.
 
     Raises:

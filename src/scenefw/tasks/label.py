@@ -15,10 +15,10 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import require_apart, require_free, require_writable
 from scenefw.core.folders import adding_to_folder
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
-from scenefw.data.height_maps import load_map, save_map
-from scenefw.data.readers import find_images, read_frame
-from scenefw.data.recordings import STATE, MeasuredFrames, Recording
-from scenefw.data.sequences import open_sequence
+from scenefw.data.files.height_maps import load_map, save_map
+from scenefw.data.files.readers import find_images, read_frame
+from scenefw.data.files.recordings import STATE, MeasuredFrames, Recording
+from scenefw.data.files.sequences import open_sequence
 from scenefw.perception.observation.table_frame import TableFrame
 from scenefw.perception.physics.placement import Placement
 from scenefw.report.console import track
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from scenefw.core.height_maps import HeightGrid, HeightMap
     from scenefw.core.labelling_protocols import Labelling, Odometry, RunningLabelling
     from scenefw.core.types import Frame
-    from scenefw.data.recordings import NumberedFrames
+    from scenefw.data.files.recordings import NumberedFrames
     from scenefw.perception.physics.placement import Placed
 
 MAP, PICTURE = "map.npz", "map.png"

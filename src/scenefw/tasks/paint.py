@@ -12,15 +12,15 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import require_writable
 from scenefw.core.folders import require_replaceable
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
-from scenefw.data.height_maps import load_map, save_map
-from scenefw.data.painting import (
+from scenefw.data.files.height_maps import load_map, save_map
+from scenefw.data.files.recordings import STATE, MeasuredFrames, Recording
+from scenefw.data.files.sequences import open_sequence
+from scenefw.data.tabletop.painting import (
     export_painting,
     load_painting,
     require_agreement,
     write_views,
 )
-from scenefw.data.recordings import STATE, MeasuredFrames, Recording
-from scenefw.data.sequences import open_sequence
 from scenefw.report.console import track
 from scenefw.report.labelling.pictures import map_picture
 from scenefw.report.pictures import save_picture

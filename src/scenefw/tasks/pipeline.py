@@ -7,7 +7,7 @@ from typing import Any
 from scenefw.core.files import require_writable
 from scenefw.core.measures import write_measures
 from scenefw.core.protocols import Evaluation, Task
-from scenefw.learning.measures import TRAINING
+from scenefw.learning.runtime.measures import TRAINING
 from scenefw.report.blocks import Drawing, Section, Text
 from scenefw.report.console import track
 from scenefw.report.figures import loss_figure, read_curves

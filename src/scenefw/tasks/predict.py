@@ -50,7 +50,7 @@ class Predict:
         hypotheses: also write what drawn codes give; how many, `pipeline.samples` says.
         exports: what writes further files of each scene, by name.
         masks: folder of masks of objects, NAME.png for each image, or such a file (see
-            `data.arrays.read_mask`); None = none are known.
+            `data.files.arrays.read_mask`); None = none are known.
 
     Raises:
         ConfigError: no input is given, or the depth scale is not positive.

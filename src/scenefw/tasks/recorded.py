@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
-    from scenefw.data.bags import RecordedFrame
+    from scenefw.data.files.bags import RecordedFrame
 
 _MOST = np.iinfo(np.uint16).max
 

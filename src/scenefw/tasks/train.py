@@ -13,17 +13,17 @@ from scenefw.core.files import replacing, require_free, require_name, require_wr
 from scenefw.core.settings import COUNT, NOT_NEGATIVE
 from scenefw.core.signals import stop_of
 from scenefw.core.training_protocols import TrainingData, TrainingLogger
-from scenefw.learning.callbacks import ProgressBar, Snapshots
 from scenefw.learning.checkpoint import save_checkpoint
-from scenefw.learning.divergence import Divergence
-from scenefw.learning.interruption import Interruption
-from scenefw.learning.limits import finished
-from scenefw.learning.loggers import LossTable
 from scenefw.learning.module import TrainingModule
-from scenefw.learning.processes import processes
-from scenefw.learning.recording import Recording
-from scenefw.learning.state import read_state, state_to_go_on
-from scenefw.learning.trainer import TrainerSettings, device_failed
+from scenefw.learning.runtime.callbacks import ProgressBar, Snapshots
+from scenefw.learning.runtime.divergence import Divergence
+from scenefw.learning.runtime.interruption import Interruption
+from scenefw.learning.runtime.limits import finished
+from scenefw.learning.runtime.loggers import LossTable
+from scenefw.learning.runtime.processes import processes
+from scenefw.learning.runtime.recording import Recording
+from scenefw.learning.runtime.state import read_state, state_to_go_on
+from scenefw.learning.runtime.trainer import TrainerSettings, device_failed
 from scenefw.report.record import command_line, read_record
 
 _STATE, _TABLE = "last.ckpt", "losses.csv"

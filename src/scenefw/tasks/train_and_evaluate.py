@@ -7,7 +7,7 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.files import require_writable
 from scenefw.core.measures import write_measures
 from scenefw.core.protocols import Evaluation, Task
-from scenefw.learning.measures import TRAINING
+from scenefw.learning.runtime.measures import TRAINING
 from scenefw.report.console import track
 from scenefw.report.protocols import Gallery, Presentation, ResultPage
 from scenefw.report.results import result_sections

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from scenefw.core.errors import ConfigError
-from scenefw.data.bags import Bag
+from scenefw.data.files.bags import Bag
 from scenefw.tasks.recorded import write_recording
 
 

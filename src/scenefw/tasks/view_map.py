@@ -6,7 +6,7 @@ import threading
 from typing import TYPE_CHECKING
 
 from scenefw.core.errors import ConfigError
-from scenefw.data.height_maps import is_map, load_map
+from scenefw.data.files.height_maps import is_map, load_map
 from scenefw.report.labelling.map_viewer import MapViewer
 from scenefw.report.viewer_server import (
     announce,

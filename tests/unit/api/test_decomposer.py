@@ -8,7 +8,7 @@ from tests.unit.perception.several import PAIR, boxes, fitted_parts
 from scenefw.api.decomposer import Decomposer
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import GridSpec
-from scenefw.data.sequences import write_sequence
+from scenefw.data.files.sequences import write_sequence
 from scenefw.export.meshes import write_ply
 from scenefw.mapping.inverse_ray_tracing import InverseRayTracing
 from scenefw.perception.multiview.mesh_views import MeshViews

@@ -6,8 +6,8 @@ from tests.unit.tasks.test_label import hybrid, label
 from scenefw.api.labeller import Labeller
 from scenefw.core.errors import InputError
 from scenefw.core.geometry import rigid
-from scenefw.data.height_maps import load_map
-from scenefw.data.sequences import transformed, write_sequence
+from scenefw.data.files.height_maps import load_map
+from scenefw.data.files.sequences import transformed, write_sequence
 from scenefw.labelling.by_height import ByHeight
 from scenefw.labelling.map_based import MapBased
 from scenefw.mapping.height_fusion import HeightFusion
@@ -33,7 +33,7 @@ def test_frames_one_by_one_give_what_the_command_line_gives(tmp_path):
     label(folder, tmp_path / "out", by_height()).run()
     by_command = load_map(tmp_path / "out" / "map.npz", GRID)
 
-    from scenefw.data.sequences import open_sequence
+    from scenefw.data.files.sequences import open_sequence
 
     labeller = added(Labeller(by_height(), TableFrame()), open_sequence(folder))
     assert len(labeller) == 6

@@ -10,8 +10,8 @@ from tests.unit.data.stacks_file import write_stacks
 from scenefw.core.errors import ConfigError
 from scenefw.core.final_split import opened
 from scenefw.core.tabletop import SPLITS
-from scenefw.data import stacks
-from scenefw.data.stacks import FINAL_PARTS, SHIPPED, StackScenes
+from scenefw.data.batches import stacks
+from scenefw.data.batches.stacks import FINAL_PARTS, SHIPPED, StackScenes
 from scenefw.scenes.tabletop import TabletopGenerator
 from scenefw.shapes.tabletop.library import FAMILIES, ProceduralModels
 

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from scenefw.core.types import GridSpec
-from scenefw.data.stacks import StackScenes
+from scenefw.data.batches.stacks import StackScenes
 from scenefw.evaluation.side_by_side import side_by_side
 from scenefw.representations.volumes import scene_volumes
 

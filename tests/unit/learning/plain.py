@@ -9,10 +9,10 @@ import lightning
 import torch
 from torch import nn
 
-from scenefw.data.epochs import EpochBatches
+from scenefw.data.batches.epochs import EpochBatches
 from scenefw.learning.module import TrainingModule
+from scenefw.learning.runtime.trainer import TrainerSettings
 from scenefw.learning.schedules import CosineDecay
-from scenefw.learning.trainer import TrainerSettings
 from scenefw.tasks.train import Train
 
 INPUTS = torch.randn(24, 3, generator=torch.Generator().manual_seed(1))

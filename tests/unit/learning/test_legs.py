@@ -5,9 +5,9 @@ import torch
 from tests.unit.learning import plain
 
 from scenefw.core.errors import CheckpointError, ConfigError, TrainingError
-from scenefw.learning import trainer
+from scenefw.learning.runtime import trainer
+from scenefw.learning.runtime.trainer import TrainerSettings
 from scenefw.learning.schedules import ExponentialDecay, Progress, StepDecay
-from scenefw.learning.trainer import TrainerSettings
 
 
 @pytest.fixture

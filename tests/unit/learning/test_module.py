@@ -5,7 +5,7 @@ from tests.unit.learning.plain import Data, Learning
 from torch import nn
 
 from scenefw.core.batches import IndexBatch
-from scenefw.learning.trainer import TrainerSettings
+from scenefw.learning.runtime.trainer import TrainerSettings
 
 
 class Watched(Data):

@@ -3,20 +3,20 @@
 import lightning
 import pytest
 import torch
+from tests.unit.data.batches.test_image_queries import viewpoints
 from tests.unit.data.stacks_file import write_stacks
-from tests.unit.data.test_imaged_sets import viewpoints
 from tests.unit.learning.tiny import views
 from tests.unit.models.queries import RESOLUTION, image_queries, queries
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.queried_sets import ObjectQueryPrediction
 from scenefw.core.types import GridSpec
-from scenefw.data.imaged_sets import ImagedSets
-from scenefw.data.viewed_sets import ViewedSets
+from scenefw.data.batches.image_queries import ImagedSets
+from scenefw.data.batches.object_queries import ViewedSets
 from scenefw.learning.checkpoint import OBJECT_QUERIES, load_checkpoint
 from scenefw.learning.object_queries import ObjectQueryLearning, figures, matched
+from scenefw.learning.runtime.trainer import TrainerSettings
 from scenefw.learning.schedules import CosineDecay
-from scenefw.learning.trainer import TrainerSettings
 from scenefw.losses.query_distance import QueryDistance
 from scenefw.losses.query_existence import QueryExistence
 from scenefw.losses.query_parameters import QueryParameters

@@ -5,11 +5,11 @@ from tests.unit.data.stacks_file import write_stacks
 from tests.unit.learning.tiny import views
 
 from scenefw.core.errors import ConfigError
-from scenefw.data.object_sets import ObjectSetViews
+from scenefw.data.batches.set_decomposition import ObjectSetViews
 from scenefw.learning.checkpoint import load_checkpoint
 from scenefw.learning.object_sets import ObjectSetLearning, _scores, matched
+from scenefw.learning.runtime.trainer import TrainerSettings
 from scenefw.learning.schedules import CosineDecay
-from scenefw.learning.trainer import TrainerSettings
 from scenefw.losses.set_bce import SetBinaryCrossEntropy
 from scenefw.losses.set_boxes import SetBoxes
 from scenefw.losses.set_cells import SetCells

@@ -9,7 +9,7 @@ from scenefw import registry
 from scenefw.core.batches import IndexBatch
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import GridSpec
-from scenefw.data.part_views import PartViews
+from scenefw.data.batches.part_views import PartViews
 from scenefw.learning.checkpoint import load_checkpoint
 from scenefw.learning.part_affinity import PartAffinityLearning
 from scenefw.losses.part_affinity import PartAffinityCrossEntropy, true_affinities

@@ -1,9 +1,9 @@
 import pytest
 
 from scenefw.core.errors import ConfigError
-from scenefw.learning.limits import Budget
+from scenefw.learning.runtime.limits import Budget
+from scenefw.learning.runtime.trainer import TrainerSettings
 from scenefw.learning.schedules import CosineDecay, ExponentialDecay, Progress, StepDecay
-from scenefw.learning.trainer import TrainerSettings
 
 
 def test_the_thesis_drops_by_one_percent_every_five_epochs():

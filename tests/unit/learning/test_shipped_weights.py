@@ -9,8 +9,8 @@ import torch
 
 from scenefw import registry
 from scenefw.core.height_maps import HeightGrid
-from scenefw.data.stacks import StackScenes
-from scenefw.data.views import ViewMaker
+from scenefw.data.batches.stacks import StackScenes
+from scenefw.data.batches.views import ViewMaker
 from scenefw.labelling.sources import NetworkLabels, NetworkMapLabels
 from scenefw.learning.checkpoint import SEGMENTATION, SHAPE_INSTANCE, load_checkpoint
 from scenefw.mapping.inverse_ray_tracing import InverseRayTracing

@@ -11,12 +11,12 @@ import torch
 
 from scenefw.core.geometry import look_at
 from scenefw.core.types import Camera, GridSpec
-from scenefw.data.augmentation import RigidAugmentation
-from scenefw.data.modules import StackData
-from scenefw.data.views import ViewMaker
+from scenefw.data.batches.augmentation import RigidAugmentation
+from scenefw.data.batches.stack_volumes import StackData
+from scenefw.data.batches.views import ViewMaker
+from scenefw.learning.runtime.trainer import TrainerSettings
 from scenefw.learning.schedules import CosineDecay
 from scenefw.learning.shape_instance import ShapeInstanceLearning
-from scenefw.learning.trainer import TrainerSettings
 from scenefw.losses.mmd import MaximumMeanDiscrepancy
 from scenefw.losses.partial_tsdf import PartialTsdfLoss
 from scenefw.losses.tsdf import TsdfLoss

@@ -7,13 +7,13 @@ import torch
 from tests.unit.data.rectangles import Rectangles
 from tests.unit.learning.tiny import Killer
 
-from scenefw.data.label_views import RenderedViews, StoredViews, ViewSamples
-from scenefw.data.light import ColourJitter
-from scenefw.data.segmentation import SegmentationData
-from scenefw.data.tabletop import TabletopScenes
+from scenefw.data.tabletop.label_views import RenderedViews, StoredViews, ViewSamples
+from scenefw.data.tabletop.light import ColourJitter
+from scenefw.data.tabletop.segmentation import SegmentationData
+from scenefw.data.tabletop.table_scenes import TabletopScenes
+from scenefw.learning.runtime.trainer import TrainerSettings
 from scenefw.learning.schedules import CosineDecay
 from scenefw.learning.segmentation import SegmentationLearning
-from scenefw.learning.trainer import TrainerSettings
 from scenefw.losses.cross_entropy import CrossEntropy
 from scenefw.models.fusenet import FuseNet
 from scenefw.noise.gaussian import Gaussian

@@ -7,7 +7,7 @@ from tests.unit.mapping import tables
 
 from scenefw.core.height_maps import HeightGrid
 from scenefw.core.types import Frame
-from scenefw.data.height_maps import load_map, save_map
+from scenefw.data.files.height_maps import load_map, save_map
 from scenefw.mapping.height_fusion import HeightFusion
 
 FINE = HeightGrid(129, 0.256, (-0.128, -0.128), 3)

@@ -12,7 +12,7 @@ from scenefw.core.geometry import look_at
 from scenefw.core.height_maps import HeightGrid
 from scenefw.core.tabletop import PLAIN, STRIPES, Light, TabletopItem
 from scenefw.core.types import Camera
-from scenefw.data.tabletop import TabletopScenes
+from scenefw.data.tabletop.table_scenes import TabletopScenes
 from scenefw.renderers.baking import colour_of_points
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
 from scenefw.scenes.tabletop import TabletopGenerator, assemble

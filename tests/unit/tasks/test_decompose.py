@@ -12,7 +12,7 @@ from tests.unit.perception.several import PAIR, TABLE, boxes, fitted_parts
 from scenefw.core import geometry
 from scenefw.core.errors import ConfigError, InputError, StorageError
 from scenefw.core.types import GridSpec
-from scenefw.data.sequences import write_sequence
+from scenefw.data.files.sequences import write_sequence
 from scenefw.export.meshes import write_ply
 from scenefw.export.urdf import URDF
 from scenefw.mapping.inverse_ray_tracing import InverseRayTracing

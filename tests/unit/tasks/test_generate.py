@@ -15,7 +15,7 @@ from tests.unit.tasks.scattering import Scattering, generated
 from scenefw import registry
 from scenefw.core.errors import ConfigError, StorageError
 from scenefw.core.made_of import settings_of
-from scenefw.data.stacks import shipped_scenes
+from scenefw.data.batches.stacks import shipped_scenes
 from scenefw.parallel.local import Local
 from scenefw.scenes import statistics
 from scenefw.scenes.storage import load_manifest, load_scenes

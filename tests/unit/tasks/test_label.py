@@ -10,9 +10,9 @@ from tests.unit.tasks.recordings import CLASSES, GRID, frames, table
 from scenefw.core.errors import ConfigError, IncompleteError, InputError
 from scenefw.core.geometry import inverse, rigid
 from scenefw.core.height_maps import HeightGrid
-from scenefw.data.height_maps import load_map, save_map
-from scenefw.data.readers import read_frame
-from scenefw.data.sequences import transformed, write_sequence
+from scenefw.data.files.height_maps import load_map, save_map
+from scenefw.data.files.readers import read_frame
+from scenefw.data.files.sequences import transformed, write_sequence
 from scenefw.labelling.by_height import ByHeight
 from scenefw.labelling.hybrid import Hybrid
 from scenefw.labelling.map_based import MapBased

@@ -5,8 +5,8 @@ import torch
 from tests.unit.data.rectangles import Rectangles
 
 from scenefw.core.errors import ConfigError
-from scenefw.data.map_crops import StoredMaps
-from scenefw.data.packed_maps import PackedMaps
+from scenefw.data.tabletop.map_crops import StoredMaps
+from scenefw.data.tabletop.packed_maps import PackedMaps
 from scenefw.parallel.local import Local
 from scenefw.tasks.pack_maps import PackMaps
 

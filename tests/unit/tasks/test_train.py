@@ -10,10 +10,10 @@ from tests.unit.learning import tiny
 
 from scenefw.core.errors import CheckpointError, ConfigError, StorageError, TrainingError
 from scenefw.core.signals import stop_of
-from scenefw.data.stacks import StackScenes
+from scenefw.data.batches.stacks import StackScenes
 from scenefw.learning.checkpoint import load_checkpoint
 from scenefw.learning.optimizers import Muon
-from scenefw.learning.trainer import TrainerSettings
+from scenefw.learning.runtime.trainer import TrainerSettings
 from scenefw.losses.block_energy import BlockEnergy
 from scenefw.losses.sample_spread import SampleSpread
 from scenefw.losses.tsdf import TsdfLoss

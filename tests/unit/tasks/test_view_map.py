@@ -5,8 +5,8 @@ from tests.unit.tasks.recordings import CLASSES, frames, table
 from tests.unit.tasks.test_label import label
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.data.height_maps import is_map, load_map, save_map
-from scenefw.data.sequences import write_sequence
+from scenefw.data.files.height_maps import is_map, load_map, save_map
+from scenefw.data.files.sequences import write_sequence
 from scenefw.report.labelling.map_viewer import MapViewer
 from scenefw.tasks import view_map
 from scenefw.tasks.view_map import ViewMap

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import torch
 
-from scenefw.data.conditioning import condition, require_grid
+from scenefw.data.batches.conditioning import condition, require_grid
 from scenefw_object_count.data import counts
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from scenefw.core.batches import PartialTSDF
     from scenefw.core.types import GridSpec
-    from scenefw.data.stacks import StackScenes
+    from scenefw.data.batches.stacks import StackScenes
     from scenefw_object_count.network import CountNetwork
 
 

@@ -13,15 +13,15 @@ import torch
 from scenefw.core import rng
 from scenefw.core.errors import ConfigError
 from scenefw.core.measures import Measure
-from scenefw.data.views import ViewMaker
+from scenefw.data.batches.views import ViewMaker
 from scenefw.evaluation.statistics import paired_interval
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from scenefw.core.protocols import MappingMethod, Noise, Renderer, Track
-    from scenefw.data.stacks import StackScenes
-    from scenefw.data.views import Viewpoints
+    from scenefw.data.batches.stacks import StackScenes
+    from scenefw.data.batches.views import Viewpoints
     from scenefw_object_count.counters import Counter
 
 _VIEW_STREAM = 1

@@ -65,7 +65,7 @@ class PointCloudTask:
         if self.input is None:
             yield from self._simulated()
             return
-        from scenefw.data.readers import read_frames
+        from scenefw.data.files.readers import read_frames
 
         for index, frame in enumerate(read_frames(Path(self.input))):
             name = Path(frame.name).stem or f"view_{index:03d}"

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.data.recordings import MeasuredFrames
-from scenefw.data.sequences import open_sequence
+from scenefw.data.files.recordings import MeasuredFrames
+from scenefw.data.files.sequences import open_sequence
 from scenefw.evaluation.labelling.measures import of_halves
 from scenefw.metrics.repeatability import agreement, chance_agreement, mutual_iou, plane_through
 from scenefw.perception.observation.table_frame import TableFrame

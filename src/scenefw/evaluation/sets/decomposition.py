@@ -10,8 +10,8 @@ import torch
 
 from scenefw.core import rng
 from scenefw.core.errors import ConfigError
-from scenefw.data.object_sets import object_set_batch
-from scenefw.data.views import ViewMaker
+from scenefw.data.batches.set_decomposition import object_set_batch
+from scenefw.data.batches.views import ViewMaker
 from scenefw.evaluation.sets.methods import Decomposer, FoundSet, SeenSet
 from scenefw.evaluation.sets.published import ROWS
 from scenefw.evaluation.sets.results import (
@@ -37,8 +37,8 @@ if TYPE_CHECKING:
     from scenefw.core.object_sets import ObjectSetBatch
     from scenefw.core.protocols import MappingMethod, Matching, Noise, SurfaceRenderer, Track
     from scenefw.core.types import GridSpec
-    from scenefw.data.stacks import StackScenes
-    from scenefw.data.views import ViewBatch, Viewpoints
+    from scenefw.data.batches.stacks import StackScenes
+    from scenefw.data.batches.views import ViewBatch, Viewpoints
 
 _VIEWS, _DRAWS = 1, 3  # random streams
 _ERRORS = ("missing", "joined", "duplicate", "split")

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from scenefw.core.protocols import Engine, Track
     from scenefw.core.training_protocols import TrainedWholeSetFlow
     from scenefw.core.types import SceneObject
-    from scenefw.data.stacks import StackScenes
+    from scenefw.data.batches.stacks import StackScenes
 
 _REFERENCES, _DRAWS, _GIVEN, _CHOICE, _AT_REST = 1, 2, 3, 4, 5  # random streams
 _SIZES = (1e-3, 1.0)  # m: half-axes that a simulator can take
@@ -60,7 +60,7 @@ _LOST = 10.0  # m: displacement that counts at most
 
 
 class ViewedScenes(Protocol):
-    """Training scenes, and views of any scenes (`data.seen_sets.SeenSets`)."""
+    """Training scenes, and views of any scenes (`data.batches.set_flow.SeenSets`)."""
 
     scenes: StackScenes
 

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from scenefw.core.errors import ConfigError
-from scenefw.data.views import ViewMaker, Viewpoints
+from scenefw.data.batches.views import ViewMaker, Viewpoints
 from scenefw.evaluation.kept_rows import KeptRows
 from scenefw.evaluation.scored_scenes import scored_scenes, workers_on
 from scenefw.evaluation.stacks.confidence_results import ConfidenceResult, ObjectConfidence
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from scenefw.core.protocols import MappingMethod, Noise, Renderer, Track
     from scenefw.core.types import GridSpec
-    from scenefw.data.stacks import SceneSet
+    from scenefw.data.batches.stacks import SceneSet
     from scenefw.perception.pipeline import ReconstructionPipeline
 
 _VIEWS, _CODES = 41, 42  # random streams

@@ -10,7 +10,7 @@ from torch import Tensor
 from scenefw.core.errors import ConfigError
 from scenefw.core.protocols import Reconstructor
 from scenefw.core.types import Float64, GridSpec, Int32
-from scenefw.data.stacks import StackScenes
+from scenefw.data.batches.stacks import StackScenes
 from scenefw.evaluation.stacks.training_mean import TrainingMean
 from scenefw.metrics.forecasts import Outcomes, log_odds_classes
 from scenefw.metrics.instances import scores_of

@@ -10,8 +10,8 @@ from scenefw.core import rng
 from scenefw.core.errors import ConfigError
 from scenefw.core.protocols import MappingMethod, Noise, Reconstructor, Renderer
 from scenefw.core.types import Camera, Float32, GridSpec, Int32
-from scenefw.data.stacks import SceneSet
-from scenefw.data.views import ViewMaker, Viewpoints
+from scenefw.data.batches.stacks import SceneSet
+from scenefw.data.batches.views import ViewMaker, Viewpoints
 from scenefw.kernels.cameras import camera_of
 from scenefw.matching.instances import renumbered_like
 

@@ -24,8 +24,8 @@ from scenefw.core.protocols import (
     Workers,
 )
 from scenefw.core.types import Camera, GridSpec, Int32, PlacedShape, SceneObject
-from scenefw.data.stacks import SceneSet
-from scenefw.data.views import ViewMaker, Viewpoints
+from scenefw.data.batches.stacks import SceneSet
+from scenefw.data.batches.views import ViewMaker, Viewpoints
 from scenefw.evaluation.stacks.grasp_choices import Tried
 from scenefw.evaluation.stacks.grasping_results import GraspExample, GraspingResult, SceneGrasps
 from scenefw.kernels.cameras import camera_of

@@ -12,7 +12,7 @@ from scenefw.core.errors import ConfigError, InputError, LabelsError
 from scenefw.core.measures import Measure
 from scenefw.core.protocols import Track
 from scenefw.core.types import Float64, Frame, Int32, SceneEstimate
-from scenefw.data.readers import find_images, read_frame
+from scenefw.data.files.readers import find_images, read_frame
 from scenefw.evaluation.stacks.measures import OF_MARGINS, REFERENCE, at_margin, of_images
 from scenefw.metrics.masks import MaskScores, mask_scores
 from scenefw.metrics.seams import Seams, seam_scores

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from scenefw.core.errors import ConfigError
-from scenefw.data.views import ViewMaker, Viewpoints
+from scenefw.data.batches.views import ViewMaker, Viewpoints
 from scenefw.evaluation.kept_rows import KeptRows
 from scenefw.evaluation.scored_scenes import scored_scenes, workers_on
 from scenefw.evaluation.stacks.latent_space_results import (
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from scenefw.core.batches import Completion
     from scenefw.core.protocols import MappingMethod, Matching, Noise, Renderer, Track
     from scenefw.core.types import Float32
-    from scenefw.data.stacks import SceneSet
+    from scenefw.data.batches.stacks import SceneSet
     from scenefw.perception.completion.volume_network import VolumeNetwork
 
 _VIEWS, _CODES, _ENDS = 31, 32, 33  # random streams

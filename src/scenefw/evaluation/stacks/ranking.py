@@ -10,7 +10,7 @@ import torch
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.settings import POSITIVE, at_least
-from scenefw.data.views import ViewMaker, Viewpoints
+from scenefw.data.batches.views import ViewMaker, Viewpoints
 from scenefw.evaluation.scored_scenes import scored_scenes, workers_on
 from scenefw.evaluation.stacks.ranking_results import ANY, BEST, FIRST, RankingResult, ViewChoices
 from scenefw.evaluation.stacks.several_views import SeenOften
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
         Track,
     )
     from scenefw.core.types import Int32, SceneEstimate
-    from scenefw.data.stacks import SceneSet
-    from scenefw.data.views import ViewBatch
+    from scenefw.data.batches.stacks import SceneSet
+    from scenefw.data.batches.views import ViewBatch
     from scenefw.evaluation.kept_rows import KeptRows
     from scenefw.perception.physics.bodies import BodyMaker
     from scenefw.perception.pipeline import ReconstructionPipeline

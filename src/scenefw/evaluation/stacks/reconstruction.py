@@ -22,8 +22,8 @@ from scenefw.core.protocols import (
     Workers,
 )
 from scenefw.core.types import Camera, Float64, GridSpec
-from scenefw.data.stacks import SceneSet
-from scenefw.data.views import ViewBatch, ViewMaker, Viewpoints
+from scenefw.data.batches.stacks import SceneSet
+from scenefw.data.batches.views import ViewBatch, ViewMaker, Viewpoints
 from scenefw.evaluation.kept_rows import KeptRows, kept_or_made
 from scenefw.evaluation.scored_scenes import workers_on
 from scenefw.evaluation.side_by_side import collected, run_single_threaded, side_by_side

@@ -11,8 +11,8 @@ from scenefw.core import rng
 from scenefw.core.errors import InputError
 from scenefw.core.protocols import Reconstructor
 from scenefw.core.types import Camera, Float64, GridSpec
-from scenefw.data.stacks import SceneSet
-from scenefw.data.views import ViewBatch, ViewMaker
+from scenefw.data.batches.stacks import SceneSet
+from scenefw.data.batches.views import ViewBatch, ViewMaker
 from scenefw.evaluation.stacks.draws import VISIBLE_POINTS, Truth
 from scenefw.evaluation.stacks.surface_scores import Surfaces
 from scenefw.evaluation.stacks.visibility import VisibleSurface

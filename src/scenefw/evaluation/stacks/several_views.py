@@ -11,7 +11,7 @@ import torch
 
 from scenefw.core import rng
 from scenefw.core.errors import ConfigError
-from scenefw.data.views import ViewBatch, ViewMaker, Viewpoints
+from scenefw.data.batches.views import ViewBatch, ViewMaker, Viewpoints
 from scenefw.evaluation.kept_rows import KeptRows
 from scenefw.evaluation.scored_scenes import scored_scenes, workers_on
 from scenefw.evaluation.stacks.several_views_results import SceneScores, SeveralViewsResult
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
         Track,
     )
     from scenefw.core.types import GridSpec
-    from scenefw.data.stacks import SceneSet
+    from scenefw.data.batches.stacks import SceneSet
 
 _VIEWS, _POINTS, _CODES = 21, 22, 23  # random streams
 

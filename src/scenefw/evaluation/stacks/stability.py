@@ -20,8 +20,8 @@ from scenefw.core.protocols import (
     Track,
 )
 from scenefw.core.types import GridSpec, SceneObject
-from scenefw.data.stacks import SceneSet
-from scenefw.data.views import ViewMaker, Viewpoints
+from scenefw.data.batches.stacks import SceneSet
+from scenefw.data.batches.views import ViewMaker, Viewpoints
 from scenefw.evaluation.kept_rows import KeptRows, kept_or_made
 from scenefw.evaluation.side_by_side import collected
 from scenefw.evaluation.stacks.published import published_of

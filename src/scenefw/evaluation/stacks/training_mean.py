@@ -3,7 +3,7 @@
 import numpy as np
 
 from scenefw.core.types import Float64, GridSpec
-from scenefw.data.stacks import StackScenes
+from scenefw.data.batches.stacks import StackScenes
 from scenefw.representations.volumes import object_occupancy
 
 _AT_ONCE = 16  # scenes whose volumes are in memory together

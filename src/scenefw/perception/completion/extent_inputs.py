@@ -14,9 +14,9 @@ from scenefw.core.errors import InputError
 from scenefw.core.evidence import FittedSuperquadric
 from scenefw.core.set_flows import SeenSetBatch
 from scenefw.core.types import Pose
-from scenefw.data.object_ends import object_ends
-from scenefw.data.view_frames import in_frame, view_frame
-from scenefw.data.view_samples import ObjectSamples
+from scenefw.data.batches.object_ends import object_ends
+from scenefw.data.batches.view_frames import in_frame, view_frame
+from scenefw.data.batches.view_samples import ObjectSamples
 from scenefw.fitting.placed import signed_distance
 from scenefw.shapes.equal_descriptions import equal_descriptions
 

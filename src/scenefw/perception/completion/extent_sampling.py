@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, above
-from scenefw.data.view_samples import ObjectSamples
+from scenefw.data.batches.view_samples import ObjectSamples
 from scenefw.fitting.placed import signed_distance
 from scenefw.perception.completion.extent_inputs import ExtentInputs
 from scenefw.perception.completion.support import extend_to_support

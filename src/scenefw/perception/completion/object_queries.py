@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from scenefw.core.settings import POSITIVE
-from scenefw.data.seen_points import LOWEST
+from scenefw.data.batches.visible_points import LOWEST
 from scenefw.fitting.placed import signed_distance
 from scenefw.perception.completion.queried_objects import QueryDecoding
 from scenefw.perception.observation.observation import JointGeometry

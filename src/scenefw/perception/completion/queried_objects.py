@@ -13,8 +13,8 @@ from scenefw.core.evidence import FittedSuperquadric
 from scenefw.core.queried_sets import IMAGE
 from scenefw.core.settings import PART, PROBABILITY
 from scenefw.core.types import Pose
-from scenefw.data.set_views import image_view, volume_view
-from scenefw.data.view_samples import points_of_view, width_of_view
+from scenefw.data.batches.set_inputs import image_view, volume_view
+from scenefw.data.batches.view_samples import points_of_view, width_of_view
 from scenefw.fitting.placed import in_frame_of, shape_of
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from scenefw.core.queried_sets import QueriedSet
     from scenefw.core.query_protocols import ObjectQueryModel, TrainedObjectQueries
     from scenefw.core.types import GridSpec
-    from scenefw.data.set_views import SetView
+    from scenefw.data.batches.set_inputs import SetView
 
 _CORNERS = 6  # of meshes that say where an object is
 _SHELLS = (1.0, 0.7, 0.4, 0.1)  # of sizes: so its inner points are spread

@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.settings import NOT_NEGATIVE, PART
-from scenefw.data.conditioning import condition, require_grid
+from scenefw.data.batches.conditioning import condition, require_grid
 from scenefw.perception.completion.suppression import chosen_objects
 from scenefw.perception.steps import Objects, ObjectSet
 

@@ -10,7 +10,7 @@ from torch.nn.functional import pad
 
 from scenefw.core.batches import Completion
 from scenefw.core.errors import ConfigError
-from scenefw.data.conditioning import condition, require_grid
+from scenefw.data.batches.conditioning import condition, require_grid
 from scenefw.perception.steps import Objects, ObjectSet
 from scenefw.representations.tsdf import TSDF
 from scenefw.representations.vote_field import VoteField

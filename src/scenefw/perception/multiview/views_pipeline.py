@@ -12,7 +12,7 @@ from scenefw.core import rng
 from scenefw.core.batches import Completion
 from scenefw.core.errors import InputError
 from scenefw.core.settings import COUNT
-from scenefw.data.sequences import transformed
+from scenefw.data.files.sequences import transformed
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.mapping.several_views import fused
 from scenefw.perception.estimate.assembly import cleaned, scene_estimate

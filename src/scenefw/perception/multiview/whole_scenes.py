@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from scenefw.core.errors import InputError
-from scenefw.data.sequences import open_sequence
+from scenefw.data.files.sequences import open_sequence
 from scenefw.perception.multiview.scene_meshes import is_mesh, read_scene_mesh
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def read_whole_scene(
         pipeline: chooses among the images of a recording.
         meshes: makes views of meshes.
         mesh_scale: metres per unit of a mesh.
-        options: of `data.sequences.open_sequence`.
+        options: of `data.files.sequences.open_sequence`.
 
     Raises:
         InputError: nothing usable is there.

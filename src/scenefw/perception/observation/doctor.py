@@ -10,7 +10,7 @@ from scenefw.core.errors import InputError
 from scenefw.core.floors import Floor
 from scenefw.core.settings import NOT_NEGATIVE, SHARE, above, between
 from scenefw.core.types import Frame
-from scenefw.data.image_checks import check_depth
+from scenefw.data.files.image_checks import check_depth
 from scenefw.perception.observation.colour_alignment import colour_shift
 from scenefw.perception.observation.workspace import Workspace
 

@@ -15,8 +15,8 @@ import numpy as np
 from scenefw.core.errors import InputError
 from scenefw.core.labelling_protocols import Odometry
 from scenefw.core.types import Frame
-from scenefw.data.recordings import Recording
-from scenefw.data.sequences import transformed
+from scenefw.data.files.recordings import Recording
+from scenefw.data.files.sequences import transformed
 from scenefw.perception.observation.table_frame import TableFrame
 
 

@@ -8,7 +8,7 @@ from scenefw.core.errors import MissingDependencyError
 from scenefw.core.geometry import look_at
 from scenefw.core.protocols import SceneSource
 from scenefw.core.types import Camera, GridSpec, Scene
-from scenefw.data.stacks import StackScenes
+from scenefw.data.batches.stacks import StackScenes
 from scenefw.report.blocks import Picture, Section, Text
 from scenefw.report.palette import instance_colours
 from scenefw.report.pictures import beside, save_picture

@@ -5,7 +5,7 @@ import pytest
 from tests.unit.tasks.recordings import CLASSES, GRID, frames, table
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.data.sequences import write_sequence
+from scenefw.data.files.sequences import write_sequence
 from scenefw.evaluation.labelling.halves import LabellingHalves, compared
 from scenefw.labelling.sources import TrueLabels
 from scenefw.labelling.view_based import ViewBased

@@ -10,7 +10,7 @@ from scenefw.core.batches import Completion
 from scenefw.core.errors import ConfigError
 from scenefw.core.object_sets import ObjectSetPrediction
 from scenefw.core.types import GridSpec
-from scenefw.data.stacks import StackScenes
+from scenefw.data.batches.stacks import StackScenes
 from scenefw.evaluation.sets.decomposition import DecompositionEvaluation
 from scenefw.evaluation.sets.methods import (
     Components,

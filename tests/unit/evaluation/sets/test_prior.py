@@ -13,8 +13,8 @@ from scenefw.core.batches import IndexBatch, SceneParameters
 from scenefw.core.errors import ConfigError
 from scenefw.core.set_flows import SeenSetBatch
 from scenefw.core.types import GridSpec, Pose, SceneObject
-from scenefw.data.seen_sets import SeenSets
-from scenefw.data.stacks import StackScenes
+from scenefw.data.batches.set_flow import SeenSets
+from scenefw.data.batches.stacks import StackScenes
 from scenefw.evaluation.sets.left_to_gravity import Gravity, objects_of
 from scenefw.evaluation.sets.prior import SetPriorEvaluation
 from scenefw.evaluation.sets.prior_references import jittered, shuffled

@@ -7,7 +7,7 @@ import torch
 from scenefw.core.batches import Completion
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import GridSpec
-from scenefw.data.stacks import StackScenes, shipped_scenes
+from scenefw.data.batches.stacks import StackScenes, shipped_scenes
 from scenefw.evaluation.kept_rows import KeptRows
 from scenefw.evaluation.stacks.confidence import ConfidenceEvaluation
 from scenefw.evaluation.stacks.confidence_results import ConfidenceResult, ObjectConfidence

@@ -10,7 +10,7 @@ from tests.unit.perception.pipelines import pipeline_of
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import GridSpec
-from scenefw.data.stacks import StackScenes, shipped_scenes
+from scenefw.data.batches.stacks import StackScenes, shipped_scenes
 from scenefw.evaluation.stacks.draw_results import DrawsResult, DrawView, half, scores
 from scenefw.evaluation.stacks.draws import DrawScoring, Truth, hidden_objects, owners_of, pairs_of
 from scenefw.evaluation.stacks.training_mean import TrainingMean

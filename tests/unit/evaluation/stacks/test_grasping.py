@@ -9,7 +9,7 @@ from tests.unit.evaluation.stacks.test_stability import Knowing
 from tests.unit.grasping.boxes import grasping
 
 from scenefw.core.errors import ConfigError
-from scenefw.data.stacks import StackScenes, shipped_scenes
+from scenefw.data.batches.stacks import StackScenes, shipped_scenes
 from scenefw.evaluation.stacks.grasp_choices import OF_A_SCENE, Tried, score
 from scenefw.evaluation.stacks.grasping import GraspingEvaluation, stands_for
 from scenefw.evaluation.stacks.grasping_results import ANY, GIVEN, GraspingResult, SceneGrasps

@@ -13,8 +13,8 @@ from tests.unit.perception.blurred import seen
 from scenefw.core.errors import ConfigError, InputError, LabelsError
 from scenefw.core.geometry import look_at, transform_points
 from scenefw.core.types import Camera, Frame, GridSpec, SceneEstimate
-from scenefw.data.outlines import Outlines
-from scenefw.data.stored_labels import StoredLabels
+from scenefw.data.files.outlines import Outlines
+from scenefw.data.files.stored_labels import StoredLabels
 from scenefw.evaluation.stacks.labelled_masks import LabelledMasks
 from scenefw.metrics.masks import mask_scores
 from scenefw.perception.evidence.visible_instances import visible_instances

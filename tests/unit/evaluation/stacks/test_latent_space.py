@@ -9,7 +9,7 @@ import torch
 from scenefw.core.batches import Completion
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import GridSpec
-from scenefw.data.stacks import StackScenes, shipped_scenes
+from scenefw.data.batches.stacks import StackScenes, shipped_scenes
 from scenefw.evaluation.kept_rows import KeptRows
 from scenefw.evaluation.stacks.latent_space import LatentSpaceEvaluation, on_sphere
 from scenefw.mapping.projective import Projective

@@ -9,7 +9,7 @@ from tests.unit.evaluation.stacks.test_confidence import GRID
 
 from scenefw.core.batches import Completion
 from scenefw.core.errors import ConfigError
-from scenefw.data.stacks import StackScenes, shipped_scenes
+from scenefw.data.batches.stacks import StackScenes, shipped_scenes
 from scenefw.evaluation.kept_rows import KeptRows
 from scenefw.evaluation.stacks.ranking import RankingEvaluation
 from scenefw.evaluation.stacks.ranking_results import RankingResult, ViewChoices

@@ -8,7 +8,7 @@ from tests.unit.perception.pipelines import pipeline_of
 from scenefw.core.batches import Completion
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import GridSpec
-from scenefw.data.stacks import StackScenes, shipped_scenes
+from scenefw.data.batches.stacks import StackScenes, shipped_scenes
 from scenefw.evaluation.kept_rows import KeptRows
 from scenefw.evaluation.stacks.reconstruction import ReconstructionEvaluation
 from scenefw.evaluation.stacks.seen_scenes import Streams

@@ -5,7 +5,7 @@ import torch
 
 from scenefw.core.batches import Completion
 from scenefw.core.types import GridSpec
-from scenefw.data.stacks import StackScenes, shipped_scenes
+from scenefw.data.batches.stacks import StackScenes, shipped_scenes
 from scenefw.evaluation.stacks.several_views import SeveralViewsEvaluation
 from scenefw.evaluation.stacks.surface_scores import SurfaceScoring
 from scenefw.mapping.projective import Projective

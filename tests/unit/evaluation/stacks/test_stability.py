@@ -8,7 +8,7 @@ import torch
 
 from scenefw.core.batches import Completion
 from scenefw.core.types import GridSpec, PlacedShape, Pose, SceneObject
-from scenefw.data.stacks import StackScenes, shipped_scenes
+from scenefw.data.batches.stacks import StackScenes, shipped_scenes
 from scenefw.evaluation.kept_rows import KeptRows
 from scenefw.evaluation.stacks.stability import StabilityEvaluation
 from scenefw.evaluation.stacks.stability_results import Pile

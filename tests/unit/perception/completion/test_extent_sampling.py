@@ -15,7 +15,7 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.evidence import FittedSuperquadric
 from scenefw.core.set_flows import SeenSetBatch
 from scenefw.core.types import Pose
-from scenefw.data.view_samples import ObjectSamples
+from scenefw.data.batches.view_samples import ObjectSamples
 from scenefw.fitting.joint import JointFit
 from scenefw.fitting.placed import shape_of, signed_distance
 from scenefw.fitting.superquadrics import SuperquadricFit

@@ -12,8 +12,8 @@ from tests.unit.perception.synthetic import STACK, camera_at
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.queried_sets import QueriedSet
 from scenefw.core.types import GridSpec
-from scenefw.data.set_views import image_view
-from scenefw.data.view_samples import image_facts, view_facts
+from scenefw.data.batches.set_inputs import image_view
+from scenefw.data.batches.view_samples import image_facts, view_facts
 from scenefw.fitting.joint import JointFit
 from scenefw.fitting.superquadrics import SuperquadricFit
 from scenefw.perception.completion.object_queries import ObjectQuerySampling

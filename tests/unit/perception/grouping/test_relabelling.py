@@ -15,7 +15,7 @@ from scenefw import config
 from scenefw.core.batches import PartialTSDF
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import GridSpec
-from scenefw.data.readers import read_frame
+from scenefw.data.files.readers import read_frame
 from scenefw.metrics.masks import mask_scores
 from scenefw.perception.evidence.visible_instances import visible_instances
 from scenefw.perception.grouping.division import divide

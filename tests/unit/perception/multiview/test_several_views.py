@@ -113,7 +113,7 @@ class BoxDecoder(nn.Module):
     latent_size, outputs = 1, {"tsdf": 1}
 
     def predict(self, condition, latent=None):
-        x, y, z = (torch.from_numpy(GRID.centres()[..., k]).float() for k in range(3))
+        x, y, z = (torch.tensor(GRID.centres()[..., k]).float() for k in range(3))
         away = torch.stack([(x - 0.1 * latent[0, 0]).abs(), y.abs(), (z - 0.1).abs()]) - 0.1
         outside = away.clamp(min=0).norm(dim=0) + away.amax(dim=0).clamp(max=0)
         tsdf = (outside / GRID.truncation).clamp(-1, 1)
@@ -148,6 +148,7 @@ def test_halves_seen_from_two_sides_are_one_object_and_fitted_whole():
         views, GRID, 1, NOISE
     )
     assert (segmentation.calls, grouping.calls) == (2, 2)  # each view once
+    assert list(sharp.placed[0]) == [1]  # a superquadric in place of the hull
     truth = scene_volumes(box_at(0.0), GRID).tsdf[0, 0].numpy() < 0
     assert occupancy_iou(sharp.tsdf[0].numpy() < 0, truth) > 0.9
     assert occupancy_iou(objects.tsdf < 0, truth) > 0.9  # the hull of both halves

@@ -8,7 +8,7 @@ from PIL import Image
 from scipy.ndimage import gaussian_filter
 from tests.unit.perception.synthetic import camera_at, frame_of
 
-from scenefw.data.readers import read_frame
+from scenefw.data.files.readers import read_frame
 from scenefw.perception.observation.colour_alignment import colour_shift
 
 

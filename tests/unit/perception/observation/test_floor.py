@@ -6,7 +6,7 @@ from tests.unit.perception.synthetic import Box, camera_at, frame_of
 
 from scenefw.core.errors import InputError
 from scenefw.core.types import Frame
-from scenefw.data.readers import read_frames
+from scenefw.data.files.readers import read_frames
 from scenefw.perception.observation.floor import FloorFinder
 from scenefw.perception.observation.points import camera_points, world_points
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from scenefw.data.readers import read_frames
+from scenefw.data.files.readers import read_frames
 from scenefw.perception.observation.floor import FloorFinder
 from scenefw.perception.observation.floor_noise import (
     FloorNoise,

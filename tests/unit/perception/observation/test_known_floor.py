@@ -8,7 +8,7 @@ from tests.unit.perception.synthetic import Box, camera_at, frame_of
 
 from scenefw import config
 from scenefw.core.errors import ConfigError, InputError, SettingError
-from scenefw.data.readers import read_frames
+from scenefw.data.files.readers import read_frames
 from scenefw.execution.build import Builder
 from scenefw.perception.observation.floor import FloorFinder
 from scenefw.perception.observation.known_floor import KnownFloor

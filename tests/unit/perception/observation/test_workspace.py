@@ -4,7 +4,7 @@ from tests.unit.perception.synthetic import STACK, Box, camera_at, frame_of
 
 from scenefw.core.errors import InputError
 from scenefw.core.types import Frame, GridSpec
-from scenefw.data.readers import read_frames
+from scenefw.data.files.readers import read_frames
 from scenefw.perception.observation.floor import FloorFinder
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.observation.workspace import WorkspaceFinder

@@ -11,7 +11,7 @@ from tests.composed import option
 from tests.unit.perception.synthetic import Box, camera_at, frame_of
 
 from scenefw.core.errors import ConfigError
-from scenefw.data.readers import read_frames
+from scenefw.data.files.readers import read_frames
 from scenefw.learning.checkpoint import load_checkpoint
 from scenefw.losses.part_affinity import true_affinities
 from scenefw.metrics.masks import mask_scores

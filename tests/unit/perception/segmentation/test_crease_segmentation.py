@@ -11,7 +11,7 @@ from tests.unit.perception.synthetic import Box, camera_at, frame_of
 from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import look_at, transform_points
 from scenefw.core.types import Camera, Frame
-from scenefw.data.readers import read_frames
+from scenefw.data.files.readers import read_frames
 from scenefw.metrics.masks import mask_scores
 from scenefw.perception.observation.floor import FloorFinder
 from scenefw.perception.observation.observation import Observation

@@ -16,8 +16,8 @@ from scenefw import config
 from scenefw.core.batches import PartialTSDF
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import GridSpec
-from scenefw.data.outlines import Outlines
-from scenefw.data.readers import read_frame
+from scenefw.data.files.outlines import Outlines
+from scenefw.data.files.readers import read_frame
 from scenefw.mapping.projective import Projective
 from scenefw.metrics.masks import mask_scores
 from scenefw.perception.observation.observation import Observation

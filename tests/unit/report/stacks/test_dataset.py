@@ -7,7 +7,7 @@ import pytest
 
 from scenefw.core.errors import MissingDependencyError
 from scenefw.core.types import Pose, Scene, SceneObject
-from scenefw.data.stacks import StackScenes
+from scenefw.data.batches.stacks import StackScenes
 from scenefw.report.stacks.dataset import Stacks
 from scenefw.scenes.storage import pack, save_scenes
 from scenefw.shapes.superquadric import Superquadric

@@ -82,7 +82,7 @@ def test_result_does_not_depend_on_the_past():
 
 
 def test_stacks_made_with_pybullet_stand_here_too(engine):
-    from scenefw.data.stacks import shipped_scenes
+    from scenefw.data.batches.stacks import shipped_scenes
     from scenefw.scenes.storage import load_scenes
 
     stored = load_scenes(shipped_scenes())

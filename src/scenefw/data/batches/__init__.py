@@ -1,0 +1,1 @@
+"""Batches of simulated stacks, made where a network trains."""

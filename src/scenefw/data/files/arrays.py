@@ -1,0 +1,139 @@
+"""Frames from arrays, with the checks that images from files get."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from PIL import Image
+
+from scenefw.core.errors import InputError
+from scenefw.core.files import unreadable
+from scenefw.core.types import Frame, Int32
+from scenefw.data.files.image_checks import check_colour, check_depth, metres
+from scenefw.data.files.intrinsics import (
+    Intrinsics,
+    camera_from_matrix,
+    intrinsic_matrix,
+    require_size,
+)
+from scenefw.data.files.pictures import DAMAGED_PICTURE
+from scenefw.data.files.poses import pose_of
+
+
+def frame_of(
+    depth: ArrayLike,
+    intrinsics: Intrinsics,
+    colour: ArrayLike | None = None,
+    *,
+    depth_scale: float | None = None,
+    pose: ArrayLike | None = None,
+    name: str = "image",
+) -> Frame:
+    """One frame.
+
+    Args:
+        depth: (H, W) z-depth; floats are metres, integers are multiplied by `depth_scale`. 0, NaN
+            and infinity are missing measurements.
+        intrinsics: of this image size, as `intrinsic_matrix` takes them.
+        colour: (H, W, 3) uint8, aligned with the depth.
+        depth_scale: metres per unit of integer depth; None = 0.001. An error with floats.
+        pose: (4, 4) camera (OpenCV) to world; None leaves it at the origin.
+        name: of the image, for messages and files.
+
+    Raises:
+        InputError: a wrong shape, type or unit, nothing measured, or intrinsics of another image.
+        ConfigError: a depth scale that is not positive.
+    """
+    clean = check_depth(metres(_array(depth, "depth", name), depth_scale, name), name)
+    height, width = clean.shape
+    camera = camera_from_matrix(intrinsic_matrix(intrinsics, name), height, width, name)
+    require_size(intrinsics, height, width, name)
+    if pose is not None:
+        camera = camera.moved(_rigid(pose, name))
+    return Frame(
+        clean, camera, None if colour is None else colour_of(colour, clean.shape, name), None, name
+    )
+
+
+def mask_of(mask: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray[np.bool_] | Int32:
+    """A mask (H, W): booleans say where objects are, int32 which one, 0 = none.
+
+    Args:
+        mask: (H, W) booleans or whole numbers; those below 0 are none.
+        shape: of the image.
+        name: of the image, for messages.
+
+    Raises:
+        InputError: another shape or type, or no pixel is in it.
+    """
+    values = _array(mask, "mask", name)
+    if values.shape != tuple(shape):
+        raise InputError(
+            f"mask of {name} has shape {values.shape}, its depth {tuple(shape)}; both must be "
+            "aligned images of the same size"
+        )
+    if values.dtype.kind not in "bui":
+        raise InputError(
+            f"mask of {name} is of {values.dtype}; give booleans, or whole numbers that say which "
+            "object a pixel shows (0 = none)"
+        )
+    if not (values > 0).any():
+        raise InputError(f"mask of {name} holds no pixel; leave it out, or mark objects in it")
+    return values if values.dtype == np.bool_ else np.maximum(values, 0).astype(np.int32)
+
+
+def read_mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_] | Int32:
+    """A mask from a picture with one channel of 8 or 16 bits, as `mask_of` gives it.
+
+    A picture of a single value beside 0, such as 255, says where objects are; several values are
+    ids of objects.
+
+    Raises:
+        InputError: the file is missing, no such picture, of another size, or empty.
+    """
+    try:
+        with Image.open(path) as image:
+            if image.mode not in {"1", "L", "P"} and not image.mode.startswith("I"):
+                raise InputError(
+                    f"mask {path} is a picture of mode {image.mode}; give one channel of 8 or 16 "
+                    "bits, 0 = no object"
+                )
+            values = np.array(image)
+    except DAMAGED_PICTURE as error:
+        if isinstance(error, FileNotFoundError):
+            raise InputError(f"no mask {path}; add it, or leave masks out") from error
+        raise InputError(f"cannot read mask {path}: {unreadable(error, 'give a PNG')}") from error
+    several = len(np.unique(values[values > 0])) > 1
+    return mask_of(values if several else values > 0, shape, path.name)
+
+
+def colour_of(colour: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray[np.uint8]:
+    """Colour (H, W, 3) uint8 of an image.
+
+    Raises:
+        InputError: another shape or type.
+    """
+    return check_colour(_array(colour, "colour", name), shape, name)
+
+
+def _rigid(pose: ArrayLike, name: str) -> NDArray[np.float64]:
+    matrix = _array(pose, "pose", name)
+    if matrix.shape != (4, 4) or matrix.dtype.kind not in "uif":
+        raise InputError(
+            f"pose of {name} has shape {matrix.shape}; give a 4 x 4 matrix, camera to world"
+        )
+    return pose_of([str(value) for value in matrix.ravel()], f"pose of {name}")
+
+
+def _array(values: Any, quantity: str, name: str) -> NDArray[Any]:
+    try:
+        return np.asarray(values)
+    except (TypeError, ValueError, RuntimeError) as error:
+        kind = type(values).__name__
+        raise InputError(
+            f"{quantity} of {name} is a {kind} that NumPy can't read; give an array (of a tensor, "
+            "tensor.detach().cpu().numpy())"
+        ) from error

@@ -1,0 +1,103 @@
+"""Checks of depth and colour that come from outside, whether from files or as arrays."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenefw.core.errors import ConfigError, EmptyImageError, InputError
+from scenefw.data.files.layouts import MILLIMETRES
+
+Array = NDArray[Any]
+
+_FARTHEST_MEDIAN = 20.0
+"""A table-top whose median depth is above this (m) was given in millimetres."""
+_NEAREST_MEDIAN = 0.05
+"""A table-top whose median depth is below this (m) was given in metres, read as millimetres."""
+
+
+def check_depth(depth: Array, name: str) -> NDArray[np.float32]:
+    """Depth (H, W) in metres as float32 with every unusable value (NaN, infinite, <= 0) set to 0.
+
+    Raises:
+        InputError: not two-dimensional, without any measurement (EmptyImageError), or in the wrong
+            unit.
+    """
+    if depth.ndim != 2 or min(depth.shape) < 2:
+        raise InputError(f"depth of {name} has shape {depth.shape}; expected one image (H, W)")
+    depth = depth.astype(np.float32)
+    clean = np.where(np.isfinite(depth) & (depth > 0), depth, np.float32(0))
+    valid = clean[clean > 0]
+    if valid.size == 0:
+        raise EmptyImageError(
+            f"depth of {name} has no measurements ({_unusable(depth)}); record it again or check "
+            "the file"
+        )
+    median = float(np.median(valid))
+    if median > _FARTHEST_MEDIAN:
+        raise InputError(
+            f"depth of {name} has a median of {median:.0f} m: millimetres given as metres? "
+            "store it as depth_mm (.npz), or as whole numbers with run.depth_scale=0.001"
+        )
+    if median < _NEAREST_MEDIAN:
+        raise InputError(
+            f"depth of {name} has a median of {median * 1000:.2g} mm: metres given as millimetres? "
+            "store it as depth in metres, or give the run.depth_scale of whole numbers"
+        )
+    return clean
+
+
+def metres(
+    values: Array, scale: float | None, name: str, unit: float = MILLIMETRES
+) -> NDArray[np.float32]:
+    """Depth in metres as float32: floats are metres, whole numbers times `scale`, None = `unit`.
+
+    Raises:
+        InputError: values of another kind, or floats, for which a scale would change nothing.
+        ConfigError: a scale that is not positive.
+    """
+    if scale is not None and not scale > 0:
+        raise ConfigError(f"depth_scale = {scale}: expected metres per unit, above 0")
+    if values.dtype.kind == "f":
+        if scale is not None:
+            raise unused_scale(scale, name, "depth in floats is in metres")
+        return values.astype(np.float32)
+    if values.dtype.kind not in "ui":
+        raise InputError(
+            f"depth of {name} is of {values.dtype}; give floats in metres, or whole numbers with "
+            "depth_scale"
+        )
+    return (values * np.float64(unit if scale is None else scale)).astype(np.float32)
+
+
+def check_colour(colour: Array, shape: tuple[int, ...], name: str) -> NDArray[np.uint8]:
+    """Colour (H, W, 3) uint8 of an image.
+
+    Raises:
+        InputError: another shape or type.
+    """
+    if colour.shape != (*shape, 3):
+        raise InputError(
+            f"colour of {name} has shape {colour.shape}, its depth {tuple(shape)}; both must be "
+            "aligned images of the same size, colour with 3 channels"
+        )
+    if colour.dtype != np.uint8:
+        raise InputError(f"colour of {name} is of {colour.dtype}; give uint8, 0 to 255")
+    return colour
+
+
+def unused_scale(scale: float, name: str, why: str) -> InputError:
+    """The error for a scale that is given for depth whose unit is known."""
+    return InputError(f"depth_scale = {scale} changes nothing for {name}: {why}; leave it out")
+
+
+def _unusable(depth: Array) -> str:
+    """How many pixels of an image without measurements have which value."""
+    counts = {
+        "0": (depth == 0).sum(),
+        "NaN": np.isnan(depth).sum(),
+        "infinite": np.isinf(depth).sum(),
+        "negative": (np.isfinite(depth) & (depth < 0)).sum(),
+    }
+    phrases = [f"{count} {kind}" for kind, count in counts.items() if count]
+    return f"of {depth.size} pixels {', '.join(phrases)}"

@@ -1,0 +1,106 @@
+"""Folders around depth images that say more of them: BOP scenes, TUM sequences, RGB-D folders."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenefw.core.errors import InputError
+from scenefw.data.files.poses import read_numbers
+
+MILLIMETRES = 0.001
+"""Metres per unit of integer depth where nothing says otherwise."""
+
+TUM_UNIT = 1 / 5000
+"""Metres per unit in the TUM RGB-D benchmark."""
+
+_MOST_DELAY = 0.02  # s
+_COLOURS = ("rgb", "colour", "color", "gray")
+_IMAGES = (".png", ".jpg", ".jpeg")
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What the folder of an image says.
+
+    Args:
+        scale: metres per unit of integer depth.
+        root: folder of the recording; intrinsics may lie there.
+        matrix: intrinsics (3, 3), if it tells them itself.
+        colour: file of the colour image.
+    """
+
+    scale: float = MILLIMETRES
+    root: Path | None = None
+    matrix: NDArray[np.float64] | None = None
+    colour: Path | None = None
+
+
+def surroundings(path: Path) -> Surroundings:
+    """What is known of a depth image `ROOT/depth/NAME.png` from the files in ROOT.
+
+    BOP: `scene_camera.json` has `cam_K` and `depth_scale` (millimetres per unit) of each image.
+    TUM: `depth.txt` is there; depth is in 1/5000 m, and `rgb.txt` names the image nearest in time.
+    Otherwise, colour lies in `rgb/NAME.png`.
+
+    Raises:
+        InputError: a file there is damaged, or does not mention the image.
+    """
+    root = path.parent.parent
+    if path.parent.name != "depth":
+        return Surroundings()
+    if (root / "scene_camera.json").is_file():
+        return _bop(path, root)
+    if (root / "depth.txt").is_file():
+        return Surroundings(TUM_UNIT, root, colour=_tum_colour(path, root))
+    return Surroundings(root=root, colour=_same_name(path, root))
+
+
+def _bop(path: Path, root: Path) -> Surroundings:
+    file = root / "scene_camera.json"
+    try:
+        cameras = json.loads(file.read_text(encoding="utf-8"))
+        camera = cameras[str(int(path.stem))]
+        matrix = np.array(camera["cam_K"], np.float64).reshape(3, 3)
+        scale = float(camera.get("depth_scale", 1.0)) * MILLIMETRES
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(
+            f"{file} does not tell the camera of {path.name} ({type(error).__name__}: {error}); "
+            "expected cam_K and depth_scale by the image's number"
+        ) from error
+    if not 0 < scale < math.inf:
+        raise InputError(
+            f"{file} does not tell the camera of {path.name} (depth_scale is "
+            f"{camera['depth_scale']}); expected millimetres per unit, such as 1.0"
+        )
+    return Surroundings(scale, root, matrix, _same_name(path, root))
+
+
+def _same_name(path: Path, root: Path) -> Path | None:
+    names = (root / folder / (path.stem + suffix) for folder in _COLOURS for suffix in _IMAGES)
+    return next((name for name in names if name.is_file()), None)
+
+
+def _tum_colour(path: Path, root: Path) -> Path | None:
+    """The colour image nearest in time, None if there is none within 20 ms."""
+    if not (root / "rgb.txt").is_file():
+        return None
+    depths, colours = (read_numbers(root / name) for name in ("depth.txt", "rgb.txt"))
+    try:
+        times = {Path(line[1]).name: float(line[0]) for line in depths}
+        if path.name not in times:
+            return None
+        delays = [abs(float(line[0]) - times[path.name]) for line in colours]
+        nearest = min(range(len(delays)), key=delays.__getitem__, default=None)
+        if nearest is None or delays[nearest] > _MOST_DELAY:
+            return None
+        return root / colours[nearest][1]
+    except (ValueError, IndexError) as error:
+        raise InputError(
+            f"depth.txt or rgb.txt of {root} has a line that isn't 'time file' ({error}); fix it"
+        ) from error

@@ -1,0 +1,322 @@
+"""Frames from files: .npz, or a depth image (.png, .npy) with an intrinsics file beside it."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from scenefw.core.errors import InputError
+from scenefw.core.files import DAMAGED, in_order, unreadable
+from scenefw.core.types import Frame
+from scenefw.data.files.exr import read_exr
+from scenefw.data.files.image_checks import check_colour, check_depth, metres, unused_scale
+from scenefw.data.files.intrinsics import (
+    Intrinsics,
+    camera_from_matrix,
+    intrinsic_matrix,
+    require_size,
+)
+from scenefw.data.files.layouts import Surroundings, surroundings
+from scenefw.data.files.pictures import DAMAGED_PICTURE
+
+Array = NDArray[Any]
+
+_SUFFIXES = (".npz", ".npy", ".png", ".exr")
+_BAGS = (".bag", ".db3", ".mcap")  # `scenefw.data.files.bags` reads these
+_INTRINSICS_SUFFIXES = (".json", ".yaml", ".yml", ".txt")
+_INTRINSICS_STEMS = ("intrinsics", "camera", "K")
+_COLOUR_SUFFIXES = (".rgb.jpg", ".rgb.png", ".rgb.jpeg", "_rgb.png", "_rgb.jpg", ".jpg", ".jpeg")
+_COLOUR_WORDS = ("rgb", "color", "colour")
+_COMPLETE = "is the file complete?"
+
+
+def read_frames(
+    path: Path | str, *, intrinsics: Intrinsics | None = None, depth_scale: float | None = None
+) -> list[Frame]:
+    """All frames at a path: one image, or those of a folder by name, 2 before 10.
+
+    Raises:
+        InputError: as `find_images` and `read_frame`.
+    """
+    return [
+        read_frame(image, intrinsics=intrinsics, depth_scale=depth_scale)
+        for image in find_images(path)
+    ]
+
+
+def find_images(path: Path | str) -> list[Path]:
+    """Depth images at a path: the file itself, or the .npz, .npy and 16-bit .png of a folder.
+
+    A folder without any is searched with its subfolders.
+
+    Raises:
+        InputError: nothing is there, or a folder holds no depth image.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise InputError(f"no file or folder {path}; give input=PATH of a depth image or a folder")
+    if path.is_file():
+        return [path]
+    if not path.is_dir():
+        raise InputError(f"{path} is neither a file nor a folder; give a depth image or a folder")
+    images = [entry for entry in in_order(path.iterdir()) if _is_depth_image(entry)]
+    images = images or [entry for entry in in_order(path.rglob("*")) if _is_depth_image(entry)]
+    if not images:
+        if any(entry.suffix.lower() in _BAGS for entry in path.iterdir()):
+            raise InputError(
+                f"{path} is a recording; run=unpack_bag input={path} makes images of it"
+            )
+        raise InputError(
+            f"no depth image in {path}; expected .npz, .npy, .exr or 16-bit .png files"
+        )
+    return images
+
+
+def read_frame(
+    path: Path | str,
+    *,
+    intrinsics: Intrinsics | None = None,
+    depth_scale: float | None = None,
+    around: Surroundings | None = None,
+) -> Frame:
+    """One frame; its camera stands at the origin until a floor is found.
+
+    .npz: `depth_mm` (millimetres) or `depth` (metres), (H, W); `K` (3, 3); optionally `rgb`
+    (H, W, 3) uint8 and labels: `instances` (-1 unknown, 0 none, 1..N) or `label` as the Object
+    Segmentation Database codes it (see `decode_labels`). .png: 16-bit, metres = value times
+    `depth_scale`. .npy: floating point in metres, integers as .png. .exr: metres. The colour image
+    lies beside, as NAME.rgb.jpg, or where `surroundings` finds it in a BOP scene, a TUM sequence or
+    an RGB-D folder.
+
+    Args:
+        path: a .npz, .png or .npy file.
+        intrinsics: of .png and .npy, a file or what else `intrinsic_matrix` takes; None looks
+            beside for NAME.json, intrinsics.json ...
+        depth_scale: metres per unit of integer depth; None = that of the format, else millimetres.
+            An error where it would change nothing, as depth is in floats or `depth_mm`.
+        around: what is known from the recording that the image is of; None looks there.
+
+    Raises:
+        InputError: a missing, damaged or unusable file; the message says how to fix it.
+        ConfigError: a depth scale that is not positive.
+    """
+    path = Path(path)
+    if not path.is_file():
+        if path.is_dir():
+            raise InputError(f"{path} is a folder; give one of its depth images")
+        raise InputError(f"no file {path}; give input=PATH of a depth image or a folder")
+    reader = _READERS.get(path.suffix.lower())
+    if reader is None:
+        if path.suffix.lower() in _BAGS:
+            raise InputError(
+                f"{path} is a recording; run=unpack_bag input={path} makes images of it"
+            )
+        suffixes = ", ".join(_READERS)
+        raise InputError(f"unknown format '{path.suffix}' of {path}; expected one of {suffixes}")
+    try:
+        around = surroundings(path) if around is None else around
+        frame = reader(path, intrinsics, depth_scale, around)
+        if frame.colour is not None:
+            return frame
+        return replace(frame, colour=_picture(around.colour, frame.depth.shape))
+    except DAMAGED_PICTURE as error:
+        raise InputError(f"cannot read {path}: {unreadable(error, _COMPLETE)}") from error
+
+
+def read_labels(path: Path | str) -> NDArray[np.int32] | None:
+    """The labels (H, W) of an image alone, as `read_frame` has them; None if it has none.
+
+    Raises:
+        InputError: the file is damaged.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".npz":
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {k: file[k] for k in ("instances", "label") if k in file.files}
+            return _npz_labels(arrays, path)
+    except DAMAGED as error:
+        raise InputError(f"cannot read {path}: {unreadable(error, _COMPLETE)}") from error
+
+
+def decode_labels(coded: Array) -> NDArray[np.int32]:
+    """Instance ids of labels (H, W) coded as in the Object Segmentation Database.
+
+    0 is invalid (-> -1), 1 to 9 the table (-> 0), from 10 on object `value // 10` with its parts in
+    the last digit; the objects are renumbered 1..N in the order of their codes.
+    """
+    labels = np.zeros(coded.shape, dtype=np.int32)
+    labels[coded == 0] = -1
+    is_object = coded >= 10
+    _, order = np.unique(coded[is_object] // 10, return_inverse=True)
+    labels[is_object] = order + 1
+    return labels
+
+
+def _read_npz(
+    path: Path, intrinsics: Intrinsics | None, depth_scale: float | None, _: Surroundings
+) -> Frame:
+    with np.load(path, allow_pickle=False) as file:
+        content = {key: file[key] for key in file.files}
+    depth = _npz_depth(content, path, depth_scale)
+    if "K" not in content and intrinsics is None:
+        raise InputError(
+            f"{path} has no intrinsics K (3, 3); store them in it or give run.intrinsics=PATH"
+        )
+    matrix = content["K"] if intrinsics is None else _checked_matrix(intrinsics, path, depth.shape)
+    return _frame(depth, matrix, path, colour=content.get("rgb"), labels=_npz_labels(content, path))
+
+
+def _npz_depth(content: dict[str, Array], path: Path, depth_scale: float | None) -> Array:
+    if "depth_mm" in content:
+        if depth_scale is not None:
+            raise unused_scale(depth_scale, path.name, "depth_mm is in millimetres")
+        return metres(content["depth_mm"], None, path.name, unit=1.0) / np.float32(1000)
+    if "depth" in content:
+        return metres(content["depth"], depth_scale, path.name, unit=1.0)
+    keys = ", ".join(content) or "nothing"
+    raise InputError(
+        f"{path} holds {keys}, no depth; store depth_mm (millimetres) or depth (metres)"
+    )
+
+
+def _npz_labels(content: dict[str, Array], path: Path) -> Array | None:
+    key = next((key for key in ("instances", "label") if key in content), None)
+    if key is None:
+        return None
+    labels = content[key]
+    if labels.dtype.kind not in "uib" and not _holds_integers(labels):
+        raise InputError(
+            f"{key} of {path} is of {labels.dtype}; give whole numbers, or leave it out"
+        )
+    return labels.astype(np.int32) if key == "instances" else decode_labels(labels)
+
+
+def _holds_integers(values: Array) -> bool:
+    """Whether floats are whole numbers."""
+    return values.dtype.kind == "f" and bool((values == np.round(values)).all())
+
+
+def _read_png(
+    path: Path, intrinsics: Intrinsics | None, depth_scale: float | None, around: Surroundings
+) -> Frame:
+    with Image.open(path) as image:
+        if not image.mode.startswith("I"):
+            raise InputError(
+                f"{path} is a picture of mode {image.mode}; a depth image has one 16-bit channel"
+            )
+        values = np.array(image)
+    depth = metres(values, depth_scale, path.name, around.scale)
+    return _frame(depth, _matrix(path, intrinsics, values.shape, around), path)
+
+
+def _read_npy(
+    path: Path, intrinsics: Intrinsics | None, depth_scale: float | None, around: Surroundings
+) -> Frame:
+    values = np.load(path, allow_pickle=False)
+    depth = metres(values, depth_scale, path.name, around.scale)
+    return _frame(depth, _matrix(path, intrinsics, values.shape, around), path)
+
+
+def _read_exr(
+    path: Path, intrinsics: Intrinsics | None, depth_scale: float | None, around: Surroundings
+) -> Frame:
+    values = read_exr(path)
+    depth = metres(values, depth_scale, path.name)
+    return _frame(depth, _matrix(path, intrinsics, values.shape, around), path)
+
+
+_READERS: dict[str, Callable[[Path, Intrinsics | None, float | None, Surroundings], Frame]] = {
+    ".npz": _read_npz,
+    ".png": _read_png,
+    ".npy": _read_npy,
+    ".exr": _read_exr,
+}
+
+
+def _frame(
+    depth: Array,
+    matrix: Array,
+    path: Path,
+    colour: Array | None = None,
+    labels: Array | None = None,
+) -> Frame:
+    depth = check_depth(depth, path.name)
+    height, width = depth.shape
+    camera = camera_from_matrix(matrix, height, width, path.name)
+    if colour is None:
+        colour = _read_colour(path, depth.shape)
+    if colour is not None:
+        check_colour(colour, depth.shape, path.name)
+    if labels is not None and labels.shape != depth.shape:
+        raise InputError(
+            f"labels of {path.name} has shape {labels.shape}, its depth {depth.shape}; "
+            "both must be aligned images of the same size"
+        )
+    return Frame(depth, camera, colour, labels, path.stem)
+
+
+def _checked_matrix(intrinsics: Intrinsics, path: Path, shape: tuple[int, ...]) -> Array:
+    matrix = intrinsic_matrix(intrinsics, path.name)
+    if len(shape) == 2:
+        require_size(intrinsics, *shape, path.name)
+    return matrix
+
+
+def _matrix(
+    path: Path, intrinsics: Intrinsics | None, shape: tuple[int, ...], around: Surroundings
+) -> Array:
+    if intrinsics is not None:
+        return _checked_matrix(intrinsics, path, shape)
+    if around.matrix is not None:
+        return around.matrix
+    stems = (path.stem, f"{path.stem}.intrinsics", *_INTRINSICS_STEMS)
+    for folder in filter(None, (path.parent, around.root)):
+        for stem in stems:
+            for suffix in _INTRINSICS_SUFFIXES:
+                candidate = folder / (stem + suffix)
+                if candidate.is_file():
+                    return _checked_matrix(candidate, path, shape)
+    raise InputError(
+        f"no intrinsics for {path}; put {path.stem}.json or intrinsics.json with fx, fy, cx, cy "
+        "beside it, or give run.intrinsics=PATH"
+    )
+
+
+def _read_colour(path: Path, shape: tuple[int, ...]) -> NDArray[np.uint8] | None:
+    """The colour image beside a depth image, None if there is none of the same size."""
+    names = [path.stem + suffix for suffix in _COLOUR_SUFFIXES]
+    if "depth" in path.stem:
+        names += [
+            path.stem.replace("depth", word) + suffix
+            for word in _COLOUR_WORDS
+            for suffix in (".png", ".jpg", ".jpeg")
+        ]
+    paths = (path.with_name(name) for name in names if path.with_name(name).is_file())
+    return _picture(next(paths, None), shape)
+
+
+def _picture(path: Path | None, shape: tuple[int, ...]) -> NDArray[np.uint8] | None:
+    if path is None:
+        return None
+    with Image.open(path) as image:
+        colour = np.array(image.convert("RGB"))
+    return colour if colour.shape[:2] == tuple(shape) else None
+
+
+def _is_depth_image(path: Path) -> bool:
+    suffix = path.suffix.lower()
+    if suffix not in _SUFFIXES or not path.is_file():
+        return False
+    if suffix != ".png":
+        return True
+    try:
+        with Image.open(path) as image:
+            return image.mode.startswith("I")
+    except DAMAGED_PICTURE:
+        return False

@@ -1,0 +1,1 @@
+"""Table-top scenes, their views and maps."""

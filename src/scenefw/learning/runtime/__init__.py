@@ -1,0 +1,1 @@
+"""What stands beside Lightning: states, limits, processes, tables of losses."""

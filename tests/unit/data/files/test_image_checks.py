@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+
+from scenefw.core.errors import ConfigError, EmptyImageError, InputError
+from scenefw.data.files.image_checks import check_depth, metres
+
+
+def test_depth_is_cleaned():
+    depth = np.full((4, 5), 0.7)
+    depth[0] = (np.nan, np.inf, -np.inf, -1, 0)
+    clean = check_depth(depth, "x")
+    assert (clean[0] == 0).all()
+    assert (clean[1:] == np.float32(0.7)).all()
+
+
+@pytest.mark.parametrize(
+    ("depth", "words"),
+    [
+        (np.zeros((4, 5)), "no measurement"),
+        (np.full((4, 5), np.nan), "no measurement"),
+        (np.full((4, 5), 800.0), "millimetres given as metres"),
+        (np.full((4, 5), 0.0008), "metres given as millimetres"),
+        (np.ones((1, 4, 5)), r"shape \(1, 4, 5\)"),
+        (np.ones(20), r"shape \(20,\)"),
+    ],
+)
+def test_bad_depth_is_one_line(depth, words):
+    with pytest.raises(InputError, match=words) as error:
+        check_depth(depth, "view")
+    assert "view" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_messages_say_what_pixels_hold():
+    depth = np.zeros((3, 4))
+    depth[0] = -1.0
+    depth[1, :2], depth[1, 2:] = np.inf, np.nan
+    with pytest.raises(EmptyImageError, match="of 12 pixels 4 0, 2 NaN, 2 infinite, 4 negative"):
+        check_depth(depth, "view")
+
+
+def test_whole_numbers_are_scaled_and_floats_are_not():
+    whole, floats = np.array([[600, 700]], np.uint16), np.array([[0.6, 0.7]])
+    np.testing.assert_allclose(metres(whole, None, "view"), floats, rtol=1e-6)
+    np.testing.assert_allclose(metres(whole, None, "view", unit=0.01), floats * 10, rtol=1e-6)
+    np.testing.assert_allclose(metres(whole, 0.1, "view", unit=0.01), floats * 100, rtol=1e-6)
+    np.testing.assert_allclose(metres(floats, None, "view", unit=0.01), floats, rtol=1e-6)
+
+
+def test_a_scale_that_changes_nothing_is_refused():
+    said = "^depth_scale = 0.001 changes nothing for view: depth in floats is in metres; leave it"
+    with pytest.raises(InputError, match=said):
+        metres(np.ones((2, 2)), 0.001, "view")
+
+
+@pytest.mark.parametrize("scale", [0, -0.001, float("nan")])
+def test_a_scale_is_positive(scale):
+    with pytest.raises(ConfigError, match=f"^depth_scale = {scale}: expected metres per unit"):
+        metres(np.ones((2, 2), int), scale, "view")

@@ -1,0 +1,49 @@
+import json
+
+import numpy as np
+import pytest
+
+from scenefw.core.errors import InputError
+from scenefw.core.types import Camera
+from scenefw.data.files.arrays import frame_of
+from scenefw.data.files.intrinsics import camera_from_matrix, read_intrinsics
+from scenefw.data.files.readers import read_frame
+
+K = np.array([[60.0, 0, 20], [0, 61, 15], [0, 0, 1]])
+DEPTH = np.full((30, 40), 0.5, np.float32)
+SIZED = {"width": 40, "height": 30, "K": K.ravel().tolist()}
+
+
+def test_a_transposed_matrix_is_named():
+    with pytest.raises(InputError, match=r"last row, not 0 0 1; K looks transposed"):
+        camera_from_matrix(K.T, 30, 40, "view.png")
+    wrong = K.copy()
+    wrong[2, 2] = 2
+    with pytest.raises(InputError, match=r"not 0 0 1; give a 3 x 3 matrix"):
+        camera_from_matrix(wrong, 30, 40, "view.png")
+
+
+def test_a_byte_order_mark_is_no_number(tmp_path):
+    path = tmp_path / "K.json"
+    path.write_bytes(b"\xef\xbb\xbf" + json.dumps(SIZED).encode())
+    np.testing.assert_array_equal(read_intrinsics(path), K)
+    path = tmp_path / "K.txt"
+    path.write_bytes(b"\xef\xbb\xbf60 61 20 15")
+    np.testing.assert_array_equal(read_intrinsics(path), K)
+
+
+@pytest.mark.parametrize("given", [Camera(40, 30, 60, 61, 20, 15), SIZED, "file", "beside"])
+def test_a_depth_image_of_another_size_than_its_intrinsics_is_named(tmp_path, given):
+    def read(depth):
+        if not isinstance(given, str):
+            return frame_of(depth, given, name="view")
+        np.save(tmp_path / "view.npy", depth)
+        (tmp_path / "view.json").write_text(json.dumps(SIZED))
+        known = tmp_path / "view.json" if given == "file" else None
+        return read_frame(tmp_path / "view.npy", intrinsics=known)
+
+    np.testing.assert_allclose(read(DEPTH).camera.matrix, K)
+    with pytest.raises(InputError, match=r"30 x 40 pixels, .* 40 x 30; is the depth transposed\?"):
+        read(DEPTH.T.copy())
+    with pytest.raises(InputError, match=r"80 x 60 pixels, .* 40 x 30; give the intrinsics of"):
+        read(np.kron(DEPTH, np.ones((2, 2), np.float32)))
