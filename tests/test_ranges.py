@@ -6,7 +6,7 @@ from tests.unit.tasks.scattering import Scattering
 
 from scenefw import registry
 from scenefw.core.errors import ConfigError
-from scenefw.learning.runtime.resumable import ResumableModule
+from scenefw.learning.resumable import ResumableModule
 from scenefw.learning.runtime.trainer import TrainerSettings
 from scenefw.scenes.stacks import StackGenerator
 from scenefw.tasks.train import Train

@@ -16,7 +16,7 @@ from scenefw.core.folders import replacing_folder
 from scenefw.core.types import Camera
 from scenefw.export.scene_folder import write_scene_files
 from scenefw.perception.editing import scene_editing
-from scenefw.perception.estimate.stored_scenes import read_scene
+from scenefw.perception.editing.stored_scenes import read_scene
 from scenefw.perception.physics.contacts import contact_words
 from scenefw.report.palette import colours_of
 

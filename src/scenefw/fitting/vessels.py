@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
     from scenefw.core.types import Float64
 
+MESH_SECTIONS = 24
+"""Of the surface of a vessel that is looked up in volumes."""
 _UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 _STARTS = ((0.9, 1.0), (0.5, 0.5), (0.6, 1.0))  # base and curve
 _MIN_PROFILE, _MAX_PROFILE = (0.25, 0.25), (1.15, 2.0)  # base and curve

@@ -13,11 +13,11 @@ from scenefw.core.batches import IndexBatch
 from scenefw.core.errors import ConfigError
 from scenefw.core.training_protocols import Loss, Network
 from scenefw.kernels.precision import full_precision
+from scenefw.learning.costs import SideStream
 from scenefw.learning.initial import start_from
 from scenefw.learning.optimizers import Optimizer
 from scenefw.learning.provenance import origin
-from scenefw.learning.runtime.costs import SideStream
-from scenefw.learning.runtime.resumable import ResumableModule
+from scenefw.learning.resumable import ResumableModule
 from scenefw.learning.schedules import Schedule
 
 

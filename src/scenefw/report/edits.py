@@ -8,7 +8,7 @@ import numpy as np
 
 from scenefw.core.geometry import inverse
 from scenefw.perception.editing.scene_editing import named
-from scenefw.perception.editing.transforms import moved, without
+from scenefw.perception.estimate.transforms import moved, without
 
 if TYPE_CHECKING:
     from scenefw.core.types import Float64, ObjectEstimate, SceneEstimate

@@ -15,7 +15,7 @@ from scenefw.core.protocols import SceneFormat, Settling
 from scenefw.core.types import SceneEstimate
 from scenefw.perception.editing.edit_words import USAGES, edited
 from scenefw.perception.editing.scene_editing import with_objects
-from scenefw.perception.estimate.stored_scenes import read_scene
+from scenefw.perception.editing.stored_scenes import read_scene
 from scenefw.perception.physics.contacts import contact_words
 from scenefw.perception.physics.settling import words as settled_words
 from scenefw.report.blocks import Section

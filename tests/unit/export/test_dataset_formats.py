@@ -10,8 +10,8 @@ from pycocotools import coco
 from pycocotools import mask as masks
 from scipy.spatial.distance import pdist
 
+from scenefw.data.annotated import StackViews
 from scenefw.data.batches.stacks import StackScenes
-from scenefw.data.files.annotated import StackViews
 from scenefw.data.files.readers import read_frame
 from scenefw.data.files.visible_masks import VisibleMasks
 from scenefw.export.annotation_files import in_units

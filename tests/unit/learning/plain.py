@@ -9,7 +9,7 @@ import lightning
 import torch
 from torch import nn
 
-from scenefw.data.batches.epochs import EpochBatches
+from scenefw.data.epochs import EpochBatches
 from scenefw.learning.module import TrainingModule
 from scenefw.learning.runtime.trainer import TrainerSettings
 from scenefw.learning.schedules import CosineDecay

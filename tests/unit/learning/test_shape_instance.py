@@ -6,7 +6,7 @@ from tests.unit.data.stacks_file import write_stacks
 from tests.unit.learning import tiny
 
 from scenefw.core.errors import ConfigError
-from scenefw.learning.runtime.averaging import AveragedWeights
+from scenefw.learning.averaging import AveragedWeights
 from scenefw.learning.schedules import CosineDecay
 from scenefw.losses.sample_spread import SampleSpread
 

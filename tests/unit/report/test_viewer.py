@@ -15,7 +15,7 @@ from scenefw.core.types import GridSpec
 from scenefw.export.mjcf import MJCF
 from scenefw.export.scene_files import GLB, PLY, Summary
 from scenefw.export.urdf import URDF
-from scenefw.perception.editing.transforms import moved, without
+from scenefw.perception.estimate.transforms import moved, without
 from scenefw.report.layers import Prediction
 from scenefw.report.viewer import Viewer
 from scenefw.report.viewer_server import open_server, require_free

@@ -16,7 +16,7 @@ from tests.unit.tasks.recordings import table
 
 from scenefw.core.types import GridSpec
 from scenefw.export.scene_files import GLB
-from scenefw.perception.editing.transforms import without
+from scenefw.perception.estimate.transforms import without
 from scenefw.report.labelling.map_viewer import MapViewer
 from scenefw.report.layers import Prediction
 from scenefw.report.viewer import Viewer

@@ -14,7 +14,7 @@ from scenefw.export.scene_files import OBJ
 from scenefw.learning.checkpoint import save_checkpoint
 from scenefw.models.set_flow import SetFlow
 from scenefw.perception.completion.scene_prior import ScenePrior
-from scenefw.perception.estimate.stored_scenes import read_scene
+from scenefw.perception.editing.stored_scenes import read_scene
 from scenefw.tasks.draw_scenes import DrawScenes
 
 SCENES = [[(0.0, 0.0, HALF), (0.0, 0.2, HALF)]]

@@ -3,8 +3,8 @@ import json
 import pytest
 
 from scenefw.core.errors import ConfigError, StorageError
+from scenefw.data.annotated import StackViews
 from scenefw.data.batches.stacks import StackScenes
-from scenefw.data.files.annotated import StackViews
 from scenefw.export.coco import COCO
 from scenefw.parallel.local import Local
 from scenefw.scenes.cameras import RandomViewpoints

@@ -10,9 +10,9 @@ from scenefw.core.batches import IndexBatch
 from scenefw.core.rng import Streams
 from scenefw.core.types import GridSpec
 from scenefw.data.batches.conditioning import condition
-from scenefw.data.batches.epochs import EpochBatches
 from scenefw.data.batches.stacks import StackScenes
 from scenefw.data.batches.views import ViewMaker
+from scenefw.data.epochs import EpochBatches
 from scenefw.noise.frames import described
 from scenefw_object_count.batches import CountBatch
 

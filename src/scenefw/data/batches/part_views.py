@@ -17,7 +17,7 @@ from scenefw.core.rng import Streams
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, SHARE
 from scenefw.data.batches.compounds import compounds
 from scenefw.data.batches.scene_batches import SceneBatches
-from scenefw.data.tabletop.surroundings import surrounding_depths
+from scenefw.data.batches.surroundings import surrounding_depths
 from scenefw.kernels.superquadric_rays import first_hits
 from scenefw.kernels.transfer import to_device
 from scenefw.noise.frames import depth_noises, described

@@ -9,8 +9,8 @@ import torch
 
 from scenefw.core.rng import Streams
 from scenefw.core.settings import COUNT
-from scenefw.data.batches.epochs import EpochBatches
 from scenefw.data.batches.stacks import StackScenes
+from scenefw.data.epochs import EpochBatches
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -12,7 +12,7 @@ from torch import Tensor
 from scenefw.core.batches import IndexBatch, SegmentationBatch
 from scenefw.core.errors import ConfigError
 from scenefw.core.settings import COUNT
-from scenefw.data.batches.epochs import EpochBatches
+from scenefw.data.epochs import EpochBatches
 
 
 class Samples(Protocol):

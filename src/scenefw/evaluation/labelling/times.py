@@ -12,7 +12,7 @@ import torch
 from scenefw.core.errors import ConfigError
 from scenefw.evaluation.labelling.measures import of_times
 from scenefw.evaluation.labelling.shared_parts import LOADING, MAP_NETWORK, STAGES, VIEW_NETWORK
-from scenefw.learning.runtime.costs import peak_memory
+from scenefw.learning.costs import peak_memory
 
 if TYPE_CHECKING:
     from scenefw.core.measures import Measure

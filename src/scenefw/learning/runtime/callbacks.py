@@ -17,9 +17,9 @@ from rich.progress import (
 )
 
 from scenefw.learning.module import TrainingModule
+from scenefw.learning.resumable import AGREE_EVERY
 from scenefw.learning.runtime.divergence import require_finite
 from scenefw.learning.runtime.limits import Limits
-from scenefw.learning.runtime.resumable import AGREE_EVERY
 
 
 class Snapshots(lightning.Callback):

@@ -10,7 +10,7 @@ import lightning
 
 from scenefw.core.errors import ConfigError
 from scenefw.learning.module import TrainingModule
-from scenefw.learning.runtime.resumable import AGREE_EVERY
+from scenefw.learning.resumable import AGREE_EVERY
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from scipy.ndimage import binary_erosion
 
 from scenefw.core.settings import NOT_NEGATIVE, SHARE, at_least
 from scenefw.fitting.placed import signed_distance
+from scenefw.fitting.vessels import MESH_SECTIONS
 from scenefw.perception.observation.pixels import WIDTH
 
 if TYPE_CHECKING:
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
 _PROBE_DISTANCE = 0.02  # m, from a seen point towards the camera
 _MAX_PROBE_DEPTH = 0.004  # m: a probe that is deeper lies in the solid
 _MIN_GRID_RATIO = 0.98  # share of a vessel that must lie in the grid
-VESSEL_SECTIONS = 24  # of a surface that is looked up in volumes
 
 
 class FitsVessels(Protocol):
@@ -179,7 +179,7 @@ class Vessels:
             or vessel.shape.height < self.min_height
         ):
             return False
-        corners = vessel.shape.mesh(VESSEL_SECTIONS).vertices + vessel.pose.position
+        corners = vessel.shape.mesh(MESH_SECTIONS).vertices + vessel.pose.position
         voxels, inside = grid.nearest_voxels(corners)
         free_corners = free[tuple(voxels[inside].T)]
         return bool(inside.mean() > _MIN_GRID_RATIO and free_corners.mean() < self.max_free_ratio)

@@ -23,8 +23,8 @@ from scenefw.core.types import (
     SceneEstimate,
     TriangleMesh,
 )
-from scenefw.perception.editing.transforms import moved_object
 from scenefw.perception.estimate.objects import estimate_objects
+from scenefw.perception.estimate.transforms import moved_object
 from scenefw.perception.evidence.mesh_distances import mesh_volumes
 from scenefw.shapes.superellipsoid import Superellipsoid
 from scenefw.shapes.superquadric import Superquadric

@@ -11,7 +11,7 @@ from scipy.ndimage import binary_dilation
 from scenefw.core.batches import Completion, SceneParameters
 from scenefw.core.types import PlacedShape
 from scenefw.fitting.placed import shape_of
-from scenefw.perception.completion.vessels import VESSEL_SECTIONS
+from scenefw.fitting.vessels import MESH_SECTIONS
 from scenefw.representations.volumes import scene_volumes
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ def with_vessels(
         inside = instances == label
         tsdf = np.where(inside, np.float32(grid.truncation), tsdf)
         instances = np.where(inside, 0, instances)
-        corners = vessel.shape.mesh(VESSEL_SECTIONS).vertices + vessel.pose.position
+        corners = vessel.shape.mesh(MESH_SECTIONS).vertices + vessel.pose.position
         box = grid.box_about(corners)
         distance = vessel.shape.filled_distance(grid.centres()[box] - vessel.pose.position)
         closer = (instances[box] == 0) & (distance < tsdf[box])

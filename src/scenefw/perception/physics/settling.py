@@ -12,7 +12,7 @@ from scenefw.core.geometry import inverse
 from scenefw.core.protocols import Engine
 from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.core.types import Float64, PlacedShape, SceneEstimate
-from scenefw.perception.editing.transforms import moved
+from scenefw.perception.estimate.transforms import moved
 from scenefw.perception.physics.bodies import Bodies, BodyMaker
 from scenefw.scenes.simulation import Motion, motions
 

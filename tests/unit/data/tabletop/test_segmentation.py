@@ -5,7 +5,7 @@ from tests.unit.data.rectangles import Rectangles
 
 from scenefw.core.batches import IndexBatch
 from scenefw.core.errors import ConfigError
-from scenefw.data.batches.epochs import EpochBatches
+from scenefw.data.epochs import EpochBatches
 from scenefw.data.tabletop.fused_maps import FusedMaps
 from scenefw.data.tabletop.label_views import StoredViews, ViewSamples
 from scenefw.data.tabletop.map_crops import MapCrops, StoredMaps

@@ -8,7 +8,7 @@ from tests.unit.perception.synthetic import camera_at, frame_of
 from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import rigid
 from scenefw.core.types import GridSpec
-from scenefw.perception.editing.transforms import moved, without
+from scenefw.perception.estimate.transforms import moved, without
 from scenefw.perception.ranking.by_evidence import EvidenceRanking
 
 CAMERA = camera_at(eye=(0.0, -0.85, 0.6), size=(160, 120))

@@ -10,7 +10,7 @@ from scenefw.core.types import GridSpec, PlacedShape, Pose
 from scenefw.export.scene_folder import write_scene_files
 from scenefw.export.superquadrics import Superquadrics
 from scenefw.perception.editing.scene_editing import removed, scaled, with_objects
-from scenefw.perception.estimate.stored_scenes import read_scene
+from scenefw.perception.editing.stored_scenes import read_scene
 from scenefw.report.palette import colours_of
 from scenefw.shapes.vessel import Vessel
 

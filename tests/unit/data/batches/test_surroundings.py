@@ -6,7 +6,7 @@ from tests.unit.kernels import analytic
 
 from scenefw.core.batches import SceneParameters
 from scenefw.core.rng import Streams
-from scenefw.data.tabletop.surroundings import surrounding_depths
+from scenefw.data.batches.surroundings import surrounding_depths
 from scenefw.kernels.cameras import floor_depths, pixel_places, stack_cameras
 
 COUNT = 60

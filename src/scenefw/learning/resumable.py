@@ -10,10 +10,10 @@ from torch import nn
 
 from scenefw.core.settings import NOT_NEGATIVE, POSITIVE, below
 from scenefw.learning import renamed
+from scenefw.learning.averaging import AveragedWeights
+from scenefw.learning.clock import Clock
+from scenefw.learning.costs import StepTimes, peak_memory
 from scenefw.learning.optimizers import RATE, AdamW, Optimizer
-from scenefw.learning.runtime.averaging import AveragedWeights
-from scenefw.learning.runtime.clock import Clock
-from scenefw.learning.runtime.costs import StepTimes, peak_memory
 from scenefw.learning.schedules import Progress, Schedule, StepDecay
 
 AGREE_EVERY = 10

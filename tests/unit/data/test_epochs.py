@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefw.core.errors import ConfigError
-from scenefw.data.batches.epochs import EpochBatches
+from scenefw.data.epochs import EpochBatches
 
 
 @given(scenes=st.integers(4, 60), size=st.integers(1, 4), epoch=st.integers(0, 5))

@@ -4,8 +4,8 @@ import pytest
 from scenefw.core.annotations import AnnotatedView
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import Pose, SceneObject
+from scenefw.data.annotated import StackViews, TabletopViews
 from scenefw.data.batches.stacks import StackScenes
-from scenefw.data.files.annotated import StackViews, TabletopViews
 from scenefw.data.tabletop.table_scenes import TabletopScenes
 from scenefw.noise.gaussian import Gaussian
 from scenefw.noise.pose import Jitter
