@@ -90,6 +90,10 @@ KEYS: Mapping[str, str] = {
     "reconstructor.least": "reconstructor.fit.min_points",
     "reconstructor.lowest": "tolerances.min_height",
     "evaluation.methods.set_flow": "evaluation.methods.set_extents",
+    "evaluation.reference.margin": "evaluation.reference.floor_margin",
+    "evaluation.reference.smallest": "evaluation.reference.min_pixels",
+    "evaluation.reference.jump": "evaluation.reference.max_step",
+    "evaluation.reference.crease": "evaluation.reference.min_bend",
 }
 """Beginnings of keys, and what they begin with now."""
 

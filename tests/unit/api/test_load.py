@@ -4,6 +4,7 @@ import sys
 
 import numpy as np
 import pytest
+import torch
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import QuotedString
 from hypothesis import example, given, settings
@@ -28,6 +29,7 @@ DEPTH = np.rint(frame_of(CAMERA).depth * 1000).astype(np.uint16)
 def weights(tmp_path_factory):
     """An untrained network of a small grid."""
     widths = [4] * 5
+    torch.manual_seed(0)
     model = ShapeInstanceVAE(16, 1, 8, 8, widths, widths, widths, 4, 4)
     recipe = {"_target_": "scenefw.models.shape_instance_vae.ShapeInstanceVAE", **model.recipe}
     path = tmp_path_factory.mktemp("weights") / "net.safetensors"

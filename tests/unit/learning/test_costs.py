@@ -7,8 +7,8 @@ from tests.unit.learning import plain
 from torch.utils._python_dispatch import TorchDispatchMode
 
 from scenefw.core.batches import SegmentationBatch, ShapeInstanceBatch
+from scenefw.learning import costs
 from scenefw.learning.costs import SideStream, StepTimes, peak_memory
-from scenefw.learning.runtime import costs
 
 CPU = torch.device("cpu")
 

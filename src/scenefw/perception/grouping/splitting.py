@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from scenefw.perception.grouping.segment_fits import SegmentFits
     from scenefw.perception.observation.observation import ViewGeometry
 
+_MIN_FIT_POINTS = 4  # as `ShapeFit` needs them
 _MIN_OUTLIER_SIGMAS = 2.0  # standard deviations of pixels that the second superquadric starts from
 _MIN_SPLIT_DEVIATION = 0.3  # squared deviation of a part that one superquadric doesn't explain
 _FILTER_WIDTH = 7  # pixels over which sides are evened out
@@ -163,7 +164,8 @@ class FitSplitting:
         return bool(min(sizes) >= self._min_pixels(parts))
 
     def _min_pixels(self, parts: Int32) -> float:
-        return self.min_pixels * (parts.shape[1] / WIDTH) ** 2
+        """Of a piece of this image: enough for a fit, however small the image is."""
+        return max(self.min_pixels * (parts.shape[1] / WIDTH) ** 2, _MIN_FIT_POINTS)
 
     def _fit(
         self, labels: Sequence[int], parts: Int32, view: ViewGeometry

@@ -140,7 +140,7 @@ def test_wrong_networks_and_grids_are_one_line():
     method = SetNetwork(Checkpoint(TwoBalls(GridSpec(16)), GridSpec(16)))
     with pytest.raises(InputError, match="fuse it on the checkpoint's grid"):
         scenes_of(method, grid=GridSpec(32))
-    with pytest.raises(ConfigError, match="suppress"):
+    with pytest.raises(ConfigError, match="max_iou"):
         SetNetwork(Checkpoint(TwoBalls(GridSpec(16)), GridSpec(16)), max_iou=2.0)
 
 
