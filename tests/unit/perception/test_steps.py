@@ -7,8 +7,10 @@ import pytest
 from tests.unit.perception.pipelines import KnownBoxes, pipeline_of
 from tests.unit.perception.synthetic import camera_at, frame_of
 
+from scenefw import config
 from scenefw.core.errors import InputError
 from scenefw.core.types import GridSpec
+from scenefw.execution.build import Builder
 from scenefw.mapping.projective import Projective
 from scenefw.perception.steps import Fits, Objects
 
@@ -85,3 +87,15 @@ def test_steps_that_are_left_out_change_nothing():
 def test_objects_that_no_pixel_shows_are_told():
     with pytest.raises(InputError, match="doesn't say which pixels show its objects"):
         _ = Objects(None).pixels
+
+
+@pytest.mark.parametrize("step", ["edges", "hollow", "ranking"])
+def test_a_step_is_left_out_by_one_word(step):
+    """`~hollow` on the command line; without it the step is there."""
+    words = ["run=predict", "input=x", "device=cpu"]
+    full, left_out = (
+        Builder(config.compose([*words, *more])).build("run.pipeline")
+        for more in ([], [f"~{step}"])
+    )
+    assert getattr(full, step) is not None
+    assert getattr(left_out, step) is None

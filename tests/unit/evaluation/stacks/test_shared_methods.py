@@ -6,6 +6,9 @@ from scenefw import config
 from scenefw.execution.build import Builder
 from scenefw.perception.cached import Cached
 
+NETWORKS = {"scenefw", "zero_code", "fitted", "drawn", "typical"}
+"""Methods with volumes of a network, which have its grid."""
+
 
 @pytest.fixture(scope="module")
 def methods():
@@ -37,6 +40,15 @@ def test_references_learn_nothing(methods):
     assert vars(filled) == vars(methods["hull_filling"].segmentation)
     assert vars(filled) != vars(reference.segmentation.step)  # wider creases belong to nothing
     assert methods["crease_parts"].edges is None
+
+
+@pytest.mark.parametrize("evaluation", ["drawn_sets", "reconstruction", "stability"])
+def test_methods_of_fits_are_compared_on_the_grid_of_the_others(evaluation):
+    words = ["run=evaluate", f"evaluation={evaluation}", "debug=smoke", "device=cpu"]
+    methods = Builder(config.compose(words)).build("evaluation.methods")
+    fits = {name for name, method in methods.items() if method and name not in NETWORKS}
+    assert {"set_extents", "fitted_hulls"} <= fits
+    assert {name for name in fits if methods[name].grid is not None} == set()
 
 
 def test_the_order_of_methods_is_that_of_random_points_and_of_rows():
