@@ -13,7 +13,12 @@ from scenefw.core.errors import InputError, require_number
 from scenefw.core.settings import POSITIVE
 from scenefw.data.files.arrays import frame_of
 from scenefw.data.files.poses import require_metres
-from scenefw.perception.multiview.whole_scenes import WholeScene, read_whole_scene, taken_apart
+from scenefw.perception.multiview.whole_scenes import (
+    WholeScene,
+    distant_views,
+    read_whole_scene,
+    taken_apart,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -21,7 +26,8 @@ if TYPE_CHECKING:
     from scenefw.api.settings import Settings
     from scenefw.data.files.intrinsics import Intrinsics
     from scenefw.perception.multiview.mesh_views import MeshViews
-    from scenefw.perception.multiview.views_pipeline import ViewsPipeline
+    from scenefw.perception.observation.views import Views
+    from scenefw.perception.pipeline import ReconstructionPipeline
 
 
 class Decomposer:
@@ -30,23 +36,25 @@ class Decomposer:
     Args:
         pipeline: takes views apart.
         meshes: makes views of meshes.
+        max_views: of a scene that are used.
         computing: threads compute within what it returns.
     """
 
     def __init__(
         self,
-        pipeline: ViewsPipeline,
+        pipeline: ReconstructionPipeline[Views],
         meshes: MeshViews,
+        max_views: int = 8,
         computing: Callable[[], AbstractContextManager[None]] = nullcontext,
     ) -> None:
-        self.pipeline, self.meshes = pipeline, meshes
+        self.pipeline, self.meshes, self.max_views = pipeline, meshes, max_views
         self._computing = computing
 
     @classmethod
     def built(cls, settings: Settings) -> Decomposer:
         """The decomposer of `run=decompose` with these settings."""
         pipeline, meshes = settings.build("run.pipeline", "run.meshes")
-        return cls(pipeline, meshes, settings.computing)
+        return cls(pipeline, meshes, settings.config.run.max_views, settings.computing)
 
     def decompose(
         self,
@@ -84,10 +92,10 @@ class Decomposer:
                 if isinstance(scene, str | Path)
                 else self._posed(scene, intrinsics, poses, depth_scale, name)
             )
-            observation = self.pipeline.prepare(whole_scene.frames)
-            for warning in observation.warnings:
+            views = self.pipeline.observe(whole_scene.frames)
+            for warning in views.warnings:
                 warnings.warn(f"{whole_scene.name}: {warning}", stacklevel=2)
-            return Prediction((taken_apart(whole_scene, observation, self.pipeline),))
+            return Prediction((taken_apart(whole_scene, views, self.pipeline),))
 
     def _read(
         self,
@@ -105,7 +113,7 @@ class Decomposer:
         options: dict[str, Any] = {"intrinsics": intrinsics, "largest_jump": None}
         if depth_scale is not None:
             options["depth_scale"] = depth_scale
-        return read_whole_scene(path, self.pipeline, self.meshes, mesh_scale, options)
+        return read_whole_scene(path, self.meshes, mesh_scale, self.max_views, options)
 
     def _posed(
         self,
@@ -140,5 +148,5 @@ class Decomposer:
         ]
         cameras = [frame.camera.T_world_camera for frame in frames]
         require_metres(cameras, name)
-        numbers = self.pipeline.chosen(cameras)
+        numbers = distant_views(cameras, self.max_views)
         return WholeScene(name, [frames[number] for number in numbers])

@@ -236,7 +236,7 @@ class SeveralViewsReconstructor(Protocol):
     def grid(self) -> GridSpec | None:
         """The grid of its volumes; None if it takes any."""
 
-    def complete(
+    def complete_views(
         self,
         views: Sequence[PartialTSDF],
         grid: GridSpec,

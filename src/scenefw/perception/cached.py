@@ -42,7 +42,7 @@ class Cached:
         """Segments (H, W) of a view."""
         return self._get_or_compute((view.partial,), lambda: self.step.segment(view))
 
-    def group(self, segments: Int32, view: Observation) -> Objects:
+    def group(self, segments: Int32 | None, view: Observation) -> Objects:
         """Objects of a view."""
         return self._get_or_compute(
             (segments, view.partial), lambda: self.step.group(segments, view)

@@ -1,8 +1,8 @@
-"""From one depth image to complete objects, in nine steps."""
+"""From depth images to complete objects, in nine steps."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import torch
 
@@ -10,6 +10,7 @@ from scenefw.core import rng
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.settings import COUNT
 from scenefw.perception.observation.observation import Observation
+from scenefw.perception.observation.views import Views
 from scenefw.perception.segmentation.marked import MarkedObjects
 from scenefw.perception.steps import Fits, Objects, ObjectSet
 
@@ -22,8 +23,9 @@ if TYPE_CHECKING:
     from scenefw.core.batches import Completion, PartialTSDF
     from scenefw.core.protocols import HypothesisRanking
     from scenefw.core.types import Frame, GridSpec, Int32, SceneEstimate
-    from scenefw.perception.estimate.assembly import SceneAssembly
+    from scenefw.perception.observation.views import View
     from scenefw.perception.steps import (
+        Assembly,
         EdgeRestoration,
         Grouping,
         HollowReplacement,
@@ -35,14 +37,18 @@ if TYPE_CHECKING:
     from scenefw.postprocessing.confidence import Calibration
 
 
-class ReconstructionPipeline:
+Observed = TypeVar("Observed", bound=Observation | Views)
+
+
+class ReconstructionPipeline(Generic[Observed]):
     """Completes the objects of a depth image; each step can be replaced, and None leaves it out.
 
-    Methods that learn nothing, and networks of volumes, are this class with other steps.
+    Methods that learn nothing, networks of volumes, and methods for several views of a scene are
+    this class with other steps.
 
     Args:
         observer: 1, brings an image into the frame of its floor; None: only views whose floor is
-            known can be completed (`complete`).
+            known can be completed (`complete`, `complete_views`).
         segmentation: 2, finds pixels that show the same object.
         edges: 3, restores what a stereo camera has blurred.
         grouping: 4, says which segments are one object, and makes rough volumes.
@@ -61,8 +67,8 @@ class ReconstructionPipeline:
 
     def __init__(
         self,
-        assembly: SceneAssembly,
-        observer: Observing | None = None,
+        assembly: Assembly,
+        observer: Observing[Observed] | None = None,
         segmentation: Segmentation | None = None,
         edges: EdgeRestoration | None = None,
         grouping: Grouping | None = None,
@@ -89,12 +95,12 @@ class ReconstructionPipeline:
         return self.assembly.calibration
 
     def __call__(
-        self, frame: Frame, mask: NDArray[np.bool_] | Int32 | None = None
+        self, frame: Frame | Sequence[Frame], mask: NDArray[np.bool_] | Int32 | None = None
     ) -> list[SceneEstimate]:
-        """The hypotheses of an image, the most typical one first.
+        """The hypotheses of a scene, the most typical one first.
 
         Args:
-            frame: its camera needs no pose.
+            frame: one whose camera needs no pose; or, as the observer says, several with poses.
             mask: (H, W) of what is known to be objects (`observation.observer`).
 
         Raises:
@@ -102,15 +108,17 @@ class ReconstructionPipeline:
         """
         return self.reconstruct(self.observe(frame, mask))
 
-    def estimate(self, frame: Frame) -> SceneEstimate:
-        """The most typical scene of an image.
+    def estimate(self, frame: Frame | Sequence[Frame]) -> SceneEstimate:
+        """The most typical scene.
 
         Raises:
             InputError: as `__call__`.
         """
         return self.reconstruct(self.observe(frame), first_only=True)[0]
 
-    def observe(self, frame: Frame, mask: NDArray[np.bool_] | Int32 | None = None) -> Observation:
+    def observe(
+        self, frame: Frame | Sequence[Frame], mask: NDArray[np.bool_] | Int32 | None = None
+    ) -> Observed:
         """Step 1, which finds out what is wrong with an image before anything takes long."""
         if self.observer is None or self.grid is None:
             setting = "observer" if self.observer is None else "grid"
@@ -119,7 +127,7 @@ class ReconstructionPipeline:
             )
         return self.observer.observe(frame, self.grid, mask)
 
-    def reconstruct(self, view: Observation, *, first_only: bool = False) -> list[SceneEstimate]:
+    def reconstruct(self, view: View, *, first_only: bool = False) -> list[SceneEstimate]:
         """Steps 2 to 9: the scenes of an observation, the most typical one first.
 
         Args:
@@ -135,7 +143,7 @@ class ReconstructionPipeline:
         return list(scenes) if self.ranking is None else self.ranking.rank(list(scenes))  # 9
 
     def hypotheses(
-        self, view: Observation, samples: int, generator: torch.Generator
+        self, view: View, samples: int, generator: torch.Generator
     ) -> Sequence[ObjectSet]:
         """Steps 2 to 7: sets of objects that there may be, the most typical one first.
 
@@ -144,15 +152,15 @@ class ReconstructionPipeline:
             samples: how many sets.
             generator: of the random numbers, on the CPU.
         """
-        objects = Objects(None)
+        segments = None
         segmentation = self.segmentation if view.masks is None else MarkedObjects()
         if segmentation is not None:
             segments = segmentation.segment(view)  # 2
             if self.edges is not None:
                 view, segments = self.edges.restore(view, segments)  # 3
-            objects = Objects(segments)
-            if self.grouping is not None:
-                objects = self.grouping.group(segments, view)  # 4
+        objects = Objects(segments)
+        if self.grouping is not None:
+            objects = self.grouping.group(segments, view)  # 4
         fits = Fits(objects) if self.fit is None else self.fit.fit(objects, view)  # 5
         sets: Sequence[ObjectSet] = [ObjectSet(objects)] * samples
         if self.completion is not None:
@@ -176,4 +184,26 @@ class ReconstructionPipeline:
         if len(partial.distance) != 1:
             raise InputError(f"there are {len(partial.distance)} views; complete one after another")
         view = Observation.of_partial(partial, grid)
+        return self.assembly.volumes(self.hypotheses(view, samples, generator), view)
+
+    def complete_views(
+        self,
+        views: Sequence[PartialTSDF],
+        grid: GridSpec,
+        samples: int,
+        generator: torch.Generator,
+    ) -> list[Completion]:
+        """Volumes of the hypotheses of several views whose floor is known to be z = 0.
+
+        Args:
+            views: of one scene, batches of one.
+            grid: of all.
+            samples: hypotheses.
+            generator: of the random numbers, on the CPU.
+
+        Raises:
+            InputError: no view, or views that contradict each other; or the steps need their
+                images and they have none.
+        """
+        view = Views.of_partials(views, grid)
         return self.assembly.volumes(self.hypotheses(view, samples, generator), view)

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from scenefw.core.errors import InputError
 
 if TYPE_CHECKING:
-    import numpy as np
     import torch
-    from numpy.typing import NDArray
     from torch import Tensor
 
+    from scenefw.core.batches import Completion
     from scenefw.core.evidence import Evidence, FittedSuperquadric
-    from scenefw.core.types import Float32, Frame, GridSpec, Int32, SceneEstimate
+    from scenefw.core.types import Float32, GridSpec, Int32, SceneEstimate
     from scenefw.fitting.vessels import FittedVessel
-    from scenefw.perception.observation.observation import Observation, ViewGeometry
+    from scenefw.perception.observation.observation import Observation
+    from scenefw.perception.observation.views import View, Views
+    from scenefw.postprocessing.confidence import Calibration
+
+
+Observed = TypeVar("Observed", bound="Observation | Views", covariant=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,13 +84,11 @@ class ObjectSet:
     evidence: Mapping[int, Evidence] = field(default_factory=dict)
 
 
-class Observing(Protocol):
-    """Step 1: an image in the frame of its floor."""
+class Observing(Protocol[Observed]):
+    """Step 1: images in the frame of their floor (group `observer`)."""
 
-    def observe(
-        self, frame: Frame, grid: GridSpec, mask: NDArray[np.bool_] | Int32 | None = None
-    ) -> Observation:
-        """The observation of an image.
+    def observe(self, frame: Any, grid: GridSpec, mask: Any = None) -> Observed:
+        """The observation of a `Frame`, or of a sequence of them that show one scene.
 
         Raises:
             InputError: the image is unusable; the message says how to mend it.
@@ -96,7 +98,7 @@ class Observing(Protocol):
 class Segmentation(Protocol):
     """Step 2: pixels that show the same object (group `segmentation`)."""
 
-    def segment(self, view: Observation, /) -> Int32:
+    def segment(self, view: View, /) -> Int32:
         """Segments (H, W), 0 = none, of a depth image above its floor z = 0.
 
         Args:
@@ -107,7 +109,7 @@ class Segmentation(Protocol):
 class EdgeRestoration(Protocol):
     """Step 3: edges as they were before the camera blurred them (group `edges`)."""
 
-    def restore(self, view: Observation, segments: Int32) -> tuple[Observation, Int32]:
+    def restore(self, view: View, segments: Int32) -> tuple[View, Int32]:
         """The view and its segments with sharp edges."""
 
 
@@ -118,14 +120,14 @@ class Grouping(Protocol):
     def grid(self) -> GridSpec | None:
         """The grid that its volumes must have; None: any."""
 
-    def group(self, segments: Int32, view: Observation) -> Objects:
-        """The objects, with rough volumes."""
+    def group(self, segments: Int32 | None, view: View) -> Objects:
+        """The objects, with rough volumes; without segments, those that volumes alone show."""
 
 
 class ObjectFitting(Protocol):
     """Step 5: a superquadric for each visible object."""
 
-    def fit(self, objects: Objects, view: ViewGeometry) -> Fits:
+    def fit(self, objects: Objects, view: View) -> Fits:
         """The best one for each of which enough is visible."""
 
 
@@ -141,7 +143,7 @@ class SetCompletion(Protocol):
         """Where its weights are from; empty without."""
 
     def complete(
-        self, fits: Fits, view: Observation, samples: int, generator: torch.Generator
+        self, fits: Fits, view: View, samples: int, generator: torch.Generator
     ) -> Sequence[ObjectSet]:
         """`samples` hypotheses, the most typical one first, or one if all would be the same."""
 
@@ -149,14 +151,21 @@ class SetCompletion(Protocol):
 class HollowReplacement(Protocol):
     """Step 7: bowls, cups and mugs (group `hollow`)."""
 
-    def replace(self, sets: Sequence[ObjectSet], view: Observation) -> Sequence[ObjectSet]:
+    def replace(self, sets: Sequence[ObjectSet], view: View) -> Sequence[ObjectSet]:
         """The hypotheses, in which objects that the view looks into are hollow."""
 
 
 class Assembly(Protocol):
     """Step 8: volumes, meshes, masks and confidences of hypotheses."""
 
+    @property
+    def calibration(self) -> Calibration | None:
+        """From how alike hypotheses are to how right objects are; None: it was not measured."""
+
+    def volumes(self, sets: Sequence[ObjectSet], view: View) -> list[Completion]:
+        """TSDF and instances of each hypothesis as it is."""
+
     def assemble(
-        self, sets: Sequence[ObjectSet], view: Observation, origin: Mapping[str, Any]
-    ) -> Sequence[SceneEstimate]:
+        self, sets: Sequence[ObjectSet], view: View, origin: Mapping[str, Any]
+    ) -> Iterator[SceneEstimate]:
         """The scenes; an object has the same id in all. `origin` goes into their details."""

@@ -14,7 +14,7 @@ from scenefw.core import geometry
 from scenefw.core.errors import ConfigError
 from scenefw.core.files import require_apart, require_writable
 from scenefw.core.folders import replacing_folder, require_replaceable
-from scenefw.core.settings import POSITIVE
+from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.core.types import TriangleMesh
 from scenefw.export.meshes import write_ply
 from scenefw.perception.evidence.nearest_objects import nearest_objects
@@ -33,7 +33,8 @@ if TYPE_CHECKING:
     from scenefw.core.protocols import SceneFormat, Settling
     from scenefw.core.types import SceneEstimate
     from scenefw.perception.multiview.mesh_views import MeshViews
-    from scenefw.perception.multiview.views_pipeline import SeenScene, ViewsPipeline
+    from scenefw.perception.observation.views import Views
+    from scenefw.perception.pipeline import ReconstructionPipeline
     from scenefw.report.palette import Colour
 
 _REACH = 0.01  # m: vertices farther from all objects belong to none
@@ -61,6 +62,7 @@ class Decompose:
         exports: what writes further files of the scene, by name.
         overview: also draw `overview.png`.
         page: also write `scene.html`.
+        max_views: of a recording that are used.
 
     Raises:
         ConfigError: no input is given, or a scale is not positive.
@@ -69,7 +71,7 @@ class Decompose:
     def __init__(
         self,
         input: str | Path | None,  # noqa: A002 - named as the setting on the command line
-        pipeline: ViewsPipeline,
+        pipeline: ReconstructionPipeline[Views],
         meshes: MeshViews,
         output: str | Path = "outputs",
         intrinsics: str | Path | None = None,
@@ -81,6 +83,7 @@ class Decompose:
         *,
         overview: bool = True,
         page: bool = True,
+        max_views: int = 8,
     ) -> None:
         if input is None:
             raise ConfigError(
@@ -98,7 +101,8 @@ class Decompose:
         if depth_scale is not None:
             self.options["depth_scale"] = depth_scale
         self.mesh_scale, self.exports = mesh_scale, dict(exports or {})
-        self.overview, self.page = overview, page
+        COUNT.require(max_views=max_views)
+        self.overview, self.page, self.max_views = overview, page, max_views
 
     def run(self) -> dict[str, float]:
         """Takes the scene apart; returns how many objects and views there are, and seconds.
@@ -111,23 +115,23 @@ class Decompose:
         require_writable(self.output)
         require_replaceable(self.folder)
         whole_scene = read_whole_scene(
-            self.input, self.pipeline, self.meshes, self.mesh_scale, self.options
+            self.input, self.meshes, self.mesh_scale, self.max_views, self.options
         )
         if whole_scene.note:
             print(f"{whole_scene.name}: {whole_scene.note}")
-        observation = self.pipeline.prepare(whole_scene.frames)
-        for warning in observation.warnings:
+        views = self.pipeline.observe(whole_scene.frames)
+        for warning in views.warnings:
             print(f"{whole_scene.name}: {warning}", file=sys.stderr)
         with Console(stderr=True).status(f"{len(whole_scene.frames)} views: parts, then objects"):
-            scanned_estimate = taken_apart(whole_scene, observation, self.pipeline)
+            scanned_estimate = taken_apart(whole_scene, views, self.pipeline)
         estimate = scanned_estimate
         if self.settling is not None:
             estimate = self.settling.settle([scanned_estimate])[0]
             print(settled_words(estimate))
         with replacing_folder(self.folder) as temporary:
-            colours = self._write(temporary, estimate, observation, whole_scene.name)
+            colours = self._write(temporary, estimate, views, whole_scene.name)
             if whole_scene.mesh is not None:
-                vertices = geometry.transform_points(observation.moved, whole_scene.mesh.vertices)
+                vertices = geometry.transform_points(views.T_views_input, whole_scene.mesh.vertices)
                 mesh = TriangleMesh(vertices, whole_scene.mesh.faces)
                 # what settles leaves the place where it was scanned
                 write_ply(
@@ -143,16 +147,16 @@ class Decompose:
         }
 
     def _write(
-        self, folder: Path, estimate: SceneEstimate, observation: SeenScene, name: str
+        self, folder: Path, estimate: SceneEstimate, views: Views, name: str
     ) -> list[Colour]:
         colours = write_scene(folder, estimate, self.exports)
         if self.page:
             scene = Scene3D(name, (layer("objects", estimate, colours),), estimate.frame)
             write_scene_page(folder / "scene.html", name, packed([scene]))
         if self.overview:
-            partial = observation.partials[0].distance[0, 0].cpu().numpy()
-            views = two_views(solids_of([estimate])[0], estimate)
-            write_overview(folder / "overview.png", estimate, partial, colours, views)
+            partial = views.observations[0].partial.distance[0, 0].cpu().numpy()
+            windows = two_views(solids_of([estimate])[0], estimate)
+            write_overview(folder / "overview.png", estimate, partial, colours, windows)
         return colours
 
 

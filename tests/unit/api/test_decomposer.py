@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tests.unit.perception.multiview.test_views_pipeline import frames
+from tests.unit.perception.multiview.test_views_observer import frames
 from tests.unit.perception.several import PAIR, boxes, fitted_parts
 
 from scenefw.api.decomposer import Decomposer
@@ -10,14 +10,13 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import GridSpec
 from scenefw.data.files.sequences import write_sequence
 from scenefw.export.meshes import write_ply
-from scenefw.mapping.inverse_ray_tracing import InverseRayTracing
 from scenefw.perception.multiview.mesh_views import MeshViews
-from scenefw.perception.multiview.views_pipeline import ViewsPipeline
 from scenefw.scenes.surround import SurroundingCameras
 
 METHOD = Decomposer(
-    ViewsPipeline(fitted_parts(), InverseRayTracing(), GridSpec(resolution=48), views=3),
+    fitted_parts(grid=GridSpec(resolution=48)),
     MeshViews(SurroundingCameras(320, 240, ring=4)),
+    max_views=3,
 )
 
 

@@ -7,25 +7,47 @@ from tests.unit.perception.usual_fits import TOLERANCES, object_fit
 from scenefw.core.types import TriangleMesh
 from scenefw.fitting.joint import JointFit
 from scenefw.fitting.superquadrics import SuperquadricFit
+from scenefw.mapping.inverse_ray_tracing import InverseRayTracing
 from scenefw.perception.evidence.gathering import EvidenceGathering
 from scenefw.perception.grouping.hulls import HullFilling
 from scenefw.perception.grouping.merging import FitMerging
 from scenefw.perception.grouping.reassignment import ResidualReassignment
 from scenefw.perception.grouping.relabelling import ObjectGrouping
 from scenefw.perception.grouping.segment_fits import SegmentFits
-from scenefw.perception.multiview.fitted_to_views import ViewsFit
-from scenefw.perception.multiview.parts_of_views import ViewsGrouping
+from scenefw.perception.multiview.views_assembly import ViewsAssembly
+from scenefw.perception.multiview.views_completion import ViewsCompletion
+from scenefw.perception.multiview.views_grouping import ViewsGrouping
+from scenefw.perception.multiview.views_observer import ViewsObserver
+from scenefw.perception.multiview.views_segmentation import ViewsSegmentation
+from scenefw.perception.observation.doctor import Doctor
+from scenefw.perception.observation.table_frame import TableFrame
+from scenefw.perception.observation.workspace import WorkspaceFinder
+from scenefw.perception.pipeline import ReconstructionPipeline
 from scenefw.perception.segmentation.crease_segmentation import CreaseSegmentation
 
 
-def fitted_parts(overlap=None):
+def views_fit(segmentation, grouping, joint=None, *, grid=None, fit=None):
+    """Superquadrics fitted to objects of all views, joined by `joint`."""
+    table = TableFrame(max_tilt=0.3, max_offset=0.002)
+    return ReconstructionPipeline(
+        ViewsAssembly(TOLERANCES),
+        ViewsObserver(InverseRayTracing(), table, WorkspaceFinder(), Doctor()),
+        ViewsSegmentation(segmentation, grouping),
+        grouping=joint,
+        fit=object_fit(),
+        completion=ViewsCompletion(fit or JointFit(SuperquadricFit()), TOLERANCES),
+        grid=grid,
+        samples=1,
+    )
+
+
+def fitted_parts(overlap=None, grid=None):
     """Superquadrics fitted to segments between creases of all views."""
-    fit = SuperquadricFit()
-    fits = SegmentFits(fit, EvidenceGathering(hidden_points=1))
+    fits = SegmentFits(SuperquadricFit(), EvidenceGathering(hidden_points=1))
     merge, reassign = FitMerging(fits), ResidualReassignment(fits)
     grouping = ObjectGrouping(HullFilling(), None, merge, reassign, min_divided=0.3, reach=2.0)
-    objects = ViewsGrouping(CreaseSegmentation(), grouping, merge, reassign, overlap)
-    return ViewsFit(objects, object_fit(), JointFit(fit), TOLERANCES)
+    joint = ViewsGrouping(merge, reassign, overlap)
+    return views_fit(CreaseSegmentation(), grouping, joint, grid=grid)
 
 
 def boxes(*sides_and_places, table=None):

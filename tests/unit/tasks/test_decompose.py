@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
-from tests.unit.perception.multiview.test_views_pipeline import frames
+from tests.unit.perception.multiview.test_views_observer import frames
 from tests.unit.perception.several import PAIR, TABLE, boxes, fitted_parts
 
 from scenefw.core import geometry
@@ -15,15 +15,13 @@ from scenefw.core.types import GridSpec
 from scenefw.data.files.sequences import write_sequence
 from scenefw.export.meshes import write_ply
 from scenefw.export.urdf import URDF
-from scenefw.mapping.inverse_ray_tracing import InverseRayTracing
 from scenefw.perception.multiview.mesh_views import MeshViews
-from scenefw.perception.multiview.views_pipeline import ViewsPipeline
 from scenefw.scenes.surround import SurroundingCameras
 from scenefw.tasks.decompose import Decompose
 
 
 def task(path, output, **settings):
-    pipeline = ViewsPipeline(fitted_parts(), InverseRayTracing(), GridSpec(resolution=48))
+    pipeline = fitted_parts(grid=GridSpec(resolution=48))
     meshes = MeshViews(SurroundingCameras(320, 240, ring=4))
     return Decompose(path, pipeline, meshes, output, **settings)
 

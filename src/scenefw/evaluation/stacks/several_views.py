@@ -173,7 +173,7 @@ class SeveralViewsEvaluation:
         """Different scenes that one method makes of the first views."""
         views = [batch.partial for batch in scene_views.batches[:count]]
         generator = torch.Generator().manual_seed(scene_views.codes)
-        scenes = self.methods[name].complete(views, self.grid, self.samples, generator)
+        scenes = self.methods[name].complete_views(views, self.grid, self.samples, generator)
         return list({id(scene): scene for scene in scenes}.values())
 
     @torch.no_grad()

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float64, GridSpec, Int32
     from scenefw.fitting.vessels import FittedVessel
     from scenefw.perception.evidence.tolerances import Tolerances
-    from scenefw.perception.observation.observation import Observation, ViewGeometry
+    from scenefw.perception.observation.observation import ViewGeometry
+    from scenefw.perception.observation.views import View
     from scenefw.perception.steps import ObjectSet
 
     Mask = NDArray[np.bool_]
@@ -102,13 +103,15 @@ class Vessels:
         )
         self.min_width_ratio, self.min_height = min_width_ratio, min_height
 
-    def replace(self, sets: Sequence[ObjectSet], view: Observation) -> list[ObjectSet]:
+    def replace(self, sets: Sequence[ObjectSet], view: View) -> list[ObjectSet]:
         """Hypotheses in which objects that the view looks into are vessels, the same in all."""
         first = sets[0]
         if first.superquadrics is None:
             return list(sets)
-        masks = first.objects.pixels
-        vessels = self.detect(masks, view, first.evidence, first.superquadrics)
+        vessels: dict[int, FittedVessel] = {}
+        masks = np.split(first.objects.pixels, len(view.cameras))
+        for camera, mask in zip(view.cameras, masks, strict=True):  # the first that sees inside
+            vessels = self.detect(mask, camera, first.evidence, first.superquadrics) | vessels
         return [with_vessels(hypothesis, vessels) for hypothesis in sets]
 
     def detect(
@@ -127,7 +130,7 @@ class Vessels:
             superquadrics: those that explain objects.
         """
         vessels: dict[int, FittedVessel] = {}
-        if view.eye is None:  # several views: seen from all around
+        if view.eye is None:  # no camera looks into anything
             return vessels
         free = view.clear  # so that no wall lies in it by half a voxel
         for label in labels:

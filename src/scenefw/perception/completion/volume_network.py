@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from scenefw.core.training_protocols import ShapeInstanceModel
     from scenefw.core.types import GridSpec, Int32
     from scenefw.perception.observation.observation import Observation
+    from scenefw.perception.observation.views import View
     from scenefw.perception.steps import Fits
 
 
@@ -157,11 +158,11 @@ class VolumeNetwork:
         volumes = self.volumes(view.partial, view.grid, samples, generator)
         return [ObjectSet(objects_of(scene)) for scene in self._completions(volumes, view.grid)]
 
-    def group(self, segments: Int32, view: Observation) -> Objects:
+    def group(self, segments: Int32 | None, view: View) -> Objects:
         """The most typical scene as rough volumes of segments (`grouping.relabelling`)."""
         return self.typical(view)
 
-    def typical(self, view: Observation) -> Objects:
+    def typical(self, view: View) -> Objects:
         """The most typical scene of a view, which needs no image."""
         codes = torch.zeros(1, 1, self.model.latent_size)
         return objects_of(self.complete_with(view.partial, view.grid, codes)[0])

@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from scenefw.core.evidence import FittedSuperquadric
     from scenefw.core.types import Float32, GridSpec, Int32
     from scenefw.fitting.vessels import FittedVessel
-    from scenefw.perception.observation.observation import Observation
+    from scenefw.perception.observation.views import View
     from scenefw.perception.steps import Objects, ObjectSet
 
 _REACH = 4  # voxels around rough volumes whose distances stay too
 
 
-def composed(hypothesis: ObjectSet, view: Observation) -> Completion:
+def composed(hypothesis: ObjectSet, view: View) -> Completion:
     """The scene of a hypothesis, a batch of one on the device of the view.
 
     Args:

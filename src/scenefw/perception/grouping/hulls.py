@@ -36,7 +36,7 @@ class HullFilling:
     def __init__(self, segmentation: Segmentation | None = None) -> None:
         self.segmentation = segmentation
 
-    def group(self, segments: Int32, view: Observation) -> Objects:
+    def group(self, segments: Int32 | None, view: Observation) -> Objects:
         """Each segment as an object, with its hull.
 
         Args:
@@ -45,6 +45,7 @@ class HullFilling:
         """
         if self.segmentation is not None:
             segments = self.segmentation.segment(view)
+        segments = Objects(segments).pixels
         tsdf, owner = hulls(segments, view)
         carved = carve(torch.from_numpy(tsdf), view.partial, view.grid).numpy()
         return Objects(segments, carved, np.where(carved < 0, owner, 0).astype(np.int32))

@@ -83,14 +83,14 @@ class ObjectGrouping:
         """That of the rough volumes; None: any."""
         return self.rough.grid
 
-    def group(self, segments: Int32, view: Observation) -> Objects:
+    def group(self, segments: Int32 | None, view: Observation) -> Objects:
         """The objects of a view, with rough volumes.
 
         Args:
             segments: (H, W), 0 = none.
             view: of their image.
         """
-        has_masks = view.masks is not None
+        has_masks, segments = view.masks is not None, Objects(segments).pixels
         segments = segments if has_masks else without_ramps(segments, view.mixed)
         rough = self.rough.group(segments, view)
         if rough.instances is None:

@@ -78,7 +78,7 @@ class AllSides:
             self.mapping.fuse(depth, grid, camera)
             for depth, camera in zip(images, cameras, strict=True)
         ]
-        completion = self.reconstructor.complete(views, grid, 1, generator)[0]
+        completion = self.reconstructor.complete_views(views, grid, 1, generator)[0]
         instances = spread(completion.instances[0].cpu().numpy(), occupied)
         return replace(
             completion,

@@ -29,7 +29,7 @@ class Conditioned:
     def __init__(self, method: Reconstructor) -> None:
         self.method, self.grid = method, method.grid
 
-    def complete(
+    def complete_views(
         self,
         views: Sequence[PartialTSDF],
         grid: GridSpec,

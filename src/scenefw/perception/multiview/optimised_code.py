@@ -58,7 +58,7 @@ class OptimisedCode:
         self.iterations, self.rate, self.prior = iterations, rate, prior
         self.sees_all = sees_all
 
-    def complete(
+    def complete_views(
         self,
         views: Sequence[PartialTSDF],
         grid: GridSpec,

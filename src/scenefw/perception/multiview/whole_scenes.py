@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
     from scenefw.core.types import Float64, Frame, SceneEstimate, TriangleMesh
     from scenefw.perception.multiview.mesh_views import MeshViews
-    from scenefw.perception.multiview.views_pipeline import SeenScene, ViewsPipeline
+    from scenefw.perception.observation.views import Views
+    from scenefw.perception.pipeline import ReconstructionPipeline
 
 
 @dataclass(frozen=True)
@@ -48,18 +49,18 @@ def scene_name(path: Path | str) -> str:
 
 def read_whole_scene(
     path: Path | str,
-    pipeline: ViewsPipeline,
     meshes: MeshViews,
-    mesh_scale: float = 1.0,
+    mesh_scale: float,
+    max_views: int,
     options: Mapping[str, Any] | None = None,
 ) -> WholeScene:
     """The views of a scene in a file or a folder.
 
     Args:
         path: a mesh, an RGB-D folder with poses, or a sequence in TUM's format.
-        pipeline: chooses among the images of a recording.
         meshes: makes views of meshes.
         mesh_scale: metres per unit of a mesh.
+        max_views: of a recording that are read.
         options: of `data.files.sequences.open_sequence`.
 
     Raises:
@@ -83,25 +84,47 @@ def read_whole_scene(
             "a folder with depth/, poses.txt and intrinsics.json"
         )
     recording = open_sequence(path, **dict(options or {}))
-    frames = [recording[number] for number in pipeline.chosen(recording.poses)]
+    frames = [recording[number] for number in distant_views(recording.poses, max_views)]
     return WholeScene(name, frames)
 
 
-def taken_apart(scene: WholeScene, views: SeenScene, pipeline: ViewsPipeline) -> SceneEstimate:
+def distant_views(poses: Sequence[Float64], max_views: int) -> list[int]:
+    """Numbers of the images that are used: the first, then always the one farthest off.
+
+    Args:
+        poses: camera to world (4, 4) of all images.
+        max_views: how many at most.
+
+    Raises:
+        InputError: there is none.
+    """
+    if not poses:
+        raise InputError("there is no view; give at least one depth image with its pose")
+    places = np.array([pose[:3, 3] for pose in poses])
+    selection, nearest = [0], np.linalg.norm(places - places[0], axis=1)
+    while len(selection) < min(max_views, len(places)) and nearest.max() > 0:
+        selection.append(int(nearest.argmax()))
+        nearest = np.minimum(nearest, np.linalg.norm(places - places[selection[-1]], axis=1))
+    return sorted(selection)
+
+
+def taken_apart(
+    scene: WholeScene, views: Views, pipeline: ReconstructionPipeline[Views]
+) -> SceneEstimate:
     """The objects of a scene; `details["T_world_input"]` takes the input's coordinates to theirs.
 
     Args:
         scene: as it was read.
-        views: its views, made ready by the pipeline.
+        views: its views, as the pipeline observed them.
         pipeline: finds the objects.
 
     Raises:
         InputError: the views contradict each other.
     """
-    estimate = pipeline.complete(views)
+    (estimate,) = pipeline.reconstruct(views)
     details = {
         **estimate.details,
         "table": scene.note or estimate.details["table"],
-        "T_world_input": views.moved @ scene.T_frames_file,
+        "T_world_input": views.T_views_input @ scene.T_frames_file,
     }
     return replace(estimate, frame=replace(estimate.frame, name=scene.name), details=details)

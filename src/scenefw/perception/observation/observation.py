@@ -63,13 +63,18 @@ class ViewGeometry(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class JointGeometry:
-    """Several views of one scene as one image, one below the other."""
+    """One of several views of a scene, with the free space of all; or all at fewer pixels."""
 
     points: Float64
     grid: GridSpec
     free: Mask
     eye: Float64 | None = None
     mixed: Mask | None = None
+
+    @property
+    def cameras(self) -> tuple[ViewGeometry, ...]:
+        """Each view by itself: this one."""
+        return (self,)
 
     @cached_property
     def clear(self) -> Mask:
@@ -181,6 +186,11 @@ class Observation:
     def eye(self) -> Float64:
         """(3,) where the camera is (m)."""
         return self.frame.camera.T_world_camera[:3, 3]
+
+    @property
+    def cameras(self) -> tuple[ViewGeometry, ...]:
+        """Each view by itself: this one; several are `observation.views.Views`."""
+        return (self,)
 
     @cached_property
     def noise(self) -> FloorNoise:

@@ -8,13 +8,13 @@ from scenefw.core.errors import InputError
 
 if TYPE_CHECKING:
     from scenefw.core.types import Int32
-    from scenefw.perception.observation.observation import Observation
+    from scenefw.perception.observation.views import View
 
 
 class MarkedObjects:
     """The masks that came with the image: each is one object."""
 
-    def segment(self, view: Observation) -> Int32:
+    def segment(self, view: View, /) -> Int32:
         """The masks (H, W).
 
         Raises:

@@ -20,7 +20,7 @@ class Coin:
 
     grid = None
 
-    def complete(self, views, grid, samples, generator):
+    def complete_views(self, views, grid, samples, generator):
         fields = torch.randn(samples, 1, *grid.shape, generator=generator)
         return [Completion(field * grid.voxel_size, (field < 0).int()) for field in fields]
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 from tests.unit.mapping.test_several_views import BACK, FRONT, GRID, box_at, seen
-from tests.unit.perception.usual_fits import TOLERANCES, object_fit
+from tests.unit.perception.several import views_fit
 from torch import nn
 
 from scenefw.core.batches import SceneParameters, ShapeInstancePrediction
@@ -20,10 +20,11 @@ from scenefw.perception.grouping.merging import FitMerging
 from scenefw.perception.grouping.reassignment import ResidualReassignment
 from scenefw.perception.grouping.segment_fits import SegmentFits
 from scenefw.perception.multiview.conditioned import Conditioned
-from scenefw.perception.multiview.fitted_to_views import ViewsFit
 from scenefw.perception.multiview.optimised_code import OptimisedCode
-from scenefw.perception.multiview.parts_of_views import ViewsGrouping, _refined
-from scenefw.perception.observation.observation import JointGeometry, Observation
+from scenefw.perception.multiview.views_grouping import ViewsGrouping, _refined
+from scenefw.perception.multiview.views_segmentation import ViewsSegmentation
+from scenefw.perception.observation.observation import Observation
+from scenefw.perception.observation.views import Views
 from scenefw.perception.steps import Objects
 from scenefw.renderers.differentiable import Differentiable
 from scenefw.representations.volumes import scene_volumes
@@ -88,18 +89,17 @@ def fits():
     return SegmentFits(SuperquadricFit(), EvidenceGathering(hidden_points=1))
 
 
-def views_grouping(segmentation, grouping, reassign=None):
-    """Objects of all views, merged by evidence and then dealt out by fit unless told otherwise."""
+def views_grouping(reassign=None):
+    """Merges objects by evidence and then deals pixels out by fit unless told otherwise."""
     reassign = ResidualReassignment(fits()) if reassign is None else reassign
-    return ViewsGrouping(segmentation, grouping, FitMerging(fits()), reassign)
+    return ViewsGrouping(FitMerging(fits()), reassign)
 
 
-def objects_of(grouping, views):
-    """Objects of partial TSDFs by a `ViewsGrouping`."""
-    observations = [Observation.of_partial(view, GRID) for view in views]
-    points = np.concatenate([view.points for view in observations])
-    free = np.any([view.free for view in observations], axis=0)
-    return grouping.group(observations, JointGeometry(points, GRID, free), NOISE)
+def objects_of(segmentation, grouping, views, reassign=None):
+    """Objects that partial TSDFs show together."""
+    together = Views.of_partials(views, GRID)
+    segments = ViewsSegmentation(segmentation, grouping).segment(together)
+    return views_grouping(reassign).group(segments, together)
 
 
 def points_of(view):
@@ -138,15 +138,14 @@ def test_halves_seen_from_two_sides_are_one_object_and_fitted_whole():
         Foreground(),
         SegmentsAsObjects(),
     )
-    joined = views_grouping(Cached(segmentation), Cached(grouping))
-    objects = objects_of(joined, views)
+    steps = Cached(segmentation), Cached(grouping)
+    objects = objects_of(*steps, views)
     assert np.unique(objects.instances).tolist() == [0, 1]
     assert np.unique(objects.masks).tolist() == [0, 1]
     assert objects.masks.shape == (120, 80)
-    objects_of(joined, views[:1])
-    (sharp,) = ViewsFit(joined, object_fit(), SuperquadricFit(), TOLERANCES).complete(
-        views, GRID, 1, NOISE
-    )
+    objects_of(*steps, views[:1])
+    method = views_fit(*steps, views_grouping(), fit=SuperquadricFit())
+    (sharp,) = method.complete_views(views, GRID, 1, NOISE)
     assert (segmentation.calls, grouping.calls) == (2, 2)  # each view once
     assert list(sharp.placed[0]) == [1]  # a superquadric in place of the hull
     truth = scene_volumes(box_at(0.0), GRID).tsdf[0, 0].numpy() < 0
@@ -157,7 +156,7 @@ def test_halves_seen_from_two_sides_are_one_object_and_fitted_whole():
 def test_boxes_side_by_side_stay_two():
     scene = two_boxes()
     views = seen(scene, (0.0, 0.9, 0.5), (0.0, -0.9, 0.5))
-    found = objects_of(views_grouping(NearestBoxes(scene), SegmentsAsObjects()), views)
+    found = objects_of(NearestBoxes(scene), SegmentsAsObjects(), views)
     assert np.unique(found.masks).tolist() == [0, 1, 2]
     for mask, view in zip(np.split(found.masks, 2), views, strict=True):
         points = points_of(view)
@@ -171,9 +170,9 @@ def test_a_view_that_takes_two_for_one_is_overruled_by_those_that_know_better():
     scene = two_boxes()
     eyes = (0.5, 0.7, 0.6), (-0.5, 0.7, 0.6), (0.0, 0.9, 0.3), (0.0, -0.8, 0.6)
     views, steps = seen(scene, *eyes), (NearestBoxes(scene), SegmentsAsObjects(blind=-1))
-    before = objects_of(views_grouping(*steps, NoReassignment()), views)
+    before = objects_of(*steps, views, NoReassignment())
     assert before.masks.max() > 2
-    found = objects_of(views_grouping(*steps), views)
+    found = objects_of(*steps, views)
     assert found.masks.max() == 2
     last = np.split(found.masks, len(eyes))[-1]
     points = points_of(views[-1])
@@ -205,7 +204,7 @@ def test_the_code_moves_the_box_to_where_the_views_show_it():
     assert float(code) == pytest.approx(0.6, abs=0.08)
     assert costs[-1] < 0.4 * costs[0]
     assert len(costs) == 31
-    (scene,) = method.complete(views, GRID, 1, NOISE)
+    (scene,) = method.complete_views(views, GRID, 1, NOISE)
     truth = scene_volumes(box_at(0.06), GRID).tsdf[0, 0].numpy() < 0
     assert occupancy_iou(scene.tsdf[0].numpy() < 0, truth) > 0.85
 
@@ -219,7 +218,7 @@ def test_conditioning_gives_the_inner_method_what_all_views_observe():
         def complete(self, partial, grid, samples, generator):
             return [partial.observed.sum()] * samples
 
-    (count,) = Conditioned(Counting()).complete(views, GRID, 1, NOISE)
+    (count,) = Conditioned(Counting()).complete_views(views, GRID, 1, NOISE)
     assert count == (views[0].observed | views[1].observed).sum()
 
 

@@ -10,10 +10,8 @@ from tests.unit.perception.synthetic import STACK, camera_at, frame_of
 from scenefw.core import geometry
 from scenefw.core.errors import InputError
 from scenefw.core.types import GridSpec
-from scenefw.mapping.inverse_ray_tracing import InverseRayTracing
 from scenefw.perception.multiview.same_surface import SurfaceOverlap
-from scenefw.perception.multiview.views_pipeline import ViewsPipeline
-from scenefw.perception.observation.table_frame import TableFrame
+from scenefw.perception.multiview.whole_scenes import distant_views
 
 CAMERAS = [
     camera_at(eye=(0.8 * np.cos(a), 0.8 * np.sin(a), 0.55)) for a in np.radians([0, 90, 200, 300])
@@ -22,10 +20,8 @@ CAMERAS = [
 HERE = np.eye(4)
 
 
-def pipeline(overlap=None, **settings):
-    grid = GridSpec(resolution=64)
-    table = TableFrame(max_tilt=0.3, max_offset=0.002)
-    return ViewsPipeline(fitted_parts(overlap), InverseRayTracing(), grid, table, **settings)
+def pipeline(overlap=None):
+    return fitted_parts(overlap, GridSpec(resolution=64))
 
 
 def frames(noise=0.0, world=HERE):
@@ -59,24 +55,24 @@ LEANING = geometry.rotation_from_quaternion((0.9997, 0.026, 0.0, 0.0))  # 3 degr
 def test_poses_may_be_of_any_world(rotation, place):
     """Of one that is hardly off, too."""
     world = geometry.rigid(rotation, place)
-    scene = pipeline().prepare(frames(world=world))
-    from_boxes = scene.moved @ world  # from the boxes' own coordinates
+    scene = pipeline().observe(frames(world=world))
+    from_boxes = scene.T_views_input @ world  # from the boxes' own coordinates
     np.testing.assert_allclose(from_boxes[2], (0, 0, 1, 0), atol=2e-3)  # the floor is the floor
     assert scene.table == "found in the first image"
     assert not scene.warnings
 
 
 def test_poses_of_the_table_are_kept():
-    scene = pipeline().prepare(frames())
-    np.testing.assert_allclose(scene.moved[:3, :3], np.eye(3), atol=1e-9)
+    scene = pipeline().observe(frames())
+    np.testing.assert_allclose(scene.T_views_input[:3, :3], np.eye(3), atol=1e-9)
     assert scene.table == "the plane z = 0 of the poses"
 
 
 def test_views_far_apart_are_chosen():
     poses = [geometry.rigid(np.eye(3), (x, 0, 0)) for x in (0, 0.01, 0.02, 1.0, 1.01, 0.5)]
-    assert pipeline(views=3).chosen(poses) == [0, 4, 5]
-    assert pipeline(views=9).chosen(poses) == [0, 1, 2, 3, 4, 5]
-    assert pipeline(views=9).chosen([np.eye(4)] * 3) == [0]
+    assert distant_views(poses, 3) == [0, 4, 5]
+    assert distant_views(poses, 9) == [0, 1, 2, 3, 4, 5]
+    assert distant_views([np.eye(4)] * 3, 9) == [0]
 
 
 def test_a_bare_table_is_an_empty_scene_with_a_warning():

@@ -1,4 +1,4 @@
-"""Objects that each view shows by itself, and which of them are the same."""
+"""Which of the objects that each view shows by itself are the same."""
 
 from __future__ import annotations
 
@@ -13,16 +13,12 @@ from scenefw.perception.observation.observation import JointGeometry
 from scenefw.perception.steps import Objects
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import torch
     from numpy.typing import NDArray
 
     from scenefw.core.types import Float32, Float64, GridSpec, Int32
     from scenefw.perception.grouping.relabelling import Merging, Reassignment
     from scenefw.perception.multiview.same_surface import SurfaceOverlap
-    from scenefw.perception.observation.observation import Observation
-    from scenefw.perception.steps import Grouping, Segmentation
+    from scenefw.perception.observation.views import Views
 
 _COARSE_WIDTH = 320  # pixels: width of the images that say which parts are one object
 
@@ -35,36 +31,31 @@ class ViewsGrouping:
     that is visible of an object is its volume, without what any view saw free.
 
     Args:
-        segmentation: finds segments of one view.
-        grouping: says which segments of one view are one object.
         merge: says which objects of all views are one.
         reassign: gives pixels to the objects that they lie on, in all views.
         overlap: joins what shows the same surface before that; None: only `merge` joins.
     """
 
+    grid: GridSpec | None = None
+
     def __init__(
-        self,
-        segmentation: Segmentation,
-        grouping: Grouping,
-        merge: Merging,
-        reassign: Reassignment,
-        overlap: SurfaceOverlap | None = None,
+        self, merge: Merging, reassign: Reassignment, overlap: SurfaceOverlap | None = None
     ) -> None:
-        self.segmentation, self.grouping = segmentation, grouping
         self.merge, self.reassign, self.overlap = merge, reassign, overlap
 
-    def group(
-        self, views: Sequence[Observation], joint: JointGeometry, generator: torch.Generator
-    ) -> Objects:
-        """Objects with masks (V H, W) of all views, one below the other."""
-        view_parts = [
-            self.grouping.group(self.segmentation.segment(view), view).pixels for view in views
-        ]
-        parts = _number_parts(view_parts)
-        masks = parts if len(views) == 1 else self._join_parts(parts, len(views), joint)
-        return Objects(masks, *hulls(masks, joint.points, joint.free, joint.grid))
+    def group(self, segments: Int32 | None, view: Views) -> Objects:
+        """Objects with masks (V H, W) of all views, one below the other.
 
-    def _join_parts(self, parts: Int32, views: int, joint: JointGeometry) -> Int32:
+        Args:
+            segments: (V H, W) objects that each view shows by itself; no number is in two views.
+            view: all of them.
+        """
+        count = len(view.observations)
+        masks = Objects(segments).pixels
+        masks = masks if count == 1 else self._join_parts(masks, count, view)
+        return Objects(masks, *hulls(masks, view.points, view.free, view.grid))
+
+    def _join_parts(self, parts: Int32, views: int, joint: Views) -> Int32:
         """Objects (V H, W) of parts (V H, W)."""
         step = max(1, parts.shape[1] // _COARSE_WIDTH)
         if self.overlap is not None:
@@ -81,18 +72,6 @@ class ViewsGrouping:
             coarse_parts, coarse_joint, np.zeros(coarse_parts.shape, np.float32)
         )
         return _refined(self.reassign.reassign(objects, coarse_joint), coarse_parts, parts, step)
-
-
-def _number_parts(view_parts: Sequence[Int32]) -> Int32:
-    """Parts (V H, W) of all views, from 1 on."""
-    images, number = [], 0
-    for parts in view_parts:
-        image = np.zeros_like(parts)
-        for label in np.unique(parts[parts > 0]).tolist():
-            number += 1
-            image[parts == label] = number
-        images.append(image)
-    return np.concatenate(images)
 
 
 def _refined(objects: Int32, coarse_parts: Int32, parts: Int32, step: int) -> Int32:

@@ -1,0 +1,93 @@
+"""Superquadrics that explain several views at once (thesis eqs 5.8 to 5.12, 5.3)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from scenefw.fitting.placed import shape_of
+from scenefw.perception.completion.superquadrics import accepted
+from scenefw.perception.completion.support import extend_to_support
+
+if TYPE_CHECKING:
+    import torch
+
+    from scenefw.core.evidence import FittedSuperquadric
+    from scenefw.core.protocols import ShapeFit
+    from scenefw.core.types import GridSpec
+    from scenefw.perception.evidence.tolerances import Tolerances
+    from scenefw.perception.observation.views import Views
+    from scenefw.perception.steps import Fits, ObjectSet
+
+_CORNERS = 6  # of meshes that say how high an object is
+_MAX_DEPTH_BELOW = 0.01  # m below the floor
+
+
+class ViewsCompletion:
+    """Takes the superquadrics that explain all views, none of which penetrates another.
+
+    An object that no superquadric explains in all views keeps its volume. What is mostly
+    below the floor, or ends hardly above it, is noise of the floor and goes.
+
+    Args:
+        fit: of superquadrics to evidence.
+        tolerances: say which superquadrics explain their objects, and what is the floor.
+    """
+
+    grid: GridSpec | None = None
+
+    def __init__(self, fit: ShapeFit, tolerances: Tolerances) -> None:
+        self.fit, self.tolerances = fit, tolerances
+        self.metadata: dict[str, Any] = {}  # of no checkpoint
+
+    def complete(
+        self, fits: Fits, view: Views, samples: int, generator: torch.Generator
+    ) -> list[ObjectSet]:
+        """`samples` times the same objects."""
+        evidence, superquadrics = list(fits.evidence.values()), list(fits.superquadrics.values())
+        shapes = self.fit.separate(evidence, superquadrics) if evidence else []
+        hypothesis = accepted(fits, shapes, self.tolerances, view)
+        return [self._above_floor(hypothesis, view)] * samples
+
+    def _above_floor(self, hypothesis: ObjectSet, view: Views) -> ObjectSet:
+        """The hypothesis without objects that are noise of the floor."""
+        shape_of_label = {
+            k: _out_of_floor(shape, view) for k, shape in (hypothesis.superquadrics or {}).items()
+        }
+        min_height = self.tolerances.min_height
+        sunk = [k for k, shape in shape_of_label.items() if _is_sunk(shape, min_height)]
+        objects = hypothesis.objects
+        if objects.instances is not None:
+            instances = np.where(np.isin(objects.instances, sunk), 0, objects.instances)
+            objects = replace(objects, instances=instances)
+        return replace(
+            hypothesis,
+            objects=objects,
+            superquadrics={k: shape for k, shape in shape_of_label.items() if k not in sunk},
+            evidence={k: item for k, item in hypothesis.evidence.items() if k not in sunk},
+        )
+
+
+def _out_of_floor(superquadric: FittedSuperquadric, view: Views) -> FittedSuperquadric:
+    """What reaches far below the floor, as a fit to a shape it isn't may, ends there instead."""
+    return (
+        extend_to_support([superquadric], view.free, view.grid)[0]
+        if _heights(superquadric)[0] < -_MAX_DEPTH_BELOW
+        else superquadric
+    )
+
+
+def _is_sunk(superquadric: FittedSuperquadric, min_height: float) -> bool:
+    """Whether more of it is below the floor than above, or it ends lower than this (m)."""
+    return bool(superquadric.pose.position[2] < 0 or _heights(superquadric)[1] < min_height)
+
+
+def _heights(superquadric: FittedSuperquadric) -> tuple[float, float]:
+    """Lowest and highest point over the floor (m)."""
+    heights = (
+        shape_of(superquadric).mesh(_CORNERS).vertices @ superquadric.pose.rotation[2]
+        + superquadric.pose.position[2]
+    )
+    return float(heights.min()), float(heights.max())
