@@ -116,8 +116,8 @@ class TrueLabels:
     def __init__(
         self,
         classes: Sequence[str],
-        error_rate: float = 0.0,
-        confidence: float = 1.0,
+        error_rate: float,
+        confidence: float,
         seed: int = 0,
     ) -> None:
         if not 0 <= error_rate <= 1:

@@ -73,7 +73,7 @@ class ObjectQueryLearning(TrainingModule):
         model: ObjectQueryModel,
         losses: Mapping[str, ObjectQueryLoss],
         learning_rate: float = 1e-3,
-        weight_decay: float = 0.0,
+        weight_decay: float = 0.01,
         schedule: Schedule | None = None,
         average: float = 0.998,
         seed: int = 0,

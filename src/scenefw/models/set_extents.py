@@ -69,7 +69,7 @@ class SetExtents(nn.Module):
         turn: float = 2.0,
         others: int = 12,
         *,
-        ends: bool = False,
+        ends: bool,
     ) -> None:
         super().__init__()
         COUNT.require(

@@ -72,7 +72,7 @@ class ImagedSets(SceneBatches):
         seed: int = 0,
         distinct_batches: int | None = None,
         width: int = WIDTH_OF_VIEW,
-        places: int = 256,
+        places: int = 128,
         near: float = 0.01,
         noise: Mapping[str, Noise] | None = None,
         scale: float = 1.15,

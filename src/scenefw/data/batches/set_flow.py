@@ -74,7 +74,7 @@ class SeenSets(SceneBatches):
         image_size: Sequence[int] = (ObjectSamples.width, 96),
         points: int = ObjectSamples.points,
         ends: int = ObjectSamples.ends,
-        least: int = 2,
+        least: int = 1,
         noise: Mapping[str, Noise] | None = None,
         along: float = 0.0015,
         scale: float = 1.15,
