@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from scenefw.core.object_sets import ObjectSetBatch, ObjectSetPrediction
     from scenefw.core.protocols import Representation
     from scenefw.core.rng import Streams
-    from scenefw.core.set_flows import SeenSetBatch, SetFlowPrediction
+    from scenefw.core.set_flows import SetFlowBatch, SetFlowPrediction
     from scenefw.core.types import Float64, GridSpec
 
 
@@ -83,16 +83,16 @@ class ObjectSetData(TrainingData, Protocol):
         """The same views in every epoch."""
 
 
-class SeenSetData(TrainingData, Protocol):
-    """What views show of each superquadric of a scene (group `dataset`, option `seen_sets`)."""
+class SetFlowData(TrainingData, Protocol):
+    """What views show of each superquadric of a scene (group `dataset`, option `set_flow`)."""
 
     most: int
     """The largest number of objects in a scene."""
 
-    def training_batch(self, batch: IndexBatch, device: torch.device) -> SeenSetBatch:
+    def training_batch(self, batch: IndexBatch, device: torch.device) -> SetFlowBatch:
         """Views and objects of an epoch, each a function of only (seed, epoch, index)."""
 
-    def validation_batch(self, batch: IndexBatch, device: torch.device) -> SeenSetBatch:
+    def validation_batch(self, batch: IndexBatch, device: torch.device) -> SetFlowBatch:
         """The same views in every epoch."""
 
 
@@ -261,7 +261,7 @@ class SetFlowModel(Network, Protocol):
     """Whether objects of which nothing is seen are drawn too, and whole scenes without a view."""
 
     def forward(
-        self, batch: SeenSetBatch, generator: torch.Generator | None = None
+        self, batch: SetFlowBatch, generator: torch.Generator | None = None
     ) -> SetFlowPrediction:
         """Training pass.
 
@@ -271,18 +271,18 @@ class SetFlowModel(Network, Protocol):
         """
 
     def __call__(
-        self, batch: SeenSetBatch, generator: torch.Generator | None = None
+        self, batch: SetFlowBatch, generator: torch.Generator | None = None
     ) -> SetFlowPrediction:
         """Calls `forward`, as torch does."""
 
     def sample(
         self,
-        batch: SeenSetBatch,
+        batch: SetFlowBatch,
         count: int,
         generator: torch.Generator,
         steps: int = 20,
         spread: Sequence[float] | None = None,
-    ) -> SeenSetBatch:
+    ) -> SetFlowBatch:
         """Draws `count` sets for one view.
 
         Rows of the batch are this view, each with other points of it. Draw k sees row k, and those
@@ -301,20 +301,20 @@ class WholeSetFlowModel(SetFlowModel, Protocol):
         generator: torch.Generator,
         steps: int = 20,
         objects: int | None = None,
-    ) -> SeenSetBatch:
+    ) -> SetFlowBatch:
         """Draws `count` scenes without a view, of as many objects; None: as many as it draws."""
 
-    def hidden_number(self, batch: SeenSetBatch, generator: torch.Generator) -> int:
+    def hidden_number(self, batch: SetFlowBatch, generator: torch.Generator) -> int:
         """Draws how many objects a view hides whose seen objects are known."""
 
     def complete(
         self,
-        batch: SeenSetBatch,
+        batch: SetFlowBatch,
         count: int,
         objects: int,
         generator: torch.Generator,
         steps: int = 20,
-    ) -> SeenSetBatch:
+    ) -> SetFlowBatch:
         """Draws `count` sets of so many hidden objects beside those of a view, which are known."""
 
 

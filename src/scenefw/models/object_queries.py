@@ -11,9 +11,9 @@ from torch import Tensor, nn
 from scenefw.core.errors import ConfigError
 from scenefw.core.queried_sets import (
     VOLUME,
+    ObjectQueryBatch,
     ObjectQueryPrediction,
     QueriedSet,
-    ViewedSetBatch,
 )
 from scenefw.core.settings import NOT_NEGATIVE
 from scenefw.kernels.precision import full_precision
@@ -121,7 +121,7 @@ class ObjectQueries(nn.Module):
         self.layers = nn.ModuleList([_Layer(width, heads) for _ in range(layers)])
 
     def forward(
-        self, batch: ViewedSetBatch, generator: torch.Generator | None = None
+        self, batch: ObjectQueryBatch, generator: torch.Generator | None = None
     ) -> ObjectQueryPrediction:
         """Training pass: a set of each layer.
 
@@ -145,7 +145,7 @@ class ObjectQueries(nn.Module):
         """The set of the last layer.
 
         Args:
-            condition: what the encoder sees, as in `ViewedSetBatch`.
+            condition: what the encoder sees, as in `ObjectQueryBatch`.
             points: (B, P, 3) m, of what is seen above the floor.
             seen: (B, P) bool: points that count.
         """

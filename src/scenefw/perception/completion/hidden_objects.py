@@ -48,8 +48,8 @@ class HiddenObjects:
             raise ConfigError(f"hidden objects have tries {tries} and steps {steps}; expected >= 1")
         if not checkpoint.model.draws_hidden:
             raise ConfigError(
-                "these weights draw no hidden objects; give checkpoints.scenes=FILE of a training "
-                "of model=set_flow, or completion=set_extents"
+                "these weights draw no hidden objects; give checkpoints.set_flow=FILE of a "
+                "training of model=set_flow, or completion=set_extents"
             )
         self.model, self.tries, self.steps = checkpoint.model, tries, steps
 
