@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from scenefw.core.training_protocols import Loss, Network, TrainingData
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     import torch
     from torch import Tensor
 
@@ -73,11 +71,3 @@ class ObjectQueryModel(Network, Protocol):
 
     def predict(self, condition: Tensor, points: Tensor, seen: Tensor) -> QueriedSet:
         """The set of the last layer, of what a `ObjectQueryBatch` says of views."""
-
-
-class TrainedObjectQueries(Protocol):
-    """What a loaded checkpoint of a decoder of sets provides (`learning.checkpoint`)."""
-
-    model: ObjectQueryModel
-    grid: GridSpec
-    metadata: Mapping[str, Any]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from scenefw.core.rng import Streams
     from scenefw.core.set_flows import SetFlowBatch, SetFlowPrediction
     from scenefw.core.types import Float64, GridSpec
+
+
+Model = TypeVar("Model")
 
 
 class TrainingData(Protocol):
@@ -149,6 +152,20 @@ class Network(Protocol):
     """Its class as `_target_`, and its arguments as plain data."""
     training_only: Sequence[str]
     """Children used only in training; weights are stored without them, and they load as None."""
+
+
+class Trained(Protocol[Model]):
+    """A loaded checkpoint of a network of some kind (`learning.checkpoint.load_checkpoint`)."""
+
+    model: Model
+    recipe: Mapping[str, Any]
+    metadata: Mapping[str, Any]
+
+
+class TrainedOnGrid(Trained[Model], Protocol[Model]):
+    """The same of a network that sees volumes, or predicts some."""
+
+    grid: GridSpec
 
 
 class ShapeInstanceModel(Network, Protocol):
@@ -316,20 +333,6 @@ class WholeSetFlowModel(SetFlowModel, Protocol):
         steps: int = 20,
     ) -> SetFlowBatch:
         """Draws `count` sets of so many hidden objects beside those of a view, which are known."""
-
-
-class TrainedSetFlow(Protocol):
-    """What a loaded checkpoint of a flow of sets provides (`learning.checkpoint`)."""
-
-    model: SetFlowModel
-    metadata: Mapping[str, Any]
-
-
-class TrainedWholeSetFlow(Protocol):
-    """The same of a flow that also draws hidden objects."""
-
-    model: WholeSetFlowModel
-    metadata: Mapping[str, Any]
 
 
 class SegmentationModel(Network, Protocol):

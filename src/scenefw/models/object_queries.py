@@ -16,11 +16,12 @@ from scenefw.core.queried_sets import (
     QueriedSet,
 )
 from scenefw.core.settings import NOT_NEGATIVE
+from scenefw.core.training_protocols import TrainedOnGrid
 from scenefw.kernels.precision import full_precision
 from scenefw.models.query_numbers import SIZE, Noised, noised, parameters_of
 from scenefw.models.relative_attention import RelativeAttention
 from scenefw.models.view_encoders import encoder_of
-from scenefw.models.view_tokens import Tokens, TrainedEncoder
+from scenefw.models.view_tokens import Tokens
 from scenefw.shapes.radial_distance import radial_distance
 
 _OFFSET = 7  # numbers that say where a token lies for a query
@@ -82,7 +83,7 @@ class ObjectQueries(nn.Module):
 
     def __init__(
         self,
-        encoder: TrainedEncoder | Mapping[str, Any],
+        encoder: TrainedOnGrid[nn.Module] | Mapping[str, Any],
         seeded: int = 16,
         free: int = 4,
         tokens: int = 192,

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from scenefw.core.protocols import Engine, Track
-    from scenefw.core.training_protocols import TrainedWholeSetFlow
+    from scenefw.core.training_protocols import Trained, WholeSetFlowModel
     from scenefw.core.types import SceneObject
     from scenefw.data.batches.stacks import StackScenes
 
@@ -100,7 +100,7 @@ class SetPriorEvaluation:
 
     def __init__(
         self,
-        checkpoint: TrainedWholeSetFlow,
+        checkpoint: Trained[WholeSetFlowModel],
         data: ViewedScenes,
         scenes: StackScenes,
         engine: Engine,

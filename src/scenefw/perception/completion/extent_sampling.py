@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from scenefw.core.evidence import Evidence, FittedSuperquadric
     from scenefw.core.protocols import ShapeFit
     from scenefw.core.set_flows import SetFlowBatch
-    from scenefw.core.training_protocols import TrainedSetFlow
+    from scenefw.core.training_protocols import SetFlowModel, Trained
     from scenefw.core.types import GridSpec
     from scenefw.perception.completion.hidden_objects import HiddenObjects
     from scenefw.perception.evidence.tolerances import Tolerances
@@ -67,7 +67,7 @@ class ExtentSampling:
         self,
         fit: ShapeFit,
         tolerances: Tolerances,
-        checkpoint: TrainedSetFlow,
+        checkpoint: Trained[SetFlowModel],
         steps: int,
         median_of: int,
         spread: float,

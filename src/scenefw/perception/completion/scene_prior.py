@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from scenefw.core.protocols import Settling
-    from scenefw.core.training_protocols import TrainedWholeSetFlow
+    from scenefw.core.training_protocols import Trained, WholeSetFlowModel
 
 _HALF_AXIS_RANGE = (2e-3, 0.5)  # m
 _EYE, _TARGET = (-0.9, 0.0, 0.6), (0.0, 0.0, 0.05)  # m
@@ -50,7 +50,7 @@ class ScenePrior:
 
     def __init__(
         self,
-        checkpoint: TrainedWholeSetFlow,
+        checkpoint: Trained[WholeSetFlowModel],
         grid: GridSpec,
         settling: Settling | None = None,
         steps: int = 20,

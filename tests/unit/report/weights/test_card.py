@@ -157,9 +157,7 @@ def test_rows_of_earlier_names_are_not_left_out_silently(tmp_path):
     old = {name.replace("drawn_codes", "scenefw"): value for name, value in STACKS.items()}
     (run,) = read_runs([write_run(tmp_path / "run", old)])
     part = Summary("Stacks", "", ("chamfer_full",), {"draws/drawn_codes/log_skill": {}}).within(run)
-    with pytest.raises(
-        InputError, match="has draws/scenefw/log_skill, which is"
-    ) as told:
+    with pytest.raises(InputError, match="has draws/scenefw/log_skill, which is") as told:
         part.rows()
     assert "\n" not in str(told.value)
 
