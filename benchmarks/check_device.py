@@ -21,7 +21,7 @@ from scenefw.core.batches import IndexBatch
 from scenefw.core.rng import Streams
 from scenefw.data.batches.conditioning import shape_instance_batch
 from scenefw.data.batches.part_views import PartViews
-from scenefw.data.batches.set_flow import SeenSets
+from scenefw.data.batches.set_flow import SetFlowViews
 from scenefw.data.batches.stacks import StackScenes
 from scenefw.data.tabletop.segmentation import SegmentationData
 
@@ -47,7 +47,7 @@ def step(settings, device) -> dict[str, Tensor]:
     torch.manual_seed(0)
     learning = instantiate(settings.learning, _convert_="all")
     data = instantiate(settings.dataset, _convert_="all")
-    kinds = {SegmentationData: labelled, PartViews: in_parts, SeenSets: as_sets}
+    kinds = {SegmentationData: labelled, PartViews: in_parts, SetFlowViews: as_sets}
     found = kinds.get(type(data), completed)(learning, data, device)
     return {name: value.detach().float().cpu() for name, value in found.items()}
 

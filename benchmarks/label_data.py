@@ -86,13 +86,15 @@ def plain() -> Timed:
 def cropped() -> Timed:
     """Of true maps, with noise on heights."""
     maps = RenderedMaps(source())
-    return finished(drawn(MapCrops(maps, jitter=ColourJitter(), height_noise=5e-4, unseen=0.3)))
+    return finished(drawn(MapCrops(maps, 40, jitter=ColourJitter(), height_noise=5e-4, unseen=0.3)))
 
 
 def network() -> Timed:
     """Forward and backward on such a batch."""
     batch, loss = drawn(views(noise=False))(), CrossEntropy()
-    model = FuseNet(4, WIDTHS, scale=0.02).to(DEVICE, memory_format=torch.channels_last)
+    model = FuseNet(4, WIDTHS, (1, 2, 2, 3), scale=0.02).to(
+        DEVICE, memory_format=torch.channels_last
+    )
 
     def step() -> None:
         with torch.autocast(DEVICE.type, torch.bfloat16):

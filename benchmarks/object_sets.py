@@ -18,7 +18,7 @@ from benchmarks.training_data import SCENES as TRAINED
 from scenefw.core.object_sets import ObjectSetBatch
 from scenefw.core.rng import Streams
 from scenefw.core.types import GridSpec
-from scenefw.data.batches.set_decomposition import object_set_batch
+from scenefw.data.batches.object_sets import object_set_batch
 from scenefw.data.batches.stacks import StackScenes
 from scenefw.learning.object_sets import matched
 from scenefw.losses.set_bce import SetBinaryCrossEntropy

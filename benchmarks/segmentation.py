@@ -24,7 +24,9 @@ CLASSES = ("surface", "remote_control", "keyboard", "model_plane")
 class Untrained:
     """A checkpoint's stand-in."""
 
-    model: Any = field(default_factory=lambda: FuseNet(len(CLASSES)))
+    model: Any = field(
+        default_factory=lambda: FuseNet(len(CLASSES), (16, 24, 48, 80), (1, 2, 2, 3))
+    )
     metadata: Any = field(default_factory=lambda: {"classes": CLASSES})
 
 

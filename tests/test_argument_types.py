@@ -161,6 +161,10 @@ def test_settings_of_a_training(words, expected):
             "run=predict run.pipeline=3",
             r"^run\.pipeline is 3; expected a part \(ReconstructionPipeline\), whose",
         ),
+        (
+            "run=predict completion.checkpoint=my.safetensors",
+            r"^completion\.checkpoint is my\.safetensors; expected a part \(Trained\)",
+        ),
         ("run=predict run.settling=at_rest", r"^run\.settling is at_rest; .* \(Settling\)"),
         ("run=evaluate evaluation=labelling", r"^dataset is a StackData, .* a FrameSource"),
     ],

@@ -104,7 +104,7 @@ def test_protocols_are_those_that_the_core_s_source_has():
         for path in core.__path__
         for file in Path(path).glob("*.py")
         for line in file.read_text("utf-8").splitlines()
-        if re.match(r"class \w+\(.*\bProtocol\):", line)
+        if re.match(r"class \w+\(.*\bProtocol(\[\w+\])?\):", line)
     }
     assert set(PROTOCOLS) == written
     assert {"Renderer", "ShapeFit", "DatasetFormat"} <= written

@@ -42,7 +42,7 @@ def test_of_stacks(name):
 @pytest.mark.parametrize("name", ["validate_every", "gradient_clip", "nodes"])
 def test_of_trainers(name):
     with pytest.raises(ConfigError, match=rf"^{name} = -1: expected"):
-        TrainerSettings(**{name: -1})
+        TrainerSettings("cpu", **{name: -1})
 
 
 @pytest.mark.parametrize(

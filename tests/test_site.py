@@ -59,6 +59,12 @@ def commands():
     return found
 
 
+def as_called_now(word):
+    key, _, value = word.partition("=")
+    new = new_name(key, value)
+    return word if new is None else new if "=" in new else f"{new}={value}"
+
+
 def test_commands_name_options_and_settings_that_exist(monkeypatch):
     read = functools.cache(registry.settings)
     monkeypatch.setattr(registry, "settings", lambda path: copy.deepcopy(read(path)))
@@ -67,14 +73,12 @@ def test_commands_name_options_and_settings_that_exist(monkeypatch):
     assert len(found) > 80
     for command, page in found.items():
         words = [word for word in shlex.split(command, comments=True) if "=" in word]
+        if page.is_relative_to(ROOT / "docs" / "results"):  # as they were called then
+            words = [as_called_now(word) for word in words]
         plain = (word for word in words if word[0] not in "+~-" and "@" not in word)
-        for given in (word for word in plain if not word.startswith("hydra.")):
-            word = given
-            if page.is_relative_to(ROOT / "docs" / "results"):  # as it was called then
-                new = new_name(*word.partition("=")[::2])
-                word = word if new is None else new if "=" in new else f"{new}=x"
+        for word in (word for word in plain if not word.startswith("hydra.")):
             key, _, value = word.partition("=")
-            typed = f"scenefw {' '.join(w for w in words if w != given)}"
+            typed = f"scenefw {' '.join(w for w in words if w != word)}"
             where = f"{page.name}: {command}: {word}"
             if key not in options:
                 assert f"{key}=" in completion.answers(f"{typed} {key}") or (

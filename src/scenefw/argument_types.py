@@ -179,7 +179,8 @@ def _part(annotation: Any, names: Mapping[str, Any]) -> _Part | None:
     """The protocol or class of ours that an annotation names, alone or in a mapping."""
     words = [word for word in _annotation_text(annotation).split(" | ") if word != "None"]
     match = _MAPPING.fullmatch(words[0]) if len(words) == 1 else None
-    name = (match[1] if match else words[0] if len(words) == 1 else "").rpartition(".")[2]
+    text = match[1] if match else words[0] if len(words) == 1 else ""
+    name = text.partition("[")[0].rpartition(".")[2]  # of a generic one without its parameters
     protocol: Any = names.get(name)
     ours = inspect.isclass(protocol) and protocol.__module__.partition(".")[0] == "scenefw"
     if not (_is_protocol(protocol) or ours):

@@ -9,12 +9,21 @@ OPTIONS: Mapping[str, str] = {
     "reconstructor=hidden_objects": "completion=hidden_objects",
     "reconstructor=by_evidence": "reconstructor=fitted",
     "reconstructor=part_guided": "reconstructor=fitted",
+    "dataset=seen_sets": "dataset=set_flow",
+    "dataset=viewed_sets": "dataset=object_queries",
+    "dataset=imaged_sets": "dataset=image_queries",
+    "evaluation=drawn_sets": "evaluation=set_extents",
+    "evaluation=queried_sets": "evaluation=object_queries",
     "parts=affinity": "segmentation=affinity",
     "parts=creases": "segmentation=creases",
 }
 """What was typed, and what is typed now."""
 
 KEYS: Mapping[str, str] = {
+    "checkpoints.sets": "checkpoints.set_extents",
+    "checkpoints.parts": "checkpoints.part_affinity",
+    "checkpoints.scenes": "checkpoints.set_flow",
+    "checkpoints.queries": "checkpoints.object_queries",
     "parts": "segmentation",
     "segmentation.sure": "segmentation.min_core_affinity",
     "segmentation.same": "segmentation.min_affinity",
@@ -90,6 +99,19 @@ KEYS: Mapping[str, str] = {
     "reconstructor.explained": "tolerances.min_inlier_ratio",
     "reconstructor.least": "reconstructor.fit.min_points",
     "reconstructor.lowest": "tolerances.min_height",
+    "evaluation.methods.scenefw": "evaluation.methods.set_network",
+    "evaluation.parts.of_six.methods.scenefw": "evaluation.parts.of_six.methods.set_network",
+    "evaluation.parts.of_four_to_eight.methods.scenefw": (
+        "evaluation.parts.of_four_to_eight.methods.set_network"
+    ),
+    "evaluation.parts.superquadrics.methods.scenefw": (
+        "evaluation.parts.superquadrics.methods.drawn_codes"
+    ),
+    "evaluation.parts.ycb.methods.scenefw": "evaluation.parts.ycb.methods.drawn_codes",
+    "evaluation.parts.meshes.methods.scenefw": "evaluation.parts.meshes.methods.drawn_codes",
+    "evaluation.parts.stacks.methods.scenefw": "evaluation.parts.stacks.methods.network",
+    "evaluation.parts.noisy.methods.scenefw": "evaluation.parts.noisy.methods.network",
+    "evaluation.parts.scattered.methods.scenefw": "evaluation.parts.scattered.methods.network",
     "evaluation.methods.set_flow": "evaluation.methods.set_extents",
     "evaluation.reference.margin": "evaluation.reference.floor_margin",
     "evaluation.reference.smallest": "evaluation.reference.min_pixels",

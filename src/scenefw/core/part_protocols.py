@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from scenefw.core.training_protocols import Loss, Network, TrainingData
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     import torch
     from torch import Tensor
     from torch.nn import Module
@@ -63,10 +61,3 @@ class PartAffinityModel(Network, Protocol):
 
     def __call__(self, depth: Tensor, cameras: CameraBatch) -> Tensor:
         """Calls `forward`, as torch does."""
-
-
-class TrainedPartAffinity(Protocol):
-    """What a loaded checkpoint of such a network provides (`learning.checkpoint`)."""
-
-    model: PartAffinityModel
-    metadata: Mapping[str, Any]

@@ -20,7 +20,7 @@ VOLUME, IMAGE = "volume", "image"
 
 
 @dataclass(frozen=True)
-class ViewedSetBatch:
+class ObjectQueryBatch:
     """B views of superquadrics: what each shows, points that are seen, what is there.
 
     All places, objects too, are in one frame: the world for volumes, and for images that of the

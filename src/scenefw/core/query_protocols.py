@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from scenefw.core.training_protocols import Loss, Network, TrainingData
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     import torch
     from torch import Tensor
 
     from scenefw.core.batches import IndexBatch
     from scenefw.core.queried_sets import (
+        ObjectQueryBatch,
         ObjectQueryPrediction,
         ObjectQuerySetup,
         QueriedSet,
-        ViewedSetBatch,
     )
     from scenefw.core.types import GridSpec
 
 
-class ViewedSetData(TrainingData, Protocol):
-    """Views, seen points, and objects (group `dataset`, `viewed_sets` and `imaged_sets`)."""
+class ObjectQueryData(TrainingData, Protocol):
+    """Views, seen points, and objects (group `dataset`, `object_queries` and `image_queries`)."""
 
     grid: GridSpec
     sees: str
@@ -31,10 +29,10 @@ class ViewedSetData(TrainingData, Protocol):
     most: int
     """The largest number of objects in a scene."""
 
-    def training_batch(self, batch: IndexBatch, device: torch.device) -> ViewedSetBatch:
+    def training_batch(self, batch: IndexBatch, device: torch.device) -> ObjectQueryBatch:
         """Views and objects of an epoch, each a function of only (seed, epoch, index)."""
 
-    def validation_batch(self, batch: IndexBatch, device: torch.device) -> ViewedSetBatch:
+    def validation_batch(self, batch: IndexBatch, device: torch.device) -> ObjectQueryBatch:
         """The same views in every epoch."""
 
 
@@ -47,7 +45,7 @@ class ObjectQueryLoss(Loss, Protocol):
     def check(self, setup: ObjectQuerySetup) -> None:
         """Raises a ConfigError before the work if it doesn't fit these sets."""
 
-    def __call__(self, prediction: ObjectQueryPrediction, batch: ViewedSetBatch) -> Tensor:
+    def __call__(self, prediction: ObjectQueryPrediction, batch: ObjectQueryBatch) -> Tensor:
         """A scalar from all sets of `prediction.taught`, matched to objects."""
 
 
@@ -62,22 +60,14 @@ class ObjectQueryModel(Network, Protocol):
     """Objects that it predicts, most of which don't exist."""
 
     def forward(
-        self, batch: ViewedSetBatch, generator: torch.Generator | None = None
+        self, batch: ObjectQueryBatch, generator: torch.Generator | None = None
     ) -> ObjectQueryPrediction:
         """Training pass; without a generator nothing is random."""
 
     def __call__(
-        self, batch: ViewedSetBatch, generator: torch.Generator | None = None
+        self, batch: ObjectQueryBatch, generator: torch.Generator | None = None
     ) -> ObjectQueryPrediction:
         """Calls `forward`, as torch does."""
 
     def predict(self, condition: Tensor, points: Tensor, seen: Tensor) -> QueriedSet:
-        """The set of the last layer, of what a `ViewedSetBatch` says of views."""
-
-
-class TrainedObjectQueries(Protocol):
-    """What a loaded checkpoint of a decoder of sets provides (`learning.checkpoint`)."""
-
-    model: ObjectQueryModel
-    grid: GridSpec
-    metadata: Mapping[str, Any]
+        """The set of the last layer, of what a `ObjectQueryBatch` says of views."""

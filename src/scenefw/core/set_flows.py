@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class SeenSetBatch:
+class SetFlowBatch:
     """B views of superquadrics: points that are seen of each, and what each is.
 
     Coordinates are of the view's own frame: z up, z = 0 on the floor, the origin below the middle

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -23,8 +23,11 @@ if TYPE_CHECKING:
     from scenefw.core.object_sets import ObjectSetBatch, ObjectSetPrediction
     from scenefw.core.protocols import Representation
     from scenefw.core.rng import Streams
-    from scenefw.core.set_flows import SeenSetBatch, SetFlowPrediction
+    from scenefw.core.set_flows import SetFlowBatch, SetFlowPrediction
     from scenefw.core.types import Float64, GridSpec
+
+
+Model = TypeVar("Model")
 
 
 class TrainingData(Protocol):
@@ -83,16 +86,16 @@ class ObjectSetData(TrainingData, Protocol):
         """The same views in every epoch."""
 
 
-class SeenSetData(TrainingData, Protocol):
-    """What views show of each superquadric of a scene (group `dataset`, option `seen_sets`)."""
+class SetFlowData(TrainingData, Protocol):
+    """What views show of each superquadric of a scene (group `dataset`, option `set_flow`)."""
 
     most: int
     """The largest number of objects in a scene."""
 
-    def training_batch(self, batch: IndexBatch, device: torch.device) -> SeenSetBatch:
+    def training_batch(self, batch: IndexBatch, device: torch.device) -> SetFlowBatch:
         """Views and objects of an epoch, each a function of only (seed, epoch, index)."""
 
-    def validation_batch(self, batch: IndexBatch, device: torch.device) -> SeenSetBatch:
+    def validation_batch(self, batch: IndexBatch, device: torch.device) -> SetFlowBatch:
         """The same views in every epoch."""
 
 
@@ -149,6 +152,20 @@ class Network(Protocol):
     """Its class as `_target_`, and its arguments as plain data."""
     training_only: Sequence[str]
     """Children used only in training; weights are stored without them, and they load as None."""
+
+
+class Trained(Protocol[Model]):
+    """A loaded checkpoint of a network of some kind (`learning.checkpoint.load_checkpoint`)."""
+
+    model: Model
+    recipe: Mapping[str, Any]
+    metadata: Mapping[str, Any]
+
+
+class TrainedOnGrid(Trained[Model], Protocol[Model]):
+    """The same of a network that sees volumes, or predicts some."""
+
+    grid: GridSpec
 
 
 class ShapeInstanceModel(Network, Protocol):
@@ -261,7 +278,7 @@ class SetFlowModel(Network, Protocol):
     """Whether objects of which nothing is seen are drawn too, and whole scenes without a view."""
 
     def forward(
-        self, batch: SeenSetBatch, generator: torch.Generator | None = None
+        self, batch: SetFlowBatch, generator: torch.Generator | None = None
     ) -> SetFlowPrediction:
         """Training pass.
 
@@ -271,18 +288,18 @@ class SetFlowModel(Network, Protocol):
         """
 
     def __call__(
-        self, batch: SeenSetBatch, generator: torch.Generator | None = None
+        self, batch: SetFlowBatch, generator: torch.Generator | None = None
     ) -> SetFlowPrediction:
         """Calls `forward`, as torch does."""
 
     def sample(
         self,
-        batch: SeenSetBatch,
+        batch: SetFlowBatch,
         count: int,
         generator: torch.Generator,
         steps: int = 20,
         spread: Sequence[float] | None = None,
-    ) -> SeenSetBatch:
+    ) -> SetFlowBatch:
         """Draws `count` sets for one view.
 
         Rows of the batch are this view, each with other points of it. Draw k sees row k, and those
@@ -301,35 +318,21 @@ class WholeSetFlowModel(SetFlowModel, Protocol):
         generator: torch.Generator,
         steps: int = 20,
         objects: int | None = None,
-    ) -> SeenSetBatch:
+    ) -> SetFlowBatch:
         """Draws `count` scenes without a view, of as many objects; None: as many as it draws."""
 
-    def hidden_number(self, batch: SeenSetBatch, generator: torch.Generator) -> int:
+    def hidden_number(self, batch: SetFlowBatch, generator: torch.Generator) -> int:
         """Draws how many objects a view hides whose seen objects are known."""
 
     def complete(
         self,
-        batch: SeenSetBatch,
+        batch: SetFlowBatch,
         count: int,
         objects: int,
         generator: torch.Generator,
         steps: int = 20,
-    ) -> SeenSetBatch:
+    ) -> SetFlowBatch:
         """Draws `count` sets of so many hidden objects beside those of a view, which are known."""
-
-
-class TrainedSetFlow(Protocol):
-    """What a loaded checkpoint of a flow of sets provides (`learning.checkpoint`)."""
-
-    model: SetFlowModel
-    metadata: Mapping[str, Any]
-
-
-class TrainedWholeSetFlow(Protocol):
-    """The same of a flow that also draws hidden objects."""
-
-    model: WholeSetFlowModel
-    metadata: Mapping[str, Any]
 
 
 class SegmentationModel(Network, Protocol):

@@ -20,7 +20,7 @@ regularised log-likelihood is strictly concave in the weights, so they are uniqu
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass, field
+from dataclasses import astuple, dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -54,10 +54,10 @@ class Weights:
         bias_well: the same where it is well reconstructed.
     """
 
-    views_poor: float = 1.0
-    views_well: float = 1.0
-    map_poor: float = 0.0
-    map_well: float = 1.0
+    views_poor: float
+    views_well: float
+    map_poor: float
+    map_well: float
     bias_poor: float = 0.0
     bias_well: float = 0.0
 
@@ -67,6 +67,10 @@ class Weights:
             raise ConfigError(
                 f"{self} can't be used; expected weights of 0 or more and finite biases"
             )
+
+
+UNCALIBRATED = Weights(views_poor=1.0, views_well=1.0, map_poor=0.0, map_well=1.0)
+"""The product of both experts where the map is well reconstructed, the views alone elsewhere."""
 
 
 @dataclass(frozen=True)
@@ -79,8 +83,8 @@ class Pool:
         doubt: share of the uninformative distribution mixed into each one before pooling.
     """
 
-    surface: Weights = field(default_factory=Weights)
-    objects: Weights = field(default_factory=Weights)
+    surface: Weights = UNCALIBRATED
+    objects: Weights = UNCALIBRATED
     doubt: float = DOUBT
 
     def __post_init__(self) -> None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import torch
@@ -15,6 +15,7 @@ from scenefw.core.errors import CheckpointError, ConfigError, InputError
 from scenefw.core.files import unreadable
 from scenefw.core.height_maps import HeightMap
 from scenefw.core.rng import generator, number_of
+from scenefw.core.training_protocols import SegmentationModel, Trained
 from scenefw.core.types import Frame
 from scenefw.data.files.pictures import DAMAGED_PICTURE
 from scenefw.data.tabletop.distances import DEPTH, distance_image
@@ -23,13 +24,6 @@ from scenefw.labelling.sliding_window import SlidingWindow
 
 Probabilities = NDArray[np.float32]
 Labels = NDArray[np.integer]
-
-
-class TrainedLabeller(Protocol):
-    """A loaded checkpoint (`learning.checkpoint.load_checkpoint`)."""
-
-    model: nn.Module
-    metadata: Mapping[str, Any]
 
 
 class NetworkLabels:
@@ -46,7 +40,7 @@ class NetworkLabels:
 
     def __init__(
         self,
-        checkpoint: TrainedLabeller,
+        checkpoint: Trained[SegmentationModel],
         classes: Sequence[str] | None = None,
         device: str = "cpu",
     ) -> None:
@@ -85,7 +79,7 @@ class NetworkMapLabels:
 
     def __init__(
         self,
-        checkpoint: TrainedLabeller,
+        checkpoint: Trained[SegmentationModel],
         window: SlidingWindow | None = None,
         classes: Sequence[str] | None = None,
         device: str = "cpu",
@@ -116,8 +110,8 @@ class TrueLabels:
     def __init__(
         self,
         classes: Sequence[str],
-        error_rate: float = 0.0,
-        confidence: float = 1.0,
+        error_rate: float,
+        confidence: float,
         seed: int = 0,
     ) -> None:
         if not 0 <= error_rate <= 1:
@@ -252,7 +246,7 @@ def _require_confidence(confidence: float, classes: Sequence[str]) -> None:
 
 
 def agreed_classes(
-    checkpoint: TrainedLabeller, classes: Sequence[str] | None, kind: str
+    checkpoint: Trained[SegmentationModel], classes: Sequence[str] | None, kind: str
 ) -> tuple[str, ...]:
     """The classes of a checkpoint, which must be those expected.
 

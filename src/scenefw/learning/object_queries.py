@@ -10,10 +10,10 @@ import torch
 from scenefw.core.batches import IndexBatch
 from scenefw.core.errors import ConfigError
 from scenefw.core.queried_sets import (
+    ObjectQueryBatch,
     ObjectQueryPrediction,
     ObjectQuerySetup,
     QueriedSet,
-    ViewedSetBatch,
 )
 from scenefw.core.rng import torch_seed
 from scenefw.learning.checkpoint import OBJECT_QUERIES
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from scenefw.core.protocols import Matching
-    from scenefw.core.query_protocols import ObjectQueryLoss, ObjectQueryModel, ViewedSetData
+    from scenefw.core.query_protocols import ObjectQueryData, ObjectQueryLoss, ObjectQueryModel
     from scenefw.core.training_protocols import Loss
     from scenefw.learning.optimizers import Optimizer
     from scenefw.learning.schedules import Schedule
@@ -73,7 +73,7 @@ class ObjectQueryLearning(TrainingModule):
         model: ObjectQueryModel,
         losses: Mapping[str, ObjectQueryLoss],
         learning_rate: float = 1e-3,
-        weight_decay: float = 0.0,
+        weight_decay: float = 0.01,
         schedule: Schedule | None = None,
         average: float = 0.998,
         seed: int = 0,
@@ -98,7 +98,7 @@ class ObjectQueryLearning(TrainingModule):
         self.matching, self.early, self.dense = matching, early, dense
         self._terms = losses
 
-    def setup_with(self, data: ViewedSetData) -> ObjectQuerySetup:
+    def setup_with(self, data: ObjectQueryData) -> ObjectQuerySetup:
         """Grid and number of queries.
 
         Raises:
@@ -108,8 +108,8 @@ class ObjectQueryLearning(TrainingModule):
         if data.sees != self.model.sees:
             raise ConfigError(
                 f"the network sees views as {self.model.sees}s, the data are {data.sees}s; give "
-                "model=object_queries with dataset=viewed_sets, or model=image_queries with "
-                "dataset=imaged_sets"
+                "model=object_queries with dataset=object_queries, or model=image_queries with "
+                "dataset=image_queries"
             )
         if data.most > self.model.queries:
             raise ConfigError(
@@ -130,7 +130,7 @@ class ObjectQueryLearning(TrainingModule):
             return self.losses
         return {name: loss for name, loss in self._terms.items() if not loss.early}
 
-    def predict_batch(self, batch: ViewedSetBatch) -> ObjectQueryPrediction:
+    def predict_batch(self, batch: ObjectQueryBatch) -> ObjectQueryPrediction:
         """The training pass with the noise of this step, each layer matched to true objects."""
         draws = torch.Generator()  # on the CPU: the same on every device
         draws.manual_seed(torch_seed(self.seed, _NOISE, self.batches_seen, self.global_rank))
@@ -149,7 +149,7 @@ class ObjectQueryLearning(TrainingModule):
 
 def matched(
     prediction: ObjectQueryPrediction,
-    batch: ViewedSetBatch,
+    batch: ObjectQueryBatch,
     matching: Matching | None = None,
     *,
     dense: bool = False,
@@ -171,7 +171,7 @@ def matched(
 
 
 @torch.no_grad()
-def figures(queried_set: QueriedSet, batch: ViewedSetBatch) -> dict[str, Tensor]:
+def figures(queried_set: QueriedSet, batch: ObjectQueryBatch) -> dict[str, Tensor]:
     """Scores of matched predictions.
 
     val/overlap: mean over objects of the IoU with the query that stands for it, at places in a box

@@ -1,7 +1,8 @@
 """What states and weights of earlier versions call by another name.
 
 Whoever moves a network's class, or renames an argument, a module or a fact of trainings, adds a
-pair here: old name to new. So trainings go on, and weights are read, after the code has changed.
+pair here: old name to new; who adds an argument to one, the value that changes nothing. So
+trainings go on, and weights are read, after the code has changed.
 """
 
 from collections.abc import Mapping
@@ -11,6 +12,13 @@ CLASSES: dict[str, str] = {}
 """Dotted names of networks."""
 ARGUMENTS: dict[str, str] = {}
 """Arguments of networks, as CLASS.NAME with the class's new dotted name: to a name."""
+ADDED: dict[str, Any] = {
+    "scenefw.models.part_affinity.PartAffinity.shown": False,
+    "scenefw.models.set_extents.SetExtents.ends": False,
+    "scenefw.models.shape_instance_vae.ShapeInstanceVAE.code_width": 0,
+    "scenefw.models.shape_instance_vae.ShapeInstanceVAE.prior_share": 0.4,
+}
+"""Arguments that networks didn't have at first, as CLASS.NAME: the value that changes nothing."""
 MODULES: dict[str, str] = {}
 """Modules and weights of networks, dotted, from the network down: `decoder.first`."""
 FACTS: dict[str, str] = {}
@@ -23,7 +31,13 @@ def recipe(stored: Mapping[str, Any]) -> dict[str, Any]:
     """A stored recipe of a network in today's names."""
     target = CLASSES.get(str(stored.get("_target_")), stored.get("_target_"))
     named = {ARGUMENTS.get(f"{target}.{name}", name): value for name, value in stored.items()}
-    return {**named, "_target_": target}
+    added = {
+        name: value
+        for argument, value in ADDED.items()
+        for network, _, name in [argument.rpartition(".")]
+        if network == target
+    }
+    return {**added, **named, "_target_": target}
 
 
 def weight(name: str) -> str:

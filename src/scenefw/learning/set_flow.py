@@ -9,12 +9,12 @@ import torch
 from scenefw.core.batches import IndexBatch
 from scenefw.core.errors import ConfigError
 from scenefw.core.rng import torch_seed
-from scenefw.core.set_flows import SeenSetBatch, SetFlowPrediction, SetFlowSetup
+from scenefw.core.set_flows import SetFlowBatch, SetFlowPrediction, SetFlowSetup
 from scenefw.learning.checkpoint import SET_FLOW
 from scenefw.learning.module import TrainingModule
 
 if TYPE_CHECKING:
-    from scenefw.core.training_protocols import SeenSetData, SetFlowModel
+    from scenefw.core.training_protocols import SetFlowData, SetFlowModel
 
 _NOISE = 5  # random stream, beside those of data
 _REPEATS = 4
@@ -26,7 +26,7 @@ class SetFlowLearning(TrainingModule):
     task = SET_FLOW
     model: SetFlowModel
 
-    def setup_with(self, data: SeenSetData) -> SetFlowSetup:
+    def setup_with(self, data: SetFlowData) -> SetFlowSetup:
         """The number of slots, and what is drawn.
 
         Raises:
@@ -39,7 +39,7 @@ class SetFlowLearning(TrainingModule):
             )
         return SetFlowSetup(self.model.slots, self.model.draws_hidden)
 
-    def predict_batch(self, batch: SeenSetBatch) -> SetFlowPrediction:
+    def predict_batch(self, batch: SetFlowBatch) -> SetFlowPrediction:
         """The training pass with the noise of this step."""
         draws = torch.Generator()  # on the CPU: the same on every device
         draws.manual_seed(torch_seed(self.seed, _NOISE, self.batches_seen, self.global_rank))

@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from scenefw.core.set_flows import SeenSetBatch, SetFlowPrediction, SetFlowSetup
+from scenefw.core.set_flows import SetFlowBatch, SetFlowPrediction, SetFlowSetup
 
 
 class FlowVelocity:
@@ -21,7 +21,7 @@ class FlowVelocity:
     def check(self, setup: SetFlowSetup) -> None:
         """Any flow of sets has velocities."""
 
-    def __call__(self, prediction: SetFlowPrediction, batch: SeenSetBatch) -> Tensor:
+    def __call__(self, prediction: SetFlowPrediction, batch: SetFlowBatch) -> Tensor:
         """A scalar."""
         present = prediction.present[..., None]
         # Before it is squared: what absent objects should be need not be finite

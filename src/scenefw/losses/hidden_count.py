@@ -4,7 +4,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from scenefw.core.errors import ConfigError
-from scenefw.core.set_flows import SeenSetBatch, SetFlowPrediction, SetFlowSetup
+from scenefw.core.set_flows import SetFlowBatch, SetFlowPrediction, SetFlowSetup
 
 
 class HiddenCount:
@@ -27,7 +27,7 @@ class HiddenCount:
                 "loss=[flow_velocity] or model=set_flow"
             )
 
-    def __call__(self, prediction: SetFlowPrediction, batch: SeenSetBatch) -> Tensor:
+    def __call__(self, prediction: SetFlowPrediction, batch: SetFlowBatch) -> Tensor:
         """A scalar, the mean over views."""
         if prediction.counts is None or prediction.hidden is None:
             raise ValueError("the prediction has no number of hidden objects")

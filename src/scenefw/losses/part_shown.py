@@ -21,7 +21,7 @@ class PartShownCrossEntropy:
 
     needs_draws, teaches_shown = False, True
 
-    def __init__(self, weight: float = 1.0) -> None:
+    def __init__(self, weight: float = 0.5) -> None:
         self.weight = weight
 
     def check(self, setup: PartViewSetup) -> None:

@@ -21,7 +21,7 @@ class PartialTsdfLoss:
 
     needs_draws = False
 
-    def __init__(self, weight: float = 1.0, floor: float = 0.1, *, one_sided: bool = True) -> None:
+    def __init__(self, weight: float = 0.3, floor: float = 0.1, *, one_sided: bool = True) -> None:
         if floor <= 0:
             raise ConfigError(f"loss.partial_tsdf.floor is {floor}, expected a positive number")
         self.weight, self.floor, self.one_sided = weight, floor, one_sided

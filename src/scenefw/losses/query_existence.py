@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from scenefw.core.queried_sets import ObjectQueryPrediction, ObjectQuerySetup, ViewedSetBatch
+from scenefw.core.queried_sets import ObjectQueryBatch, ObjectQueryPrediction, ObjectQuerySetup
 from scenefw.losses.query_targets import matched_of
 
 
@@ -24,7 +24,7 @@ class QueryExistence:
     def check(self, setup: ObjectQuerySetup) -> None:
         """Any decoder of sets has existence scores."""
 
-    def __call__(self, prediction: ObjectQueryPrediction, batch: ViewedSetBatch) -> Tensor:
+    def __call__(self, prediction: ObjectQueryPrediction, batch: ObjectQueryBatch) -> Tensor:
         """A scalar, the mean over queries that count in all sets of `prediction.taught`.
 
         Raises:

@@ -6,10 +6,10 @@ import torch
 from torch import Tensor
 
 from scenefw.core.queried_sets import (
+    ObjectQueryBatch,
     ObjectQueryPrediction,
     ObjectQuerySetup,
     QueriedSet,
-    ViewedSetBatch,
 )
 from scenefw.kernels.precision import full_precision
 from scenefw.losses.query_targets import taught_pairs
@@ -38,7 +38,7 @@ class QueryParameters:
     def check(self, setup: ObjectQuerySetup) -> None:
         """Any decoder of sets gives superquadrics."""
 
-    def __call__(self, prediction: ObjectQueryPrediction, batch: ViewedSetBatch) -> Tensor:
+    def __call__(self, prediction: ObjectQueryPrediction, batch: ObjectQueryBatch) -> Tensor:
         """A scalar, the mean over pairs that are taught; 0 without any.
 
         It is the mean over all sets of `prediction.taught`.
@@ -49,7 +49,7 @@ class QueryParameters:
         return torch.stack([_of(queried_set, batch) for queried_set in prediction.taught]).mean()
 
 
-def _of(queried_set: QueriedSet, batch: ViewedSetBatch) -> Tensor:
+def _of(queried_set: QueriedSet, batch: ObjectQueryBatch) -> Tensor:
     views, queries, objects = taught_pairs(queried_set)
     if not len(views):
         return queried_set.positions.sum() * 0

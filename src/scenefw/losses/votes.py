@@ -28,7 +28,7 @@ class VoteLoss:
 
     def __init__(
         self,
-        weight: float = 1.0,
+        weight: float = 0.4,
         epsilon: float = 1e-3,
         object_share: float | None = None,
         target: str = "votes",

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from scenefw.core.protocols import Matching
-    from scenefw.core.queried_sets import QueriedSet, ViewedSetBatch
+    from scenefw.core.queried_sets import ObjectQueryBatch, QueriedSet
 
 _PLACES = 32  # about each object, at which distances are compared
 _NEAR, _CLOSE = 0.05, 0.02  # m: centres and distances that differ by this cost one
@@ -24,7 +24,7 @@ _NEVER = 1e6
 
 @torch.no_grad()
 def matched_queries(
-    predicted: QueriedSet, batch: ViewedSetBatch, matching: Matching | None = None
+    predicted: QueriedSet, batch: ObjectQueryBatch, matching: Matching | None = None
 ) -> Tensor:
     """The object (B, N) that each query stands for, -1 = none.
 
@@ -51,7 +51,7 @@ def matched_queries(
 
 @torch.no_grad()
 @full_precision()
-def owners_of(predicted: QueriedSet, batch: ViewedSetBatch) -> Tensor:
+def owners_of(predicted: QueriedSet, batch: ObjectQueryBatch) -> Tensor:
     """The object (B, N) at whose surface each query starts, -1 = none."""
     scenes = batch.scenes
     local = in_frame(predicted.starts[:, None], scenes.rotations, scenes.positions)
@@ -64,7 +64,7 @@ def owners_of(predicted: QueriedSet, batch: ViewedSetBatch) -> Tensor:
 
 
 @full_precision()
-def pair_costs(predicted: QueriedSet, batch: ViewedSetBatch) -> Tensor:
+def pair_costs(predicted: QueriedSet, batch: ObjectQueryBatch) -> Tensor:
     """Costs (B, N, M) that queries stand for objects: chance of existence, centres, distances."""
     scenes = batch.scenes
     gaps = torch.linalg.vector_norm(

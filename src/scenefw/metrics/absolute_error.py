@@ -19,7 +19,7 @@ class AbsoluteError:
 
     of_samples = False
 
-    def __init__(self, target: str = "tsdf", *, in_truncations: bool = False) -> None:
+    def __init__(self, target: str = "tsdf", *, in_truncations: bool) -> None:
         self.target, self.in_truncations = target, in_truncations
 
     def check(self, setup: ShapeInstanceSetup) -> None:

@@ -117,9 +117,9 @@ class FuseNet(nn.Module):
 
     def __init__(
         self,
-        classes: int = 4,
-        widths: Sequence[int] = (16, 24, 48, 80),
-        modules: Sequence[int] = (1, 2, 2, 3),
+        classes: int,
+        widths: Sequence[int],
+        modules: Sequence[int],
         dropout: float = 0.1,
         offset: float = 0.0,
         scale: float = 0.1,

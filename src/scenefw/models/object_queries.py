@@ -11,16 +11,17 @@ from torch import Tensor, nn
 from scenefw.core.errors import ConfigError
 from scenefw.core.queried_sets import (
     VOLUME,
+    ObjectQueryBatch,
     ObjectQueryPrediction,
     QueriedSet,
-    ViewedSetBatch,
 )
 from scenefw.core.settings import NOT_NEGATIVE
+from scenefw.core.training_protocols import TrainedOnGrid
 from scenefw.kernels.precision import full_precision
 from scenefw.models.query_numbers import SIZE, Noised, noised, parameters_of
 from scenefw.models.relative_attention import RelativeAttention
 from scenefw.models.view_encoders import encoder_of
-from scenefw.models.view_tokens import Tokens, TrainedEncoder
+from scenefw.models.view_tokens import Tokens
 from scenefw.shapes.radial_distance import radial_distance
 
 _OFFSET = 7  # numbers that say where a token lies for a query
@@ -82,7 +83,7 @@ class ObjectQueries(nn.Module):
 
     def __init__(
         self,
-        encoder: TrainedEncoder | Mapping[str, Any],
+        encoder: TrainedOnGrid[nn.Module] | Mapping[str, Any],
         seeded: int = 16,
         free: int = 4,
         tokens: int = 192,
@@ -121,7 +122,7 @@ class ObjectQueries(nn.Module):
         self.layers = nn.ModuleList([_Layer(width, heads) for _ in range(layers)])
 
     def forward(
-        self, batch: ViewedSetBatch, generator: torch.Generator | None = None
+        self, batch: ObjectQueryBatch, generator: torch.Generator | None = None
     ) -> ObjectQueryPrediction:
         """Training pass: a set of each layer.
 
@@ -145,7 +146,7 @@ class ObjectQueries(nn.Module):
         """The set of the last layer.
 
         Args:
-            condition: what the encoder sees, as in `ViewedSetBatch`.
+            condition: what the encoder sees, as in `ObjectQueryBatch`.
             points: (B, P, 3) m, of what is seen above the floor.
             seen: (B, P) bool: points that count.
         """

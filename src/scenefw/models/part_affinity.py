@@ -47,10 +47,10 @@ class PartAffinity(nn.Module):
 
     def __init__(
         self,
-        widths: Sequence[int] = (24, 40, 64, 96, 128),
+        widths: Sequence[int],
         focal: float = 289.7,
         *,
-        shown: bool = False,
+        shown: bool,
     ) -> None:
         super().__init__()
         if len(widths) < 2 or min(widths) < 1 or not focal > 0:

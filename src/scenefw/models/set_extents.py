@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor, nn
 
-from scenefw.core.set_flows import SeenSetBatch, SetFlowPrediction
+from scenefw.core.set_flows import SetFlowBatch, SetFlowPrediction
 from scenefw.core.settings import COUNT, NOT_NEGATIVE
 from scenefw.kernels.precision import full_precision
 from scenefw.models.set_attention import attention, time_waves
@@ -69,7 +69,7 @@ class SetExtents(nn.Module):
         turn: float = 2.0,
         others: int = 12,
         *,
-        ends: bool = False,
+        ends: bool,
     ) -> None:
         super().__init__()
         COUNT.require(
@@ -102,7 +102,7 @@ class SetExtents(nn.Module):
         self.velocity = nn.Sequential(nn.LayerNorm(width), nn.Linear(width, SIZE))
 
     def forward(
-        self, batch: SeenSetBatch, generator: torch.Generator | None = None
+        self, batch: SetFlowBatch, generator: torch.Generator | None = None
     ) -> SetFlowPrediction:
         """Training pass: the velocity at a random time between noise and extents.
 
@@ -128,7 +128,7 @@ class SetExtents(nn.Module):
         velocity = self.velocity_of(now, time, memory, visible)
         return SetFlowPrediction(velocity, extents - noise, visible, None, None)
 
-    def encode(self, batch: SeenSetBatch, axes: Tensor, low: Tensor, high: Tensor) -> Tensor:
+    def encode(self, batch: SetFlowBatch, axes: Tensor, low: Tensor, high: Tensor) -> Tensor:
         """Tokens (B, N, width) of seen objects.
 
         Args:
@@ -203,12 +203,12 @@ class SetExtents(nn.Module):
     @torch.no_grad()
     def sample(
         self,
-        batch: SeenSetBatch,
+        batch: SetFlowBatch,
         count: int,
         generator: torch.Generator,
         steps: int = 20,
         spread: Sequence[float] | None = None,
-    ) -> SeenSetBatch:
+    ) -> SetFlowBatch:
         """Draws sets for one view, with the axes that its objects have.
 
         Args:
@@ -229,7 +229,7 @@ class SetExtents(nn.Module):
         memory = self.encode(batch, axes, low, high)[rows]
         axes, low, high, order = axes[rows], low[rows], high[rows], order[rows]
         fields: dict[str, Tensor] = vars(batch)
-        views = SeenSetBatch(**{name: value[rows] for name, value in fields.items()})
+        views = SetFlowBatch(**{name: value[rows] for name, value in fields.items()})
         visible = views.seen
         now = start_noise((count, visible.shape[1], SIZE), generator, spread).to(device)
         for step in range(steps):
@@ -251,7 +251,7 @@ class SetExtents(nn.Module):
         )
 
 
-def seen_in_axes(batch: SeenSetBatch, rotations: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+def seen_in_axes(batch: SetFlowBatch, rotations: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Axes that point to the camera, and what is seen along them.
 
     Args:
@@ -272,7 +272,7 @@ def seen_in_axes(batch: SeenSetBatch, rotations: Tensor) -> tuple[Tensor, Tensor
     return axes, places.amin(dim=2), places.amax(dim=2), order
 
 
-def _encoded(batch: SeenSetBatch, axes: Tensor, low: Tensor, high: Tensor, order: Tensor) -> Tensor:
+def _encoded(batch: SetFlowBatch, axes: Tensor, low: Tensor, high: Tensor, order: Tensor) -> Tensor:
     """True extents and exponents (B, N, 9) of seen objects, about zero."""
     middle = _product("bnki,bni->bnk", axes, batch.positions)
     half = batch.half_axes.gather(-1, order)

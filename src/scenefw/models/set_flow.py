@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor, nn
 
-from scenefw.core.set_flows import SeenSetBatch, SetFlowPrediction
+from scenefw.core.set_flows import SetFlowBatch, SetFlowPrediction
 from scenefw.core.settings import COUNT, SHARE
 from scenefw.matching.assignment import Assignment
 from scenefw.models.set_attention import attention, time_waves
@@ -89,7 +89,7 @@ class SetFlow(nn.Module):
         self.velocity = nn.Sequential(nn.LayerNorm(width), nn.Linear(width, SIZE))
 
     def forward(
-        self, batch: SeenSetBatch, generator: torch.Generator | None = None
+        self, batch: SetFlowBatch, generator: torch.Generator | None = None
     ) -> SetFlowPrediction:
         """Training pass: the velocity at a random time between noise and objects.
 
@@ -119,7 +119,7 @@ class SetFlow(nn.Module):
         velocity = self.velocity_of(now, time, memory, visible, present)
         return SetFlowPrediction(velocity, objects - noise, present, counts, hidden)
 
-    def encode(self, batch: SeenSetBatch, has_view: Tensor) -> tuple[Tensor, Tensor]:
+    def encode(self, batch: SetFlowBatch, has_view: Tensor) -> tuple[Tensor, Tensor]:
         """Tokens (B, 1 + N, width) of the view and its parts, and logits (B, slots + 1) of counts.
 
         Args:
@@ -167,12 +167,12 @@ class SetFlow(nn.Module):
     @torch.no_grad()
     def sample(
         self,
-        batch: SeenSetBatch,
+        batch: SetFlowBatch,
         count: int,
         generator: torch.Generator,
         steps: int = 20,
         spread: Sequence[float] | None = None,
-    ) -> SeenSetBatch:
+    ) -> SetFlowBatch:
         """Draws sets for one view.
 
         Args:
@@ -191,7 +191,7 @@ class SetFlow(nn.Module):
         return self._draw(view, memory, hidden, generator, steps, spread=spread)
 
     @torch.no_grad()
-    def hidden_number(self, batch: SeenSetBatch, generator: torch.Generator) -> int:
+    def hidden_number(self, batch: SetFlowBatch, generator: torch.Generator) -> int:
         """Draws how many objects a view hides whose seen objects are known.
 
         Args:
@@ -203,12 +203,12 @@ class SetFlow(nn.Module):
     @torch.no_grad()
     def complete(
         self,
-        batch: SeenSetBatch,
+        batch: SetFlowBatch,
         count: int,
         objects: int,
         generator: torch.Generator,
         steps: int = 20,
-    ) -> SeenSetBatch:
+    ) -> SetFlowBatch:
         """Draws objects of which nothing is seen, for one view whose seen objects are known.
 
         Known objects are led from noise to where they are, and the others are drawn beside them.
@@ -236,7 +236,7 @@ class SetFlow(nn.Module):
         generator: torch.Generator,
         steps: int = 20,
         objects: int | None = None,
-    ) -> SeenSetBatch:
+    ) -> SetFlowBatch:
         """Draws scenes without a view.
 
         Args:
@@ -254,7 +254,7 @@ class SetFlow(nn.Module):
         return self._draw(view, memory, hidden, generator, steps)
 
     def _hidden(
-        self, view: SeenSetBatch, count: int, generator: torch.Generator, *, has_view: bool
+        self, view: SetFlowBatch, count: int, generator: torch.Generator, *, has_view: bool
     ) -> tuple[Tensor, Tensor]:
         """Tokens of each draw of one view, and how many hidden objects (S,) there are in it."""
         device, views = view.points.device, len(view.points)
@@ -265,7 +265,7 @@ class SetFlow(nn.Module):
 
     def _draw(
         self,
-        view: SeenSetBatch,
+        view: SetFlowBatch,
         memory: Tensor,
         hidden: Tensor,
         generator: torch.Generator,
@@ -273,7 +273,7 @@ class SetFlow(nn.Module):
         *,
         fix_visible: bool = False,
         spread: Sequence[float] | None = None,
-    ) -> SeenSetBatch:
+    ) -> SetFlowBatch:
         device = view.points.device
         count, parts = len(hidden), view.seen.shape[1]
         extra = max(int(hidden.max()), 1)
@@ -305,7 +305,7 @@ class SetFlow(nn.Module):
         )
 
 
-def _with_hidden(view: SeenSetBatch, hidden_mask: Tensor) -> SeenSetBatch:
+def _with_hidden(view: SetFlowBatch, hidden_mask: Tensor) -> SetFlowBatch:
     """A view with slots for hidden objects.
 
     Args:
@@ -324,7 +324,7 @@ def _with_hidden(view: SeenSetBatch, hidden_mask: Tensor) -> SeenSetBatch:
 
     fields: dict[str, Tensor] = vars(view)
     slots = {name: longer(value) for name, value in fields.items() if name != "camera"}
-    views = SeenSetBatch(camera=view.camera[rows], **slots)
+    views = SetFlowBatch(camera=view.camera[rows], **slots)
     default_axes = torch.full_like(views.half_axes, _DEFAULT_AXIS)
     empty = ~views.seen[..., None]
     return replace(
@@ -336,7 +336,7 @@ def _with_hidden(view: SeenSetBatch, hidden_mask: Tensor) -> SeenSetBatch:
     )
 
 
-def anchors_of(batch: SeenSetBatch, visible: Tensor) -> Tensor:
+def anchors_of(batch: SetFlowBatch, visible: Tensor) -> Tensor:
     """What centres (B, N, 3) are told from: the middle of seen points, or a place of the scene."""
     return _anchors(batch.points, visible)
 
@@ -372,22 +372,22 @@ def coupled(objects: Tensor, noise: Tensor, present: Tensor, visible: Tensor) ->
     return ways.gather(2, best[..., None, None].expand(-1, -1, 1, SIZE))[:, :, 0]
 
 
-def _seen_alone(batch: SeenSetBatch) -> SeenSetBatch:
+def _seen_alone(batch: SetFlowBatch) -> SetFlowBatch:
     """One view, in one or more rows, with its seen objects alone."""
     visible = batch.seen[0]
     fields: dict[str, Tensor] = vars(batch)
     of_objects = {name: value[:, visible] for name, value in fields.items() if name != "camera"}
-    return SeenSetBatch(camera=batch.camera, **of_objects)
+    return SetFlowBatch(camera=batch.camera, **of_objects)
 
 
-def _empty_view(device: torch.device) -> SeenSetBatch:
+def _empty_view(device: torch.device) -> SetFlowBatch:
     """A view without any object."""
 
     def empty(*shape: int) -> Tensor:
         return torch.zeros(1, 0, *shape, device=device)
 
     none = torch.zeros(1, 0, dtype=torch.bool, device=device)
-    return SeenSetBatch(
+    return SetFlowBatch(
         points=empty(1, 3), seen=none, sizes=empty(), ends=empty(1, 7),
         camera=torch.zeros(1, 3, device=device), half_axes=empty(3), exponents=empty(3),
         rotations=empty(3, 3), positions=empty(3), present=none,

@@ -61,9 +61,9 @@ class ShapeInstanceVAE(nn.Module):
         decoder_widths: Sequence[int] = (48, 64, 96, 128, 128),
         stem_width: int = 16,
         branch_width: int = 16,
-        code_width: int = 0,
+        code_width: int = 8,
         zero_share: float = 0.1,
-        prior_share: float = 0.4,
+        prior_share: float = 0.9,
         outputs: Mapping[str, Representation | int] | None = None,
     ) -> None:
         super().__init__()

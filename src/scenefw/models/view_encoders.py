@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from torch import nn
+
 from scenefw.core.errors import ConfigError
 from scenefw.core.queried_sets import IMAGE
+from scenefw.core.training_protocols import TrainedOnGrid
 from scenefw.models.image_tokens import ImageTokens
-from scenefw.models.view_tokens import TrainedEncoder, ViewTokens
+from scenefw.models.view_tokens import ViewTokens
 
 
 def encoder_of(
-    encoder: TrainedEncoder | Mapping[str, Any],
+    encoder: TrainedOnGrid[nn.Module] | Mapping[str, Any],
     tokens: int,
     width: int,
     layers: int,

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor, nn
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.queried_sets import VOLUME
+from scenefw.core.training_protocols import TrainedOnGrid
 from scenefw.core.types import GridSpec
 from scenefw.models.blocks import space_to_depth
 from scenefw.models.condition import ConditionAutoencoder
@@ -18,14 +19,6 @@ from scenefw.models.fourier_features import WAVES, fourier_features
 from scenefw.models.set_attention import attention
 
 _CELLS = 4  # per side of the coarse map
-
-
-class TrainedEncoder(Protocol):
-    """A loaded checkpoint of a network of volumes, whose view encoder is taken."""
-
-    model: nn.Module
-    grid: GridSpec
-    recipe: Mapping[str, Any]
 
 
 class Tokens(NamedTuple):
@@ -64,7 +57,7 @@ class ViewTokens(nn.Module):
 
     def __init__(
         self,
-        encoder: TrainedEncoder | Mapping[str, Any],
+        encoder: TrainedOnGrid[nn.Module] | Mapping[str, Any],
         tokens: int,
         width: int,
         layers: int,
@@ -160,7 +153,7 @@ class ViewTokens(nn.Module):
         return (places + like.new_tensor(self.grid.lower)).flatten(0, 2)[None]
 
 
-def sizes_of(encoder: TrainedEncoder | Mapping[str, Any]) -> dict[str, Any]:
+def sizes_of(encoder: TrainedOnGrid[nn.Module] | Mapping[str, Any]) -> dict[str, Any]:
     """Plain sizes of a view encoder, and the grid that it sees.
 
     Raises:

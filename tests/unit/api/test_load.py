@@ -95,7 +95,7 @@ def load(*words, **settings):
         (["reconstruction"], {"seed": -1}, ConfigError, "seed is -1"),
         (["reconstruction"], {"device": "gpu"}, ConfigError, "device=gpu is unknown"),
         (
-            ["reconstruction", "checkpoints.sets=no.safetensors"],
+            ["reconstruction", "checkpoints.set_extents=no.safetensors"],
             {},
             CheckpointError,
             "no checkpoint at",

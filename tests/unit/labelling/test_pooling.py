@@ -1,4 +1,4 @@
-from dataclasses import astuple
+from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
@@ -8,10 +8,10 @@ from hypothesis.extra.numpy import arrays
 from tests.unit.labelling.fakes import GRID, truth
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.labelling.pooling import Pool, Weights, disagreement, fit_pool, pool
+from scenefw.labelling.pooling import UNCALIBRATED, Pool, Weights, disagreement, fit_pool, pool
 from scenefw.labelling.reconstruction import Reconstruction
 
-EQUAL = Pool(Weights(map_poor=1.0), Weights(map_poor=1.0), doubt=1e-6)
+EQUAL = Pool(Weights(1.0, 1.0, 1.0, 1.0), Weights(1.0, 1.0, 1.0, 1.0), doubt=1e-6)
 
 
 def normal(values):
@@ -92,7 +92,7 @@ def test_an_expert_that_knows_nothing_changes_nothing(values):
 
 def test_what_neither_knows_stays_unknown():
     uniform = np.full((4, 5), 0.25, np.float32)
-    biased = Pool(Weights(bias_poor=3.0, bias_well=-3.0))
+    biased = Pool(Weights(1.0, 1.0, 0.0, 1.0, bias_poor=3.0, bias_well=-3.0))
     np.testing.assert_allclose(biased(uniform, uniform, np.linspace(0, 1, 5)), 0.25, atol=1e-6)
 
 
@@ -107,7 +107,7 @@ def test_an_expert_that_says_never_can_be_outvoted():
     views = np.array([[1.0], [0.0]], np.float32)  # quite sure, and wrong
     of_map = np.array([[0.02], [0.98]], np.float32)
     for doubt, winner in ((0.1, 1), (1e-6, 0)):
-        doubting = Pool(Weights(map_well=1.5), doubt=doubt)
+        doubting = Pool(Weights(1.0, 1.0, 0.0, map_well=1.5), doubt=doubt)
         assert doubting(views, of_map, np.ones(1)).argmax(axis=0) == winner
 
 
@@ -227,7 +227,7 @@ def test_winners():
 def test_settings_are_checked():
     for wrong in ({"views_well": -1.0}, {"map_well": np.nan}, {"bias_well": np.inf}):
         with pytest.raises(ConfigError, match="expected"):
-            Weights(**wrong)
+            replace(UNCALIBRATED, **wrong)
     for doubt in (0.0, 1.0, np.nan):
         with pytest.raises(ConfigError, match="doubt"):
             Pool(doubt=doubt)

@@ -69,7 +69,7 @@ def test_another_networks_classes_are_one_line():
 
 def test_the_truth_and_a_share_of_it(frame):
     frame.labels[0, 0] = -1
-    found = TrueLabels(CLASSES).label(frame)
+    found = TrueLabels(CLASSES, 0.0, 1.0).label(frame)
     np.testing.assert_array_equal(found.argmax(axis=0)[1:], frame.labels[1:])
     np.testing.assert_allclose(found[:, 0, 0], 1 / 3)
     np.testing.assert_allclose(found.max(axis=0)[1:], 1)
@@ -81,9 +81,9 @@ def test_the_truth_and_a_share_of_it(frame):
     np.testing.assert_array_equal(wrong, source.label(frame))
     assert not np.array_equal(wrong, source.label(replace(frame, name="another")))
     with pytest.raises(InputError, match="no true labels"):
-        TrueLabels(CLASSES).label(replace(frame, labels=None))
+        TrueLabels(CLASSES, 0.0, 1.0).label(replace(frame, labels=None))
     with pytest.raises(ConfigError, match="error_rate"):
-        TrueLabels(CLASSES, error_rate=2)
+        TrueLabels(CLASSES, error_rate=2, confidence=1.0)
 
 
 def test_files_of_masks(frame, tmp_path):
@@ -143,4 +143,4 @@ def test_a_confidence_that_is_no_probability_is_refused(tmp_path, confidence):
     with pytest.raises(ConfigError, match="expected more than"):
         FunctionLabels(lambda frame: frame.labels, CLASSES, confidence)
     with pytest.raises(ConfigError, match="expected more than"):
-        TrueLabels(CLASSES, confidence=confidence)
+        TrueLabels(CLASSES, 0.0, confidence)

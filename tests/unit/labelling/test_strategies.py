@@ -94,11 +94,11 @@ def test_map_based_waits_for_coverage():
 
 
 def test_hybrid_takes_the_surer_expert_of_each_kind_of_mistake():
-    of_both = Weights(map_poor=2.0, map_well=2.0)
+    of_both = Weights(1.0, 1.0, 2.0, 2.0)
     result = run(hybrid(pool=Pool(of_both, of_both, doubt=0.2)), 5).height_map()
     assert (result.labels[25] == 2).all()  # views call pens books, the map is right
     assert (result.sources[25] == FROM_MAP).all()
-    views_count_more = Weights(map_poor=0.5, map_well=0.5)
+    views_count_more = Weights(1.0, 1.0, 0.5, 0.5)
     result = run(hybrid(pool=Pool(views_count_more, views_count_more)), 5).height_map()
     assert (result.labels[10:15] == 1).all()
     assert (result.sources[10:15] == FROM_VIEWS).all()
@@ -121,7 +121,7 @@ def test_hybrid_refines_every_so_many_frames():
 
 
 def test_hybrid_without_weight_of_the_map_is_view_based():
-    views_alone = Weights(map_poor=0.0, map_well=0.0)
+    views_alone = Weights(1.0, 1.0, 0.0, 0.0)
     mixed = run(hybrid(pool=Pool(views_alone, views_alone)), 3).height_map()
     np.testing.assert_array_equal(mixed.labels, run(view_based(), 3).height_map().labels)
 

@@ -11,8 +11,8 @@ from tests.unit.models.queries import RESOLUTION, image_queries, queries
 from scenefw.core.errors import ConfigError
 from scenefw.core.queried_sets import ObjectQueryPrediction
 from scenefw.core.types import GridSpec
-from scenefw.data.batches.image_queries import ImagedSets
-from scenefw.data.batches.object_queries import ViewedSets
+from scenefw.data.batches.image_queries import ImageQueryViews
+from scenefw.data.batches.object_queries import ObjectQueryViews
 from scenefw.learning.checkpoint import OBJECT_QUERIES, load_checkpoint
 from scenefw.learning.object_queries import ObjectQueryLearning, figures, matched
 from scenefw.learning.runtime.trainer import TrainerSettings
@@ -39,13 +39,13 @@ def stacks(tmp_path):
 
 
 def images(stacks):
-    return ImagedSets(viewpoints(), GridSpec(RESOLUTION), stacks, limit=4, validation_limit=2,
+    return ImageQueryViews(viewpoints(), GridSpec(RESOLUTION), stacks, limit=4, validation_limit=2,
                       batch_size=2, width=64, places=64)  # fmt: skip
 
 
 def data(stacks, resolution=RESOLUTION, **options):
     sizes = {"limit": 4, "validation_limit": 2, "batch_size": 4, "points": 128, "places": 128}
-    return ViewedSets(views(resolution), stacks, **{**sizes, **options})
+    return ObjectQueryViews(views(resolution), stacks, **{**sizes, **options})
 
 
 def test_it_learns_one_batch_by_heart(stacks):
@@ -79,7 +79,7 @@ def test_it_learns_one_batch_by_heart(stacks):
 
 def test_denoised_queries_of_images_learn_to_find_their_objects(stacks):
     """Near queries come nearer and far ones learn to be nothing, each by its own loss."""
-    made = ImagedSets(viewpoints(), GridSpec(32), stacks, limit=2, validation_limit=2,
+    made = ImageQueryViews(viewpoints(), GridSpec(32), stacks, limit=2, validation_limit=2,
                       batch_size=2, distinct_batches=1, width=64, places=64)  # fmt: skip
     module = ObjectQueryLearning(
         image_queries(tokens=32, denoised=2), LOSSES, learning_rate=8e-3, average=0.0,

@@ -5,7 +5,7 @@ from tests.unit.data.stacks_file import write_stacks
 from tests.unit.learning.tiny import views
 
 from scenefw.core.errors import ConfigError
-from scenefw.data.batches.set_decomposition import ObjectSetViews
+from scenefw.data.batches.object_sets import ObjectSetViews
 from scenefw.learning.checkpoint import load_checkpoint
 from scenefw.learning.object_sets import ObjectSetLearning, _scores, matched
 from scenefw.learning.runtime.trainer import TrainerSettings

@@ -1,7 +1,10 @@
 """Trainings and weights go on under names that code has been given since."""
 
+import inspect
+
 import pytest
 import torch
+from hydra.utils import get_object
 from tests.unit.learning import plain
 from torch import nn
 
@@ -85,3 +88,21 @@ def test_weights_are_read_under_new_names(tmp_path, monkeypatch):
     assert loaded.recipe == network.recipe
     for name, value in network.state_dict().items():
         assert torch.equal(loaded.model.state_dict()[name], value)
+
+
+def test_weights_without_an_argument_are_read_as_they_were_meant(tmp_path, monkeypatch):
+    network = FuseNet(classes=3, widths=(8, 8), modules=(1, 1), block=2)
+    target = network.recipe["_target_"]
+    recipe = {name: value for name, value in network.recipe.items() if name != "block"}
+    path = tmp_path / "weights.safetensors"
+    save_checkpoint(path, network, recipe, None, task="segmentation")
+    with pytest.raises(CheckpointError, match="don't fit"):
+        load_checkpoint(path, task="segmentation")
+    monkeypatch.setitem(renamed.ADDED, f"{target}.block", 2)
+    assert load_checkpoint(path, task="segmentation").recipe == network.recipe
+
+
+@pytest.mark.parametrize("argument", renamed.ADDED)
+def test_added_arguments_are_those_of_networks(argument):
+    target, _, name = argument.rpartition(".")
+    assert name in inspect.signature(get_object(target)).parameters

@@ -55,6 +55,8 @@ def network(resolution=8):
         decoder_widths=(4, 4, 4, 4, 4),
         stem_width=4,
         branch_width=4,
+        code_width=0,
+        prior_share=0.4,
     )
 
 
@@ -80,8 +82,8 @@ METRICS = {
 def learning(resolution=8, **options):
     losses = {
         "tsdf": TsdfLoss(),
-        "votes": VoteLoss(),
-        "partial_tsdf": PartialTsdfLoss(),
+        "votes": VoteLoss(1.0),
+        "partial_tsdf": PartialTsdfLoss(1.0),
         "mmd": MaximumMeanDiscrepancy(),
     }
     return ShapeInstanceLearning(

@@ -6,7 +6,7 @@ import torch
 from tests.unit.learning.tiny import network
 
 from scenefw.core.batches import SceneParameters
-from scenefw.core.queried_sets import ViewedSetBatch
+from scenefw.core.queried_sets import ObjectQueryBatch
 from scenefw.core.types import GridSpec
 from scenefw.kernels.place_images import CELL, CHANNELS
 from scenefw.models.object_queries import ObjectQueries
@@ -83,4 +83,4 @@ def batch_of(views=2, objects=3, seed=0, places=64):
     points = surface @ scenes.rotations.transpose(-1, -2) + scenes.positions[:, :, None]
     seen = scenes.present[:, :, None].expand(-1, -1, places).flatten(1)
     volume = torch.rand(views, 2, *(RESOLUTION,) * 3, generator=random) * 2 - 1
-    return ViewedSetBatch(volume, points.flatten(1, 2), seen, scenes, spots, distances)
+    return ObjectQueryBatch(volume, points.flatten(1, 2), seen, scenes, spots, distances)

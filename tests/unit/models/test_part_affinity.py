@@ -79,7 +79,7 @@ def test_a_turn_of_the_camera_turns_normals_alone():
 @pytest.mark.parametrize("wrong", [{"widths": [8]}, {"widths": [8, 0]}, {"focal": 0.0}])
 def test_bad_settings(wrong):
     with pytest.raises(ConfigError, match="part_affinity has"):
-        PartAffinity(**wrong)
+        PartAffinity(**{"widths": [8, 8], "shown": False, **wrong})
 
 
 def test_features_keep_their_millimetres_in_mixed_precision():

@@ -45,7 +45,7 @@ def test_it_is_the_footprint_of_the_gradient(modules, block, axis):
 
 
 def test_the_network_of_the_thesis_comes_near_it():
-    field = receptive_field(FuseNet().body)
+    field = receptive_field(FuseNet(4, (16, 24, 48, 80), (1, 2, 2, 3)).body)
     assert field.size == 96  # thesis: 91
     assert (field.stride, field.period, field.margin) == (1, 8, 56)
 
@@ -98,6 +98,6 @@ def test_an_unknown_layer_is_one_line(layer):
 
 
 def test_one_level_more_sees_almost_twice_as_far():
-    with_defaults = receptive_field(FuseNet().body).size
-    deep = FuseNet(widths=(16, 24, 48, 80, 112), modules=(1, 2, 2, 3, 2))
-    assert 1.8 * with_defaults < receptive_field(deep.body).size < 2.2 * with_defaults
+    shallow = receptive_field(FuseNet(4, (16, 24, 48, 80), (1, 2, 2, 3)).body).size
+    deep = FuseNet(4, widths=(16, 24, 48, 80, 112), modules=(1, 2, 2, 3, 2))
+    assert 1.8 * shallow < receptive_field(deep.body).size < 2.2 * shallow

@@ -16,7 +16,7 @@ from scenefw.models.set_flow import SetFlow
 from scenefw.models.start_noise import start_noise
 from scenefw.shapes.equal_descriptions import equal_descriptions
 
-SMALL = {"slots": 4, "width": 32, "layers": 1, "heads": 2, "others": 4, "turn": 0.0}
+SMALL = {"slots": 4, "width": 32, "layers": 1, "heads": 2, "others": 4, "turn": 0.0, "ends": False}
 
 
 def boxes(views=2, objects=3, seed=0):
@@ -146,13 +146,13 @@ def test_what_it_does_not_draw_is_refused():
     with pytest.raises(ConfigError, match="flow_velocity"):
         HiddenCount().check(SetFlowSetup(model.slots, model.draws_hidden))
     with pytest.raises(ConfigError, match="heads = 0"):
-        SetExtents(heads=0)
+        SetExtents(heads=0, ends=False)
 
 
 def test_ends_of_images_add_nothing_before_training_and_count_after_it():
     torch.manual_seed(0)
     plain = SetExtents(**SMALL)
-    model = SetExtents(**SMALL, ends=True)
+    model = SetExtents(**{**SMALL, "ends": True})
     assert not model.load_state_dict(plain.state_dict(), strict=False).unexpected_keys
     batch = boxes()
     axes, low, high, _ = seen_in_axes(batch, batch.rotations)

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from scenefw.core.errors import ConfigError
-from scenefw.core.set_flows import SeenSetBatch
+from scenefw.core.set_flows import SetFlowBatch
 from scenefw.losses.flow_velocity import FlowVelocity
 from scenefw.losses.hidden_count import HiddenCount
 from scenefw.models.set_flow import SetFlow, coupled
@@ -46,7 +46,7 @@ def batch_of(views=2, objects=3, seed=0):
     seen = torch.ones(views, objects, dtype=torch.bool)
     seen[0, -1] = False
     points = uniform(-0.2, 0.2, views, objects, 8, 3) * seen[..., None, None]
-    return SeenSetBatch(
+    return SetFlowBatch(
         points, seen, 0.02 * seen, ends_of(points, seen),
         torch.tensor([[-0.8, 0.0, 0.5]]).expand(views, 3),
         uniform(0.03, 0.1, views, objects, 3), uniform(2, 30, views, objects, 3),
@@ -101,7 +101,7 @@ def test_no_order_among_objects():
     torch.manual_seed(0)
     model, batch = SetFlow(**SMALL).eval(), batch_of()
     order = torch.tensor([2, 0, 1])
-    moved = SeenSetBatch(
+    moved = SetFlowBatch(
         *[x if x.ndim == 2 and x.shape[1] == 3 and x is batch.camera else x[:, order]
           for x in vars(batch).values()]
     )  # fmt: skip
@@ -153,7 +153,7 @@ def test_scenes_without_a_view_have_as_many_objects_as_one_asks_for():
 def test_each_draw_sees_its_own_row_of_the_view():
     torch.manual_seed(0)
     model, one = SetFlow(**SMALL).eval(), batch_of(1)
-    same = SeenSetBatch(
+    same = SetFlowBatch(
         **{name: value.repeat_interleave(2, 0) for name, value in vars(one).items()}
     )
     other = same.points.clone()

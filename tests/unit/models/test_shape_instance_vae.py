@@ -14,6 +14,8 @@ SMALL = {
     "decoder_widths": (8, 8, 8, 8, 8),
     "stem_width": 4,
     "branch_width": 4,
+    "code_width": 0,
+    "prior_share": 0.4,
 }
 
 

@@ -70,7 +70,7 @@ def test_some_windows_reach_across_edges():
     count = 300
     scale = Stereo().baseline * cameras(1).intrinsics[0, 0].item()
     disparity = torch.where(u < 40, 4.0, 5.0).expand(count, 60, 80)
-    noise = Stereo(waves=0.0, window=0, jump=0.3, ramps=0.4, ramp=3, across=2.3)
+    noise = Stereo(waves=0.0, window=0, shadows=0.0, jump=0.3, ramps=0.4, ramp=3, across=2.3)
     found = scale / noise.apply(scale / disparity, cameras(count), seeds(count))[:, 30]
     ramps = (found - disparity[:, 30]).abs() > 1e-3
     widths = ramps.sum(dim=1)
@@ -94,7 +94,7 @@ def test_what_the_right_camera_does_not_see_is_lost():
     columns = torch.nonzero(lost[30])[:, 0]
     assert len(columns) == pytest.approx(width, abs=1.0)
     assert columns.max() == 39  # it begins where the board does, on the left
-    kept = Stereo(waves=0.0, window=0).apply(depth, cameras(2), seeds(2))
+    kept = Stereo(waves=0.0, window=0, shadows=0.0).apply(depth, cameras(2), seeds(2))
     assert torch.allclose(kept, depth, atol=1e-5)
 
 
@@ -120,7 +120,7 @@ def test_an_image_depends_on_its_seed_alone_and_holes_stay(seed, count):
     depth = torch.from_numpy(rng.uniform(0.4, 2.0, (count, 24, 32)).astype(np.float32))
     depth[torch.from_numpy(rng.random(depth.shape) < 0.2)] = 0
     depth[0, 0, 0] = float("nan")
-    noise = Stereo(share=0.6)
+    noise = Stereo(shadows=0.0, share=0.6)
     numbers = torch.from_numpy(rng.integers(0, 2**62, count))
     noisy = noise.apply(depth, cameras(count), numbers)
     known = torch.nan_to_num(depth) > 0

@@ -31,9 +31,9 @@ STACKS = {
     "hull_filling/instance_iou": 0.61,
     "base_rate/occupancy_bce": 0.075,
     "training_mean/occupancy_bce": 0.038,
-    "draws/scenefw/log_skill": 0.612,
-    "draws/scenefw/log_skill_low": 0.58,
-    "draws/scenefw/log_skill_high": 0.64,
+    "draws/drawn_codes/log_skill": 0.612,
+    "draws/drawn_codes/log_skill_low": 0.58,
+    "draws/drawn_codes/log_skill_high": 0.64,
     "draws/set_extents/log_skill": 0.92,
     "draws/set_extents/log_skill_low": 0.9,
     "draws/set_extents/log_skill_high": 0.94,
@@ -65,8 +65,8 @@ LABELLING = {
 CLASSES = ("surface", "remote_control", "keyboard", "model_plane")
 MEASURES = {
     **of_scores(
-        ("scenefw", "zero_code", "set_extents", "hull_filling", "base_rate", "training_mean"),
-        ("scenefw", "set_extents", "hull_filling"),
+        ("drawn_codes", "zero_code", "set_extents", "hull_filling", "base_rate", "training_mean"),
+        ("drawn_codes", "set_extents", "hull_filling"),
     ),
     **REAL_IMAGES,
     **join_measures(

@@ -57,9 +57,9 @@ def test_from_the_command_line(scenefw, tmp_path):
     model = SetFlow(slots=4, width=16, layers=1, view_layers=1, heads=2)
     save_checkpoint(tmp_path / "flow.safetensors", model, model.recipe, None, task="set_flow")
     words = ("run=draw_scenes", "~settling", f"paths.output={tmp_path / 'out'}", "run.count=2")
-    done = scenefw(*words, f"checkpoints.scenes={tmp_path / 'flow.safetensors'}")
+    done = scenefw(*words, f"checkpoints.set_flow={tmp_path / 'flow.safetensors'}")
     assert done.returncode == 0, done.stderr[-3000:]
     assert (tmp_path / "out" / "drawn" / "scene_002" / "scene.json").is_file()
-    missing = scenefw(*words, f"checkpoints.scenes={tmp_path / 'none.safetensors'}")
+    missing = scenefw(*words, f"checkpoints.set_flow={tmp_path / 'none.safetensors'}")
     assert missing.returncode == 2
     assert "none.safetensors" in missing.stderr.splitlines()[-1]

@@ -30,7 +30,9 @@ WORDS = ["run=label", "labelling=hybrid", "debug=smoke", "paths.output=out"]
 
 def hybrid():
     maps = ByHeight(CLASSES, "keyboard")
-    return {"hybrid": Hybrid(HeightFusion(GRID), SemanticFusion(), TrueLabels(CLASSES), maps)}
+    return {
+        "hybrid": Hybrid(HeightFusion(GRID), SemanticFusion(), TrueLabels(CLASSES, 0.0, 1.0), maps)
+    }
 
 
 def label(folder, out, strategies=None, **options):
@@ -100,7 +102,7 @@ def test_a_map_that_lost_its_world_is_not_resumed(sequence, elsewhere, tmp_path)
 
 def test_labels_are_fused_in_image_space_as_well(sequence, tmp_path):
     def views(**refresh):
-        parts = HeightFusion(GRID), ImageSpaceFusion(), TrueLabels(CLASSES)
+        parts = HeightFusion(GRID), ImageSpaceFusion(), TrueLabels(CLASSES, 0.0, 1.0)
         return {"view_based": ViewBased(*parts, **refresh)}
 
     assert views()["view_based"].refresh == 10  # it reads the map

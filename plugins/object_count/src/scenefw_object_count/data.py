@@ -35,7 +35,7 @@ class CountedScenes(lightning.LightningDataModule):
     def __init__(
         self,
         views: ViewMaker,
-        path: str | Sequence[str] | None = "scattered",
+        path: str | Sequence[str] | None = "scattered_v1",
         limit: int | None = None,
         validation_limit: int | None = 64,
         batch_size: int = 16,

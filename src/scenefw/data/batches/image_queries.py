@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from scenefw.core.batches import CameraBatch
-from scenefw.core.queried_sets import IMAGE, ViewedSetBatch
+from scenefw.core.queried_sets import IMAGE, ObjectQueryBatch
 from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.data.batches.moved_scenes import in_frames, mirrored, scaled
 from scenefw.data.batches.places_about import CHANCES, placed_about, require_places
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 _VIEWS, _VALIDATION = 2, 3
 
 
-class ImagedSets(SceneBatches):
+class ImageQueryViews(SceneBatches):
     """Images of the scenes of two splits, in the frames of their views (group `dataset`).
 
     Camera, size and noise of scene i in epoch e depend on (seed, e, i) alone.
@@ -72,7 +72,7 @@ class ImagedSets(SceneBatches):
         seed: int = 0,
         distinct_batches: int | None = None,
         width: int = WIDTH_OF_VIEW,
-        places: int = 256,
+        places: int = 128,
         near: float = 0.01,
         noise: Mapping[str, Noise] | None = None,
         scale: float = 1.15,
@@ -97,11 +97,11 @@ class ImagedSets(SceneBatches):
         """Facts about the data, and how wide images are."""
         return {**super().facts(), **image_facts(self.lens.width)}
 
-    def training_batch(self, batch: IndexBatch, device: torch.device) -> ViewedSetBatch:
+    def training_batch(self, batch: IndexBatch, device: torch.device) -> ObjectQueryBatch:
         """Views and objects of scenes in an epoch, scaled and half of them mirrored."""
         return self._make(self.scenes, batch, device, _VIEWS, changed=True)
 
-    def validation_batch(self, batch: IndexBatch, device: torch.device) -> ViewedSetBatch:
+    def validation_batch(self, batch: IndexBatch, device: torch.device) -> ObjectQueryBatch:
         """The same views every time, of scenes as they are."""
         return self._make(self.validation_scenes, batch, device, _VALIDATION, changed=False)
 
@@ -114,7 +114,7 @@ class ImagedSets(SceneBatches):
         stream: int,
         *,
         changed: bool,
-    ) -> ViewedSetBatch:
+    ) -> ObjectQueryBatch:
         parameters = scenes.parameters(batch.indices, device)
         streams = self.streams(batch, stream)
         to_camera, to_change, to_places, to_noise = streams.split(4)
@@ -138,4 +138,4 @@ class ImagedSets(SceneBatches):
         objects = in_frames(parameters, view.turn, view.origin)
         chances = at_places.view(len(poses), slots, self.places, CHANCES)
         about, distances = placed_about(objects, chances, self.near)
-        return ViewedSetBatch(view.condition, view.points, view.seen, objects, about, distances)
+        return ObjectQueryBatch(view.condition, view.points, view.seen, objects, about, distances)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
-from scenefw.core.queried_sets import VOLUME, ViewedSetBatch
+from scenefw.core.queried_sets import VOLUME, ObjectQueryBatch
 from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.data.batches.conditioning import condition
 from scenefw.data.batches.places_about import CHANCES, placed_about, require_places
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 _VIEWS, _VALIDATION = 2, 3
 
 
-class ViewedSets(SceneBatches):
+class ObjectQueryViews(SceneBatches):
     """Makes views of the scenes of two splits, with what decoders of sets learn (group `dataset`).
 
     No volume is ever stored. View and motion of scene i in epoch e depend on (seed, e, i) alone.
@@ -86,18 +86,18 @@ class ViewedSets(SceneBatches):
         """What disturbs the views."""
         return described(self.views.noise)
 
-    def training_batch(self, batch: IndexBatch, device: torch.device) -> ViewedSetBatch:
+    def training_batch(self, batch: IndexBatch, device: torch.device) -> ObjectQueryBatch:
         """Views and objects of scenes in an epoch."""
         return self._make(self.scenes, batch, device, _VIEWS)
 
-    def validation_batch(self, batch: IndexBatch, device: torch.device) -> ViewedSetBatch:
+    def validation_batch(self, batch: IndexBatch, device: torch.device) -> ObjectQueryBatch:
         """The same views every time."""
         return self._make(self.validation_scenes, batch, device, _VALIDATION)
 
     @torch.no_grad()
     def _make(
         self, scenes: StackScenes, batch: IndexBatch, device: torch.device, stream: int
-    ) -> ViewedSetBatch:
+    ) -> ObjectQueryBatch:
         parameters = scenes.parameters(batch.indices, device)
         streams = self.streams(batch, stream)
         to_view, to_points, to_places = streams.split(3)
@@ -113,4 +113,4 @@ class ViewedSets(SceneBatches):
         chances = at_places.view(len(points), slots, self.places, CHANCES)
         places, distances = placed_about(objects, chances, self.near)
         view = condition(views.partial, self.grid)
-        return ViewedSetBatch(view, points, valid, objects, places, distances)
+        return ObjectQueryBatch(view, points, valid, objects, places, distances)

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from scenefw.core.batches import CameraBatch, IndexBatch, SceneParameters
-from scenefw.core.set_flows import SeenSetBatch
+from scenefw.core.set_flows import SetFlowBatch
 from scenefw.core.settings import COUNT, NOT_NEGATIVE
 from scenefw.core.types import GridSpec
 from scenefw.data.batches.moved_scenes import scaled
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 _VIEWS, _VALIDATION = 2, 3
 
 
-class SeenSets(SceneBatches):
+class SetFlowViews(SceneBatches):
     """Views of superquadrics of two splits, as points of what is seen of each (group `dataset`).
 
     Objects meet rays directly: no volume and no image is kept. Camera, size and noise of scene i in
@@ -74,7 +74,7 @@ class SeenSets(SceneBatches):
         image_size: Sequence[int] = (ObjectSamples.width, 96),
         points: int = ObjectSamples.points,
         ends: int = ObjectSamples.ends,
-        least: int = 2,
+        least: int = 1,
         noise: Mapping[str, Noise] | None = None,
         along: float = 0.0015,
         scale: float = 1.15,
@@ -99,15 +99,15 @@ class SeenSets(SceneBatches):
         samples = ObjectSamples(self.points, self.ends, self.lens.width)
         return {**super().facts(), **samples.facts()}
 
-    def training_batch(self, batch: IndexBatch, device: torch.device) -> SeenSetBatch:
+    def training_batch(self, batch: IndexBatch, device: torch.device) -> SetFlowBatch:
         """Views of scenes in an epoch, scaled and half of them mirrored."""
         return self._make(self.scenes, batch, device, _VIEWS, changed=True)
 
-    def validation_batch(self, batch: IndexBatch, device: torch.device) -> SeenSetBatch:
+    def validation_batch(self, batch: IndexBatch, device: torch.device) -> SetFlowBatch:
         """The same views every time, of scenes as they are."""
         return self._make(self.validation_scenes, batch, device, _VALIDATION, changed=False)
 
-    def views_of(self, scenes: StackScenes, rows: Sequence[int]) -> SeenSetBatch:
+    def views_of(self, scenes: StackScenes, rows: Sequence[int]) -> SetFlowBatch:
         """A view of each scene of another split, as of validation, on the CPU."""
         batch = IndexBatch(0, torch.tensor(list(rows), dtype=torch.int64))
         return self._make(scenes, batch, torch.device("cpu"), _VALIDATION, changed=False)
@@ -121,7 +121,7 @@ class SeenSets(SceneBatches):
         stream: int,
         *,
         changed: bool,
-    ) -> SeenSetBatch:
+    ) -> SetFlowBatch:
         parameters = scenes.parameters(batch.indices, device)
         streams = self.streams(batch, stream)
         to_camera, to_change, to_points, to_ends, to_noise = streams.split(5)
@@ -154,7 +154,7 @@ class SeenSets(SceneBatches):
         sigmas: Tensor,
         random: Tensor,
         at_ends: Tensor,
-    ) -> SeenSetBatch:
+    ) -> SetFlowBatch:
         batch, slots = scenes.present.shape
         flat = owners.flatten(1).long()
         counts = torch.zeros(batch, slots + 1, dtype=torch.int64, device=flat.device)
@@ -204,7 +204,7 @@ def _normal(first: Tensor, second: Tensor) -> Tensor:
     return (-2 * (1 - first).clamp_min(1e-7).log()).sqrt() * (2 * torch.pi * second).cos()
 
 
-def _mirrored(batch: SeenSetBatch, mask: Tensor) -> SeenSetBatch:
+def _mirrored(batch: SetFlowBatch, mask: Tensor) -> SetFlowBatch:
     """Some views seen in a mirror: y becomes -y. Superquadrics are their own mirror images."""
     sign = torch.where(mask, -1.0, 1.0)
     flip = torch.stack([torch.ones_like(sign), sign, torch.ones_like(sign)], dim=-1)

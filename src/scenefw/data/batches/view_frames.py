@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from scenefw.core.batches import SceneParameters
-from scenefw.core.set_flows import SeenSetBatch
+from scenefw.core.set_flows import SetFlowBatch
 
 
 def view_frame(points: Tensor, visible: Tensor, eye: Tensor) -> tuple[Tensor, Tensor]:
@@ -38,7 +38,7 @@ def in_frame(
     ends: Tensor,
     eye: Tensor,
     scenes: SceneParameters,
-) -> SeenSetBatch:
+) -> SetFlowBatch:
     """A batch in the frames of its views.
 
     Args:
@@ -55,7 +55,7 @@ def in_frame(
     where = torch.einsum("bij,bnpj->bnpi", turn, ends[..., :3] - origin[:, None, None])
     outward = torch.einsum("bij,bnpj->bnpi", turn, ends[..., 3:6])
     turned = torch.cat([where, outward, ends[..., 6:]], dim=-1)
-    return SeenSetBatch(
+    return SetFlowBatch(
         torch.where(visible[..., None, None], local, 0.0),
         visible & scenes.present,
         sizes,

@@ -18,7 +18,7 @@ from scenefw.core.labelling_protocols import FrameSource
 from scenefw.core.protocols import Noise, PoseNoise
 from scenefw.core.rng import Streams
 from scenefw.core.types import Float64, Frame
-from scenefw.data.tabletop.distances import DEPTH, HEIGHT, distance_images
+from scenefw.data.tabletop.distances import HEIGHT, distance_images
 from scenefw.data.tabletop.light import ColourJitter
 from scenefw.data.tabletop.resident import ResidentScenes
 from scenefw.data.tabletop.segmentation import image_tensors
@@ -94,7 +94,7 @@ class ViewSamples:
         noise: Mapping[str, Noise] | None = None,
         jitter: ColourJitter | None = None,
         seed: int = 0,
-        geometry: str = DEPTH,
+        geometry: str = HEIGHT,
     ) -> None:
         self.images, self.jitter, self.seed, self.geometry = images, jitter, seed, geometry
         moving = geometry == HEIGHT  # nothing else depends on where the camera is believed to be

@@ -89,7 +89,7 @@ class MapCrops:
     def __init__(
         self,
         maps: MapImages,
-        crops: int = 40,
+        crops: int = 8,
         size: Sequence[int] = (320, 240),
         jitter: ColourJitter | None = None,
         height_noise: float = 0.0,

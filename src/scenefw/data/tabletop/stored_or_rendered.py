@@ -13,13 +13,13 @@ from scenefw.data.tabletop.table_scenes import TabletopScenes
 
 def views(
     source: FrameSource,
-    views: int = 40,
+    views: int,
     memory: float = 1500.0,
     renew: int = 1,
     workers: int = -1,
     seed: int = 0,
     *,
-    rendered: bool = False,
+    rendered: bool,
 ) -> RenderedViews | StoredViews:
     """Views of scenes.
 
@@ -45,7 +45,7 @@ def maps(
     fused: Fused | None = None,
     workers: int = -1,
     *,
-    rendered: bool = False,
+    rendered: bool,
 ) -> RenderedMaps | StoredMaps:
     """Maps of scenes.
 

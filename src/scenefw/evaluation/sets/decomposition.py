@@ -10,7 +10,7 @@ import torch
 
 from scenefw.core import rng
 from scenefw.core.errors import ConfigError
-from scenefw.data.batches.set_decomposition import object_set_batch
+from scenefw.data.batches.object_sets import object_set_batch
 from scenefw.data.batches.views import ViewMaker
 from scenefw.evaluation.sets.methods import Decomposer, FoundSet, SeenSet
 from scenefw.evaluation.sets.published import ROWS

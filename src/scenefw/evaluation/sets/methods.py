@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import torch
@@ -21,9 +21,8 @@ if TYPE_CHECKING:
     from scenefw.core.batches import Completion, PartialTSDF
     from scenefw.core.object_sets import ObjectSetBatch
     from scenefw.core.protocols import InstanceExtractor, Reconstructor
-    from scenefw.core.training_protocols import DrawnSetModel, ObjectSetModel
+    from scenefw.core.training_protocols import DrawnSetModel, ObjectSetModel, TrainedOnGrid
     from scenefw.core.types import GridSpec
-    from scenefw.perception.completion.set_network import TrainedSets
 
 
 @dataclass(frozen=True)
@@ -91,7 +90,7 @@ class NetworkDecomposer:
 
     def __init__(
         self,
-        checkpoint: TrainedSets,
+        checkpoint: TrainedOnGrid[Any],
         device: str = "cpu",
         smallest: float = 3e-5,
         suppress: float | None = None,

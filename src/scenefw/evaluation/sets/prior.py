@@ -10,7 +10,7 @@ import torch
 from scenefw.core import rng
 from scenefw.core.batches import SceneParameters
 from scenefw.core.errors import ConfigError
-from scenefw.core.set_flows import SeenSetBatch
+from scenefw.core.set_flows import SetFlowBatch
 from scenefw.core.settings import COUNT, NOT_NEGATIVE
 from scenefw.evaluation.sets import prior_references as references
 from scenefw.evaluation.sets.left_to_gravity import (
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from scenefw.core.protocols import Engine, Track
-    from scenefw.core.training_protocols import TrainedWholeSetFlow
+    from scenefw.core.training_protocols import Trained, WholeSetFlowModel
     from scenefw.core.types import SceneObject
     from scenefw.data.batches.stacks import StackScenes
 
@@ -60,11 +60,11 @@ _LOST = 10.0  # m: displacement that counts at most
 
 
 class ViewedScenes(Protocol):
-    """Training scenes, and views of any scenes (`data.batches.set_flow.SeenSets`)."""
+    """Training scenes, and views of any scenes (`data.batches.set_flow.SetFlowViews`)."""
 
     scenes: StackScenes
 
-    def views_of(self, scenes: StackScenes, rows: Sequence[int]) -> SeenSetBatch:
+    def views_of(self, scenes: StackScenes, rows: Sequence[int]) -> SetFlowBatch:
         """A view of each scene, always the same."""
 
 
@@ -100,7 +100,7 @@ class SetPriorEvaluation:
 
     def __init__(
         self,
-        checkpoint: TrainedWholeSetFlow,
+        checkpoint: Trained[WholeSetFlowModel],
         data: ViewedScenes,
         scenes: StackScenes,
         engine: Engine,
@@ -120,7 +120,7 @@ class SetPriorEvaluation:
         )
         if not checkpoint.model.draws_hidden:
             raise ConfigError(
-                "this network draws nothing without a view; give checkpoints.scenes=FILE of a "
+                "this network draws nothing without a view; give checkpoints.set_flow=FILE of a "
                 "training of model=set_flow"
             )
         self.model, self.data, self.scenes = checkpoint.model, data, scenes
@@ -195,13 +195,13 @@ class SetPriorEvaluation:
         at_rest = self.gravity.at_rest(draw, _counts(samples))
         return {DRAWN: samples, APART: separate_objects(samples), AT_REST: at_rest}
 
-    def _draw_from_view(self, view: SeenSetBatch, row: int, count: int) -> SceneParameters:
+    def _draw_from_view(self, view: SetFlowBatch, row: int, count: int) -> SceneParameters:
         generator = torch.Generator().manual_seed(rng.torch_seed(self.seed, _GIVEN, row))
         return _usable(self.model.sample(self._on_device(view), count, generator, self.steps))
 
-    def _on_device(self, view: SeenSetBatch) -> SeenSetBatch:
+    def _on_device(self, view: SetFlowBatch) -> SetFlowBatch:
         device = next(self.model.parameters()).device  # type: ignore[attr-defined]
-        return SeenSetBatch(**{name: value.to(device) for name, value in vars(view).items()})
+        return SetFlowBatch(**{name: value.to(device) for name, value in vars(view).items()})
 
     def _build_sample(
         self,
@@ -224,7 +224,7 @@ class SetPriorEvaluation:
         return Sample(tuple(values), np.array(rows), np.array(stable), np.array(shifts), new)
 
 
-def _usable(batch: SeenSetBatch) -> SceneParameters:
+def _usable(batch: SetFlowBatch) -> SceneParameters:
     """Drawn scenes; objects that are not finite are left out, sizes kept within bounds."""
     scene = _scene(batch)
     finite = torch.stack(
@@ -243,12 +243,12 @@ def _usable(batch: SeenSetBatch) -> SceneParameters:
     )
 
 
-def _scene(batch: SeenSetBatch) -> SceneParameters:
+def _scene(batch: SetFlowBatch) -> SceneParameters:
     fields = (batch.half_axes, batch.exponents, batch.rotations, batch.positions, batch.present)
     return SceneParameters(*(field.cpu() for field in fields))
 
 
-def _seen_first(view: SeenSetBatch) -> SceneParameters:
+def _seen_first(view: SetFlowBatch) -> SceneParameters:
     """The true scene of a view with its objects in the order of drawn ones: seen, then hidden."""
     order = view.seen[0].int().argsort(descending=True, stable=True).cpu()
     return SceneParameters(*(field[:, order] for field in vars(_scene(view)).values()))

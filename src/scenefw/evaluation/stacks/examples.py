@@ -77,7 +77,7 @@ class Examples:
         count: int = 4,
         seed: int = 0,
         device: str = "cpu",
-        samples: int = 1,
+        samples: int = 4,
     ) -> None:
         if method.grid is None:
             raise ConfigError("the method of examples has no grid; give gallery.examples.method")

@@ -49,11 +49,12 @@ def _method(
 
 _ENTRIES = (
     _method(
-        "scenefw",
+        "drawn_codes",
         "network of volumes, drawn codes (as in the thesis)",
         samples="network of volumes, independent codes, as in the thesis",
         draws="independent codes",
     ),
+    _method("network", "network of volumes, zero code, then drawn codes"),
     _method(
         "trained_here",
         "network of volumes, trained in this run",

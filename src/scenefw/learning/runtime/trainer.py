@@ -54,7 +54,7 @@ class TrainerSettings:
 
     def __init__(
         self,
-        accelerator: str = "auto",
+        accelerator: str,
         devices: int | str | list[int] = "auto",
         precision: str = "32-true",
         max_epochs: int | None = 130,

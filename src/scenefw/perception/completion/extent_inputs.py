@@ -12,7 +12,7 @@ from scenefw.core import geometry
 from scenefw.core.batches import SceneParameters
 from scenefw.core.errors import InputError
 from scenefw.core.evidence import FittedSuperquadric
-from scenefw.core.set_flows import SeenSetBatch
+from scenefw.core.set_flows import SetFlowBatch
 from scenefw.core.types import Pose
 from scenefw.data.batches.object_ends import object_ends
 from scenefw.data.batches.view_frames import in_frame, view_frame
@@ -79,7 +79,7 @@ class ExtentInputs:
         self._inputs = points, visible, sizes, _ends(view, masks, labels, eye, random, samples), eye
         self._turn, self._origin = view_frame(points, visible, eye)
 
-    def batch(self, objects: Sequence[FittedSuperquadric], device: torch.device) -> SeenSetBatch:
+    def batch(self, objects: Sequence[FittedSuperquadric], device: torch.device) -> SetFlowBatch:
         """The view in its rows, and what its objects are taken to be.
 
         Args:
@@ -88,9 +88,9 @@ class ExtentInputs:
         """
         scenes = _scenes_of(objects, len(self._origin))
         fields: dict[str, Tensor] = vars(in_frame(*self._inputs, scenes))
-        return SeenSetBatch(**{name: value.to(device) for name, value in fields.items()})
+        return SetFlowBatch(**{name: value.to(device) for name, value in fields.items()})
 
-    def in_world(self, samples: SeenSetBatch) -> WorldSets:
+    def in_world(self, samples: SetFlowBatch) -> WorldSets:
         """Sets that a network drew for this view, set k for row k, then for the first again."""
         rows = torch.arange(len(samples.positions)) % len(self._origin)
         to_world = self._turn[rows].transpose(-1, -2).double()[:, None]

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
     from scenefw.core.evidence import Evidence, FittedSuperquadric
     from scenefw.core.protocols import ShapeFit
-    from scenefw.core.set_flows import SeenSetBatch
-    from scenefw.core.training_protocols import TrainedSetFlow
+    from scenefw.core.set_flows import SetFlowBatch
+    from scenefw.core.training_protocols import SetFlowModel, Trained
     from scenefw.core.types import GridSpec
     from scenefw.perception.completion.hidden_objects import HiddenObjects
     from scenefw.perception.evidence.tolerances import Tolerances
@@ -67,7 +67,7 @@ class ExtentSampling:
         self,
         fit: ShapeFit,
         tolerances: Tolerances,
-        checkpoint: TrainedSetFlow,
+        checkpoint: Trained[SetFlowModel],
         steps: int,
         median_of: int,
         spread: float,
@@ -118,7 +118,7 @@ class ExtentSampling:
     @torch.no_grad()
     def _draw(
         self, seen_objects: ExtentInputs, superquadrics: Shapes, rows: int, random: Generator
-    ) -> SeenSetBatch:
+    ) -> SetFlowBatch:
         generator = torch.Generator().manual_seed(int(random.integers(2**62)))
         device = next(self.model.parameters()).device  # type: ignore[attr-defined]
         spread = [1.0] * self.median_of + [self.spread] * (rows - self.median_of)

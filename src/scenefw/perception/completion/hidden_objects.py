@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
     from scenefw.core.evidence import FittedSuperquadric
-    from scenefw.core.training_protocols import TrainedWholeSetFlow
+    from scenefw.core.training_protocols import Trained, WholeSetFlowModel
     from scenefw.perception.completion.extent_inputs import ExtentInputs
     from scenefw.perception.observation.observation import ViewGeometry
 
@@ -43,13 +43,15 @@ class HiddenObjects:
         ConfigError: a number below one, or a network that draws nothing hidden.
     """
 
-    def __init__(self, checkpoint: TrainedWholeSetFlow, tries: int = 8, steps: int = 20) -> None:
+    def __init__(
+        self, checkpoint: Trained[WholeSetFlowModel], tries: int = 8, steps: int = 20
+    ) -> None:
         if min(tries, steps) < 1:
             raise ConfigError(f"hidden objects have tries {tries} and steps {steps}; expected >= 1")
         if not checkpoint.model.draws_hidden:
             raise ConfigError(
-                "these weights draw no hidden objects; give checkpoints.scenes=FILE of a training "
-                "of model=set_flow, or completion=set_extents"
+                "these weights draw no hidden objects; give checkpoints.set_flow=FILE of a "
+                "training of model=set_flow, or completion=set_extents"
             )
         self.model, self.tries, self.steps = checkpoint.model, tries, steps
 

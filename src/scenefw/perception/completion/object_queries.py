@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from scenefw.core.evidence import FittedSuperquadric
-    from scenefw.core.query_protocols import TrainedObjectQueries
+    from scenefw.core.query_protocols import ObjectQueryModel
+    from scenefw.core.training_protocols import TrainedOnGrid
     from scenefw.core.types import Float64, Int32
     from scenefw.perception.completion.refinement import SetRefinement
     from scenefw.perception.observation.observation import Observation
@@ -45,7 +46,7 @@ class ObjectQuerySampling:
 
     def __init__(
         self,
-        checkpoint: TrainedObjectQueries,
+        checkpoint: TrainedOnGrid[ObjectQueryModel],
         refinement: SetRefinement | None = None,
         min_existence: float = 0.5,
         max_shared_ratio: float = 0.5,

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
     from scenefw.core.batches import PartialTSDF
     from scenefw.core.queried_sets import QueriedSet
-    from scenefw.core.query_protocols import ObjectQueryModel, TrainedObjectQueries
+    from scenefw.core.query_protocols import ObjectQueryModel
+    from scenefw.core.training_protocols import TrainedOnGrid
     from scenefw.core.types import GridSpec
     from scenefw.data.batches.set_inputs import SetView
 
@@ -46,7 +47,7 @@ class QueryDecoding:
 
     def __init__(
         self,
-        checkpoint: TrainedObjectQueries,
+        checkpoint: TrainedOnGrid[ObjectQueryModel],
         min_existence: float = 0.5,
         max_shared_ratio: float = 0.5,
     ) -> None:

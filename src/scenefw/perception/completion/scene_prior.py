@@ -11,7 +11,7 @@ import torch
 from scenefw.core import geometry, rng
 from scenefw.core.batches import SceneParameters
 from scenefw.core.errors import ConfigError
-from scenefw.core.set_flows import SeenSetBatch
+from scenefw.core.set_flows import SetFlowBatch
 from scenefw.core.types import Camera, Frame, GridSpec, PlacedShape, Pose, SceneEstimate
 from scenefw.kernels.cameras import floor_depths, stack_cameras
 from scenefw.kernels.superquadric_rays import first_hits
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from scenefw.core.protocols import Settling
-    from scenefw.core.training_protocols import TrainedWholeSetFlow
+    from scenefw.core.training_protocols import Trained, WholeSetFlowModel
 
 _HALF_AXIS_RANGE = (2e-3, 0.5)  # m
 _EYE, _TARGET = (-0.9, 0.0, 0.6), (0.0, 0.0, 0.05)  # m
@@ -50,7 +50,7 @@ class ScenePrior:
 
     def __init__(
         self,
-        checkpoint: TrainedWholeSetFlow,
+        checkpoint: Trained[WholeSetFlowModel],
         grid: GridSpec,
         settling: Settling | None = None,
         steps: int = 20,
@@ -62,7 +62,7 @@ class ScenePrior:
             )
         if not checkpoint.model.draws_hidden:
             raise ConfigError(
-                "this network draws nothing without a view; give checkpoints.scenes=FILE of a "
+                "this network draws nothing without a view; give checkpoints.set_flow=FILE of a "
                 "training of model=set_flow"
             )
         self.model, self.grid, self.settling = checkpoint.model, grid, settling
@@ -123,7 +123,7 @@ class ScenePrior:
         )
 
 
-def _placed_shapes(samples: SeenSetBatch, row: int) -> list[PlacedShape]:
+def _placed_shapes(samples: SetFlowBatch, row: int) -> list[PlacedShape]:
     """The objects of one draw; what is not finite is left out."""
     present = samples.present[row].cpu().numpy()
     axes, exponents, rotations, positions = (

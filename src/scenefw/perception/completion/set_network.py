@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -15,26 +15,17 @@ from scenefw.perception.completion.suppression import chosen_objects
 from scenefw.perception.steps import Objects, ObjectSet
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from numpy.typing import NDArray
     from torch import Tensor
 
     from scenefw.core.object_sets import ObjectSetPrediction
-    from scenefw.core.types import Float32, GridSpec
+    from scenefw.core.training_protocols import TrainedOnGrid
+    from scenefw.core.types import Float32
     from scenefw.perception.observation.observation import Observation
     from scenefw.perception.steps import Fits
 
 
 _MIN_SURFACE_DISTANCE = 0.1  # voxels, from the surface to a centre beside it
-
-
-class TrainedSets(Protocol):
-    """What a loaded checkpoint gives (`learning.checkpoint.load_checkpoint`)."""
-
-    model: Any
-    grid: GridSpec
-    metadata: Mapping[str, Any]
 
 
 class SetNetwork:
@@ -58,7 +49,7 @@ class SetNetwork:
 
     def __init__(
         self,
-        checkpoint: TrainedSets,
+        checkpoint: TrainedOnGrid[Any],
         device: str = "cpu",
         min_volume: float = 3e-5,
         max_iou: float | None = 0.3,

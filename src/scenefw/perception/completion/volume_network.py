@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING
 
 import torch
 from torch.nn.functional import pad
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from scenefw.core.batches import PartialTSDF
     from scenefw.core.protocols import InstanceExtractor, Representation
-    from scenefw.core.training_protocols import ShapeInstanceModel
+    from scenefw.core.training_protocols import ShapeInstanceModel, TrainedOnGrid
     from scenefw.core.types import GridSpec, Int32
     from scenefw.perception.observation.observation import Observation
     from scenefw.perception.observation.views import View
@@ -30,14 +30,6 @@ if TYPE_CHECKING:
 
 
 _CODES_AT_ONCE = 5  # of which the network encodes the view once
-
-
-class TrainedNetwork(Protocol):
-    """What a loaded checkpoint provides (`learning.checkpoint.load_checkpoint`)."""
-
-    model: ShapeInstanceModel
-    grid: GridSpec
-    metadata: Mapping[str, Any]
 
 
 class VolumeNetwork:
@@ -68,7 +60,7 @@ class VolumeNetwork:
 
     def __init__(
         self,
-        checkpoint: TrainedNetwork,
+        checkpoint: TrainedOnGrid[ShapeInstanceModel],
         extractor: InstanceExtractor,
         device: str = "cpu",
         smoothing: float = 0.6,

@@ -56,7 +56,7 @@ class EvidenceGathering:
     def __init__(
         self,
         visible_sigma: float = 0.003,
-        hidden_sigma: float = 0.1,
+        hidden_sigma: float = 0.3,
         outside_sigma: float = 0.004,
         visible_points: int = 400,
         hidden_points: int = 200,

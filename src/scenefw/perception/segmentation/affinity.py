@@ -23,7 +23,8 @@ from scenefw.perception.segmentation.regions import (
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from scenefw.core.part_protocols import PartAffinityModel, TrainedPartAffinity
+    from scenefw.core.part_protocols import PartAffinityModel
+    from scenefw.core.training_protocols import Trained
     from scenefw.core.types import Camera, Float32, Float64, Int32
     from scenefw.perception.observation.observation import Observation
     from scenefw.perception.segmentation.border_colours import BorderColours
@@ -77,7 +78,7 @@ class AffinitySegmentation:
 
     def __init__(
         self,
-        checkpoint: TrainedPartAffinity,
+        checkpoint: Trained[PartAffinityModel],
         min_core_affinity: float = 0.95,
         min_affinity: float = 0.7,
         min_region: int = 12,

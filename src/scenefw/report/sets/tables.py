@@ -16,7 +16,7 @@ _NOTE = (
     "two predictions lie has no prediction with an IoU of 0.5."
 )
 _METHODS = {
-    "scenefw": "the one that this experiment trains",
+    "set_network": "the one that this experiment trains",
     "set_extents": "fitted hulls, hidden extents sampled by a network",
     "fitted_parts": "the scene's distances rendered from all sides, superquadrics fitted to parts "
     "of all images between creases (no learning)",

@@ -30,7 +30,7 @@ _SHOWN = (
     "seam_recall",
     "count_error",
 )
-_OURS, _REFERENCE = "scenefw", "floor removed, cut at jumps and creases of depth"
+_OURS, _REFERENCE = "set extents", "floor removed, cut at jumps and creases of depth"
 
 
 def labelled_mask_sections(result: LabelledMaskResult, folder: Path) -> tuple[Section, ...]:
@@ -122,7 +122,7 @@ def _spread(result: LabelledMaskResult) -> Table:
     """Best, quartiles and worst of both methods."""
     columns = tuple(
         Column(f"{name} {measure}", 1)
-        for name in ("scenefw", "reference")
+        for name in (_OURS, "reference")
         for measure in ("overlap F", "boundary F")
     )
     ours = [(s.overlap_f, s.boundary_f) for s in result.scores()]
@@ -153,7 +153,7 @@ def _pictures(result: LabelledMaskResult, folder: Path) -> tuple[Picture, ...]:
 
 def draw_masks(image: ImageResult) -> NDArray[np.float32]:
     """RGB in [0, 1]: the labels of person, method and reference over the colour image."""
-    titles = {"true": "labels", "method": "scenefw", "reference": "no learning"}
+    titles = {"true": "labels", "method": _OURS, "reference": "no learning"}
     tiles = [_overlaid(image, image.labels[key])[::2, ::2] for key in titles]
     return beside(tiles, list(titles.values()))
 

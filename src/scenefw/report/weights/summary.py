@@ -81,7 +81,7 @@ class Part:
         """Rows of the figures that are there.
 
         Raises:
-            InputError: the run has no measures.
+            InputError: the run has no measures, or figures by names that methods had before.
         """
         if not self.run.measures:
             raise InputError(
@@ -93,11 +93,24 @@ class Part:
         rows: list[Row] = []
         for short, changes in entries.items():
             name = self.prefix + short
-            if changes is None or name not in figures:
+            if changes is None:
+                continue
+            if name not in figures:
+                self._require_todays_names(name)
                 continue
             measure = _changed(self.run.measures.get(name, Measure(short)), short, changes)
             rows.append((label(measure, figures), compared(measure, name, figures)))
         return rows
+
+    def _require_todays_names(self, missing: str) -> None:
+        """A figure that the run has under the name that rows of any method once had is told."""
+        for method in missing.split("/")[:-1]:
+            before = missing.replace(f"{method}/", "scenefw/")
+            if before in self.run.figures:
+                raise InputError(
+                    f"{self.run.path} has {before}, which is {missing} now; run that evaluation "
+                    "again"
+                )
 
 
 def parts_in(run: StoredRun, among: Sequence[Summary]) -> tuple[Part, ...]:

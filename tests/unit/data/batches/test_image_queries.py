@@ -7,7 +7,7 @@ from tests.unit.data.stacks_file import write_stacks
 from scenefw.core.batches import IndexBatch
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import GridSpec
-from scenefw.data.batches.image_queries import ImagedSets
+from scenefw.data.batches.image_queries import ImageQueryViews
 from scenefw.data.batches.view_samples import width_of_view
 from scenefw.noise.gaussian import Gaussian
 from scenefw.scenes.cameras import RandomViewpoints
@@ -31,7 +31,7 @@ def stacks(tmp_path):
 
 
 def data(stacks, **options):
-    return ImagedSets(viewpoints(), GridSpec(32), stacks, **{**SIZES, **options})
+    return ImageQueryViews(viewpoints(), GridSpec(32), stacks, **{**SIZES, **options})
 
 
 def away_from_objects(batch):

@@ -7,7 +7,7 @@ from tests.unit.data.stacks_file import write_stacks
 
 from scenefw.core.batches import IndexBatch
 from scenefw.data.batches.object_ends import object_ends
-from scenefw.data.batches.set_flow import SeenSets
+from scenefw.data.batches.set_flow import SetFlowViews
 from scenefw.scenes.cameras import RandomViewpoints
 
 
@@ -80,7 +80,7 @@ def test_of_an_image_without_objects_there_are_none():
 
 def test_ends_in_training_lie_on_objects_and_point_out_of_them(tmp_path):
     write_stacks(tmp_path / "stacks.npz")
-    data = SeenSets(
+    data = SetFlowViews(
         RandomViewpoints(), str(tmp_path / "stacks.npz"), validation_limit=2, batch_size=4,
         image_size=(96, 72), points=64, ends=32, along=0.0,
     )  # fmt: skip

@@ -12,7 +12,7 @@ from scenefw.core.batches import IndexBatch
 from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import look_at
 from scenefw.core.types import Camera, GridSpec
-from scenefw.data.batches.object_queries import ViewedSets
+from scenefw.data.batches.object_queries import ObjectQueryViews
 from scenefw.data.batches.view_samples import points_of_view
 from scenefw.data.batches.visible_points import LOWEST, seen_points
 from scenefw.kernels.cameras import stack_cameras
@@ -39,7 +39,7 @@ def distances(batch, points):
 
 
 def test_seen_points_lie_on_objects(stacks):
-    batch = ViewedSets(views(48), stacks, **SIZES).training_batch(
+    batch = ObjectQueryViews(views(48), stacks, **SIZES).training_batch(
         IndexBatch(0, torch.arange(4)), CPU
     )
     assert batch.condition.shape == (4, 2, 48, 48, 48)
@@ -51,11 +51,11 @@ def test_seen_points_lie_on_objects(stacks):
 
 
 def test_weights_are_told_how_many_points_networks_are_shown(stacks):
-    assert points_of_view(ViewedSets(views(48), stacks, **SIZES).facts()) == 64
+    assert points_of_view(ObjectQueryViews(views(48), stacks, **SIZES).facts()) == 64
 
 
 def test_places_have_their_distances_and_half_of_them_are_near(stacks):
-    batch = ViewedSets(views(16), stacks, **SIZES, near=0.005).training_batch(
+    batch = ObjectQueryViews(views(16), stacks, **SIZES, near=0.005).training_batch(
         IndexBatch(0, torch.arange(4)), CPU
     )
     there = batch.scenes.present
@@ -70,7 +70,7 @@ def test_places_have_their_distances_and_half_of_them_are_near(stacks):
 
 
 def test_a_view_depends_on_its_seed_epoch_and_index_alone(stacks):
-    data = ViewedSets(views(16), stacks, **SIZES)
+    data = ObjectQueryViews(views(16), stacks, **SIZES)
     one = data.training_batch(IndexBatch(3, torch.tensor([5])), CPU)
     several = data.training_batch(IndexBatch(3, torch.tensor([1, 5])), CPU)
     other = data.training_batch(IndexBatch(4, torch.tensor([5])), CPU)
@@ -103,5 +103,5 @@ def test_a_view_of_the_bare_floor_shows_no_point():
 def test_numbers_that_mean_nothing_are_refused(stacks):
     for wrong, words in (({"places": 3}, "places = 3"), ({"near": 0.0}, r"near = 0\.0")):
         with pytest.raises(ConfigError, match=words) as caught:
-            ViewedSets(views(16), stacks, **wrong)
+            ObjectQueryViews(views(16), stacks, **wrong)
         assert "\n" not in str(caught.value)

@@ -23,7 +23,9 @@ def made(tmp_path):
     write_stacks(tmp_path / "stacks.npz")
 
     def data(**settings):
-        chosen = {"image_size": (64, 48), "validation_limit": 2, "batch_size": 4, **settings}
+        plain = dict.fromkeys(("compound", "ends", "tilt", "lift"), 0.0)
+        sizes = {"image_size": (64, 48), "validation_limit": 2, "batch_size": 4}
+        chosen = {**plain, **sizes, **settings}
         return PartViews(
             RandomViewpoints(), SphereTracer(), GridSpec(64), str(tmp_path / "stacks.npz"), **chosen
         )

@@ -9,7 +9,7 @@ from tests.unit.data.stacks_file import write_stacks
 
 from scenefw.core.batches import IndexBatch
 from scenefw.core.errors import ConfigError
-from scenefw.data.batches.set_flow import SeenSets
+from scenefw.data.batches.set_flow import SetFlowViews
 from scenefw.data.batches.view_samples import ObjectSamples
 from scenefw.noise.kinect import Kinect
 from scenefw.noise.pose import Jitter
@@ -21,7 +21,7 @@ CPU = torch.device("cpu")
 @pytest.fixture
 def data(tmp_path):
     write_stacks(tmp_path / "stacks.npz")
-    return SeenSets(
+    return SetFlowViews(
         RandomViewpoints(), str(tmp_path / "stacks.npz"), validation_limit=2, batch_size=4,
         image_size=(48, 36), points=16, along=0.0,
     )  # fmt: skip
@@ -76,12 +76,12 @@ def test_scenes_are_mirrored_and_scaled_in_training_alone(data):
 def test_numbers_that_mean_nothing_are_refused(tmp_path):
     write_stacks(tmp_path / "stacks.npz")
     with pytest.raises(ConfigError, match=r"scale = 0\.5"):
-        SeenSets(RandomViewpoints(), str(tmp_path / "stacks.npz"), scale=0.5)
+        SetFlowViews(RandomViewpoints(), str(tmp_path / "stacks.npz"), scale=0.5)
 
 
 def noisy(tmp_path, **settings):
     write_stacks(tmp_path / "stacks.npz")
-    return SeenSets(
+    return SetFlowViews(
         RandomViewpoints(), str(tmp_path / "stacks.npz"), validation_limit=2, batch_size=4,
         image_size=(96, 72), points=256, along=0.0, **settings,
     )  # fmt: skip

@@ -73,7 +73,9 @@ def test_facts_say_what_is_seen_and_how_it_is_disturbed():
     words = ["depth sigma=0.01 lowest=0.01 share=1", "tracking sigma=0.003 rotation=0.01 "]
     words[1] += "lowest=0.003 share=1"
     assert (found["scenes"], found["images"], found["noise"]) == (2, 6, words)
-    assert ViewSamples(stored, noise).facts()["noise"] == words[:1]  # depth needs no pose
+    assert (
+        ViewSamples(stored, noise, geometry="depth").facts()["noise"] == words[:1]
+    )  # depth needs no pose
     assert maps.facts() == {
         "scenes": 2,
         "height_noise": 0.0,

@@ -20,7 +20,7 @@ def source():
 
 
 def test_views_are_kept_or_rendered(source):
-    kept = stored_or_rendered.views(source, views=2)
+    kept = stored_or_rendered.views(source, views=2, rendered=False)
     rendered = stored_or_rendered.views(source, views=2, renew=3, workers=1, rendered=True)
     assert isinstance(kept, StoredViews)
     assert isinstance(rendered, RenderedViews)
@@ -45,4 +45,4 @@ def test_what_has_no_scenes_is_not_rendered():
         classes = ("a",)
 
     with pytest.raises(ConfigError, match="Recording has no scenes"):
-        stored_or_rendered.views(Recording(), rendered=True)
+        stored_or_rendered.views(Recording(), 1, rendered=True)

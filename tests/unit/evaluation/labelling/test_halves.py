@@ -15,8 +15,8 @@ from scenefw.noise.frames import disturb
 from scenefw.noise.gaussian import Gaussian
 
 
-def strategies(**errors):
-    source = TrueLabels(CLASSES, **errors)
+def strategies(error_rate=0.0, confidence=1.0):
+    source = TrueLabels(CLASSES, error_rate, confidence)
     return {"view_based": ViewBased(HeightFusion(GRID), SemanticFusion(), source)}
 
 

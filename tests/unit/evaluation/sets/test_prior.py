@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from scenefw.core.batches import IndexBatch, SceneParameters
 from scenefw.core.errors import ConfigError
-from scenefw.core.set_flows import SeenSetBatch
+from scenefw.core.set_flows import SetFlowBatch
 from scenefw.core.types import GridSpec, Pose, SceneObject
-from scenefw.data.batches.set_flow import SeenSets
+from scenefw.data.batches.set_flow import SetFlowViews
 from scenefw.data.batches.stacks import StackScenes
 from scenefw.evaluation.sets.left_to_gravity import Gravity, objects_of
 from scenefw.evaluation.sets.prior import SetPriorEvaluation
@@ -56,7 +56,7 @@ class Knowing(torch.nn.Module):
         self.true, self.up = scenes, up
 
     def sample(self, batch, count, generator, steps=20, spread=None):
-        batch = SeenSetBatch(*(field.expand(count, *field.shape[1:]) for field in
+        batch = SetFlowBatch(*(field.expand(count, *field.shape[1:]) for field in
                                vars(batch).values()))  # fmt: skip
         return replace(batch, positions=batch.positions + torch.tensor([0, 0, self.up]))
 
@@ -68,7 +68,7 @@ class Knowing(torch.nn.Module):
         rows = rows[torch.randint(len(rows), (count,), generator=generator)]
         true = self.true.parameters(rows)
         points = torch.zeros(*true.present.shape, 4, 3)
-        return SeenSetBatch(
+        return SetFlowBatch(
             points, torch.zeros_like(true.present), points[..., 0, 0],
             torch.zeros(*true.present.shape, 4, 7), torch.zeros(count, 3),
             true.half_axes, true.exponents, true.rotations,
@@ -86,7 +86,7 @@ def evaluation(data, model, scenes, **settings):
 
 @pytest.fixture(scope="module")
 def data():
-    return SeenSets(RandomViewpoints(), "stacks_v2", image_size=(48, 36), points=8, least=1)
+    return SetFlowViews(RandomViewpoints(), "stacks_v2", image_size=(48, 36), points=8, least=1)
 
 
 @pytest.fixture(scope="module")
@@ -310,10 +310,10 @@ def test_from_the_command_line(scenefw, tmp_path):
     save_checkpoint(tmp_path / "flow.safetensors", model, model.recipe, None, task="set_flow")
     out = tmp_path / "out"
     words = ("experiment=set_prior", "debug=smoke", f"paths.output={out}")
-    done = scenefw(*words, f"checkpoints.scenes={tmp_path / 'flow.safetensors'}")
+    done = scenefw(*words, f"checkpoints.set_flow={tmp_path / 'flow.safetensors'}")
     assert done.returncode == 0, done.stderr[-3000:]
     assert done.stdout.splitlines()[-1] == str(out)
     assert "drawn/stable" in json.loads((out / "metrics.json").read_text())
-    extents = scenefw(*words, "checkpoints.scenes=set_extents")
+    extents = scenefw(*words, "checkpoints.set_flow=set_extents")
     assert extents.returncode == 2
     assert "draws nothing without a view" in extents.stderr.splitlines()[-1]

@@ -21,7 +21,9 @@ def test_a_method_without_an_entry_goes_by_its_name():
 
 def test_what_learns_is_measured_against_the_strongest_reference_of_its_table():
     assert REFERENCES == ("fitted_hulls", "fitted_parts", "hull_filling")
-    figures = of_scores(["scenefw", "zero_code", "partial_tsdf", "hull_filling"], ["scenefw"])
+    figures = of_scores(
+        ["drawn_codes", "zero_code", "partial_tsdf", "hull_filling"], ["drawn_codes"]
+    )
     assert figures["instance_iou"].trivial == "hull_filling/instance_iou"
     assert figures["zero_code/instance_iou"].trivial == "hull_filling/instance_iou"
     assert figures["partial_tsdf/instance_iou"].trivial is None

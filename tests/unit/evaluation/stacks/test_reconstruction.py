@@ -243,14 +243,14 @@ def test_figures_of_the_thesis_are_of_the_data_set(tmp_path):
     settings = {"views": 1, "samples": 1, "grid": GridSpec(resolution=24), "workers": 1}
     rows = {}
     for data in ("superquadrics", "ycb", None):
-        result = evaluation({"scenefw": Nothing()}, scenes, **settings, published=data).run()
+        result = evaluation({"nothing": Nothing()}, scenes, **settings, published=data).run()
         rows[data] = result.measures["chamfer_full"].published
         text = str(as_thesis(result))
         assert ("SIMstack (thesis)" in text) == (data is not None)
         assert ("256 scenes" in text) == (data == "ycb")
     assert rows == {"superquadrics": 0.028, "ycb": 0.062, None: None}
     with pytest.raises(ConfigError, match="superquadrics, ycb"):
-        evaluation({"scenefw": Nothing()}, scenes, **settings, published="kitchen")
+        evaluation({"nothing": Nothing()}, scenes, **settings, published="kitchen")
 
 
 def test_objects_by_the_pixels_that_show_them(result):

@@ -6,7 +6,7 @@ from scenefw import config
 from scenefw.execution.build import Builder
 from scenefw.perception.cached import Cached
 
-NETWORKS = {"scenefw", "zero_code", "fitted", "drawn", "typical"}
+NETWORKS = {"drawn_codes", "zero_code", "fitted", "drawn", "typical"}
 """Methods with volumes of a network, which have its grid."""
 
 
@@ -42,7 +42,7 @@ def test_references_learn_nothing(methods):
     assert methods["crease_parts"].edges is None
 
 
-@pytest.mark.parametrize("evaluation", ["drawn_sets", "reconstruction", "stability"])
+@pytest.mark.parametrize("evaluation", ["set_extents", "reconstruction", "stability"])
 def test_methods_of_fits_are_compared_on_the_grid_of_the_others(evaluation):
     words = ["run=evaluate", f"evaluation={evaluation}", "debug=smoke", "device=cpu"]
     methods = Builder(config.compose(words)).build("evaluation.methods")
@@ -54,7 +54,7 @@ def test_methods_of_fits_are_compared_on_the_grid_of_the_others(evaluation):
 def test_the_order_of_methods_is_that_of_random_points_and_of_rows():
     composed = config.compose(["run=evaluate"])
     assert list(composed.evaluation.methods) == [
-        "scenefw", "zero_code", "set_extents", "fitted", "fitted_hulls", "hull_filling",
+        "drawn_codes", "zero_code", "set_extents", "fitted", "fitted_hulls", "hull_filling",
         "partial_tsdf", "trained_here", "fully_convolutional", "sscnet", "unconditional",
         "crease_parts",
     ]  # fmt: skip

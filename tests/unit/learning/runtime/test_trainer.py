@@ -18,7 +18,7 @@ def test_slow_bfloat16_is_told(tmp_path, capsys, monkeypatch, precision, able, w
 
 @pytest.mark.parametrize(("tf32", "within"), [(True, "high"), (False, "highest")])
 def test_what_follows_a_training_on_a_gpu_has_full_precision_again(tf32, within):
-    settings = TrainerSettings(tf32=tf32)
+    settings = TrainerSettings("auto", tf32=tf32)
     before = torch.get_float32_matmul_precision(), torch.backends.cudnn.allow_tf32
     with settings.faster(torch.device("cuda")):
         assert torch.get_float32_matmul_precision() == within

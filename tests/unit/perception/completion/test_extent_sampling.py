@@ -13,7 +13,7 @@ from tests.unit.perception.usual_fits import TOLERANCES, object_fit
 from scenefw import registry
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.evidence import FittedSuperquadric
-from scenefw.core.set_flows import SeenSetBatch
+from scenefw.core.set_flows import SetFlowBatch
 from scenefw.core.types import Pose
 from scenefw.data.batches.view_samples import ObjectSamples
 from scenefw.fitting.joint import JointFit
@@ -44,7 +44,7 @@ class Told(torch.nn.Module):
         self.shown = batch
         boxes = self.boxes.expand(count, -1, -1, -1)
         slots = boxes.shape[1]
-        return SeenSetBatch(
+        return SetFlowBatch(
             torch.zeros(count, slots, 4, 3), torch.ones(count, slots, dtype=torch.bool),
             torch.zeros(count, slots), torch.zeros(count, slots, 4, 7), torch.zeros(count, 3),
             boxes[:, :, 1],

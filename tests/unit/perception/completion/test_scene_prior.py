@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from scenefw.core.errors import ConfigError
-from scenefw.core.set_flows import SeenSetBatch
+from scenefw.core.set_flows import SetFlowBatch
 from scenefw.core.types import GridSpec
 from scenefw.perception.completion.scene_prior import ScenePrior
 from scenefw.perception.physics.bodies import BodyMaker
@@ -36,7 +36,7 @@ class Told(torch.nn.Module):
             scene = self.told[row % len(self.told)]
             places[row, : len(scene)] = torch.tensor(scene)
             present[row, : len(scene)] = True
-        return SeenSetBatch(
+        return SetFlowBatch(
             torch.zeros(count, slots, 1, 3), torch.zeros_like(present),
             torch.zeros(count, slots), torch.zeros(count, slots, 1, 7), torch.zeros(count, 3),
             torch.full((count, slots, 3), HALF), torch.full((count, slots, 3), 20.0),

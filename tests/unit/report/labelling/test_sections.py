@@ -94,7 +94,9 @@ def test_times_beside_table_4_2(tmp_path):
 
 
 def test_weights_ready_for_the_command_line(tmp_path):
-    result = WeightsResult(Pool(Weights(0.5)), {"views": 0.8, "map": 0.9, "pool": 0.95}, 100, 2)
+    result = WeightsResult(
+        Pool(Weights(0.5, 1.0, 0.0, 1.0)), {"views": 0.8, "map": 0.9, "pool": 0.95}, 100, 2
+    )
     (section,) = sections(result, tmp_path)
     assert "labelling.hybrid.pool.surface.views_poor=0.5" in section.blocks[-1].text
 

@@ -129,10 +129,10 @@ def test_distances_are_signed_and_smooth():
 def test_the_network_of_an_experiment_has_a_name_that_says_so(tmp_path):
     made = result(examples=False)
     scenes = tuple(
-        replace(scene, scores={"scenefw": scene.scores["ours"], "set_extents": {}})
+        replace(scene, scores={"set_network": scene.scores["ours"], "set_extents": {}})
         for scene in made.scenes
     )
-    named = replace(made, scenes=scenes, methods=("scenefw", "set_extents"))
+    named = replace(made, scenes=scenes, methods=("set_network", "set_extents"))
     for table in Chapter("scenefw.report.sets").sections(named, tmp_path)[0].blocks[:2]:
         assert {"set network", "set extents"} <= set(dict(table.rows))
-        assert "scenefw" not in dict(table.rows)
+        assert "set_network" not in dict(table.rows)

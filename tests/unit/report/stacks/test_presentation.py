@@ -62,7 +62,7 @@ def test_masks_beside_reference_and_published(tmp_path):
 def test_masks_without_failures_speak_of_none(tmp_path):
     section, _ = sections(LabelledMaskResult((_image("a", GOOD), _image("b", POOR))), tmp_path)
     table, spread = section.blocks
-    assert dict(table.rows)["scenefw"][0] == pytest.approx(67.5)
+    assert dict(table.rows)["set extents"][0] == pytest.approx(67.5)
     assert table.note.startswith("Percent, means over 2 images; count error")
     assert "Published" not in table.note
     assert not table.quoted
@@ -94,7 +94,7 @@ def _view(number, visibility, **changes):
         "count_error": 1.0,
     }
     methods = {
-        "scenefw": ours | changes,
+        "drawn_codes": ours | changes,
         "partial_tsdf": {name: 2 * value for name, value in ours.items()},
         "connected_components": {"instance_iou": 0.3, "count_error": 2.0},
     }
@@ -104,7 +104,7 @@ def _view(number, visibility, **changes):
 
 def test_reconstruction_beside_the_thesis(tmp_path):
     views = (_view(0, 0.25), _view(1, 0.45, chamfer_full=0.05), _view(2, 0.45))
-    methods = ("scenefw", "partial_tsdf", "connected_components")
+    methods = ("drawn_codes", "partial_tsdf", "connected_components")
     worth, beside, instances, by_visibility = sections(
         ReconstructionResult(views, methods, samples=3, seed=7), tmp_path
     )
@@ -133,10 +133,10 @@ def test_reconstruction_beside_the_thesis(tmp_path):
 
 def test_objects_by_pixels_stand_beside_instances(tmp_path):
     views = [
-        replace(_view(0, 0.25), pixels=(0, 40), objects={"scenefw": (0.0, 0.4)}),
-        replace(_view(1, 0.25), pixels=(70, 20_000), objects={"scenefw": (0.8, 0.9)}),
+        replace(_view(0, 0.25), pixels=(0, 40), objects={"drawn_codes": (0.0, 0.4)}),
+        replace(_view(1, 0.25), pixels=(70, 20_000), objects={"drawn_codes": (0.8, 0.9)}),
     ]
-    result = ReconstructionResult(tuple(views), ("scenefw",), samples=3, seed=7)
+    result = ReconstructionResult(tuple(views), ("drawn_codes",), samples=3, seed=7)
     _, _, instances, _ = sections(result, tmp_path)
     table = instances.blocks[1]
     assert [column.name for column in table.columns] == ["none", "1 to 99", "10,000 or more"]
@@ -149,7 +149,7 @@ def test_objects_by_pixels_stand_beside_instances(tmp_path):
 def test_a_forecast_without_an_image_comes_with_a_word_on_the_measure(tmp_path):
     view = _view(0, 0.25)
     blind = replace(view, methods=view.methods | {BASE_RATE: {"occupancy_bce": 0.07}})
-    result = ReconstructionResult((blind,), ("scenefw", BASE_RATE), samples=3, seed=7)
+    result = ReconstructionResult((blind,), ("drawn_codes", BASE_RATE), samples=3, seed=7)
     _, beside, *_ = sections(result, tmp_path)
     table, words, *_ = beside.blocks
     assert "no measure of skill" in words.text

@@ -153,6 +153,15 @@ def test_rows_of_a_summary_are_changed_and_left_out(tmp_path):
         Summary("Images", "", (), {"overlap_f": {"words": "F"}})
 
 
+def test_rows_of_earlier_names_are_not_left_out_silently(tmp_path):
+    old = {name.replace("drawn_codes", "scenefw"): value for name, value in STACKS.items()}
+    (run,) = read_runs([write_run(tmp_path / "run", old)])
+    part = Summary("Stacks", "", ("chamfer_full",), {"draws/drawn_codes/log_skill": {}}).within(run)
+    with pytest.raises(InputError, match="has draws/scenefw/log_skill, which is") as told:
+        part.rows()
+    assert "\n" not in str(told.value)
+
+
 def test_without_results_the_card_says_so(weights):
     (text,) = blocks(card_sections(weights(FIRST)), Text, "Figures")
     assert "None" in text.text

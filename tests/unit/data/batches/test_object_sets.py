@@ -4,7 +4,7 @@ from tests.unit.data.stacks_file import write_stacks
 from tests.unit.learning.tiny import views
 
 from scenefw.core.types import GridSpec
-from scenefw.data.batches.set_decomposition import ObjectSetViews, object_set_batch
+from scenefw.data.batches.object_sets import ObjectSetViews, object_set_batch
 from scenefw.data.batches.stack_volumes import StackData
 from scenefw.data.batches.stacks import StackScenes
 from scenefw.representations.volumes import object_occupancy

@@ -35,7 +35,7 @@ class ObjectSetViews(SceneBatches):
     def __init__(
         self,
         views: ViewMaker,
-        path: str | Sequence[str] | None = "large_stacks",
+        path: str | Sequence[str] | None = None,
         limit: int | None = None,
         validation_limit: int | None = 64,
         batch_size: int = 8,

@@ -1,0 +1,55 @@
+"""Who types a name that a setting or an option had before is told the new one."""
+
+import pytest
+
+from scenefw import config, registry
+from scenefw.renamed_settings import OPTIONS, new_name
+
+
+@pytest.mark.parametrize("new", sorted(set(OPTIONS.values())))
+def test_new_names_are_those_of_options(new):
+    group, _, name = new.partition("=")
+    assert name in registry.options(group)
+
+
+@pytest.mark.parametrize("old", OPTIONS)
+def test_old_names_are_no_options_anymore(old):
+    group, _, name = old.partition("=")
+    assert name not in registry.catalogue().get(group, {})
+
+
+@pytest.mark.parametrize("network", ["sets", "parts", "scenes", "queries"])
+def test_checkpoints_are_called_as_their_networks(network):
+    known = config.compose(["~experiment"]).checkpoints
+    assert network not in known
+    assert new_name(f"checkpoints.{network}", "FILE").removeprefix("checkpoints.") in known
+
+
+def test_each_evaluation_has_rows_named_by_method():
+    for name, part in {
+        "evaluation=reconstruction": "evaluation.methods.drawn_codes",
+        "evaluation=decomposition": "evaluation.methods.set_network",
+        "evaluation=stacks_noisy_scattered": "evaluation.parts.noisy.methods.network",
+    }.items():
+        *path, method = part.split(".")
+        node = config.compose(["run=evaluate", name])
+        for key in path:
+            node = node[key]
+        assert method in node
+        assert "scenefw" not in node
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("dataset=seen_sets", "dataset=set_flow"),
+        ("checkpoints.sets=FILE", "checkpoints.set_extents=FILE"),
+        ("evaluation.methods.scenefw.suppress=0.5", "evaluation.methods.set_network.suppress=0.5"),
+    ],
+)
+def test_an_old_name_is_one_line_and_status_2(scenefw, tmp_path, old, new):
+    done = scenefw("experiment=table_6_2", old, "paths.output=out")
+    assert done.returncode == 2
+    (line,) = done.stderr.strip().splitlines()
+    assert f"{old} has another name now; give {new} " in line
+    assert not (tmp_path / "out").exists()
