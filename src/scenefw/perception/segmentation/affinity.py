@@ -9,14 +9,13 @@ import torch
 
 from scenefw.core.batches import CameraBatch
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, PROBABILITY, below
+from scenefw.perception.observation.components import EDGE, linked_parts
 from scenefw.perception.observation.pixels import WIDTH
 from scenefw.perception.segmentation.crease_segmentation import high_parts
 from scenefw.perception.segmentation.regions import (
-    EDGE,
     grown,
     joined_within,
     large_parts,
-    linked_parts,
     merged,
 )
 

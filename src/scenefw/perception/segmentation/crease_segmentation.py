@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from scenefw.core.settings import NOT_NEGATIVE, POSITIVE
+from scenefw.perception.observation.components import depth_parts
 from scenefw.perception.observation.pixels import WIDTH
-from scenefw.perception.segmentation.regions import concave_creases, depth_parts, grown, large_parts
+from scenefw.perception.segmentation.regions import concave_creases, grown, large_parts
 
 if TYPE_CHECKING:
     from scenefw.core.types import Float64, Int32

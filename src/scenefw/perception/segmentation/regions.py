@@ -5,55 +5,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from scenefw.core.types import Float32, Float64, Frame, Int32
+from scenefw.perception.observation.components import EDGE, NEIGHBOURS
 from scenefw.perception.observation.points import camera_points
 
 _NOISE = 0.002  # m between neighbouring pixels of one surface
-EDGE = 0.03
-"""m: where depth jumps as far from one pixel to the next, another object begins."""
-
 _MIN_BORDER = 3  # pixels of a border that say something
-
-_NEIGHBOURS = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]))
-
-
-def depth_parts(depth: Float32, mask: NDArray[np.bool_], jump: float) -> NDArray[np.int64]:
-    """Components (H, W), from 1 on, of the pixels of `mask`; 0 elsewhere.
-
-    Args:
-        depth: (H, W) metres.
-        mask: (H, W) pixels that belong to a part.
-        jump: neighbouring pixels further apart in depth belong to different parts (m).
-    """
-    links = [np.abs(depth[a] - depth[b]) < jump for a, b in _NEIGHBOURS]
-    return linked_parts(mask, links[0], links[1])
-
-
-def linked_parts(
-    mask: NDArray[np.bool_], across: NDArray[np.bool_], down: NDArray[np.bool_]
-) -> NDArray[np.int64]:
-    """Components (H, W), from 1 on, of the pixels of `mask` that links join; 0 elsewhere.
-
-    Args:
-        mask: (H, W) pixels that belong to a part.
-        across: (H, W - 1) whether a pixel is joined to its right neighbour.
-        down: (H - 1, W) whether it is to the one below.
-    """
-    index = np.arange(mask.size).reshape(mask.shape)
-    rows, columns = [], []
-    linked = iter((across, down))
-    for a, b in _NEIGHBOURS:
-        link_mask = mask[a] & mask[b] & next(linked)
-        rows.append(index[a][link_mask])
-        columns.append(index[b][link_mask])
-    row, column = np.concatenate(rows), np.concatenate(columns)
-    links = coo_matrix((np.ones(len(row), bool), (row, column)), (mask.size, mask.size))
-    labels = connected_components(links, directed=False)[1].reshape(mask.shape)
-    component_labels = np.unique(labels[mask])
-    return np.where(mask, np.searchsorted(component_labels, labels) + 1, 0)
 
 
 def merged(regions: Int32, across: Float32, down: Float32, min_mean: float) -> NDArray[np.int64]:
@@ -119,7 +79,7 @@ def hiding(parts: Int32, depth: Float32, share: float = 0.9) -> NDArray[np.bool_
         depth: (H, W) metres.
         share: of a border's pixels at which depth must jump (`EDGE`).
     """
-    across, down = (np.abs(depth[a] - depth[b]) > EDGE for a, b in _NEIGHBOURS)
+    across, down = (np.abs(depth[a] - depth[b]) > EDGE for a, b in NEIGHBOURS)
     jumps, borders = along_borders(parts, across, down)
     occlusions: NDArray[np.bool_] = (borders > 0) & (jumps >= share * borders)
     return occlusions
@@ -141,7 +101,7 @@ def along_borders(
     count = int(parts.max(initial=0)) + 1
     sums, lengths = np.zeros((2, count, count))
     values = iter((across, down))
-    for a, b in _NEIGHBOURS:
+    for a, b in NEIGHBOURS:
         value, first, second = next(values), parts[a], parts[b]
         on_border = (first != second) & (first > 0) & (second > 0)
         for rows, columns in ((first, second), (second, first)):
@@ -236,7 +196,7 @@ def _steps(
 ) -> csr_matrix:
     """Costs between neighbours, by their numbers."""
     rows, columns, costs = [], [], []
-    for a, b in _NEIGHBOURS:
+    for a, b in NEIGHBOURS:
         link_mask = mask[a] & mask[b] & (np.abs(depth[a] - depth[b]) <= max_step)
         rise = np.abs(depth[a][link_mask] - depth[b][link_mask])
         rows.append(number[a][link_mask])

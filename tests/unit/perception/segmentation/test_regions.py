@@ -1,7 +1,6 @@
-"""Parts of depth images against plain breadth-first search, and creases of analytic surfaces."""
+"""Regions of depth images, and creases of analytic surfaces."""
 
 import heapq
-from collections import deque
 
 import numpy as np
 import pytest
@@ -10,45 +9,12 @@ from scenefw.core.types import Camera, Frame
 from scenefw.perception.segmentation.regions import (
     along_borders,
     concave_creases,
-    depth_parts,
     grown,
     hiding,
     joined_within,
     large_parts,
     merged,
 )
-
-
-def searched(depth, among, jump):
-    labels = np.zeros(depth.shape, int)
-    for start in zip(*np.nonzero(among), strict=True):
-        if labels[start]:
-            continue
-        labels[start] = labels.max() + 1
-        queue = deque([start])
-        while queue:
-            y, x = queue.popleft()
-            for near in ((y + 1, x), (y - 1, x), (y, x + 1), (y, x - 1)):
-                inside = 0 <= near[0] < depth.shape[0] and 0 <= near[1] < depth.shape[1]
-                if not inside or not among[near] or labels[near]:
-                    continue
-                if abs(depth[near] - depth[y, x]) < jump:
-                    labels[near] = labels[start]
-                    queue.append(near)
-    return labels
-
-
-@pytest.mark.parametrize("shape", [(12, 17), (31, 23)])
-def test_parts_are_those_of_a_search(shape):
-    rng = np.random.default_rng(0)
-    depth = rng.choice([1.0, 1.004, 1.02], shape).astype(np.float32)
-    among = rng.random(shape) < 0.8
-    found, expected = depth_parts(depth, among, 0.01), searched(depth, among, 0.01)
-    pairs = np.unique(np.stack([found[among], expected[among]]), axis=1)
-    assert pairs.shape[1] == expected.max() == found.max()  # the same parts, however numbered
-    assert (found[~among] == 0).all()
-    sizes = np.bincount(expected.ravel())[1:]
-    assert large_parts(found, 5).max() == (sizes >= 5).sum()
 
 
 def folded(angle, width=80, height=60):
@@ -210,3 +176,8 @@ def test_regions_that_only_reach_into_a_part_are_not_joined():
     short = slice(0, 2)  # two pixels of a border say nothing
     found = joined_within(regions[short], 0 * parts[short] + 1, across[short], down[:1], 0.1)
     np.testing.assert_array_equal(found, regions[short])
+
+
+def test_small_components_become_background():
+    components = np.array([[1, 1, 2], [0, 3, 3]])
+    np.testing.assert_array_equal(large_parts(components, 2), [[1, 1, 0], [0, 2, 2]])

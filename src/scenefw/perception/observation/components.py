@@ -1,0 +1,50 @@
+"""Connected components of a depth image: neighbouring pixels of similar depth belong together."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from scenefw.core.types import Float32
+
+EDGE = 0.03
+"""m: where depth jumps as far from one pixel to the next, another object begins."""
+
+NEIGHBOURS = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]))
+"""Slices of an image and of what lies on the right, and below."""
+
+
+def depth_parts(depth: Float32, mask: NDArray[np.bool_], jump: float) -> NDArray[np.int64]:
+    """Components (H, W), from 1 on, of the pixels of `mask`; 0 elsewhere.
+
+    Args:
+        depth: (H, W) metres.
+        mask: (H, W) pixels that belong to a part.
+        jump: neighbouring pixels further apart in depth belong to different parts (m).
+    """
+    links = [np.abs(depth[a] - depth[b]) < jump for a, b in NEIGHBOURS]
+    return linked_parts(mask, links[0], links[1])
+
+
+def linked_parts(
+    mask: NDArray[np.bool_], across: NDArray[np.bool_], down: NDArray[np.bool_]
+) -> NDArray[np.int64]:
+    """Components (H, W), from 1 on, of the pixels of `mask` that links join; 0 elsewhere.
+
+    Args:
+        mask: (H, W) pixels that belong to a part.
+        across: (H, W - 1) whether a pixel is joined to its right neighbour.
+        down: (H - 1, W) whether it is to the one below.
+    """
+    index = np.arange(mask.size).reshape(mask.shape)
+    rows, columns = [], []
+    linked = iter((across, down))
+    for a, b in NEIGHBOURS:
+        link_mask = mask[a] & mask[b] & next(linked)
+        rows.append(index[a][link_mask])
+        columns.append(index[b][link_mask])
+    row, column = np.concatenate(rows), np.concatenate(columns)
+    links = coo_matrix((np.ones(len(row), bool), (row, column)), (mask.size, mask.size))
+    labels = connected_components(links, directed=False)[1].reshape(mask.shape)
+    component_labels = np.unique(labels[mask])
+    return np.where(mask, np.searchsorted(component_labels, labels) + 1, 0)
