@@ -281,6 +281,19 @@ class ObjectEstimate:
 
 
 @dataclass(frozen=True)
+class Obstacle:
+    """What rises above the floor and is no object: an arm must not hit it.
+
+    Args:
+        kind: what it is taken for, in a word or two.
+        mesh: of what is seen of it, in the frame of the floor; open.
+    """
+
+    kind: str
+    mesh: TriangleMesh
+
+
+@dataclass(frozen=True)
 class SceneEstimate:
     """What a depth image shows and hides: complete objects in the frame of the floor.
 
@@ -294,6 +307,7 @@ class SceneEstimate:
         volumes: what else the network says (C, X, Y, Z), by name of the representation.
         masks: (H, W) id of the object that each pixel of the frame shows, also of pixels without
             depth within an object, 0 = none; None if the method doesn't say.
+        obstacles: walls, robots, containers.
     """
 
     objects: tuple[ObjectEstimate, ...]
@@ -304,3 +318,4 @@ class SceneEstimate:
     details: Mapping[str, Any] = field(default_factory=dict)
     volumes: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     masks: Int32 | None = None
+    obstacles: tuple[Obstacle, ...] = ()

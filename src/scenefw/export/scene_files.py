@@ -63,7 +63,7 @@ class Summary:
 
     def write(self, path: Path, estimate: SceneEstimate, colours: Sequence[Colour]) -> None:
         """Writes the file; see `summarise`."""
-        write_summary(path, estimate, {}, versions())
+        write_summary(path, estimate, {}, versions=versions())
 
 
 def obj_lines(mesh: TriangleMesh, colour: Colour | None = None, start: int = 1) -> list[str]:

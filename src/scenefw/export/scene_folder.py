@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 
 
 def write_scene_files(folder: Path, estimate: SceneEstimate, colours: Sequence[Colour]) -> None:
-    """Writes `object_01.ply` ..., `scene.glb`, `volumes.npz`, `masks.png` and `scene.json`.
+    """Writes meshes, `scene.glb`, `volumes.npz`, `masks.png` and `scene.json`.
+
+    Meshes are `object_01.ply` ... and `obstacle_01.ply` ...
 
     Args:
         folder: exists.
@@ -33,10 +35,13 @@ def write_scene_files(folder: Path, estimate: SceneEstimate, colours: Sequence[C
     files = {item.id: f"object_{item.id:02d}.ply" for item in estimate.objects}
     for item, colour in zip(estimate.objects, colours, strict=True):
         write_ply(folder / files[item.id], item.mesh, colour)
+    obstacle_files = [f"obstacle_{i:02d}.ply" for i in range(1, len(estimate.obstacles) + 1)]
+    for name, obstacle in zip(obstacle_files, estimate.obstacles, strict=True):
+        write_ply(folder / name, obstacle.mesh)
     write_glb(folder / "scene.glb", estimate, colours)
     if estimate.volumes:
         arrays: dict[str, Any] = dict(estimate.volumes)
         np.savez_compressed(folder / "volumes.npz", **arrays)
     if estimate.masks is not None:
         write_masks(folder / "masks.png", estimate.masks)
-    write_summary(folder / "scene.json", estimate, files, versions())
+    write_summary(folder / "scene.json", estimate, files, obstacle_files, versions())

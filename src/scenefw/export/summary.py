@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -16,22 +16,29 @@ from scenefw.core.types import Camera, ObjectEstimate, PlacedShape, SceneEstimat
 def summarise(
     estimate: SceneEstimate,
     mesh_files: Mapping[int, str],
+    obstacle_files: Sequence[str] = (),
     versions: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
     """Plain data of a scene estimate: metres, world frame (z up, floor z = 0).
 
     `objects` is a list of id, centre, extents along the axes of the pose, pose (position and
-    quaternion w, x, y, z), confidence and mesh file; `camera` has intrinsics and the matrix from
-    camera (OpenCV) to world coordinates. Every further key comes from the estimate's details.
+    quaternion w, x, y, z), confidence and mesh file; `obstacles` have their kind and mesh file;
+    `camera` has intrinsics and the matrix from camera (OpenCV) to world coordinates. Every further
+    key comes from the estimate's details.
 
     Args:
         estimate: the scene.
         mesh_files: name of the mesh file of each object id, beside the JSON, if it has one.
+        obstacle_files: names of the mesh files of the obstacles, in their order; none: left out.
         versions: of what computed it.
     """
     return {
         "name": estimate.frame.name,
         "objects": [_object(item, mesh_files.get(item.id)) for item in estimate.objects],
+        "obstacles": [
+            {"kind": obstacle.kind, "mesh": name}
+            for obstacle, name in zip(estimate.obstacles, obstacle_files, strict=False)
+        ],
         "camera": _camera(estimate.frame.camera),
         **{key: plain(value) for key, value in estimate.details.items()},
         "versions": dict(versions or {}),
@@ -42,10 +49,11 @@ def write_summary(
     path: Path,
     estimate: SceneEstimate,
     mesh_files: Mapping[int, str],
+    obstacle_files: Sequence[str] = (),
     versions: Mapping[str, str] | None = None,
 ) -> None:
     """Writes `summarise` as JSON, atomically."""
-    summary = summarise(estimate, mesh_files, versions)
+    summary = summarise(estimate, mesh_files, obstacle_files, versions)
     write_text(path, json.dumps(summary, indent=2, allow_nan=False) + "\n")
 
 

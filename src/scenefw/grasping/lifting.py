@@ -83,7 +83,11 @@ class LiftSimulation:
         self._last: tuple[Mapping[int, SceneObject], Surfaces] | None = None
 
     def feasible(
-        self, objects: Mapping[int, SceneObject], grasps: Sequence[Grasp], max_contacts: int
+        self,
+        objects: Mapping[int, SceneObject],
+        grasps: Sequence[Grasp],
+        max_contacts: int,
+        obstacles: Sequence[TriangleMesh] = (),
     ) -> list[Grasp]:
         """The first `max_contacts` contacts that the arm reaches without touching anything.
 
@@ -92,7 +96,8 @@ class LiftSimulation:
         """
         handles = self._fill(objects, 0)
         arm = self.arm.enter(self.engine.world)
-        bodies, reachable_grasps = [_FLOOR, *handles.values()], dict[bytes, list[Grasp]]()
+        walls = [self.engine.add_obstacle(mesh) for mesh in obstacles]
+        bodies, reachable_grasps = [_FLOOR, *handles.values(), *walls], dict[bytes, list[Grasp]]()
         for start in range(0, len(grasps), _AT_ONCE):
             turned = [self._turned(grasp) for grasp in grasps[start : start + _AT_ONCE]]
             joints, fine = self._reach([grasp for turns in turned for grasp in turns])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from scenefw.core.geometry import inverse
 from scenefw.core.grasps import Grasp, Lift, RankedGrasp, Ranking
 from scenefw.core.settings import COUNT, POSITIVE
-from scenefw.core.types import Float64, SceneObject
+from scenefw.core.types import Float64, SceneObject, TriangleMesh
 from scenefw.grasping.candidates import SuctionCandidates
 from scenefw.grasping.lifting import LiftSimulation
 from scenefw.scenes.simulation import motions
@@ -46,7 +46,12 @@ class SuctionGrasping:
         self.candidates, self.lifting = candidates, lifting
         self.contacts, self.settle, self.alike = contacts, settle, alike
 
-    def rank(self, objects: Mapping[int, SceneObject], eye: Float64) -> Ranking:
+    def rank(
+        self,
+        objects: Mapping[int, SceneObject],
+        eye: Float64,
+        obstacles: Sequence[TriangleMesh] = (),
+    ) -> Ranking:
         """Grasps of all objects, the one that disturbs the others least first."""
         if not objects:
             return Ranking((), {}, {})
@@ -59,7 +64,7 @@ class SuctionGrasping:
                 continue
             motion = resting[label].pose.matrix @ inverse(objects[label].pose.matrix)
             rehearsed = [grasp.moved(motion) for grasp in grasps]
-            feasible_grasps = self.lifting.feasible(resting, rehearsed, self.contacts)
+            feasible_grasps = self.lifting.feasible(resting, rehearsed, self.contacts, obstacles)
             if not feasible_grasps:
                 left_out[label] = "the arm reaches none of its contacts without touching something"
             inverse_motion = inverse(motion)

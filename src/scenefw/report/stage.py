@@ -18,13 +18,24 @@ if TYPE_CHECKING:
     from scenefw.report.edits import Edits
     from scenefw.report.layers import Prediction
 
-LAYERS = ("points", "truth", "floor", "camera", "slice", "objects", "superquadrics", "captions")
+LAYERS = (
+    "points",
+    "truth",
+    "floor",
+    "camera",
+    "slice",
+    "objects",
+    "superquadrics",
+    "captions",
+    "obstacles",
+)
 _POINT = 0.0025  # m
 _TRUE_POINT = 0.0035
 _FLOOR_SIDE = 1.6
 _BELOW = 0.006  # m: or measured points of the floor hide parts of its grid
 _ABOVE = 0.02  # m between an object and its caption
 _FRUSTUM = 0.08
+_OBSTACLE = (150, 150, 158)
 
 
 class Stage:
@@ -47,6 +58,7 @@ class Stage:
         self._nodes: dict[int, list[Any]] = {}
         self._gizmo: Any = None
         self._truth: Any = None
+        self._obstacles: list[Any] = []
         for name in LAYERS:
             self._roots[name] = scene.add_frame(f"/{name}", show_axes=False)
         scene.add_grid(
@@ -64,13 +76,22 @@ class Stage:
         return bool(self._roots[layer].visible)
 
     def show_image(self, prediction: Prediction) -> None:
-        """Points of an image, of its truth, and the camera."""
+        """Points of an image, of its truth, obstacles, and the camera."""
         points, colours = layers.cloud(prediction)
         self._points("/points/seen", points, colours, _POINT)
         if self._truth is not None:
             self._truth.remove()
         true = layers.truth(prediction)
         self._truth = true and self._points("/truth/seen", *true, _TRUE_POINT)
+        for node in self._obstacles:
+            node.remove()
+        self._obstacles = [
+            self.scene.add_mesh_simple(
+                f"/obstacles/{number}", obstacle.mesh.vertices.astype(np.float32),
+                obstacle.mesh.faces.astype(np.uint32), color=_OBSTACLE, side="double",
+            )
+            for number, obstacle in enumerate(prediction.scenes[0].obstacles)
+        ]  # fmt: skip
         camera = prediction.scenes[0].frame.camera
         pose = Pose.from_matrix(camera.T_world_camera)
         step = max(1, camera.width // 320)

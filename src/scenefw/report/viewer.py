@@ -35,6 +35,7 @@ _SHOWN = {  # layer: words, visible at first
     "objects": ("objects", True),
     "captions": ("captions", True),
     "superquadrics": ("superquadrics", False),
+    "obstacles": ("obstacles", True),
     "truth": ("truth", False),
     "floor": ("floor grid", True),
     "camera": ("camera", False),

@@ -75,7 +75,9 @@ class Grasp:
         placed = {item.id: item.placed for item in estimate.objects if item.placed is not None}
         scene_bodies = self.bodies.make(meshes, placed)
         eye = np.array(estimate.frame.camera.T_world_camera[:3, 3])
-        ranking = self.grasping.rank(scene_bodies.bodies, eye)
+        ranking = self.grasping.rank(
+            scene_bodies.bodies, eye, [obstacle.mesh for obstacle in estimate.obstacles]
+        )
         ranking = Ranking(
             ranking.grasps, {**scene_bodies.left_out, **ranking.left_out}, ranking.resting
         )

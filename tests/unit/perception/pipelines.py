@@ -2,6 +2,7 @@
 
 import numpy as np
 import torch
+from tests.unit.perception.obstacles import OBSTACLES
 from tests.unit.perception.synthetic import STACK
 
 from scenefw.mapping.projective import Projective
@@ -16,7 +17,7 @@ from scenefw.perception.steps import Objects, ObjectSet
 
 def pipeline_of(completion=None, *, carve=True, calibration=None, **steps):
     """A pipeline with an observer that learns nothing; `steps` are its further arguments."""
-    observer = Observer(Projective(), FloorFinder(), WorkspaceFinder(), Doctor())
+    observer = Observer(Projective(), FloorFinder(), WorkspaceFinder(OBSTACLES), Doctor())
     assembly = SceneAssembly(calibration, carve=carve)
     return ReconstructionPipeline(assembly, observer, completion=completion, **steps)
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import trimesh
+from tests.unit.perception.obstacles import OBSTACLES
 from tests.unit.perception.usual_fits import TOLERANCES, object_fit
 
 from scenefw.core.types import TriangleMesh
@@ -31,7 +32,7 @@ def views_fit(segmentation, grouping, joint=None, *, grid=None, fit=None):
     table = TableFrame(max_tilt=0.3, max_offset=0.002)
     return ReconstructionPipeline(
         ViewsAssembly(TOLERANCES),
-        ViewsObserver(InverseRayTracing(), table, WorkspaceFinder(), Doctor()),
+        ViewsObserver(InverseRayTracing(), table, WorkspaceFinder(OBSTACLES), Doctor()),
         ViewsSegmentation(segmentation, grouping),
         grouping=joint,
         fit=object_fit(),

@@ -16,6 +16,7 @@ from scenefw.core.types import (
     Frame,
     GridSpec,
     ObjectEstimate,
+    Obstacle,
     PlacedShape,
     Pose,
     SceneEstimate,
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 
 SCENE = "scene.json"
 MASKS = "masks.png"
-_SCENE_KEYS = ("name", "objects", "camera", "versions")  # the other keys are details
+_SCENE_KEYS = ("name", "objects", "obstacles", "camera", "versions")  # the other keys are details
 _KINDS = ("superquadric", "superellipsoid", "vessel")
 _MAX_BYTES = 64 * 2**20  # of a file
 _MAX_ID = 9999  # of an object
@@ -60,6 +61,7 @@ def read_scene(path: str | Path) -> SceneEstimate:
         items = record["objects"]
         objects = tuple(_object(item, path) for item in items)
         camera = _camera(record["camera"])
+        obstacles = tuple(_obstacle(item, path) for item in record.get("obstacles", ()))
         name, grid = str(record["name"]), _grid(record.get("grid", {}))
     except (KeyError, TypeError, ValueError, AttributeError, ConfigError) as error:
         raise InputError(
@@ -76,7 +78,7 @@ def read_scene(path: str | Path) -> SceneEstimate:
         (), grid, volume, np.zeros(grid.shape, np.int32), frame, details, {}, None
     )
     scene = with_objects(empty, objects)
-    return replace(scene, details=details, masks=_masks(path, camera))
+    return replace(scene, details=details, masks=_masks(path, camera), obstacles=obstacles)
 
 
 def _read_json(path: Path) -> dict[str, Any]:
@@ -132,18 +134,31 @@ def _object(record: dict[str, Any], path: Path) -> ObjectEstimate:
     )
 
 
+def _obstacle(record: dict[str, Any], path: Path) -> Obstacle:
+    return Obstacle(str(record["kind"]), _surface(str(record["mesh"]), path, "an obstacle"))
+
+
 def _mesh(name: str, path: Path, label: int) -> TriangleMesh:
+    mesh = _surface(name, path, f"object {label}")
+    if not closed(mesh):
+        raise InputError(
+            f"mesh {path.parent / name} is not closed, so it has no inside; predict the scene again"
+        )
+    return mesh
+
+
+def _surface(name: str, path: Path, owner: str) -> TriangleMesh:
     import trimesh
 
     if Path(name).name != name or not name.lower().endswith(".ply"):
-        raise InputError(f"object {label} of {path} has the mesh '{name}'; expected NAME.ply there")
+        raise InputError(f"{owner} of {path} has the mesh '{name}'; expected NAME.ply there")
     file = path.parent / name
     try:
         with file.open("rb") as stream:
             surface = trimesh.load(stream, file_type="ply", process=False)
     except FileNotFoundError as error:
         raise InputError(
-            f"there is no {file}, the mesh of object {label}; keep the files of a scene together"
+            f"there is no {file}, the mesh of {owner}; keep the files of a scene together"
         ) from error
     except Exception as error:  # trimesh passes on whatever its reader raises
         raise InputError(f"mesh {file} can't be read ({error}); predict the scene again") from error
@@ -152,8 +167,8 @@ def _mesh(name: str, path: Path, label: int) -> TriangleMesh:
     mesh = TriangleMesh(
         np.asarray(surface.vertices, np.float64), np.asarray(surface.faces, np.int64)
     )
-    if not np.isfinite(mesh.vertices).all() or not closed(mesh):
-        raise InputError(f"mesh {file} is not closed, so it has no inside; predict the scene again")
+    if not np.isfinite(mesh.vertices).all():
+        raise InputError(f"mesh {file} has vertices that are no numbers; predict the scene again")
     return mesh
 
 

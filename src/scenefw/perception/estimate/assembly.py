@@ -15,6 +15,7 @@ from scenefw.perception.estimate.mask_cleanup import with_bottoms, without_holes
 from scenefw.perception.estimate.objects import estimate_objects
 from scenefw.perception.evidence.visible_instances import visible_instances
 from scenefw.perception.observation.points import world_points
+from scenefw.perception.observation.surface_mesh import obstacles_of
 from scenefw.postprocessing.confidence import Calibration, confidences
 from scenefw.postprocessing.surfaces import instance_meshes
 
@@ -68,14 +69,16 @@ class SceneAssembly:
         first = scenes[0].instances[0].cpu().numpy()
         scenes = scenes[:1] + [numbered_like(scene, first) for scene in scenes[1:]]
         frame = view.frame if view.workspace is None else view.workspace.frame
+        obstacles = obstacles_of([view])
         for number, scene in enumerate(scenes):
             alternatives = [
                 alternative.instances[0] for i, alternative in enumerate(scenes) if i != number
             ]
             confidence_of_label = confidences(scene.instances[0], alternatives, self.calibration)
-            yield scene_estimate(
+            estimate = scene_estimate(
                 scene, view.grid, frame, confidence_of_label, _details(view, origin)
             )
+            yield replace(estimate, obstacles=obstacles)
 
 
 def _details(view: Observation, origin: Mapping[str, Any]) -> dict[str, Any]:

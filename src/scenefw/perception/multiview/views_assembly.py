@@ -10,6 +10,7 @@ import numpy as np
 from scenefw.perception.estimate.assembly import cleaned, scene_estimate
 from scenefw.perception.estimate.composition import composed
 from scenefw.perception.evidence.nearest_objects import explained_shares
+from scenefw.perception.observation.surface_mesh import obstacles_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -60,6 +61,7 @@ class ViewsAssembly:
         """
         inlier_distance = self.tolerances.inlier_distance
         points = _visible_points(view)
+        obstacles = obstacles_of(view.observations)
         details = {
             **origin,
             "confidence": f"share of seen points within {inlier_distance * 1000:g} mm of the "
@@ -73,7 +75,7 @@ class ViewsAssembly:
             estimate = scene_estimate(whole, view.grid, view.frame, {}, details)
             shares = explained_shares(points, estimate.objects, inlier_distance, _REACH)
             objects = tuple(replace(item, confidence=shares[item.id]) for item in estimate.objects)
-            yield replace(estimate, objects=objects)
+            yield replace(estimate, objects=objects, obstacles=obstacles)
 
 
 def _visible_points(view: Views) -> Float64:

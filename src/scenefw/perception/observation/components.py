@@ -2,6 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
@@ -48,3 +49,19 @@ def linked_parts(
     labels = connected_components(links, directed=False)[1].reshape(mask.shape)
     component_labels = np.unique(labels[mask])
     return np.where(mask, np.searchsorted(component_labels, labels) + 1, 0)
+
+
+def across_gaps(
+    depth: Float32, mask: NDArray[np.bool_], max_gap: int
+) -> tuple[Float32, NDArray[np.bool_]]:
+    """Depth (H, W; m) and a mask, each pixel without depth with those of the nearest one that has.
+
+    Args:
+        depth: (H, W) metres, 0 = no measurement.
+        mask: (H, W).
+        max_gap: pixels farther from all others stay without depth.
+    """
+    distance, nearest = distance_transform_edt(depth == 0, return_indices=True)
+    rows, columns = nearest
+    near = distance <= max_gap
+    return np.where(near, depth[rows, columns], 0), near & mask[rows, columns]

@@ -5,13 +5,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scenefw.core.errors import InputError
 from scenefw.core.floors import Floor
+from scenefw.core.protocols import FloorFinding
 from scenefw.core.settings import NOT_NEGATIVE, SHARE, above, between
 from scenefw.core.types import Frame
 from scenefw.data.files.image_checks import check_depth
 from scenefw.perception.observation.colour_alignment import colour_shift
+from scenefw.perception.observation.depth_reading import better_reading
 from scenefw.perception.observation.workspace import Workspace
 
 GOOD, ODD, UNUSABLE = "good", "odd", "unusable"
@@ -23,6 +26,7 @@ _MAX_CENTRE_OFFSET = 0.25  # of the sides
 _MIDDLE = 0.06  # of the sides: so near the middle, a centre belongs to an image of that shape
 _STACK_HEIGHT = 0.1  # where the middle of a stack is assumed, for its distance (m)
 _MAX_DEVIATION = 0.01  # m
+_MAX_OTHER_RATIO = 0.05  # of what rises above the floor that may be left out without a word
 _MIN_FLOOR_SHARE = 0.15  # of the points; where the floor is looked for, it has more
 _MAX_PIXELS, _TARGET_PIXELS = 4_000_000, 1_000_000  # pixels
 _MEMORY = 200.0  # bytes per pixel, as measured with 5 megapixels
@@ -97,6 +101,15 @@ class Doctor:
         """
         return _warnings(self.check_frame(frame))
 
+    def examine_floor(self, frame: Frame, finder: FloorFinding) -> tuple[Floor, list[str]]:
+        """The floor of a frame, and warnings about what its numbers mean.
+
+        Raises:
+            InputError: it has none.
+        """
+        floor, checks = self.find_floor(frame, finder)
+        return floor, _warnings(checks)
+
     def examine_workspace(self, floor: Floor, workspace: Workspace) -> list[str]:
         """Warnings about what was found: floor, distance, size of the objects, what is left out."""
         return _warnings([*self.check_floor(floor), *self.check_workspace(workspace)])
@@ -105,7 +118,8 @@ class Doctor:
         """Warnings about what doesn't fit into the cube of several views, or that it is empty."""
         if not any(workspace.objects.any() for workspace in workspaces):
             return _warnings([_no_objects()])
-        return _warnings([_check_left_out(workspaces[0])])
+        others = [check for workspace in workspaces for check in _check_other_surfaces(workspace)]
+        return _warnings([_check_left_out(workspaces[0]), *others])
 
     def check_frame(self, frame: Frame) -> list[Check]:
         """Unit of the depth, intrinsics, how much is measured, and whether colour is aligned."""
@@ -118,6 +132,30 @@ class Doctor:
         checks = [unit, *_check_intrinsics(frame), self._check_measured(frame)]
         checks += self._check_colour(frame)
         return [*checks, *_check_pixels(frame)]
+
+    def find_floor(self, frame: Frame, finder: FloorFinding) -> tuple[Floor, list[Check]]:
+        """The floor of a frame, and whether another reading of its numbers makes a better one.
+
+        Raises:
+            InputError: it has none.
+        """
+        try:
+            floor = finder.find(frame)
+        except InputError as error:
+            reading = better_reading(frame, None, finder)
+            if not reading:
+                raise
+            raise InputError(
+                f"{frame.name} has a floor only if its numbers are {reading}; convert them to "
+                "depth along the camera's axis"
+            ) from error
+        reading = better_reading(frame, floor, finder)
+        if not reading:
+            return floor, []
+        finding = f"the floor is bent, and flat if depths are {reading}"
+        return floor, [
+            Check("depth", ODD, finding, "convert them to depth along the camera's axis")
+        ]
 
     def check_floor(self, floor: Floor) -> list[Check]:
         """Evenness of the floor, how much of it is seen, and how the camera stands over it."""
@@ -141,7 +179,7 @@ class Doctor:
     def check_workspace(self, workspace: Workspace) -> list[Check]:
         """Distance and size of the objects, and what is left out; or that there are none."""
         if not workspace.objects.any():
-            return [_no_objects()]
+            return [_no_objects(), *_check_other_surfaces(workspace)]
         eye = workspace.frame.camera.T_world_camera[:3, 3]
         distance = float(np.linalg.norm(eye - (0, 0, _STACK_HEIGHT)))
         is_in_range = self.min_distance <= distance <= self.max_distance
@@ -165,6 +203,7 @@ class Doctor:
                 "" if is_large else "check the depth scale",
             ),
             _check_left_out(workspace),
+            *_check_other_surfaces(workspace),
         ]
 
     def _check_measured(self, frame: Frame) -> Check:
@@ -269,6 +308,31 @@ def _check_left_out(workspace: Workspace) -> Check:
         "cube with the others and are left out",
         "take a picture of each group",
     )
+
+
+def _check_other_surfaces(workspace: Workspace) -> list[Check]:
+    """What rises above the floor and isn't taken for an object, if that is much."""
+    masks = {region.kind: region.pixels for region in workspace.obstacles}
+    masks["what stands beside the floor"] = workspace.unsupported
+    total = workspace.objects.sum() + sum(mask.sum() for mask in masks.values())
+    parts = [
+        f"{mask.sum() / total:.0%} {kind} at the {_place(mask)}"
+        for kind, mask in masks.items()
+        if mask.sum() > _MAX_OTHER_RATIO * total
+    ]
+    if not parts:
+        return []
+    finding = f"of what rises above the floor, {', '.join(parts)} of the image are no objects"
+    return [Check("others", ODD, finding, "if they are, mark them (run.masks)")]
+
+
+def _place(mask: NDArray[np.bool_]) -> str:
+    """Where most pixels (H, W) are, in words."""
+    rows, columns = np.nonzero(mask)
+    row = int(3 * np.median(rows) / mask.shape[0])
+    column = int(3 * np.median(columns) / mask.shape[1])
+    words = [("top", "", "bottom")[row], ("left", "", "right")[column]]
+    return " ".join(word for word in words if word) or "middle"
 
 
 def unusable(name: str, error: InputError) -> Check:

@@ -68,10 +68,10 @@ class Examiner:
         if any(check.verdict == UNUSABLE for check in checks):
             return Examination(tuple(checks), frame)
         try:
-            floor = self.floor.find(frame)
+            floor, floor_checks = self.doctor.find_floor(frame, self.floor)
         except InputError as error:
             return Examination((*checks, unusable("floor", error)), frame)
-        checks += self.doctor.check_floor(floor)
+        checks += [*floor_checks, *self.doctor.check_floor(floor)]
         region = None if mask is None else mask > 0
         try:
             workspace = self.workspace.find(frame, floor, self.grid, region)

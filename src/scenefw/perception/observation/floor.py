@@ -2,32 +2,37 @@
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
 
 from scenefw.core import rng
 from scenefw.core.errors import InputError
 from scenefw.core.floors import Floor
 from scenefw.core.settings import COUNT, POSITIVE, SHARE
 from scenefw.core.types import Frame
+from scenefw.perception.observation.floor_noise import MAD_TO_SIGMA
 from scenefw.perception.observation.points import camera_points
 
 Array = NDArray[np.float64]
 
-_MIN_UPRIGHT = -0.2  # of the normal along the image's up: walls before a camera are below
-_MAX_SIDEWAYS = 0.7  # of the normal along the image's right: a roll of 45 degrees
 _SCORED_POINTS = 4096
+_EXAMINED_PLANES = 40  # random planes with most points, of which is asked what is seen through them
+_MAX_PLANES = 6  # that are looked for one after another
+_UPRIGHT_WEIGHT = 1.5  # images are mostly upright: a wall needs more points than a floor
 _TABLE_HEIGHT = 0.3  # a plane this far above another (m) is a table on a room's floor, ...
 _TABLE_SHARE = 0.4  # ... not the top of an object, if it has this share of the other's points
 _MIN_PARALLEL_COSINE = np.cos(np.radians(8))  # of the angle between two planes
-_REFINEMENTS = 5
+_REFINEMENTS = 8
+_MAX_DEVIATIONS = 3.0  # robust standard deviations within which points are on a plane
 _MIN_POINTS = 100  # points that may tell where a floor is
 
 
 class FloorFinder:
     """Finds the table or floor under the objects of a depth image (RANSAC, Fischler & Bolles 1981).
 
-    Of planes through three random points the one with most points wins, among those that face up
-    in the image and have the camera above them; a table wins over the room's floor below it. A
-    least-squares fit to its points follows. The same image gives the same floor.
+    Of planes through three random points the one with most points wins that has the camera above
+    it. Points that are seen through a plane, within the hull of its own, count against it: no floor
+    is transparent. A table wins over the room's floor below it, and a higher one over a lower. A
+    least-squares fit follows. The camera may be rolled. The same image gives the same floor.
 
     Args:
         inlier_distance: points this close to a plane lie on it at 1 m; grows with depth squared
@@ -62,21 +67,36 @@ class FloorFinder:
             InputError: too few points within reach, or no plane among them.
         """
         points = points_within(frame, self.max_depth)
-        normal, height = self._best_plane(points, frame.name)
-        for _ in range(_REFINEMENTS):
-            inliers = self._inliers(points, points @ normal + height)
-            normal, height = _fit_plane(points[inliers])
-        distance = points @ normal + height
-        inliers = self._inliers(points, distance)
-        share = float(inliers.mean())
-        if share < self.min_inlier_ratio:
-            raise _no_floor(frame.name, share, self.min_inlier_ratio)
-        deviation = float(np.sqrt(np.mean(distance[inliers] ** 2)))
-        return Floor(normal, float(height), share, deviation)
+        lowest, *others = self._planes(points)
+        tables = [plane for plane in others if _is_table(plane, lowest)]
+        floor = min(tables, key=lambda plane: plane.height, default=lowest)
+        if floor.share < self.min_inlier_ratio:
+            raise InputError(
+                f"no floor in {frame.name}: the best plane below the camera holds "
+                f"{floor.share:.0%} of the points, {self.min_inlier_ratio:.0%} are needed; the "
+                "camera must look at a table or floor"
+            )
+        return floor
 
-    def _best_plane(self, points: Array, name: str) -> tuple[Array, float]:
-        """Normal and height of the random plane with the highest score, on a subset of points."""
+    def _planes(self, points: Array) -> list[Floor]:
+        """Planes, each without the points of those before, as long as one might be a table."""
         random = rng.generator(0)  # the same planes for all images
+        planes: list[Floor] = []
+        remaining = points
+        while len(remaining) >= _MIN_POINTS and len(planes) < _MAX_PLANES:
+            normal, height = self._best_plane(remaining, points, random)
+            plane = self._fit(points, normal, height)
+            planes.append(plane)
+            is_on_plane = self._inliers(remaining, remaining @ plane.normal + plane.height)
+            if is_on_plane.sum() < _TABLE_SHARE * planes[0].share * len(points):
+                break
+            remaining = remaining[~is_on_plane]
+        return planes
+
+    def _best_plane(
+        self, points: Array, all_points: Array, random: np.random.Generator
+    ) -> tuple[Array, float]:
+        """Normal and height of the random plane with the highest score, on a subset of points."""
         sample = points[random.choice(len(points), min(_SCORED_POINTS, len(points)), replace=False)]
         corners = sample[random.integers(len(sample), size=(self.iterations, 3))]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -86,22 +106,59 @@ class FloorFinder:
         heights = -np.einsum("ij,ij->i", normals, corners[:, 0])
         signs = np.where(heights < 0, -1.0, 1.0)  # the camera is above its floor
         normals, heights = normals * signs[:, None], heights * signs
-        upright = -normals[:, 1]
-        is_allowed = (upright > _MIN_UPRIGHT) & (np.abs(normals[:, 0]) < _MAX_SIDEWAYS)
-        if not is_allowed.any():
-            raise _no_floor(name, 0.0, self.min_inlier_ratio)
         inliers = self._inliers(sample, normals @ sample.T + heights[:, None])
-        score = inliers.mean(axis=1) * (1 + upright) * is_allowed  # a table rather than a wall
-        best = int(np.argmax(score))
-        is_raised = (heights < heights[best] - _TABLE_HEIGHT) & (
-            normals @ normals[best] > _MIN_PARALLEL_COSINE
-        )
-        tables = np.where(is_raised & (score > _TABLE_SHARE * score[best]), score, 0.0)
-        best = int(np.argmax(tables)) if tables.any() else best
+        upright = _UPRIGHT_WEIGHT - normals[:, 1]
+        examined = np.argsort(-inliers.sum(axis=1) * upright)[:_EXAMINED_PLANES]
+        others = all_points[:: max(1, len(all_points) // len(sample))]
+        scores = [
+            upright[i]
+            * (
+                inliers[i].mean()
+                - self._seen_through(others, normals[i], heights[i], sample[inliers[i]])
+            )
+            for i in examined
+        ]
+        best = examined[int(np.argmax(scores))]
         return normals[best], float(heights[best])
+
+    def _seen_through(self, points: Array, normal: Array, height: float, inliers: Array) -> float:
+        """Share of points that a plane would hide, within the convex hull of its own points."""
+        distance = points @ normal + height
+        hidden = points[(distance < 0) & ~near_plane(points, distance, 2 * self.inlier_distance)]
+        try:
+            sides = ConvexHull(inliers[:, :2] / inliers[:, 2:]).equations
+        except (QhullError, ValueError):  # all on one line
+            return 0.0
+        within = (hidden[:, :2] / hidden[:, 2:]) @ sides[:, :2].T + sides[:, 2] < 0
+        return float(within.all(axis=1).sum() / len(points))
+
+    def _fit(self, points: Array, normal: Array, height: float) -> Floor:
+        """Least-squares plane of the points that are near one, as near as their noise allows."""
+        threshold = self.inlier_distance
+        for _ in range(_REFINEMENTS):
+            inliers = near_plane(points, points @ normal + height, threshold)
+            normal, height = _fit_plane(points[inliers])
+            distance = points @ normal + height
+            inliers = near_plane(points, distance, threshold)
+            deviation = MAD_TO_SIGMA * np.median(np.abs(distance[inliers]))
+            threshold = np.clip(
+                _MAX_DEVIATIONS * deviation, self.inlier_distance / 4, self.inlier_distance
+            )
+        inliers = self._inliers(points, distance)
+        mean_square = float(np.mean(distance[inliers] ** 2))
+        return Floor(normal, float(height), float(inliers.mean()), float(np.sqrt(mean_square)))
 
     def _inliers(self, points: Array, distance: Array) -> NDArray[np.bool_]:
         return near_plane(points, distance, self.inlier_distance)
+
+
+def _is_table(plane: Floor, floor: Floor) -> bool:
+    """Whether a plane is a table on a room's floor."""
+    return bool(
+        plane.height < floor.height - _TABLE_HEIGHT
+        and plane.normal @ floor.normal > _MIN_PARALLEL_COSINE
+        and plane.share > _TABLE_SHARE * floor.share
+    )
 
 
 def points_within(frame: Frame, farthest: float) -> Array:
@@ -136,10 +193,3 @@ def _fit_plane(points: Array) -> tuple[Array, float]:
     normal = vectors[:, 0]
     height = -float(normal @ centre)
     return (normal, height) if height > 0 else (-normal, -height)
-
-
-def _no_floor(name: str, share: float, min_share: float) -> InputError:
-    return InputError(
-        f"no floor in {name}: the best plane that faces up holds {share:.0%} of the points, "
-        f"{min_share:.0%} are needed; the camera must look at a table or floor, image upright"
-    )

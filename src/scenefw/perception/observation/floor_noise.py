@@ -18,7 +18,8 @@ _MAX_HEIGHT = 0.015  # m from the floor: what is farther away isn't the floor
 _MIN_CORRELATION = 0.92  # stereo matching has 0.95 to 0.99, structured light at most 0.9
 _MIN_PIXELS = 200  # below the floor that say how noisy it is
 _MIN_NOISY_RATIO = 0.1  # of the floor's pixels that have noise, if it has
-_MAD_TO_SIGMA = 1.4826  # from a normal distribution's median deviation to its standard deviation
+MAD_TO_SIGMA = 1.4826
+"""From a normal distribution's median deviation to its standard deviation."""
 
 
 @dataclass(frozen=True)
@@ -83,4 +84,4 @@ def floor_sigma(heights: Float64, depth: Float32) -> float:
     below = (heights < -_EXACT) & (heights > -_MAX_DEPTH_BELOW)
     if below.sum() < _MIN_PIXELS:
         return 0.0
-    return float(_MAD_TO_SIGMA * np.median(-heights[below] / depth[below] ** 2))
+    return float(MAD_TO_SIGMA * np.median(-heights[below] / depth[below] ** 2))

@@ -55,7 +55,8 @@ class Observer:
             InputError: the image is unusable; the message says how to mend it.
         """
         warnings = self.doctor.examine_frame(frame)
-        floor = self.floor.find(frame)
+        floor, floor_warnings = self.doctor.examine_floor(frame, self.floor)
+        warnings += floor_warnings
         region = None if mask is None else mask > 0
         workspace = self.workspace.find(frame, floor, grid, region)
         warnings += self.doctor.examine_workspace(floor, workspace)

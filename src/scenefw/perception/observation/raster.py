@@ -17,17 +17,23 @@ class FloorRaster:
         self.cell = cell
         self.side = round(2 * reach / cell)
 
-    def count(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Number of points (N, 3) per cell, (side, side)."""
-        inside, cells = self._cells(points)
-        flat = np.ravel_multi_index(tuple(cells[inside].T), (self.side, self.side))
-        counts = np.bincount(flat, minlength=self.side**2)
+    def count(self, points: NDArray[np.float64], weights: NDArray | None = None) -> NDArray:
+        """Number of points (N, 3), or sum of their weights (N,), per cell, (side, side)."""
+        cells = self.numbers(points)
+        inside = cells >= 0
+        inside_weights = None if weights is None else weights[inside]
+        counts = np.bincount(cells[inside], inside_weights, minlength=self.side**2)
         return counts.reshape(self.side, self.side)
 
     def look_up(self, values: NDArray, points: NDArray[np.float64]) -> NDArray:
         """Value of the cell below each point (..., 3); 0 outside the raster and for NaN."""
         inside, cells = self._cells(points)
         return np.where(inside, values[cells[..., 0], cells[..., 1]], 0)
+
+    def numbers(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Number (...) of the cell below each point (..., 3), row by row; -1 outside the raster."""
+        inside, cells = self._cells(points)
+        return np.where(inside, cells[..., 0] * self.side + cells[..., 1], -1)
 
     def centres(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
         """World x and y (N, 2) of the centres of cells in a mask (side, side)."""

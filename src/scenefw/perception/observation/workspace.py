@@ -6,22 +6,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
-from skimage.morphology import convex_hull_image
 
 from scenefw.core import geometry
 from scenefw.core.errors import InputError
 from scenefw.core.floors import Floor
 from scenefw.core.settings import NOT_NEGATIVE, POSITIVE
 from scenefw.core.types import Frame, GridSpec
+from scenefw.perception.observation.obstacles import ObstacleFinding, ObstacleRegion, union
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.observation.raster import FloorRaster
+from scenefw.perception.observation.support import standing_pixels
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _RASTER = FloorRaster()
-_HOLES = 3  # cells: objects and their shadows cut the seen table
-_RIM = 2  # cells: objects may reach over the seen table
+_EIGHT = np.ones((3, 3), dtype=bool)
 _MIN_CELLS = 4  # of a group of objects
 _MIN_POINTS = 30  # of a group of objects
 
@@ -36,31 +36,61 @@ class Workspace:
         size: (3,) extent of these pixels' points along x and y, their height above the floor (m);
             0 if nothing stands on the table.
         left_out: (K, 2) x and y of object groups that don't fit into the cube with them (m).
+        obstacles: what rises above the floor and is no object.
+        unsupported: (H, W) bool, pixels in the cube of what stands somewhere else.
+        points: (H, W, 3) of all pixels as they were measured (m), NaN = no depth.
     """
 
     frame: Frame
     objects: Mask
     size: Array
     left_out: Array
+    obstacles: tuple[ObstacleRegion, ...]
+    unsupported: Mask
+    points: Array
 
 
 @dataclass(frozen=True)
 class _Group:
-    """A group of objects that (nearly) touch: number in the raster, cell centres (N, 2), points."""
+    """A group of objects that (nearly) touch.
+
+    Args:
+        label: number in the raster.
+        cells: (N, 2) centres of its cells (m).
+        weight: of its pixels; the middle of an image weighs most.
+    """
 
     label: int
     cells: Array
-    points: int
+    weight: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Surfaces:
+    """What the pixels (H, W) of a posed frame show."""
+
+    frame: Frame
+    points: Array
+    raised: Mask
+    on_floor: Mask
+    objects: Mask
+    obstacles: tuple[ObstacleRegion, ...]
+
+    @property
+    def surroundings(self) -> Mask:
+        """What rises and is no object."""
+        return self.raised & ~self.objects
 
 
 class WorkspaceFinder:
     """Extracts the objects on the table from a view and centres the cube on them.
 
-    The table is the convex hull of the largest connected piece of floor. Points above the floor
-    but beside the table are background and become "no measurement"; points below the floor are
-    moved up their rays onto it, so that the table looks endless, as the floor does in training.
+    Obstacles, and what stands beside the table (`support`), become "no measurement"; points below
+    the floor are moved up their rays onto it, so that the table looks endless, as the floor does in
+    training.
 
     Args:
+        obstacles: finds what is no object.
         min_height: lower points belong to the floor (m).
         margin: objects stay this far from the cube's sides (m).
 
@@ -68,9 +98,12 @@ class WorkspaceFinder:
         ConfigError: a height that isn't positive, or a negative margin.
     """
 
-    def __init__(self, min_height: float = 0.015, margin: float = 0.03) -> None:
+    def __init__(
+        self, obstacles: ObstacleFinding, min_height: float = 0.015, margin: float = 0.03
+    ) -> None:
         POSITIVE.require(min_height=min_height)
         NOT_NEGATIVE.require(margin=margin)
+        self.obstacles = obstacles
         self.min_height = min_height
         self.margin = margin
 
@@ -111,106 +144,137 @@ class WorkspaceFinder:
         self, frames: Sequence[Frame], grid: GridSpec, region: Mask | None
     ) -> list[Workspace]:
         """The workspaces; where objects may be anywhere, there may be none."""
-        points = [world_points(frame) for frame in frames]
-        tables = [_table(p, self.min_height) if region is None else region for p in points]
-        top = grid.lower[2] + grid.extent
-        raised_masks = [t & self._raised_mask(p, top) for t, p in zip(tables, points, strict=True)]
-        raised_points = np.concatenate(
-            [p[mask] for p, mask in zip(points, raised_masks, strict=True)]
-        )
-        labels, groups = _groups(raised_points)
-        if not groups and region is None and any(table.any() for table in tables):
-            return self._bare_workspaces(frames, points, tables)
+        top, side = grid.lower[2] + grid.extent, grid.extent - 2 * self.margin
+        surfaces = [self._surfaces(frame, region) for frame in frames]
+        object_masks = [s.objects & (s.points[..., 2] < top) for s in surfaces]
+        weights = [_pixel_weights(mask.shape)[mask] for mask in object_masks]
+        object_points = _points_of(surfaces, object_masks)
+        labels, groups = _groups(object_points, np.concatenate(weights), side)
         if not groups:
-            raise InputError(
-                f"nothing stands on the floor of {_names(frames)}: no surface from "
-                f"{self.min_height * 100:g} cm to {top * 100:.0f} cm above it; check that "
-                f"objects are in view{'' if region is None else ', that the mask covers them'} and "
-                "that the depth scale is right"
-            )
-        centre, members = _choose(groups, grid.extent - 2 * self.margin, _names(frames))
+            if region is not None or not any(s.on_floor.any() for s in surfaces):
+                raise self._nothing(frames, top, region)
+            return self._bare_workspaces(surfaces, grid)
+        centre, members = _choose(groups, side, _names(frames))
         left_out = [g.cells.mean(axis=0) - centre for g in groups if g not in members]
         member_labels = [g.label for g in members]
-        member_masks = [np.isin(_RASTER.look_up(labels, p), member_labels) for p in points]
-        objects = [i & mask for i, mask in zip(member_masks, raised_masks, strict=True)]
-        object_points = np.concatenate([p[mask] for p, mask in zip(points, objects, strict=True)])
-        size = np.append(np.ptp(object_points[:, :2], axis=0), object_points[:, 2].max())
+        member_masks = [
+            mask & np.isin(_RASTER.look_up(labels, s.points), member_labels)
+            for s, mask in zip(surfaces, object_masks, strict=True)
+        ]
+        member_points = _points_of(surfaces, member_masks)
+        size = np.append(np.ptp(member_points[:, :2], axis=0), member_points[:, 2].max())
         return [
-            Workspace(
-                self._centred_frame(frame, p, table, centre),
-                mask,
-                size,
-                np.array(left_out).reshape(-1, 2),
-            )
-            for frame, p, table, mask in zip(frames, points, tables, objects, strict=True)
+            self._workspace(s, mask, centre, size, np.array(left_out).reshape(-1, 2), grid)
+            for s, mask in zip(surfaces, member_masks, strict=True)
         ]
 
-    def _bare_workspaces(
-        self, frames: Sequence[Frame], points: Sequence[Array], tables: Sequence[Mask]
-    ) -> list[Workspace]:
+    def _surfaces(self, frame: Frame, region: Mask | None) -> _Surfaces:
+        """What the pixels of a posed frame show; of a known region, only objects are in it."""
+        points = world_points(frame)
+        raised = points[..., 2] > self.min_height  # NaN where no depth: not raised
+        on_floor = np.abs(points[..., 2]) < self.min_height
+        if region is not None:
+            return _Surfaces(frame, points, raised, on_floor, raised & region, ())
+        obstacles = self.obstacles.find(
+            frame.depth, points, raised, on_floor, frame.camera.T_world_camera[:3, 3]
+        )
+        things = raised & ~union(obstacles, raised.shape)
+        objects = standing_pixels(frame.depth, points, things, self.min_height)
+        return _Surfaces(frame, points, raised, on_floor, objects, tuple(obstacles))
+
+    def _nothing(self, frames: Sequence[Frame], top: float, region: Mask | None) -> InputError:
+        return InputError(
+            f"nothing stands on the floor of {_names(frames)}: no surface from "
+            f"{self.min_height * 100:g} cm to {top * 100:.0f} cm above it; check that "
+            f"objects are in view{'' if region is None else ', that the mask covers them'} and "
+            "that the depth scale is right"
+        )
+
+    def _bare_workspaces(self, surfaces: Sequence[_Surfaces], grid: GridSpec) -> list[Workspace]:
         """Workspaces of a table on which nothing stands, about the middle of what is seen."""
-        table_points = [p[table] for p, table in zip(points, tables, strict=True)]
-        middle = np.median(np.concatenate(table_points)[:, :2], axis=0)
+        floor_points = _points_of(surfaces, [s.on_floor for s in surfaces])
+        middle = np.median(floor_points[:, :2], axis=0)
         return [
-            Workspace(
-                self._centred_frame(frame, p, table, middle),
-                np.zeros(table.shape, dtype=bool),
-                np.zeros(3),
-                np.zeros((0, 2)),
+            self._workspace(
+                s, np.zeros(s.raised.shape, dtype=bool), middle, np.zeros(3), np.zeros((0, 2)), grid
             )
-            for frame, p, table in zip(frames, points, tables, strict=True)
+            for s in surfaces
         ]
 
-    def _raised_mask(self, points: Array, top: float) -> Mask:
-        """Which points (H, W, 3) lie above the floor, and below the cube's top (m)."""
-        height = points[..., 2]  # NaN where no depth: not raised
-        return (height > self.min_height) & (height < top)
-
-    def _centred_frame(self, frame: Frame, points: Array, table: Mask, centre: Array) -> Frame:
+    def _workspace(
+        self,
+        surfaces: _Surfaces,
+        objects: Mask,
+        centre: Array,
+        size: Array,
+        left_out: Array,
+        grid: GridSpec,
+    ) -> Workspace:
+        frame, points = surfaces.frame, surfaces.points
         shift = geometry.rigid(np.eye(3), (-centre[0], -centre[1], 0.0))
         pose = shift @ frame.camera.T_world_camera
-        depth = self._depth(frame, points, table)
-        return replace(frame, depth=depth, camera=frame.camera.moved(pose))
+        depth = self._depth(surfaces)
+        in_cube = np.all(
+            np.abs(points - (*centre, grid.lower[2] + grid.extent / 2)) < grid.extent / 2, axis=-1
+        )
+        unsupported = surfaces.surroundings & ~union(surfaces.obstacles, in_cube.shape) & in_cube
+        return Workspace(
+            replace(frame, depth=depth, camera=frame.camera.moved(pose)),
+            objects,
+            size,
+            left_out,
+            surfaces.obstacles,
+            unsupported,
+            points - (*centre, 0.0),
+        )
 
-    def _depth(self, frame: Frame, points: Array, table: Mask) -> NDArray[np.float32]:
-        height = points[..., 2]
+    def _depth(self, surfaces: _Surfaces) -> NDArray[np.float32]:
+        frame, height = surfaces.frame, surfaces.points[..., 2]
         camera_height = frame.camera.T_world_camera[2, 3]
         with np.errstate(invalid="ignore"):
             floor_depth = frame.depth * camera_height / (camera_height - height)
         depth = np.where(height < -self.min_height, floor_depth, frame.depth)
-        return np.where((height > self.min_height) & ~table, 0, depth).astype(np.float32)
+        return np.where(surfaces.surroundings, 0, depth).astype(np.float32)
 
 
-def _table(points: Array, tolerance: float) -> Mask:
-    """Which points (H, W, 3) lie over the table: the hull of the largest piece of floor."""
-    floor = _RASTER.count(points[np.abs(points[..., 2]) < tolerance]) > 0
-    closed_floor = ndimage.binary_closing(floor, iterations=_HOLES)
-    pieces, number = ndimage.label(closed_floor)
-    if number == 0:
-        return np.zeros(points.shape[:2], dtype=bool)
-    sizes = ndimage.sum_labels(closed_floor, pieces, np.arange(1, number + 1))
-    hull = convex_hull_image(pieces == 1 + int(np.argmax(sizes)))
-    hull = ndimage.binary_dilation(hull, iterations=_RIM)
-    return _RASTER.look_up(hull, points).astype(bool)
+def _points_of(surfaces: Sequence[_Surfaces], masks: Sequence[Mask]) -> Array:
+    """Points (N, 3) of pixels of all views."""
+    return np.concatenate([s.points[mask] for s, mask in zip(surfaces, masks, strict=True)])
 
 
-def _groups(points: Array) -> tuple[NDArray[np.int32], list[_Group]]:
-    """Raster of group numbers, and the groups of object points (N, 3) that are not noise."""
+def _pixel_weights(shape: tuple[int, ...]) -> Array:
+    """Weights (H, W), 1 in the middle of an image and 0 in its corners: it is about its middle."""
+    middle = (np.array(shape) - 1) / 2
+    rows, columns = np.indices(shape) - middle[:, None, None]
+    return np.asarray((1 - np.hypot(rows, columns) / np.hypot(*middle)) ** 2)
+
+
+def _groups(points: Array, weights: Array, side: float) -> tuple[NDArray[np.int32], list[_Group]]:
+    """Raster of group numbers, and the groups of object points (N, 3) that are not noise.
+
+    Objects beside each other are one group; if it doesn't fit into a square of `side` (m), only
+    those that touch are.
+    """
     counts = _RASTER.count(points)
+    sums = _RASTER.count(points, weights)
     occupied = counts > 0
-    labels, number = ndimage.label(ndimage.binary_dilation(occupied), structure=np.ones((3, 3)))
+    labels, number = ndimage.label(ndimage.binary_dilation(occupied), structure=_EIGHT)
     labels = np.where(occupied, labels, 0)
-    groups = []
     for label in range(1, number + 1):
         mask = labels == label
-        group = _Group(label, _RASTER.centres(mask), int(counts[mask].sum()))
-        if len(group.cells) >= _MIN_CELLS and group.points >= _MIN_POINTS:
-            groups.append(group)
+        if np.ptp(_RASTER.centres(mask), axis=0).max() > side:
+            pieces, _ = ndimage.label(mask, structure=_EIGHT)
+            labels = np.where(mask, pieces + labels.max(), labels)
+    groups = []
+    for label in np.unique(labels[occupied]):
+        mask = labels == label
+        if mask.sum() >= _MIN_CELLS and counts[mask].sum() >= _MIN_POINTS:
+            groups.append(_Group(int(label), _RASTER.centres(mask), float(sums[mask].sum())))
     return labels, groups
 
 
 def _choose(groups: list[_Group], side: float, name: str) -> tuple[Array, list[_Group]]:
-    """Centre (2,) and members of the set of groups with most points that a square of `side` holds.
+    """Centre (2,) and members of the heaviest set of groups that a square of `side` holds.
 
     Each group in turn takes in its neighbours, nearest first, as long as all fit.
     """
@@ -220,10 +284,10 @@ def _choose(groups: list[_Group], side: float, name: str) -> tuple[Array, list[_
         for group in sorted(groups, key=lambda g: _distance(seed, g)):
             if _span([*members, group]).max() <= side:
                 members.append(group)
-        if sum(g.points for g in members) > sum(g.points for g in best):
+        if sum(g.weight for g in members) > sum(g.weight for g in best):
             best = members
     if not best:
-        largest = _span([max(groups, key=lambda g: g.points)])
+        largest = _span([max(groups, key=lambda g: g.weight)])
         raise InputError(
             f"objects of {name} cover {largest[0]:.2f} m x {largest[1]:.2f} m without a gap, the "
             f"cube holds {side:.2f} m; show fewer objects, or check depth scale and intrinsics"

@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull
 from scenefw.core.errors import MissingDependencyError
 from scenefw.core.quiet import silenced
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
-from scenefw.core.types import Float64, Pose, SceneObject, Shape
+from scenefw.core.types import Float64, Pose, SceneObject, Shape, TriangleMesh
 from scenefw.shapes.hulls import collision_hulls
 from scenefw.shapes.solid_mesh import SolidMesh
 from scenefw.shapes.superquadric import Superquadric
@@ -151,6 +151,18 @@ class PyBulletEngine:
         self._objects.append(handle)
         self._quiet = 0
         return int(handle)
+
+    def add_obstacle(self, mesh: TriangleMesh) -> int:
+        """Adds a surface that doesn't move, open or closed, and returns its handle."""
+        bullet, client = self.world
+        shape = bullet.createCollisionShape(
+            bullet.GEOM_MESH,
+            vertices=mesh.vertices.tolist(),
+            indices=mesh.faces.ravel().tolist(),
+            flags=bullet.GEOM_FORCE_CONCAVE_TRIMESH,
+            physicsClientId=client,
+        )
+        return int(bullet.createMultiBody(0, shape, physicsClientId=client))
 
     def remove(self, handle: int) -> None:
         """Takes an object out."""

@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.unit.perception.observation.test_colour_alignment import painted
+from tests.unit.perception.obstacles import OBSTACLES
 from tests.unit.perception.synthetic import camera_at, frame_of
 
 from scenefw.core.errors import ConfigError, InputError
@@ -12,6 +13,8 @@ from scenefw.perception.observation import doctor
 from scenefw.perception.observation.colour_alignment import ColourShift
 from scenefw.perception.observation.doctor import Doctor
 from scenefw.perception.observation.floor import FloorFinder
+from scenefw.perception.observation.obstacles import ObstacleRegion
+from scenefw.perception.observation.points import world_points
 from scenefw.perception.observation.workspace import Workspace, WorkspaceFinder
 
 
@@ -29,7 +32,7 @@ def with_camera(frame, **changes):
 def test_a_good_view_has_no_warning(frame):
     assert Doctor().examine_frame(frame) == []
     floor = FloorFinder().find(frame)
-    workspace = WorkspaceFinder().find(frame, floor, GridSpec())
+    workspace = WorkspaceFinder(OBSTACLES).find(frame, floor, GridSpec())
     assert Doctor().examine_workspace(floor, workspace) == []
 
 
@@ -107,11 +110,15 @@ def test_workspace_warnings(frame, distance, size, left_out, deviation, words):
     pose = np.eye(4)
     pose[2, 3] = 0.1 + distance
     placed = replace(frame, camera=frame.camera.moved(pose))
+    everywhere = np.ones(frame.depth.shape, dtype=bool)
     workspace = Workspace(
         placed,
-        np.ones(frame.depth.shape, dtype=bool),
+        everywhere,
         np.full(3, size),
         np.reshape(left_out, (-1, 2)),
+        (),
+        ~everywhere,
+        world_points(placed),
     )
     floor = Floor(np.array([0.0, 0.0, -1.0]), distance, 0.5, deviation)
     (warning,) = Doctor().examine_workspace(floor, workspace)
@@ -146,8 +153,8 @@ def test_every_check_that_is_not_good_says_what_helps(frame):
         (lambda: FloorFinder(inlier_distance=-0.01), "inlier_distance"),
         (lambda: FloorFinder(iterations=0), "iterations"),
         (lambda: FloorFinder(min_inlier_ratio=1.5), "min_inlier_ratio"),
-        (lambda: WorkspaceFinder(min_height=-1), "min_height"),
-        (lambda: WorkspaceFinder(margin=-1), "margin"),
+        (lambda: WorkspaceFinder(OBSTACLES, min_height=-1), "min_height"),
+        (lambda: WorkspaceFinder(OBSTACLES, margin=-1), "margin"),
     ],
 )
 def test_settings_out_of_range_are_named(made, setting):
@@ -170,3 +177,48 @@ def test_a_floor_of_which_little_is_seen_is_odd(share, verdict):
     even, _ = Doctor().check_floor(Floor(np.array([0.0, 0.0, -1.0]), 0.8, share, 0.002))
     assert (even.verdict, "moved?" in even.fix) == (verdict, verdict == "odd")
     assert f"{share:.0%} of the points" in even.found
+
+
+@pytest.mark.parametrize(
+    ("rows", "columns", "words"),
+    [
+        (np.s_[:80], np.s_[:], "50% wall at the top"),
+        (np.s_[80:160], np.s_[240:], "50% wall at the right"),
+        (np.s_[:4], np.s_[:4], None),  # hardly anything
+    ],
+)
+def test_what_is_no_object_is_told_with_its_place(frame, rows, columns, words):
+    floor = FloorFinder().find(frame)
+    workspace = WorkspaceFinder(OBSTACLES).find(frame, floor, GridSpec())
+    wall = np.zeros(frame.depth.shape, dtype=bool)
+    wall[rows, columns] = True
+    objects = workspace.objects if words is None else np.roll(wall, 100, axis=0)
+    regions = (ObstacleRegion("wall", wall),)
+    warnings = Doctor().examine_workspace(
+        floor, replace(workspace, objects=objects, obstacles=regions)
+    )
+    assert len(warnings) == (words is not None)
+    assert all(words in line and "run.masks" in line for line in warnings)
+
+
+@pytest.mark.parametrize("size", [(160, 120), (320, 240)])
+def test_distances_along_rays_are_told_from_depth(size):
+    frame = frame_of(camera_at(size=size), noise=0.001)
+    assert Doctor().examine_floor(frame, FloorFinder())[1] == []
+    camera = frame.camera
+    rows, columns = np.indices(frame.depth.shape)
+    rays = np.stack([(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy], axis=-1)
+    distances = frame.depth * np.sqrt(1 + (rays**2).sum(axis=-1))
+    rays_frame = replace(frame, depth=distances.astype(np.float32))
+    (warning,) = Doctor().examine_floor(rays_frame, FloorFinder())[1]
+    assert "distances from the camera's centre" in warning
+
+
+def test_values_of_a_depth_buffer_are_told_from_depth():
+    frame = frame_of(camera_at(), noise=0.0005)
+    near, far = 0.3, 3.0
+    buffer = far / (far - near) * (1 - near / frame.depth)
+    (warning,) = Doctor().examine_floor(
+        replace(frame, depth=buffer.astype(np.float32)), FloorFinder()
+    )[1]
+    assert "depth buffer" in warning

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.unit.perception.obstacles import OBSTACLES
 from tests.unit.perception.synthetic import Box, camera_at, frame_of
 
 from scenefw.core.types import GridSpec
@@ -10,7 +11,7 @@ from scenefw.perception.observation.examination import Examiner
 from scenefw.perception.observation.floor import FloorFinder
 from scenefw.perception.observation.workspace import WorkspaceFinder
 
-EXAMINER = Examiner(FloorFinder(), WorkspaceFinder(), Doctor(), GridSpec())
+EXAMINER = Examiner(FloorFinder(), WorkspaceFinder(OBSTACLES), Doctor(), GridSpec())
 FRAME = frame_of(camera_at(size=(160, 120)))
 
 

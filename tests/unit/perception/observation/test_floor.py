@@ -15,7 +15,7 @@ from scenefw.perception.observation.points import camera_points, world_points
 @given(
     elevation=st.floats(15, 80),
     azimuth=st.floats(0, 360),
-    roll=st.floats(-25, 25),
+    roll=st.floats(-180, 180),
     distance=st.floats(0.6, 1.3),
 )
 def test_finds_height_and_tilt(elevation, azimuth, roll, distance):
@@ -72,6 +72,17 @@ def test_a_large_box_side_is_no_floor():
     floor = FloorFinder().find(frame)
     up = camera.T_world_camera[:3, :3].T @ (0, 0, 1)
     assert floor.normal @ up > 0.999
+
+
+def test_no_floor_is_transparent():
+    """Tops of two boxes make the largest plane, but the table is seen between them."""
+    tops = (
+        Box((-0.5, -0.35, 0.0), (-0.2, 0.35, 0.1)),
+        Box((0.2, -0.35, 0.0), (0.5, 0.35, 0.1)),
+    )
+    camera = camera_at(eye=(0.0, -0.5, 0.8))
+    frame = frame_of(camera, boxes=tops, noise=0.001)
+    assert FloorFinder().find(frame).height == pytest.approx(0.8, abs=0.005)
 
 
 @pytest.mark.parametrize("shift", [0.0, 5.0])

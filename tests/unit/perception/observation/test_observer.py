@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 from tests.unit.perception.observations import observation_of
+from tests.unit.perception.obstacles import OBSTACLES
 from tests.unit.perception.synthetic import STACK, Box, camera_at, frame_of
 
 from scenefw.core.errors import InputError
@@ -17,7 +18,7 @@ from scenefw.perception.observation.observer import Observer
 from scenefw.perception.observation.workspace import WorkspaceFinder
 
 GRID = GridSpec(resolution=32)
-OBSERVER = Observer(Projective(), FloorFinder(), WorkspaceFinder(), Doctor())
+OBSERVER = Observer(Projective(), FloorFinder(), WorkspaceFinder(OBSTACLES), Doctor())
 
 
 @pytest.mark.parametrize("size", [(160, 120), (320, 240)])
@@ -75,7 +76,7 @@ def test_what_looks_wrong_is_told_of_the_image_and_of_the_objects():
 def placed(frame):
     """The floor and the workspace of a frame."""
     floor = FloorFinder().find(frame)
-    return floor, WorkspaceFinder().find(frame, floor, GRID)
+    return floor, WorkspaceFinder(OBSTACLES).find(frame, floor, GRID)
 
 
 def test_an_unusable_image_is_refused():

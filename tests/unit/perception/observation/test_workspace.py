@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from tests.unit.perception.obstacles import OBSTACLES
 from tests.unit.perception.synthetic import STACK, Box, camera_at, frame_of
 
 from scenefw.core.errors import InputError
@@ -14,7 +15,7 @@ GRID = GridSpec()
 
 def workspace_of(frame, grid=GRID, **settings):
     floor = FloorFinder(max_depth=3.0).find(frame)
-    return WorkspaceFinder(**settings).find(frame, floor, grid)
+    return WorkspaceFinder(OBSTACLES, **settings).find(frame, floor, grid)
 
 
 def moved(boxes, x, y):
@@ -81,11 +82,11 @@ def test_an_empty_table_has_its_middle_in_the_cube():
     assert (workspace.size == 0).all()
     points = world_points(workspace.frame).reshape(-1, 3)
     np.testing.assert_allclose(np.median(points, axis=0), 0, atol=1e-6)
-    both = WorkspaceFinder().find_together([workspace.frame] * 2, GRID)
+    both = WorkspaceFinder(OBSTACLES).find_together([workspace.frame] * 2, GRID)
     assert [one.objects.any() for one in both] == [False, False]
     floor = FloorFinder().find(frame)
     with pytest.raises(InputError, match="that the mask covers them"):
-        WorkspaceFinder().find(frame, floor, GRID, np.ones(frame.depth.shape, bool))
+        WorkspaceFinder(OBSTACLES).find(frame, floor, GRID, np.ones(frame.depth.shape, bool))
 
 
 def test_real_objects_are_found(real_data):

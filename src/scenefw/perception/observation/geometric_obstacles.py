@@ -1,0 +1,139 @@
+"""Obstacles by their geometry."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import ndimage
+from skimage.morphology import convex_hull_image
+
+from scenefw.core.settings import POSITIVE, SHARE
+from scenefw.perception.observation.components import EDGE, across_gaps, depth_parts
+from scenefw.perception.observation.obstacles import ObstacleRegion
+from scenefw.perception.observation.pixels import WIDTH
+from scenefw.perception.observation.raster import FloorRaster
+from scenefw.perception.observation.walls import Wall, find_walls
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from scenefw.core.types import Float32, Float64
+
+    Mask = NDArray[np.bool_]
+
+_RASTER = FloorRaster()
+_MIN_PIXELS = 60  # of an obstacle
+_GAP = 4  # pixels without depth across which surfaces go on, at a width of 640
+_TOP_QUANTILE = 0.99  # of heights: single pixels at edges fly
+_HOLES = 2  # cells by which walls of containers are closed
+_MAX_SLOPE = 0.85  # of the upward part of normals of a bin's walls: 32 degrees from level
+_MIN_SIDE_RATIO = 0.5  # of the floor's length that its wall accompanies
+_MAX_BEYOND_RATIO = 0.02  # of the floor that may lie behind a wall
+
+
+class GeometricObstacles:
+    """Takes what is too large to be a thing on a table for an obstacle, and containers.
+
+    Of connected surfaces, those are obstacles that enclose much floor, as rims of trays do, or that
+    rise too high. Vertical planes that are too long are walls; with them go the walls of the same
+    bin, which accompany the floor's other sides, and all that is behind a wall.
+
+    Args:
+        max_size: of a thing on a table, along the floor (m).
+        max_height: of things on a table, above its floor (m).
+        wall_distance: points this close to a wall lie on it (m).
+        min_enclosed_ratio: of the area within the hull of a container, what isn't its rim.
+
+    Raises:
+        ConfigError: a length that isn't positive, or a share outside 0..1.
+    """
+
+    def __init__(
+        self, max_size: float, max_height: float, wall_distance: float, min_enclosed_ratio: float
+    ) -> None:
+        POSITIVE.require(max_size=max_size, max_height=max_height, wall_distance=wall_distance)
+        SHARE.require(min_enclosed_ratio=min_enclosed_ratio)
+        self.max_size, self.max_height, self.wall_distance = max_size, max_height, wall_distance
+        self.min_enclosed_ratio = min_enclosed_ratio
+
+    def find(
+        self, depth: Float32, points: Float64, raised: Mask, floor: Mask, eye: Float64
+    ) -> list[ObstacleRegion]:
+        """Obstacles, which share no pixel.
+
+        Args:
+            depth: (H, W) metres, 0 = no measurement.
+            points: (H, W, 3) of the pixels, floor z = 0 (m), NaN = no depth.
+            raised: (H, W) pixels of what rises above the floor.
+            floor: (H, W) pixels of the floor.
+            eye: (3,) where the camera is (m).
+        """
+        enclosures = self._components(points, self._encloses, depth, raised)
+        others = raised & ~enclosures
+        walls = self._wall_mask(points, others, floor, eye, in_bin=bool(enclosures.any()))
+        others &= ~walls
+        gaps = max(1, round(_GAP * depth.shape[1] / WIDTH))
+        tall = others & self._components(points, self._is_tall, *across_gaps(depth, others, gaps))
+        kinds = {"enclosure": enclosures, "wall": walls, "tall structure": tall}
+        return [ObstacleRegion(kind, pixels) for kind, pixels in kinds.items() if pixels.any()]
+
+    def _components(
+        self,
+        points: Float64,
+        is_obstacle: Callable[[Float64], bool],
+        depth: Float32,
+        raised: Mask,
+    ) -> Mask:
+        """Pixels of the connected surfaces that are obstacles, by their points (N, 3)."""
+        components = depth_parts(depth, raised, EDGE)
+        components[np.isnan(points[..., 2])] = 0
+        sizes = np.bincount(components.ravel())
+        are_obstacles = np.zeros(len(sizes), dtype=bool)
+        for label, box in enumerate(ndimage.find_objects(components), start=1):
+            if sizes[label] >= _MIN_PIXELS:
+                are_obstacles[label] = is_obstacle(points[box][components[box] == label])
+        mask: Mask = are_obstacles[components]
+        return mask
+
+    def _is_tall(self, points: Float64) -> bool:
+        return bool(np.quantile(points[:, 2], _TOP_QUANTILE) > self.max_height)
+
+    def _encloses(self, points: Float64) -> bool:
+        """Whether a footprint is a ring about a floor, as seen from above."""
+        if np.ptp(points[:, :2], axis=0).max() <= self.max_size or self._is_tall(points):
+            return False
+        footprint = ndimage.binary_closing(_RASTER.count(points) > 0, iterations=_HOLES)
+        if not footprint.any():  # farther away than the raster reaches
+            return False
+        hull = convex_hull_image(footprint)
+        return bool((hull & ~footprint).sum() > self.min_enclosed_ratio * hull.sum())
+
+    def _wall_mask(
+        self, points: Float64, raised: Mask, floor: Mask, eye: Float64, *, in_bin: bool
+    ) -> Mask:
+        """Pixels (H, W) on walls and behind them."""
+        places, floor_places = points[..., :2], points[floor][:, :2]
+        candidates = find_walls(points, raised, self.wall_distance, eye)
+        walls = [wall for wall in candidates if wall.length > self.max_size]
+        if walls or in_bin:
+            slopes = find_walls(points, raised, self.wall_distance, eye, _MAX_SLOPE)
+            walls += [wall for wall in slopes if _is_side(wall, floor_places)]
+        mask = np.zeros(raised.shape, dtype=bool)
+        for wall in walls:
+            distance = wall.distance(places)
+            mask |= np.abs(distance) < self.wall_distance
+            if np.mean(wall.distance(floor_places) < 0) < _MAX_BEYOND_RATIO:
+                mask |= wall.beside(places) & (distance < 0)
+        return mask & raised
+
+
+def _is_side(wall: Wall, floor: Float64) -> bool:
+    """Whether a wall ends the floor (N, 2), along much of its side."""
+    along = floor @ np.array([-wall.normal[1], wall.normal[0]])
+    return bool(
+        wall.length > _MIN_SIDE_RATIO * np.ptp(np.quantile(along, (0.02, 0.98)))
+        and np.mean(wall.distance(floor) < 0) < _MAX_BEYOND_RATIO
+    )

@@ -1,0 +1,88 @@
+"""Which of the things that rise above a floor stand on it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import ndimage
+from skimage.morphology import convex_hull_image
+
+from scenefw.perception.observation.components import EDGE, depth_parts
+from scenefw.perception.observation.raster import FloorRaster
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from scenefw.core.types import Float32, Float64
+
+    Mask = NDArray[np.bool_]
+
+_RASTER = FloorRaster()
+_HOLES = 3  # cells: objects and their shadows cut the seen table
+_RIM = 2  # cells: objects may reach over the seen table
+_LOW = 3.0  # times the least height of objects: where an object may touch its floor
+_MIN_PIXELS = 60  # of a component that says where the floor goes on
+_MIN_INSIDE_RATIO = 0.8  # of a component's cells that lie over the region
+_EIGHT = np.ones((3, 3), dtype=bool)
+
+
+def standing_pixels(depth: Float32, points: Float64, raised: Mask, min_height: float) -> Mask:
+    """Pixels (H, W) of things that stand on the floor z = 0, or on what stands there.
+
+    The floor that is seen hides beneath things and goes on behind them. So a thing stands whose
+    lowest points lie beside the floor or beside another one that stands; what is seen of the floor
+    beside it belongs to it then, too. So do things over the hull of all these.
+
+    Args:
+        depth: (H, W) metres.
+        points: (H, W, 3) of the pixels (m), NaN = no depth.
+        raised: (H, W) pixels of what may be things.
+        min_height: what is lower is the floor (m).
+    """
+    height = points[..., 2]
+    components = depth_parts(depth, raised, EDGE)
+    large = np.bincount(components.ravel()) >= _MIN_PIXELS
+    large[0] = False
+    floor = ndimage.binary_closing(
+        _RASTER.count(points[np.abs(height) < min_height]) > 0, iterations=_HOLES
+    )
+    pieces, _ = ndimage.label(floor)
+    region = _pieces_at(pieces, ndimage.binary_erosion(floor, iterations=_HOLES))
+    if not region.any():
+        return np.zeros(raised.shape, dtype=bool)
+    footprint = _cells_of_components(components, points, raised)
+    is_low = raised & (height < _LOW * min_height)
+    is_hidden = np.bincount(components.ravel(), is_low.ravel()) == 0  # its low part, by another
+    base = _cells_of_components(components, points, is_low | (raised & is_hidden[components]))
+    stands = np.zeros(len(large), dtype=bool)
+    while True:
+        rim = ndimage.binary_dilation(region, structure=_EIGHT, iterations=_RIM)
+        size = region.sum()
+        stands[base[0][rim.ravel()[base[1]]]] = True
+        stands &= large
+        region.ravel()[footprint[1][stands[footprint[0]]]] = True
+        region |= _pieces_at(pieces, rim)
+        if region.sum() == size:
+            break
+    hull = ndimage.binary_dilation(convex_hull_image(region), iterations=_RIM)
+    inside = np.bincount(footprint[0], hull.ravel()[footprint[1]], minlength=len(large))
+    cells = np.bincount(footprint[0], minlength=len(large))
+    stands |= inside > _MIN_INSIDE_RATIO * cells
+    stands[0] = False
+    mask: Mask = stands[components]
+    return mask
+
+
+def _pieces_at(pieces: NDArray[np.int32], mask: Mask) -> Mask:
+    """Cells of all pieces of floor that have some in a mask."""
+    return np.isin(pieces, np.unique(pieces[mask])) & (pieces > 0)
+
+
+def _cells_of_components(
+    components: NDArray[np.int64], points: Float64, mask: Mask
+) -> NDArray[np.int64]:
+    """Pairs (2, N) of a component and the number of a cell that pixels of `mask` have of it."""
+    cells = _RASTER.numbers(points[mask])
+    pairs: NDArray[np.int64] = np.unique(np.stack([components[mask], cells])[:, cells >= 0], axis=1)
+    return pairs
