@@ -58,7 +58,7 @@ class Decompose:
         depth_scale: metres per unit of integer depth; None = that of the format.
         mesh_scale: metres per unit of a mesh.
         largest_jump: most that the camera moves between two frames (m); None = any.
-        poses: convention of the poses, of `data.files.pose_conventions`.
+        poses: convention of the poses, as `pose_conventions.converted` takes it.
         settling: lets the objects come to rest first; None leaves them as they were found.
         exports: what writes further files of the scene, by name.
         overview: also draw `overview.png`.

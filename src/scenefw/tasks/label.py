@@ -73,7 +73,7 @@ class Label:
         intrinsics: file; None = that in the folder.
         depth_scale: metres per unit of integer depth; None = that of the format.
         largest_jump: most that the camera moves between two frames (m); None = any.
-        poses: convention of the poses, of `data.files.pose_conventions`.
+        poses: convention of the poses, as `pose_conventions.converted` takes it.
         picture_every: frames from one picture of the growing map to the next; None = no pictures.
         save_every: frames from one saved map to the next.
 

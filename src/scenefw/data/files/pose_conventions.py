@@ -6,6 +6,7 @@ depth of the next; with poses of another convention they don't.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeAlias
@@ -29,6 +30,7 @@ _MIN_MAJORITY = 5.0
 """Times as many points that another convention explains and the given one doesn't, as the other
 way round. For right poses it is below 0.3, for wrong ones above 20 (two real recordings, four
 simulated ones)."""
+_MIN_VISIBLE = 0.5
 _MAX_DEVIATION = 0.02  # m: views of a table that agree less are told, whatever the reason
 
 
@@ -64,48 +66,78 @@ def _scaled(pose: Float64, unit: float) -> Float64:
     return rigid(pose[:3, :3], unit * pose[:3, 3])
 
 
-CONVENTIONS: Mapping[str, tuple[str, Callable[[Float64], Float64]]] = {
-    "opencv": ("as documented", lambda pose: pose),
-    "opengl": ("camera axes of OpenGL, ARKit or Blender", lambda pose: pose @ _GL_CAMERA),
-    "world_to_camera": ("poses from world to camera", inverse),
-    "world_to_camera_opengl": (
-        "poses from world to camera with axes of OpenGL",
-        lambda pose: inverse(pose) @ _GL_CAMERA,
-    ),
-    "quaternion_w_first": ("quaternions as w x y z", _w_first),
-    "millimetres": ("positions in millimetres", lambda pose: _scaled(pose, 0.001)),
-    "centimetres": ("positions in centimetres", lambda pose: _scaled(pose, 0.01)),
-}
-"""By the setting's value: words, and how a pose (4, 4) becomes camera to world in OpenCV's axes."""
+_ROS_CAMERA = np.array(
+    [[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+)  # x forward, y left, z up
+
+_STEPS: Sequence[Mapping[str, tuple[str, Callable[[Float64], Float64]]]] = (
+    {"quaternion_w_first": ("quaternions as w x y z", _w_first)},
+    {
+        "millimetres": ("positions in millimetres", lambda pose: _scaled(pose, 0.001)),
+        "centimetres": ("positions in centimetres", lambda pose: _scaled(pose, 0.01)),
+    },
+    {"world_to_camera": ("poses from world to camera", inverse)},
+    {
+        "opengl": ("camera axes of OpenGL, ARKit or Blender", lambda pose: pose @ _GL_CAMERA),
+        "ros": ("camera axes of ROS bodies (x forward)", lambda pose: pose @ _ROS_CAMERA),
+    },
+)
+"""By the words of the setting, in the order in which they are undone: what they say, and how a pose
+(4, 4) comes nearer to camera to world in OpenCV's axes."""
+
+OPENCV = "opencv"
+"""Camera to world, OpenCV's axes, metres: the convention without further words."""
 
 
 def converted(pose: Float64, convention: str) -> Float64:
     """A pose (4, 4) of another convention, camera to world with OpenCV's axes.
 
+    Args:
+        pose: as its file has it, a quaternion being taken for x y z w.
+        convention: `OPENCV`, or words joined by +, such as `world_to_camera+opengl`.
+
     Raises:
         InputError: there is no such convention.
     """
-    if convention not in CONVENTIONS:
+    words = set(convention.split("+")) - {OPENCV}
+    names = [name for step in _STEPS for name in step]
+    if not words <= set(names) or any(len(words & step.keys()) > 1 for step in _STEPS):
         raise InputError(
-            f"no pose convention {convention}; expected one of {', '.join(CONVENTIONS)}"
+            f"no pose convention {convention}; expected {OPENCV}, or of {', '.join(names)} what "
+            "differs from it, joined by +"
         )
-    return CONVENTIONS[convention][1](pose)
+    for step in _STEPS:
+        for name in words & step.keys():
+            pose = step[name][1](pose)
+    return pose
+
+
+def _conventions() -> list[tuple[str, ...]]:
+    """Words of all conventions, those of fewer words first."""
+    choices = itertools.product(*(("", *step) for step in _STEPS))
+    return sorted((tuple(filter(None, choice)) for choice in choices), key=len)
 
 
 def check_conventions(
-    views: Views, poses: Sequence[Float64], names: Sequence[str], source: str
+    views: Views,
+    file_poses: Sequence[Float64],
+    names: Sequence[str],
+    source: str,
+    convention: str = OPENCV,
 ) -> tuple[str, ...]:
     """Compares neighbouring views; returns what is odd, a line each.
 
     Args:
         views: depth images.
-        poses: camera to world (4, 4) of all of them.
+        file_poses: (4, 4) of all of them, as the file has them.
         names: of the images.
         source: the recording, for messages.
+        convention: that is assumed, as `converted` takes it.
 
     Raises:
         InputError: another convention explains the images better than the one that was assumed.
     """
+    poses = [converted(pose, convention) for pose in file_poses]
     pairs = list(_pairs(views, poses))
     if not pairs:
         return ()
@@ -113,10 +145,9 @@ def check_conventions(
     if len(given) < _MIN_POINTS:
         return ()
     best, best_votes = None, _MIN_VOTES * len(given)
-    for reading in _readings(poses, names):
+    for reading in _readings(file_poses, poses, names, convention):
         residuals = _residuals(pairs, reading.poses)
-        gained = int(((residuals < _TOLERANCE) & ~(given < _TOLERANCE)).sum())
-        lost = int(((given < _TOLERANCE) & ~(residuals < _TOLERANCE)).sum())
+        gained, lost = _votes(given, residuals)
         is_better = gained - lost > best_votes and gained > _MIN_MAJORITY * lost
         if is_better and np.median(residuals) < _MAX_DEVIATION:
             best, best_votes = (reading, residuals), gained - lost
@@ -137,6 +168,18 @@ def check_conventions(
     return ()
 
 
+def _votes(given: Float64, residuals: Float64) -> tuple[int, int]:
+    """Points that another reading explains and the given one doesn't, and the other way round.
+
+    Where both put most points in view of the neighbour, those that leave it tell nothing.
+    """
+    visible = np.isfinite(given) & np.isfinite(residuals)
+    if visible.mean() < _MIN_VISIBLE:
+        visible[:] = True
+    explained, was_explained = residuals[visible] < _TOLERANCE, given[visible] < _TOLERANCE
+    return int((explained & ~was_explained).sum()), int((was_explained & ~explained).sum())
+
+
 def _words(deviation: np.floating[Any]) -> str:
     return f"{max(deviation * 1000, 1):.0f} mm"
 
@@ -145,10 +188,20 @@ def _against(deviation: np.floating[Any]) -> str:
     return f"to {_words(deviation)}" if np.isfinite(deviation) else "they don't see the same place"
 
 
-def _readings(poses: Sequence[Float64], names: Sequence[str]) -> Iterator[_Reading]:
-    for name, (words, convert) in CONVENTIONS.items():
-        if name != "opencv":
-            yield _Reading(words, f"set run.poses={name}", [convert(pose) for pose in poses])
+def _readings(
+    file_poses: Sequence[Float64], poses: Sequence[Float64], names: Sequence[str], assumed: str
+) -> Iterator[_Reading]:
+    """Other conventions and, with the assumed one, other orders of the poses."""
+    phrases = {name: phrase for step in _STEPS for name, (phrase, _) in step.items()}
+    for words in _conventions():
+        convention = "+".join(words) or OPENCV
+        if set(convention.split("+")) == set(assumed.split("+")):
+            continue
+        readings = [converted(pose, convention) for pose in file_poses]
+        if _spread(readings) < _MIN_MOTION < _spread(poses):  # all in one place, views can't differ
+            continue
+        phrase = " and ".join(phrases[word] for word in words) or "poses as documented"
+        yield _Reading(phrase, f"set run.poses={convention}", readings)
     numbered = "begin each line of the poses with the name of its image"
     yield _Reading("each pose one image later", numbered, [poses[0], *poses[:-1]])
     yield _Reading("each pose one image earlier", numbered, [*poses[1:], poses[-1]])
@@ -156,8 +209,14 @@ def _readings(poses: Sequence[Float64], names: Sequence[str]) -> Iterator[_Readi
     by_text = sorted(range(len(names)), key=names.__getitem__)
     if by_text != list(range(len(names))):
         placed = dict(zip(by_text, poses, strict=True))
-        words = "poses in the order of the images' names as text (10 before 2)"
-        yield _Reading(words, numbered, [placed[number] for number in range(len(names))])
+        phrase = "poses in the order of the images' names as text (10 before 2)"
+        yield _Reading(phrase, numbered, [placed[number] for number in range(len(names))])
+
+
+def _spread(poses: Sequence[Float64]) -> float:
+    """Largest distance (m) of a camera from the first."""
+    positions = np.array([pose[:3, 3] for pose in poses])
+    return float(np.linalg.norm(positions - positions[0], axis=1).max())
 
 
 def _pairs(views: Views, poses: Sequence[Float64]) -> Iterator[_Pair]:

@@ -59,18 +59,23 @@ class _Sequence(ABC):
         """All frames in order."""
         return (self[i] for i in range(len(self)))
 
-    def _check_poses(self, path: Path, largest_jump: float | None) -> None:
+    def _check_poses(
+        self,
+        path: Path,
+        file_poses: Sequence[NDArray[np.float64]],
+        convention: str,
+        largest_jump: float | None,
+    ) -> None:
         """Raises an InputError if the poses are of another convention or unit, or jump."""
         entries = self._frames.entries
-        poses = [entry.pose for entry in entries if entry.pose is not None]
-        if len(poses) < len(entries):
+        if len(file_poses) < len(entries):
             return
         names = [entry.depth.stem for entry in entries]
-        self.notes += check_conventions(self, poses, names, str(path))
-        pose_files.require_metres(poses, str(path))
+        self.notes += check_conventions(self, file_poses, names, str(path), convention)
+        pose_files.require_metres(self.poses, str(path))
         if largest_jump is not None:
             numbers = [entry.number for entry in entries]
-            pose_files.require_smooth(poses, largest_jump, str(path), numbers)
+            pose_files.require_smooth(self.poses, largest_jump, str(path), numbers)
 
 
 class RGBDFolder(_Sequence):
@@ -88,7 +93,7 @@ class RGBDFolder(_Sequence):
         intrinsics: file; None = intrinsics.json (.yaml, .txt), camera.* or K.* in the folder.
         depth_scale: metres per unit of integer depth; None = 0.001. An error with floats.
         largest_jump: most that the camera moves between two frames (m); None = any.
-        poses: convention of the poses, of `pose_conventions.CONVENTIONS`.
+        poses: convention of the poses, as `pose_conventions.converted` takes it.
         require_poses: raise an error if there are none, instead of frames at the origin.
 
     Raises:
@@ -131,7 +136,8 @@ class RGBDFolder(_Sequence):
         self._frames = FrameFiles(
             entries, _intrinsics(path, intrinsics), depth_scale, Surroundings(root=path)
         )
-        self._check_poses(path, largest_jump if ordered else None)
+        valid = [pose for pose in matrices if pose is not None]
+        self._check_poses(path, valid, poses, largest_jump if ordered else None)
 
 
 class TUMSequence(_Sequence):
@@ -148,7 +154,7 @@ class TUMSequence(_Sequence):
         depth_scale: metres per unit of integer depth; None = 1/5000, the benchmark's.
         largest_jump: most that the camera moves between two frames (m); None = any.
         largest_delay: most between a depth image and its colour image or pose (s).
-        poses: convention of the poses, of `pose_conventions.CONVENTIONS`.
+        poses: convention of the poses, as `pose_conventions.converted` takes it.
         require_poses: raise an error if there are none, instead of frames at the origin.
 
     Raises:
@@ -197,7 +203,8 @@ class TUMSequence(_Sequence):
         ]
         around = Surroundings(TUM_UNIT, path)
         self._frames = FrameFiles(entries, _intrinsics(path, intrinsics), depth_scale, around)
-        self._check_poses(path, largest_jump)
+        valid = [matrices[pose] for pose in pose_of if pose >= 0]
+        self._check_poses(path, valid, poses, largest_jump)
 
 
 def open_sequence(path: Path | str, **options: Any) -> RGBDFolder | TUMSequence:
