@@ -18,6 +18,9 @@ _NEAREST_MEDIAN = 0.05
 _MIN_GAP_RATIO = 2.0
 """A placeholder is this many times as far as all else: a table seen straight from above, without
 noise, is a value that many pixels share, too, but no object reaches half the way to the camera."""
+_MIN_SURFACE_GAP_RATIO = 1.2
+"""The same where all else is a surface seen at an angle or with noise, not tops at few heights."""
+_MAX_SHARED = 0.1  # of the measurements of such a surface have one and the same value
 _MIN_PLACEHOLDER_PIXELS = 20
 _MAX_PLACEHOLDERS = 4  # too near, too far, unsure, saturated
 
@@ -89,10 +92,10 @@ def placeholders(depth: NDArray[np.float32]) -> list[float]:
     while values.size and len(ends) < _MAX_PLACEHOLDERS:
         low, high = values.min(), values.max()
         above, below = values[values > low], values[values < high]
-        if _is_placeholder(values.size - below.size, high, below.max(initial=0)):
+        if _is_placeholder(values.size - below.size, high, below.max(initial=0), below):
             ends.append(float(high))
             values = below
-        elif above.size and _is_placeholder(values.size - above.size, above.min(), 2 * low):
+        elif above.size and _is_placeholder(values.size - above.size, above.min(), 2 * low, above):
             ends.append(float(low))
             values = above
         else:
@@ -100,8 +103,15 @@ def placeholders(depth: NDArray[np.float32]) -> list[float]:
     return ends
 
 
-def _is_placeholder(pixels: int, far: np.floating[Any], near: np.floating[Any]) -> bool:
-    return pixels >= _MIN_PLACEHOLDER_PIXELS and bool(far > _MIN_GAP_RATIO * near > 0)
+def _is_placeholder(
+    pixels: int, far: np.floating[Any], near: np.floating[Any], others: NDArray[np.float32]
+) -> bool:
+    """Whether a value of so many pixels is far from all others (N,)."""
+    if pixels < _MIN_PLACEHOLDER_PIXELS or not far > _MIN_SURFACE_GAP_RATIO * near > 0:
+        return False
+    if far > _MIN_GAP_RATIO * near:
+        return True
+    return bool(np.unique(others, return_counts=True)[1].max() < _MAX_SHARED * others.size)
 
 
 def unit_of(scale: float, values: Array, name: str) -> float:
