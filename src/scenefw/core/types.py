@@ -185,6 +185,7 @@ class Frame:
         labels: (H, W) int32 instance or class ids, 0 = no object or the first class (the
             surface), -1 = unknown; or None.
         name: where the frame comes from.
+        notes: what its file left open and how it was read, a line each, for whoever asked for it.
     """
 
     depth: Float32
@@ -192,6 +193,7 @@ class Frame:
     colour: NDArray[np.uint8] | None = None
     labels: Int32 | None = None
     name: str = ""
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.depth.shape != (self.camera.height, self.camera.width):

@@ -58,6 +58,7 @@ class Decompose:
         depth_scale: metres per unit of integer depth; None = that of the format.
         mesh_scale: metres per unit of a mesh.
         largest_jump: most that the camera moves between two frames (m); None = any.
+        poses: convention of the poses, as `pose_conventions.converted` takes it.
         settling: lets the objects come to rest first; None leaves them as they were found.
         exports: what writes further files of the scene, by name.
         overview: also draw `overview.png`.
@@ -78,6 +79,7 @@ class Decompose:
         depth_scale: float | None = None,
         mesh_scale: float = 1.0,
         largest_jump: float | None = None,
+        poses: str = "opencv",
         settling: Settling | None = None,
         exports: Mapping[str, SceneFormat] | None = None,
         *,
@@ -97,7 +99,11 @@ class Decompose:
         for place in (output, self.folder):
             require_apart(place, input)
         self.pipeline, self.meshes, self.settling = pipeline, meshes, settling
-        self.options: dict[str, Any] = {"intrinsics": intrinsics, "largest_jump": largest_jump}
+        self.options: dict[str, Any] = {
+            "intrinsics": intrinsics,
+            "largest_jump": largest_jump,
+            "poses": poses,
+        }
         if depth_scale is not None:
             self.options["depth_scale"] = depth_scale
         self.mesh_scale, self.exports = mesh_scale, dict(exports or {})
@@ -120,7 +126,7 @@ class Decompose:
         if whole_scene.note:
             print(f"{whole_scene.name}: {whole_scene.note}")
         views = self.pipeline.observe(whole_scene.frames)
-        for warning in views.warnings:
+        for warning in (*whole_scene.warnings, *views.warnings):
             print(f"{whole_scene.name}: {warning}", file=sys.stderr)
         with Console(stderr=True).status(f"{len(whole_scene.frames)} views: parts, then objects"):
             scanned_estimate = taken_apart(whole_scene, views, self.pipeline)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 from scenefw.core.errors import ConfigError
 from scenefw.core.files import require_apart
 from scenefw.data.files.arrays import read_mask
-from scenefw.data.files.readers import find_images, read_frame
+from scenefw.data.files.lens import undistorted
+from scenefw.data.files.readers import find_images, lens_of_image, read_frame
 
 if TYPE_CHECKING:
     from scenefw.core.types import Frame
@@ -72,4 +73,8 @@ class DepthImages:
         if self._masks is None:
             return frame, None
         path = self._masks / f"{image.stem}.png" if self._masks.is_dir() else self._masks
-        return frame, read_mask(path, frame.depth.shape)
+        mask = read_mask(path, frame.depth.shape)
+        lens = lens_of_image(image, self._options["intrinsics"])
+        if lens is None:
+            return frame, mask
+        return frame, undistorted(lens, frame.camera.matrix, [frame.depth, mask], image.name)[1]

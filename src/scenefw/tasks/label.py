@@ -17,7 +17,7 @@ from scenefw.core.folders import adding_to_folder
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
 from scenefw.data.files.height_maps import load_map, save_map
 from scenefw.data.files.readers import find_images, read_frame
-from scenefw.data.files.recordings import STATE, MeasuredFrames, Recording
+from scenefw.data.files.recordings import STATE, MeasuredFrames, Recording, sampled
 from scenefw.data.files.sequences import open_sequence
 from scenefw.perception.observation.table_frame import TableFrame
 from scenefw.perception.physics.placement import Placement
@@ -73,6 +73,7 @@ class Label:
         intrinsics: file; None = that in the folder.
         depth_scale: metres per unit of integer depth; None = that of the format.
         largest_jump: most that the camera moves between two frames (m); None = any.
+        poses: convention of the poses, as `pose_conventions.converted` takes it.
         picture_every: frames from one picture of the growing map to the next; None = no pictures.
         save_every: frames from one saved map to the next.
 
@@ -96,6 +97,7 @@ class Label:
         intrinsics: str | Path | None = None,
         depth_scale: float | None = None,
         largest_jump: float | None = 0.2,
+        poses: str = "opencv",
         picture_every: int | None = 20,
         save_every: int = 200,
     ) -> None:
@@ -123,6 +125,7 @@ class Label:
             "intrinsics": intrinsics,
             "depth_scale": depth_scale,
             "largest_jump": largest_jump,
+            "poses": poses,
         }
         self.picture_every, self.save_every = picture_every, save_every
 
@@ -155,15 +158,19 @@ class Label:
                 f"{len(sequence)} frames"
             )
         measured = MeasuredFrames(sequence, range(self.start, last))
-        running, placed = self._begin(sequence, measured)
-        if placed.note:
-            print(f"{self.input}: {placed.note}", file=sys.stderr)
+        sample = list(MeasuredFrames(sequence, sampled(range(self.start, last))))
+        notes = dict.fromkeys(note for frame in sample for note in frame.notes)
+        running, placed = self._begin(sequence, measured, sample)
+        for note in (*sequence.notes, *notes, placed.note):
+            if note:
+                print(f"{self.input}: {note}", file=sys.stderr)
         growth, recording = Growth(self.output), placed.recording
         began, number = time.perf_counter(), 0
         try:
             bar = track(range(self.start, last), "frames")
-            for number, (_, frame) in enumerate(zip(bar, placed.frames, strict=False), 1):
+            for count, (_, frame) in enumerate(zip(bar, placed.frames, strict=False), 1):
                 running.add(frame)
+                number = count
                 recording = recording.extended(frame)
                 if self.picture_every and number % self.picture_every == 0:
                     growth.show(running.height_map(), self.start + number)
@@ -193,14 +200,14 @@ class Label:
         } | _facts(height_map)
 
     def _begin(
-        self, sequence: NumberedFrames, measured: Iterable[Frame]
+        self, sequence: NumberedFrames, measured: Iterable[Frame], sample: Iterable[Frame]
     ) -> tuple[RunningLabelling, Placed]:
         """A new or resumed map, and the frames to add."""
         if self.estimate_poses and self.odometry is None:
             raise ConfigError("run.estimate_poses=true needs a method; give odometry=rgbd")
         placement = Placement(self.table, self.odometry if self.estimate_poses else None)
         if self.resume is None:
-            return self.strategy.begin(), placement.begin(measured)
+            return self.strategy.begin(), placement.begin(measured, sample)
         saved = load_map(self.resume, self.grid)
         before = Recording.from_state(saved.states.get(STATE, {}))
         last = sequence[self.start - 1] if self.estimate_poses and self.start else None
@@ -240,8 +247,10 @@ class Label:
         return finished(figures, failures, len(images))
 
     def _image(self, image: Path, folder: Path) -> tuple[Frame, HeightMap]:
-        options = {k: v for k, v in self.options.items() if k != "largest_jump"}
+        options = {key: self.options[key] for key in ("intrinsics", "depth_scale")}
         frame = self.table.rectified(read_frame(image, **options))
+        for note in frame.notes:
+            print(f"{image}: {note}", file=sys.stderr)
         running = self.strategy.begin()
         running.add(replace(frame, labels=None))
         height_map = running.height_map()

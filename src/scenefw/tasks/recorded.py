@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -41,15 +42,19 @@ def write_recording(
     require_writable(output)
     target = output / "recording"
     coloured, times = 0, []
+    notes: dict[str, None] = {}
     columns = (SpinnerColumn(), TextColumn("{task.completed:.0f} images"), TimeElapsedColumn())
     with Progress(*columns) as progress, replacing_folder(target) as folder:
         bar = progress.add_task("images", total=limit)
         for number, frame in enumerate(frames):
             _write(folder, number, frame)
             coloured += frame.colour is not None
+            notes.update(dict.fromkeys(frame.notes))
             times.append(f"{frame.seconds:.6f}")
             progress.update(bar, advance=1)
         (folder / "times.txt").write_text("\n".join(times) + "\n", encoding="utf-8")
+    for note in notes:
+        print(note, file=sys.stderr)
     print(target)
     return {"images": float(len(times)), "coloured": float(coloured)}
 

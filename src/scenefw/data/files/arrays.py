@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +13,14 @@ from PIL import Image
 from scenefw.core.errors import InputError
 from scenefw.core.files import unreadable
 from scenefw.core.types import Frame, Int32
-from scenefw.data.files.image_checks import check_colour, check_depth, metres
-from scenefw.data.files.intrinsics import (
-    Intrinsics,
-    camera_from_matrix,
-    intrinsic_matrix,
-    require_size,
-)
+from scenefw.data.files.frame_assembly import Content, assembled, single_channel
+from scenefw.data.files.image_checks import check_colour
+from scenefw.data.files.intrinsics import Intrinsics, calibration_of
 from scenefw.data.files.pictures import DAMAGED_PICTURE
 from scenefw.data.files.poses import pose_of
+
+_MAX_BLENDED_RATIO = 0.1
+"""Sharp masks of drawn and real objects have up to 0.02, resized ones 0.3 and more."""
 
 
 def frame_of(
@@ -35,9 +35,9 @@ def frame_of(
     """One frame.
 
     Args:
-        depth: (H, W) z-depth; floats are metres, integers are multiplied by `depth_scale`. 0, NaN
-            and infinity are missing measurements.
-        intrinsics: of this image size, as `intrinsic_matrix` takes them.
+        depth: (H, W) or (H, W, 1) z-depth; floats are metres, integers are multiplied by
+            `depth_scale`. 0, NaN and infinity are missing measurements.
+        intrinsics: of this image size, as `calibration_of` takes them.
         colour: (H, W, 3) uint8, aligned with the depth.
         depth_scale: metres per unit of integer depth; None = 0.001. An error with floats.
         pose: (4, 4) camera (OpenCV) to world; None leaves it at the origin.
@@ -47,29 +47,30 @@ def frame_of(
         InputError: a wrong shape, type or unit, nothing measured, or intrinsics of another image.
         ConfigError: a depth scale that is not positive.
     """
-    clean = check_depth(metres(_array(depth, "depth", name), depth_scale, name), name)
-    height, width = clean.shape
-    camera = camera_from_matrix(intrinsic_matrix(intrinsics, name), height, width, name)
-    require_size(intrinsics, height, width, name)
-    if pose is not None:
-        camera = camera.moved(_rigid(pose, name))
-    return Frame(
-        clean, camera, None if colour is None else colour_of(colour, clean.shape, name), None, name
+    content = Content(
+        _array(depth, "depth", name),
+        calibration_of(intrinsics, name),
+        colour=None if colour is None else _array(colour, "colour", name),
     )
+    frame = assembled(content, depth_scale, name, name)
+    if pose is None:
+        return frame
+    return replace(frame, camera=frame.camera.moved(_rigid(pose, name)))
 
 
 def mask_of(mask: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray[np.bool_] | Int32:
     """A mask (H, W): booleans say where objects are, int32 which one, 0 = none.
 
     Args:
-        mask: (H, W) booleans or whole numbers; those below 0 are none.
+        mask: (H, W) or (H, W, 1) booleans or whole numbers; those below 0 are none. A single value
+            above 0 of uint8, such as 255, says where objects are, as in a picture.
         shape: of the image.
         name: of the image, for messages.
 
     Raises:
-        InputError: another shape or type, or no pixel is in it.
+        InputError: another shape or type, no pixel is in it, or ids were interpolated.
     """
-    values = _array(mask, "mask", name)
+    values = single_channel(_array(mask, "mask", name))
     if values.shape != tuple(shape):
         raise InputError(
             f"mask of {name} has shape {values.shape}, its depth {tuple(shape)}; both must be "
@@ -82,7 +83,35 @@ def mask_of(mask: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray[np.bo
         )
     if not (values > 0).any():
         raise InputError(f"mask of {name} holds no pixel; leave it out, or mark objects in it")
-    return values if values.dtype == np.bool_ else np.maximum(values, 0).astype(np.int32)
+    if values.dtype == np.bool_:
+        return values
+    ids = np.unique(values[values > 0])
+    blend = blended_ratio(values)
+    if blend > _MAX_BLENDED_RATIO:
+        raise InputError(
+            f"mask of {name} has {len(ids)} values, and {blend:.0%} of its borders pass through "
+            "values between those of both sides, as after resizing with interpolation; resize it "
+            "with nearest neighbours, or without smooth edges"
+        )
+    if len(ids) == 1 and values.dtype == np.uint8:
+        return values > 0
+    return np.maximum(values, 0).astype(np.int32)
+
+
+def blended_ratio(values: NDArray[Any]) -> float:
+    """Share of borders in an image of ids (H, W) where ids go up or down by steps of one pixel.
+
+    Borders of things are sharp; interpolation puts values between both sides.
+    """
+    steps = borders = 0
+    signed = values.astype(np.int64)
+    for axis in (0, 1):
+        first, second = np.sign(np.diff(signed, axis=axis)), slice(1, None)
+        before = first[:-1] if axis == 0 else first[:, :-1]
+        after = first[second] if axis == 0 else first[:, second]
+        steps += int(((before == after) & (before != 0)).sum())
+        borders += int((first != 0).sum())
+    return steps / max(borders, 1)
 
 
 def read_mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_] | Int32:

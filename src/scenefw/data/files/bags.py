@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import io
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from PIL import Image
 
 from scenefw.core.errors import InputError, MissingDependencyError
 from scenefw.core.files import unreadable
-from scenefw.data.files.pictures import DAMAGED_PICTURE
+from scenefw.data.files.image_messages import MILLIMETRES, colour_of, depth_of
+from scenefw.data.files.lens import Lens, lens_of, undistorted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -20,12 +19,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-_DEPTH = {"16UC1": np.uint16, "mono16": np.uint16, "32FC1": np.float32}
-CHANNELS = {"rgb8": [0, 1, 2], "bgr8": [2, 1, 0], "rgba8": [0, 1, 2], "bgra8": [2, 1, 0]}
-"""Places of red, green and blue in pixels, by encoding."""
 _IMAGE, _COMPRESSED, _INFO = "Image", "CompressedImage", "CameraInfo"
-_HEADER = 12  # bytes before the PNG of compressed depth
-_MILLIMETRES = 0.001
+_REGISTERED_DEPTH = ("aligned", "registered", "depth_to_rgb", "depth_to_color", "depth_to_colour")
+"""Words in topics of depth in the pixels of colour: librealsense, OpenNI, ZED, Azure Kinect."""
+_REGISTERED_COLOUR = ("rgb_to_depth", "color_to_depth", "colour_to_depth")
+"""Words in topics of colour in the pixels of depth."""
+_COLOUR = ("color", "colour", "rgb")
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +36,14 @@ class RecordedFrame:
         matrix: (3, 3) intrinsics.
         colour: (H, W, 3) uint8 of the same size, nearest in time; None if there is none.
         seconds: when it was recorded.
+        notes: what the recording left open, a line each.
     """
 
     depth: NDArray[np.float32]
     matrix: NDArray[np.float64]
     colour: NDArray[np.uint8] | None
     seconds: float
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -54,12 +55,14 @@ class Topics:
         info: their intrinsics.
         colour: images from the same place and of the same size; None: there are none.
         unit: metres per unit of integer depth, as one message; None: millimetres.
+        notes: why colour is left out, a line.
     """
 
     depth: str
     info: str
     colour: str | None = None
     unit: str | None = None
+    notes: tuple[str, ...] = ()
 
 
 class Bag:
@@ -97,7 +100,7 @@ class Bag:
                 connection.topic: _kind(connection.msgtype) for connection in reader.connections
             }
             topics = topics_of(kinds, *self.topic_names)
-            matrix, unit = self._constants(reader, topics)
+            camera, unit = self._constants(reader, topics)
             colour: NDArray[np.uint8] | None = None
             number = count = 0
             for topic, time, message in self._messages(reader, [topics.depth, topics.colour]):
@@ -108,8 +111,7 @@ class Bag:
                 if (number - 1) % stride:
                     continue
                 depth = depth_of(message, topic, unit)
-                fits = colour is not None and colour.shape[:2] == depth.shape
-                yield RecordedFrame(depth, matrix, colour if fits else None, time * 1e-9)
+                yield _recorded_frame(depth, colour, camera, topics, time * 1e-9)
                 count += 1
                 if count == max_frames:
                     return
@@ -144,20 +146,58 @@ class Bag:
         for connection, time, raw in reader.messages(connections=connections):
             yield connection.topic, time, reader.deserialize(raw, connection.msgtype)
 
-    def _constants(self, reader: Any, topics: Topics) -> tuple[NDArray[np.float64], float]:
-        """Intrinsics, and metres per unit of integer depth."""
-        matrix, unit = None, None
+    def _constants(self, reader: Any, topics: Topics) -> tuple[_CameraInfo, float]:
+        """Intrinsics with the lens, and metres per unit of integer depth."""
+        camera, unit = None, None
         for topic, _, message in self._messages(reader, [topics.info, topics.unit]):
-            if topic == topics.info and matrix is None:
-                fields = {name.lower(): value for name, value in vars(message).items()}
-                matrix = np.array(fields["k"], np.float64).reshape(3, 3)  # K in ROS 1, k in ROS 2
+            if topic == topics.info and camera is None:
+                camera = _camera_info(message, topics)
             elif topic == topics.unit and unit is None:
                 unit = float(message.data)
-            if matrix is not None and (unit is not None or topics.unit is None):
+            if camera is not None and (unit is not None or topics.unit is None):
                 break
-        if matrix is None:
+        if camera is None:
             raise InputError(f"{self.path} has no message of topic {topics.info}, the intrinsics")
-        return matrix, unit or _MILLIMETRES
+        return camera, unit or MILLIMETRES
+
+
+@dataclass(frozen=True, eq=False)
+class _CameraInfo:
+    matrix: NDArray[np.float64]
+    lens: Lens | None
+
+
+def _camera_info(message: Any, topics: Topics) -> _CameraInfo:
+    """Of `sensor_msgs/CameraInfo`: P of rectified images, else K with the distortion D."""
+    fields = {name.lower(): value for name, value in vars(message).items()}  # K in ROS 1, k in 2
+    projection = np.array(fields["p"], np.float64).reshape(3, 4)[:, :3]
+    if "rect" in topics.depth and projection[0, 0] > 0:
+        return _CameraInfo(projection, None)
+    matrix = np.array(fields["k"], np.float64).reshape(3, 3)
+    return _CameraInfo(matrix, lens_of(fields["distortion_model"], fields["d"], topics.info))
+
+
+def _recorded_frame(
+    depth: NDArray[np.float32],
+    colour: NDArray[np.uint8] | None,
+    camera: _CameraInfo,
+    topics: Topics,
+    seconds: float,
+) -> RecordedFrame:
+    """A frame of a pinhole camera, with the last colour before it if that is of its size."""
+    notes = list(topics.notes)
+    if colour is not None and colour.shape[:2] != depth.shape:
+        notes.append(
+            f"colour {topics.colour} is left out: it has {colour.shape[1]} x {colour.shape[0]} "
+            f"pixels, depth {depth.shape[1]} x {depth.shape[0]}; record depth aligned to colour"
+        )
+        colour = None
+    if camera.lens is not None:
+        images: list[NDArray[Any]] = [depth] if colour is None else [depth, colour]
+        depth, *others = undistorted(camera.lens, camera.matrix, images, topics.depth)
+        colour = others[0] if others else None
+        notes.append(f"images are undistorted by the coefficients D of {topics.info}")
+    return RecordedFrame(depth, camera.matrix, colour, seconds, tuple(notes))
 
 
 def topics_of(
@@ -178,14 +218,7 @@ def topics_of(
         if name is not None and name not in kinds:
             raise InputError(f"there is no topic {name}; the bag has {_listed(kinds)}")
     pictures = [name for name, kind in sorted(kinds.items()) if kind in (_IMAGE, _COMPRESSED)]
-    if depth is None:
-        candidates = [name for name in pictures if "depth" in name.lower()]
-        candidates.sort(key=lambda name: ("aligned" not in name, kinds[name] != _IMAGE, len(name)))
-        if not candidates:
-            raise InputError(
-                f"no topic with images is named depth; give run.depth=TOPIC of {_listed(kinds)}"
-            )
-        depth = candidates[0]
+    depth = depth or _depth_topic(pictures, kinds)
     if info is None:
         places = [topic for topic, kind in kinds.items() if kind == _INFO]
         neighbours = sorted(places, key=lambda topic: -_shared(topic, depth))
@@ -194,85 +227,57 @@ def topics_of(
                 f"no topic beside {depth} has intrinsics; give run.info=TOPIC of {_listed(kinds)}"
             )
         info = neighbours[0]
-    if colour is None and "aligned" in depth:
-        words = ("color", "colour", "rgb")
-        candidates = [
-            n for n in pictures if any(w in n.lower() for w in words) and "depth" not in n
-        ]
-        candidates.sort(key=lambda name: (kinds[name] != _IMAGE, len(name)))
-        colour = candidates[0] if candidates else None
+    notes: tuple[str, ...] = ()
+    if colour is None:
+        colour, notes = _colour_topic(pictures, kinds, depth)
     units = [name for name in kinds if name.endswith("/option/Depth_Units/value")]
     neighbours = [name for name in units if _shared(name, depth) > 2]  # of the same sensor
-    return Topics(depth, info, colour, neighbours[0] if neighbours else None)
+    return Topics(depth, info, colour, neighbours[0] if neighbours else None, notes)
 
 
-def depth_of(message: Any, topic: str, unit: float = _MILLIMETRES) -> NDArray[np.float32]:
-    """Depth (H, W) m of a message with an image, raw or as a PNG; 0 = none.
-
-    Args:
-        message: `sensor_msgs/Image` or `CompressedImage`.
-        topic: for messages.
-        unit: metres per unit of whole numbers.
-
-    Raises:
-        InputError: an encoding that isn't depth.
-    """
-    if _kind(message.__msgtype__) == _COMPRESSED:
-        if "16UC1" not in message.format or "png" not in message.format:
-            raise InputError(
-                f"{topic} is compressed as '{message.format}'; expected 16UC1 as PNG, or raw images"
-            )
-        values = _decoded(bytes(message.data), topic, _HEADER)
-        return (values.astype(np.float64) * unit).astype(np.float32)
-    kind = _DEPTH.get(message.encoding)
-    if kind is None:
+def _depth_topic(pictures: Sequence[str], kinds: dict[str, str]) -> str:
+    candidates = [
+        name for name in pictures if "depth" in name.lower() and not _has(name, _REGISTERED_COLOUR)
+    ]
+    if not candidates:
         raise InputError(
-            f"{topic} is encoded as {message.encoding}; expected one of {', '.join(_DEPTH)}"
+            f"no topic with images is named depth; give run.depth=TOPIC of {_listed(kinds)}"
         )
-    values = _rows(message, np.dtype(kind), 1, topic)[..., 0]
-    if kind is np.float32:
-        return np.where(np.isfinite(values) & (values > 0), values, 0).astype(np.float32)
-    return (values.astype(np.float64) * unit).astype(np.float32)
+    return min(
+        candidates,
+        key=lambda name: (
+            not _has(name, _REGISTERED_DEPTH),
+            kinds[name] != _IMAGE,
+            "compressedDepth" not in name,
+            len(name),
+        ),
+    )
 
 
-def colour_of(message: Any, topic: str) -> NDArray[np.uint8]:
-    """Colours (H, W, 3) of a message with an image, raw or compressed.
-
-    Raises:
-        InputError: an unknown encoding.
-    """
-    if _kind(message.__msgtype__) == _COMPRESSED:
-        return _decoded(bytes(message.data), topic).astype(np.uint8)
-    order = CHANNELS.get(message.encoding)
-    if order is None:
-        raise InputError(
-            f"{topic} is encoded as {message.encoding}; expected one of {', '.join(CHANNELS)}"
+def _colour_topic(
+    pictures: Sequence[str], kinds: dict[str, str], depth: str
+) -> tuple[str | None, tuple[str, ...]]:
+    """Colour in the pixels of depth, or None and a line that says why it is left out."""
+    colours = [name for name in pictures if _has(name, _COLOUR) and name != depth]
+    moved = [name for name in colours if _has(name, _REGISTERED_COLOUR)]
+    others = [name for name in colours if "depth" not in name.lower()]
+    candidates = others if _has(depth, _REGISTERED_DEPTH) else moved
+    if not candidates:
+        if not others:
+            return None, ()
+        return None, (
+            f"colour {min(others, key=len)} is left out, as nothing says that it is aligned with "
+            f"{depth}; record depth aligned to colour, or give run.colour=TOPIC if it is",
         )
-    channels = 4 if "a" in message.encoding else 3
-    return np.ascontiguousarray(_rows(message, np.dtype(np.uint8), channels, topic)[..., order])
+    is_raw = "image_raw" in depth and "rect" not in depth
+    return min(
+        candidates,
+        key=lambda name: (("rect" in name) == is_raw, kinds[name] != _IMAGE, len(name)),
+    ), ()
 
 
-def _rows(message: Any, kind: np.dtype[Any], channels: int, topic: str) -> NDArray[Any]:
-    """Pixels (H, W, channels); rows of messages may be longer than their pixels."""
-    height, width, step = int(message.height), int(message.width), int(message.step)
-    row_bytes = width * channels * kind.itemsize
-    data = np.frombuffer(bytes(message.data), np.uint8)
-    if step < row_bytes or len(data) < height * step:
-        raise InputError(
-            f"an image of {topic} has {len(data)} bytes in rows of {step}, which is too little for "
-            f"{width} x {height} pixels of {message.encoding}"
-        )
-    rows = data[: height * step].reshape(height, step)[:, :row_bytes]
-    typed = np.ascontiguousarray(rows).view(kind.newbyteorder(">" if message.is_bigendian else "<"))
-    return typed.reshape(height, width, channels).astype(kind)
-
-
-def _decoded(data: bytes, topic: str, header: int = 0) -> NDArray[Any]:
-    try:
-        with Image.open(io.BytesIO(data[header:])) as image:
-            return np.array(image if header else image.convert("RGB"))
-    except DAMAGED_PICTURE as error:
-        raise InputError(f"an image of {topic} is damaged: {unreadable(error)}") from error
+def _has(name: str, words: Sequence[str]) -> bool:
+    return any(word in name.lower() for word in words)
 
 
 def _kind(name: str) -> str:

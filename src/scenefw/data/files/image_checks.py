@@ -15,6 +15,15 @@ _FARTHEST_MEDIAN = 20.0
 _NEAREST_MEDIAN = 0.05
 """A table-top whose median depth is below this (m) was given in metres, read as millimetres."""
 
+_MIN_GAP_RATIO = 2.0
+"""A placeholder is this many times as far as all else: a table seen straight from above, without
+noise, is a value that many pixels share, too, but no object reaches half the way to the camera."""
+_MIN_SURFACE_GAP_RATIO = 1.2
+"""The same where all else is a surface seen at an angle or with noise, not tops at few heights."""
+_MAX_SHARED = 0.1  # of the measurements of such a surface have one and the same value
+_MIN_PLACEHOLDER_PIXELS = 20
+_MAX_PLACEHOLDERS = 4  # too near, too far, unsure, saturated
+
 
 def check_depth(depth: Array, name: str) -> NDArray[np.float32]:
     """Depth (H, W) in metres as float32 with every unusable value (NaN, infinite, <= 0) set to 0.
@@ -68,6 +77,66 @@ def metres(
             "depth_scale"
         )
     return (values * np.float64(unit if scale is None else scale)).astype(np.float32)
+
+
+def placeholders(depth: NDArray[np.float32]) -> list[float]:
+    """Values (m) of an image that stand for "no measurement", as 65535 or 1e10 do.
+
+    Many pixels share such a value exactly, at one end of all values, and nothing else is near it.
+
+    Args:
+        depth: (H, W) m; 0 and what isn't finite is no measurement anyway.
+    """
+    values = depth[np.isfinite(depth) & (depth > 0)]
+    ends: list[float] = []
+    while values.size and len(ends) < _MAX_PLACEHOLDERS:
+        low, high = values.min(), values.max()
+        above, below = values[values > low], values[values < high]
+        if _is_placeholder(values.size - below.size, high, below.max(initial=0), below):
+            ends.append(float(high))
+            values = below
+        elif above.size and _is_placeholder(values.size - above.size, above.min(), 2 * low, above):
+            ends.append(float(low))
+            values = above
+        else:
+            break
+    return ends
+
+
+def _is_placeholder(
+    pixels: int, far: np.floating[Any], near: np.floating[Any], others: NDArray[np.float32]
+) -> bool:
+    """Whether a value of so many pixels is far from all others (N,)."""
+    if pixels < _MIN_PLACEHOLDER_PIXELS or not far > _MIN_SURFACE_GAP_RATIO * near > 0:
+        return False
+    if far > _MIN_GAP_RATIO * near:
+        return True
+    return bool(np.unique(others, return_counts=True)[1].max() < _MAX_SHARED * others.size)
+
+
+def unit_of(scale: float, values: Array, name: str) -> float:
+    """Metres per unit of integer depth (H, W), from the number that a file calls `depth_scale`.
+
+    It is metres per unit (RealSense), millimetres per unit (BOP) or units per metre (TUM, Open3D);
+    only one of them makes the image a table-top's.
+
+    Raises:
+        InputError: the number is not positive, or none of them does.
+    """
+    measured = values[values > 0]
+    if not 0 < scale < np.inf:
+        raise InputError(f"depth_scale of {name} is {scale:g}; expected metres per unit, above 0")
+    median = float(np.median(measured)) if measured.size else 0.0
+    units = {scale, scale * MILLIMETRES, 1 / scale}
+    plausible = [unit for unit in units if _NEAREST_MEDIAN < unit * median < _FARTHEST_MEDIAN]
+    if not median:
+        return scale
+    if len(plausible) != 1:
+        raise InputError(
+            f"depth_scale of {name} is {scale:g}, which makes the median depth "
+            f"{scale * median:.3g} m; expected metres per unit: correct it, or give run.depth_scale"
+        )
+    return plausible[0]
 
 
 def check_colour(colour: Array, shape: tuple[int, ...], name: str) -> NDArray[np.uint8]:

@@ -2,22 +2,20 @@
 
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scenefw.core.errors import InputError
-from scenefw.data.files.poses import (
-    UNORDERED,
-    pose_of,
-    read_numbers,
-    read_poses,
-    require_metres,
-    require_smooth,
-)
+from scenefw.data.files.poses import UNORDERED, PoseReader, read_numbers
+from scenefw.data.files.record3d import record3d_poses
+from scenefw.data.files.structured import read_text
 
-Poses = list[NDArray[np.float64]]
+Poses = list[NDArray[np.float64] | None]
+
+_FOLDERS = ("poses", "pose")
 
 _NAMED = (8, 13, 17)
 """Words of a line that begins with a name: it and the 7, 12 or 16 numbers of a pose."""
@@ -25,34 +23,51 @@ _NAMED = (8, 13, 17)
 _TIME = re.compile(r"[0-9]+\.[0-9]+")
 
 
-def folder_poses(
-    path: Path, images: Sequence[Path], largest_jump: float | None, require: bool
-) -> Poses | list[None]:
-    """`T_world_camera` (4, 4) of each image of a sequence, None where nothing holds poses.
+@dataclass(frozen=True, eq=False)
+class FolderPoses:
+    """Poses of the images of a recording.
 
     Args:
-        path: the folder with `poses.txt`, or `poses/` with a text file per image.
+        poses: `T_world_camera` (4, 4) of each image; None where it has none.
+        notes: what they left open, a line each.
+        ordered: the images are a video, so that poses must not jump.
+    """
+
+    poses: Sequence[NDArray[np.float64] | None]
+    notes: tuple[str, ...] = ()
+    ordered: bool = True
+
+
+def folder_poses(path: Path, images: Sequence[Path], *, require: bool) -> FolderPoses | None:
+    """The poses of a sequence, None where nothing holds any.
+
+    Args:
+        path: the folder with `poses.txt`, with a text file per image in `poses/` (ScanNet:
+            `pose/`), or with Record3D's `metadata.json`.
         images: in order.
-        largest_jump: most that the camera moves between two images (m); None = any.
         require: raise an error if there are no poses.
 
     Raises:
         InputError: poses are missing, unusable, or not those of the images.
     """
-    file, unordered = path / "poses.txt", False
+    file = path / "poses.txt"
+    folder = next((path / name for name in _FOLDERS if (path / name).is_dir()), None)
+    reader = PoseReader(folder or file)
+    poses: Sequence[NDArray[np.float64] | None] | None
     if file.is_file():
-        poses = _listed(file, images)
-        unordered = file.read_text(encoding="utf-8").startswith(UNORDERED)
-    elif (path / "poses").is_dir():
-        poses = [_image_pose(path / "poses", image) for image in images]
-    elif require:
-        raise no_poses(path, "poses.txt", "one line per depth image")
+        poses = _listed(file, images, reader)
+    elif folder is not None:
+        poses = [_image_pose(folder, image, reader) for image in images]
     else:
-        return [None] * len(images)
-    require_metres(poses, str(path))
-    if largest_jump is not None and not unordered:
-        require_smooth(poses, largest_jump, str(path))
-    return poses
+        poses = record3d_poses(path, images)
+    if poses is None:
+        if require:
+            raise no_poses(path, "poses.txt", "one line per depth image")
+        return None
+    if all(pose is None for pose in poses):
+        raise InputError(f"no pose of {reader.source} is finite; was tracking lost throughout?")
+    ordered = not (file.is_file() and read_text(file).startswith(UNORDERED))
+    return FolderPoses(poses, reader.notes, ordered)
 
 
 def no_poses(path: Path, file: str, content: str) -> InputError:
@@ -84,11 +99,15 @@ def require_times(
         )
 
 
-def _listed(file: Path, images: Sequence[Path]) -> Poses:
+def _listed(file: Path, images: Sequence[Path], reader: PoseReader) -> Poses:
     lines = read_numbers(file)
     if any(len(words) in _NAMED for words in lines):
-        return _named(file, lines, images)
-    poses = read_poses(file)
+        return _named(file, lines, images, reader)
+    names = [image.stem for image in images] + [""] * len(lines)
+    poses = [
+        reader.read(words, name, f"line {number} of {file}")
+        for number, (words, name) in enumerate(zip(lines, names, strict=False), start=1)
+    ]
     if len(poses) != len(images):
         raise InputError(
             f"{file} holds {len(poses)} poses, but {images[0].parent} {len(images)} images; give "
@@ -98,7 +117,9 @@ def _listed(file: Path, images: Sequence[Path]) -> Poses:
     return poses
 
 
-def _named(file: Path, lines: Sequence[Sequence[str]], images: Sequence[Path]) -> Poses:
+def _named(
+    file: Path, lines: Sequence[Sequence[str]], images: Sequence[Path], reader: PoseReader
+) -> Poses:
     """Poses of lines that begin with names of images; lines of other images are left out."""
     words_by_key: dict[str, Sequence[str]] = {}
     for number, words in enumerate(lines, start=1):
@@ -117,22 +138,26 @@ def _named(file: Path, lines: Sequence[Sequence[str]], images: Sequence[Path]) -
             "give one line per image in their order (2 before 10)"
         )
     return [
-        pose_of(words_by_key[_key(image.name)][1:], f"the line of {image.stem} in {file}")
+        reader.read(
+            words_by_key[_key(image.name)][1:], image.stem, f"the line of {image.stem} in {file}"
+        )
         for image in images
     ]
 
 
-def _image_pose(folder: Path, image: Path) -> NDArray[np.float64]:
+def _image_pose(folder: Path, image: Path, reader: PoseReader) -> NDArray[np.float64] | None:
     """The pose in the file that is named as an image."""
     file = folder / f"{image.stem}.txt"
     if not file.is_file():
         raise InputError(f"no pose {file} beside {image}; add it, with the name of the depth image")
-    return pose_of([word for words in read_numbers(file) for word in words], str(file))
+    return reader.read(
+        [word for words in read_numbers(file) for word in words], image.stem, str(file)
+    )
 
 
 def _key(name: str) -> str:
     """A name as names are compared: depth/7.png is 7, and 000007 is as well."""
-    stem = re.sub(r"\.(png|npy|jpe?g)$", "", name.rpartition("/")[2], flags=re.IGNORECASE)
+    stem = re.sub(r"\.(png|npy|exr|jpe?g)$", "", name.rpartition("/")[2], flags=re.IGNORECASE)
     integer, point, fraction = stem.partition(".")
     if not integer.isdigit() or (point and not fraction.isdigit()):
         return stem

@@ -1,52 +1,140 @@
-"""Camera intrinsics from small files: JSON, YAML or text."""
+"""What a file says of a camera: intrinsics, size of the image, lens, unit of the depth."""
 
-import json
-from collections.abc import Mapping
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-import yaml
 from numpy.typing import ArrayLike, NDArray
 
 from scenefw.core.errors import InputError
 from scenefw.core.types import Camera
+from scenefw.data.files.lens import Lens, is_fisheye, lens_of
+from scenefw.data.files.structured import read_structured, read_text
 
-_KEYS = ("K", "camera_matrix", "intrinsic_matrix", "intrinsics", "cam_K", "data")
-_STRUCTURED = {".json", ".yaml", ".yml"}
+_MATRIX_KEYS = (
+    "K", "k", "camera_matrix", "cameraMatrix", "intrinsic_matrix", "intrinsics", "intrinsic",
+    "cam_K", "data",
+)  # fmt: skip
+_FOUR_KEYS = (
+    ("fx", "fy", "cx", "cy"),
+    ("_fx", "_fy", "_cx", "_cy"),  # the Berkeley perception library
+    ("fx", "fy", "ppx", "ppy"),  # librealsense
+    ("fl_x", "fl_y", "cx", "cy"),  # nerfstudio
+)
+_SIZE_KEYS = (
+    ("width", "height"),
+    ("image_width", "image_height"),
+    ("_width", "_height"),
+    ("w", "h"),
+)
+_LENS_KEYS = (
+    "distortion_coefficients", "distortion_coeffs", "dist_coeffs", "distCoeffs", "distortion",
+    "coeffs", "D", "d",
+)  # fmt: skip
+_LENS_MODEL_KEYS = ("distortion_model", "camera_model", "model")
+_FISHEYE_NUMBERS = ("k1", "k2", "k3", "k4")
+_LENS_NUMBERS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+
+_SUFFIXES = (".json", ".yaml", ".yml", ".txt", ".intr")
+_STEMS = (
+    "intrinsics", "camera", "K", "intrinsic", "camera_intrinsics", "camera_intrinsic",
+    "camera_info", "cam_K", "depth_intrinsics", "intrinsic/intrinsic_depth",
+)  # fmt: skip
 _EXPECTED = "give a 3 x 3 matrix K, or fx, fy, cx, cy"
 
 Intrinsics: TypeAlias = ArrayLike | Camera | Mapping[str, Any] | str | Path
-"""Whatever holds the intrinsics of an image: see `intrinsic_matrix`."""
+"""Whatever holds the intrinsics of an image: see `calibration_of`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """What is known of a camera.
+
+    Args:
+        matrix: (3, 3) intrinsics in pixels.
+        size: width and height of the image that they are of; None: not said.
+        lens: its distortion; None if there is none.
+        depth_scale: the number that a file calls so, whose unit `image_checks.unit_of` finds out.
+    """
+
+    matrix: NDArray[Any]
+    size: tuple[int, int] | None = None
+    lens: Lens | None = None
+    depth_scale: float | None = None
+
+    def resized(self, width: int, height: int) -> Calibration:
+        """Of the image resampled to another size."""
+        if self.size is None or self.size == (width, height):
+            return self
+        (fx, _, cx), (_, fy, cy) = self.matrix[:2]
+        camera = Camera(*self.size, fx, fy, cx, cy).resized(width, height)
+        return replace(self, matrix=camera.matrix, size=(width, height))
+
+
+def intrinsics_file(folders: Iterable[Path], stems: Iterable[str] = ()) -> Path | None:
+    """The first file in some folders that is named as intrinsics are; None if there is none.
+
+    Args:
+        folders: in the order in which they are searched.
+        stems: names without suffix that come first, such as that of an image.
+    """
+    for folder in folders:
+        names = [stem + suffix for stem in (*stems, *_STEMS) for suffix in _SUFFIXES]
+        files = (folder / name for name in names)
+        intrinsics = sorted(folder.glob("*.intr")) if folder.is_dir() else []
+        for file in (*files, *intrinsics[:1]):
+            if file.is_file():
+                return file
+    return None
 
 
 def read_intrinsics(path: Path) -> NDArray[np.float64]:
-    """Intrinsic matrix K (3, 3) in pixels from a .json, .yaml, .yml or .txt file.
+    """Intrinsic matrix K (3, 3) in pixels from a file, as `read_calibration` reads it."""
+    return read_calibration(path).matrix
 
-    JSON and YAML hold either `fx, fy, cx, cy` or a matrix under one of `K`, `camera_matrix`,
-    `intrinsic_matrix`, `intrinsics`, `cam_K`, nested (3 x 3), flat (9, row by row) or as ROS writes
-    it (`data`). Text holds nine numbers, or four in the order fx fy cx cy.
+
+def read_calibration(path: Path) -> Calibration:
+    """Intrinsics and what else a .json, .yaml, .yml, .intr or .txt file says of a camera.
+
+    JSON and YAML hold `fx, fy, cx, cy` (also as librealsense, nerfstudio and the Berkeley
+    perception library name them), or a matrix as `K`, `camera_matrix`, `intrinsic_matrix` ...,
+    nested, or flat row by row, or column by column as Open3D and Record3D write it; 4 x 4 as in
+    ScanNet; as `data` in ROS and OpenCV. With them: size of the image, distortion, `depth_scale`.
+    Text holds nine or sixteen numbers, or four in the order fx fy cx cy.
 
     Raises:
         InputError: the file is missing, of another format, or holds something else.
     """
+    suffix = path.suffix.lower()
     if not path.is_file():
         raise InputError(f"no intrinsics file {path}; {_EXPECTED} in a .json, .yaml or .txt file")
-    suffix = path.suffix.lower()
+    if suffix not in _SUFFIXES:
+        raise InputError(
+            f"unknown intrinsics format '{suffix}' of {path}; use .json, .yaml or .txt"
+        )
+    if suffix == ".txt":
+        content: Any = read_text(path).replace(",", " ").split()
+    else:
+        try:
+            content = read_structured(path)
+        except InputError as error:
+            reason = (
+                str(error).removeprefix(f"cannot read {path}: ").removesuffix("; is it damaged?")
+            )
+            raise InputError(f"cannot read intrinsics {path}: {reason}; {_EXPECTED}") from error
     try:
-        if suffix in _STRUCTURED:
-            return _from_content(_structured(path), path)
-        text = path.read_text(encoding="utf-8-sig")
-        if suffix == ".txt":
-            return _from_numbers(text.replace(",", " ").split(), path)
-    except (ValueError, TypeError, yaml.YAMLError) as error:
+        return _calibration(content, str(path))
+    except (ValueError, TypeError, OverflowError) as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"cannot read intrinsics {path}: {reason}; {_EXPECTED}") from error
-    raise InputError(f"unknown intrinsics format '{suffix}' of {path}; use .json, .yaml or .txt")
 
 
-def intrinsic_matrix(intrinsics: Intrinsics, name: str) -> NDArray[np.float64]:
-    """Intrinsic matrix K (3, 3) in pixels of whatever holds it.
+def calibration_of(intrinsics: Intrinsics, name: str) -> Calibration:
+    """What whatever holds intrinsics says of a camera.
 
     Args:
         intrinsics: K itself, a camera, `{"fx": ..., "fy": ..., "cx": ..., "cy": ...}` or a matrix
@@ -54,62 +142,40 @@ def intrinsic_matrix(intrinsics: Intrinsics, name: str) -> NDArray[np.float64]:
         name: of the image, for messages.
 
     Raises:
-        InputError: it is none of these, or a file that `read_intrinsics` can't read.
+        InputError: it is none of these, or a file that `read_calibration` can't read.
     """
     if isinstance(intrinsics, Camera):
-        return intrinsics.matrix
+        return Calibration(intrinsics.matrix, (intrinsics.width, intrinsics.height))
     if isinstance(intrinsics, str | Path):
-        return read_intrinsics(Path(intrinsics))
+        return read_calibration(Path(intrinsics))
+    content = dict(intrinsics) if isinstance(intrinsics, Mapping) else intrinsics
     try:
-        return _from_content(
-            dict(intrinsics) if isinstance(intrinsics, Mapping) else intrinsics, name
-        )
-    except (ValueError, TypeError) as error:
+        return _calibration(content, name)
+    except (ValueError, TypeError, OverflowError) as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"intrinsics of {name} aren't numbers ({reason}); {_EXPECTED}") from error
 
 
-def require_size(intrinsics: Intrinsics, height: int, width: int, name: str) -> None:
-    """Checks intrinsics that say what size of image they are of.
-
-    Args:
-        intrinsics: as `intrinsic_matrix` takes them: a camera, or a file or dict with `width` and
-            `height`; all else is of any size.
-        height: of the image.
-        width: of the image.
-        name: of the image, for messages.
-
-    Raises:
-        InputError: they are of another size.
-    """
-    size = _size(intrinsics)
+def require_size(calibration: Calibration, height: int, width: int, name: str) -> None:
+    """Raises an InputError if intrinsics say that they are of an image of another size."""
+    size = calibration.size
     if size is None or size == (width, height):
         return
     turned = size == (height, width)
+    same_shape = size[0] * height == size[1] * width
+    scale = width / size[0]
+    fix = (
+        "is the depth transposed?"
+        if turned
+        else f"give the intrinsics of this image size, or, if depth was resized, multiply them by "
+        f"{scale:.4g}"
+        if same_shape
+        else "give the intrinsics of this image size; are they of the colour camera?"
+    )
     raise InputError(
         f"{name} has {width} x {height} pixels, but its intrinsics are of {size[0]} x {size[1]}; "
-        + ("is the depth transposed?" if turned else "give the intrinsics of this image size")
+        + fix
     )
-
-
-def _size(intrinsics: Intrinsics) -> tuple[int, int] | None:
-    """Width and height of the image that intrinsics are of, where they say it."""
-    if isinstance(intrinsics, Camera):
-        return intrinsics.width, intrinsics.height
-    if isinstance(intrinsics, str | Path):
-        path = Path(intrinsics)
-        content = _structured(path) if path.suffix.lower() in _STRUCTURED else None
-    else:
-        content = intrinsics
-    if not isinstance(content, Mapping):
-        return None
-    width, height = content.get("width"), content.get("height")
-    return (width, height) if isinstance(width, int) and isinstance(height, int) else None
-
-
-def _structured(path: Path) -> Any:
-    text = path.read_text(encoding="utf-8-sig")
-    return json.loads(text) if path.suffix.lower() == ".json" else yaml.safe_load(text)
 
 
 def camera_from_matrix(K: ArrayLike, height: int, width: int, name: str) -> Camera:  # noqa: N803
@@ -143,24 +209,72 @@ def camera_from_matrix(K: ArrayLike, height: int, width: int, name: str) -> Came
     return Camera(width, height, float(fx), float(fy), float(cx), float(cy))
 
 
-def _from_content(content: Any, path: Path | str) -> NDArray[np.float64]:
-    if isinstance(content, dict):
-        if {"fx", "fy", "cx", "cy"} <= content.keys():
-            return _from_numbers([content[key] for key in ("fx", "fy", "cx", "cy")], path)
-        key = next((key for key in _KEYS if key in content), None)
-        if key is None:
-            raise InputError(f"no intrinsics in {path} (keys: {', '.join(content)}); {_EXPECTED}")
-        return _from_content(content[key], path)
-    return _from_numbers(content, path)
+def _calibration(content: Any, name: str) -> Calibration:
+    if not isinstance(content, dict):
+        return Calibration(_matrix(content, name))
+    for keys in _FOUR_KEYS:
+        if set(keys) <= content.keys():
+            return _with_details(_matrix([content[key] for key in keys], name), content, name)
+    key = next((key for key in _MATRIX_KEYS if key in content), None)
+    if key is None:
+        raise InputError(
+            f"no intrinsics in {name} (keys: {', '.join(map(str, content))}); {_EXPECTED}"
+        )
+    if isinstance(content[key], dict):
+        inner = _calibration(content[key], name)
+        outer = _with_details(inner.matrix, content, name)
+        return Calibration(
+            inner.matrix,
+            outer.size or inner.size,
+            outer.lens or inner.lens,
+            outer.depth_scale or inner.depth_scale,
+        )
+    return _with_details(_matrix(content[key], name), content, name)
 
 
-def _from_numbers(content: Any, path: Path | str) -> NDArray[np.float64]:
+def _with_details(
+    matrix: NDArray[np.float64], content: Mapping[str, Any], name: str
+) -> Calibration:
+    """Size, lens and unit beside a matrix."""
+    sizes = ((_number(content, width), _number(content, height)) for width, height in _SIZE_KEYS)
+    size = next(((int(w), int(h)) for w, h in sizes if w is not None and h is not None), None)
+    return Calibration(matrix, size, _lens(content, name), _number(content, "depth_scale"))
+
+
+def _number(content: Mapping[str, Any], key: str) -> float | None:
+    value = content.get(key)
+    is_number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+    return float(value) if is_number and value is not None else None
+
+
+def _lens(content: Mapping[str, Any], name: str) -> Lens | None:
+    model = next((content[key] for key in _LENS_MODEL_KEYS if key in content), None)
+    key = next((key for key in _LENS_KEYS if key in content), None)
+    if key is None:
+        names = _FISHEYE_NUMBERS if is_fisheye(model) else _LENS_NUMBERS
+        numbers = [content.get(number, 0.0) for number in names]
+        return lens_of(model, numbers, name) if "k1" in content else None
+    values = content[key]
+    if isinstance(values, Mapping):
+        values = values.get("data", list(values.values()))
+    return None if values is None or isinstance(values, str) else lens_of(model, values, name)
+
+
+def _matrix(content: Any, name: str) -> NDArray[np.float64]:
+    """K (3, 3) of four, nine or sixteen numbers."""
     if np.iscomplexobj(content):
-        raise InputError(f"intrinsics of {path} are complex numbers; {_EXPECTED}")
+        raise InputError(f"intrinsics of {name} are complex numbers; {_EXPECTED}")
     numbers = np.asarray(content, dtype=np.float64)
     if numbers.size == 4:
         fx, fy, cx, cy = numbers.ravel()
         return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
     if numbers.size == 9:
-        return numbers.reshape(3, 3)
-    raise InputError(f"intrinsics of {path} hold {numbers.size} numbers; {_EXPECTED}")
+        matrix = numbers.reshape(3, 3)
+        by_columns = numbers.ndim == 1 and not matrix[:2, 2].any() and matrix[2, :2].all()
+        return matrix.T if by_columns else matrix
+    if numbers.size == 16:
+        whole = numbers.reshape(4, 4)
+        if np.allclose(whole[3], (0, 0, 0, 1)) and np.allclose(whole[:3, 3], 0):
+            return whole[:3, :3]
+        raise InputError(f"the 4 x 4 matrix of {name} is a pose, no intrinsics; {_EXPECTED}")
+    raise InputError(f"intrinsics of {name} hold {numbers.size} numbers; {_EXPECTED}")

@@ -11,13 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenefw.core.errors import InputError
+from scenefw.data.files.intrinsics import read_calibration
 from scenefw.data.files.poses import read_numbers
+from scenefw.data.files.record3d import record3d_calibration
 
 MILLIMETRES = 0.001
 """Metres per unit of integer depth where nothing says otherwise."""
 
 TUM_UNIT = 1 / 5000
 """Metres per unit in the TUM RGB-D benchmark."""
+
+SCANNET_COLOUR = "intrinsic/intrinsic_color.txt"
 
 _MOST_DELAY = 0.02  # s
 _COLOURS = ("rgb", "colour", "color", "gray")
@@ -59,6 +63,22 @@ def surroundings(path: Path) -> Surroundings:
     if (root / "depth.txt").is_file():
         return Surroundings(TUM_UNIT, root, colour=_tum_colour(path, root))
     return Surroundings(root=root, colour=_same_name(path, root))
+
+
+def colour_matrix(root: Path | None, image: Path) -> NDArray[np.float64] | None:
+    """Intrinsics (3, 3) of colour from the same place but in other pixels; None if it has none.
+
+    ScanNet's exports have them in `intrinsic/intrinsic_color.txt`, Record3D's in `metadata.json`.
+
+    Raises:
+        InputError: a file there is damaged.
+    """
+    if root is None:
+        return None
+    if (root / SCANNET_COLOUR).is_file():
+        return read_calibration(root / SCANNET_COLOUR).matrix
+    calibration = record3d_calibration([root], image)
+    return None if calibration is None else calibration.matrix
 
 
 def _bop(path: Path, root: Path) -> Surroundings:

@@ -13,22 +13,24 @@ from scenefw.core.errors import InputError
 from scenefw.core.files import DAMAGED, in_order, unreadable
 from scenefw.core.types import Frame
 from scenefw.data.files.exr import read_exr
-from scenefw.data.files.image_checks import check_colour, check_depth, metres, unused_scale
+from scenefw.data.files.frame_assembly import Content, assembled
+from scenefw.data.files.image_checks import metres, unused_scale
 from scenefw.data.files.intrinsics import (
+    Calibration,
     Intrinsics,
-    camera_from_matrix,
-    intrinsic_matrix,
-    require_size,
+    calibration_of,
+    intrinsics_file,
+    read_calibration,
 )
 from scenefw.data.files.layouts import Surroundings, surroundings
+from scenefw.data.files.lens import Lens
 from scenefw.data.files.pictures import DAMAGED_PICTURE
+from scenefw.data.files.record3d import record3d_calibration
 
 Array = NDArray[Any]
 
 _SUFFIXES = (".npz", ".npy", ".png", ".exr")
 _BAGS = (".bag", ".db3", ".mcap")  # `scenefw.data.files.bags` reads these
-_INTRINSICS_SUFFIXES = (".json", ".yaml", ".yml", ".txt")
-_INTRINSICS_STEMS = ("intrinsics", "camera", "K")
 _COLOUR_SUFFIXES = (".rgb.jpg", ".rgb.png", ".rgb.jpeg", "_rgb.png", "_rgb.jpg", ".jpg", ".jpeg")
 _COLOUR_WORDS = ("rgb", "color", "colour")
 _COMPLETE = "is the file complete?"
@@ -94,7 +96,7 @@ def read_frame(
 
     Args:
         path: a .npz, .png or .npy file.
-        intrinsics: of .png and .npy, a file or what else `intrinsic_matrix` takes; None looks
+        intrinsics: of .png and .npy, a file or what else `calibration_of` takes; None looks
             beside for NAME.json, intrinsics.json ...
         depth_scale: metres per unit of integer depth; None = that of the format, else millimetres.
             An error where it would change nothing, as depth is in floats or `depth_mm`.
@@ -119,12 +121,26 @@ def read_frame(
         raise InputError(f"unknown format '{path.suffix}' of {path}; expected one of {suffixes}")
     try:
         around = surroundings(path) if around is None else around
-        frame = reader(path, intrinsics, depth_scale, around)
-        if frame.colour is not None:
-            return frame
-        return replace(frame, colour=_picture(around.colour, frame.depth.shape))
+        content = reader(path, intrinsics, depth_scale, around)
+        content = _with_picture(content, _colour_file(path) or around.colour)
+        return assembled(content, depth_scale, path.name, path.stem)
     except DAMAGED_PICTURE as error:
         raise InputError(f"cannot read {path}: {unreadable(error, _COMPLETE)}") from error
+
+
+def lens_of_image(path: Path, intrinsics: Intrinsics | None = None) -> Lens | None:
+    """The lens by which `read_frame` undistorts an image; None if there is none.
+
+    Raises:
+        InputError: the intrinsics are unusable.
+    """
+    if intrinsics is not None:
+        return calibration_of(intrinsics, path.name).lens
+    around = surroundings(path)
+    if path.suffix.lower() == ".npz" or around.matrix is not None:
+        return None
+    file = _beside(path, around)
+    return None if file is None else read_calibration(file).lens
 
 
 def read_labels(path: Path | str) -> NDArray[np.int32] | None:
@@ -160,25 +176,30 @@ def decode_labels(coded: Array) -> NDArray[np.int32]:
 
 def _read_npz(
     path: Path, intrinsics: Intrinsics | None, depth_scale: float | None, _: Surroundings
-) -> Frame:
+) -> Content:
     with np.load(path, allow_pickle=False) as file:
         content = {key: file[key] for key in file.files}
-    depth = _npz_depth(content, path, depth_scale)
+    depth, unit = _npz_depth(content, path, depth_scale)
     if "K" not in content and intrinsics is None:
         raise InputError(
             f"{path} has no intrinsics K (3, 3); store them in it or give run.intrinsics=PATH"
         )
-    matrix = content["K"] if intrinsics is None else _checked_matrix(intrinsics, path, depth.shape)
-    return _frame(depth, matrix, path, colour=content.get("rgb"), labels=_npz_labels(content, path))
+    calibration = (
+        Calibration(content["K"]) if intrinsics is None else calibration_of(intrinsics, path.name)
+    )
+    return Content(depth, calibration, unit, content.get("rgb"), _npz_labels(content, path))
 
 
-def _npz_depth(content: dict[str, Array], path: Path, depth_scale: float | None) -> Array:
+def _npz_depth(
+    content: dict[str, Array], path: Path, depth_scale: float | None
+) -> tuple[Array, float]:
+    """Depth (H, W), and metres per unit if it is in whole numbers."""
     if "depth_mm" in content:
         if depth_scale is not None:
             raise unused_scale(depth_scale, path.name, "depth_mm is in millimetres")
-        return metres(content["depth_mm"], None, path.name, unit=1.0) / np.float32(1000)
+        return metres(content["depth_mm"], None, path.name, unit=1.0) / np.float32(1000), 1.0
     if "depth" in content:
-        return metres(content["depth"], depth_scale, path.name, unit=1.0)
+        return content["depth"], 1.0
     keys = ", ".join(content) or "nothing"
     raise InputError(
         f"{path} holds {keys}, no depth; store depth_mm (millimetres) or depth (metres)"
@@ -204,34 +225,31 @@ def _holds_integers(values: Array) -> bool:
 
 def _read_png(
     path: Path, intrinsics: Intrinsics | None, depth_scale: float | None, around: Surroundings
-) -> Frame:
+) -> Content:
     with Image.open(path) as image:
         if not image.mode.startswith("I"):
             raise InputError(
                 f"{path} is a picture of mode {image.mode}; a depth image has one 16-bit channel"
             )
         values = np.array(image)
-    depth = metres(values, depth_scale, path.name, around.scale)
-    return _frame(depth, _matrix(path, intrinsics, values.shape, around), path)
+    return Content(values, _calibration(path, intrinsics, values, around), around.scale)
 
 
 def _read_npy(
     path: Path, intrinsics: Intrinsics | None, depth_scale: float | None, around: Surroundings
-) -> Frame:
+) -> Content:
     values = np.load(path, allow_pickle=False)
-    depth = metres(values, depth_scale, path.name, around.scale)
-    return _frame(depth, _matrix(path, intrinsics, values.shape, around), path)
+    return Content(values, _calibration(path, intrinsics, values, around), around.scale)
 
 
 def _read_exr(
     path: Path, intrinsics: Intrinsics | None, depth_scale: float | None, around: Surroundings
-) -> Frame:
+) -> Content:
     values = read_exr(path)
-    depth = metres(values, depth_scale, path.name)
-    return _frame(depth, _matrix(path, intrinsics, values.shape, around), path)
+    return Content(values, _calibration(path, intrinsics, values, around))
 
 
-_READERS: dict[str, Callable[[Path, Intrinsics | None, float | None, Surroundings], Frame]] = {
+_READERS: dict[str, Callable[[Path, Intrinsics | None, float | None, Surroundings], Content]] = {
     ".npz": _read_npz,
     ".png": _read_png,
     ".npy": _read_npy,
@@ -239,57 +257,37 @@ _READERS: dict[str, Callable[[Path, Intrinsics | None, float | None, Surrounding
 }
 
 
-def _frame(
-    depth: Array,
-    matrix: Array,
-    path: Path,
-    colour: Array | None = None,
-    labels: Array | None = None,
-) -> Frame:
-    depth = check_depth(depth, path.name)
-    height, width = depth.shape
-    camera = camera_from_matrix(matrix, height, width, path.name)
-    if colour is None:
-        colour = _read_colour(path, depth.shape)
-    if colour is not None:
-        check_colour(colour, depth.shape, path.name)
-    if labels is not None and labels.shape != depth.shape:
-        raise InputError(
-            f"labels of {path.name} has shape {labels.shape}, its depth {depth.shape}; "
-            "both must be aligned images of the same size"
-        )
-    return Frame(depth, camera, colour, labels, path.stem)
-
-
-def _checked_matrix(intrinsics: Intrinsics, path: Path, shape: tuple[int, ...]) -> Array:
-    matrix = intrinsic_matrix(intrinsics, path.name)
-    if len(shape) == 2:
-        require_size(intrinsics, *shape, path.name)
-    return matrix
-
-
-def _matrix(
-    path: Path, intrinsics: Intrinsics | None, shape: tuple[int, ...], around: Surroundings
-) -> Array:
+def _calibration(
+    path: Path, intrinsics: Intrinsics | None, values: Array, around: Surroundings
+) -> Calibration:
+    """What is given or lies beside, of the image's size where its format says how it is scaled."""
     if intrinsics is not None:
-        return _checked_matrix(intrinsics, path, shape)
+        return calibration_of(intrinsics, path.name)
     if around.matrix is not None:
-        return around.matrix
-    stems = (path.stem, f"{path.stem}.intrinsics", *_INTRINSICS_STEMS)
-    for folder in filter(None, (path.parent, around.root)):
-        for stem in stems:
-            for suffix in _INTRINSICS_SUFFIXES:
-                candidate = folder / (stem + suffix)
-                if candidate.is_file():
-                    return _checked_matrix(candidate, path, shape)
+        return Calibration(around.matrix)
+    file = _beside(path, around)
+    if file is not None:
+        return read_calibration(file)
+    camera = record3d_calibration(_folders(path, around), path)
+    if camera is not None:
+        return camera.resized(*values.shape[1::-1])
     raise InputError(
         f"no intrinsics for {path}; put {path.stem}.json or intrinsics.json with fx, fy, cx, cy "
         "beside it, or give run.intrinsics=PATH"
     )
 
 
-def _read_colour(path: Path, shape: tuple[int, ...]) -> NDArray[np.uint8] | None:
-    """The colour image beside a depth image, None if there is none of the same size."""
+def _folders(path: Path, around: Surroundings) -> list[Path]:
+    return [folder for folder in (path.parent, around.root) if folder is not None]
+
+
+def _beside(path: Path, around: Surroundings) -> Path | None:
+    """The file with intrinsics beside an image."""
+    return intrinsics_file(_folders(path, around), (path.stem, f"{path.stem}.intrinsics"))
+
+
+def _colour_file(path: Path) -> Path | None:
+    """The colour image beside a depth image, None if there is none."""
     names = [path.stem + suffix for suffix in _COLOUR_SUFFIXES]
     if "depth" in path.stem:
         names += [
@@ -298,15 +296,23 @@ def _read_colour(path: Path, shape: tuple[int, ...]) -> NDArray[np.uint8] | None
             for suffix in (".png", ".jpg", ".jpeg")
         ]
     paths = (path.with_name(name) for name in names if path.with_name(name).is_file())
-    return _picture(next(paths, None), shape)
+    return next(paths, None)
 
 
-def _picture(path: Path | None, shape: tuple[int, ...]) -> NDArray[np.uint8] | None:
-    if path is None:
-        return None
+def _with_picture(content: Content, path: Path | None) -> Content:
+    """With the colours of a picture, if it has the size of the depth."""
+    if path is None or content.colour is not None:
+        return content
     with Image.open(path) as image:
         colour = np.array(image.convert("RGB"))
-    return colour if colour.shape[:2] == tuple(shape) else None
+    shape = content.depth.shape[:2]
+    if colour.shape[:2] == shape:
+        return replace(content, colour=colour)
+    note = (
+        f"colour {path.name} is left out: it has {colour.shape[1]} x {colour.shape[0]} pixels, "
+        f"depth {shape[1]} x {shape[0]}; align it to depth with your camera's software"
+    )
+    return replace(content, notes=(*content.notes, note))
 
 
 def _is_depth_image(path: Path) -> bool:

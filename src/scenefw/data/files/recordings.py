@@ -85,6 +85,14 @@ class NumberedFrames(Protocol):
         """One frame."""
 
 
+_SAMPLED = 8
+
+
+def sampled(numbers: range) -> list[int]:
+    """Some numbers of frames, spread over a recording."""
+    return [numbers[n] for n in np.unique(np.linspace(0, len(numbers) - 1, _SAMPLED).astype(int))]
+
+
 class MeasuredFrames:
     """Frames of a sequence without those in which nothing is measured, as of a covered lens.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,43 +14,30 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from scenefw.core.errors import InputError
-from scenefw.core.files import in_order, unreadable, write_text
+from scenefw.core.files import in_order, write_text
 from scenefw.core.folders import replacing_folder
 from scenefw.core.labels import UNKNOWN
 from scenefw.core.types import Frame
 from scenefw.data.files import poses as pose_files
+from scenefw.data.files import record3d
 from scenefw.data.files.image_poses import folder_poses, no_poses, require_times
-from scenefw.data.files.intrinsics import read_intrinsics
+from scenefw.data.files.intrinsics import intrinsics_file, read_calibration
 from scenefw.data.files.layouts import TUM_UNIT, Surroundings
-from scenefw.data.files.pictures import DAMAGED_PICTURE
-from scenefw.data.files.readers import read_frame
+from scenefw.data.files.pose_conventions import check_conventions, converted
+from scenefw.data.files.sequence_frames import IGNORED, Entry, FrameFiles, require_size
+from scenefw.data.files.timed_lines import nearest_times, timed_lines, timed_poses
 
-IGNORED = 255
-"""Value of unknown pixels in an image of labels."""
-
-_INTRINSICS = tuple(
-    f"{stem}{suffix}"
-    for stem in ("intrinsics", "camera", "K")
-    for suffix in (".json", ".yaml", ".yml", ".txt")
-)
 _COLOURS = ("rgb", "colour", "color")
+_DEPTHS = (".png", ".npy", ".exr")
 _IMAGES = (".png", ".jpg", ".jpeg")
-
-
-@dataclass(frozen=True)
-class _Entry:
-    """Files of one frame and its pose."""
-
-    depth: Path
-    colour: Path | None
-    labels: Path | None
-    pose: NDArray[np.float64] | None
 
 
 class _Sequence(ABC):
     """Numbered frames; a subclass finds their files."""
 
-    _frames: _Frames
+    _frames: FrameFiles
+    notes: tuple[str, ...]
+    """What the files left open and how they were read, a line each."""
 
     @abstractmethod
     def __init__(self, path: Path | str) -> None: ...
@@ -72,21 +59,41 @@ class _Sequence(ABC):
         """All frames in order."""
         return (self[i] for i in range(len(self)))
 
+    def _check_poses(
+        self,
+        path: Path,
+        file_poses: Sequence[NDArray[np.float64]],
+        convention: str,
+        largest_jump: float | None,
+    ) -> None:
+        """Raises an InputError if the poses are of another convention or unit, or jump."""
+        entries = self._frames.entries
+        if len(file_poses) < len(entries):
+            return
+        names = [entry.depth.stem for entry in entries]
+        self.notes += check_conventions(self, file_poses, names, str(path), convention)
+        pose_files.require_metres(self.poses, str(path))
+        if largest_jump is not None:
+            numbers = [entry.number for entry in entries]
+            pose_files.require_smooth(self.poses, largest_jump, str(path), numbers)
+
 
 class RGBDFolder(_Sequence):
     """A folder with `depth/`, maybe `rgb/` and `labels/`, `poses.txt` and an intrinsics file.
 
-    Depth images are 16-bit .png or .npy, in the order of their names, 2 before 10; colours and
-    labels have the same names (labels: 8-bit .png of class ids, 255 = unknown). `poses.txt` holds
-    one camera-to-world pose per depth image: 16 or 12 numbers row by row, or x y z qx qy qz qw,
-    in the same order, or in any if each line begins with the name of its image. `poses/NAME.txt`,
-    one file per depth image, does as well.
+    Depth images are 16-bit .png, .npy or .exr, in the order of their names, 2 before 10; colours
+    and labels have the same names (labels: 8-bit .png of class ids, 255 = unknown). `poses.txt`
+    holds one camera-to-world pose per depth image: 16 or 12 numbers row by row, or x y z qx qy qz
+    qw, in the same order, or in any if each line begins with the name of its image.
+    `poses/NAME.txt`, one file per depth image, does as well, and so do the folders that ScanNet and
+    Record3D export. Images whose pose is not finite are left out.
 
     Args:
         path: the folder.
         intrinsics: file; None = intrinsics.json (.yaml, .txt), camera.* or K.* in the folder.
         depth_scale: metres per unit of integer depth; None = 0.001. An error with floats.
         largest_jump: most that the camera moves between two frames (m); None = any.
+        poses: convention of the poses, as `pose_conventions.converted` takes it.
         require_poses: raise an error if there are none, instead of frames at the origin.
 
     Raises:
@@ -99,6 +106,7 @@ class RGBDFolder(_Sequence):
         intrinsics: Path | str | None = None,
         depth_scale: float | None = None,
         largest_jump: float | None = 0.2,
+        poses: str = "opencv",
         *,
         require_poses: bool = True,
     ) -> None:
@@ -106,13 +114,30 @@ class RGBDFolder(_Sequence):
         folder = path / "depth"
         if not folder.is_dir():
             raise InputError(f"no folder {folder}; expected depth/, rgb/ and poses.txt in {path}")
-        depths = [file for file in in_order(folder.iterdir()) if file.suffix in (".png", ".npy")]
+        depths = [file for file in in_order(folder.iterdir()) if file.suffix in _DEPTHS]
         if not depths:
-            raise InputError(f"no depth image in {folder}; expected 16-bit .png or .npy files")
-        poses = folder_poses(path, depths, largest_jump, require_poses)
+            raise InputError(
+                f"no depth image in {folder}; expected 16-bit .png, .npy or .exr files"
+            )
+        file_poses = folder_poses(path, depths, require=require_poses)
         colours, labels = _beside(path, _COLOURS, depths), _beside(path, ("labels",), depths)
-        entries = [_Entry(*parts) for parts in zip(depths, colours, labels, poses, strict=True)]
-        self._frames = _Frames(entries, _intrinsics(path, intrinsics), depth_scale, Surroundings())
+        matrices: Sequence[NDArray[np.float64] | None] = [None] * len(depths)
+        self.notes, ordered = (), True
+        if file_poses is not None:
+            matrices, self.notes = file_poses.poses, file_poses.notes
+            ordered = file_poses.ordered
+        entries = [
+            Entry(number, depth, colour, label, None if pose is None else converted(pose, poses))
+            for number, (depth, colour, label, pose) in enumerate(
+                zip(depths, colours, labels, matrices, strict=True)
+            )
+            if pose is not None or file_poses is None
+        ]
+        self._frames = FrameFiles(
+            entries, _intrinsics(path, intrinsics), depth_scale, Surroundings(root=path)
+        )
+        valid = [pose for pose in matrices if pose is not None]
+        self._check_poses(path, valid, poses, largest_jump if ordered else None)
 
 
 class TUMSequence(_Sequence):
@@ -129,6 +154,7 @@ class TUMSequence(_Sequence):
         depth_scale: metres per unit of integer depth; None = 1/5000, the benchmark's.
         largest_jump: most that the camera moves between two frames (m); None = any.
         largest_delay: most between a depth image and its colour image or pose (s).
+        poses: convention of the poses, as `pose_conventions.converted` takes it.
         require_poses: raise an error if there are none, instead of frames at the origin.
 
     Raises:
@@ -142,38 +168,43 @@ class TUMSequence(_Sequence):
         depth_scale: float | None = None,
         largest_jump: float | None = 0.2,
         largest_delay: float = 0.02,
+        poses: str = "opencv",
         *,
         require_poses: bool = True,
     ) -> None:
         path = Path(path)
-        depth_times, depths = _timed(path / "depth.txt")
-        colour_times, colours = _timed(path / "rgb.txt")
+        depth_times, depths = timed_lines(path / "depth.txt")
+        colour_times, colours = timed_lines(path / "rgb.txt")
         require_times(path / "depth.txt", depth_times, depths, largest_delay)
         require_times(path / "rgb.txt", colour_times, colours, largest_delay)
-        colour_of = _nearest(depth_times, colour_times, largest_delay)
-        poses: list[NDArray[np.float64]] = []
+        colour_of = nearest_times(depth_times, colour_times, largest_delay)
+        matrices: list[NDArray[np.float64]] = []
         pose_of = np.full(len(depths), -1)
+        self.notes = ()
         if (path / "groundtruth.txt").is_file():
-            pose_times, poses = _timed_poses(path / "groundtruth.txt")
-            pose_of = _nearest(depth_times, pose_times, largest_delay)
+            reader = pose_files.PoseReader(path / "groundtruth.txt")
+            pose_times, matrices = timed_poses(path / "groundtruth.txt", reader)
+            pose_of = nearest_times(depth_times, pose_times, largest_delay)
+            self.notes = reader.notes
         if require_poses and (pose_of < 0).all():
             raise no_poses(path, "groundtruth.txt", f"poses within {largest_delay} s of an image")
         entries = [
-            _Entry(
+            Entry(
+                number,
                 path / words[0],
                 path / colours[colour][0] if colour >= 0 else None,
                 None,
-                poses[pose] if pose >= 0 else None,
+                converted(matrices[pose], poses) if pose >= 0 else None,
             )
-            for words, colour, pose in zip(depths, colour_of, pose_of, strict=True)
+            for number, (words, colour, pose) in enumerate(
+                zip(depths, colour_of, pose_of, strict=True)
+            )
             if pose >= 0 or not require_poses
         ]
-        entry_poses = [entry.pose for entry in entries if entry.pose is not None]
-        pose_files.require_metres(entry_poses, str(path))
-        if largest_jump is not None:
-            pose_files.require_smooth(entry_poses, largest_jump, str(path))
-        around = Surroundings(TUM_UNIT)
-        self._frames = _Frames(entries, _intrinsics(path, intrinsics), depth_scale, around)
+        around = Surroundings(TUM_UNIT, path)
+        self._frames = FrameFiles(entries, _intrinsics(path, intrinsics), depth_scale, around)
+        valid = [matrices[pose] for pose in pose_of if pose >= 0]
+        self._check_poses(path, valid, poses, largest_jump)
 
 
 def open_sequence(path: Path | str, **options: Any) -> RGBDFolder | TUMSequence:
@@ -219,7 +250,7 @@ def write_sequence(
     with replacing_folder(folder) as new:
         for index, frame in enumerate(frames):
             camera = camera or frame.camera
-            _require_size(frame, camera.width, camera.height)
+            require_size(frame, camera.width, camera.height)
             _write_frame(new, index, frame)
             poses.append(frame.camera.T_world_camera)
         if camera is None:
@@ -242,33 +273,6 @@ def _write_frame(folder: Path, index: int, frame: Frame) -> None:
         _write_image(folder / "labels" / f"{index:06d}.png", labels)
 
 
-@dataclass(frozen=True)
-class _Frames:
-    """Reads the frames of a list of files; all have the size of the first."""
-
-    entries: list[_Entry]
-    intrinsics: Path
-    depth_scale: float | None
-    around: Surroundings
-
-    def read(self, index: int) -> Frame:
-        entry = self.entries[index]
-        frame = read_frame(
-            entry.depth,
-            intrinsics=self.intrinsics,
-            depth_scale=self.depth_scale,
-            around=self.around,
-        )
-        _require_size(frame, *_size(self.entries[0].depth))
-        colour = None if entry.colour is None else _image(entry.colour, "RGB", frame)
-        labels = None
-        if entry.labels is not None:
-            labels = _image(entry.labels, "L", frame).astype(np.int32)
-            labels[labels == IGNORED] = UNKNOWN
-        camera = frame.camera if entry.pose is None else frame.camera.moved(entry.pose)
-        return replace(frame, camera=camera, colour=colour, labels=labels)
-
-
 def _beside(path: Path, names: Sequence[str], depths: list[Path]) -> list[Path | None]:
     """Images of the same names as the depth images in the first of some folders that exists."""
     folder = next((path / name for name in names if (path / name).is_dir()), None)
@@ -284,91 +288,19 @@ def _beside(path: Path, names: Sequence[str], depths: list[Path]) -> list[Path |
     return images
 
 
-def _intrinsics(path: Path, override: Path | str | None) -> Path:
-    candidates = [Path(override)] if override else [path / name for name in _INTRINSICS]
-    intrinsics_file = next((file for file in candidates if file.is_file()), None)
-    if intrinsics_file is None:
+def _intrinsics(path: Path, override: Path | str | None) -> Path | None:
+    """The file with the intrinsics of a sequence; None if its own format says them."""
+    if override is None and (path / record3d.FILE).is_file():
+        return None
+    file = intrinsics_file([path]) if override is None else Path(override)
+    if file is None or not file.is_file():
         raise InputError(
             f"no intrinsics {override or f'in {path}'}; put intrinsics.json with fx, fy, cx, cy "
             "there or give run.intrinsics=PATH (the TUM benchmark's own default: 525, 525, 319.5, "
             "239.5)"
         )
-    read_intrinsics(intrinsics_file)
-    return intrinsics_file
-
-
-def _timed(path: Path) -> tuple[NDArray[np.float64], list[list[str]]]:
-    """Times and the words after them, in the order of time."""
-    lines = pose_files.read_numbers(path)
-    try:
-        times = np.array([float(line[0]) for line in lines])
-    except ValueError as error:
-        raise InputError(
-            f"{path} has a line without a timestamp: {error}; expected 'time ...'"
-        ) from error
-    if not lines or min(len(line) for line in lines) < 2:
-        raise InputError(
-            f"{path} is empty or has a line with only a timestamp; expected 'time file'"
-        )
-    order = np.argsort(times, kind="stable")
-    return times[order], [lines[i][1:] for i in order]
-
-
-def _timed_poses(path: Path) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
-    times, lines = _timed(path)
-    return times, [
-        pose_files.pose_of(words, f"time {time} of {path}")
-        for time, words in zip(times, lines, strict=True)
-    ]
-
-
-def _nearest(
-    times: NDArray[np.float64], candidates: NDArray[np.float64], max_delay: float
-) -> NDArray[np.int64]:
-    """Index of the nearest other time, -1 where none is within `max_delay` seconds."""
-    after = np.clip(np.searchsorted(candidates, times), 1, max(len(candidates) - 1, 1))
-    before = after - 1
-    after = np.minimum(after, len(candidates) - 1)
-    closer = np.abs(candidates[after] - times) < np.abs(candidates[before] - times)
-    nearest = np.where(closer, after, before)
-    return np.where(np.abs(candidates[nearest] - times) <= max_delay, nearest, -1)
-
-
-def _size(path: Path) -> tuple[int, int]:
-    """Width and height of a depth image, from its header if it has one."""
-    try:
-        if path.suffix == ".npy":
-            height, width = np.load(path, mmap_mode="r", allow_pickle=False).shape[:2]
-            return int(width), int(height)
-        with Image.open(path) as image:
-            return image.size
-    except DAMAGED_PICTURE as error:
-        reason = unreadable(error, "is the file complete?")
-        raise InputError(f"cannot read {path}: {reason}") from error
-
-
-def _require_size(frame: Frame, width: int, height: int) -> None:
-    size = (frame.camera.width, frame.camera.height)
-    if size != (width, height):
-        raise InputError(
-            f"frame {frame.name} is {size[0]} x {size[1]} pixels, the first one {width} x "
-            f"{height}; all frames of a sequence must have the same size"
-        )
-
-
-def _image(path: Path, mode: str, frame: Frame) -> NDArray[np.uint8]:
-    try:
-        with Image.open(path) as image:
-            values = np.array(image.convert(mode))
-    except DAMAGED_PICTURE as error:
-        reason = unreadable(error, "is the file complete?")
-        raise InputError(f"cannot read {path}: {reason}") from error
-    if values.shape[:2] != frame.depth.shape:
-        raise InputError(
-            f"{path} has shape {values.shape[:2]}, its depth image {frame.depth.shape}; both must "
-            "be aligned images of one size"
-        )
-    return values
+    read_calibration(file)
+    return file
 
 
 def _write_image(path: Path, values: NDArray[Any]) -> None:

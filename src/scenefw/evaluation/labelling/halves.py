@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.data.files.recordings import MeasuredFrames
+from scenefw.data.files.recordings import MeasuredFrames, sampled
 from scenefw.data.files.sequences import open_sequence
 from scenefw.evaluation.labelling.measures import of_halves
 from scenefw.metrics.repeatability import agreement, chance_agreement, mutual_iou, plane_through
@@ -120,7 +120,8 @@ class LabellingHalves:
         count = min(len(sequence), self.frames or len(sequence))
         if count < 2:
             raise InputError(f"{self.input} has {count} frames to use; two halves need 2 or more")
-        placed = self.placement.begin(MeasuredFrames(sequence, range(count)))
+        sample = MeasuredFrames(sequence, sampled(range(count)))
+        placed = self.placement.begin(MeasuredFrames(sequence, range(count)), sample)
         running = {
             name: (strategy.begin(), strategy.begin()) for name, strategy in self.strategies.items()
         }

@@ -12,6 +12,7 @@ from scenefw.core.errors import InputError
 from scenefw.core.types import Float64, Frame, TriangleMesh
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.kernels.meshes import Tree
+from scenefw.perception.multiview.upright import turned_upright
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.observation.table_frame import TableFrame
 
@@ -64,12 +65,15 @@ class MeshViews:
         """Views of a mesh.
 
         Args:
-            mesh: of a whole scene, z up (m).
+            mesh: of a whole scene (m); z up, or with a table that says what is up.
             name: of the scene.
 
         Raises:
             InputError: nothing stands on the table.
         """
+        rotation, turned = turned_upright(mesh)
+        R = geometry.rigid(rotation, (0.0, 0.0, 0.0))  # noqa: N806
+        mesh = TriangleMesh(geometry.transform_points(R, mesh.vertices), mesh.faces)
         T, note = self._table(mesh, name)  # noqa: N806
         placed_mesh = TriangleMesh(geometry.transform_points(T, mesh.vertices), mesh.faces)
         height = placed_mesh.vertices[:, 2]
@@ -81,8 +85,9 @@ class MeshViews:
                 f"nothing of {name} stands on the table, which is {note}; give a mesh in metres "
                 "with z up"
             )
+        note = "; ".join(filter(None, (note, turned)))
         frames = _views(placed_mesh, self.cameras.around(*_ball(raised_points)), name, table=True)
-        return SeenMesh(placed_mesh, T, tuple(frames), note)
+        return SeenMesh(placed_mesh, T @ R, tuple(frames), note)
 
     def _table(self, mesh: TriangleMesh, name: str) -> tuple[Float64, str]:
         """The transform (4, 4) to table coordinates, and how it was found."""

@@ -64,7 +64,8 @@ def _require_metres(path: Path, vertices: np.ndarray) -> None:
     width = float(np.ptp(vertices, axis=0).max())
     if width > _MAX_WIDTH:
         raise InputError(
-            f"{path} is {width:.0f} m wide; if it is in millimetres, give {_SCALE_SETTING}0.001"
+            f"{path} is {width:.0f} m wide; if it is in millimetres, give {_SCALE_SETTING}0.001, "
+            "in centimetres 0.01"
         )
     if width < _MIN_WIDTH:
         raise InputError(

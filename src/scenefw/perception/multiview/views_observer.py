@@ -60,7 +60,7 @@ class ViewsObserver:
         if mask is not None:
             raise InputError("masks are of one view; leave them out")
         warnings = [line for frame in frames for line in self.doctor.examine_frame(frame)]
-        alignment = self.table.alignment(frames[0], posed=True)
+        alignment = self.table.alignment(frames[0], posed=True, others=frames[1:])
         if not alignment.table:
             warnings.append(alignment.note)
         posed_frames = list(transformed(frames, alignment.T_table_world))
@@ -70,7 +70,7 @@ class ViewsObserver:
         require_agreement([view.partial for view in observations], grid)
         input_camera, output_camera = frames[0].camera, observations[0].camera
         T_views_input = output_camera.T_world_camera @ np.linalg.inv(input_camera.T_world_camera)  # noqa: N806
-        table = "found in the first image" if alignment.note else "the plane z = 0 of the poses"
+        table = "found in the images" if alignment.note else "the plane z = 0 of the poses"
         return Views(observations, T_views_input, tuple(dict.fromkeys(warnings)), table)
 
     def _observation(self, workspace: Workspace, grid: GridSpec) -> Observation:

@@ -32,6 +32,7 @@ class WholeScene:
             up, to those of the frames' poses.
         mesh: in coordinates of the frames' poses.
         note: what was done to get the views, in words.
+        warnings: what its files left open, a line each.
     """
 
     name: str
@@ -39,6 +40,7 @@ class WholeScene:
     T_frames_file: Float64 = field(default_factory=lambda: np.eye(4))
     mesh: TriangleMesh | None = None
     note: str = ""
+    warnings: tuple[str, ...] = ()
 
 
 def scene_name(path: Path | str) -> str:
@@ -85,7 +87,7 @@ def read_whole_scene(
         )
     recording = open_sequence(path, **dict(options or {}))
     frames = [recording[number] for number in distant_views(recording.poses, max_views)]
-    return WholeScene(name, frames)
+    return WholeScene(name, frames, warnings=recording.notes)
 
 
 def distant_views(poses: Sequence[Float64], max_views: int) -> list[int]:

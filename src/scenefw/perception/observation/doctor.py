@@ -131,6 +131,7 @@ class Doctor:
         unit = Check("unit", GOOD, f"the median depth is {median:.2f} m")
         checks = [unit, *_check_intrinsics(frame), self._check_measured(frame)]
         checks += self._check_colour(frame)
+        checks += [Check("file", ODD, *_split(note)) for note in frame.notes]
         return [*checks, *_check_pixels(frame)]
 
     def find_floor(self, frame: Frame, finder: FloorFinding) -> tuple[Floor, list[Check]]:
@@ -342,7 +343,11 @@ def unusable(name: str, error: InputError) -> Check:
 
 def _split_message(error: InputError) -> tuple[str, str]:
     """What is wrong, and what helps: errors say both in one line."""
-    finding, *fixes = _FIX_SEPARATOR.split(str(error), maxsplit=1)
+    return _split(str(error))
+
+
+def _split(line: str) -> tuple[str, str]:
+    finding, *fixes = _FIX_SEPARATOR.split(line, maxsplit=1)
     return finding, "".join(fixes)
 
 

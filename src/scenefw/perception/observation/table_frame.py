@@ -6,6 +6,7 @@ and recorded poses may be of any world, so the floor finder of prediction says w
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from scenefw.core.protocols import FloorFinding
 from scenefw.core.settings import POSITIVE
 from scenefw.core.types import Float64, Frame
 from scenefw.perception.observation.floor import FloorFinder
+from scenefw.perception.observation.main_plane import WorldPlane, main_plane
 from scenefw.perception.observation.points import world_points
 
 _MAX_HEIGHT = 0.3  # m above the table: anything higher is ignored when finding its middle
@@ -70,30 +72,44 @@ class TableFrame:
         pose = self._pose(frame)
         return replace(frame, camera=frame.camera.moved(pose))
 
-    def alignment(self, frame: Frame, *, posed: bool) -> Alignment:
-        """The transform of a sequence to table coordinates, from its first frame.
+    def alignment(self, frame: Frame, *, posed: bool, others: Sequence[Frame] = ()) -> Alignment:
+        """The transform of a sequence to table coordinates.
+
+        The table is the plane on which most of what all frames measured lies; the first frame may
+        show another one.
 
         Args:
             frame: the first, with its pose in the old world.
             posed: whether the old world may be the table's: then it is kept if its plane z = 0
                 holds the table (within `tilt` and `level`), or if no table is found.
+            others: more frames of the recording, with poses in the same world.
 
         Raises:
             InputError: no table is found, and the poses have none either.
         """
-        camera_pose = np.asarray(frame.camera.T_world_camera)
-        try:
-            floor = self.floor.find(frame)
-        except InputError as error:
+        planes: list[WorldPlane] = []
+        errors: list[InputError] = []
+        for view in (frame, *others):
+            try:
+                planes.append(WorldPlane.of(self.floor.find(view), view))
+            except InputError as error:
+                errors.append(error)
+        if not planes:
             if posed:
-                return Alignment(np.eye(4), f"poses are used as they are: {error}", table=False)
-            raise
-        normal = camera_pose[:3, :3] @ floor.normal
-        level = float(normal @ camera_pose[:3, 3]) - floor.height  # of the table along its normal
-        if posed and normal[2] > np.cos(np.radians(self.max_tilt)) and abs(level) < self.max_offset:
+                return Alignment(np.eye(4), f"poses are used as they are: {errors[0]}", table=False)
+            raise errors[0]
+        plane = main_plane(planes)
+        is_level = plane.normal[2] > np.cos(np.radians(self.max_tilt))
+        if posed and is_level and abs(plane.level) < self.max_offset:
             return Alignment(np.eye(4))
         note = "the table was found in the first frame and is the map's plane z = 0"
-        return Alignment(self._pose(frame) @ geometry.inverse(camera_pose), note)
+        if plane.frame is not frame:
+            note = (
+                f"the table was found in frame {plane.frame.name}, as most of the recording shows "
+                "it and the first frame doesn't, and is the map's plane z = 0"
+            )
+        camera_pose = np.asarray(plane.frame.camera.T_world_camera)
+        return Alignment(self._pose(plane.frame) @ geometry.inverse(camera_pose), note)
 
     def _pose(self, frame: Frame) -> Float64:
         """Camera pose in table coordinates, with the origin in the middle of the seen part."""

@@ -1,7 +1,7 @@
 """Places frames of a recording in the coordinates of a new or saved map.
 
-The table is found in one frame alone and kept with the map, since each frame sees another part of
-the table and so another middle of it.
+The table is found once and kept with the map, since each frame sees another part of the table and
+so another middle of it.
 """
 
 from __future__ import annotations
@@ -47,8 +47,13 @@ class Placement:
         self.table = table
         self.odometry = odometry
 
-    def begin(self, frames: Iterable[Frame]) -> Placed:
-        """Frames for a new map, in coordinates of the table in the first frame.
+    def begin(self, frames: Iterable[Frame], sample: Iterable[Frame] = ()) -> Placed:
+        """Frames for a new map, in coordinates of the table.
+
+        Args:
+            frames: to be fused.
+            sample: some of the whole recording, which say what its table is; without poses of
+                their own the first frame does.
 
         Raises:
             InputError: there is no frame, or no table and no pose.
@@ -58,7 +63,8 @@ class Placement:
         if first is None:
             raise InputError("no frame of the recording has a measurement; record it again")
         posed = self.odometry is None
-        alignment = self.table.alignment(first, posed=posed)
+        others = list(sample) if posed else []
+        alignment = self.table.alignment(first, posed=posed, others=others)
         T = alignment.T_table_world  # noqa: N806
         placed_frames = transformed(itertools.chain([first], frames), T)
         return Placed(Recording(T if posed else None), placed_frames, alignment.note)

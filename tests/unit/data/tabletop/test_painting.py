@@ -142,8 +142,9 @@ def test_borders_of_objects_are_ignored(tmp_path):
 
 def test_key_frames_keep_their_own_images(tmp_path):
     known, camera = labelled(tmp_path), cameras()[0]
-    depth = maps.view(known, camera).depth + np.float32(0.002)
-    depth[:10] += 0.1  # something that isn't in the map
+    depth = maps.view(known, camera).depth
+    depth[depth > 0] += np.float32(0.002)
+    depth[:10][depth[:10] > 0] += np.float32(0.1)  # something that isn't in the map
     colour = np.full((48, 64, 3), 7, np.uint8)
     frame = RGBDFolder(write_views(tmp_path / "v", known, [Frame(depth, camera, colour)], 0))[0]
     assert (frame.colour == 7).all()

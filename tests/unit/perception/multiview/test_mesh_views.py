@@ -73,3 +73,13 @@ def test_without_a_table_things_stand_on_their_lowest_point():
 def test_a_table_alone_holds_nothing():
     with pytest.raises(InputError, match="nothing of bare stands on the table"):
         VIEWS.see(boxes(TABLE), "bare")
+
+
+def test_a_mesh_with_y_up_is_turned():
+    y_up = geometry.rigid([[1, 0, 0], [0, 0, 1], [0, -1, 0]], (0.1, 0.2, 0.3))
+    mesh = boxes(*PAIR, table=TABLE)
+    seen = VIEWS.see(moved(mesh, y_up), "pair")
+    assert "faces +y of the file" in seen.note
+    table = geometry.transform_points(seen.T_table_mesh @ y_up, mesh.vertices)
+    np.testing.assert_allclose(table[:, 2], mesh.vertices[:, 2], atol=2e-3)
+    np.testing.assert_allclose(seen.mesh.vertices, table, atol=1e-12)

@@ -58,7 +58,7 @@ def test_poses_may_be_of_any_world(rotation, place):
     scene = pipeline().observe(frames(world=world))
     from_boxes = scene.T_views_input @ world  # from the boxes' own coordinates
     np.testing.assert_allclose(from_boxes[2], (0, 0, 1, 0), atol=2e-3)  # the floor is the floor
-    assert scene.table == "found in the first image"
+    assert scene.table == "found in the images"
     assert not scene.warnings
 
 
