@@ -93,7 +93,8 @@ def _frame(
     name: str,
 ) -> Frame:
     if isinstance(depth, str | Path):
-        frame = read_frame(depth, intrinsics=intrinsics, depth_scale=scale)
+        path = Path(depth).expanduser()
+        frame = read_frame(path, intrinsics=intrinsics, depth_scale=scale)
         if colour is None:
             return frame
         return replace(frame, colour=colour_of(colour, frame.depth.shape, frame.name))
