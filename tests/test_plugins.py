@@ -150,11 +150,12 @@ def test_files_that_are_not_utf8_are_named(scenefw, tmp_path):
     done = scenefw("run=count")
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
-    assert f"{option} is not UTF-8 in line 1" in line
+    assert f"{option}: line 1 is not UTF-8" in line
     project = folder / "pyproject.toml"
     project.write_bytes(project.read_bytes() + '# "é"'.encode("latin-1"))
     (line,) = (line for line in scenefw("--list", "grid").stderr.splitlines() if "left out" in line)
-    assert f"{project} is not UTF-8 in line" in line
+    assert str(folder) in line
+    assert "pyproject.toml: line " in line
 
 
 def test_a_broken_option_is_named_and_hides_no_other(scenefw, tmp_path):
@@ -216,3 +217,9 @@ def test_an_installed_plugin_is_found_without_its_folder(installed, tmp_path):
     assert "point_cloud" in done.stdout
     assert str(installed) in done.stdout
     assert done.stdout.split()[-1] == "PointClouds"
+
+
+def test_a_folder_of_plugins_that_is_a_link_to_itself_has_none(tmp_path, monkeypatch):
+    (tmp_path / "plugins").symlink_to(tmp_path / "plugins")
+    monkeypatch.setenv("SCENEFW_PLUGINS", str(tmp_path / "plugins"))
+    assert "object_count" in [plugin.name for plugin in plugins.find()]

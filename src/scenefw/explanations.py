@@ -135,7 +135,7 @@ def _encoding_fault(path: Path) -> str | None:
     try:
         utf8_text(path)
     except ValueError as error:
-        return str(error)
+        return f"{path}: {error}"
     return None
 
 

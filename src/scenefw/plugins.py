@@ -17,6 +17,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 from scenefw.config import conf_dir, files_in, is_option, package_dir, search_also
 from scenefw.core import assets
@@ -113,7 +114,8 @@ def search_folders() -> list[Path]:
     paths = os.environ.get("SCENEFW_PLUGINS", "").split(os.pathsep)
     listed = [Path(os.path.expanduser(path)) for path in paths if path]  # noqa: PTH111 - no error
     folders = [*listed, Path("plugins"), conf_dir().parent / "plugins"]
-    return list(dict.fromkeys(folder.resolve() for folder in folders))
+    # `resolve` fails on links in a circle
+    return list(dict.fromkeys(Path(os.path.realpath(folder)) for folder in folders))
 
 
 def refuse_clashes(plugins: Sequence[Plugin]) -> None:
@@ -146,7 +148,7 @@ def _tolerated(folder: Path) -> Iterator[Plugin]:
 
 
 def _read(folder: Path) -> Plugin:
-    project = tomllib.loads(utf8_text(folder / "pyproject.toml"))
+    project = _toml(folder / "pyproject.toml")
     declared = project.get("project", {}).get("entry-points", {}).get(ENTRY_POINTS)
     if not declared:
         raise ValueError(f'pyproject.toml has no [project.entry-points."{ENTRY_POINTS}"]')
@@ -158,6 +160,13 @@ def _read(folder: Path) -> Plugin:
             )
     source = folder / "src"
     return Plugin(name, package, folder / "conf", source, source / package / "assets")
+
+
+def _toml(file: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(utf8_text(file))
+    except (ValueError, RecursionError) as error:  # nested without end
+        raise ValueError(f"{file.name}: {str(error) or type(error).__name__}") from error
 
 
 def _hint(package: Path) -> str:

@@ -116,7 +116,7 @@ def utf8_text(path: Path) -> str:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
-        raise ValueError(f"{path} is not UTF-8 in line {line}; save it as UTF-8") from error
+        raise ValueError(f"line {line} is not UTF-8; save it as UTF-8") from error
 
 
 def write_text(target: Path | str, text: str) -> None:

@@ -22,8 +22,6 @@ from scenefw.data.files.intrinsics import (
 from scenefw.data.files.pictures import DAMAGED_PICTURE
 from scenefw.data.files.poses import pose_of
 
-_ONE_IMAGE = "of several masks make one image, 1 where the first object is, 2 where the second is"
-
 
 def frame_of(
     depth: ArrayLike,
@@ -87,12 +85,6 @@ def mask_of(mask: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray[np.bo
     return values if values.dtype == np.bool_ else np.maximum(values, 0).astype(np.int32)
 
 
-def _of_several(masks: tuple[int, ...], image: tuple[int, ...]) -> str:
-    """What to do with a stack of masks, first or last axis."""
-    stacked = len(masks) == 3 and tuple(image) in (masks[1:], masks[:2])
-    return f"; {_ONE_IMAGE}" if stacked else ""
-
-
 def read_mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_] | Int32:
     """A mask from a picture with one channel of 8 or 16 bits, as `mask_of` gives it.
 
@@ -137,6 +129,15 @@ def _rigid(pose: ArrayLike, name: str) -> NDArray[np.float64]:
             f"pose of {name} has shape {matrix.shape}; give a 4 x 4 matrix, camera to world"
         )
     return pose_of([str(value) for value in matrix.ravel()], f"pose of {name}")
+
+
+_ONE_IMAGE = "of several masks make one image, 1 where the first object is, 2 where the second is"
+
+
+def _of_several(masks: tuple[int, ...], image: tuple[int, ...]) -> str:
+    """What to do with a stack of masks, first or last axis."""
+    stacked = len(masks) == 3 and tuple(image) in (masks[1:], masks[:2])
+    return f"; {_ONE_IMAGE}" if stacked else ""
 
 
 def _array(values: Any, quantity: str, name: str) -> NDArray[Any]:
