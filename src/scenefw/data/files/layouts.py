@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenefw.core.errors import InputError
-from scenefw.core.files import utf8_text
 from scenefw.data.files.poses import read_numbers
 
 MILLIMETRES = 0.001
@@ -65,7 +64,7 @@ def surroundings(path: Path) -> Surroundings:
 def _bop(path: Path, root: Path) -> Surroundings:
     file = root / "scene_camera.json"
     try:
-        cameras = json.loads(utf8_text(file))
+        cameras = json.loads(file.read_text(encoding="utf-8"))
         camera = cameras[str(int(path.stem))]
         matrix = np.array(camera["cam_K"], np.float64).reshape(3, 3)
         scale = float(camera.get("depth_scale", 1.0)) * MILLIMETRES
