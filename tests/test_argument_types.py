@@ -1,5 +1,6 @@
 """Values of a wrong kind are found before the work, and the line names what the user has set."""
 
+import re
 import sys
 from types import ModuleType
 
@@ -8,9 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
-from scenefw import config
+from scenefw import config, registry
 from scenefw.argument_types import check_types
 from scenefw.core.errors import ConfigError
+from scenefw.execution.parts import require_types
 
 # As components are written: annotations are strings, others are objects
 COMPONENT = """
@@ -159,7 +161,7 @@ def test_settings_of_a_training(words, expected):
         ("run=train dataset=tabletop", r"^dataset is a TabletopScenes, .* expected a TrainingData"),
         (
             "run=predict run.pipeline=3",
-            r"^run\.pipeline is 3; expected a part \(ReconstructionPipeline\), whose",
+            r"^run\.pipeline is 3; expected a part \(ReconstructionPipeline\)$",
         ),
         (
             "run=predict completion.checkpoint=my.safetensors",
@@ -180,3 +182,22 @@ def test_each_of_several_parts_is_looked_at():
     whole.noise.gaussian = {"_target_": "scenefw.mapping.odometry.RGBDOdometry"}
     with pytest.raises(ConfigError, match=r"^noise\.gaussian is a RGBDOdometry"):
         check_types(whole, "run")
+
+
+@pytest.mark.parametrize(
+    ("words", "place"),
+    [
+        ("run=predict run.pipeline=3", "reconstructor"),
+        ("run=view run.pipeline=default", "reconstructor"),
+        ("run=predict observer.workspace=2", "observer.workspace"),
+        ("run=predict reconstructor.completion=x", "completion"),
+        ("run=doctor run.examiner=3", "run.examiner"),
+        ("run=decompose run.meshes=3", "run.meshes"),
+        ("run=decompose run.pipeline.grouping=3", "run.pipeline.grouping"),
+    ],
+)
+def test_the_settings_of_a_part_are_named_where_they_can_be_typed(words, place):
+    overrides = words.split()
+    options = {group: sorted(names) for group, names in registry.catalogue().items()}
+    with pytest.raises(ConfigError, match=rf"give its settings as {re.escape(place)}\.NAME="):
+        require_types(config.compose(overrides), "run", overrides, options)

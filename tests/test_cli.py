@@ -295,10 +295,25 @@ def test_a_sweep_goes_on_after_a_run_that_is_incomplete(nil, tmp_path):
     assert len(list((tmp_path / "out").glob("*/metrics.json"))) == 2
 
 
+@pytest.mark.parametrize("flag", ["-m", "--multirun"])
+def test_a_sweep_may_be_asked_for_between_overrides(nil, tmp_path, flag):
+    done = nil("run=nil", flag, "seed=1,2", "device=cpu", "paths.output=out")
+    assert done.returncode == 0, done.stderr
+    assert len(list((tmp_path / "out").glob("*/metrics.json"))) == 2
+
+
+@pytest.mark.parametrize("value", ["~/blocks", "'~/blocks'"])
+def test_the_home_is_put_into_paths(nil, tmp_path, value):
+    done = nil("run=nil", f"paths.output={value}", "device=cpu", env={"HOME": str(tmp_path)})
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "blocks" / "metrics.json").is_file()
+
+
 def test_v_shows_the_traceback(nil):
     done = nil("run=nil", "run.trouble=running", "-v", "device=cpu")
-    assert done.returncode != 0
+    assert done.returncode == 2
     assert "Traceback" in done.stderr
+    assert done.stderr.splitlines()[-1] == "error: a value of 5 is no good; give 6"
 
 
 def test_a_fault_of_the_program_keeps_its_traceback(nil):

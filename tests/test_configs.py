@@ -17,6 +17,7 @@ from tests.composed import as_typed, base, changes_others, chosen
 from scenefw import config, plugins, registry
 from scenefw.argument_types import check_types
 from scenefw.core.errors import ConfigError
+from scenefw.explanations import explain
 
 ROOT = Path(__file__).parents[1]
 OPTIONS = [
@@ -264,7 +265,7 @@ def test_what_nothing_chooses_is_named(missing):
     with pytest.raises(InterpolationKeyError) as raised:
         OmegaConf.to_container(whole.run, resolve=True)
     options = {group: sorted(found) for group, found in registry.catalogue().items()}
-    line = str(config.explain(raised.value, [], options))
+    line = str(explain(raised.value, [], options))
     assert line.startswith(f"no {missing} is chosen; give {missing}=")
 
 

@@ -74,6 +74,90 @@ def test_faulty_code_of_a_plugin_hurts_only_those_who_use_it(scenefw, tmp_path):
     assert "scenefw_bad" in done.stderr
 
 
+@pytest.mark.parametrize(
+    ("code", "word"),
+    [
+        ("import no_such_library", "install the package that has no_such_library"),
+        ("import json.no_such_module", "No module named 'json.no_such_module'"),
+        ("from json import no_such_name", "cannot import name 'no_such_name'"),
+        ("raise SystemExit(7)", "SystemExit: 7"),
+    ],
+)
+def test_what_keeps_a_module_from_being_imported_is_told(scenefw, tmp_path, code, word):
+    write_plugin(tmp_path / "plugins" / "bad", "bad", "run/bad", f"{code}\n")
+    done = scenefw("run=bad", "device=cpu", "paths.output=out")
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert "scenefw_bad.count.Count" in line
+    assert word in line
+    verbose = scenefw("run=bad", "device=cpu", "paths.output=out", "-v")
+    assert verbose.returncode == 2
+    assert "Traceback" in verbose.stderr
+    assert verbose.stderr.splitlines()[-1] == line
+
+
+@pytest.mark.parametrize("same", ["name", "package"])
+def test_of_two_plugins_with_one_name_the_second_is_left_out_with_a_word(scenefw, tmp_path, same):
+    write_plugin(tmp_path / "plugins" / "a", "counting")
+    other = write_plugin(tmp_path / "plugins" / "b", "counting", "run/second")
+    project = (other / "pyproject.toml").read_text()
+    if same == "package":
+        project = project.replace('counting = "', 'second = "')
+    else:
+        project = project.replace('"scenefw_counting"', '"scenefw_second"')
+        (other / "src" / "scenefw_counting").rename(other / "src" / "scenefw_second")
+    (other / "pyproject.toml").write_text(project)
+    assert scenefw("run=count", "device=cpu", "paths.output=out").returncode == 0
+    done = scenefw("run=second", "device=cpu", "paths.output=out")
+    assert done.returncode == 2
+    (line,) = (line for line in done.stderr.splitlines() if "left out" in line)
+    assert str(other) in line
+    assert f"has its {same} " in line
+
+
+def test_a_package_with_the_name_of_a_library_is_left_out_with_a_word(scenefw, tmp_path):
+    folder = write_plugin(tmp_path / "plugins" / "counting")
+    (folder / "src" / "scenefw_counting").rename(folder / "src" / "json")
+    project = (folder / "pyproject.toml").read_text().replace("scenefw_counting", "json")
+    (folder / "pyproject.toml").write_text(project)
+    done = scenefw("run=count")
+    assert done.returncode == 2
+    (line,) = (line for line in done.stderr.splitlines() if "left out" in line)
+    assert "rename the package" in line
+    assert scenefw("--list", "grid").returncode == 0
+
+
+def test_a_package_with_a_dash_works_or_is_told(scenefw, tmp_path):
+    folder = write_plugin(tmp_path / "plugins" / "scenefw-counting")
+    project = (folder / "pyproject.toml").read_text()
+    (folder / "pyproject.toml").write_text(
+        project.replace('"scenefw_counting"', '"scenefw-counting"')
+    )
+    done = scenefw("run=count")
+    (line,) = (line for line in done.stderr.splitlines() if "left out" in line)
+    assert "the package is scenefw_counting" in line
+    (folder / "src" / "scenefw_counting").rename(folder / "src" / "scenefw-counting")
+    option = folder / "conf" / "run" / "count.yaml"
+    option.write_text(option.read_text().replace("scenefw_counting", "scenefw-counting"))
+    done = scenefw("run=count", "device=cpu", "paths.output=out")
+    assert done.returncode == 0, done.stderr
+
+
+def test_files_that_are_not_utf8_are_named(scenefw, tmp_path):
+    folder = write_plugin(tmp_path / "plugins" / "counting")
+    option = folder / "conf" / "run" / "count.yaml"
+    option.write_bytes("# Zählt\n".encode("latin-1") + option.read_bytes())
+    done = scenefw("run=count")
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert f"{option}: line 1 is not UTF-8" in line
+    project = folder / "pyproject.toml"
+    project.write_bytes(project.read_bytes() + '# "é"'.encode("latin-1"))
+    (line,) = (line for line in scenefw("--list", "grid").stderr.splitlines() if "left out" in line)
+    assert str(folder) in line
+    assert "pyproject.toml: line " in line
+
+
 def test_a_broken_option_is_named_and_hides_no_other(scenefw, tmp_path):
     write_plugin(tmp_path / "plugins" / "bad", "bad", "loss/bad")
     (file := tmp_path / "plugins" / "bad" / "conf" / "loss" / "bad.yaml").write_text("a: [")
@@ -133,3 +217,9 @@ def test_an_installed_plugin_is_found_without_its_folder(installed, tmp_path):
     assert "point_cloud" in done.stdout
     assert str(installed) in done.stdout
     assert done.stdout.split()[-1] == "PointClouds"
+
+
+def test_a_folder_of_plugins_that_is_a_link_to_itself_has_none(tmp_path, monkeypatch):
+    (tmp_path / "plugins").symlink_to(tmp_path / "plugins")
+    monkeypatch.setenv("SCENEFW_PLUGINS", str(tmp_path / "plugins"))
+    assert "object_count" in [plugin.name for plugin in plugins.find()]

@@ -1,9 +1,10 @@
 """Who types a name that a setting or an option had before is told the new one."""
 
 import pytest
+from omegaconf import OmegaConf
 
 from scenefw import config, registry
-from scenefw.renamed_settings import OPTIONS, new_name
+from scenefw.renamed_settings import OPTIONS, VIEWS, new_name
 
 
 @pytest.mark.parametrize("new", sorted(set(OPTIONS.values())))
@@ -53,3 +54,34 @@ def test_an_old_name_is_one_line_and_status_2(scenefw, tmp_path, old, new):
     (line,) = done.stderr.strip().splitlines()
     assert f"{old} has another name now; give {new} " in line
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("key", "alone", "views"),
+    [
+        (
+            "run.pipeline.doctor.nearest",
+            "observer.doctor.min_distance",
+            "run.pipeline.observer.doctor.min_distance",
+        ),
+        (
+            "run.pipeline.workspace.least_height",
+            "observer.workspace.min_height",
+            "run.pipeline.observer.workspace.min_height",
+        ),
+        ("run.pipeline.mapping.truncation", "mapping.truncation", "mapping.truncation"),
+        ("run.pipeline.floor", "floor", "run.pipeline.observer.table"),
+        ("run.pipeline.samples", "reconstructor.samples", None),
+        ("checkpoints.sets", "checkpoints.set_extents", "checkpoints.set_extents"),
+    ],
+)
+def test_one_view_and_several_have_their_own_names(key, alone, views):
+    assert new_name(key, "1") == alone
+    assert new_name(key, "1", views=True) == views
+
+
+@pytest.mark.parametrize("old", VIEWS)
+def test_new_names_of_several_views_can_be_set(old):
+    settings = config.compose(["run=decompose"])
+    new = new_name(old, "", views=True)
+    assert OmegaConf.select(settings, new) is not None

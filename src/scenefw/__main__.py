@@ -11,10 +11,12 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from scenefw import config, plugins, registry
+from scenefw.command_words import with_flags_first, with_homes
 from scenefw.core.errors import ConfigError, IncompleteError, SceneFWError
 from scenefw.core.signals import Terminated, raise_on_sigterm
 from scenefw.core.streams import end_if_unread, ending_quietly
 from scenefw.core.versions import installed
+from scenefw.explanations import explain
 
 if TYPE_CHECKING:
     from omegaconf import DictConfig
@@ -141,7 +143,7 @@ def _run() -> None:
 
     from scenefw.execution.made_folders import empty_ones_removed
 
-    _require_flags(sys.argv[1:])
+    sys.argv[1:] = with_homes(with_flags_first(sys.argv[1:]))
     plugins.activate()
     config.compose_once(sys.argv[1:], registry.folders())
     start = hydra.main(
@@ -151,15 +153,6 @@ def _run() -> None:
         start(_task)()
     if _incomplete:
         sys.exit(2)
-
-
-def _require_flags(words: list[str]) -> None:
-    """Refuses what begins with a dash and nobody knows, in one line; Hydra prints its usage."""
-    from hydra._internal.utils import get_args_parser
-
-    _, unknown = get_args_parser().parse_known_args(words)
-    if unknown:
-        raise ConfigError(f"there is no option {unknown[0]}; --help shows those that there are")
 
 
 def _task(settings: DictConfig) -> Mapping[str, Any]:
@@ -179,12 +172,21 @@ def _task(settings: DictConfig) -> Mapping[str, Any]:
 
 
 def _stop(error: Exception, *, composing: bool = False) -> None:
-    """Ends the process with one line, unless scenefw itself is at fault or -v is given."""
+    """Ends the process with one line, after the traceback if -v is given.
+
+    It does not if scenefw itself is at fault.
+    """
     end_if_unread(error)
-    line = None if os.environ.get(_TRACEBACK) == "1" else _complaint(error, composing)
+    line = _complaint(error, composing)
     if line is not None:
+        if _verbose():
+            traceback.print_exception(error)
         print(f"error: {line}{_place_in_sweep()}", file=sys.stderr)
         sys.exit(2)
+
+
+def _verbose() -> bool:
+    return os.environ.get(_TRACEBACK) == "1"
 
 
 def _place_in_sweep() -> str:
@@ -216,7 +218,7 @@ def _complaint(error: Exception, composing: bool) -> str | None:
     if isinstance(error, OSError) and error.errno in _NO_ROOM:
         return f"cannot write: {error.strerror}; free some space, or give paths.output=FOLDER"
     if composing or type(error).__module__.startswith(("hydra.", "omegaconf.")):
-        return f"{_misconfigured(error)} (-v shows the traceback)"
+        return f"{_misconfigured(error)}{'' if _verbose() else ' (-v shows the traceback)'}"
     return None
 
 
@@ -225,7 +227,7 @@ def _misconfigured(error: Exception) -> ConfigError:
     pairs = zip(["", *words], words, strict=False)
     overrides = [w for before, w in pairs if not w.startswith("-") and before not in _WITH_VALUE]
     options = {group: sorted(names) for group, names in registry.catalogue().items()}
-    return config.explain(error, overrides, options)
+    return explain(error, overrides, options)
 
 
 if __name__ == "__main__":

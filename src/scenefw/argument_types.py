@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
-import pkgutil
 import re
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from scenefw.contracts import PROTOCOLS, wrong_methods
+from scenefw.core.dotted_names import resolve
 from scenefw.core.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -43,6 +44,20 @@ class _Argument(NamedTuple):
     default: Any
 
 
+class PartError(ConfigError):
+    """A plain value where a part is expected.
+
+    Args:
+        setting: its key.
+        value: as typed.
+        kind: of the part.
+    """
+
+    def __init__(self, setting: str, value: str, kind: str) -> None:
+        super().__init__(f"{setting} is {value}; expected a part ({kind})")
+        self.setting = setting
+
+
 def check_types(config: DictConfig, key: str) -> None:
     """Checks before the work that values and parts are what components expect.
 
@@ -60,6 +75,8 @@ def check_types(config: DictConfig, key: str) -> None:
     """
     for setting, value, argument in _values(config, key, set()):
         if isinstance(argument, _Part):
+            if isinstance(value, int | float | str):
+                raise PartError(setting, _as_typed(value), argument.protocol.__name__)
             _require_methods(setting, value, argument)
         elif not _fits(value, argument):
             raise ConfigError(
@@ -72,11 +89,6 @@ def _require_methods(setting: str, node: Any, part: _Part) -> None:
     """Checks only classes: what functions return is not known in advance."""
     from omegaconf import DictConfig
 
-    if isinstance(node, int | float | str):
-        raise ConfigError(
-            f"{setting} is {_as_typed(node)}; expected a part ({part.protocol.__name__}), whose "
-            f"own settings are {setting}.NAME=..."
-        )
     if not isinstance(node, DictConfig):
         return
     if part.several and "_target_" not in node:
@@ -110,6 +122,8 @@ def _values(
             continue
         setting = _origin(config, f"{key}.{name}", as_written(node, name))
         value, argument = node[name], arguments.get(str(name))
+        if argument is None and isinstance(value, int | float | str):
+            argument = _part_for_types(node, str(name))
         if isinstance(argument, _Argument) and isinstance(value, DictConfig | ListConfig):
             value = OmegaConf.to_container(value, resolve=True)
         if argument is not None:
@@ -156,9 +170,9 @@ def _imported(target: Any) -> Any:
     if not isinstance(target, str):
         return None
     try:
-        built = pkgutil.resolve_name(target)
+        built = resolve(target)
         inspect.signature(built)
-    except Exception:  # noqa: BLE001 - whatever an import may raise, building it says it better
+    except (Exception, SystemExit):  # noqa: BLE001 - whatever an import raises, building it says it better
         return None
     return built
 
@@ -186,6 +200,36 @@ def _part(annotation: Any, names: Mapping[str, Any]) -> _Part | None:
     if not (_is_protocol(protocol) or ours):
         return None
     return _Part(protocol, match is not None)
+
+
+def _part_for_types(node: Any, name: str) -> _Part | None:
+    """As `_part`, of an annotation whose class the module imports for type checkers alone."""
+    from omegaconf import DictConfig
+
+    built = _imported(node.get("_target_")) if isinstance(node, DictConfig) else None
+    parameter = None if built is None else inspect.signature(built).parameters.get(name)
+    if parameter is None:
+        return None
+    words = re.findall(r"\w+", _annotation_text(parameter.annotation))
+    names = {
+        alias.asname or alias.name: _imported(f"{statement.module}.{alias.name}")
+        for statement in _imports_for_types(inspect.getmodule(built))
+        if str(statement.module).partition(".")[0] == "scenefw"
+        for alias in statement.names
+        if (alias.asname or alias.name) in words
+    }
+    return _part(parameter.annotation, names)
+
+
+def _imports_for_types(module: Any) -> Iterator[ast.ImportFrom]:
+    """Statements `from ... import ...` below `if TYPE_CHECKING:`."""
+    try:
+        body = ast.parse(inspect.getsource(module)).body
+    except (OSError, TypeError, SyntaxError):  # no module, or without its source
+        return
+    for block in body:
+        if isinstance(block, ast.If) and ast.unparse(block.test) == "TYPE_CHECKING":
+            yield from (part for part in block.body if isinstance(part, ast.ImportFrom))
 
 
 def _is_protocol(candidate: Any) -> bool:

@@ -7,23 +7,17 @@ import functools
 import importlib.util
 import math
 import re
-import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenefw.core.errors import ConfigError
-from scenefw.renamed_settings import new_name
 
 if TYPE_CHECKING:
-    from hydra.core.override_parser.overrides_parser import OverridesParser
-    from hydra.core.override_parser.types import Override
     from omegaconf import DictConfig
 
 ROOT_CONFIG = "config"
-_ABSENT = re.compile(r"Interpolation key '(\w+)[\w.]*' not found|Key '(\w+)' is not in struct")
 _BEFORE_QUOTE = re.compile(r"(\\*)('|\Z)")  # where backslashes count
-_AMBIGUOUS = re.compile(r"Ambiguous value for argument '([^=]+)=(.*)'")
 _search_path: list[Path] = []  # folders of plugins, read whenever Hydra starts
 
 
@@ -78,6 +72,11 @@ def search_also(folders: Sequence[Path]) -> None:
     if not _search_path and folders:
         Plugins.instance().register(PluginConfigs)
     _search_path.extend(folder for folder in folders if folder not in _search_path)
+
+
+def folders_searched() -> list[Path]:
+    """Where Hydra looks for options."""
+    return [conf_dir(), *_search_path]
 
 
 def compose(overrides: Sequence[str] = ()) -> DictConfig:
@@ -175,77 +174,10 @@ def near_misses(name: str, names: Sequence[str]) -> str:
     return "there are " + ", ".join(sorted(names)) if names else "there are none"
 
 
-def explain(
-    error: Exception, overrides: Sequence[str], options: Mapping[str, Sequence[str]]
-) -> ConfigError:
-    """Says in one line which override is wrong and what the user may have meant.
-
-    Args:
-        error: what Hydra raised.
-        overrides: what the user typed.
-        options: names of the options of every group.
-    """
-    from hydra.core.override_parser.overrides_parser import OverridesParser
-    from hydra.errors import HydraException
-
-    parser, parsed = OverridesParser.create(), []
-    for text in overrides:
-        try:
-            parsed.append(parser.parse_override(text))
-        except HydraException:
-            return ConfigError(f"'{text}' is not understood; {_as_understood(text, parser)}")
-    views = any(override.input_line == "run=decompose" for override in parsed)
-    complaints = (
-        (None if views and override.key_or_group.startswith("run.") else _renamed(override))
-        or _unknown_option(override, options)
-        for override in parsed
-    )
-    wrong = next(filter(None, complaints), None) or _unknown_key(parsed, options)
-    return ConfigError(wrong or _ambiguous(error) or _unchosen(error, options) or squash(error))
-
-
 def quoted(text: str) -> str:
     """Any text in the grammar of overrides."""
     escaped = _BEFORE_QUOTE.sub(lambda match: 2 * match[1] + match[2].replace("'", "\\'"), text)
     return f"'{escaped}'"
-
-
-def _as_understood(text: str, parser: OverridesParser) -> str:
-    """The advice for an override that Hydra can't parse, after a message of what is wrong.
-
-    If quotes around the value are all that it lacks, the advice is how to type it so in a shell;
-    else it only says what overrides look like.
-    """
-    from hydra.errors import HydraException
-
-    key, equals, value = text.partition("=")
-    word = f"{key}={quoted(value)}"
-    try:
-        parser.parse_override(word)
-    except HydraException:
-        equals = ""
-    if not equals or value[:1] in ("", "[", "{", "(", "$"):
-        return "overrides look like key=value"
-    return (
-        "a value with other characters than a-z, 0-9 and ._-/ needs quotes of its own: "
-        f"{_for_shell(word)}"
-    )
-
-
-def _for_shell(word: str) -> str:
-    return shlex.quote(word) if set(word) & set('"$`\\!') else f'"{word}"'
-
-
-def _ambiguous(error: Exception) -> str | None:
-    match = _AMBIGUOUS.search(str(error))
-    if match is None:
-        return None
-    key, value = match[1], match[2]
-    return (
-        f"{key}={value} has a comma; a value with one needs quotes of its own, "
-        f"{_for_shell(f'{key}={quoted(value)}')}, several values are '{key}=[{value}]', and a "
-        "sweep over them has -m"
-    )
 
 
 def runs_of_sweep(words: Sequence[str]) -> int:
@@ -267,84 +199,3 @@ def squash(error: BaseException) -> str:
     if error.__cause__ is not None and str(error.__cause__) not in str(error):
         parts.append(" ".join(str(error.__cause__).split()))
     return ": ".join(part for part in parts if part) or type(error).__name__
-
-
-def _renamed(override: Override) -> str | None:
-    """Says what a setting is called now, if it had another name before."""
-    typed = str(override.input_line).lstrip("+~")
-    key, _, value = typed.partition("=")
-    new = new_name(key, value)
-    if new is None:
-        return None
-    advice = new if "=" in new or not value else f"{new}={value}"
-    return f"{typed} has another name now; give {advice}"
-
-
-def _unknown_option(override: Override, options: Mapping[str, Sequence[str]]) -> str | None:
-    group = override.key_or_group
-    if group not in options or override.is_delete():
-        return None
-    if override.value() is None:
-        return f"{group}=null names no option; ~{group} leaves the group out"
-    for name in _option_names(override):
-        if name not in options[group]:
-            return f"group {group} has no option '{name}'; {near_misses(name, options[group])}"
-    return None
-
-
-def _unchosen(error: Exception, options: Mapping[str, Sequence[str]]) -> str | None:
-    """Asks for an option of a group that is read but has none chosen."""
-    match = _ABSENT.search(str(error))
-    group = (match[1] or match[2]) if match else ""
-    if group not in options:
-        return None
-    names = ", ".join(options[group])
-    return f"no {group} is chosen; give {group}=..., or an experiment that does (there are {names})"
-
-
-def _option_names(override: Override) -> Iterator[str]:
-    value: Any = override.value()
-    if override.is_sweep_override():
-        values = list(override.sweep_string_iterator())
-    else:
-        values = value if isinstance(value, list) else [value]
-    return (str(v) for v in values if v is not None and not str(v).startswith("["))
-
-
-def _unknown_key(overrides: Sequence[Override], options: Mapping[str, Sequence[str]]) -> str | None:
-    choices = [o for o in overrides if o.key_or_group in options and not o.is_sweep_override()]
-    try:
-        config = compose([str(o.input_line) for o in choices])
-    except ConfigError:
-        return None
-    keys = sorted({*_keys(config), *options})
-    for override in overrides:
-        key = override.key_or_group
-        if key.startswith("hydra") or override.is_add() or override.is_force_add() or key in keys:
-            continue
-        return f"there is no key '{key}'; {_near_keys(key, keys)} (+{key}=... adds a new one)"
-    return None
-
-
-def _near_keys(key: str, keys: Sequence[str]) -> str:
-    """Asks for keys that end in the same name or are spelled alike; else says how to see all."""
-    leaf = key.rpartition(".")[2]
-    leaf_matches = [k for k in keys if k.rpartition(".")[2] == leaf]
-    shallow = [k for k in keys if k.count(".") <= key.count(".")]
-    spelling_matches = difflib.get_close_matches(key, shallow, n=2, cutoff=0.76)
-    close = [*difflib.get_close_matches(key, leaf_matches, n=2, cutoff=0.5), *spelling_matches]
-    if close:
-        return f"did you mean {' or '.join(dict.fromkeys(close))}?"
-    return "--cfg job lists all keys"
-
-
-def _keys(config: DictConfig, prefix: str = "") -> Iterator[str]:
-    from omegaconf import DictConfig, OmegaConf
-
-    for key in map(str, config):
-        yield f"{prefix}{key}"
-        if OmegaConf.is_missing(config, key) or OmegaConf.is_interpolation(config, key):
-            continue
-        value = config[key]
-        if isinstance(value, DictConfig):
-            yield from _keys(value, f"{prefix}{key}.")

@@ -8,6 +8,7 @@ group of its own is, `conf/<group>/_group.yaml` says.
 from __future__ import annotations
 
 import functools
+import importlib.util
 import logging
 import os
 import sys
@@ -16,10 +17,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 from scenefw.config import conf_dir, files_in, is_option, package_dir, search_also
 from scenefw.core import assets
 from scenefw.core.errors import ConfigError
+from scenefw.core.files import utf8_text
 
 ENTRY_POINTS = "scenefw.plugins"
 _log = logging.getLogger(__name__)
@@ -70,18 +73,49 @@ def activate() -> tuple[Plugin, ...]:
 
 
 def find() -> tuple[Plugin, ...]:
-    """The plugins of `search_folders()`, then the installed ones; of one name, the first counts."""
-    by_name: dict[str, Plugin] = {}
+    """The plugins of `search_folders()`, then the installed ones.
+
+    Of a plugin that is there twice, as a folder and installed, the first counts. Of two plugins
+    with one name or one package, the second is left out with a warning.
+    """
+    accepted: list[Plugin] = []
     for plugin in (*_dropped_in(search_folders()), *_installed()):
-        by_name.setdefault(plugin.name, plugin)
-    return tuple(by_name.values())
+        rivals = [p for p in accepted if plugin.name == p.name or plugin.package == p.package]
+        if not rivals:
+            accepted += _visible(plugin)
+        elif (plugin.name, plugin.package) != (rivals[0].name, rivals[0].package):
+            same = "name" if plugin.name == rivals[0].name else "package"
+            owner = rivals[0].conf.parent
+            _leave_out(plugin.conf.parent, f"{owner} has its {same} {getattr(plugin, same)}, too")
+    return tuple(accepted)
+
+
+def _visible(plugin: Plugin) -> Iterator[Plugin]:
+    """The plugin, unless Python finds another package of that name first."""
+    installed = {entry.value for entry in _entry_points(tuple(sys.path))}
+    spec = importlib.util.find_spec(plugin.package)
+    if plugin.source is not None and spec is not None and plugin.package not in installed:
+        places = [Path(place) for place in spec.submodule_search_locations or [str(spec.origin)]]
+        if not any(place.is_relative_to(plugin.source) for place in places):
+            reason = f"its package has the name of {places[0]}; rename the package"
+            _leave_out(plugin.conf.parent, reason)
+            return
+    yield plugin
+
+
+@functools.cache
+def _leave_out(plugin: Path | str, reason: str) -> None:
+    """Warns, once in a process."""
+    _log.warning("plugin %s is left out: %s", plugin, reason)
 
 
 def search_folders() -> list[Path]:
     """Where plugins are looked for: SCENEFW_PLUGINS, ./plugins and the project's own `plugins`."""
-    listed = [Path(p) for p in os.environ.get("SCENEFW_PLUGINS", "").split(os.pathsep) if p]
+    paths = os.environ.get("SCENEFW_PLUGINS", "").split(os.pathsep)
+    listed = [Path(os.path.expanduser(path)) for path in paths if path]  # noqa: PTH111 - no error
     folders = [*listed, Path("plugins"), conf_dir().parent / "plugins"]
-    return list(dict.fromkeys(folder.resolve() for folder in folders))
+    # `resolve` fails on links in a circle
+    return list(dict.fromkeys(Path(os.path.realpath(folder)) for folder in folders))
 
 
 def refuse_clashes(plugins: Sequence[Plugin]) -> None:
@@ -110,20 +144,37 @@ def _tolerated(folder: Path) -> Iterator[Plugin]:
     try:
         yield _read(folder)
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        _log.warning("plugin %s is left out: %s", folder, " ".join(str(error).split()))
+        _leave_out(folder, " ".join(str(error).split()))
 
 
 def _read(folder: Path) -> Plugin:
-    project = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))
+    project = _toml(folder / "pyproject.toml")
     declared = project.get("project", {}).get("entry-points", {}).get(ENTRY_POINTS)
     if not declared:
         raise ValueError(f'pyproject.toml has no [project.entry-points."{ENTRY_POINTS}"]')
     name, package = next(iter(declared.items()))
     for subfolder in (folder / "src" / package, folder / "conf"):
         if not subfolder.is_dir():
-            raise ValueError(f"there is no folder {subfolder.relative_to(folder)}")
+            raise ValueError(
+                f"there is no folder {subfolder.relative_to(folder)}{_hint(subfolder)}"
+            )
     source = folder / "src"
     return Plugin(name, package, folder / "conf", source, source / package / "assets")
+
+
+def _toml(file: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(utf8_text(file))
+    except (ValueError, RecursionError) as error:  # nested without end
+        raise ValueError(f"{file.name}: {str(error) or type(error).__name__}") from error
+
+
+def _hint(package: Path) -> str:
+    """Where a package is whose project has a dash in its name."""
+    name = package.name.replace("-", "_")
+    if name == package.name or not package.with_name(name).is_dir():
+        return ""
+    return f'; the package is {name}: give it in [project.entry-points."{ENTRY_POINTS}"]'
 
 
 @functools.cache
@@ -138,4 +189,4 @@ def _installed() -> Iterator[Plugin]:
             root = package_dir(entry.value)
             yield Plugin(entry.name, entry.value, conf_dir(entry.value), assets=root / "assets")
         except (ConfigError, ValueError, ImportError) as error:
-            _log.warning("plugin %s is left out: %s", entry.name, error)
+            _leave_out(entry.name, str(error))

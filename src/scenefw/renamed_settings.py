@@ -121,16 +121,48 @@ KEYS: Mapping[str, str] = {
 """Beginnings of keys, and what they begin with now."""
 
 
-def new_name(key: str, value: str) -> str | None:
+VIEWS: Mapping[str, str] = {
+    "run.pipeline.doctor": "run.pipeline.observer.doctor",
+    "run.pipeline.workspace": "run.pipeline.observer.workspace",
+    "run.pipeline.table": "run.pipeline.observer.table",
+    "run.pipeline.floor": "run.pipeline.observer.table",
+    "run.pipeline.mapping": "mapping",
+    "run.pipeline.views": "run.max_views",
+}
+"""The same for `run=decompose`, whose pipeline has an observer of its own."""
+
+_PIPELINE = "run.pipeline."
+
+
+def new_name(key: str, value: str, *, views: bool = False) -> str | None:
     """What to type instead of a setting that was renamed; None if it wasn't.
 
     Args:
         key: without `+` and `~`.
         value: behind the `=`.
+        views: whether the run is `run=decompose`.
     """
     if f"{key}={value}" in OPTIONS:
         return OPTIONS[f"{key}={value}"]
-    for old in sorted(KEYS, key=len, reverse=True):
+    new, newer = key, _renamed(key, views)
+    while newer is not None:  # renamed more than once, each part of a key by itself
+        new, newer = newer, _renamed(newer, views)
+    return None if new == key else new
+
+
+def _renamed(key: str, views: bool) -> str | None:
+    """A key after one renaming; None if there is none."""
+    if not views or not key.startswith("run."):
+        return _replaced(key, KEYS)
+    renamed = _replaced(key, VIEWS)
+    if renamed is None and key.startswith(f"{_PIPELINE}observer."):
+        inner = _replaced(key.removeprefix(_PIPELINE), KEYS)
+        renamed = None if inner is None else f"{_PIPELINE}{inner}"
+    return renamed
+
+
+def _replaced(key: str, names: Mapping[str, str]) -> str | None:
+    for old in sorted(names, key=len, reverse=True):
         if key == old or key.startswith((f"{old}.", f"{old}@")):
-            return f"{KEYS[old]}{key[len(old) :]}"
+            return f"{names[old]}{key[len(old) :]}"
     return None

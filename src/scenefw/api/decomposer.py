@@ -113,6 +113,7 @@ class Decomposer:
         options: dict[str, Any] = {"intrinsics": intrinsics, "largest_jump": None}
         if depth_scale is not None:
             options["depth_scale"] = depth_scale
+        path = Path(path).expanduser()
         return read_whole_scene(path, self.meshes, mesh_scale, self.max_views, options)
 
     def _posed(

@@ -130,7 +130,7 @@ class Labeller:
             InputError: another suffix, or no frame was added.
             StorageError: the file can't be written.
         """
-        path = Path(path)
+        path = Path(path).expanduser()
         if path.suffix.lower() == ".npz":
             states = {**self._running.states(), STATE: self._recording.state()}
             return save_map(path, self.height_map(), states)

@@ -67,7 +67,8 @@ class Predictor:
             color: (H, W, 3) uint8, aligned with the depth; helps to find where objects end, and is
                 kept with the result.
             mask: (H, W) of what is known to be objects: booleans say where some are, whole numbers
-                which one a pixel shows (0 = none). Anything else above the floor is then ignored.
+                which one a pixel shows (0 = none), and objects keep these ids. Anything else above
+                the floor is then ignored.
             depth_scale: metres per unit of integer depth; None = 0.001, or that of a file's format.
                 An error with floats, which are metres.
             name: of the image, for messages and files.
@@ -93,7 +94,8 @@ def _frame(
     name: str,
 ) -> Frame:
     if isinstance(depth, str | Path):
-        frame = read_frame(depth, intrinsics=intrinsics, depth_scale=scale)
+        path = Path(depth).expanduser()
+        frame = read_frame(path, intrinsics=intrinsics, depth_scale=scale)
         if colour is None:
             return frame
         return replace(frame, colour=colour_of(colour, frame.depth.shape, frame.name))

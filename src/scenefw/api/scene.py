@@ -54,7 +54,7 @@ class Scene:
         Raises:
             InputError: there is none, or it is damaged.
         """
-        return cls.of(read_scene(path))
+        return cls.of(read_scene(Path(path).expanduser()))
 
     @cached_property
     def estimate(self) -> SceneEstimate:
@@ -220,7 +220,7 @@ class Scene:
             InputError: an unknown suffix or setting.
             StorageError: the file can't be written.
         """
-        path, colours = Path(path), colours_of(self.estimate)
+        path, colours = Path(path).expanduser(), colours_of(self.estimate)
         if path.suffix or settings:
             writer(path, settings).write(path, self.estimate, colours)
             return path

@@ -7,14 +7,17 @@ from contextlib import AbstractContextManager
 from typing import Any
 
 from scenefw import config, plugins, registry
-from scenefw.argument_types import check_types
+from scenefw.command_words import with_homes
+from scenefw.core.cache_folder import share_with_matplotlib
 from scenefw.core.errors import ConfigError, SceneFWError
 from scenefw.execution.build import Builder
 from scenefw.execution.modifiers import make_deterministic
+from scenefw.execution.parts import require_types
 from scenefw.execution.places import require_values
 from scenefw.execution.reads import require_read
 from scenefw.execution.run import pick_device, require_seed
 from scenefw.execution.threads import require_threads, threads
+from scenefw.explanations import explain
 
 
 class Settings:
@@ -28,8 +31,9 @@ class Settings:
     """
 
     def __init__(self, words: Sequence[str]) -> None:
-        self.words = list(words)
+        self.words = with_homes(words)
         require_values(self.words)
+        share_with_matplotlib()
         plugins.activate()
         try:
             self.config = config.compose(self.words)
@@ -47,9 +51,10 @@ class Settings:
             SceneFWError: as a component raises it.
         """
         try:
-            require_read(self.config, self.words, registry.catalogue(), keys=keys)
+            options = registry.catalogue()
+            require_read(self.config, self.words, options, keys=keys)
             for key in keys:
-                check_types(self.config, key)
+                require_types(self.config, key, self.words, options)
             if self.config.deterministic:
                 make_deterministic()
             builder = Builder(self.config)
@@ -67,4 +72,4 @@ class Settings:
 
     def _explained(self, error: Exception) -> ConfigError:
         options = {group: sorted(names) for group, names in registry.catalogue().items()}
-        return config.explain(error, self.words, options)
+        return explain(error, self.words, options)

@@ -104,6 +104,21 @@ def replacing(target: Path | str) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def utf8_text(path: Path) -> str:
+    """The text of a file.
+
+    Raises:
+        OSError: it can't be read.
+        ValueError: it is not UTF-8; the message says where.
+    """
+    data = path.read_bytes()
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise ValueError(f"line {line} is not UTF-8; save it as UTF-8") from error
+
+
 def write_text(target: Path | str, text: str) -> None:
     """Writes UTF-8 text atomically."""
     with replacing(target) as temporary:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import functools
+import importlib.util
 import inspect
-import pkgutil
 import re
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from scenefw.config import near_misses
+from scenefw.core.dotted_names import resolve
 from scenefw.core.errors import ConfigError, SceneFWError, SettingError
 
 if TYPE_CHECKING:
@@ -106,12 +107,31 @@ def _typed(node: DictConfig, name: str, key: str) -> str:
 
 def _imported(target: str, key: str) -> Callable[..., Any]:
     try:
-        component: Callable[..., Any] = pkgutil.resolve_name(target)
-    except Exception as error:  # whatever the code of a plugin raises
-        raise ConfigError(
-            f"{key}: cannot import {target} ({type(error).__name__}: {error})"
-        ) from error
+        component: Callable[..., Any] = resolve(target)
+    except SceneFWError:
+        raise
+    except (Exception, SystemExit) as error:  # whatever the code of a plugin raises
+        reason = f"{type(error).__name__}: {error}"
+        raise ConfigError(f"{key}: cannot import {target} ({reason}){_missing(error)}") from error
     return component
+
+
+def _missing(error: BaseException) -> str:
+    """What to do about an import that failed, if a whole library is missing."""
+    name = (error.name or "") if isinstance(error, ModuleNotFoundError) else ""
+    library = name.partition(".")[0]
+    if not library or _is_there(library):
+        return ""
+    if _is_there(spelling := library.replace("-", "_")):
+        return f"; did you mean {spelling}?"
+    return f"; install the package that has {library}"
+
+
+def _is_there(module: str) -> bool:
+    try:
+        return importlib.util.find_spec(module) is not None
+    except ValueError:  # imported without a specification
+        return True
 
 
 def _require_arguments(

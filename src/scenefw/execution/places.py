@@ -43,7 +43,18 @@ def require_input(config: DictConfig) -> None:
     source = config.get("input")
     ours = str(config.run.get("_target_")).startswith("scenefw.")  # a plugin may mean no path
     if ours and isinstance(source, str) and not Path(source).exists():
-        raise InputError(f"no file or folder {source}; give input=PATH of one that is there")
+        raise InputError(f"no file or folder {source}; {_path_advice(source)}")
+
+
+def _path_advice(source: str) -> str:
+    """What to type in place of a path that isn't there, and has signs of another notation."""
+    if "$" in source:
+        return "shells put in $NAME outside single quotes only; give the whole path"
+    if "://" in source:
+        return "addresses are not read; give input=PATH of a file or a folder"
+    if set("*?") & set(source):
+        return "patterns are not read; give input=FOLDER with the images"
+    return "give input=PATH of one that is there"
 
 
 def strangers(output: Path) -> list[Path]:

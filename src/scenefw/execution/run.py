@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from scenefw import plugins, registry
-from scenefw.argument_types import check_types
+from scenefw.core.cache_folder import share_with_matplotlib
 from scenefw.core.errors import ConfigError, IncompleteError
 from scenefw.core.files import keeping, require_writable, write_text
 from scenefw.core.rng import torch_seed
@@ -20,6 +20,7 @@ from scenefw.execution import final_split
 from scenefw.execution.build import Builder
 from scenefw.execution.leftovers import FIGURES, RECORD, SETTINGS, Leftovers
 from scenefw.execution.modifiers import make_deterministic, profiled
+from scenefw.execution.parts import require_types
 from scenefw.execution.places import (
     KEPT,
     require_input,
@@ -64,10 +65,12 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
     require_values(overrides)
     require_seed(config.seed)
     require_threads(config.threads)
+    share_with_matplotlib()
     plugins.activate()
-    require_read(config, overrides, registry.catalogue(), choices)
+    options = registry.catalogue()
+    require_read(config, overrides, options, choices)
     require_input(config)
-    check_types(config, "run")
+    require_types(config, "run", overrides, options)
     output = Path(config.paths.output).absolute()
     foreign_files = strangers(output) if _is_given() else []
     output = _own_folder(output)

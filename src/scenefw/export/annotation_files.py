@@ -12,7 +12,7 @@ from PIL import Image
 
 from scenefw.core.annotations import AnnotatedView
 from scenefw.core.errors import StorageError
-from scenefw.core.files import in_order, replacing, write_text
+from scenefw.core.files import in_order, replacing, utf8_text, write_text
 from scenefw.core.types import Float32
 
 DEPTH_UNIT = 1e-4
@@ -57,7 +57,7 @@ def read_json(path: Path) -> Any:
         StorageError: it is missing or damaged.
     """
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return json.loads(utf8_text(path))
     except (OSError, ValueError) as error:
         raise StorageError(
             f"cannot read {path} ({error}); remove the folder {path.parent} and export again"

@@ -50,13 +50,15 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.extending import overload
 from torch import Tensor
 
-from scenefw.core.errors import MissingDependencyError
+from scenefw.core.cache_folder import cache_folder, is_writable
+from scenefw.core.errors import MissingDependencyError, StorageError
 
 Argument: TypeAlias = Tensor | float | bool | np.number | tuple[Any, ...]
 
 _IMPORT = re.compile(r"^from scenefw\.([\w.]+) import", re.MULTILINE)
 _PATIENCE = 300.0  # s, in which a loop is compiled on the slowest machine
 _STUCK = 10.0  # s in which a copy of this process that computes nothing waits for what never comes
+_CACHE = "NUMBA_CACHE_DIR"  # numba's own setting of where compiled code lies
 _THREADS_PER_BLOCK = 128
 _NO_TOOLKIT = ("DynamicLibNotFoundError", "DynamicLibNotAvailableError")
 """Errors of the finder of CUDA's libraries; numba's own are ImportErrors."""
@@ -78,12 +80,22 @@ def _cache_folder() -> Path:
     digest = hashlib.sha256(f"{numba.__version__}".encode())
     for source in sources(Path(__file__).parents[1]):
         digest.update(source.read_bytes())
-    root = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
+    root = cache_folder()
+    if root is None:
+        raise StorageError(
+            "no folder for compiled kernels can be written, neither the user's cache nor one for "
+            f"temporary files; set {_CACHE}=FOLDER to one that can"
+        )
     return root / "scenefw" / "kernels" / digest.hexdigest()[:16]
 
 
-if "NUMBA_CACHE_DIR" not in os.environ:
+if not os.environ.get(_CACHE):
     numba.config.CACHE_DIR = str(_cache_folder())
+elif not is_writable(Path(os.environ[_CACHE])):
+    raise StorageError(
+        f"compiled kernels can't be written into {_CACHE}={os.environ[_CACHE]}; give a folder that "
+        "can be written, or unset it"
+    )
 
 _MATHS = {
     "fastmath": {"contract", "arcp", "nsz", "afn", "reassoc"},

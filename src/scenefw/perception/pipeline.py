@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import torch
@@ -125,7 +126,11 @@ class ReconstructionPipeline(Generic[Observed]):
             raise ConfigError(
                 f"the pipeline has no {setting}; give 'reconstructor.{setting}=${{{setting}}}'"
             )
-        return self.observer.observe(frame, self.grid, mask)
+        view = self.observer.observe(frame, self.grid, mask)
+        if view.masks is not None and self.grouping is None:
+            note = "masks say where objects are; which is which, this reconstructor finds by itself"
+            return replace(view, warnings=(*view.warnings, note))
+        return view
 
     def reconstruct(self, view: View, *, first_only: bool = False) -> list[SceneEstimate]:
         """Steps 2 to 9: the scenes of an observation, the most typical one first.

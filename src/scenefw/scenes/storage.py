@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenefw.core.errors import StorageError
-from scenefw.core.files import DAMAGED, replacing, unreadable, write_text
+from scenefw.core.files import DAMAGED, replacing, unreadable, utf8_text, write_text
 from scenefw.core.types import Float32, Int32, Pose, Scene, SceneObject
 from scenefw.scenes.mesh_storage import StoredMeshScenes, concatenate_meshes, pack_meshes
 from scenefw.scenes.splits import SPLITS, split_of
@@ -208,7 +208,7 @@ def load_manifest(path: Path | str) -> dict[str, Any]:
     """
     source = Path(path).with_suffix(".json")
     try:
-        manifest: dict[str, Any] = json.loads(source.read_text(encoding="utf-8"))
+        manifest: dict[str, Any] = json.loads(utf8_text(source))
     except (OSError, ValueError) as error:
         raise StorageError(f"manifest {source} is missing or damaged: {error}") from error
     return manifest

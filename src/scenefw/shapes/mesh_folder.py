@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from scenefw.core import rng as streams
 from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.files import utf8_text
 from scenefw.core.tabletop import DESK, SPLITS, TexturedMesh
 from scenefw.shapes.tabletop import colours
 from scenefw.shapes.tabletop.parts import Look, face_normals
@@ -131,7 +132,7 @@ def read_mesh(entry: Mapping[str, Any], faces: int, rng: np.random.Generator) ->
 def _entries(root: Path, index: str) -> list[dict[str, Any]]:
     path = root / index
     try:
-        listed = json.loads(path.read_text(encoding="utf-8"))
+        listed = json.loads(utf8_text(path))
     except (OSError, ValueError) as error:
         raise InputError(f"{path} can't be read ({error}); expected a list of meshes") from error
     entries = []

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from pathlib import Path
 
 import numpy as np
 
+from scenefw.core.cache_folder import cache_folder
 from scenefw.core.errors import StorageError
 from scenefw.core.files import DAMAGED, replacing
 from scenefw.core.types import Float64, TriangleMesh
@@ -21,23 +21,23 @@ class PartCache:
 
     Args:
         parts: divides.
-        folder: of the files; None: the user's cache.
+        folder: of the files; None: the cache, if one can be written.
     """
 
     def __init__(self, parts: ConvexParts, folder: Path | None = None) -> None:
         self.parts = parts
-        cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
-        self.folder = folder or cache / "scenefw" / "parts"
+        cache = cache_folder()
+        self.folder = folder or (None if cache is None else cache / "scenefw" / "parts")
 
     def of(self, mesh: TriangleMesh) -> tuple[Float64, ...]:
         """Corners (K, 3) of each part, exact in float32; as `ConvexParts.of`."""
-        path = self.folder / f"{self._key(mesh)}.npz"
-        parts = _read_parts(path)
+        path = None if self.folder is None else self.folder / f"{self._key(mesh)}.npz"
+        parts = None if path is None else _read_parts(path)
         if parts is None:
             parts = tuple(
                 part.astype(np.float32).astype(np.float64) for part in self.parts.of(mesh)
             )
-            if parts:
+            if parts and path is not None:
                 _write_parts(path, parts)
         return parts
 

@@ -17,6 +17,7 @@ from scenefw.core.files import (
     require_name,
     require_writable,
     unreadable,
+    utf8_text,
     write_text,
 )
 
@@ -220,3 +221,11 @@ def test_files_of_somebody_else_are_kept_within_a_block(tmp_path):
         require_free(tmp_path / "other.txt")
     assert mine.read_text() == "mine"
     write_text(mine, "ours")
+
+
+def test_the_line_that_is_not_utf8_is_told(tmp_path):
+    (tmp_path / "a.txt").write_bytes(b"\xef\xbb\xbfone\ntwo\n")
+    assert utf8_text(tmp_path / "a.txt") == "one\ntwo\n"
+    (tmp_path / "b.txt").write_bytes("one\nzwölf\n".encode("latin-1"))
+    with pytest.raises(ValueError, match="line 2 is not UTF-8; save it as UTF-8"):
+        utf8_text(tmp_path / "b.txt")

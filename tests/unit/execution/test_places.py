@@ -79,3 +79,19 @@ def test_a_missing_input_is_named_unless_a_plugin_may_mean_something_else(tmp_pa
     given("camera:0", "scenefw_camera.Watch")
     with pytest.raises(InputError, match=r"^no file or folder .*none\.png; give input=PATH"):
         given(str(tmp_path / "none.png"))
+
+
+@pytest.mark.parametrize(
+    ("path", "advice"),
+    [
+        ("$NOWHERE/a.npz", "outside single quotes"),
+        ("https://example.org/a.npz", "addresses are not read"),
+        ("images/*.npz", "input=FOLDER"),
+        ("a.npz", "one that is there"),
+    ],
+)
+def test_signs_of_another_notation_are_told(path, advice):
+    settings = OmegaConf.create({"run": {"_target_": "scenefw.tasks.predict.Predict"}})
+    settings.input = path
+    with pytest.raises(InputError, match=f"no file or folder .*{advice}"):
+        require_input(settings)

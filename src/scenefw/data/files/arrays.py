@@ -74,7 +74,7 @@ def mask_of(mask: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray[np.bo
     if values.shape != tuple(shape):
         raise InputError(
             f"mask of {name} has shape {values.shape}, its depth {tuple(shape)}; both must be "
-            "aligned images of the same size"
+            f"aligned images of the same size{_of_several(values.shape, shape)}"
         )
     if values.dtype.kind not in "bui":
         raise InputError(
@@ -130,6 +130,9 @@ def read_mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_] | Int32:
                     f"mask {path} is a picture of mode {image.mode}; give one channel of 8 or 16 "
                     "bits, 0 = no object"
                 )
+            frames = getattr(image, "n_frames", 1)
+            if frames > 1:
+                raise InputError(f"mask {path} holds {frames} pictures; {_ONE_IMAGE}")
             values = np.array(image)
     except DAMAGED_PICTURE as error:
         if isinstance(error, FileNotFoundError):
@@ -155,6 +158,15 @@ def _rigid(pose: ArrayLike, name: str) -> NDArray[np.float64]:
             f"pose of {name} has shape {matrix.shape}; give a 4 x 4 matrix, camera to world"
         )
     return pose_of([str(value) for value in matrix.ravel()], f"pose of {name}")
+
+
+_ONE_IMAGE = "of several masks make one image, 1 where the first object is, 2 where the second is"
+
+
+def _of_several(masks: tuple[int, ...], image: tuple[int, ...]) -> str:
+    """What to do with a stack of masks, first or last axis."""
+    stacked = len(masks) == 3 and tuple(image) in (masks[1:], masks[:2])
+    return f"; {_ONE_IMAGE}" if stacked else ""
 
 
 def _array(values: Any, quantity: str, name: str) -> NDArray[Any]:

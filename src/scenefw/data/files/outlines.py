@@ -11,6 +11,7 @@ from skimage.draw import polygon2mask
 
 from scenefw.core import assets
 from scenefw.core.errors import ConfigError, LabelsError
+from scenefw.core.files import utf8_text
 
 if TYPE_CHECKING:
     from scenefw.core.types import Int32
@@ -73,7 +74,7 @@ def _resolve_folder(folder: Path | str) -> Path:
 
 def _read(path: Path) -> Int32:
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(utf8_text(path))
         size = (int(content["imageHeight"]), int(content["imageWidth"]))
         shapes = [
             (str(shape["label"]), _group(shape), _polygon(shape)) for shape in content["shapes"]

@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from scenefw.core.errors import ConfigError, InputError, StorageError
-from scenefw.core.files import replacing, unreadable, write_text
+from scenefw.core.files import replacing, unreadable, utf8_text, write_text
 from scenefw.core.height_maps import HeightMap
 from scenefw.core.labels import UNKNOWN
 from scenefw.core.types import Camera, Frame
@@ -236,7 +236,7 @@ def _picture(path: Path, height_map: HeightMap) -> NDArray[np.uint8]:
 def _classes(path: Path) -> tuple[str, ...]:
     file = path.with_name("palette.json")
     try:
-        names = json.loads(file.read_text(encoding="utf-8"))
+        names = json.loads(utf8_text(file))
     except (OSError, ValueError) as error:
         raise InputError(
             f"cannot read {file}: {unreadable(error)}; leave the exported palette.json beside the "

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.files import utf8_text
 from scenefw.core.types import (
     Camera,
     Frame,
@@ -85,7 +86,7 @@ def _read_json(path: Path) -> dict[str, Any]:
     try:
         if path.stat().st_size > _MAX_BYTES:
             raise InputError(f"{path} is larger than 64 MiB, so no scene.json")
-        record = json.loads(path.read_text(encoding="utf-8"))
+        record = json.loads(utf8_text(path))
     except FileNotFoundError as error:
         raise InputError(f"there is no {path}; give a scene.json that run=predict wrote") from error
     except (OSError, ValueError, RecursionError) as error:

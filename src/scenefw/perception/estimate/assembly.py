@@ -11,6 +11,7 @@ from scenefw.core.types import SceneEstimate
 from scenefw.matching.instances import renumbered_like
 from scenefw.perception.estimate.carving import carve, whole_objects
 from scenefw.perception.estimate.composition import composed
+from scenefw.perception.estimate.marked_objects import called, marked_solids
 from scenefw.perception.estimate.mask_cleanup import with_bottoms, without_holes
 from scenefw.perception.estimate.objects import estimate_objects
 from scenefw.perception.evidence.visible_instances import visible_instances
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from scenefw.core.batches import Completion, PartialTSDF
-    from scenefw.core.types import Frame, GridSpec, Int32
+    from scenefw.core.types import Frame, GridSpec, Int32, TriangleMesh
     from scenefw.perception.observation.observation import Observation
     from scenefw.perception.steps import ObjectSet
 
@@ -65,9 +66,13 @@ class SceneAssembly:
             origin: facts of the method, for the details.
         """
         partial = view.partial if self.carve else None
-        scenes = [cleaned(scene, view.grid, partial) for scene in self.volumes(sets, view)]
-        first = scenes[0].instances[0].cpu().numpy()
-        scenes = scenes[:1] + [numbered_like(scene, first) for scene in scenes[1:]]
+        volumes = self.volumes(sets, view)
+        solids = marked_solids(view) if volumes[0].masks is not None else {}
+        marked = max(solids, default=0)
+        scenes = [cleaned(scene, view.grid, partial, marked) for scene in volumes]
+        if not marked:
+            first = scenes[0].instances[0].cpu().numpy()
+            scenes = scenes[:1] + [numbered_like(scene, first) for scene in scenes[1:]]
         frame = view.frame if view.workspace is None else view.workspace.frame
         obstacles = obstacles_of([view])
         for number, scene in enumerate(scenes):
@@ -76,9 +81,10 @@ class SceneAssembly:
             ]
             confidence_of_label = confidences(scene.instances[0], alternatives, self.calibration)
             estimate = scene_estimate(
-                scene, view.grid, frame, confidence_of_label, _details(view, origin)
+                scene, view.grid, frame, confidence_of_label, _details(view, origin), solids
             )
-            yield replace(estimate, obstacles=obstacles)
+            estimate = replace(estimate, obstacles=obstacles)
+            yield called(estimate, view.ids) if marked else estimate
 
 
 def _details(view: Observation, origin: Mapping[str, Any]) -> dict[str, Any]:
@@ -95,17 +101,20 @@ def _details(view: Observation, origin: Mapping[str, Any]) -> dict[str, Any]:
     return {**floor_details, **origin, "warnings": list(view.warnings)}
 
 
-def cleaned(sample: Completion, grid: GridSpec, partial: PartialTSDF | None = None) -> Completion:
+def cleaned(
+    sample: Completion, grid: GridSpec, partial: PartialTSDF | None = None, marked: int = 0
+) -> Completion:
     """A scene whose objects are in one piece each, and numbered from 1 on.
 
     Args:
         sample: a batch of one.
         grid: of its volumes.
         partial: what lies in its free space, or below the floor, is taken away; None: nothing is.
+        marked: labels up to this are of objects that somebody has marked; they stay.
     """
     shape = sample.tsdf[0] if partial is None else carve(sample.tsdf[0], partial, grid)
-    tsdf, instances = whole_objects(shape, sample.instances[0], grid)
-    return _with_instances(replace(sample, tsdf=tsdf[None]), instances)
+    tsdf, instances = whole_objects(shape, sample.instances[0], grid, marked)
+    return _with_instances(replace(sample, tsdf=tsdf[None]), instances, marked)
 
 
 def numbered_like(sample: Completion, reference: Int32) -> Completion:
@@ -123,6 +132,7 @@ def scene_estimate(
     frame: Frame,
     confidence_of_label: Mapping[int, float],
     details: Mapping[str, Any],
+    solids: Mapping[int, TriangleMesh] | None = None,
 ) -> SceneEstimate:
     """The estimate of a completed scene.
 
@@ -132,10 +142,11 @@ def scene_estimate(
         frame: a view of it, with its pose.
         confidence_of_label: confidence of each object, by label.
         details: facts worth keeping.
+        solids: meshes, by label, of objects that voxels may be too coarse for.
     """
     tsdf, instances = sample.tsdf[0], sample.instances[0]
     placed = sample.placed[0] if sample.placed else {}
-    meshes = instance_meshes(tsdf, instances, grid)
+    meshes = {**(solids or {}), **instance_meshes(tsdf, instances, grid)}
     meshes |= {label: item.mesh() for label, item in placed.items() if label in meshes}
     return SceneEstimate(
         estimate_objects(meshes, confidence_of_label, placed),
@@ -164,15 +175,18 @@ def _masks(sample: Completion, grid: GridSpec, frame: Frame) -> Int32:
     return visible_instances(instances, points, grid, points[..., 2] > _MIN_HEIGHT)
 
 
-def _with_instances(before: Completion, instances: Tensor) -> Completion:
-    """With other instances; masks and shapes get the label that most voxels of theirs have now."""
-    old_labels, new_label_of = before.instances[0], {0: 0}
-    for label in torch.unique(old_labels[old_labels > 0]).tolist():
+def _with_instances(before: Completion, instances: Tensor, marked: int = 0) -> Completion:
+    """With other instances; masks and shapes get the label that most voxels of theirs have now.
+
+    Labels up to `marked` stay.
+    """
+    old_labels, new_label_of = before.instances[0], {label: label for label in range(marked + 1)}
+    for label in torch.unique(old_labels[old_labels > marked]).tolist():
         votes = torch.bincount(instances[(old_labels == label) & (instances > 0)])
         new_label_of[label] = int(votes.argmax()) if len(votes) else 0
     masks = before.masks
     if masks is not None:
-        table = torch.zeros(int(max(masks.max(), old_labels.max())) + 1, dtype=torch.int32)
+        table = torch.zeros(int(max(masks.max(), old_labels.max(), marked)) + 1, dtype=torch.int32)
         table[list(new_label_of)] = torch.tensor(list(new_label_of.values()), dtype=torch.int32)
         masks = table.to(masks.device)[masks.long()]
     placed = tuple(

@@ -36,25 +36,38 @@ def carve(tsdf: Tensor, partial: PartialTSDF, grid: GridSpec) -> Tensor:
     return torch.maximum(carved, -heights).clamp(max=grid.truncation)
 
 
-def whole_objects(tsdf: Tensor, instances: Tensor, grid: GridSpec) -> tuple[Tensor, Tensor]:
+def whole_objects(
+    tsdf: Tensor, instances: Tensor, grid: GridSpec, marked: int = 0
+) -> tuple[Tensor, Tensor]:
     """TSDF and instances (X, Y, Z) in which each instance is in one piece.
 
     The largest connected part of an instance keeps its place among the labels, which are renumbered
     1..N; a further part becomes an instance of its own, at the end, if it is large enough for an
     object. What is left is taken away, as is what is inside without an instance.
+
+    Args:
+        tsdf: (X, Y, Z) metres.
+        instances: (X, Y, Z) labels.
+        grid: of both.
+        marked: labels up to this are of objects that somebody has marked: they stay, and an object
+            has no further part.
     """
     inside = (tsdf < 0).cpu().numpy()
     labels = np.where(inside, instances.cpu().numpy(), 0)
+    new_labels = np.zeros(labels.shape, dtype=np.int32)
     main_parts, further_parts = [], []
     for label in np.unique(labels[labels > 0]):
         parts, _ = ndimage.label(labels == label)
         volumes = np.bincount(parts.ravel())[1:] * grid.voxel_size**3
         order = np.argsort(-volumes, kind="stable")
+        if label <= marked:
+            if volumes[order[0]] >= _MIN_VOLUME:
+                new_labels[parts == order[0] + 1] = label
+            continue
         if volumes[order[0]] >= _MIN_VOLUME:
             main_parts.append(parts == order[0] + 1)
         further_parts += [parts == i + 1 for i in order[1:] if volumes[i] >= _MIN_FURTHER_VOLUME]
-    new_labels = np.zeros(labels.shape, dtype=np.int32)
-    for number, mask in enumerate([*main_parts, *further_parts], start=1):
+    for number, mask in enumerate([*main_parts, *further_parts], start=marked + 1):
         new_labels[mask] = number
     leftover = torch.from_numpy(inside & (new_labels == 0)).to(tsdf.device)
     shape = torch.where(leftover, torch.full_like(tsdf, grid.voxel_size / 2), tsdf)

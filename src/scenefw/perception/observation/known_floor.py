@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.files import utf8_text
 from scenefw.core.floors import Floor
 from scenefw.core.settings import POSITIVE, SHARE
 from scenefw.perception.observation.floor import near_plane, points_within
@@ -104,7 +105,7 @@ def _is_up(normal: Any) -> bool:
 def _floor_of_scene(path: Path) -> tuple[Any, float]:
     """Normal and height of the floor in a `scene.json`."""
     try:
-        floor = json.loads(path.read_text(encoding="utf-8"))["floor"]
+        floor = json.loads(utf8_text(path))["floor"]
         normal, height = floor["normal"], float(floor["height"])
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise _no_floor_in(path, error) from error

@@ -91,12 +91,13 @@ class Observation:
             view came without its image, and only methods of volumes can use it.
         volume: partial TSDF, a batch of one; None: the image was not fused.
         voxels: its grid.
-        masks: (H, W) ids of the objects, 0 = none, where someone has marked them; else None.
+        masks: (H, W) numbers of the objects, 0 = none, where someone has marked them; else None.
         source: the frame as it was read.
         floor: in the coordinates of the camera.
         workspace: which pixels show objects, and how large these are.
         warnings: what looks wrong, one line each.
         measured_noise: of the floor; None: that of this frame.
+        ids: what objects 1, 2 ... of the masks are called; empty: as they are numbered.
     """
 
     image: Frame | None
@@ -108,6 +109,7 @@ class Observation:
     workspace: Workspace | None = None
     warnings: tuple[str, ...] = ()
     measured_noise: FloorNoise | None = None
+    ids: tuple[int, ...] = ()
 
     @classmethod
     def of_partial(cls, partial: PartialTSDF, grid: GridSpec) -> Observation:

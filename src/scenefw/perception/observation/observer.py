@@ -9,6 +9,7 @@ import numpy as np
 import torch
 
 from scenefw.kernels.cameras import camera_of, stack_cameras
+from scenefw.perception.observation.object_masks import object_masks
 from scenefw.perception.observation.observation import Observation
 
 if TYPE_CHECKING:
@@ -62,16 +63,18 @@ class Observer:
         warnings += self.doctor.examine_workspace(floor, workspace)
         cameras = stack_cameras([workspace.frame.camera])
         partial = self.mapping.fuse(torch.from_numpy(workspace.frame.depth)[None], grid, cameras)
-        ids = None
+        marks = None
         if mask is not None and mask.dtype != np.bool_:
-            ids = np.where(workspace.objects, mask, 0).astype(np.int32)
+            marks = object_masks(mask.astype(np.int32), workspace, grid, floor.deviation)
+            warnings += marks.warnings
         return Observation(
             replace(workspace.frame, camera=camera_of(cameras, 0)),  # as volumes know it
             partial,
             grid,
-            ids,
+            None if marks is None else marks.pixels,
             frame,
             floor,
             workspace,
             tuple(warnings),
+            ids=() if marks is None else marks.ids,
         )

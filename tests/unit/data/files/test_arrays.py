@@ -158,3 +158,16 @@ def test_masks_that_are_none_are_one_line(tmp_path):
     ]:
         with pytest.raises(InputError, match=words):
             read_mask(tmp_path / name, DEPTH.shape)
+
+
+@pytest.mark.parametrize("stack", [(3, *DEPTH.shape), (*DEPTH.shape, 3)])
+def test_a_stack_of_masks_is_told_how_to_become_one_image(stack):
+    with pytest.raises(InputError, match="of several masks make one image, 1 where the first"):
+        mask_of(np.ones(stack, bool), DEPTH.shape, "x")
+
+
+def test_a_file_of_several_pictures_is_no_mask(tmp_path):
+    pages = [Image.fromarray(np.full(DEPTH.shape, value, np.uint8)) for value in (1, 2)]
+    pages[0].save(tmp_path / "x.tif", save_all=True, append_images=pages[1:])
+    with pytest.raises(InputError, match="holds 2 pictures; of several masks make one image"):
+        read_mask(tmp_path / "x.tif", DEPTH.shape)
