@@ -29,7 +29,9 @@ def estimate():
 
 
 def test_scene_json(tmp_path, estimate):
-    write_summary(tmp_path / "scene.json", estimate, {3: "object_03.ply"}, {"scenefw": "1"})
+    write_summary(
+        tmp_path / "scene.json", estimate, {3: "object_03.ply"}, versions={"scenefw": "1"}
+    )
     scene = json.loads((tmp_path / "scene.json").read_text())
     (item,) = scene["objects"]
     assert item["id"] == 3

@@ -9,6 +9,7 @@ from tests.unit.grasping.boxes import EYE, TOWER, box, grasping
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.grasps import Grasp
+from scenefw.core.types import TriangleMesh
 from scenefw.grasping.lifting import LiftSimulation
 from scenefw.grasping.panda import PandaArm
 from scenefw.grasping.suction import SuctionCup, frame_along
@@ -93,6 +94,16 @@ def test_a_tower_is_taken_from_the_top_and_always_the_same_way():
     assert [one.lift.disturbance for one in again.grasps] == [
         one.lift.disturbance for one in ranking.grasps
     ]
+
+
+def test_the_arm_keeps_away_from_obstacles():
+    """A sheet over the tower stands in the arm's way; one far behind the arm doesn't."""
+    square = np.array([[-0.3, -0.3, 0.0], [0.3, -0.3, 0.0], [0.3, 0.3, 0.0], [-0.3, 0.3, 0.0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    ranker, grasp = grasping(), from_above(3, (0, 0, 0.16))
+    for place, reached in (((0, 0, 0.3), False), ((-3.0, 0, 0.3), True)):
+        sheet = TriangleMesh(square + place, faces)
+        assert bool(ranker.lifting.feasible(TOWER, [grasp], 1, [sheet])) == reached
 
 
 def test_what_floats_comes_to_rest_first():

@@ -223,7 +223,8 @@ def with_objects(estimate: SceneEstimate, objects: Objects) -> SceneEstimate:
 
     Vessels have a lid on there, as in predicted volumes: voxels are thicker than walls.
     The grid grows where objects lie outside; its voxels do only beyond 128 per side. What the image
-    shows stays: the frame, and the masks of objects that are still there with their own shapes.
+    shows stays: the frame, obstacles, and the masks of objects that are still there with their own
+    shapes.
     Volumes of other representations go, and so do details that are of the prediction alone.
 
     Args:
@@ -242,7 +243,16 @@ def with_objects(estimate: SceneEstimate, objects: Objects) -> SceneEstimate:
         masks = np.where(np.isin(masks, remaining_ids), masks, 0).astype(np.int32)
     details = {key: estimate.details[key] for key in _IMAGE_DETAILS if key in estimate.details}
     details["grid"] = asdict(grid)
-    return SceneEstimate(objects, grid, tsdf, instances, estimate.frame, details, {}, masks)
+    return replace(
+        estimate,
+        objects=objects,
+        grid=grid,
+        tsdf=tsdf,
+        instances=instances,
+        details=details,
+        volumes={},
+        masks=masks,
+    )
 
 
 def _mesh_with_lid(item: ObjectEstimate) -> TriangleMesh:

@@ -14,6 +14,7 @@ from scenefw.perception.estimate.composition import composed
 from scenefw.perception.estimate.marked_objects import called, marked_solids
 from scenefw.perception.estimate.mask_cleanup import with_bottoms, without_holes
 from scenefw.perception.estimate.objects import estimate_objects
+from scenefw.perception.estimate.plausibility import plausible
 from scenefw.perception.evidence.visible_instances import visible_instances
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.observation.surface_mesh import obstacles_of
@@ -83,7 +84,7 @@ class SceneAssembly:
             estimate = scene_estimate(
                 scene, view.grid, frame, confidence_of_label, _details(view, origin), solids
             )
-            estimate = replace(estimate, obstacles=obstacles)
+            estimate = replace(plausible(estimate, view), obstacles=obstacles)
             yield called(estimate, view.ids) if marked else estimate
 
 

@@ -6,7 +6,7 @@ import pytest
 from tests.unit.perception.edited_scenes import CAMERA, scene
 
 from scenefw.core.errors import InputError
-from scenefw.core.types import GridSpec, PlacedShape, Pose
+from scenefw.core.types import GridSpec, Obstacle, PlacedShape, Pose, TriangleMesh
 from scenefw.export.scene_folder import write_scene_files
 from scenefw.export.superquadrics import Superquadrics
 from scenefw.perception.editing.scene_editing import removed, scaled, with_objects
@@ -50,6 +50,23 @@ def test_a_stored_scene_is_read_as_it_was(known, folder):
     finer = found.grid.resolution == 64  # no grid is told in these details
     assert finer
     assert set(np.unique(found.instances)) == {0, 1, 2, 3}
+
+
+def test_obstacles_are_stored_open_and_stay_in_edits(known, tmp_path):
+    sheet = TriangleMesh(
+        np.array([[0.5, -1.0, 0.0], [0.5, 1.0, 0.0], [0.5, 0.0, 1.0]]), np.array([[0, 1, 2]])
+    )
+    scene = replace(known, obstacles=(Obstacle("wall", sheet), Obstacle("robot", sheet)))
+    write_scene_files(tmp_path, scene, colours_of(scene))
+    found = read_scene(tmp_path)
+    assert [obstacle.kind for obstacle in found.obstacles] == ["wall", "robot"]
+    np.testing.assert_allclose(found.obstacles[0].mesh.vertices, sheet.vertices, atol=1e-6)
+    assert "obstacles" not in found.details
+    edited = with_objects(found, removed(found.objects, found.objects[0].id))
+    assert edited.obstacles == found.obstacles
+    change(tmp_path, lambda told: told["obstacles"][0].update(mesh="../elsewhere.ply"))
+    with pytest.raises(InputError, match=r"an obstacle of .* expected NAME\.ply there"):
+        read_scene(tmp_path)
 
 
 def test_a_vessel_is_stored_by_its_numbers_and_scaled(known, tmp_path):

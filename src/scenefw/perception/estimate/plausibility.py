@@ -1,0 +1,172 @@
+"""Objects that contradict the image give way to what is visible of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import cKDTree
+from skimage.measure import marching_cubes
+
+from scenefw.core import rng
+from scenefw.core.types import TriangleMesh
+from scenefw.perception.estimate.objects import estimate_objects
+from scenefw.perception.evidence.mesh_distances import MeshDistances, mesh_volumes
+from scenefw.perception.observation.object_masks import footprint_hull
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from scenefw.core.types import Float32, Float64, SceneEstimate
+    from scenefw.perception.observation.observation import Observation
+
+_SAMPLES = 4000  # places in a box about an object
+_MIN_POINTS = 10  # visible ones that say something about an object
+_MAX_FREE_RATIO = 0.15  # of an object that may lie before what was measured
+_MAX_LENGTH_RATIO = 2.0  # to that of what is visible
+_MIN_LONG = 0.08  # m: what is shorter may be hidden for the most part
+_GAP = 0.01  # m: what is farther above the floor and all others hovers
+_CELL = 0.005  # m: side of columns below what is visible
+_CONFIDENCE_RATIO = 0.5  # of an object's confidence that is left where its shape was wrong
+
+
+def plausible(estimate: SceneEstimate, view: Observation) -> SceneEstimate:
+    """The scene with humbler shapes in place of those that contradict the image.
+
+    A shape contradicts it that lies below the floor, before what was measured, hovers, or is far
+    longer than what is visible of it. In its place comes the first of these that doesn't, or the
+    best: the hull of visible points and of their footprints on what they stand on, or on the floor;
+    columns below visible points. Its confidence falls.
+
+    Args:
+        estimate: with masks.
+        view: with its image.
+    """
+    if estimate.masks is None or view.image is None:
+        return estimate
+    checks = _Checks(estimate, view)
+    changes = {}
+    for item in estimate.objects:
+        if checks.flaws(item.mesh, item.id) == 0:
+            continue
+        mesh = min([item.mesh, *checks.humbler(item.id)], key=lambda m: checks.flaws(m, item.id))
+        if mesh is not item.mesh:
+            changes[item.id] = mesh
+    return with_meshes(estimate, changes) if changes else estimate
+
+
+def with_meshes(estimate: SceneEstimate, meshes: dict[int, TriangleMesh]) -> SceneEstimate:
+    """The scene with other meshes, closed, for some of its objects, and their volumes."""
+    confidences = {
+        item.id: _CONFIDENCE_RATIO * item.confidence
+        for item in estimate.objects
+        if item.id in meshes
+    }
+    changed = {item.id: item for item in estimate_objects(meshes, confidences)}
+    objects = tuple(changed.get(item.id, item) for item in estimate.objects)
+    is_old = np.isin(estimate.instances, list(meshes))
+    tsdf = np.where(is_old, np.float32(estimate.grid.truncation), estimate.tsdf)
+    distances, labels = mesh_volumes(list(meshes.items()), estimate.grid)
+    is_new = (distances < tsdf) & (is_old | (estimate.instances == 0))
+    instances = np.where(is_old, 0, estimate.instances)
+    instances = np.where(is_new & (distances < 0), labels, instances)
+    tsdf = np.where(is_new, distances, tsdf)
+    return replace(
+        estimate,
+        objects=objects,
+        tsdf=tsdf.astype(np.float32),
+        instances=instances.astype(np.int32),
+    )
+
+
+class _Checks:
+    """What an image says about shapes of its objects."""
+
+    def __init__(self, estimate: SceneEstimate, view: Observation) -> None:
+        self.objects, self.camera = estimate.objects, view.camera
+        self.margin = estimate.grid.voxel_size
+        self.depth: Float32 = view.depth if view.source is None else view.source.depth
+        masks = estimate.masks
+        assert masks is not None
+        measured = np.isfinite(view.points[..., 2])
+        self.visible = {
+            item.id: view.points[(masks == item.id) & measured] for item in estimate.objects
+        }
+
+    def flaws(self, mesh: TriangleMesh, label: int) -> float:
+        """0 if a closed mesh contradicts nothing; else in how many ways, and how much."""
+        low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+        flaws = float(-low[2] > self.margin)
+        visible = self.visible[label]
+        if len(visible) > _MIN_POINTS:
+            length, visible_length = (
+                np.ptp(mesh.vertices, axis=0).max(),
+                np.ptp(visible, axis=0).max(),
+            )
+            flaws += float(length > _MIN_LONG and length > _MAX_LENGTH_RATIO * visible_length)
+        free = self._free_ratio(mesh, low, high)
+        flaws += free if free > _MAX_FREE_RATIO else 0.0
+        return flaws + float(low[2] > _GAP and self._hovers(mesh, label))
+
+    def humbler(self, label: int) -> Iterator[TriangleMesh]:
+        """Closed meshes of what is visible of an object, the boldest first."""
+        points = self.visible[label]
+        if len(points) <= _MIN_POINTS:
+            return
+        support = self._support(label, points)
+        for height in dict.fromkeys((support, 0.0)):
+            hull = footprint_hull(points - (0, 0, height))
+            if hull is not None:
+                yield TriangleMesh(hull.vertices + (0, 0, height), hull.faces)
+        yield columns_below(points, support)
+
+    def _support(self, label: int, points: Float64) -> float:
+        """Height (m) of what lies below the visible points (N, 3): another object, or the floor."""
+        middle, lowest = np.median(points[:, :2], axis=0)[None], points[:, 2].min()
+        heights = [
+            MeshDistances(item.mesh).highest(middle)[0]
+            for item in self.objects
+            if item.id != label
+            and (item.mesh.vertices[:, :2].min(axis=0) < middle).all()
+            and (item.mesh.vertices[:, :2].max(axis=0) > middle).all()
+        ]
+        return max([float(h) for h in heights if h < lowest + self.margin], default=0.0)
+
+    def _free_ratio(self, mesh: TriangleMesh, low: Float64, high: Float64) -> float:
+        """Share of a mesh's volume that lies before what was measured, by more than a voxel."""
+        places = rng.generator(0).uniform(low, high, (_SAMPLES, 3))
+        places = places[MeshDistances(mesh).inside(places)]
+        if not len(places):
+            return 0.0
+        camera, pose = self.camera, self.camera.T_world_camera
+        x, y, z = ((places - pose[:3, 3]) @ pose[:3, :3]).T
+        column = np.rint(camera.fx * x / z + camera.cx)
+        row = np.rint(camera.fy * y / z + camera.cy)
+        inside = (z > 0) & (row >= 0) & (row < camera.height) & (column >= 0)
+        inside &= column < camera.width
+        rows, columns = (np.where(inside, v, 0).astype(int) for v in (row, column))
+        return float(np.mean(inside & (self.depth[rows, columns] > z + self.margin)))
+
+    def _hovers(self, mesh: TriangleMesh, label: int) -> bool:
+        """Whether nothing is close to the lowest part of a mesh."""
+        heights = mesh.vertices[:, 2]
+        bottom = mesh.vertices[heights < heights.min() + _GAP]
+        others = [item.mesh.vertices for item in self.objects if item.id != label]
+        if not others:
+            return True
+        return bool(cKDTree(np.concatenate(others)).query(bottom)[0].min() > _GAP)
+
+
+def columns_below(points: Float64, floor: float) -> TriangleMesh:
+    """The solid of columns between a level and the highest of points (N, 3) over each cell."""
+    low = points.min(axis=0) - 2 * _CELL
+    low[2] = floor
+    cells = np.floor((points - low) / _CELL).astype(int)
+    counts = cells.max(axis=0) + 3
+    top = np.zeros(counts[:2], dtype=int)
+    np.maximum.at(top, (cells[:, 0], cells[:, 1]), np.maximum(cells[:, 2], 1))
+    filled = np.arange(counts[2])[None, None] <= top[..., None]
+    filled = np.pad(filled & (top[..., None] > 0), 1)
+    vertices, faces, _, _ = marching_cubes(filled.astype(np.float32), 0.5)
+    return TriangleMesh(low + (vertices - 0.5) * _CELL, faces[:, ::-1].astype(np.int64))
