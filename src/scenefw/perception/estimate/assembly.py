@@ -16,6 +16,7 @@ from scenefw.perception.estimate.mask_cleanup import with_bottoms, without_holes
 from scenefw.perception.estimate.objects import estimate_objects
 from scenefw.perception.estimate.plausibility import plausible
 from scenefw.perception.evidence.visible_instances import visible_instances
+from scenefw.perception.observation.image_turns import turned, turned_pixels
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.observation.surface_mesh import obstacles_of
 from scenefw.postprocessing.confidence import Calibration, confidences
@@ -85,7 +86,16 @@ class SceneAssembly:
                 scene, view.grid, frame, confidence_of_label, _details(view, origin), solids
             )
             estimate = replace(plausible(estimate, view), obstacles=obstacles)
+            estimate = _turned_back(estimate, view.turns)
             yield called(estimate, view.ids) if marked else estimate
+
+
+def _turned_back(estimate: SceneEstimate, turns: int) -> SceneEstimate:
+    """With frame and masks as the image was before it was turned left by quarters."""
+    if not turns:
+        return estimate
+    masks = None if estimate.masks is None else turned_pixels(estimate.masks, -turns)
+    return replace(estimate, frame=turned(estimate.frame, -turns), masks=masks)
 
 
 def _details(view: Observation, origin: Mapping[str, Any]) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from scenefw.core import rng
 from scenefw.core.types import TriangleMesh
 from scenefw.perception.estimate.objects import estimate_objects
 from scenefw.perception.evidence.mesh_distances import MeshDistances, mesh_volumes
+from scenefw.perception.observation.image_turns import turned_pixels
 from scenefw.perception.observation.object_masks import footprint_hull
 
 if TYPE_CHECKING:
@@ -86,7 +87,9 @@ class _Checks:
     def __init__(self, estimate: SceneEstimate, view: Observation) -> None:
         self.objects, self.camera = estimate.objects, view.camera
         self.margin = estimate.grid.voxel_size
-        self.depth: Float32 = view.depth if view.source is None else view.source.depth
+        self.depth: Float32 = view.depth
+        if view.source is not None:
+            self.depth = turned_pixels(view.source.depth, view.turns)
         masks = estimate.masks
         assert masks is not None
         measured = np.isfinite(view.points[..., 2])

@@ -98,6 +98,7 @@ class Observation:
         warnings: what looks wrong, one line each.
         measured_noise: of the floor; None: that of this frame.
         ids: what objects 1, 2 ... of the masks are called; empty: as they are numbered.
+        turns: how often the image as it was read was turned left by a quarter, so that up is up.
     """
 
     image: Frame | None
@@ -110,6 +111,7 @@ class Observation:
     warnings: tuple[str, ...] = ()
     measured_noise: FloorNoise | None = None
     ids: tuple[int, ...] = ()
+    turns: int = 0
 
     @classmethod
     def of_partial(cls, partial: PartialTSDF, grid: GridSpec) -> Observation:

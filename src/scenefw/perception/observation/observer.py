@@ -9,6 +9,7 @@ import numpy as np
 import torch
 
 from scenefw.kernels.cameras import camera_of, stack_cameras
+from scenefw.perception.observation.image_turns import quarter_turns, turned_pixels
 from scenefw.perception.observation.object_masks import object_masks
 from scenefw.perception.observation.observation import Observation
 
@@ -61,11 +62,14 @@ class Observer:
         region = None if mask is None else mask > 0
         workspace = self.workspace.find(frame, floor, grid, region)
         warnings += self.doctor.examine_workspace(floor, workspace)
+        turns = quarter_turns(floor)
+        workspace = workspace.turned(turns)
         cameras = stack_cameras([workspace.frame.camera])
         partial = self.mapping.fuse(torch.from_numpy(workspace.frame.depth)[None], grid, cameras)
         marks = None
         if mask is not None and mask.dtype != np.bool_:
-            marks = object_masks(mask.astype(np.int32), workspace, grid, floor.deviation)
+            ids = turned_pixels(mask.astype(np.int32), turns)
+            marks = object_masks(ids, workspace, grid, floor.deviation)
             warnings += marks.warnings
         return Observation(
             replace(workspace.frame, camera=camera_of(cameras, 0)),  # as volumes know it
@@ -77,4 +81,5 @@ class Observer:
             workspace,
             tuple(warnings),
             ids=() if marks is None else marks.ids,
+            turns=turns,
         )

@@ -1,5 +1,7 @@
 """The objects on the table, the cube around them, and the depth that a network should see."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -12,6 +14,7 @@ from scenefw.core.errors import InputError
 from scenefw.core.floors import Floor
 from scenefw.core.settings import NOT_NEGATIVE, POSITIVE
 from scenefw.core.types import Frame, GridSpec
+from scenefw.perception.observation.image_turns import turned, turned_pixels
 from scenefw.perception.observation.obstacles import ObstacleFinding, ObstacleRegion, union
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.observation.raster import FloorRaster
@@ -48,6 +51,20 @@ class Workspace:
     obstacles: tuple[ObstacleRegion, ...]
     unsupported: Mask
     points: Array
+
+    def turned(self, turns: int) -> Workspace:
+        """The workspace of the image turned left by quarters."""
+        obstacles = [
+            replace(region, pixels=turned_pixels(region.pixels, turns)) for region in self.obstacles
+        ]
+        return replace(
+            self,
+            frame=turned(self.frame, turns),
+            objects=turned_pixels(self.objects, turns),
+            obstacles=tuple(obstacles),
+            unsupported=turned_pixels(self.unsupported, turns),
+            points=turned_pixels(self.points, turns),
+        )
 
 
 @dataclass(frozen=True)
