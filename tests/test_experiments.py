@@ -13,7 +13,7 @@ from scenefw import registry
 # Images of the user, runs of a sweep, weights that don't ship
 NEEDS_INPUT = {
     "osd", "realsense_table", "visible_masks", "label_halves", "noise_gathered",
-    "label_noise_gathered", "table_5_1_baselines",
+    "label_noise_gathered", "table_5_1_baselines", "real_images",
 }  # fmt: skip
 BASELINES = ("fully_convolutional", "sscnet", "unconditional")
 # Data that a command makes in an hour

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from scenefw.core.types import GridSpec, PlacedShape
+    from scenefw.core.types import GridSpec, PlacedShape, TriangleMesh
 
 
 @dataclass(frozen=True)
@@ -215,6 +215,7 @@ class Completion:
         volumes: (B, C, X, Y, Z) by name, as their representations say them.
         masks: (B, H, W) int32, instances that pixels show, 0 = none; None: the method has none.
         placed: for each view, the shapes that explain some of its instances, by label.
+        meshes: for each view, closed surfaces (m) of instances that voxels are too coarse for.
     """
 
     tsdf: Tensor
@@ -222,6 +223,7 @@ class Completion:
     volumes: Mapping[str, Tensor] = field(default_factory=dict)
     masks: Tensor | None = None
     placed: Sequence[Mapping[int, PlacedShape]] = ()
+    meshes: Sequence[Mapping[int, TriangleMesh]] = ()
 
 
 @dataclass(frozen=True)

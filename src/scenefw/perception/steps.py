@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from scenefw.core.batches import Completion
     from scenefw.core.evidence import Evidence, FittedSuperquadric
-    from scenefw.core.types import Float32, GridSpec, Int32, SceneEstimate
+    from scenefw.core.types import Float32, GridSpec, Int32, SceneEstimate, TriangleMesh
     from scenefw.fitting.vessels import FittedVessel
     from scenefw.perception.observation.observation import Observation
     from scenefw.perception.observation.views import View, Views
@@ -33,12 +33,14 @@ class Objects:
         tsdf: (X, Y, Z) metres; None: no volume is known.
         instances: (X, Y, Z) labels; None likewise.
         volumes: further ones of a network, batches of one, by name of their representation.
+        meshes: closed surfaces (m) of objects that volumes are too coarse for, by label.
     """
 
     masks: Int32 | None
     tsdf: Float32 | None = None
     instances: Int32 | None = None
     volumes: Mapping[str, Tensor] = field(default_factory=dict)
+    meshes: Mapping[int, TriangleMesh] = field(default_factory=dict)
 
     @property
     def pixels(self) -> Int32:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import torch
 
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from scenefw.core.types import Frame, GridSpec, Int32, TriangleMesh
     from scenefw.perception.observation.observation import Observation
     from scenefw.perception.steps import ObjectSet
+
+Item = TypeVar("Item")
 
 _MIN_HEIGHT = 0.005  # m: what is lower shows no object
 _SHAPE_VOLUMES = ("tsdf", "votes")  # what objects are made of; other volumes are kept as they are
@@ -158,7 +160,9 @@ def scene_estimate(
     tsdf, instances = sample.tsdf[0], sample.instances[0]
     placed = sample.placed[0] if sample.placed else {}
     meshes = {**(solids or {}), **instance_meshes(tsdf, instances, grid)}
-    meshes |= {label: item.mesh() for label, item in placed.items() if label in meshes}
+    exact = dict(sample.meshes[0]) if sample.meshes else {}
+    exact |= {label: item.mesh() for label, item in placed.items()}
+    meshes |= {label: mesh for label, mesh in exact.items() if label in meshes}
     return SceneEstimate(
         estimate_objects(meshes, confidence_of_label, placed),
         grid,
@@ -187,7 +191,7 @@ def _masks(sample: Completion, grid: GridSpec, frame: Frame) -> Int32:
 
 
 def _with_instances(before: Completion, instances: Tensor, marked: int = 0) -> Completion:
-    """With other instances; masks and shapes get the label that most voxels of theirs have now.
+    """With other instances; all else gets the label that most of its voxels have now.
 
     Labels up to `marked` stay.
     """
@@ -200,8 +204,15 @@ def _with_instances(before: Completion, instances: Tensor, marked: int = 0) -> C
         table = torch.zeros(int(max(masks.max(), old_labels.max(), marked)) + 1, dtype=torch.int32)
         table[list(new_label_of)] = torch.tensor(list(new_label_of.values()), dtype=torch.int32)
         masks = table.to(masks.device)[masks.long()]
-    placed = tuple(
+    placed = _relabelled(before.placed, new_label_of)
+    meshes = _relabelled(before.meshes, new_label_of)
+    return replace(before, instances=instances[None], masks=masks, placed=placed, meshes=meshes)
+
+
+def _relabelled(
+    views: Sequence[Mapping[int, Item]], new_label_of: Mapping[int, int]
+) -> tuple[dict[int, Item], ...]:
+    return tuple(
         {new_label_of[label]: item for label, item in view.items() if new_label_of.get(label)}
-        for view in before.placed
+        for view in views
     )
-    return replace(before, instances=instances[None], masks=masks, placed=placed)

@@ -53,6 +53,7 @@ def composed(hypothesis: ObjectSet, view: View) -> Completion:
         objects.volumes,
         None if masks is None else torch.from_numpy(masks)[None].to(device),
         () if hypothesis.superquadrics is None else (placed,),
+        (objects.meshes,) if hypothesis.superquadrics is None else (),
     )
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scenefw.perception.observation.object_masks import footprint_hull
+from scenefw.perception.observation.object_masks import footprint_hulls
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,12 +18,7 @@ if TYPE_CHECKING:
 
 def marked_solids(view: Observation) -> dict[int, TriangleMesh]:
     """The hull of what is visible of each marked object and of its footprint, by its number."""
-    masks = view.masks
-    if masks is None:
-        return {}
-    labels = np.unique(masks[masks > 0]).tolist()
-    hulls = {label: footprint_hull(view.points[masks == label]) for label in labels}
-    return {label: hull for label, hull in hulls.items() if hull is not None}
+    return {} if view.masks is None else footprint_hulls(view.masks, view.points)
 
 
 def called(estimate: SceneEstimate, ids: Sequence[int]) -> SceneEstimate:

@@ -9,6 +9,7 @@ import torch
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from scenefw.perception.estimate.carving import carve
+from scenefw.perception.observation.object_masks import footprint_hulls
 from scenefw.perception.steps import Objects
 
 if TYPE_CHECKING:
@@ -25,7 +26,8 @@ class HullFilling:
 
     A hull is that of a segment's points and of their footprints on the floor z = 0. Where hulls
     overlap, the segment whose visible points are nearest has the voxel. What the view shows to be
-    free is taken away again. It learns nothing.
+    free is taken away again. Where no shape explains an object, its surface is the hull itself,
+    not that of the voxels. It learns nothing.
 
     Args:
         segmentation: whose segments are filled instead; None: those that are given.
@@ -48,7 +50,8 @@ class HullFilling:
         segments = Objects(segments).pixels
         tsdf, owner = hulls(segments, view)
         carved = carve(torch.from_numpy(tsdf), view.partial, view.grid).numpy()
-        return Objects(segments, carved, np.where(carved < 0, owner, 0).astype(np.int32))
+        instances = np.where(carved < 0, owner, 0).astype(np.int32)
+        return Objects(segments, carved, instances, meshes=footprint_hulls(segments, view.points))
 
 
 def hulls(segments: Int32, view: ViewGeometry) -> tuple[Float32, Int32]:

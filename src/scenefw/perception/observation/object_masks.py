@@ -97,6 +97,18 @@ def _visible(
     )
 
 
+def footprint_hulls(masks: Int32, points: Float64) -> dict[int, TriangleMesh]:
+    """The `footprint_hull` of each object that has one, by its label.
+
+    Args:
+        masks: (H, W) labels, 0 = none.
+        points: (H, W, 3) of the pixels (m), finite where there is an object.
+    """
+    labels = np.unique(masks[masks > 0]).tolist()
+    hulls = {label: footprint_hull(points[masks == label]) for label in labels}
+    return {label: hull for label, hull in hulls.items() if hull is not None}
+
+
 def footprint_hull(points: Float64) -> TriangleMesh | None:
     """The convex hull of points (N, 3) and of their footprints on z = 0; None if it is flat."""
     try:

@@ -154,18 +154,19 @@ def _pictures(result: LabelledMaskResult, folder: Path) -> tuple[Picture, ...]:
 def draw_masks(image: ImageResult) -> NDArray[np.float32]:
     """RGB in [0, 1]: the labels of person, method and reference over the colour image."""
     titles = {"true": "labels", "method": _OURS, "reference": "no learning"}
-    tiles = [_overlaid(image, image.labels[key])[::2, ::2] for key in titles]
+    tiles = [overlaid(image.colour, image.labels[key])[::2, ::2] for key in titles]
     return beside(tiles, list(titles.values()))
 
 
-def _overlaid(image: ImageResult, labels: NDArray[np.int16]) -> NDArray[np.float32]:
-    grey = np.full(labels.shape, 0.85) if image.colour is None else image.colour.mean(axis=-1) / 255
+def overlaid(colour: NDArray[np.uint8] | None, labels: NDArray[np.integer]) -> NDArray[np.float32]:
+    """RGB (H, W, 3) in [0, 1] of labels (H, W), <= 0 = none, over a grey colour image."""
+    grey = np.full(labels.shape, 0.85) if colour is None else colour.mean(axis=-1) / 255
     picture = np.repeat(grey[..., None], 3, axis=-1)
     ids = np.unique(labels[labels > 0])
-    for i, colour in zip(ids, instance_colours(len(ids)), strict=True):
+    for i, shade in zip(ids, instance_colours(len(ids)), strict=True):
         mask = labels == i
-        picture[mask] = 0.4 * picture[mask] + 0.6 * np.array(colour)
-        picture[borders(mask)] = np.array(colour) * 0.6
+        picture[mask] = 0.4 * picture[mask] + 0.6 * np.array(shade)
+        picture[borders(mask)] = np.array(shade) * 0.6
     return picture.astype(np.float32)
 
 

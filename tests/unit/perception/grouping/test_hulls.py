@@ -12,9 +12,11 @@ from scenefw.core.geometry import look_at
 from scenefw.core.types import Camera, GridSpec
 from scenefw.kernels.cameras import camera_of, stack_cameras
 from scenefw.mapping.projective import Projective
+from scenefw.perception.estimate.assembly import SceneAssembly
 from scenefw.perception.grouping.hulls import HullFilling, hull_distance
 from scenefw.perception.observation.observation import Observation
 from scenefw.perception.segmentation.crease_segmentation import CreaseSegmentation
+from scenefw.perception.steps import ObjectSet
 
 CREASES = CreaseSegmentation(0.01, 0.02, 25.0, 6, 800, grow=False)
 
@@ -42,6 +44,29 @@ def seen(request):
     view = Observation.of_partial(Projective().fuse(depth, grid, cameras), grid)
     centres = grid.centres()
     return view, np.maximum(low - centres, centres - high).max(axis=-1)
+
+
+def test_the_surface_of_an_object_is_its_hull_not_that_of_voxels(seen):
+    """Objects are as large as what is visible of them, whatever voxels are."""
+    view, _ = seen
+    segments = CREASES.segment(view)
+    hypothesis = ObjectSet(HullFilling().group(segments, view))
+    (scene,) = SceneAssembly().assemble([hypothesis], view, {})
+    (item,) = scene.objects
+    points = view.points[segments > 0]
+    hull = ConvexHull(np.concatenate([points, points * (1, 1, 0)]))
+    np.testing.assert_allclose(item.mesh.vertices.min(axis=0), hull.min_bound)
+    np.testing.assert_allclose(item.mesh.vertices.max(axis=0), hull.max_bound)
+    assert len(item.mesh.vertices) == len(hull.vertices)
+    np.testing.assert_allclose(np.sort(item.extents), (0.2, 0.2, 0.24), atol=0.01)
+
+
+def test_what_a_hypothesis_with_shapes_leaves_is_of_its_volume(seen):
+    view, _ = seen
+    objects = HullFilling().group(CREASES.segment(view), view)
+    (scene,) = SceneAssembly().assemble([ObjectSet(objects, {})], view, {})
+    (item,) = scene.objects
+    assert len(item.mesh.vertices) != len(objects.meshes[1].vertices)
 
 
 def test_a_box_is_filled(seen):
