@@ -137,7 +137,11 @@ def record(
         "commit": versions().get("commit"),
         "machine": machine,
         "samples": [start.samples, end],
-        "samples_per_second": round(figures.get("train/samples_per_second", 0.0), 2),
+        "samples_per_second": round(
+            figures.get("train/samples_per_second")
+            or per_step * steps_per_second(folder / "losses.csv", start.steps),
+            2,
+        ),
         "waiting_for_data": round(figures.get("train/share_of_data", 0.0), 3),
         "curve": curve,
         "validation": {n: round(v, 5) for n, v in figures.items() if n.startswith("val/")},
@@ -152,6 +156,18 @@ def figures_of(folder: Path) -> dict[str, float]:
         return json.loads((folder / "run" / "metrics.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
+
+
+def steps_per_second(table: Path, first_step: int) -> float:
+    """Of a leg that was stopped before it said how fast it was; 0 without two lines of it."""
+    if not table.exists():
+        return 0.0
+    with table.open(newline="", encoding="utf-8") as file:
+        rows = [(int(row["step"]), float(row["seconds"])) for row in csv.DictReader(file)]
+    rows = [row for row in rows if row[0] > first_step]
+    if not rows or rows[-1][1] == rows[0][1]:
+        return 0.0
+    return (rows[-1][0] - rows[0][0]) / (rows[-1][1] - rows[0][1])
 
 
 def validations(table: Path, figure: str) -> list[tuple[int, float]]:

@@ -10,7 +10,7 @@ import time
 import pytest
 import torch
 from benchmarks import train_next, train_on_gpu, trainings
-from benchmarks.legs import start_of
+from benchmarks.legs import start_of, steps_per_second
 from benchmarks.trainings import STATE, Ledger, Machine, Training, markdown, write_into
 from omegaconf import OmegaConf
 from tests.test_guide import FILES
@@ -249,3 +249,14 @@ def queue(folder, states):
     own = {"SCENEFW_TRAININGS": str(folder / states), "PYTHONPATH": paths}
     command = [sys.executable, "-m", "benchmarks.train_next", *words]
     return subprocess.Popen(command, cwd=folder, env=os.environ | own, start_new_session=True)
+
+
+def test_a_leg_that_was_stopped_has_the_speed_of_its_table(tmp_path):
+    table = tmp_path / "losses.csv"
+    rows = [(10, 5.0), (20, 10.0), (30, 20.0), (50, 40.0)]
+    table.write_text(
+        "step,epoch,seconds,name,value\n" + "".join(f"{s},0,{t},loss,1.0\n" for s, t in rows)
+    )
+    assert steps_per_second(table, 15) == pytest.approx(1.0)
+    assert steps_per_second(table, 50) == 0.0
+    assert steps_per_second(tmp_path / "none.csv", 0) == 0.0
