@@ -43,7 +43,8 @@ class AffinitySegmentation:
     Where the image has colour, strong edges of colour along a border lower its mean, and weak ones
     raise it.
     What neither jumps of depth nor creases cut is joined from a lower mean on: on things unlike
-    those it learnt from, the network cuts too often. Where a camera blurs edges, jumps say nothing.
+    those it learnt from, the network cuts too often. Colour doesn't count for this mean, as it can
+    add more than the limit. Where a camera blurs edges, jumps say nothing.
     Images are thinned to about the focal length that the network learnt from. Parts that it takes
     for waves of the floor, or for what lies beyond a table's edge, are dropped, if it says which
     pixels show objects; so are single pixels, as of ramps of depth beside objects.
@@ -66,8 +67,8 @@ class AffinitySegmentation:
             heights at the same depth.
         crease_segmentation: cuts the image without learning; None: nothing is joined for lying in
             its parts.
-        min_crease_affinity: mean along a border above which regions are joined that lie in one of
-            its parts.
+        min_crease_affinity: mean along a border, without what colour adds, above which regions are
+            joined that lie in one of its parts.
         colours: what the colours along a border add to its mean, if the image has some; None: they
             say nothing.
 
@@ -149,10 +150,11 @@ class AffinitySegmentation:
         if view.noise.sigma > _MIN_SIGMA:
             above &= (object_probability > self.min_pixel_probability)[thinned_pixels]
         regions = self._regions(depth, across, down, above[::step, ::step])
+        affinities = across, down
         if self.colours is not None and frame.colour is not None:
             colour_terms = self.colours.added(regions, frame.colour, step)
-            across, down = (p + term for p, term in zip((across, down), colour_terms, strict=True))
-        merged_regions = merged(regions, across, down, self.min_affinity)
+            affinities = across + colour_terms[0], down + colour_terms[1]
+        merged_regions = merged(regions, *affinities, self.min_affinity)
         if self.crease_segmentation is not None and not smooth:
             plain_parts = self.crease_segmentation.segment(view)[::step, ::step]
             merged_regions = joined_within(

@@ -245,8 +245,8 @@ def test_parts_as_low_as_the_floor_waves_are_its_noise():
     assert (found[frame.labels == 2] > 0).mean() > 0.9
 
 
-def half_sure(thinned):
-    """A box that a network cuts in two, half sure that both are one: image, halves, network."""
+def half_sure(thinned, logit=0.0):
+    """A box that a network cuts in two, as sure as `logit` says: image, halves, network."""
     camera = camera_at(eye=(0.0, -0.85, 0.6))
     frame = replace(frame_of(camera, (Box((-0.15, -0.1, 0.0), (0.15, 0.1, 0.1)),)), camera=camera)
     middle = frame.labels.shape[1] // 2
@@ -257,7 +257,7 @@ def half_sure(thinned):
         logits = Knowing.forward(network, depth, cameras)
         box = torch.from_numpy(frame.labels[::thinned, ::thinned] > 0)
         beside = box & torch.roll(box, -1, 1)
-        logits[:, 0] = torch.where(beside & (logits[:, 0] < 0), 0.0, logits[:, 0])
+        logits[:, 0] = torch.where(beside & (logits[:, 0] < 0), logit, logits[:, 0])
         return logits
 
     network.forward = forward
@@ -301,6 +301,25 @@ def test_colour_decides_where_the_network_is_unsure(thinned):
         Loaded(network), min_affinity=0.6, min_pixels=20, colours=BorderColours()
     )
     assert grey.segment(Observation(frame)).max() == 2
+
+
+def test_colour_joins_no_segment_of_creases_that_the_network_cuts():
+    """Two things of one colour without a crease between them, as books side by side."""
+    frame, halves, network = half_sure(1, logit=-1.4)  # one object with 20 %
+    image = np.array([(90, 90, 80), (200, 40, 40), (200, 40, 40)], np.uint8)[halves]
+    settings = {
+        "min_pixels": 20,
+        "crease_segmentation": CreaseSegmentation(min_pixels=20),
+        "colours": BorderColours(),  # adds 40 %
+    }
+
+    def number(**limits):
+        finder = AffinitySegmentation(Loaded(network), **settings, **limits)
+        return finder.segment(Observation(replace(frame, colour=image))).max()
+
+    assert number() == 2
+    assert number(min_affinity=0.55) == 1  # colour did add to the mean
+    assert number(min_crease_affinity=0.15) == 1  # and no crease is between them
 
 
 @pytest.mark.exhaustive
