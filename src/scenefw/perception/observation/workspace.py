@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from scenefw.core import geometry
 from scenefw.core.errors import InputError
@@ -15,6 +14,11 @@ from scenefw.core.floors import Floor
 from scenefw.core.settings import NOT_NEGATIVE, POSITIVE
 from scenefw.core.types import Frame, GridSpec
 from scenefw.perception.observation.image_turns import turned, turned_pixels
+from scenefw.perception.observation.object_groups import (
+    fitting_groups,
+    object_groups,
+    pixel_weights,
+)
 from scenefw.perception.observation.obstacles import ObstacleFinding, ObstacleRegion, union
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.observation.raster import FloorRaster
@@ -24,9 +28,6 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _RASTER = FloorRaster()
-_EIGHT = np.ones((3, 3), dtype=bool)
-_MIN_CELLS = 4  # of a group of objects
-_MIN_POINTS = 30  # of a group of objects
 
 
 @dataclass(frozen=True)
@@ -65,21 +66,6 @@ class Workspace:
             unsupported=turned_pixels(self.unsupported, turns),
             points=turned_pixels(self.points, turns),
         )
-
-
-@dataclass(frozen=True)
-class _Group:
-    """A group of objects that (nearly) touch.
-
-    Args:
-        label: number in the raster.
-        cells: (N, 2) centres of its cells (m).
-        weight: of its pixels; the middle of an image weighs most.
-    """
-
-    label: int
-    cells: Array
-    weight: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,14 +150,14 @@ class WorkspaceFinder:
         top, side = grid.lower[2] + grid.extent, grid.extent - 2 * self.margin
         surfaces = [self._surfaces(frame, region) for frame in frames]
         object_masks = [s.objects & (s.points[..., 2] < top) for s in surfaces]
-        weights = [_pixel_weights(mask.shape)[mask] for mask in object_masks]
+        weights = [pixel_weights(mask.shape)[mask] for mask in object_masks]
         object_points = _points_of(surfaces, object_masks)
-        labels, groups = _groups(object_points, np.concatenate(weights), side)
+        labels, groups = object_groups(object_points, np.concatenate(weights), side)
         if not groups:
             if region is not None or not any(s.on_floor.any() for s in surfaces):
                 raise self._nothing(frames, top, region)
             return self._bare_workspaces(surfaces, grid)
-        centre, members = _choose(groups, side, _names(frames))
+        centre, members = fitting_groups(groups, side, _names(frames))
         left_out = [g.cells.mean(axis=0) - centre for g in groups if g not in members]
         member_labels = [g.label for g in members]
         member_masks = [
@@ -259,68 +245,6 @@ def _points_of(surfaces: Sequence[_Surfaces], masks: Sequence[Mask]) -> Array:
     return np.concatenate([s.points[mask] for s, mask in zip(surfaces, masks, strict=True)])
 
 
-def _pixel_weights(shape: tuple[int, ...]) -> Array:
-    """Weights (H, W), 1 in the middle of an image and 0 in its corners: it is about its middle."""
-    middle = (np.array(shape) - 1) / 2
-    rows, columns = np.indices(shape) - middle[:, None, None]
-    return np.asarray((1 - np.hypot(rows, columns) / np.hypot(*middle)) ** 2)
-
-
-def _groups(points: Array, weights: Array, side: float) -> tuple[NDArray[np.int32], list[_Group]]:
-    """Raster of group numbers, and the groups of object points (N, 3) that are not noise.
-
-    Objects beside each other are one group; if it doesn't fit into a square of `side` (m), only
-    those that touch are.
-    """
-    counts = _RASTER.count(points)
-    sums = _RASTER.count(points, weights)
-    occupied = counts > 0
-    labels, number = ndimage.label(ndimage.binary_dilation(occupied), structure=_EIGHT)
-    labels = np.where(occupied, labels, 0)
-    for label in range(1, number + 1):
-        mask = labels == label
-        if np.ptp(_RASTER.centres(mask), axis=0).max() > side:
-            pieces, _ = ndimage.label(mask, structure=_EIGHT)
-            labels = np.where(mask, pieces + labels.max(), labels)
-    groups = []
-    for label in np.unique(labels[occupied]):
-        mask = labels == label
-        if mask.sum() >= _MIN_CELLS and counts[mask].sum() >= _MIN_POINTS:
-            groups.append(_Group(int(label), _RASTER.centres(mask), float(sums[mask].sum())))
-    return labels, groups
-
-
-def _choose(groups: list[_Group], side: float, name: str) -> tuple[Array, list[_Group]]:
-    """Centre (2,) and members of the heaviest set of groups that a square of `side` holds.
-
-    Each group in turn takes in its neighbours, nearest first, as long as all fit.
-    """
-    best: list[_Group] = []
-    for seed in groups:
-        members: list[_Group] = []
-        for group in sorted(groups, key=lambda g: _distance(seed, g)):
-            if _span([*members, group]).max() <= side:
-                members.append(group)
-        if sum(g.weight for g in members) > sum(g.weight for g in best):
-            best = members
-    if not best:
-        largest = _span([max(groups, key=lambda g: g.weight)])
-        raise InputError(
-            f"objects of {name} cover {largest[0]:.2f} m x {largest[1]:.2f} m without a gap, the "
-            f"cube holds {side:.2f} m; show fewer objects, or check depth scale and intrinsics"
-        )
-    cells = np.concatenate([g.cells for g in best])
-    return (cells.min(axis=0) + cells.max(axis=0)) / 2, best
-
-
 def _names(frames: Sequence[Frame]) -> str:
     first_name, *further_names = (frame.name for frame in frames)
     return f"{first_name} and {len(further_names)} more" if further_names else first_name
-
-
-def _span(groups: list[_Group]) -> Array:
-    return np.ptp(np.concatenate([g.cells for g in groups]), axis=0)
-
-
-def _distance(a: _Group, b: _Group) -> float:
-    return float(np.linalg.norm(a.cells.mean(axis=0) - b.cells.mean(axis=0)))

@@ -1,0 +1,103 @@
+"""Groups of objects on a table, seen from above, and the cube about those that fit into it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import ndimage
+
+from scenefw.core.errors import InputError
+from scenefw.perception.observation.raster import FloorRaster
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from scenefw.core.types import Float64
+
+_RASTER = FloorRaster()
+_EIGHT = np.ones((3, 3), dtype=bool)
+_MIN_CELLS = 4  # of a group of objects
+_MIN_POINTS = 30  # of a group of objects
+
+
+@dataclass(frozen=True)
+class ObjectGroup:
+    """A group of objects that (nearly) touch.
+
+    Args:
+        label: number in the raster.
+        cells: (N, 2) centres of its cells (m).
+        weight: of its pixels; the middle of an image weighs most.
+    """
+
+    label: int
+    cells: Float64
+    weight: float
+
+
+def pixel_weights(shape: tuple[int, ...]) -> Float64:
+    """Weights (H, W), 1 in the middle of an image and 0 in its corners: it is about its middle."""
+    middle = (np.array(shape) - 1) / 2
+    rows, columns = np.indices(shape) - middle[:, None, None]
+    return np.asarray((1 - np.hypot(rows, columns) / np.hypot(*middle)) ** 2)
+
+
+def object_groups(
+    points: Float64, weights: Float64, side: float
+) -> tuple[NDArray[np.int32], list[ObjectGroup]]:
+    """Raster of group numbers, and the groups of object points (N, 3) that are not noise.
+
+    Objects beside each other are one group; if it doesn't fit into a square of `side` (m), only
+    those that touch are.
+    """
+    counts = _RASTER.count(points)
+    sums = _RASTER.count(points, weights)
+    occupied = counts > 0
+    labels, number = ndimage.label(ndimage.binary_dilation(occupied), structure=_EIGHT)
+    labels = np.where(occupied, labels, 0)
+    for label in range(1, number + 1):
+        mask = labels == label
+        if np.ptp(_RASTER.centres(mask), axis=0).max() > side:
+            pieces, _ = ndimage.label(mask, structure=_EIGHT)
+            labels = np.where(mask, pieces + labels.max(), labels)
+    groups = []
+    for label in np.unique(labels[occupied]):
+        mask = labels == label
+        if mask.sum() >= _MIN_CELLS and counts[mask].sum() >= _MIN_POINTS:
+            groups.append(ObjectGroup(int(label), _RASTER.centres(mask), float(sums[mask].sum())))
+    return labels, groups
+
+
+def fitting_groups(
+    groups: list[ObjectGroup], side: float, name: str
+) -> tuple[Float64, list[ObjectGroup]]:
+    """Centre (2,) and members of the heaviest set of groups that a square of `side` holds.
+
+    Each group in turn takes in its neighbours, nearest first, as long as all fit.
+    """
+    best: list[ObjectGroup] = []
+    for seed in groups:
+        members: list[ObjectGroup] = []
+        for group in sorted(groups, key=lambda g: _distance(seed, g)):
+            if _span([*members, group]).max() <= side:
+                members.append(group)
+        if sum(g.weight for g in members) > sum(g.weight for g in best):
+            best = members
+    if not best:
+        largest = _span([max(groups, key=lambda g: g.weight)])
+        raise InputError(
+            f"objects of {name} cover {largest[0]:.2f} m x {largest[1]:.2f} m without a gap, the "
+            f"cube holds {side:.2f} m; show fewer objects, or check depth scale and intrinsics"
+        )
+    cells = np.concatenate([g.cells for g in best])
+    return (cells.min(axis=0) + cells.max(axis=0)) / 2, best
+
+
+def _span(groups: list[ObjectGroup]) -> Float64:
+    return np.ptp(np.concatenate([g.cells for g in groups]), axis=0)
+
+
+def _distance(a: ObjectGroup, b: ObjectGroup) -> float:
+    return float(np.linalg.norm(a.cells.mean(axis=0) - b.cells.mean(axis=0)))
