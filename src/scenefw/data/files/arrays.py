@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from PIL import Image
+from PIL import Image, ImageSequence
 
 from scenefw.core.errors import InputError
 from scenefw.core.files import unreadable
@@ -130,9 +130,10 @@ def read_mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_] | Int32:
                     f"mask {path} is a picture of mode {image.mode}; give one channel of 8 or 16 "
                     "bits, 0 = no object"
                 )
-            frames = getattr(image, "n_frames", 1)
-            if frames > 1:
-                raise InputError(f"mask {path} holds {frames} pictures; {_ONE_IMAGE}")
+            pictures = sum(1 for _ in ImageSequence.Iterator(image))
+            if pictures > 1:
+                raise InputError(f"mask {path} holds {pictures} pictures; {_ONE_IMAGE}")
+            image.seek(0)
             values = np.array(image)
     except DAMAGED_PICTURE as error:
         if isinstance(error, FileNotFoundError):

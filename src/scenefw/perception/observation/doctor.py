@@ -118,7 +118,7 @@ class Doctor:
         """Warnings about what doesn't fit into the cube of several views, or that it is empty."""
         if not any(workspace.objects.any() for workspace in workspaces):
             return _warnings([_no_objects()])
-        others = [check for workspace in workspaces for check in _check_other_surfaces(workspace)]
+        others = [check for workspace in workspaces for check in _check_others(workspace)]
         return _warnings([_check_left_out(workspaces[0]), *others])
 
     def check_frame(self, frame: Frame) -> list[Check]:
@@ -180,7 +180,7 @@ class Doctor:
     def check_workspace(self, workspace: Workspace) -> list[Check]:
         """Distance and size of the objects, and what is left out; or that there are none."""
         if not workspace.objects.any():
-            return [_no_objects(), *_check_other_surfaces(workspace)]
+            return [_no_objects(), *_check_others(workspace)]
         eye = workspace.frame.camera.T_world_camera[:3, 3]
         distance = float(np.linalg.norm(eye - (0, 0, _STACK_HEIGHT)))
         is_in_range = self.min_distance <= distance <= self.max_distance
@@ -204,7 +204,7 @@ class Doctor:
                 "" if is_large else "check the depth scale",
             ),
             _check_left_out(workspace),
-            *_check_other_surfaces(workspace),
+            *_check_others(workspace),
         ]
 
     def _check_measured(self, frame: Frame) -> Check:
@@ -311,8 +311,23 @@ def _check_left_out(workspace: Workspace) -> Check:
     )
 
 
+def _check_others(workspace: Workspace) -> list[Check]:
+    """What rises above the floor and isn't taken for an object."""
+    return [*_check_flat(workspace), *_check_other_surfaces(workspace)]
+
+
+def _check_flat(workspace: Workspace) -> list[Check]:
+    if not workspace.flat:
+        return []
+    finding = (
+        f"{len(workspace.flat)} thing(s) too flat for an object, the largest at the "
+        f"{_place(workspace.flat[0])} of the image"
+    )
+    return [Check("flat", ODD, finding, "mark them (run.masks)")]
+
+
 def _check_other_surfaces(workspace: Workspace) -> list[Check]:
-    """What rises above the floor and isn't taken for an object, if that is much."""
+    """Large surfaces, in shares of all that rises."""
     masks = {region.kind: region.pixels for region in workspace.obstacles}
     masks["what stands beside the floor"] = workspace.unsupported
     total = workspace.objects.sum() + sum(mask.sum() for mask in masks.values())

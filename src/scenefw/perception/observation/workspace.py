@@ -13,6 +13,7 @@ from scenefw.core.errors import InputError
 from scenefw.core.floors import Floor
 from scenefw.core.settings import NOT_NEGATIVE, POSITIVE
 from scenefw.core.types import Frame, GridSpec
+from scenefw.perception.observation.flat_things import flat_things
 from scenefw.perception.observation.image_turns import turned, turned_pixels
 from scenefw.perception.observation.object_groups import (
     fitting_groups,
@@ -43,6 +44,7 @@ class Workspace:
         obstacles: what rises above the floor and is no object.
         unsupported: (H, W) bool, pixels in the cube of what stands somewhere else.
         points: (H, W, 3) of all pixels as they were measured (m), NaN = no depth.
+        flat: (H, W) bool each, pixels of things that are too low for an object.
     """
 
     frame: Frame
@@ -52,6 +54,7 @@ class Workspace:
     obstacles: tuple[ObstacleRegion, ...]
     unsupported: Mask
     points: Array
+    flat: tuple[Mask, ...] = ()
 
     def turned(self, turns: int) -> Workspace:
         """The workspace of the image turned left by quarters."""
@@ -65,6 +68,7 @@ class Workspace:
             obstacles=tuple(obstacles),
             unsupported=turned_pixels(self.unsupported, turns),
             points=turned_pixels(self.points, turns),
+            flat=tuple(turned_pixels(pixels, turns) for pixels in self.flat),
         )
 
 
@@ -229,6 +233,7 @@ class WorkspaceFinder:
             surfaces.obstacles,
             unsupported,
             points - (*centre, 0.0),
+            tuple(flat_things(points[..., 2], frame.depth, self.min_height)),
         )
 
     def _depth(self, surfaces: _Surfaces) -> NDArray[np.float32]:
