@@ -92,10 +92,10 @@ def placeholders(depth: NDArray[np.float32]) -> list[float]:
     while values.size and len(ends) < _MAX_PLACEHOLDERS:
         low, high = values.min(), values.max()
         above, below = values[values > low], values[values < high]
-        if _is_placeholder(values.size - below.size, high, below.max(initial=0), below):
+        if _is_placeholder(depth == high, high, below.max(initial=0), below):
             ends.append(float(high))
             values = below
-        elif above.size and _is_placeholder(values.size - above.size, above.min(), 2 * low, above):
+        elif above.size and _is_placeholder(depth == low, above.min(), 2 * low, above):
             ends.append(float(low))
             values = above
         else:
@@ -104,11 +104,16 @@ def placeholders(depth: NDArray[np.float32]) -> list[float]:
 
 
 def _is_placeholder(
-    pixels: int, far: np.floating[Any], near: np.floating[Any], others: NDArray[np.float32]
+    pixels: NDArray[np.bool_],
+    far: np.floating[Any],
+    near: np.floating[Any],
+    others: NDArray[np.float32],
 ) -> bool:
-    """Whether a value of so many pixels is far from all others (N,)."""
-    if pixels < _MIN_PLACEHOLDER_PIXELS or not far > _MIN_SURFACE_GAP_RATIO * near > 0:
+    """Whether the value of pixels (H, W) is far from all others (N,)."""
+    if pixels.sum() < _MIN_PLACEHOLDER_PIXELS or not far > _MIN_SURFACE_GAP_RATIO * near > 0:
         return False
+    if pixels.any(axis=0).sum() == 1 or pixels.any(axis=1).sum() == 1:
+        return False  # a row of a floor without noise, at the horizon
     if far > _MIN_GAP_RATIO * near:
         return True
     return bool(np.unique(others, return_counts=True)[1].max() < _MAX_SHARED * others.size)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from scenefw.core.errors import ConfigError, EmptyImageError, InputError
-from scenefw.data.files.image_checks import check_depth, metres
+from scenefw.data.files.image_checks import check_depth, metres, placeholders
 
 
 def test_depth_is_cleaned():
@@ -57,3 +57,11 @@ def test_a_scale_that_changes_nothing_is_refused():
 def test_a_scale_is_positive(scale):
     with pytest.raises(ConfigError, match=f"^depth_scale = {scale}: expected metres per unit"):
         metres(np.ones((2, 2), int), scale, "view")
+
+
+def test_a_row_of_a_floor_at_the_horizon_is_no_placeholder():
+    """Without noise a level camera sees the same depth along a row, far beyond the next one."""
+    depth = np.repeat(1 / np.arange(1, 49, dtype=np.float32)[:, None], 64, axis=1)
+    assert placeholders(depth) == []
+    depth[5:7, 10:40] = 65.535
+    assert placeholders(depth) == [pytest.approx(65.535)]
