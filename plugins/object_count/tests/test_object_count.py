@@ -126,7 +126,7 @@ def test_data_with_more_objects_than_the_network_knows_are_refused():
     class Data:
         most = 8
 
-    learning = CountLearning(CountNetwork(most=4), {"log_score": LogScore()})
+    learning = CountLearning(CountNetwork(most=4), {"log_score": LogScore()}, 1e-3)
     with pytest.raises(ConfigError, match=r"model\.most=8"):
         learning.check(Data())
 
@@ -135,6 +135,6 @@ def test_losses_of_other_trainings_are_refused():
     class Data:
         most = 8
 
-    learning = CountLearning(CountNetwork(), {"log_score": LogScore(), "tsdf": TsdfLoss()})
+    learning = CountLearning(CountNetwork(), {"log_score": LogScore(), "tsdf": TsdfLoss()}, 1e-3)
     with pytest.raises(ConfigError, match=r"the loss tsdf is for .* ShapeInstanceSetup"):
         learning.check(Data())

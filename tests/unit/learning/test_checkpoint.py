@@ -26,6 +26,8 @@ def model():
     return ShapeInstanceVAE(
         16,
         latent_size=4,
+        code_width=0,
+        prior_share=0.4,
         bottleneck=4,
         condition_widths=(4, 4, 4, 4, 4),
         encoder_widths=(4, 4, 4, 4, 4),

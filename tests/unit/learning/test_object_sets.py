@@ -122,7 +122,7 @@ def test_a_training_of_the_autoencoder_exports_what_predicts_the_same(stacks, tm
     torch.manual_seed(0)
     model = SetAutoencoder(16, 3, **SMALL)
     learning = ObjectSetLearning(
-        model, {"set_bce": SetBinaryCrossEntropy()}, schedule=CosineDecay(steps=2, warmup=1)
+        model, {"set_bce": SetBinaryCrossEntropy()}, 2e-3, schedule=CosineDecay(steps=2, warmup=1)
     )
     made = data(stacks)
     settings = TrainerSettings("cpu", max_steps=2, max_epochs=-1, validate_every=1)
@@ -141,13 +141,13 @@ def test_a_training_of_the_autoencoder_exports_what_predicts_the_same(stacks, tm
 def test_data_that_do_not_fit_the_network_are_refused(stacks):
     losses = {"set_bce": SetBinaryCrossEntropy()}
     with pytest.raises(ConfigError, match=r"model\.slots=3"):
-        ObjectSetLearning(SetAutoencoder(16, 2, **SMALL), losses).check(data(stacks))
+        ObjectSetLearning(SetAutoencoder(16, 2, **SMALL), losses, 2e-3).check(data(stacks))
     with pytest.raises(ConfigError, match="for 8 voxels per side"):
-        ObjectSetLearning(SetAutoencoder(8, 3, **SMALL), losses).check(data(stacks))
+        ObjectSetLearning(SetAutoencoder(8, 3, **SMALL), losses, 2e-3).check(data(stacks))
     others = {**losses, "tsdf": TsdfLoss()}
     with pytest.raises(ConfigError, match=r"the loss tsdf is for .* ObjectSetSetup"):
-        ObjectSetLearning(SetAutoencoder(16, 3, **SMALL), others).check(data(stacks))
+        ObjectSetLearning(SetAutoencoder(16, 3, **SMALL), others, 2e-3).check(data(stacks))
     with pytest.raises(ConfigError, match=r"model\.existence=true"):
         ObjectSetLearning(
-            SetAutoencoder(16, 3, **SMALL), {**losses, "set_existence": SetExistence()}
+            SetAutoencoder(16, 3, **SMALL), {**losses, "set_existence": SetExistence()}, 2e-3
         ).check(data(stacks))

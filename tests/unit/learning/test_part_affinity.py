@@ -67,7 +67,8 @@ def test_a_network_of_shown_pixels_needs_a_loss_that_teaches_it():
     both = {**alone, "part_shown": PartShownCrossEntropy(1.0)}
     data = SimpleNamespace(image_size=(32, 24))
     network = PartAffinity((4, 8), shown=True)
-    assert PartAffinityLearning(network, both).setup_with(data).shown
+    assert PartAffinityLearning(network, both, 1e-3).setup_with(data).shown
     with pytest.raises(ConfigError, match="no loss teaches"):
-        PartAffinityLearning(network, alone).setup_with(data)
-    assert not PartAffinityLearning(PartAffinity((4, 8), shown=False), alone).setup_with(data).shown
+        PartAffinityLearning(network, alone, 1e-3).setup_with(data)
+    blind = PartAffinity((4, 8), shown=False)
+    assert not PartAffinityLearning(blind, alone, 1e-3).setup_with(data).shown

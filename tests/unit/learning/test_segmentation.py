@@ -54,8 +54,8 @@ def test_a_training_on_rendered_views_in_two_calls_equals_one(tmp_path, run_else
 
 
 def test_it_learns_a_few_images(tmp_path):
-    task = tiny_labels.task(tmp_path, steps=50, average=0.9)
-    task.trainer.validate_every = 50
+    task = tiny_labels.task(tmp_path, steps=70, average=0.9)
+    task.trainer.validate_every = 70
     figures = task.run()
     assert figures["val/miou"] > 0.9
     assert figures["val/red"] > 0.85

@@ -60,7 +60,7 @@ def test_an_image_gets_ranked_grasps_a_picture_and_a_film(tmp_path, capsys, monk
 
 def test_without_a_grasp_the_list_is_empty_and_says_why(tmp_path, capsys):
     class Nothing:
-        def rank(self, objects, eye):
+        def rank(self, objects, eye, obstacles=()):
             return Ranking((), dict.fromkeys(objects, "it is too heavy"), objects)
 
     image = save(tmp_path / "view.npz")

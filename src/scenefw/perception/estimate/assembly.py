@@ -42,7 +42,8 @@ class SceneAssembly:
     """Makes scene estimates of hypotheses (group `assembly`).
 
     Args:
-        carve: takes away what lies in free space or below the floor.
+        carve: takes away what lies in free space or below the floor; shapes of which much does are
+            replaced.
         calibration: from how alike hypotheses are to how right objects are; None: not measured.
     """
 
@@ -87,7 +88,9 @@ class SceneAssembly:
             estimate = scene_estimate(
                 scene, view.grid, frame, confidence_of_label, _details(view, origin), solids
             )
-            estimate = replace(plausible(estimate, view), obstacles=obstacles)
+            if self.carve:
+                estimate = plausible(estimate, view)
+            estimate = replace(estimate, obstacles=obstacles)
             estimate = _turned_back(estimate, view.turns)
             yield called(estimate, view.ids) if marked else estimate
 

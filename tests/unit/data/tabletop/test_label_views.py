@@ -33,7 +33,11 @@ RENDERED = RenderedViews(tables(), 4, workers=1)
 
 
 def samples(images, **options):
-    options = {"noise": {"gaussian": Gaussian(0.001)}, "jitter": ColourJitter(), **options}
+    options = {
+        "noise": {"gaussian": Gaussian(0.001)},
+        "jitter": ColourJitter(),
+        "geometry": "depth",
+    } | options
     return ViewSamples(images, **options)
 
 
@@ -115,10 +119,12 @@ def test_views_are_renewed_a_part_in_every_epoch():
 
 
 def test_rendered_cameras_are_new_in_every_epoch_and_drawn_as_the_sources():
-    found = [batch(ViewSamples(RENDERED), np.arange(12), epoch) for epoch in range(10)]
+    found = [
+        batch(ViewSamples(RENDERED, geometry="depth"), np.arange(12), epoch) for epoch in range(10)
+    ]
     depth = torch.cat([b.distance[:, 0] for b in found])
     assert not torch.isnan(depth).any()
-    own = torch.cat([batch(ViewSamples(RENDERED), np.arange(12), None).distance])
+    own = torch.cat([batch(ViewSamples(RENDERED, geometry="depth"), np.arange(12), None).distance])
     assert not any(torch.equal(own, b.distance) for b in found)
     nearest, farthest = depth.amin(dim=(1, 2)), depth.amax(dim=(1, 2))
     assert nearest.min() > 0.18 - 0.09

@@ -312,7 +312,7 @@ def test_where_there_is_no_room_for_two_hidden_objects_there_is_one():
 def test_networks_that_draw_nothing_hidden_are_refused():
     model = Told([])
     model.draws_hidden = False
-    with pytest.raises(ConfigError, match=r"checkpoints\.scenes=FILE"):
+    with pytest.raises(ConfigError, match=r"checkpoints\.set_flow=FILE"):
         HiddenObjects(Loaded(model))
     with pytest.raises(ConfigError, match="tries 0"):
         HiddenObjects(Loaded(Told([])), tries=0)

@@ -102,7 +102,7 @@ def test_piles_that_fall_are_drawn_anew_and_others_pushed_apart():
 def test_what_draws_no_scenes_is_refused():
     model = Told([[]])
     model.draws_hidden = False
-    with pytest.raises(ConfigError, match=r"checkpoints\.scenes=FILE"):
+    with pytest.raises(ConfigError, match=r"checkpoints\.set_flow=FILE"):
         ScenePrior(Loaded(model), GRID)
     with pytest.raises(ConfigError, match="attempts 0"):
         ScenePrior(Loaded(Told([[]])), GRID, attempts=0)

@@ -104,7 +104,7 @@ def test_wrong_numbers_are_refused(wrong):
 
 def test_what_is_seen_is_more_certain():
     with pytest.raises(ConfigError, match="more certain"):
-        EvidenceGathering(visible_sigma=0.1)
+        EvidenceGathering(visible_sigma=0.1, hidden_sigma=0.05, hidden_points=1)
 
 
 @pytest.mark.parametrize("width", [320, 640])
