@@ -81,7 +81,8 @@ class _Surfaces:
     raised: Mask
     on_floor: Mask
     objects: Mask
-    obstacles: tuple[ObstacleRegion, ...]
+    obstacles: tuple[ObstacleRegion, ...] = ()
+    flat: tuple[Mask, ...] = ()
 
     @property
     def surroundings(self) -> Mask:
@@ -181,13 +182,14 @@ class WorkspaceFinder:
         raised = points[..., 2] > self.min_height  # NaN where no depth: not raised
         on_floor = np.abs(points[..., 2]) < self.min_height
         if region is not None:
-            return _Surfaces(frame, points, raised, on_floor, raised & region, ())
+            return _Surfaces(frame, points, raised, on_floor, raised & region)
         obstacles = self.obstacles.find(
             frame.depth, points, raised, on_floor, frame.camera.T_world_camera[:3, 3]
         )
         things = raised & ~union(obstacles, raised.shape)
+        flat = tuple(flat_things(points[..., 2], frame.depth, self.min_height))
         objects = standing_pixels(frame.depth, points, things, self.min_height)
-        return _Surfaces(frame, points, raised, on_floor, objects, tuple(obstacles))
+        return _Surfaces(frame, points, raised, on_floor, objects, tuple(obstacles), flat)
 
     def _nothing(self, frames: Sequence[Frame], top: float, region: Mask | None) -> InputError:
         return InputError(
@@ -233,7 +235,7 @@ class WorkspaceFinder:
             surfaces.obstacles,
             unsupported,
             points - (*centre, 0.0),
-            tuple(flat_things(points[..., 2], frame.depth, self.min_height)),
+            surfaces.flat,
         )
 
     def _depth(self, surfaces: _Surfaces) -> NDArray[np.float32]:
