@@ -338,7 +338,7 @@ def _check_other_surfaces(workspace: Workspace) -> list[Check]:
     ]
     if not parts:
         return []
-    finding = f"of what rises above the floor, {', '.join(parts)} of the image are no objects"
+    finding = f"part of what rises above the floor is no object: {', '.join(parts)} of the image"
     return [Check("others", ODD, finding, "if they are, mark them (run.masks)")]
 
 

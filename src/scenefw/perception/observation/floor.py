@@ -67,9 +67,9 @@ class FloorFinder:
             InputError: too few points within reach, or no plane among them.
         """
         points = points_within(frame, self.max_depth)
-        lowest, *others = self._planes(points)
-        tables = [plane for plane in others if _is_table(plane, lowest)]
-        floor = min(tables, key=lambda plane: plane.height, default=lowest)
+        largest, *further_planes = self._planes(points)
+        tables = [plane for plane in further_planes if _is_table(plane, largest)]
+        floor = min(tables, key=lambda plane: plane.height, default=largest)
         if floor.share < self.min_inlier_ratio:
             raise InputError(
                 f"no floor in {frame.name}: the best plane below the camera holds "
@@ -109,12 +109,12 @@ class FloorFinder:
         inliers = self._inliers(sample, normals @ sample.T + heights[:, None])
         upright = _UPRIGHT_WEIGHT - normals[:, 1]
         examined = np.argsort(-inliers.sum(axis=1) * upright)[:_EXAMINED_PLANES]
-        others = all_points[:: max(1, len(all_points) // len(sample))]
+        subset = all_points[:: max(1, len(all_points) // len(sample))]
         scores = [
             upright[i]
             * (
                 inliers[i].mean()
-                - self._seen_through(others, normals[i], heights[i], sample[inliers[i]])
+                - self._seen_through(subset, normals[i], heights[i], sample[inliers[i]])
             )
             for i in examined
         ]

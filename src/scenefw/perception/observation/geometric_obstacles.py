@@ -72,11 +72,12 @@ class GeometricObstacles:
             eye: (3,) where the camera is (m).
         """
         enclosures = self._components(points, self._encloses, depth, raised)
-        others = raised & ~enclosures
-        walls = self._wall_mask(points, others, floor, eye, in_bin=bool(enclosures.any()))
-        others &= ~walls
+        candidates = raised & ~enclosures
+        walls = self._wall_mask(points, candidates, floor, eye, in_bin=bool(enclosures.any()))
+        candidates &= ~walls
         gaps = max(1, round(_GAP * depth.shape[1] / WIDTH))
-        tall = others & self._components(points, self._is_tall, *across_gaps(depth, others, gaps))
+        closed = across_gaps(depth, candidates, gaps)
+        tall = candidates & self._components(points, self._is_tall, *closed)
         kinds = {"enclosure": enclosures, "wall": walls, "tall structure": tall}
         return [ObstacleRegion(kind, pixels) for kind, pixels in kinds.items() if pixels.any()]
 
