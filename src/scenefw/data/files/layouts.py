@@ -14,6 +14,7 @@ from scenefw.core.errors import InputError
 from scenefw.data.files.intrinsics import read_calibration
 from scenefw.data.files.poses import read_numbers
 from scenefw.data.files.record3d import record3d_calibration
+from scenefw.data.files.structured import read_text
 
 MILLIMETRES = 0.001
 """Metres per unit of integer depth where nothing says otherwise."""
@@ -84,11 +85,11 @@ def colour_matrix(root: Path | None, image: Path) -> NDArray[np.float64] | None:
 def _bop(path: Path, root: Path) -> Surroundings:
     file = root / "scene_camera.json"
     try:
-        cameras = json.loads(file.read_text(encoding="utf-8"))
+        cameras = json.loads(read_text(file))
         camera = cameras[str(int(path.stem))]
         matrix = np.array(camera["cam_K"], np.float64).reshape(3, 3)
         scale = float(camera.get("depth_scale", 1.0)) * MILLIMETRES
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(
             f"{file} does not tell the camera of {path.name} ({type(error).__name__}: {error}); "
             "expected cam_K and depth_scale by the image's number"

@@ -13,11 +13,14 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float32, Float64
 
 _MAX_DEPTH_BELOW = 0.03  # m below the floor that may be its noise
-_EXACT = 1e-5  # m: no measurement is as close to the floor, over many pixels
 _MAX_HEIGHT = 0.015  # m from the floor: what is farther away isn't the floor
 _MIN_CORRELATION = 0.92  # stereo matching has 0.95 to 0.99, structured light at most 0.9
 _MIN_PIXELS = 200  # below the floor that say how noisy it is
 _MIN_NOISY_RATIO = 0.1  # of the floor's pixels that have noise, if it has
+ROUNDING = 1e-5
+"""No measurement is as close to the floor (m), over many pixels."""
+FLOOR_SIGMAS = 3.0
+"""Times the floor's noise: what is higher, in the middle of a marked object, isn't the floor."""
 MAD_TO_SIGMA = 1.4826
 """From a normal distribution's median deviation to its standard deviation."""
 
@@ -64,7 +67,7 @@ def has_correlated_noise(heights: Float64) -> bool:
     for first, second in ((heights[step:], heights[:-step]), columns):
         on_floor = (np.abs(first) < _MAX_HEIGHT) & (np.abs(second) < _MAX_HEIGHT)
         min_pixels = max(_MIN_PIXELS, _MIN_NOISY_RATIO * on_floor.sum())
-        on_floor &= (np.abs(first) > _EXACT) & (np.abs(second) > _EXACT)
+        on_floor &= (np.abs(first) > ROUNDING) & (np.abs(second) > ROUNDING)
         if on_floor.sum() < min_pixels:
             return False
         correlations.append(np.corrcoef(first[on_floor], second[on_floor])[0, 1])
@@ -81,7 +84,7 @@ def floor_sigma(heights: Float64, depth: Float32) -> float:
         heights: (H, W) metres, NaN = no depth.
         depth: (H, W) metres.
     """
-    below = (heights < -_EXACT) & (heights > -_MAX_DEPTH_BELOW)
+    below = (heights < -ROUNDING) & (heights > -_MAX_DEPTH_BELOW)
     if below.sum() < _MIN_PIXELS:
         return 0.0
     return float(MAD_TO_SIGMA * np.median(-heights[below] / depth[below] ** 2))

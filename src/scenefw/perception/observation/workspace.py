@@ -14,6 +14,7 @@ from scenefw.core.floors import Floor
 from scenefw.core.settings import NOT_NEGATIVE, POSITIVE
 from scenefw.core.types import Frame, GridSpec
 from scenefw.perception.observation.flat_things import flat_things
+from scenefw.perception.observation.floor_noise import FLOOR_SIGMAS, ROUNDING, floor_sigma
 from scenefw.perception.observation.image_turns import turned, turned_pixels
 from scenefw.perception.observation.object_groups import (
     fitting_groups,
@@ -182,7 +183,12 @@ class WorkspaceFinder:
         raised = points[..., 2] > self.min_height  # NaN where no depth: not raised
         on_floor = np.abs(points[..., 2]) < self.min_height
         if region is not None:
-            return _Surfaces(frame, points, raised, on_floor, raised & region)
+            objects = raised & region
+            if not objects.any():  # marked things are flat: a pen, a phone
+                sigma = floor_sigma(points[..., 2], frame.depth)
+                noise = np.maximum(sigma * frame.depth**2, ROUNDING)
+                objects = (points[..., 2] > FLOOR_SIGMAS * noise) & region
+            return _Surfaces(frame, points, raised, on_floor, objects)
         obstacles = self.obstacles.find(
             frame.depth, points, raised, on_floor, frame.camera.T_world_camera[:3, 3]
         )

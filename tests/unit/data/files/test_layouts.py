@@ -39,6 +39,9 @@ def test_a_bop_scene_tells_units_and_intrinsics(tmp_path):
     assert find_images(tmp_path) == [image]
     check(read_frame(image), 0.0001)
     assert read_frame(image, depth_scale=0.0002).depth.max() == pytest.approx(2 * DEPTH.max(), 1e-3)
+    latin = json.dumps({"7": camera | {"site": "Zürich"}}, ensure_ascii=False)
+    (tmp_path / "scene_camera.json").write_bytes(latin.encode("latin-1"))
+    check(read_frame(image), 0.0001)
     others = [json.dumps({"7": camera | {"depth_scale": scale}}) for scale in (0, -1)]
     for wrong in ("{}", "[", json.dumps({"7": {"cam_K": [1, 2]}}), *others):
         (tmp_path / "scene_camera.json").write_text(wrong)

@@ -89,6 +89,16 @@ def test_an_empty_table_has_its_middle_in_the_cube():
         WorkspaceFinder(OBSTACLES).find(frame, floor, GRID, np.ones(frame.depth.shape, bool))
 
 
+def test_marked_flat_things_have_a_workspace():
+    pen = Box((0.20, 0.1, 0.0), (0.34, 0.115, 0.008))
+    frame = frame_of(camera_at(), (pen,))
+    floor = FloorFinder(max_depth=3.0).find(frame)
+    workspace = WorkspaceFinder(OBSTACLES).find(frame, floor, GRID, frame.labels == 1)
+    assert workspace.objects[frame.labels == 1].mean() > 0.9
+    assert not workspace.objects[frame.labels == 0].any()
+    assert workspace.size[2] == pytest.approx(0.008, abs=0.002)
+
+
 def test_real_objects_are_found(real_data):
     for frame in read_frames(real_data / "real" / "mosd_learn")[3::10]:
         workspace = workspace_of(frame)
