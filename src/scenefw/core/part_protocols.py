@@ -38,7 +38,7 @@ class PartAffinityLoss(Loss, Protocol):
         """Raises a ConfigError before the work if it doesn't fit these images."""
 
     def __call__(self, prediction: Tensor, batch: PartViewBatch) -> Tensor:
-        """A scalar from logits (B, 2 or 3, H, W)."""
+        """A scalar from logits (B, 2 to 4, H, W)."""
 
 
 class PartAffinityModel(Network, Protocol):
@@ -48,16 +48,20 @@ class PartAffinityModel(Network, Protocol):
     """Focal length (pixels) of the images that it learnt from."""
     shown: Module | None
     """Says which pixels show objects; None: it doesn't."""
+    obstacles: Module | None
+    """Says which pixels show obstacles; None: it doesn't."""
 
-    def forward(self, depth: Tensor, cameras: CameraBatch) -> Tensor:
+    def forward(self, depth: Tensor, cameras: CameraBatch, colour: Tensor | None = None) -> Tensor:
         """Logits (B, 2, H, W) for the neighbour on the right and the one below.
 
-        A third (B, 3, H, W) says whether the pixel shows an object, if `shown` isn't None.
+        A third says whether the pixel shows an object, if `shown` isn't None; a fourth whether it
+        shows an obstacle, if `obstacles` isn't.
 
         Args:
             depth: (B, H, W) z-depth in metres, 0 = no measurement.
             cameras: one per image, the floor at z = 0.
+            colour: (B, 3, H, W) from 0 to 1, NaN in images without; None: no image has any.
         """
 
-    def __call__(self, depth: Tensor, cameras: CameraBatch) -> Tensor:
+    def __call__(self, depth: Tensor, cameras: CameraBatch, colour: Tensor | None = None) -> Tensor:
         """Calls `forward`, as torch does."""

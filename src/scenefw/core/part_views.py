@@ -20,13 +20,17 @@ class PartViewBatch:
 
     Args:
         depth: (B, H, W) z-depth in metres, with the floor, 0 = no measurement.
-        owners: (B, H, W) int32, 0 = the floor or nothing, i + 1 = object i.
+        owners: (B, H, W) int32, 0 = the floor or nothing, others = an object or an obstacle.
         cameras: one per image.
+        obstacles: (B, H, W) bool, where the owner is no object; None: all owners are objects.
+        colour: (B, 3, H, W) from 0 to 1, NaN in images without; None: no image has any.
     """
 
     depth: Tensor
     owners: Tensor
     cameras: CameraBatch
+    obstacles: Tensor | None = None
+    colour: Tensor | None = None
 
 
 @dataclass(frozen=True)

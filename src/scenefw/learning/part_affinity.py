@@ -41,8 +41,8 @@ class PartAffinityLearning(TrainingModule):
         return PartViewSetup(*data.image_size, shown=predicts_shown)
 
     def predict_batch(self, batch: PartViewBatch) -> Tensor:
-        """Logits (B, 2 or 3, H, W)."""
-        return self.model(batch.depth, batch.cameras)
+        """Logits (B, 2 to 4, H, W)."""
+        return self.model(batch.depth, batch.cameras, batch.colour)
 
     def validation_step(self, batch: IndexBatch, batch_idx: int) -> None:
         """The losses on the same images every time."""

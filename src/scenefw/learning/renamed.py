@@ -13,6 +13,8 @@ CLASSES: dict[str, str] = {}
 ARGUMENTS: dict[str, str] = {}
 """Arguments of networks, as CLASS.NAME with the class's new dotted name: to a name."""
 ADDED: dict[str, Any] = {
+    "scenefw.models.part_affinity.PartAffinity.colour": False,
+    "scenefw.models.part_affinity.PartAffinity.obstacles": False,
     "scenefw.models.part_affinity.PartAffinity.shown": False,
     "scenefw.models.set_extents.SetExtents.ends": False,
     "scenefw.models.shape_instance_vae.ShapeInstanceVAE.code_width": 0,

@@ -28,7 +28,7 @@ class PartAffinityCrossEntropy:
         """Any image has neighbours."""
 
     def __call__(self, prediction: Tensor, batch: PartViewBatch) -> Tensor:
-        """A scalar from logits (B, 2 or 3, H, W)."""
+        """A scalar from logits (B, 2 to 4, H, W)."""
         same_object, counts = true_affinities(batch.owners)
         errors = binary_cross_entropy_with_logits(
             prediction[:, :2], same_object.float(), reduction="none"

@@ -23,6 +23,7 @@ _FAR = 4.0  # m: the images that it learns from show nothing beyond; 1 km would 
 _RISE, _BEND, _HEIGHT = 0.005, 0.002, 0.01  # m: logarithmic above, linear below
 CHANNELS = 6 * len(_STEPS) + 3 * len(_NORMAL_STEPS) + 3
 """Of `pixel_features`."""
+_MIN_CONTRAST = 1 / 255  # a step of 8 bits: an image of one colour has no edges
 
 
 class PartAffinity(nn.Module):
@@ -32,15 +33,20 @@ class PartAffinity(nn.Module):
     and the height above the floor: absolute coordinates would drown what tells two touching
     objects apart. From a pixel to its right and lower neighbour, it says how likely both show the
     same object, or both the floor. With `shown` it also says how likely a pixel shows an object: a
-    floor that a camera measures badly has waves as high as flat things.
+    floor that a camera measures badly has waves as high as flat things. With `obstacles` it says
+    how likely a pixel shows what stands there and is no object: a wall, a robot. With `colour` it
+    sees colours as well, where an image has them, relative to those of the whole image.
 
     Args:
         widths: channels of the levels; each has half the size of the one before it.
         shown: whether it says which pixels show objects.
+        obstacles: whether it says which pixels show obstacles.
+        colour: whether it sees colours.
         focal: focal length (pixels) of the images that it learns from; others are thinned to it.
 
     Raises:
-        ConfigError: fewer than two levels, or a number that isn't positive.
+        ConfigError: fewer than two levels, a number that isn't positive, or obstacles without
+            objects.
     """
 
     training_only: Sequence[str] = ()
@@ -51,6 +57,8 @@ class PartAffinity(nn.Module):
         focal: float = 289.7,
         *,
         shown: bool,
+        obstacles: bool = False,
+        colour: bool = False,
     ) -> None:
         super().__init__()
         if len(widths) < 2 or min(widths) < 1 or not focal > 0:
@@ -58,9 +66,11 @@ class PartAffinity(nn.Module):
                 f"part_affinity has widths {list(widths)} and focal {focal}; expected two levels "
                 "or more of at least 1 channel, and pixels"
             )
+        if obstacles and not shown:
+            raise ConfigError("part_affinity has obstacles without objects; give model.shown=true")
         self.recipe = {
             "_target_": f"{__name__}.PartAffinity", "widths": list(widths), "focal": focal,
-            "shown": shown,
+            "shown": shown, "obstacles": obstacles, "colour": colour,
         }  # fmt: skip
         self.focal, self.stride = focal, 2 ** (len(widths) - 1)
         self.down = nn.ModuleList(
@@ -70,29 +80,36 @@ class PartAffinity(nn.Module):
         self.up = nn.ModuleList(_Level(fine + coarse, fine) for fine, coarse in pairs)
         self.head = nn.Conv2d(widths[0], 2, 1)
         self.shown = nn.Conv2d(widths[0], 1, 1) if shown else None
+        self.obstacles = nn.Conv2d(widths[0], 1, 1) if obstacles else None
+        self.colour = _colour_branch(widths[0]) if colour else None
 
-    def forward(self, depth: Tensor, cameras: CameraBatch) -> Tensor:
+    def forward(self, depth: Tensor, cameras: CameraBatch, colour: Tensor | None = None) -> Tensor:
         """Logits that the right and the lower neighbour show the same object, (B, 2, H, W).
 
-        With `shown` a third, (B, 3, H, W): that the pixel shows an object.
+        With `shown` a third: that the pixel shows an object; with `obstacles` a fourth.
 
         Args:
             depth: (B, H, W) z-depth in metres, 0 = no measurement.
             cameras: one per image, the floor at z = 0.
+            colour: (B, 3, H, W) from 0 to 1, NaN in images without; None: no image has any.
         """
         height, width = depth.shape[1:]
-        features = pixel_features(depth, cameras)
-        features = functional.pad(features, (0, -width % self.stride, 0, -height % self.stride))
+        padding = (0, -width % self.stride, 0, -height % self.stride)
+        features = functional.pad(pixel_features(depth, cameras), padding)
         features, skips = features.contiguous(memory_format=torch.channels_last), []
         for number, level in enumerate(self.down):
             features = level(functional.max_pool2d(features, 2) if number else features)
+            if not number and self.colour is not None and colour is not None:
+                colours = functional.pad(colour_features(colour), padding)
+                is_coloured = colour.isfinite().all(dim=(1, 2, 3))[:, None, None, None]
+                features = features + torch.where(is_coloured, self.colour(colours), 0.0)
             skips.append(features)
         for level, fine in zip(self.up, skips[-2::-1], strict=True):
             features = level(
                 torch.cat([functional.interpolate(features, scale_factor=2.0), fine], dim=1)
             )
-        heads = [self.head] if self.shown is None else [self.head, self.shown]
-        logits = torch.cat([head(features) for head in heads], dim=1)
+        heads = (self.head, self.shown, self.obstacles)
+        logits = torch.cat([head(features) for head in heads if head is not None], dim=1)
         return logits[..., :height, :width].float()
 
 
@@ -108,6 +125,29 @@ class _Level(nn.Sequential):
             nn.BatchNorm2d(outputs),
             nn.ReLU(inplace=True),
         )
+
+
+def _colour_branch(width: int) -> nn.Sequential:
+    """Features of colours, which at first add nothing: so weights without colour go on."""
+    last = nn.Conv2d(width, width, 1)
+    nn.init.zeros_(last.weight)
+    nn.init.zeros_(last.bias)
+    return nn.Sequential(_Level(3, width), last)
+
+
+@torch.no_grad()
+@full_precision()
+def colour_features(colour: Tensor) -> Tensor:
+    """Colours (B, 3, H, W) against mean and spread of their image; 0 in images without.
+
+    So neither exposure nor the colour of the light counts.
+
+    Args:
+        colour: (B, 3, H, W) from 0 to 1, NaN in images without.
+    """
+    values = torch.nan_to_num(colour)
+    values = values - values.mean(dim=(2, 3), keepdim=True)
+    return values / values.std(dim=(1, 2, 3), keepdim=True).clamp_min(_MIN_CONTRAST)
 
 
 @torch.no_grad()

@@ -29,6 +29,26 @@ def test_it_is_the_mean_over_objects_and_over_the_rest(size):
     assert float(loss(changed, batch)) == pytest.approx(found)
 
 
+@pytest.mark.parametrize("size", [(6, 7), (11, 4)])
+def test_obstacles_are_a_second_term(size):
+    rng = np.random.default_rng(1)
+    owners, depth = rng.integers(0, 4, size), rng.integers(0, 2, size) * 0.8
+    logits, is_obstacle = rng.normal(size=(4, *size)), owners == 3
+    true = 0.0
+    for row, target in ((2, (owners > 0) & ~is_obstacle), (3, is_obstacle)):
+        said = 1 / (1 + np.exp(-logits[row]))
+        true -= np.log(said[target & (depth > 0)]).mean()
+        true -= np.log(1 - said[~target & (depth > 0)]).mean()
+    batch = PartViewBatch(
+        torch.from_numpy(depth)[None].float(),
+        torch.from_numpy(owners)[None].int(),
+        None,
+        torch.from_numpy(is_obstacle)[None],
+    )
+    cost = float(PartShownCrossEntropy()(torch.from_numpy(logits)[None].float(), batch))
+    assert cost == pytest.approx(true, rel=1e-5)
+
+
 def test_a_network_that_does_not_say_it_gets_one_line():
     loss = PartShownCrossEntropy()
     loss.check(PartViewSetup(8, 6, shown=True))

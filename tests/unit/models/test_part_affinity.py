@@ -7,7 +7,12 @@ from hypothesis import strategies as st
 
 from scenefw.core.batches import CameraBatch
 from scenefw.core.errors import ConfigError
-from scenefw.models.part_affinity import CHANNELS, PartAffinity, pixel_features
+from scenefw.models.part_affinity import (
+    CHANNELS,
+    PartAffinity,
+    colour_features,
+    pixel_features,
+)
 
 
 def camera_down(width, height, turn=0.0, far=0.0):
@@ -29,6 +34,35 @@ def test_each_pixel_gets_two_or_three_logits_at_any_size(size, shown):
     logits = network(torch.full((1, height, width), 0.9), camera_down(width, height))
     assert logits.shape == (1, 3 if shown else 2, height, width)
     assert logits.isfinite().all()
+
+
+@pytest.mark.parametrize("size", [(40, 30), (33, 47)])
+def test_colours_count_where_an_image_has_them(size):
+    """Two images, the second without colour, which is as if the network saw none."""
+    torch.manual_seed(0)
+    network = PartAffinity((4, 6, 8), shown=True, obstacles=True, colour=True).eval()
+    cameras = camera_down(*size)
+    cameras = CameraBatch(*size, *(t.expand(2, *t.shape[1:]) for t in (
+        cameras.intrinsics, cameras.T_world_camera)))  # fmt: skip
+    depth, colour = torch.full((2, *size[::-1]), 0.9), torch.rand(2, 3, *size[::-1])
+    colour[1] = torch.nan
+    plain = network(depth, cameras)
+    assert plain.shape == (2, 4, *size[::-1])
+    assert torch.equal(network(depth, cameras, colour), plain)  # before it has learnt colours
+    torch.nn.init.normal_(network.colour[-1].weight)
+    coloured = network(depth, cameras, colour)
+    assert not torch.allclose(coloured[0], plain[0], atol=1e-3)
+    brighter = network(depth, cameras, 0.5 * colour + 0.3)
+    assert torch.allclose(brighter[0], coloured[0], atol=1e-3)
+    assert torch.equal(coloured[1], plain[1])
+
+
+@pytest.mark.parametrize("level", [0.0, 0.5, 1.0])
+def test_an_image_of_one_colour_has_no_edges(level):
+    features = colour_features(torch.full((1, 3, 12, 16), level))
+    assert features.shape == (1, 3, 12, 16)
+    assert features.abs().max() < 1e-4
+    assert not colour_features(torch.full((1, 3, 12, 16), torch.nan)).any()
 
 
 def test_what_has_no_depth_has_no_features():
@@ -80,6 +114,11 @@ def test_a_turn_of_the_camera_turns_normals_alone():
 def test_bad_settings(wrong):
     with pytest.raises(ConfigError, match="part_affinity has"):
         PartAffinity(**{"widths": [8, 8], "shown": False, **wrong})
+
+
+def test_obstacles_need_objects():
+    with pytest.raises(ConfigError, match="obstacles without objects"):
+        PartAffinity((4, 8), shown=False, obstacles=True)
 
 
 def test_features_keep_their_millimetres_in_mixed_precision():

@@ -142,7 +142,8 @@ class AffinitySegmentation:
         step = max(1, round(frame.camera.fx / self.model.focal))
         rows, columns = (np.arange(size) // step for size in frame.depth.shape)
         depth = np.ascontiguousarray(np.nan_to_num(frame.depth[::step, ::step]), np.float32)
-        across, down, object_probability = self._probabilities(depth, frame.camera, step)
+        colour = None if frame.colour is None else frame.colour[::step, ::step]
+        across, down, object_probability = self._probabilities(depth, colour, frame.camera, step)
         waves = self.floor_sigmas * noise if smooth else 0.0
         margin = np.clip(waves, self.floor_margin, max(self.floor_margin, self.min_height))
         above = heights > margin  # NaN where no depth: not above
@@ -187,7 +188,7 @@ class AffinitySegmentation:
 
     @torch.no_grad()
     def _probabilities(
-        self, depth: Float32, camera: Camera, step: int
+        self, depth: Float32, colour: NDArray[np.uint8] | None, camera: Camera, step: int
     ) -> tuple[Float32, Float32, Float32]:
         """Probabilities that a pixel shows what the next one does, on the right and below.
 
@@ -202,7 +203,10 @@ class AffinitySegmentation:
             torch.from_numpy(camera.T_world_camera[None].astype(np.float32)).to(device),
         )
         image = torch.from_numpy(depth)[None].to(device)
-        probabilities: Float32 = self.model(image, cameras)[0].sigmoid().cpu().numpy()
+        colours = None if colour is None else torch.tensor(colour, device=device)
+        if colours is not None:
+            colours = colours.permute(2, 0, 1)[None] / 255
+        probabilities: Float32 = self.model(image, cameras, colours)[0].sigmoid().cpu().numpy()
         object_probability = np.ones_like(depth) if self.model.shown is None else probabilities[2]
         return probabilities[0, :, :-1], probabilities[1, :-1], object_probability
 
