@@ -33,7 +33,7 @@ class Knowing(torch.nn.Module):
         self.owners, self.focal = torch.from_numpy(owners.astype(np.int32)), focal
         self.any = torch.nn.Parameter(torch.zeros(1))
 
-    def forward(self, depth, cameras):
+    def forward(self, depth, cameras, colour=None):
         step = round(self.owners.shape[1] / depth.shape[2])
         same, _ = true_affinities(self.owners[None, ::step, ::step])
         return torch.where(same, 4.0, -4.0)
@@ -104,7 +104,7 @@ def test_a_sliver_behind_an_object_is_no_part_of_it(monkeypatch, thinned):
     owners = frame.labels
     network = Knowing(owners, camera.fx / thinned)
 
-    def forward(depth, cameras):
+    def forward(depth, cameras, colour=None):
         logits = Knowing.forward(network, depth, cameras)
         behind = torch.from_numpy(owners[::thinned, ::thinned] == 2)
         return torch.where(behind & (logits > 0), 2.0, logits)  # likely, not surely
@@ -175,7 +175,7 @@ class Showing(Knowing):
         super().__init__(owners, focal)
         self.which = torch.from_numpy(np.isin(owners, shown))
 
-    def forward(self, depth, cameras):
+    def forward(self, depth, cameras, colour=None):
         step = round(self.owners.shape[1] / depth.shape[2])
         third = torch.where(self.which[None, None, ::step, ::step], 3.0, -3.0)
         return torch.cat([super().forward(depth, cameras), third], dim=1)
@@ -253,7 +253,7 @@ def half_sure(thinned, logit=0.0):
     halves = np.where(frame.labels > 0, 1 + (np.arange(frame.labels.shape[1]) >= middle), 0)
     network = Knowing(halves, camera.fx / thinned)
 
-    def forward(depth, cameras):
+    def forward(depth, cameras, colour=None):
         logits = Knowing.forward(network, depth, cameras)
         box = torch.from_numpy(frame.labels[::thinned, ::thinned] > 0)
         beside = box & torch.roll(box, -1, 1)
