@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import torch
 
+from scenefw.kernels.superquadric_gauge import first_order
 from scenefw.shapes.superquadric import Superquadric
 
 if TYPE_CHECKING:
@@ -29,7 +31,11 @@ def in_frame_of(fitted: FittedSuperquadric, points: Float64) -> Float64:
 
 def signed_distance(fitted: FittedSuperquadric, points: Float64) -> Float64:
     """Distances (...) of points (..., 3) of the world to its surface (m), of first order."""
-    return shape_of(fitted).first_order_distance(in_frame_of(fitted, points))
+    places = np.ascontiguousarray(in_frame_of(fitted, points).reshape(-1, 3))
+    distances = np.empty(len(places))
+    shape = np.stack([fitted.half_axes, fitted.exponents]).astype(np.float64)
+    first_order(len(places), *map(torch.from_numpy, (places, shape, distances)))
+    return distances.reshape(points.shape[:-1])
 
 
 def robust_deviation(fitted: FittedSuperquadric, points: Float64, sigma: float) -> Float64:

@@ -19,6 +19,8 @@ from scenefw.perception.observation.object_masks import footprint_hull
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from numpy.typing import NDArray
+
     from scenefw.core.types import Float32, Float64, SceneEstimate
     from scenefw.perception.observation.observation import Observation
 
@@ -139,9 +141,14 @@ class _Checks:
     def _free_ratio(self, mesh: TriangleMesh, low: Float64, high: Float64) -> float:
         """Share of a mesh's volume that lies before what was measured, by more than a voxel."""
         places = rng.generator(0).uniform(low, high, (_SAMPLES, 3))
-        places = places[MeshDistances(mesh).inside(places)]
-        if not len(places):
+        is_free, distances = self._is_free(places), MeshDistances(mesh)
+        free_count = distances.inside(places[is_free]).sum()
+        if not free_count:
             return 0.0
+        return float(free_count / (free_count + distances.inside(places[~is_free]).sum()))
+
+    def _is_free(self, places: Float64) -> NDArray[np.bool_]:
+        """Which places (N, 3) lie before what was measured, by more than a voxel."""
         camera, pose = self.camera, self.camera.T_world_camera
         x, y, z = ((places - pose[:3, 3]) @ pose[:3, :3]).T
         column = np.rint(camera.fx * x / z + camera.cx)
@@ -149,16 +156,22 @@ class _Checks:
         inside = (z > 0) & (row >= 0) & (row < camera.height) & (column >= 0)
         inside &= column < camera.width
         rows, columns = (np.where(inside, v, 0).astype(int) for v in (row, column))
-        return float(np.mean(inside & (self.depth[rows, columns] > z + self.margin)))
+        return np.asarray(inside & (self.depth[rows, columns] > z + self.margin))
 
     def _hovers(self, mesh: TriangleMesh, label: int) -> bool:
         """Whether nothing is close to the lowest part of a mesh."""
         heights = mesh.vertices[:, 2]
         bottom = mesh.vertices[heights < heights.min() + _GAP]
-        others = [item.mesh.vertices for item in self.objects if item.id != label]
-        if not others:
-            return True
-        return bool(cKDTree(np.concatenate(others)).query(bottom)[0].min() > _GAP)
+        low, high = bottom.min(axis=0) - _GAP, bottom.max(axis=0) + _GAP
+        neighbours = [
+            vertices[((vertices >= low) & (vertices <= high)).all(axis=1)]
+            for item in self.objects
+            for vertices in [item.mesh.vertices]
+            if item.id != label
+        ]
+        places = np.concatenate([np.empty((0, 3)), *neighbours])
+        distances = cKDTree(bottom).query(places, distance_upper_bound=_GAP)[0]
+        return not (distances < _GAP).any()
 
 
 def columns_below(points: Float64, floor: float) -> TriangleMesh:
