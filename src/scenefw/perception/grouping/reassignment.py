@@ -91,7 +91,7 @@ class ResidualReassignment:
         """The object that others explain best, if they do."""
         shares = {}
         for row, label in enumerate(labels.tolist()):
-            competing_distances = np.delete(distances, row, axis=0)[:, objects == label]
+            competing_distances = np.delete(distances[:, objects == label], row, axis=0)
             if len(competing_distances):
                 shares[label] = float(
                     (competing_distances.min(axis=0) < self.inlier_distance).mean()
