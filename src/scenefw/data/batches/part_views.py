@@ -139,7 +139,7 @@ class PartViews(SceneBatches):
             self.viewpoints.poses(to_camera).astype(np.float32),
             (minimum * (maximum / minimum) ** chances[:, :1, None]).astype(np.float32),
             np.ascontiguousarray(to_noise.seeds(len(self.noise)).T),
-            self._floors(to_floor),
+            self.floor_motions(to_floor),
         ]
         intrinsics, poses, factors, seeds, floor_motions = to_device(
             arrays, scenes.positions.device
@@ -161,7 +161,7 @@ class PartViews(SceneBatches):
         cameras = CameraBatch(*self.image_size, intrinsics, floor_motions @ poses)
         return PartViewBatch(depth, owners, cameras)
 
-    def _floors(self, streams: Streams) -> NDArray[np.float32]:
+    def floor_motions(self, streams: Streams) -> NDArray[np.float32]:
         """Motions (B, 4, 4) of the world by which a floor is found wrongly."""
         normal = ndtri(streams.uniform(3))
         slopes = np.radians(self.tilt) * normal[:, :2]

@@ -1,0 +1,226 @@
+"""The data module of stored images with colour and obstacles, beside views of superquadrics."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import lightning
+import numpy as np
+import torch
+
+from scenefw.core.batches import CameraBatch, IndexBatch
+from scenefw.core.errors import ConfigError
+from scenefw.core.part_views import PartViewBatch
+from scenefw.core.rng import Streams
+from scenefw.core.settings import COUNT, SHARE
+from scenefw.data.batches.stored_images import DEPTH_UNIT, OBSTACLE, StoredImages
+from scenefw.data.epochs import EpochBatches
+from scenefw.kernels.transfer import to_device
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from scenefw.core.types import GridSpec
+    from scenefw.data.batches.part_views import PartViews
+
+_CHANGES, _VALIDATION = 4, 5  # random streams, beside those of the views
+
+
+class PartImages(lightning.LightningDataModule):
+    """Images of things with all that is no thing, and views of superquadrics (group `dataset`).
+
+    Stored images come first in an epoch's numbers, then views, so each kind has the share of its
+    number. An image is used again and again with other noise, in a mirror, nearer or farther, and
+    in other light; of part of them colours are left out, as depth cameras without have none.
+    What image i becomes in epoch e depends on (seed, e, i) alone.
+
+    Args:
+        views: of superquadrics, whose noise and errors of the floor stored images get too.
+        folder: with `train` and `val`, each of `StoredImages`.
+        colourless: chance that an image has no colours.
+        brightness: most by which exposure changes, as a power of two; gamma and the light's colour
+            change by half of it.
+        scale: most by which scenes become larger or smaller, as a power of two.
+        validation_limit: at most this many stored validation images; None means all.
+
+    Raises:
+        ConfigError: a chance outside 0..1, or images of another size than the views.
+        StorageError: there are no images.
+    """
+
+    grid: GridSpec | None = None
+
+    def __init__(
+        self,
+        views: PartViews,
+        folder: str | Path,
+        colourless: float,
+        brightness: float,
+        scale: float,
+        validation_limit: int | None = None,
+    ) -> None:
+        super().__init__()
+        SHARE.require(colourless=colourless)
+        COUNT.require(validation_limit=validation_limit)
+        self.views, self.folder = views, folder
+        self.colourless, self.brightness, self.scale = colourless, brightness, scale
+        self.images = StoredImages.open(f"{folder}/train")
+        self.validation_images = StoredImages.open(f"{folder}/val")
+        self.validation_limit = len(self.validation_images)
+        if validation_limit is not None:
+            self.validation_limit = min(validation_limit, self.validation_limit)
+        self.image_size, self.batch_size = views.image_size, views.batch_size
+        sizes = {self.images.size, self.validation_images.size, self.image_size}
+        if len(sizes) != 1:
+            raise ConfigError(
+                f"{folder} holds images of {self.images.size}, the views have {self.image_size} "
+                "pixels; give dataset.views.image_size"
+            )
+
+    def facts(self) -> dict[str, Any]:
+        """Facts about the training data."""
+        things = {k: v for k, v in self.images.facts.items() if k not in ("count", "size")}
+        return {**self.views.facts(), "things": things, "images": len(self.images)}
+
+    def train_dataloader(self) -> EpochBatches:
+        """Shuffled batches."""
+        count = len(self.images) + len(self.views.scenes)
+        return EpochBatches(count, self.batch_size, self.views.seed)
+
+    def val_dataloader(self) -> EpochBatches:
+        """The same batches every time: stored images, then views."""
+        count = self.validation_limit + len(self.views.validation_scenes)
+        return EpochBatches(count, self.batch_size, None)
+
+    def training_batch(self, batch: IndexBatch, device: torch.device) -> PartViewBatch:
+        """Images of an epoch, each a function of only (seed, epoch, index)."""
+        stored, rest = _divided(batch, len(self.images))
+        parts = []
+        if len(stored.indices):
+            parts.append(self._changed(self.images, stored, _CHANGES, device))
+        if len(rest.indices):
+            parts.append(self.views.training_batch(rest, device))
+        return _joined(parts)
+
+    def validation_batch(self, batch: IndexBatch, device: torch.device) -> PartViewBatch:
+        """The same images in every epoch."""
+        stored, rest = _divided(IndexBatch(0, batch.indices), self.validation_limit)
+        parts = []
+        if len(stored.indices):
+            parts.append(self._changed(self.validation_images, stored, _VALIDATION, device))
+        if len(rest.indices):
+            parts.append(self.views.validation_batch(rest, device))
+        return _joined(parts)
+
+    @torch.no_grad()
+    def _changed(
+        self, images: StoredImages, batch: IndexBatch, stream: int, device: torch.device
+    ) -> PartViewBatch:
+        """Stored images as a camera elsewhere, in another light, takes them."""
+        rows = batch.indices.numpy()
+        streams = Streams.of(self.views.seed, stream, batch.epoch, indices=rows)
+        to_noise, to_floor, to_light, to_place = streams.split(4)
+        chances, light = to_place.uniform(3), to_light.uniform(5)
+        scales = 2 ** (self.scale * (2 * chances[:, 0] - 1))
+        poses = images.poses[rows].astype(np.float64)
+        poses[:, :3, 3] *= scales[:, None]
+        seeds = np.ascontiguousarray(to_noise.seeds(len(self.views.noise)).T)
+        depth, owners, colour, intrinsics, poses, floors, seeds, light, scales = to_device(
+            [
+                images.depth[rows].astype(np.float32) * DEPTH_UNIT,
+                images.owners[rows].astype(np.int32),
+                images.colour[rows].astype(np.float32) / 255,
+                images.intrinsics[rows].astype(np.float32),
+                poses.astype(np.float32),
+                self.views.floor_motions(to_floor),
+                seeds,
+                light.astype(np.float32),
+                scales.astype(np.float32),
+            ],
+            device,
+        )
+        depth = depth * scales[:, None, None]
+        cameras = CameraBatch(*self.image_size, intrinsics, poses)
+        for noise, row in zip(self.views.noise.values(), seeds, strict=True):
+            depth = noise.apply(depth, cameras, row)
+        cameras = CameraBatch(*self.image_size, intrinsics, floors @ poses)
+        colour = _in_light(colour.permute(0, 3, 1, 2), self.brightness * (2 * light - 1))
+        is_mirrored = torch.from_numpy(chances[:, 1] < 0.5).to(device)
+        colourless = torch.from_numpy(chances[:, 2] < self.colourless).to(device)
+        colour = torch.where(colourless[:, None, None, None], torch.nan, colour)
+        made = PartViewBatch(depth, owners, cameras, owners >= OBSTACLE, colour)
+        return _mirrored(made, is_mirrored)
+
+
+def _divided(batch: IndexBatch, images: int) -> tuple[IndexBatch, IndexBatch]:
+    """Numbers of stored images, and those of views."""
+    is_stored = batch.indices < images
+    return (
+        IndexBatch(batch.epoch, batch.indices[is_stored]),
+        IndexBatch(batch.epoch, batch.indices[~is_stored] - images),
+    )
+
+
+def _in_light(colour: torch.Tensor, changes: torch.Tensor) -> torch.Tensor:
+    """Colours (B, 3, H, W) with another gamma, exposure and colour of the light (B, 5)."""
+    changes = changes[:, :, None, None]
+    gamma, exposure, tint = changes[:, :1] / 2, changes[:, 1:2], changes[:, 2:] / 2
+    return (colour ** (2**gamma) * 2 ** (exposure + tint)).clamp(0, 1)
+
+
+def _mirrored(batch: PartViewBatch, mask: torch.Tensor) -> PartViewBatch:
+    """The images that `mask` (B,) names, in a mirror: columns turn round, x becomes -x."""
+
+    def turned(values: torch.Tensor) -> torch.Tensor:
+        return torch.where(mask.view(-1, *[1] * (values.dim() - 1)), values.flip(-1), values)
+
+    cameras = batch.cameras
+    flip = torch.ones(4, device=mask.device)
+    flip[0] = -1
+    intrinsics = cameras.intrinsics.clone()
+    intrinsics[:, 2] = torch.where(mask, cameras.width - 1 - intrinsics[:, 2], intrinsics[:, 2])
+    poses = cameras.T_world_camera
+    poses = torch.where(mask[:, None, None], poses * flip[:, None] * flip, poses)
+    assert batch.obstacles is not None
+    assert batch.colour is not None
+    return PartViewBatch(
+        turned(batch.depth),
+        turned(batch.owners),
+        CameraBatch(cameras.width, cameras.height, intrinsics, poses),
+        turned(batch.obstacles),
+        turned(batch.colour),
+    )
+
+
+def _joined(parts: list[PartViewBatch]) -> PartViewBatch:
+    """Images of several batches as one; those without colour have NaN."""
+    if len(parts) == 1:
+        return parts[0]
+    cameras = [part.cameras for part in parts]
+    return PartViewBatch(
+        torch.cat([part.depth for part in parts]),
+        torch.cat([part.owners for part in parts]),
+        CameraBatch(
+            cameras[0].width,
+            cameras[0].height,
+            torch.cat([camera.intrinsics for camera in cameras]),
+            torch.cat([camera.T_world_camera for camera in cameras]),
+        ),
+        torch.cat([_obstacles(part) for part in parts]),
+        torch.cat([_colour(part) for part in parts]),
+    )
+
+
+def _obstacles(part: PartViewBatch) -> torch.Tensor:
+    return (
+        torch.zeros_like(part.owners, dtype=torch.bool)
+        if part.obstacles is None
+        else (part.obstacles)
+    )
+
+
+def _colour(part: PartViewBatch) -> torch.Tensor:
+    if part.colour is not None:
+        return part.colour
+    count, height, width = part.depth.shape
+    return torch.full((count, 3, height, width), torch.nan, device=part.depth.device)
