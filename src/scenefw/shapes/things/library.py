@@ -51,7 +51,7 @@ class ThingLibrary:
         Raises:
             ConfigError: the library has no such part.
         """
-        names = self._names(split)
+        names = self.names(split)
         if "compound" in names and rng.random() < self.wholly_random:
             return self.thing_of("compound", rng, split)
         return self.thing_of(names[int(rng.integers(len(names)))], rng, split)
@@ -68,13 +68,18 @@ class ThingLibrary:
 
     def hollow(self, split: str) -> tuple[str, ...]:
         """Families of a part that hold others."""
-        return tuple(name for name in self._names(split) if FAMILIES[name].hollow)
+        return tuple(name for name in self.names(split) if FAMILIES[name].hollow)
 
     def slender(self, split: str) -> tuple[str, ...]:
         """Families of a part that stand in a cup or lean."""
-        return tuple(name for name in self._names(split) if FAMILIES[name].slender)
+        return tuple(name for name in self.names(split) if FAMILIES[name].slender)
 
-    def _names(self, split: str) -> tuple[str, ...]:
+    def names(self, split: str) -> tuple[str, ...]:
+        """Families of a part of the data.
+
+        Raises:
+            ConfigError: the library has no such part.
+        """
         if split not in self.families:
             raise ConfigError(f"the library has no things for {split}; give shape.families.{split}")
         return self.families[split]

@@ -41,7 +41,7 @@ def test_surface_is_closed_and_holds_the_parts(name, seed):
     assert 0.02 < np.ptp(corners, axis=0).max() < 0.6
 
 
-@pytest.mark.parametrize("name", FAMILIES)
+@pytest.mark.parametrize("name", sorted(set(FAMILIES) - {"bullet_compound"}))  # its parts have gaps
 def test_is_in_one_piece(name):
     mesh = drawn(name, 2).mesh
     pieces = trimesh.Trimesh(mesh.vertices, mesh.faces).split(only_watertight=False)
@@ -111,7 +111,22 @@ def test_same_seed_gives_the_same_thing(library):
 
 
 def test_every_family_is_in_a_part(library):
-    assert {name for names in library.families.values() for name in names} == set(FAMILIES)
+    listed = {name for names in library.families.values() for name in names}
+    assert listed == set(FAMILIES) - {"bullet_compound"}
+
+
+def test_compounds_of_bullet_are_dealt_out_by_number():
+    source = registry.build("shape", "bullet_compounds")
+    numbers = {
+        part: {
+            int(source.library.thing(np.random.default_rng(i), part).parameters[0])
+            for i in range(200)
+        }
+        for part in PARTS
+    }
+    for part in PARTS:
+        for other in set(PARTS) - {part}:
+            assert len(numbers[part] & numbers[other]) <= 2  # on the border of two bands
 
 
 @pytest.mark.parametrize("families", [{"train": ["teapot"]}, {"training": ["can"]}, {"train": []}])
