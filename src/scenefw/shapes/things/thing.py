@@ -1,4 +1,4 @@
-"""One thing: a family, its parameters and a seed, and all that follows from them."""
+"""One thing, or what is none: a family, its parameters and a seed, and what follows from them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from scenefw.core import rng as streams
 from scenefw.core.types import Float64, TriangleMesh
 from scenefw.shapes.things.distance import signed_distances
-from scenefw.shapes.things.families import FAMILIES
+from scenefw.shapes.things.families import FAMILIES, OBSTACLES
 from scenefw.shapes.things.solids import Part
 from scenefw.shapes.things.union import union
 
@@ -33,7 +33,7 @@ class Thing:
     @cached_property
     def parts(self) -> tuple[Part, ...]:
         """Convex parts, at rest on z = 0 in its usual attitude (m)."""
-        kind = FAMILIES[self.family]
+        kind = (FAMILIES | OBSTACLES)[self.family]
         named = dict(zip(kind.limits, self.parameters, strict=True))
         parts = kind.build(streams.generator(self.seed), **named)
         low = min(float(part.corners[:, 2].min()) for part in parts)
