@@ -38,11 +38,11 @@ class FastPhysics:
 
     def __init__(
         self,
-        time_step: float = 1 / 160,
-        max_seconds: float = 2.0,
+        time_step: float = 1 / 120,
+        max_seconds: float = 1.5,
         friction: float = 0.6,
         margin: float = 2e-4,
-        damping: float = 0.3,
+        damping: float = 0.5,
         density: float = 500.0,
         max_speed: float = 0.02,
         check_every: int = 8,
@@ -58,26 +58,24 @@ class FastPhysics:
         self._client = -1
         self._movable: list[int] = []
 
-    def begin(self, table: Float64 | None) -> None:
-        """Empties the world but for a table, a box (K, 3) m; None: the plane z = 0."""
+    def begin(self, *, floor: bool) -> None:
+        """Empties the world but for the plane z = 0, if there is a floor at that height."""
         bullet = self._connect()
         bullet.resetSimulation(physicsClientId=self._client)
         bullet.setPhysicsEngineParameter(
             fixedTimeStep=self.time_step,
-            numSolverIterations=30,
+            numSolverIterations=20,
             deterministicOverlappingPairs=1,
             physicsClientId=self._client,
         )
         bullet.setGravity(0, 0, -9.81, physicsClientId=self._client)
         self._movable = []
-        if table is None:
+        if floor:
             plane = bullet.createCollisionShape(bullet.GEOM_PLANE, physicsClientId=self._client)
             body = bullet.createMultiBody(0, plane, physicsClientId=self._client)
             bullet.changeDynamics(
                 body, -1, lateralFriction=self.friction, physicsClientId=self._client
             )
-        else:
-            self.add([Part(table)], Pose(np.zeros(3), np.array([1.0, 0, 0, 0])), fixed=True)
 
     def add(self, parts: Sequence[Part], pose: Pose, *, fixed: bool = False) -> int:
         """Adds convex parts as one body; returns its handle."""
