@@ -38,7 +38,7 @@ class FastPhysics:
 
     def __init__(
         self,
-        time_step: float = 1 / 120,
+        time_step: float = 0.008,
         max_seconds: float = 1.5,
         friction: float = 0.6,
         margin: float = 2e-4,
