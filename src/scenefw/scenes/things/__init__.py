@@ -1,0 +1,1 @@
+"""Scenes of household things among what is no thing: piled, nested, leaning, in trays."""
