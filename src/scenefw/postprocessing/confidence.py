@@ -68,8 +68,10 @@ class ExpectedOverlap:
         """
         try:
             rows = content["numbers"]
-            columns = [[row[key] for row in rows.values()] for key in ("centre", "scale", "weight")]
-            return cls(list(rows), *columns, content["intercept"])
+            centre, scale, weights = (
+                [row[key] for row in rows.values()] for key in ("centre", "scale", "weight")
+            )
+            return cls(list(rows), centre, scale, weights, content["intercept"])
         except (KeyError, TypeError, AttributeError) as error:
             raise ConfigError(
                 f"a calibration lacks {error}; fit it again with experiment=confidence"

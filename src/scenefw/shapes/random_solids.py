@@ -1,9 +1,10 @@
-"""Random compounds of primitives and random vessels, to calibrate on: no real thing is among them."""
+"""Random compounds of primitives and random vessels, to calibrate on: none is a real thing."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+
 import numpy as np
 
 from scenefw.core import rng as streams
@@ -24,7 +25,8 @@ _WALLS = (0.002, 0.006)  # m
 class RandomSolids:
     """Compounds of primitives that come with pybullet, in random sizes, and vessels.
 
-    Compounds collide as their convex hulls: dividing each would take half a minute. Scenes of them can belong to any part of a data set.
+    Compounds collide as their convex hulls: dividing each would take half a minute. Scenes of them
+    can belong to any part of a data set.
 
     Args:
         sizes: smallest and largest longest side of a compound (m).

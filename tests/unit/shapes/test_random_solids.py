@@ -17,7 +17,7 @@ def test_shapes_are_closed_and_as_long_as_they_may_be():
     assert any(name.endswith("mm") for name in names)
     for shape in shapes:
         assert closed(shape.mesh())
-        assert 0 < shape.volume()
+        assert shape.volume() > 0
         if shape.name.endswith("mm"):
             assert 0.049 < np.ptp(shape.vertices, axis=0).max() < 0.201
 

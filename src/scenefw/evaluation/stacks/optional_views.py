@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from scenefw.data.annotated import StackViews
 from scenefw.data.batches.mesh_stacks import scene_set
-from scenefw.data.posed_images import PosedImages
+from scenefw.evaluation.stacks.posed_images import PosedImages
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""What a prediction knows of its shapes without the truth, as numbers that confidence is made of."""
+"""What a prediction knows of its shapes without the truth, as numbers for their confidence."""
 
 from __future__ import annotations
 

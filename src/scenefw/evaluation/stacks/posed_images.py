@@ -13,6 +13,7 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import DAMAGED
 from scenefw.core.types import Int32, Pose, TriangleMesh
 from scenefw.data.files.readers import read_frame
+from scenefw.shapes.mesh_solids import read_closed
 
 _SUFFIX = ".npz"
 
@@ -89,10 +90,7 @@ class PosedImages:
             ) from error
 
     def _mesh(self, name: str) -> TriangleMesh:
-        import trimesh
-
         path = self.meshes / f"{name}.ply"
         if not path.is_file():
             raise InputError(f"there is no mesh {path} of an object in {self.folder}; add it")
-        mesh = trimesh.load(path, process=False)
-        return TriangleMesh(np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64))
+        return read_closed(path)
