@@ -66,11 +66,13 @@ class AnnotatedView:
         frame: depth, camera, and colour where there is one.
         objects: of the scene.
         silhouettes: of each.
+        unknown: (H, W) pixels that may show things of which nothing is known; None: none.
     """
 
     frame: Frame
     objects: tuple[AnnotatedObject, ...]
     silhouettes: tuple[Silhouette, ...]
+    unknown: NDArray[np.bool_] | None = None
 
 
 class AnnotatedScenes(Protocol):

@@ -272,6 +272,7 @@ class ObjectEstimate:
         extents: (3,) full size along the axes of `pose` (m).
         confidence: in [0, 1].
         placed: the shape that explains it, whose surface the mesh is; None if it has no such.
+        cues: numbers that its confidence is made of, by name; empty if it has other reasons.
     """
 
     id: int
@@ -280,6 +281,7 @@ class ObjectEstimate:
     extents: Float64
     confidence: float
     placed: PlacedShape | None = None
+    cues: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

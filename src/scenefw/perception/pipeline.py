@@ -35,7 +35,7 @@ if TYPE_CHECKING:
         Segmentation,
         SetCompletion,
     )
-    from scenefw.postprocessing.confidence import Calibration
+    from scenefw.postprocessing.confidence import ExpectedOverlap
 
 
 Observed = TypeVar("Observed", bound=Observation | Views)
@@ -91,8 +91,8 @@ class ReconstructionPipeline(Generic[Observed]):
         self.samples, self.seed = samples, seed
 
     @property
-    def calibration(self) -> Calibration | None:
-        """From how alike hypotheses are to how right objects are; None: it was not measured."""
+    def calibration(self) -> ExpectedOverlap | None:
+        """From cues about objects to their expected IoU; None: it was not fitted."""
         return self.assembly.calibration
 
     def __call__(

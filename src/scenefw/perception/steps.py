@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from scenefw.fitting.vessels import FittedVessel
     from scenefw.perception.observation.observation import Observation
     from scenefw.perception.observation.views import View, Views
-    from scenefw.postprocessing.confidence import Calibration
+    from scenefw.postprocessing.confidence import ExpectedOverlap
 
 
 Observed = TypeVar("Observed", bound="Observation | Views", covariant=True)
@@ -161,8 +161,8 @@ class Assembly(Protocol):
     """Step 8: volumes, meshes, masks and confidences of hypotheses."""
 
     @property
-    def calibration(self) -> Calibration | None:
-        """From how alike hypotheses are to how right objects are; None: it was not measured."""
+    def calibration(self) -> ExpectedOverlap | None:
+        """From cues about objects to their expected IoU; None: it was not fitted."""
 
     def volumes(self, sets: Sequence[ObjectSet], view: View) -> list[Completion]:
         """TSDF and instances of each hypothesis as it is."""

@@ -1,92 +1,138 @@
-"""How sure a prediction is of each object, from how alike several latent samples are."""
+"""How sure a prediction is of each object, from what it knows without the truth."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import ArrayLike
-from scipy.optimize import isotonic_regression
+from scipy.optimize import minimize
+from scipy.special import expit
 from torch import Tensor
 
 from scenefw.core.errors import ConfigError
 
-_LEAST = 30  # objects of a knot
-_KNOTS = 24
+_RIDGE = 1e-3  # of weights per standard deviation; so small that it only tells apart equal fits
+_MIN_SCALE = 1e-9  # a number that varies less says nothing
+_BOUNDS = {1: (0, None), -1: (None, 0), 0: (None, None)}
 
 
-class Calibration:
-    """From how alike samples are to the IoU with the truth that is to be expected.
-
-    Between knots it is linear, outside them constant.
+class ExpectedOverlap:
+    """The IoU with the truth to expect of objects: a logistic function of numbers about each.
 
     Args:
-        said: (K,) agreement of samples, rising.
-        expected: (K,) mean IoU with the truth, not falling.
+        names: of the K numbers.
+        centre: (K,) their mean where they were fitted.
+        scale: (K,) their standard deviation there.
+        weights: (K,) of the numbers less the centre, in units of the scale.
+        intercept: logit of the IoU at the centre.
 
     Raises:
-        ConfigError: numbers outside [0, 1], in another order, or not as many of both.
+        ConfigError: not as many of all, or numbers that aren't finite, or no positive scale.
     """
 
-    def __init__(self, said: Sequence[float], expected: Sequence[float]) -> None:
-        knots, values = np.asarray(said, np.float64), np.asarray(expected, np.float64)
-        ratios = np.concatenate([knots, values])
-        if len(knots) != len(values) or not len(knots) or not ((ratios >= 0) & (ratios <= 1)).all():
-            raise ConfigError(
-                f"a calibration has said {list(said)} and expected {list(expected)}; give as many "
-                "of both, from 0 to 1"
-            )
-        if (np.diff(knots) <= 0).any() or (np.diff(values) < 0).any():
-            raise ConfigError(
-                f"said {list(said)} must rise, and expected {list(expected)} must not fall"
-            )
-        self.said, self.expected = knots, values
-
-    @classmethod
-    def shipped(cls, name: str) -> "Calibration":
-        """The calibration that was measured for a method, `assets/NAME_calibration.json`."""
-        text = (files("scenefw") / "assets" / f"{name}_calibration.json").read_text(
-            encoding="utf-8"
+    def __init__(
+        self,
+        names: Sequence[str],
+        centre: ArrayLike,
+        scale: ArrayLike,
+        weights: ArrayLike,
+        intercept: float,
+    ) -> None:
+        self.names, self.intercept = tuple(names), float(intercept)
+        self.centre, self.scale, self.weights = (
+            np.asarray(values, np.float64) for values in (centre, scale, weights)
         )
-        content = json.loads(text)
-        return cls(content["said"], content["expected"])
-
-    def __call__(self, agreement: ArrayLike) -> np.ndarray:
-        """Expected IoU for agreements of any shape."""
-        return np.interp(np.asarray(agreement, np.float64), self.said, self.expected)
+        numbers = [*self.centre, *self.scale, *self.weights, self.intercept]
+        sizes = {len(self.names), len(self.centre), len(self.scale), len(self.weights)}
+        if len(sizes) > 1 or not np.isfinite(numbers).all() or not (self.scale > 0).all():
+            raise ConfigError(
+                f"a calibration of {', '.join(self.names)} needs a finite centre, scale above 0 "
+                "and weight of each; fit it again with experiment=confidence"
+            )
 
     @classmethod
-    def fitted(cls, agreements: ArrayLike, truth: ArrayLike) -> "Calibration":
-        """The calibration that explains some objects: groups of equal size, then isotonic.
+    def shipped(cls, name: str) -> "ExpectedOverlap":
+        """The calibration that was fitted for a method, `assets/NAME_calibration.json`."""
+        path = files("scenefw") / "assets" / f"{name}_calibration.json"
+        return cls.of(json.loads(path.read_text(encoding="utf-8")))
+
+    @classmethod
+    def of(cls, content: Mapping[str, Any]) -> "ExpectedOverlap":
+        """The calibration that `content` describes.
+
+        Raises:
+            ConfigError: it lacks something.
+        """
+        try:
+            rows = content["numbers"]
+            centre, scale, weights = (
+                [row[key] for row in rows.values()] for key in ("centre", "scale", "weight")
+            )
+            return cls(list(rows), centre, scale, weights, content["intercept"])
+        except (KeyError, TypeError, AttributeError) as error:
+            raise ConfigError(
+                f"a calibration lacks {error}; fit it again with experiment=confidence"
+            ) from error
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """Itself as JSON types."""
+        rows = zip(self.names, self.centre, self.scale, self.weights, strict=True)
+        return {
+            "intercept": self.intercept,
+            "numbers": {
+                name: {"centre": float(centre), "scale": float(scale), "weight": float(weight)}
+                for name, centre, scale, weight in rows
+            },
+        }
+
+    def __call__(self, numbers: ArrayLike) -> np.ndarray:
+        """Expected IoU (N,) of objects by their numbers (N, K)."""
+        rows = (np.asarray(numbers, np.float64) - self.centre) / self.scale
+        return np.asarray(expit(rows @ self.weights + self.intercept))
+
+    @classmethod
+    def fitted(
+        cls, signs: Mapping[str, int], numbers: ArrayLike, overlaps: ArrayLike
+    ) -> "ExpectedOverlap":
+        """The calibration that explains objects best: least cross-entropy, with a small ridge.
 
         Args:
-            agreements: (N,) agreement of samples, N > 0.
-            truth: (N,) IoU with the truth.
+            signs: by name of the number: 1 if the IoU may only rise with it, -1 if it may only
+                fall, 0 if either.
+            numbers: (N, K) of the objects, N > 0.
+            overlaps: (N,) their IoU with the truth.
         """
-        agreement, overlap = np.asarray(agreements, np.float64), np.asarray(truth, np.float64)
-        order = agreement.argsort(kind="stable")
-        groups = np.array_split(order, max(min(_KNOTS, len(order) // _LEAST), 1))
-        knots = np.array([agreement[group].mean() for group in groups])
-        values = np.array([overlap[group].mean() for group in groups])
-        weights = np.array([float(len(group)) for group in groups])
-        smooth = isotonic_regression(values, weights=weights).x
-        distinct = np.concatenate([[True], np.diff(knots) > 1e-6])
-        return cls(knots[distinct].clip(0, 1).tolist(), smooth[distinct].clip(0, 1).tolist())
+        rows, truth = np.asarray(numbers, np.float64), np.asarray(overlaps, np.float64)
+        centre, scale = rows.mean(axis=0), rows.std(axis=0)
+        scale = np.where(scale > _MIN_SCALE, scale, 1.0)
+        rows = (rows - centre) / scale
+
+        def loss(parameters: np.ndarray) -> tuple[float, np.ndarray]:
+            logits = rows @ parameters[1:] + parameters[0]
+            slope = (expit(logits) - truth) / len(truth)
+            value = (np.logaddexp(0, logits) - truth * logits).mean()
+            ridge = _RIDGE * parameters[1:]
+            gradient = np.concatenate([[slope.sum()], slope @ rows + ridge])
+            return float(value + ridge @ parameters[1:] / 2), gradient
+
+        bounds = [(None, None), *(_BOUNDS[sign] for sign in signs.values())]
+        best = minimize(loss, np.zeros(len(bounds)), jac=True, method="L-BFGS-B", bounds=bounds)
+        return cls(list(signs), centre, scale, best.x[1:], best.x[0])
 
 
-def confidences(
-    instances: Tensor, samples: Sequence[Tensor], calibration: Calibration | None = None
-) -> dict[int, float]:
+def agreements(instances: Tensor, samples: Sequence[Tensor]) -> dict[int, float]:
     """Mean over samples of the largest IoU of an object with any of theirs.
 
     That is the IoU with the truth to expect if the truth were as likely as any sample. Without
-    samples nothing is known of the spread and every confidence is 1.
+    samples nothing is known of the spread and every agreement is 1.
 
     Args:
         instances: (X, Y, Z) labels whose objects are judged.
         samples: label volumes of the same shape, numbered in any way.
-        calibration: what is expected, given that mean; None takes it as it is.
 
     Returns:
         By label, in [0, 1].
@@ -96,9 +142,7 @@ def confidences(
     if not samples:
         return {int(i): 1.0 for i in ids}
     sample_overlaps = np.stack([best_overlaps(labels, ids, _array(sample)) for sample in samples])
-    means = sample_overlaps.mean(axis=0)
-    means = means if calibration is None else calibration(means)
-    return {int(i): float(mean) for i, mean in zip(ids, means, strict=True)}
+    return {int(i): float(mean) for i, mean in zip(ids, sample_overlaps.mean(axis=0), strict=True)}
 
 
 def best_overlaps(labels: np.ndarray, ids: np.ndarray, sample_labels: np.ndarray) -> np.ndarray:

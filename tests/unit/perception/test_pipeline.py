@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hydra.utils import instantiate
 from scipy.ndimage import gaussian_filter
+from scipy.special import expit
 from tests.unit.perception.pipelines import KnownBoxes, pipeline_of
 from tests.unit.perception.synthetic import STACK, Box, camera_at, frame_of
 
@@ -16,7 +17,7 @@ from scenefw.export.summary import plain
 from scenefw.perception.estimate.assembly import SceneAssembly
 from scenefw.perception.pipeline import ReconstructionPipeline
 from scenefw.perception.steps import Objects, ObjectSet
-from scenefw.postprocessing.confidence import Calibration
+from scenefw.postprocessing.confidence import ExpectedOverlap
 
 # Seen along +y, so that the frame that is found differs by a shift along y alone.
 CAMERA = camera_at(eye=(0.0, -0.85, 0.6))
@@ -244,11 +245,14 @@ def test_masks_keep_the_numbers_of_their_objects():
         assert above.tolist() == [2]
 
 
-def test_confidence_is_what_the_calibration_says_of_agreement():
-    boxes, half = KnownBoxes(GridSpec(resolution=32)), Calibration([0.0, 1.0], [0.1, 0.5])
-    pipeline = pipeline_of(boxes, calibration=half, samples=2)
-    scene = pipeline.estimate(frame_of(CAMERA))
-    assert [item.confidence for item in scene.objects] == pytest.approx([0.5, 0.5])
+def test_confidence_is_what_the_calibration_says_of_cues():
+    boxes = KnownBoxes(GridSpec(resolution=32))
+    calibration = ExpectedOverlap(["agreement", "fill"], [1.0, 0.0], [1.0, 1.0], [3.0, 0.5], -2.0)
+    scene = pipeline_of(boxes, calibration=calibration, samples=2).estimate(frame_of(CAMERA))
+    for item in scene.objects:
+        assert 0.5 < item.cues["fill"] <= 1
+        logit = 3 * (item.cues["agreement"] - 1) + 0.5 * item.cues["fill"] - 2
+        assert item.confidence == pytest.approx(expit(logit))
 
 
 def test_an_image_needs_an_observer_and_a_grid():

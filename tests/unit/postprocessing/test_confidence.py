@@ -1,12 +1,16 @@
+import json
+
 import numpy as np
 import pytest
 import torch
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
+from scipy.special import expit
 
 from scenefw.core.errors import ConfigError
-from scenefw.postprocessing.confidence import Calibration, confidences
+from scenefw.perception.estimate.shape_cues import CUES
+from scenefw.postprocessing.confidence import ExpectedOverlap, agreements
 
 labellings = arrays.arrays(np.int32, (4, 4, 4), elements=st.integers(0, 4))
 
@@ -14,20 +18,20 @@ labellings = arrays.arrays(np.int32, (4, 4, 4), elements=st.integers(0, 4))
 def brute_force(instances, samples):
     found = {}
     for i in np.unique(instances[instances > 0]):
-        agreements = []
+        overlaps = []
         for sample in samples:
             ious = [
                 np.sum((instances == i) & (sample == j)) / np.sum((instances == i) | (sample == j))
                 for j in np.unique(sample[sample > 0])
             ]
-            agreements.append(max(ious, default=0.0))
-        found[int(i)] = float(np.mean(agreements))
+            overlaps.append(max(ious, default=0.0))
+        found[int(i)] = float(np.mean(overlaps))
     return found
 
 
 @given(labellings, st.lists(labellings, min_size=1, max_size=3))
 def test_equals_brute_force(instances, samples):
-    found = confidences(torch.from_numpy(instances), [torch.from_numpy(s) for s in samples])
+    found = agreements(torch.from_numpy(instances), [torch.from_numpy(s) for s in samples])
     expected = brute_force(instances, samples)
     assert found.keys() == expected.keys()
     for label, value in expected.items():
@@ -37,53 +41,79 @@ def test_equals_brute_force(instances, samples):
 @given(labellings)
 def test_the_same_objects_under_other_numbers_are_certain(instances):
     renumbered = np.array([0, 7, 3, 9, 1])[instances]
-    found = confidences(torch.from_numpy(instances), [torch.from_numpy(renumbered)])
+    found = agreements(torch.from_numpy(instances), [torch.from_numpy(renumbered)])
     assert all(value == 1.0 for value in found.values())
 
 
 def test_an_object_in_half_of_the_samples_is_half_certain():
     one = torch.zeros(4, 4, 4, dtype=torch.int32)
     one[:2] = 1
-    assert confidences(one, [one, torch.zeros_like(one)]) == {1: 0.5}
+    assert agreements(one, [one, torch.zeros_like(one)]) == {1: 0.5}
 
 
 def test_without_samples_all_is_certain():
-    assert confidences(torch.tensor([[[0, 2, 5]]]), []) == {2: 1.0, 5: 1.0}
+    assert agreements(torch.tensor([[[0, 2, 5]]]), []) == {2: 1.0, 5: 1.0}
+
+
+def fitted_to(signs, weights, seed=0, count=4000):
+    random = np.random.default_rng(seed)
+    numbers = random.normal(0, 1, (count, len(weights)))
+    truth = expit(numbers @ weights + 0.5)
+    return ExpectedOverlap.fitted(signs, numbers, truth)
+
+
+def test_a_fit_finds_the_weights_that_made_the_truth():
+    weights = np.array([1.0, -0.5, 0.0])
+    fit = fitted_to({"a": 1, "b": -1, "c": 0}, weights)
+    assert fit.weights / fit.scale == pytest.approx(weights, abs=0.02)
+    asked = np.random.default_rng(1).normal(0, 1, (50, 3))
+    assert fit(asked) == pytest.approx(expit(asked @ weights + 0.5), abs=0.01)
 
 
 @given(
-    st.lists(st.tuples(st.floats(0, 1), st.floats(0, 1)), min_size=1, max_size=80),
-    st.lists(st.floats(0, 1), min_size=2, max_size=5),
+    arrays.arrays(np.float64, (30, 3), elements=st.floats(-10, 10)),
+    arrays.arrays(np.float64, 30, elements=st.floats(0, 1)),
+    st.floats(0, 5),
 )
-def test_more_agreement_never_means_less_confidence(pairs, asked):
-    said, truth = np.array(pairs).T
-    found = Calibration.fitted(said, truth)(np.sort(asked))
-    assert (np.diff(found) >= 0).all()
-    assert (found >= truth.min() - 1e-9).all()
-    assert (found <= truth.max() + 1e-9).all()
+@settings(deadline=None)
+def test_expected_iou_changes_with_each_number_as_its_sign_says(numbers, truth, step):
+    fit = ExpectedOverlap.fitted({"a": 1, "b": -1, "c": 0}, numbers, truth)
+    before = fit(numbers)
+    assert ((before >= 0) & (before <= 1)).all()
+    assert (fit(numbers + [step, 0, 0]) >= before - 1e-12).all()
+    assert (fit(numbers + [0, step, 0]) <= before + 1e-12).all()
 
 
-def test_a_calibration_finds_the_curve_that_made_the_truth():
+def test_a_fit_is_right_on_average():
     random = np.random.default_rng(0)
-    said = random.uniform(0, 1, 4000)
-    truth = (said**2 + random.normal(0, 0.02, 4000)).clip(0, 1)
-    asked = np.linspace(0.1, 0.9, 9)
-    assert Calibration.fitted(said, truth)(asked) == pytest.approx(asked**2, abs=0.03)
+    numbers, truth = random.normal(0, 1, (300, 2)), random.uniform(0, 1, 300)
+    expected = ExpectedOverlap.fitted({"a": 0, "b": 1}, numbers, truth)(numbers)
+    assert expected.mean() == pytest.approx(truth.mean(), abs=1e-3)
 
 
-def test_confidences_are_calibrated():
-    labels, sample = np.zeros((4, 4, 4), int), np.zeros((4, 4, 4), int)
-    labels[:2], sample[:1] = 1, 1
-    volumes = torch.from_numpy(labels), [torch.from_numpy(sample)]
-    assert confidences(*volumes) == {1: pytest.approx(0.5)}
-    assert confidences(*volumes, Calibration([0.0, 1.0], [0.2, 1.0])) == {1: pytest.approx(0.6)}
+def test_a_calibration_is_the_same_after_json():
+    fit = fitted_to({"a": 1, "b": -1}, np.array([0.3, -0.2]), count=50)
+    again = ExpectedOverlap.of(json.loads(json.dumps(fit.content)))
+    asked = np.random.default_rng(2).normal(0, 1, (5, 2))
+    assert again.names == fit.names
+    np.testing.assert_array_equal(again(asked), fit(asked))
+
+
+def test_the_shipped_calibration_knows_all_cues_and_their_signs():
+    shipped = ExpectedOverlap.shipped("set_extents")
+    assert shipped.names == tuple(CUES)
+    for weight, sign in zip(shipped.weights, CUES.values(), strict=True):
+        assert weight * sign >= 0
 
 
 @pytest.mark.parametrize(
-    ("said", "expected"),
-    [([], []), ([0.5], [0.1, 0.2]), ([0.5, 0.4], [0.1, 0.2]), ([0.1, 0.2], [0.5, 0.4]),
-     ([0.1, 1.2], [0.5, 0.6]), ([0.1], [float("nan")])],
+    "content",
+    [
+        {}, {"numbers": {}}, {"numbers": {"a": {"centre": 0.0}}, "intercept": 0.0},
+        {"numbers": {"a": {"centre": 0.0, "scale": 0.0, "weight": 1.0}}, "intercept": 0.0},
+        {"numbers": {"a": {"centre": 0.0, "scale": 1.0, "weight": 1.0}}, "intercept": float("nan")},
+    ],
 )  # fmt: skip
-def test_calibrations_that_mean_nothing_are_refused(said, expected):
-    with pytest.raises(ConfigError, match="said"):
-        Calibration(said, expected)
+def test_calibrations_that_mean_nothing_are_refused(content):
+    with pytest.raises(ConfigError, match="calibration"):
+        ExpectedOverlap.of(content)

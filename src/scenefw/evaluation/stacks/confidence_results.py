@@ -2,34 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import warnings
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import stats
 
 from scenefw.core.measures import HIGH, LOW, Measure
-from scenefw.core.types import Float64
 from scenefw.evaluation.statistics import Interval, bootstrap_interval
-from scenefw.postprocessing.confidence import Calibration
+from scenefw.perception.estimate.shape_cues import CUES
+from scenefw.postprocessing.confidence import ExpectedOverlap
 
-SAID, SHIPPED, FITTED, CONSTANT = "said", "shipped", "fitted", "constant"
-"""Agreement as it is; calibrated as `run=predict` does; by the other half; the mean of that."""
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from scenefw.core.types import Float64
+
+AGREEMENT, CONFIDENCE, FITTED, CONSTANT = "agreement", "confidence", "fitted", "constant"
+"""Of hypotheses; of `run=predict`; fitted to other images; mean IoU of these."""
 
 SCORES = {
     "bias": Measure("bias", "expected IoU less the true one", "", 3),
     "error": Measure("error", "root mean squared error of the expected IoU", "", 3, "lower"),
     "skill": Measure("skill", "squared error, from the constant to none", "%", 1, "higher", 100.0),
+    "gap": Measure("calibration error", "of groups of equal size", "", 3, "lower"),
+    "rank": Measure("rank correlation", "of expected and true IoU", "", 2, "higher"),
 }
-_FIGURES = {
+_FACTS = {
     "objects": Measure("objects", digits=0),
-    "scenes": Measure("scenes", digits=0),
+    "images": Measure("images", digits=0),
     "iou": Measure("IoU", "mean IoU of predicted objects with true ones", "", 3),
-    "agreement": Measure("agreement", "mean agreement of samples", "", 3),
-    "rank": Measure("rank correlation", "rank correlation of agreement and IoU", "", 2, "higher"),
 }
-_TESTED = 2  # values that a correlation needs at least
+_MIN_RANKED = 3  # values that a correlation needs
+_GROUPS, _MIN_GROUP = 8, 10  # of equal size, and objects of one
+_RESAMPLES = 1000
 
 
 @dataclass(frozen=True)
@@ -37,34 +45,40 @@ class ObjectConfidence:
     """One predicted object.
 
     Args:
-        scene: number in its data set.
-        said: how alike samples are.
+        family: of its image.
+        scene: number of the image in its family.
+        marked: somebody had said which pixels show the objects.
         iou: with the true object that it is most like.
+        confidence: of `run=predict`.
+        cues: numbers that it is made of, by name.
     """
 
+    family: str
     scene: int
-    said: float
+    marked: bool
     iou: float
+    confidence: float
+    cues: Mapping[str, float]
 
 
 @dataclass(frozen=True)
 class ConfidenceResult:
-    """All predicted objects of a split.
+    """All predicted objects of some families of images.
 
     Args:
-        objects: scene by scene.
+        objects: image by image.
         samples: of each view.
-        calibration: of `run=predict`; None: it has none.
+        validation: families that nothing is fitted to.
     """
 
     objects: tuple[ObjectConfidence, ...]
     samples: int
-    calibration: Calibration | None = None
+    validation: frozenset[str] = frozenset()
 
-    @cached_property
-    def agreement(self) -> Float64:
-        """(N,) agreement."""
-        return np.array([item.said for item in self.objects], dtype=np.float64)
+    @property
+    def families(self) -> tuple[str, ...]:
+        """Names in the order of the objects."""
+        return tuple(dict.fromkeys(item.family for item in self.objects))
 
     @cached_property
     def iou(self) -> Float64:
@@ -72,65 +86,98 @@ class ConfidenceResult:
         return np.array([item.iou for item in self.objects], dtype=np.float64)
 
     @cached_property
-    def scenes(self) -> np.ndarray:
-        """(N,) of which scene."""
-        return np.array([item.scene for item in self.objects], dtype=np.int64)
+    def cues(self) -> Float64:
+        """(N, K) in the order of `CUES`."""
+        rows = [[item.cues[name] for name in CUES] for item in self.objects]
+        return np.array(rows, dtype=np.float64).reshape(-1, len(CUES))
+
+    @cached_property
+    def is_validation(self) -> np.ndarray:
+        """(N,) whether nothing is fitted to an object."""
+        return np.array([item.family in self.validation for item in self.objects], dtype=bool)
+
+    @cached_property
+    def images(self) -> np.ndarray:
+        """(N,) number of the image of each object; those of one scene count as one."""
+        keys = [f"{item.family} {item.scene}" for item in self.objects]
+        return np.unique(keys, return_inverse=True)[1]
 
     @cached_property
     def expected(self) -> dict[str, Float64]:
-        """(N,) IoU that each way expects. What is fitted is fitted to the other half of scenes."""
-        expected_ious = {SAID: self.agreement}
-        if self.calibration is not None:
-            expected_ious[SHIPPED] = self.calibration(self.agreement)
-        expected_ious[FITTED] = self._halves(lambda s, t: Calibration.fitted(s, t))
-        expected_ious[CONSTANT] = self._halves(lambda _, t: Calibration([0.5], [float(t.mean())]))
+        """(N,) IoU that each way expects. What is fitted is fitted to other images."""
+        expected_ious = {
+            AGREEMENT: np.array([item.cues["agreement"] for item in self.objects]),
+            CONFIDENCE: np.array([item.confidence for item in self.objects]),
+        }
+        if not self.is_validation.all():
+            expected_ious[FITTED] = self._of_others(
+                lambda fit, test: self._fit(fit)(self.cues[test])
+            )
+            expected_ious[CONSTANT] = self._of_others(
+                lambda fit, test: np.full(test.sum(), self.iou[fit].mean())
+            )
         return expected_ious
 
-    def _halves(self, fit: Callable[[Float64, Float64], Calibration]) -> Float64:
-        place = np.unique(self.scenes, return_inverse=True)[1]
-        expected_ious = self.agreement.copy()
-        for half in (0, 1):
-            test_mask, fit_mask = place % 2 == half, place % 2 != half
-            if fit_mask.any():
-                expected_ious[test_mask] = fit(self.agreement[fit_mask], self.iou[fit_mask])(
-                    self.agreement[test_mask]
-                )
+    def _of_others(self, predict: Callable[[np.ndarray, np.ndarray], Float64]) -> Float64:
+        """Each half of the scenes by the other; those of validation by all that isn't."""
+        is_odd = np.array([item.scene % 2 == 1 for item in self.objects])
+        expected_ious = np.full(len(self.objects), np.nan)
+        validation = self.is_validation
+        parts = [(validation, ~validation)]
+        parts += [(~validation & half, ~validation & ~half) for half in (is_odd, ~is_odd)]
+        for test, fit in parts:
+            if test.any():
+                fit = fit if fit.any() else test
+                expected_ious[test] = predict(fit, test)
         return expected_ious
+
+    def _fit(self, rows: np.ndarray) -> ExpectedOverlap:
+        return ExpectedOverlap.fitted(CUES, self.cues[rows], self.iou[rows])
 
     @cached_property
-    def fitted(self) -> Calibration | None:
-        """To all objects: what `calibration` of a prediction takes; None without objects."""
-        return Calibration.fitted(self.agreement, self.iou) if self.objects else None
+    def fitted(self) -> ExpectedOverlap | None:
+        """To all objects that aren't of validation families; None without any."""
+        rows = ~self.is_validation
+        return self._fit(rows) if rows.any() else None
 
-    def score(self, way: str, name: str) -> Interval:
-        """With bootstrap bounds over scenes."""
-        off = self.expected[way] - self.iou
-        constant = self.expected[CONSTANT] - self.iou
-        columns = np.stack([off, off**2, constant**2], axis=1)
+    def rows_of(self, family: str | None = None) -> np.ndarray:
+        """(N,) which objects are of a family; None: all that aren't of validation families."""
+        if family is None:
+            return ~self.is_validation
+        return np.array([item.family == family for item in self.objects], dtype=bool)
+
+    def score(self, way: str, name: str, rows: np.ndarray) -> Interval:
+        """With bootstrap bounds, over images, but over objects of groups and ranks."""
+        expected, iou = self.expected[way][rows], self.iou[rows]
+        if name in ("gap", "rank"):
+            return _resampled(_gap if name == "gap" else _rank, expected, iou)
+        off = expected - iou
+        constant = self.expected.get(CONSTANT, np.full(len(rows), self.iou.mean()))[rows] - iou
         statistic: dict[str, Callable[[Float64], Float64]] = {
             "bias": lambda m: m[..., 0],
             "error": lambda m: np.sqrt(m[..., 1]),
             "skill": lambda m: 1 - m[..., 1] / np.maximum(m[..., 2], 1e-12),
         }
-        return bootstrap_interval(columns, self.scenes.tolist(), statistic[name])
+        columns = np.stack([off, off**2, constant**2], axis=1)
+        return bootstrap_interval(columns, self.images[rows].tolist(), statistic[name])
 
     @property
     def figures(self) -> dict[str, float]:
-        """`<way>/<score>` with bounds, and facts of all objects."""
-        figures = {
-            "objects": float(len(self.objects)),
-            "scenes": float(len(np.unique(self.scenes))),
-        }
-        if not self.objects:
-            return figures
-        figures |= {"iou": float(self.iou.mean()), "agreement": float(self.agreement.mean())}
-        if np.ptp(self.agreement) > 0 and np.ptp(self.iou) > 0 and len(self.objects) > _TESTED:
-            figures["rank"] = float(stats.spearmanr(self.agreement, self.iou).statistic)
-        for way in self.expected:
-            for name in SCORES:
-                interval = self.score(way, name)
-                ends = {"": interval.mean, LOW: interval.low, HIGH: interval.high}
-                figures |= {f"{way}/{name}{end}": v for end, v in ends.items() if np.isfinite(v)}
+        """Facts and `<way>/<score>`, with bounds; those of a family begin with its name."""
+        figures: dict[str, float] = {}
+        for family in (None, *self.families):
+            rows, prefix = self.rows_of(family), "" if family is None else f"{family}/"
+            figures[f"{prefix}objects"] = float(rows.sum())
+            figures[f"{prefix}images"] = float(len(np.unique(self.images[rows])))
+            if not rows.any():
+                continue
+            figures[f"{prefix}iou"] = float(self.iou[rows].mean())
+            for way in self.expected:
+                for name in SCORES:
+                    score = self.score(way, name, rows)
+                    ends = {"": score.mean, LOW: score.low, HIGH: score.high}
+                    named = {f"{prefix}{way}/{name}{end}": v for end, v in ends.items()}
+                    figures |= {key: v for key, v in named.items() if np.isfinite(v)}
         return figures
 
     @property
@@ -139,4 +186,40 @@ class ConfidenceResult:
         ways = {
             f"{way}/{name}": measure for way in self.expected for name, measure in SCORES.items()
         }
-        return {**_FIGURES, **ways}
+        prefixes = ("", *(f"{family}/" for family in self.families))
+        return {
+            f"{p}{name}": measure for p in prefixes for name, measure in (_FACTS | ways).items()
+        }
+
+
+def equal_groups(expected: Float64) -> list[np.ndarray]:
+    """Rows in groups of equal size, by their expected IoU."""
+    order = expected.argsort(kind="stable")
+    return np.array_split(order, max(min(_GROUPS, len(order) // _MIN_GROUP), 1))
+
+
+def _gap(expected: Float64, iou: Float64) -> float:
+    groups = equal_groups(expected)
+    gaps = [len(g) * abs(expected[g].mean() - iou[g].mean()) for g in groups]
+    return float(sum(gaps) / len(expected))
+
+
+def _rank(expected: Float64, iou: Float64) -> float:
+    if len(iou) < _MIN_RANKED or not np.ptp(expected) > 0 or not np.ptp(iou) > 0:
+        return float("nan")
+    return float(stats.spearmanr(expected, iou).statistic)
+
+
+def _resampled(
+    statistic: Callable[[Float64, Float64], float], expected: Float64, iou: Float64
+) -> Interval:
+    value = statistic(expected, iou)
+    if len(iou) < _MIN_RANKED or not np.isfinite(value):
+        return Interval(value, float("nan"), float("nan"), len(iou))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # resamples of equal values have no correlation
+        interval = stats.bootstrap(
+            (expected, iou), statistic, paired=True, vectorized=False, n_resamples=_RESAMPLES,
+            method="percentile", rng=np.random.default_rng(0),
+        ).confidence_interval  # fmt: skip
+    return Interval(value, float(interval.low), float(interval.high), len(iou))

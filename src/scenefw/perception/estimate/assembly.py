@@ -15,11 +15,12 @@ from scenefw.perception.estimate.marked_objects import called, marked_solids
 from scenefw.perception.estimate.mask_cleanup import with_bottoms, without_holes
 from scenefw.perception.estimate.objects import estimate_objects
 from scenefw.perception.estimate.plausibility import plausible
+from scenefw.perception.estimate.shape_cues import shape_cues
 from scenefw.perception.evidence.visible_instances import visible_instances
 from scenefw.perception.observation.image_turns import turned, turned_pixels
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.observation.surface_mesh import obstacles_of
-from scenefw.postprocessing.confidence import Calibration, confidences
+from scenefw.postprocessing.confidence import ExpectedOverlap, agreements
 from scenefw.postprocessing.surfaces import instance_meshes
 
 if TYPE_CHECKING:
@@ -44,10 +45,10 @@ class SceneAssembly:
     Args:
         carve: takes away what lies in free space or below the floor; shapes of which much does are
             replaced.
-        calibration: from how alike hypotheses are to how right objects are; None: not measured.
+        calibration: from cues about objects to their expected IoU; None: it was not fitted.
     """
 
-    def __init__(self, calibration: Calibration | None = None, *, carve: bool = True) -> None:
+    def __init__(self, calibration: ExpectedOverlap | None = None, *, carve: bool = True) -> None:
         self.calibration, self.carve = calibration, carve
 
     def volumes(self, sets: Sequence[ObjectSet], view: Observation) -> list[Completion]:
@@ -63,7 +64,8 @@ class SceneAssembly:
     ) -> Iterator[SceneEstimate]:
         """The scene of each hypothesis; an object has the same id in all of them.
 
-        Its confidence says how much the other hypotheses agree.
+        Its confidence is the IoU with the truth to expect; without a calibration, how much the
+        other hypotheses agree.
 
         Args:
             sets: the most typical one first.
@@ -84,15 +86,42 @@ class SceneAssembly:
             alternatives = [
                 alternative.instances[0] for i, alternative in enumerate(scenes) if i != number
             ]
-            confidence_of_label = confidences(scene.instances[0], alternatives, self.calibration)
+            agreement = agreements(scene.instances[0], alternatives)
             estimate = scene_estimate(
-                scene, view.grid, frame, confidence_of_label, _details(view, origin), solids
+                scene, view.grid, frame, agreement, _details(view, origin), solids
             )
             if self.carve:
                 estimate = plausible(estimate, view)
             estimate = replace(estimate, obstacles=obstacles)
+            if view.image is not None:
+                estimate = with_confidence(estimate, view, agreement, self.calibration)
             estimate = _turned_back(estimate, view.turns)
             yield called(estimate, view.ids) if marked else estimate
+
+
+def with_confidence(
+    estimate: SceneEstimate,
+    view: Observation,
+    agreement: Mapping[int, float],
+    calibration: ExpectedOverlap | None,
+) -> SceneEstimate:
+    """The scene with cues about its objects, and the confidence that these justify.
+
+    Args:
+        estimate: with masks.
+        view: with its image.
+        agreement: of hypotheses on each object, by id.
+        calibration: from cues to confidence; None: agreement is the confidence.
+    """
+    cues = shape_cues(estimate, view, agreement)
+    objects = []
+    for item in estimate.objects:
+        numbers = cues[item.id]
+        confidence = numbers["agreement"]
+        if calibration is not None:
+            confidence = float(calibration([[numbers[name] for name in calibration.names]])[0])
+        objects.append(replace(item, confidence=confidence, cues=numbers))
+    return replace(estimate, objects=tuple(objects))
 
 
 def _turned_back(estimate: SceneEstimate, turns: int) -> SceneEstimate:

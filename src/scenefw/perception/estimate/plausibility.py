@@ -31,7 +31,6 @@ _MAX_LENGTH_RATIO = 2.0  # to that of what is visible
 _MIN_LONG = 0.08  # m: what is shorter may be hidden for the most part
 _GAP = 0.01  # m: what is farther above the floor and all others hovers
 _CELL = 0.005  # m: side of columns below what is visible
-_CONFIDENCE_RATIO = 0.5  # of an object's confidence that is left where its shape was wrong
 
 
 def plausible(estimate: SceneEstimate, view: Observation) -> SceneEstimate:
@@ -40,7 +39,7 @@ def plausible(estimate: SceneEstimate, view: Observation) -> SceneEstimate:
     A shape contradicts it that lies below the floor, before what was measured, hovers, or is far
     longer than what is visible of it. In its place comes the first of these that doesn't, or the
     best: the hull of visible points and of their footprints on what they stand on, or on the floor;
-    columns below visible points. Its confidence falls.
+    columns below visible points.
 
     Args:
         estimate: with masks.
@@ -61,11 +60,7 @@ def plausible(estimate: SceneEstimate, view: Observation) -> SceneEstimate:
 
 def with_meshes(estimate: SceneEstimate, meshes: dict[int, TriangleMesh]) -> SceneEstimate:
     """The scene with other meshes, closed, for some of its objects, and their volumes."""
-    confidences = {
-        item.id: _CONFIDENCE_RATIO * item.confidence
-        for item in estimate.objects
-        if item.id in meshes
-    }
+    confidences = {item.id: item.confidence for item in estimate.objects if item.id in meshes}
     changed = {item.id: item for item in estimate_objects(meshes, confidences)}
     objects = tuple(changed.get(item.id, item) for item in estimate.objects)
     is_old = np.isin(estimate.instances, list(meshes))

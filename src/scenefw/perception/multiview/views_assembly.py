@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from scenefw.perception.evidence.tolerances import Tolerances
     from scenefw.perception.observation.views import Views
     from scenefw.perception.steps import ObjectSet
-    from scenefw.postprocessing.confidence import Calibration
+    from scenefw.postprocessing.confidence import ExpectedOverlap
 
 _REACH = 0.02  # m: a point farther from all objects is of none
 _MAX_POINTS = 20000  # of all views, to say how well objects explain them
@@ -35,7 +35,7 @@ class ViewsAssembly:
         tolerances: say which points lie on an object.
     """
 
-    calibration: Calibration | None = None
+    calibration: ExpectedOverlap | None = None
 
     def __init__(self, tolerances: Tolerances) -> None:
         self.tolerances = tolerances

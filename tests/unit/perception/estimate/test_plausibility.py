@@ -53,7 +53,7 @@ def test_what_contradicts_gives_way_to_what_is_visible(wrong, resolution):
     before, after = judged(solid(*wrong), resolution)
     first, second = after.objects
     assert second is before.objects[1]
-    assert first.confidence == pytest.approx(0.4)
+    assert first.confidence == pytest.approx(0.8)
     low, high = first.mesh.vertices.min(axis=0), first.mesh.vertices.max(axis=0)
     np.testing.assert_allclose(low, BOX.lower, atol=0.012)
     np.testing.assert_allclose(high[[0, 2]], np.array(BOX.upper)[[0, 2]], atol=0.012)

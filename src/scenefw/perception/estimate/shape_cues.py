@@ -1,0 +1,131 @@
+"""What a prediction knows of its shapes without the truth, as numbers for their confidence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from scenefw.core.geometry import inverse, transform_points
+from scenefw.kernels.meshes import NOTHING, Tree
+from scenefw.metrics.sampling import face_areas
+from scenefw.perception.observation.image_turns import turned_pixels
+from scenefw.shapes.moments import moments
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from scenefw.core.types import Camera, Float32, Float64, ObjectEstimate, SceneEstimate
+    from scenefw.perception.observation.observation import Observation
+
+CUES: Mapping[str, int] = {
+    "agreement": 1,  # mean IoU with the most similar object of each other hypothesis
+    "silhouette": 1,  # IoU of its mask with its outline, without what something nearer hides
+    "residual": -1,  # mean distance along rays of what is measured from its surface
+    "free": -1,  # mean distance by which its outline stands before what is measured
+    "occluded": -1,  # ratio of its outline that something nearer hides
+    "noise": -1,  # standard deviation of depth
+    "thickness": 0,  # logarithm of its volume by surface (m)
+    "fill": 0,  # ratio of the box along its axes that it fills
+    "hull": 0,  # 1 if no shape explains it, so that it is a hull, voxels or columns
+}
+"""Numbers about an object, and whether its expected IoU may only rise (1) or fall (-1) with each.
+
+Distances are square roots of multiples of its thickness, volume by surface: a shape that is off by
+a small part of it all over has lost about as large a part of its volume.
+"""
+_MAX_RAYS = 4000  # of an object
+_MIN_DEPTH = 0.01  # m from the camera: what is nearer has no pixel
+_MIN_VOLUME, _MIN_AREA = 1e-9, 1e-6  # m^3, m^2: of a cube of 1 mm
+_MAX_RATIO = 3.0  # of distances to a thickness: with more, hardly any overlap is left
+
+
+def shape_cues(
+    estimate: SceneEstimate, view: Observation, agreement: Mapping[int, float]
+) -> dict[int, dict[str, float]]:
+    """The cues of each object, by id.
+
+    Args:
+        estimate: with masks, not turned back.
+        view: with its image.
+        agreement: by id; objects without one are the same in all hypotheses.
+    """
+    depth = view.depth
+    if view.source is not None:
+        depth = turned_pixels(view.source.depth, view.turns)
+    masks = estimate.masks
+    assert masks is not None
+    sigma = float(np.median(view.noise.at(depth[depth > 0]))) if (depth > 0).any() else 0.0
+    return {
+        item.id: {"agreement": agreement.get(item.id, 1.0)}
+        | _cues(item, view.camera, depth, masks == item.id, sigma)
+        for item in estimate.objects
+    }
+
+
+def _cues(
+    item: ObjectEstimate, camera: Camera, depth: Float32, mask: NDArray[np.bool_], sigma: float
+) -> dict[str, float]:
+    volume = max(moments(item.mesh).volume, _MIN_VOLUME)
+    thickness = volume / max(float(face_areas(item.mesh).sum()), _MIN_AREA)
+    rows, columns = _pixels(item, camera, mask)
+    front = _front(item, camera, rows, columns)
+    measured, shown = depth[rows, columns].astype(np.float64), mask[rows, columns]
+    hit, known = front > 0, measured > 0
+    hides = hit & known & ~shown & (measured < front)
+    outline = hit & ~hides
+    gaps = measured - front
+    return {
+        "silhouette": _ratio(outline & shown, outline | shown),
+        "residual": _root(np.abs(gaps[outline & shown & known]), thickness, nothing=_MAX_RATIO),
+        "free": _root(np.maximum(gaps[outline & known], 0), thickness, nothing=0.0),
+        "occluded": _ratio(hides, hit),
+        "noise": _root(np.array([sigma]), thickness, nothing=0.0),
+        "thickness": float(np.log(thickness)),
+        "fill": min(volume / max(float(np.prod(item.extents)), _MIN_VOLUME), 1.0),
+        "hull": float(item.placed is None),
+    }
+
+
+def _pixels(
+    item: ObjectEstimate, camera: Camera, mask: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows and columns of pixels in the box about an object's outline and its mask, evenly."""
+    x, y, z = transform_points(inverse(camera.T_world_camera), item.mesh.vertices).T
+    ahead = z > _MIN_DEPTH
+    rows, columns = np.nonzero(mask)
+    rows = np.append(rows, (camera.fy * y / np.maximum(z, _MIN_DEPTH) + camera.cy)[ahead])
+    columns = np.append(columns, (camera.fx * x / np.maximum(z, _MIN_DEPTH) + camera.cx)[ahead])
+    if not len(rows):
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    top, left = (max(int(values.min()) - 1, 0) for values in (rows, columns))
+    bottom = min(int(rows.max()) + 2, mask.shape[0])
+    right = min(int(columns.max()) + 2, mask.shape[1])
+    step = max(1, int(np.ceil(np.sqrt(max(bottom - top, 1) * max(right - left, 1) / _MAX_RAYS))))
+    v, u = np.mgrid[top:bottom:step, left:right:step]
+    return v.ravel(), u.ravel()
+
+
+def _front(
+    item: ObjectEstimate, camera: Camera, rows: NDArray[np.int64], columns: NDArray[np.int64]
+) -> Float64:
+    """Depth (N,) of an object in pixels (m), 0 where it isn't."""
+    u, v = (columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy
+    rays = np.zeros((len(u), 6), np.float32)
+    rays[:, :3] = camera.T_world_camera[:3, 3]
+    rays[:, 3:] = np.stack([u, v, np.ones(len(u))], axis=1) @ camera.T_world_camera[:3, :3].T
+    tree = Tree(item.mesh.vertices[item.mesh.faces].astype(np.float32))
+    distance, hit, _ = tree.cast(torch.from_numpy(rays), table=False)
+    return np.where(hit.numpy() != NOTHING, distance.numpy(), 0.0).astype(np.float64)
+
+
+def _ratio(part: NDArray[np.bool_], whole: NDArray[np.bool_]) -> float:
+    return float(part.sum() / whole.sum()) if whole.any() else 0.0
+
+
+def _root(distances: Float64, thickness: float, nothing: float) -> float:
+    """Square root of the mean distance (m) by thickness; `nothing` is the ratio without any."""
+    ratio = float(distances.mean()) / thickness if len(distances) else nothing
+    return float(np.sqrt(min(ratio, _MAX_RATIO)))
