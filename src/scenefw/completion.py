@@ -17,7 +17,7 @@ from scenefw.listing import composed
 SHELLS = ("bash", "zsh")  # zsh by its bashcompinit
 UNINSTALL = "complete -r scenefw python python3"
 _FLAGS = ("--list", "--help", "--version", "--cfg", "--package", "--hydra-help", "-m", "-v")
-_CHOOSING = ("scale", "experiment", "ablation", "evaluation", "run")  # others too
+_CHOOSING = ("scale", "experiment", "evaluation", "run")  # others too
 
 Options = Mapping[str, Mapping[str, Path]]
 
