@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Literal
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.data.files.realsense import RealSense, require_realsense
-from scenefw.tasks.recorded import write_recording
+from scenefw_recordings.realsense import RealSense, require_realsense
+from scenefw_recordings.recorded import write_recording
 
 
 class Capture:

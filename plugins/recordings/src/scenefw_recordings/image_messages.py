@@ -12,7 +12,7 @@ from PIL import Image
 from scenefw.core.errors import InputError
 from scenefw.core.files import unreadable
 from scenefw.data.files.pictures import DAMAGED_PICTURE
-from scenefw.data.files.rvl import decode_rvl
+from scenefw_recordings.rvl import decode_rvl
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

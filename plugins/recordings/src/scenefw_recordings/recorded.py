@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
-    from scenefw.data.files.bags import RecordedFrame
+    from scenefw_recordings.bags import RecordedFrame
 
 _MOST = np.iinfo(np.uint16).max
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from scenefw.core.errors import ConfigError
-from scenefw.data.files.bags import Bag
-from scenefw.tasks.recorded import write_recording
+from scenefw_recordings.bags import Bag
+from scenefw_recordings.recorded import write_recording
 
 
 class UnpackBag:

@@ -8,8 +8,8 @@ import numpy as np
 
 from scenefw.core.errors import ConfigError, InputError, MissingDependencyError
 from scenefw.core.settings import COUNT, NOT_NEGATIVE
-from scenefw.data.files.bags import RecordedFrame
-from scenefw.data.files.image_messages import CHANNELS
+from scenefw_recordings.bags import RecordedFrame
+from scenefw_recordings.image_messages import CHANNELS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -10,8 +10,8 @@ import numpy as np
 
 from scenefw.core.errors import InputError, MissingDependencyError
 from scenefw.core.files import unreadable
-from scenefw.data.files.image_messages import MILLIMETRES, colour_of, depth_of
 from scenefw.data.files.lens import Lens, lens_of, undistorted
+from scenefw_recordings.image_messages import MILLIMETRES, colour_of, depth_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -13,11 +13,11 @@ from hypothesis.extra.numpy import arrays
 from PIL import Image
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.data.files.bags import Bag, topics_of
 from scenefw.data.files.lens import lens_of, undistorted
 from scenefw.data.files.readers import find_images, read_frame
-from scenefw.data.files.rvl import decode_rvl
-from scenefw.tasks.unpack_bag import UnpackBag
+from scenefw_recordings.bags import Bag, topics_of
+from scenefw_recordings.rvl import decode_rvl
+from scenefw_recordings.unpack_bag import UnpackBag
 
 rosbag2 = pytest.importorskip("rosbags.rosbag2")
 from rosbags.rosbag1 import Writer as OldWriter  # noqa: E402

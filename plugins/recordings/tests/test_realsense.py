@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from scenefw.core.errors import ConfigError, InputError, MissingDependencyError
-from scenefw.data.files.bags import Bag
 from scenefw.data.files.readers import find_images, read_frame
-from scenefw.data.files.realsense import RealSense
-from scenefw.tasks.capture import Capture
+from scenefw_recordings.bags import Bag
+from scenefw_recordings.capture import Capture
+from scenefw_recordings.realsense import RealSense
 
 rs = pytest.importorskip("pyrealsense2", reason="pip install 'scenefw[realsense]'")
 
