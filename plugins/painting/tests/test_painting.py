@@ -9,14 +9,14 @@ from scenefw.core.geometry import look_at
 from scenefw.core.height_maps import HeightGrid
 from scenefw.core.types import Camera, Frame
 from scenefw.data.files.sequences import RGBDFolder
-from scenefw.data.tabletop.painting import (
+from scenefw.representations import height_map as maps
+from scenefw_painting.pictures import (
     export_painting,
     load_painting,
     palette,
     without_borders,
     write_views,
 )
-from scenefw.representations import height_map as maps
 
 GRID = HeightGrid(vertices=65, extent=0.32, lower=(-0.16, -0.16), levels=2)
 CLASSES = ("surface", "coin", "pen")

@@ -15,15 +15,15 @@ from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
 from scenefw.data.files.height_maps import load_map, save_map
 from scenefw.data.files.recordings import STATE, MeasuredFrames, Recording
 from scenefw.data.files.sequences import open_sequence
-from scenefw.data.tabletop.painting import (
+from scenefw.report.console import track
+from scenefw.report.labelling.pictures import map_picture
+from scenefw.report.pictures import save_picture
+from scenefw_painting.pictures import (
     export_painting,
     load_painting,
     require_agreement,
     write_views,
 )
-from scenefw.report.console import track
-from scenefw.report.labelling.pictures import map_picture
-from scenefw.report.pictures import save_picture
 
 if TYPE_CHECKING:
     from scenefw.core.height_maps import HeightMap
