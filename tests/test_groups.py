@@ -96,7 +96,7 @@ def references(path, plugins_too):
         return found_in(nodes("run", rest))
     options = registry.catalogue().get(first)
     read = [name for name in options or {} if plugins_too or (first, name) not in OF_PLUGINS]
-    found = [nodes(first, name) for name in read] if options else [whole()[first]]
+    found = [nodes(first, name) for name in read] if options else [whole().get(first)]
     return set().union(*(found_in(part(node, rest)) for node in found))
 
 

@@ -39,6 +39,8 @@ DELETED: Mapping[str, str] = {
     "checkpoints.queries": _BEST,
     "dataset=scattered_v1": "dataset=stacks_v1 dataset.path=scattered_v1",
     "dataset=stacks_and_scattered_v1": "dataset=stacks_v1 'dataset.path=[stacks_v1,scattered_v1]'",
+    "run=headline": "run=publish, with run.results=[FOLDER,...]",
+    "run=pictures": "run=publish, with input=FOLDER",
     "experiment=simstack_ablation": f"-m and {_SWITCHES}",
     "experiment=decomposition_ablation": f"-m, experiment=table_6_2 and {_SWITCHES}",
     "ablation=fully_convolutional": "experiment=thesis/fully_convolutional",

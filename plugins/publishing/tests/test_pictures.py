@@ -5,7 +5,7 @@ from PIL import Image
 from tests.unit.report.test_overview import estimate_of
 
 from scenefw.core.errors import ConfigError, InputError, StorageError
-from scenefw.tasks.pictures import Pictures, in_columns
+from scenefw_publishing.pictures import Pictures, in_columns
 
 MARKED = "# Title\n<!-- pictures -->\nold\n<!-- /pictures -->\nend\n"
 
@@ -59,7 +59,7 @@ def test_what_is_missing_is_found_out_before_the_work(predict, tmp_path):
     document.write_text("no place")
     with pytest.raises(StorageError, match="<!-- pictures -->"):
         Pictures(predict, entries("a"), document).run()
-    with pytest.raises(ConfigError, match=r"run.images is invalid"):
+    with pytest.raises(ConfigError, match=r"publishing\.images is invalid"):
         Pictures(predict, {"x": {"picture": "a"}}, document)
     with pytest.raises(ConfigError, match="no image"):
         Pictures(predict, {"x": None}, document)

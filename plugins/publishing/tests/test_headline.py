@@ -4,19 +4,20 @@ import pytest
 from hydra.utils import instantiate
 from tests.unit.report.stored_runs import IMAGES, STACKS, write_run
 
-from scenefw import config
+from scenefw import config, plugins
 from scenefw.core.errors import InputError, StorageError
 from scenefw.learning.checkpoint import shipped_checkpoint
 from scenefw.learning.provenance import digest
-from scenefw.tasks import headline
+from scenefw_publishing import headline
 
 MARKED = "# Title\n\n<!-- headline -->\nold\n<!-- /headline -->\n\n| a | table |\n"
 
 
 @functools.cache
 def summaries():
-    """Those of run=headline."""
-    return instantiate(config.compose(["run=headline"]).run.summaries, _convert_="all")
+    """Those of run=publish."""
+    plugins.activate()
+    return instantiate(config.compose(["run=publish"]).run.summaries, _convert_="all")
 
 
 def Headline(results, document):  # noqa: N802
@@ -85,10 +86,10 @@ def test_figures_of_weights_that_do_not_ship(document, tmp_path):
 
 def test_command_line(scenefw, document, tmp_path):
     write_run(tmp_path / "a", STACKS)
-    done = scenefw("run=headline", "run.results=[a]", "paths.output=out")
+    done = scenefw("run=publish", "run.results=[a]", "paths.output=out")
     assert done.returncode == 0, done.stderr[-3000:]
     row = "| instance IoU ↑ | 0.822 | 0.610 | – |"
     assert row in document.read_text()
-    done = scenefw("run=headline", "paths.output=out")
+    done = scenefw("run=publish", "paths.output=out")
     assert done.returncode == 2
     assert "run.results" in done.stderr

@@ -8,8 +8,8 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import require_name, require_writable
 from scenefw.report.markers import fill, read_document
 from scenefw.report.pictures import as_image, save_for_document
-from scenefw.report.two_sides import draw_two_sides
 from scenefw.tasks.predict import Predict
+from scenefw_publishing.two_sides import draw_two_sides
 
 _LARGEST = 50_000  # bytes
 _COLUMNS = 2
@@ -56,11 +56,11 @@ class Pictures:
         try:
             self.images = {name: Shown(**entry) for name, entry in images.items() if entry}
         except TypeError as error:
-            raise ConfigError(f"an entry of run.images is invalid: {error}") from error
+            raise ConfigError(f"an entry of publishing.images is invalid: {error}") from error
         for name in self.images:
-            require_name(name, "run.images")
+            require_name(name, "publishing.images")
         if not self.images:
-            raise ConfigError("run.images names no image to show")
+            raise ConfigError("publishing.images names no image to show")
 
     def run(self) -> dict[str, float]:
         """Writes pictures and document; returns the number of objects by picture.
@@ -74,7 +74,7 @@ class Pictures:
         if missing_images:
             raise InputError(
                 f"no image {missing_images[0]} in {self.predict.images.path}; give the folder "
-                "above as input=FOLDER, or other images as run.images"
+                "above as input=FOLDER, or other images as publishing.images"
             )
         target = require_writable(self.document.parent / self.folder)
         counts = {name: self._draw(name, picture, target) for name, picture in self.images.items()}

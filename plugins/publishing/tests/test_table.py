@@ -2,10 +2,10 @@ import pytest
 from hydra.utils import instantiate
 from tests.unit.report.stored_runs import IMAGES, LABELLING, STACKS, write_run
 
-from scenefw import config
+from scenefw import config, plugins
 from scenefw.core.errors import InputError
 from scenefw.report.stored import read_runs
-from scenefw.report.weights.headline import headline
+from scenefw_publishing.table import headline
 
 
 @pytest.fixture
@@ -16,8 +16,9 @@ def runs(tmp_path):
 
 @pytest.fixture(scope="module")
 def summaries():
-    """Those of run=headline."""
-    chosen = config.compose(["run=headline"]).run.summaries
+    """Those of run=publish."""
+    plugins.activate()
+    chosen = config.compose(["run=publish"]).run.summaries
     return [instantiate(node, _convert_="all") for node in chosen.values()]
 
 

@@ -8,15 +8,15 @@ from scenefw.core.errors import InputError
 from scenefw.learning.provenance import digest
 from scenefw.report.markers import body, fill, read_document
 from scenefw.report.stored import StoredRun, read_runs
-from scenefw.report.weights.headline import headline
-from scenefw.report.weights.kept import kept_parts, require_known
 from scenefw.report.weights.summary import Summary, parts_in
+from scenefw_publishing.kept import kept_parts, require_known
+from scenefw_publishing.table import headline
 
 _MARKER = "headline"
 
 
 class Headline:
-    """Puts figures of runs between `<!-- headline -->` and `<!-- /headline -->` (`run=headline`).
+    """Puts figures of runs between `<!-- headline -->` and `<!-- /headline -->` (`run=publish`).
 
     Evaluations that are in the table already, and not among the runs, stay in it as long as their
     weights are those that ship.

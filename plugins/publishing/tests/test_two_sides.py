@@ -5,7 +5,7 @@ from tests.unit.report.test_overview import estimate_of
 from scenefw.core.geometry import look_at
 from scenefw.core.types import Camera
 from scenefw.report.surfaces import Surfaces
-from scenefw.report.two_sides import draw_two_sides, of_objects, seen_share
+from scenefw_publishing.two_sides import draw_two_sides, of_objects, seen_share
 
 
 @pytest.mark.parametrize("eye", [(0, -0.9, 0.6), (0.9, 0.1, 0.4)])
