@@ -3,7 +3,7 @@
     python -m benchmarks.results              prints the tables, the weights that ship first
     python -m benchmarks.results --write      makes docs/results/README.md of them
 
-`docs/results/ledger.jsonl` has a line for each page, in the order of the tables.
+`docs/results/ledger.jsonl` has a line for each run of a page, in the order of the tables.
 """
 
 import argparse

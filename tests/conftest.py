@@ -27,7 +27,7 @@ SLOW_FILES = ("test_api_page", "test_argument_types", "test_completion", "test_c
               "test_dataset", "test_debug",
               "test_experiments", "test_groups", "test_guide", "test_hypotheses", "test_imports",
               "test_label_views", "test_labelling_plugins", "test_listing", "test_overview",
-              "test_painting", "test_parsed", "test_pictures", "test_plugins", "test_protocols",
+              "test_parsed", "test_pictures", "test_plugins", "test_protocols",
               "test_small_install", "test_splits", "test_tabletop", "test_training_plugins",
               "test_views", "test_waiting")  # fmt: skip
 
@@ -38,6 +38,7 @@ def pytest_collection_modifyitems(items):
     What `make test` leaves out is marked as exhaustive where it stands.
     """
     folders = [ROOT / "tests" / "unit" / name for name in SLOW]
+    folders += [ROOT / "plugins" / name / "tests" for name in ("grasping", "painting")]
     for item in items:
         inside = any(folder in item.path.parents for folder in folders)
         inside |= ROOT / "tests" in item.path.parents and item.path.stem in SLOW_FILES

@@ -217,7 +217,7 @@ def test_version(scenefw):
         ("run.trouble=a,b", "\"run.trouble='a,b'\", several values are 'run.trouble=[a,b]'"),
         ("renderer=null", "~renderer"),
         ("seed=${sede}", "sede"),
-        ("paths.weights=${ablation.x}", "no ablation is chosen"),
+        ("paths.weights=${settling.x}", "no settling is chosen"),
         ("--quiet", "there is no option --quiet"),
     ],
 )

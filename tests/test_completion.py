@@ -99,3 +99,7 @@ def test_other_commands_of_python_are_left_alone():
     assert (
         shell("bash", f'{install}; {line}; _scenefw_module python; echo "${{COMPREPLY[@]}}"') == []
     )
+
+
+def test_settings_of_a_verb_that_sets_others_too_are_completed():
+    assert "run.showcase=" in completion.answers("scenefw run=pipeline run.sh")

@@ -32,7 +32,6 @@ FITS_ELSEWHERE = {"renderer", "evaluation", "dataset", "shape"}  # parts of othe
 CONTEXT = {
     "evaluation": ["run=evaluate"],
     "dataset": ["run=train"],
-    "set_ablation": ["experiment=decomposition_ablation"],
 }
 
 
@@ -67,8 +66,7 @@ def resolved():
 
 @pytest.mark.parametrize(("group", "name"), resolved())
 def test_an_option_composes_and_resolves(group, name):
-    key = "set_ablation" if (group, name[:4]) == ("ablation", "set_") else group
-    with chosen(group, name, *CONTEXT.get(key, [])) as whole:
+    with chosen(group, name, *CONTEXT.get(group, [])) as whole:
         for node in targets(OmegaConf.to_container(whole, resolve=True)):
             assert_fits(node)
         if group in FITS_ELSEWHERE or fits(whole):
@@ -223,8 +221,8 @@ def test_experiments_that_label_have_both_scales(name):
 
 def test_scale_gives_way_to_experiment_and_that_to_debug():
     order = [str(next(iter(e))) for e in _defaults() if isinstance(e, DictConfig)]
-    last = [key.removeprefix("optional ") for key in order if "hydra" not in key][-4:]
-    assert last == ["scale", "experiment", "ablation", "debug"]
+    last = [key.removeprefix("optional ") for key in order if "hydra" not in key][-3:]
+    assert last == ["scale", "experiment", "debug"]
 
 
 def _defaults():

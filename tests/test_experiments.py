@@ -25,7 +25,6 @@ MADE_DATA = {
 # Settings of two runs, for experiments whose sweeps are gathered below
 SWEEPS = {
     "noise_map": ("noise.gaussian.sigma=0.0", "size.frames=1", "noise.pose.sigma=0.0,0.01"),
-    "simstack_ablation": ("ablation=none,unobserved",),
 }
 
 
@@ -122,14 +121,14 @@ def test_a_sweep_of_noise_becomes_one_map(scenefw, sweep, tmp_path):
 
 
 @pytest.mark.exhaustive
-def test_an_ablation_becomes_one_table(scenefw, sweep, tmp_path):
-    _, folder = sweep("simstack_ablation")
-    done = scenefw("run=collect", f"input={folder}", "paths.output=out")
+def test_a_sweep_of_trainings_becomes_one_table(scenefw, tmp_path):
+    words = ("experiment=simstack", "run=train_and_evaluate", "debug=smoke")
+    done = scenefw("-m", *words, "model.channels=2,1", "paths.output=sweep")
+    assert done.returncode == 0, done.stderr[-3000:]
+    done = scenefw("run=collect", "input=sweep", "paths.output=out")
     assert done.returncode == 0, done.stderr[-3000:]
     figures = json.loads((tmp_path / "out" / "metrics.json").read_text())
-    rows = ("ablation=none", "ablation=unobserved")
-    assert {f"{row}/stacks/occupancy_iou" for row in rows} <= figures.keys()
-    sizes = [figures[f"{row}/train/parameters"] for row in rows]
+    sizes = [figures[f"model.channels={number}/train/parameters"] for number in (2, 1)]
     assert sizes[0] > sizes[1]  # the network of one channel is smaller
 
 
@@ -154,9 +153,9 @@ def test_baselines_are_trained_and_stand_in_table_5_1(scenefw, tmp_path):
     words, files = ("debug=smoke", "size.resolution=32"), []
     for name in BASELINES:
         out = f"paths.output={name}"
-        done = scenefw("experiment=simstack", "run=train", f"ablation={name}", *words, out)
+        done = scenefw(f"experiment=thesis/{name}", *words, out)
         assert done.returncode == 0, done.stderr[-3000:]
-        files.append(f"checkpoints.{name}={tmp_path / name / 'simstack.safetensors'}")
+        files.append(f"checkpoints.{name}={tmp_path / name / f'thesis_{name}.safetensors'}")
     done = scenefw("experiment=table_5_1_baselines", "debug=smoke", *files, "paths.output=out")
     assert done.returncode == 0, done.stderr[-3000:]
     figures = json.loads((tmp_path / "out" / "metrics.json").read_text())
@@ -207,22 +206,3 @@ def test_a_network_of_sets_predicts_what_it_was_trained_for(scenefw, tmp_path):
     done = scenefw(*words, "run=predict", given[1])
     assert done.returncode == 2
     assert "checkpoint = null: expected a file" in done.stderr
-
-
-@pytest.mark.exhaustive
-def test_predictors_of_sets_stand_side_by_side(scenefw, tmp_path):
-    learnt = ("object_queries", "image_queries")
-    files = []
-    for name in learnt:
-        done = scenefw(f"experiment={name}", "debug=smoke", f"paths.output={name}")
-        assert done.returncode == 0, done.stderr[-3000:]
-        files.append(f"checkpoints.{name}={tmp_path / name / name}.safetensors")
-    words = ("run=evaluate", "evaluation=set_predictors", "debug=smoke", "size.resolution=64")
-    done = scenefw(*words, *files, "paths.output=out")
-    assert done.returncode == 0, done.stderr[-3000:]
-    figures = json.loads((tmp_path / "out" / "metrics.json").read_text())
-    rows = ("fitted", "zero_code", *learnt, "queries_alone", "image_queries_alone")
-    assert {"instance_iou", *(f"{row}/instance_iou" for row in rows)} <= figures.keys()
-    done = scenefw(*words, files[0], "paths.output=lacking")
-    assert done.returncode == 2
-    assert "checkpoints.image_queries = null: expected a file" in done.stderr

@@ -7,6 +7,7 @@ import pytest
 from omegaconf import OmegaConf
 
 from scenefw import config, listing, plugins, registry
+from scenefw.config import package_dir
 from scenefw.contracts import protocol_named
 from scenefw.execution.build import LATER
 
@@ -26,7 +27,8 @@ def test_every_group_says_what_it_is(name):
     group = registry.group(name)
     assert 10 <= len(group.about) <= 90, f"conf/{name}/_group.yaml: about: one line"
     if group.package:
-        assert (config.conf_dir().parent / "src" / "scenefw" / group.package).is_dir()
+        roots = (package_dir("scenefw"), *(plugin.source for plugin in plugins.find()))
+        assert any((root / group.package).is_dir() for root in filter(None, roots))
     for protocol in group.protocols:
         assert protocol_named(protocol)
 
@@ -50,9 +52,9 @@ def test_groups_of_components_say_what_these_promise():
 @pytest.mark.parametrize("name", GROUPS)
 def test_a_group_says_which_verbs_read_it(name):
     said = set(registry.group(name).verbs)
-    found = {verb for verb in VERBS if name in read_by(verb)}
-    if ("run", name) not in OF_PLUGINS:
-        found -= {verb for verb in VERBS if ("run", verb) in OF_PLUGINS}
+    of_plugin = all((name, option) in OF_PLUGINS for option in registry.names(name))
+    verbs = [verb for verb in VERBS if of_plugin or ("run", verb) not in OF_PLUGINS]
+    found = {verb for verb in verbs if name in read_by(verb, of_plugin)}
     if said == {"any"}:
         assert not found
     else:
@@ -76,25 +78,25 @@ def test_metadata_with_a_key_that_is_none_is_refused(tmp_path, monkeypatch):
 
 
 @functools.cache
-def read_by(verb):
+def read_by(verb, plugins_too=False):
     """Groups that a verb can reach by references, whatever options are chosen."""
     todo, seen = {f"run.{verb}"}, set()
     while todo:
         path = todo.pop()
         seen.add(path)
-        todo |= references(path) - seen
+        todo |= references(path, plugins_too) - seen
     return {path.partition(".")[0] for path in seen} & set(GROUPS) - {"run"}
 
 
 @functools.cache
-def references(path):
+def references(path, plugins_too):
     """Settings that a setting refers to, in any option of its group."""
     first, _, rest = path.partition(".")
     if first == "run":
         return found_in(nodes("run", rest))
     options = registry.catalogue().get(first)
-    core = [name for name in options or {} if (first, name) not in OF_PLUGINS]
-    found = [nodes(first, name) for name in core] if options else [whole()[first]]
+    read = [name for name in options or {} if plugins_too or (first, name) not in OF_PLUGINS]
+    found = [nodes(first, name) for name in read] if options else [whole().get(first)]
     return set().union(*(found_in(part(node, rest)) for node in found))
 
 

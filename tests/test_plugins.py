@@ -4,6 +4,8 @@ import json
 import os
 import subprocess
 import sys
+import tomllib
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -12,6 +14,7 @@ from scenefw import plugins
 from scenefw.core.errors import ConfigError
 
 ROOT = Path(__file__).parents[1]
+EXAMPLES = {"object_count", "point_cloud"}  # plugins that install by themselves
 PROJECT = """
 [build-system]
 requires = ["hatchling"]
@@ -186,6 +189,35 @@ def test_two_plugins_with_one_option_are_refused(tmp_path, monkeypatch):
     monkeypatch.setenv("SCENEFW_PLUGINS", str(tmp_path))
     with pytest.raises(ConfigError, match="run=count"):
         plugins.refuse_clashes(plugins.find())
+
+
+def test_bundled_plugins_are_in_the_wheel_and_a_checkout_finds_them(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    wheel = project["tool"]["hatch"]["build"]["targets"]["wheel"]
+    bundled = project["project"]["entry-points"]["scenefw.plugins"]
+    folders = {path.parent.name for path in (ROOT / "plugins").glob("*/pyproject.toml")}
+    assert bundled.keys() == folders - EXAMPLES
+    places = {plugin.name: plugin for plugin in plugins.find()}
+    for name, package in bundled.items():
+        assert f"plugins/{name}/src/{package}" in wheel["packages"]
+        assert wheel["force-include"][f"plugins/{name}/conf"] == f"{package}/conf"
+        assert places[name].package == package
+        assert places[name].conf == ROOT / "plugins" / name / "conf"
+    contracts = project["tool"]["importlinter"]["contracts"]
+    (apart,) = (c for c in contracts if c["name"] == "The core imports no plugin")
+    assert set(bundled.values()) < set(apart["forbidden_modules"])
+    for plugin in places.values():
+        if plugin.conf.is_relative_to(ROOT):
+            assert plugin.package in apart["forbidden_modules"]
+
+
+def test_a_declared_plugin_whose_folder_is_there_is_not_looked_for_twice(monkeypatch, caplog):
+    entry = metadata.EntryPoint("grasping", "scenefw_grasping", plugins.ENTRY_POINTS)
+    monkeypatch.setattr(plugins, "_entry_points", lambda _: (entry,))
+    monkeypatch.setattr(plugins, "package_dir", lambda package: pytest.fail(package))
+    assert [plugin.name for plugin in plugins.find()].count("grasping") == 1
+    assert not caplog.records
 
 
 @pytest.fixture(scope="module")

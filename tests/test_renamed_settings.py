@@ -1,10 +1,12 @@
 """Who types a name that a setting or an option had before is told the new one."""
 
+import re
+
 import pytest
 from omegaconf import OmegaConf
 
 from scenefw import config, registry
-from scenefw.renamed_settings import OPTIONS, VIEWS, new_name
+from scenefw.renamed_settings import DELETED, OPTIONS, VIEWS, instead_of, new_name
 
 
 @pytest.mark.parametrize("new", sorted(set(OPTIONS.values())))
@@ -19,7 +21,33 @@ def test_old_names_are_no_options_anymore(old):
     assert name not in registry.catalogue().get(group, {})
 
 
-@pytest.mark.parametrize("network", ["sets", "parts", "scenes", "queries"])
+@pytest.mark.parametrize("old", DELETED)
+def test_what_to_give_instead_of_what_was_deleted_exists(old):
+    group, _, name = old.partition("=")
+    catalogue = registry.catalogue()
+    assert name not in catalogue.get(group, {})
+    assert new_name(group, name) is None
+    for word, option in re.findall(r"\b(\w+)=([\w/]+)", instead_of(group, name)):
+        assert option in catalogue.get(word, {option})
+
+
+@pytest.mark.parametrize(
+    ("old", "instead"),
+    [
+        ("reconstructor=object_queries", "reconstructor=set_extents"),
+        ("checkpoints.image_queries=FILE", "reconstructor=set_extents"),
+        ("ablation=unobserved", "the settings that it changed"),
+    ],
+)
+def test_what_was_deleted_is_one_line_and_status_2(scenefw, tmp_path, old, instead):
+    done = scenefw("run=predict", "input=image.npz", old, "paths.output=out")
+    assert done.returncode == 2
+    (line,) = done.stderr.strip().splitlines()
+    assert f"{old} was deleted; give {instead}" in line
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("network", ["sets", "parts", "scenes"])
 def test_checkpoints_are_called_as_their_networks(network):
     known = config.compose(["~experiment"]).checkpoints
     assert network not in known

@@ -15,6 +15,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PIP = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
 ALONE = ["--no-deps", "--no-index"]
+EXAMPLES = {"scenefw_object_count", "scenefw_point_cloud"}  # which install by themselves
 
 pytestmark = pytest.mark.exhaustive
 
@@ -65,6 +66,13 @@ def run(fresh, tmp_path):
     return command
 
 
+def save_blocks(folder):
+    depth = np.full((120, 160), 0.80)
+    depth[45:75, 35:65] = 0.70
+    depth[50:75, 90:125] = 0.74
+    np.savez(folder / "blocks.npz", depth=depth, K=[[150, 0, 79.5], [0, 150, 59.5], [0, 0, 1]])
+
+
 def test_the_wheel_holds_configs_assets_and_templates(wheel):
     names = set(zipfile.ZipFile(wheel).namelist())
     assert "scenefw/conf/config.yaml" in names
@@ -78,6 +86,12 @@ def test_the_wheel_holds_configs_assets_and_templates(wheel):
     assert templates
     assert {p.relative_to(ROOT / "src").as_posix() for p in templates} <= names
     assert not [name for name in names if name.startswith(("tests/", "conf/", "plugins/"))]
+    for folder in (ROOT / "plugins").glob("*/conf"):
+        package = f"scenefw_{folder.parent.name}"
+        options = {
+            f"{package}/conf/{p.relative_to(folder).as_posix()}" for p in folder.rglob("*.*")
+        }
+        assert options <= names or package in EXAMPLES
 
 
 def test_the_source_package_can_be_tested_and_documented(source):
@@ -101,11 +115,27 @@ def test_what_is_installed_is_found_elsewhere(fresh, run):
     assert "complete -o nospace" in run("scenefw", "-sc", "install=bash")
 
 
+def test_verbs_of_bundled_plugins_are_there_elsewhere(run):
+    verbs = {path.stem for path in ROOT.glob("plugins/*/conf/run/*.yaml")} - {"point_cloud"}
+    listed = run("scenefw", "--list", "run")
+    assert all(f"run={verb}" in listed for verb in verbs)
+
+
+def test_an_image_is_grasped_elsewhere(run, tmp_path):
+    save_blocks(tmp_path)
+    quick = [
+        "run.film=false",
+        "run.predict.overview=false",
+        "reconstructor.samples=1",
+        "grasping.contacts=1",
+    ]
+    words = ["run=grasp", "reconstructor=network", *quick, "input=blocks.npz", "device=cpu"]
+    run("scenefw", *words, "paths.output=out")
+    assert json.loads((tmp_path / "out" / "blocks" / "grasps.json").read_text())["grasps"]
+
+
 def test_an_image_is_predicted_elsewhere(run, tmp_path):
-    depth = np.full((120, 160), 0.80)
-    depth[45:75, 35:65] = 0.70
-    depth[50:75, 90:125] = 0.74
-    np.savez(tmp_path / "blocks.npz", depth=depth, K=[[150, 0, 79.5], [0, 150, 59.5], [0, 0, 1]])
+    save_blocks(tmp_path)
     quick = ["reconstructor.samples=1", "run.overview=false", "run.hypotheses=false"]
     words = ["run=predict", "reconstructor=network", *quick, "input=blocks.npz", "device=cpu"]
     said = run("scenefw", *words, "paths.output=out")

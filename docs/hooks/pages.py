@@ -95,7 +95,8 @@ def catalogue():
     for group, options in registry.catalogue().items():
         info = registry.group(group)
         verbs = ", ".join(f"`run={verb}`" if verb != "any" else "any run" for verb in info.verbs)
-        where = f" Classes: `scenefw.{info.package}`." if info.package else ""
+        package = info.package if info.package.startswith("scenefw_") else f"scenefw.{info.package}"
+        where = f" Classes: `{package}`." if info.package else ""
         read = f" Read by {verbs}." if verbs else ""
         lines += [f"## {group}", "", f"{info.about}.{read}{where}", ""]
         lines += ["| option | what it is |", "| --- | --- |"]

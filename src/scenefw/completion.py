@@ -17,7 +17,7 @@ from scenefw.listing import composed
 SHELLS = ("bash", "zsh")  # zsh by its bashcompinit
 UNINSTALL = "complete -r scenefw python python3"
 _FLAGS = ("--list", "--help", "--version", "--cfg", "--package", "--hydra-help", "-m", "-v")
-_CHOOSING = ("scale", "experiment", "ablation", "evaluation", "run")  # others too
+_CHOOSING = ("scale", "experiment", "evaluation", "run")  # others too
 
 Options = Mapping[str, Mapping[str, Path]]
 
@@ -87,10 +87,17 @@ def _node(path: str, typed: list[str], options: Options) -> Any:
     node: Any = root.get(first) if first else root
     if first in options:
         files = (options[first].get(name) for name in choices.get(first, ()))
-        node = {key: part for file in files if file for key, part in composed(file).items()}
+        node = {key: part for file in files if file for key, part in _within(first, file).items()}
     for name in inner:
         node = node.get(name) if isinstance(node, dict) else None
     return node
+
+
+def _within(group: str, file: Path) -> dict[str, Any]:
+    """What an option sets in its own group."""
+    settings = composed(file)
+    is_global = file.read_text(encoding="utf-8").startswith("# @package _global_")
+    return settings.get(group, {}) if is_global else settings
 
 
 def _choices(root: list[Any], typed: list[str], options: Options) -> dict[str, list[str]]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from scenefw.config import compose, files_in, folders_searched, near_misses, quoted, squash
 from scenefw.core.errors import ConfigError
 from scenefw.core.files import utf8_text
-from scenefw.renamed_settings import new_name
+from scenefw.renamed_settings import instead_of, new_name
 
 if TYPE_CHECKING:
     from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -93,6 +93,9 @@ def _renamed(override: Override, views: bool) -> str | None:
     """Says what a setting is called now, if it had another name before."""
     typed = str(override.input_line).lstrip("+~")
     key, _, value = typed.partition("=")
+    instead = instead_of(key, value)
+    if instead is not None:
+        return f"{typed} was deleted; give {instead}"
     new = new_name(key, value, views=views)
     if new is None:
         return None

@@ -1,5 +1,8 @@
 """Plugins: folders in `plugins/` and packages installed by pip, found without importing them.
 
+Bundled plugins are part of scenefw's distribution: in a checkout they are folders of its `plugins`,
+in the wheel packages that its entry points name. So both are found without a step.
+
 A plugin is `<name>/{pyproject.toml, src/<package>/, conf/<group>/<option>.yaml}`; its pyproject
 declares `[project.entry-points."scenefw.plugins"]` with one line `name = "package"`. What a
 group of its own is, `conf/<group>/_group.yaml` says.
@@ -13,7 +16,7 @@ import logging
 import os
 import sys
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -79,7 +82,8 @@ def find() -> tuple[Plugin, ...]:
     with one name or one package, the second is left out with a warning.
     """
     accepted: list[Plugin] = []
-    for plugin in (*_dropped_in(search_folders()), *_installed()):
+    dropped_in = tuple(_dropped_in(search_folders()))
+    for plugin in (*dropped_in, *_installed({(p.name, p.package) for p in dropped_in})):
         rivals = [p for p in accepted if plugin.name == p.name or plugin.package == p.package]
         if not rivals:
             accepted += _visible(plugin)
@@ -183,8 +187,11 @@ def _entry_points(_path: tuple[str, ...]) -> tuple[metadata.EntryPoint, ...]:
     return tuple(metadata.entry_points(group=ENTRY_POINTS))
 
 
-def _installed() -> Iterator[Plugin]:
+def _installed(dropped_in: Container[tuple[str, str]]) -> Iterator[Plugin]:
+    """Those that packages declare, scenefw's own bundled ones too, but for what is a folder."""
     for entry in _entry_points(tuple(sys.path)):
+        if (entry.name, entry.value) in dropped_in:
+            continue  # in a checkout its package is importable once the folder is
         try:
             root = package_dir(entry.value)
             yield Plugin(entry.name, entry.value, conf_dir(entry.value), assets=root / "assets")

@@ -24,7 +24,8 @@ class Group:
     Args:
         name: as it is typed.
         about: one line.
-        package: where its components are written, "" if it holds settings alone.
+        package: where its components are written: in `scenefw`, or `scenefw_...` of a plugin; "" if
+            it holds settings alone.
         protocols: each component satisfies one of them: names in the core's protocols, or dotted.
         verbs: options of `run` that read it, or `any`.
     """

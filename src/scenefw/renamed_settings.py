@@ -1,4 +1,4 @@
-"""Names that options and settings had before, so that who types them is told the new ones."""
+"""Names that options and settings had before: who types them is told what to type instead."""
 
 from __future__ import annotations
 
@@ -10,20 +10,54 @@ OPTIONS: Mapping[str, str] = {
     "reconstructor=by_evidence": "reconstructor=fitted",
     "reconstructor=part_guided": "reconstructor=fitted",
     "dataset=seen_sets": "dataset=set_flow",
-    "dataset=viewed_sets": "dataset=object_queries",
-    "dataset=imaged_sets": "dataset=image_queries",
     "evaluation=drawn_sets": "evaluation=set_extents",
-    "evaluation=queried_sets": "evaluation=object_queries",
     "parts=affinity": "segmentation=affinity",
     "parts=creases": "segmentation=creases",
 }
 """What was typed, and what is typed now."""
 
+_BEST = "reconstructor=set_extents, which is better"
+_FITS = "evaluation=set_extents, which has the methods that are better"
+_SWITCHES = "the settings that it changed, as model.zero_share=0 (docs/training.md#sweeps)"
+DELETED: Mapping[str, str] = {
+    "experiment=object_queries": "experiment=set_extents, which is better",
+    "experiment=image_queries": "experiment=set_extents, which is better",
+    "reconstructor=object_queries": _BEST,
+    "completion=object_queries": "completion=set_extents, which is better",
+    "model=object_queries": "model=set_extents, which is better",
+    "model=image_queries": "model=set_extents, which is better",
+    "learning=object_queries": "learning=set_flow, with model=set_extents",
+    "dataset=object_queries": "dataset=set_extents",
+    "dataset=image_queries": "dataset=set_extents",
+    "dataset=viewed_sets": "dataset=set_extents",
+    "dataset=imaged_sets": "dataset=set_extents",
+    "evaluation=object_queries": _FITS,
+    "evaluation=queried_sets": _FITS,
+    "evaluation=set_predictors": _FITS,
+    "checkpoints.object_queries": _BEST,
+    "checkpoints.image_queries": _BEST,
+    "checkpoints.queries": _BEST,
+    "dataset=scattered_v1": "dataset=stacks_v1 dataset.path=scattered_v1",
+    "dataset=stacks_and_scattered_v1": "dataset=stacks_v1 'dataset.path=[stacks_v1,scattered_v1]'",
+    "run=headline": "run=publish, with run.results=[FOLDER,...]",
+    "run=pictures": "run=publish, with input=FOLDER",
+    "experiment=simstack_ablation": f"-m and {_SWITCHES}",
+    "experiment=decomposition_ablation": f"-m, experiment=table_6_2 and {_SWITCHES}",
+    "ablation=fully_convolutional": "experiment=thesis/fully_convolutional",
+    "ablation=sscnet": "experiment=thesis/sscnet",
+    "ablation=unconditional": "experiment=thesis/unconditional",
+    "ablation=thesis_codes": "experiment=thesis/simstack",
+    "ablation=adamw": "optimizer=adamw",
+    "ablation=wide": "size.network=wide",
+    "ablation=with_scattered": "dataset=stacks_and_scattered",
+    "ablation": _SWITCHES,
+}
+"""What is gone, and what does the same or better."""
+
 KEYS: Mapping[str, str] = {
     "checkpoints.sets": "checkpoints.set_extents",
     "checkpoints.parts": "checkpoints.part_affinity",
     "checkpoints.scenes": "checkpoints.set_flow",
-    "checkpoints.queries": "checkpoints.object_queries",
     "parts": "segmentation",
     "segmentation.sure": "segmentation.min_core_affinity",
     "segmentation.same": "segmentation.min_affinity",
@@ -132,6 +166,16 @@ VIEWS: Mapping[str, str] = {
 """The same for `run=decompose`, whose pipeline has an observer of its own."""
 
 _PIPELINE = "run.pipeline."
+
+
+def instead_of(key: str, value: str) -> str | None:
+    """What to give instead of an option or a setting that was deleted; None if it wasn't.
+
+    Args:
+        key: without `+` and `~`.
+        value: behind the `=`.
+    """
+    return DELETED.get(f"{key}={value}", DELETED.get(key))
 
 
 def new_name(key: str, value: str, *, views: bool = False) -> str | None:

@@ -1,7 +1,6 @@
 """Data that crosses floors as torch tensors: batches of cameras, scenes, volumes and predictions.
 
-What one chapter alone needs has a module of its own: `object_sets`, `set_flows`, `queried_sets` and
-`part_views`.
+What one chapter alone needs has a module of its own: `object_sets`, `set_flows` and `part_views`.
 
 torch is imported for type checkers only, so that these can be named without it.
 """

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from scenefw.core.batches import CameraBatch, Completion, PartialTSDF, SceneVolumes, SeenSurface
     from scenefw.core.evidence import Evidence, FittedSuperquadric
     from scenefw.core.floors import Floor
-    from scenefw.core.grasps import Grasp, Lift, Ranking
     from scenefw.core.measures import Measure
     from scenefw.core.types import (
         Camera,
@@ -313,27 +312,6 @@ class SceneFormat(Protocol):
         Raises:
             StorageError: a file can't be written.
         """
-
-
-class Grasping(Protocol):
-    """Proposes grasps of the objects of a scene, and simulates them (group `grasping`)."""
-
-    def rank(
-        self,
-        objects: Mapping[int, SceneObject],
-        eye: Float64,
-        obstacles: Sequence[TriangleMesh] = (),
-    ) -> Ranking:
-        """Grasps of all objects, the one that disturbs the others least first.
-
-        Args:
-            objects: by label, as they were seen or predicted.
-            eye: (3,) position of the camera that saw them (m).
-            obstacles: what the arm must not hit.
-        """
-
-    def lift(self, objects: Mapping[int, SceneObject], grasp: Grasp, *, film: bool = False) -> Lift:
-        """What becomes of a grasp in a scene whose objects rest, which it need not come from."""
 
 
 class CollisionShapes(Protocol):

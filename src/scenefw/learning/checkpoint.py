@@ -26,7 +26,7 @@ _FORMAT = "scenefw-checkpoint"
 _VERSION = 1
 
 SHAPE_INSTANCE, SEGMENTATION = "shape_instance", "segmentation"
-OBJECT_SETS, OBJECT_QUERIES = "object_sets", "object_queries"
+OBJECT_SETS = "object_sets"
 SET_FLOW, PART_AFFINITY = "set_flow", "part_affinity"
 """What a network is for; files without a task are of the first."""
 

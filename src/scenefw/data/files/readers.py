@@ -30,7 +30,7 @@ from scenefw.data.files.record3d import record3d_calibration
 Array = NDArray[Any]
 
 _SUFFIXES = (".npz", ".npy", ".png", ".exr")
-_BAGS = (".bag", ".db3", ".mcap")  # `scenefw.data.files.bags` reads these
+_BAGS = (".bag", ".db3", ".mcap")  # plugin recordings reads these
 _COLOUR_SUFFIXES = (".rgb.jpg", ".rgb.png", ".rgb.jpeg", "_rgb.png", "_rgb.jpg", ".jpg", ".jpeg")
 _COLOUR_WORDS = ("rgb", "color", "colour")
 _COMPLETE = "is the file complete?"

@@ -115,28 +115,6 @@ _ENTRIES = (
         draws="drawn by a flow of sets",
     ),
     _method(
-        "object_queries",
-        "a decoder of sets on trained features, fitted to the view",
-        samples="a decoder of sets on trained features, fitted to the view",
-        figure=" of a decoder of sets",
-    ),
-    _method(
-        "queries_alone",
-        "a decoder of sets on trained features, as predicted",
-        figure=" of a decoder of sets alone",
-    ),
-    _method(
-        "image_queries",
-        "a decoder of sets that sees images, trained from scratch, fitted to the view",
-        samples="a decoder of sets that sees images, fitted to the view",
-        figure=" of a decoder of sets that sees images",
-    ),
-    _method(
-        "image_queries_alone",
-        "a decoder of sets that sees images, trained from scratch, as predicted",
-        figure=" of a decoder of sets that sees images, alone",
-    ),
-    _method(
         "hidden_objects",
         "superquadrics fitted to a network's parts, hidden parts and objects by flows of sets",
         samples="superquadrics fitted to a network's parts, then drawn with hidden objects",

@@ -1,0 +1,1 @@
+"""Grasps as tables, pictures and films."""

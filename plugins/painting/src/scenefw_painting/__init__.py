@@ -1,0 +1,1 @@
+"""True labels of a height map, painted by hand on its picture."""

@@ -1,0 +1,1 @@
+"""Images of ROS and RealSense recordings, and of a RealSense camera."""
