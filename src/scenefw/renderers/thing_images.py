@@ -59,9 +59,9 @@ class ThingRenderer:
         frames = self.caster.frames(geometry(scene), [lifted(camera, scene) for camera in cameras])
         images = []
         for frame, camera in zip(frames, cameras, strict=True):
-            depth = np.asarray(frame.depth, dtype=np.float32)
+            depth, ids = np.asarray(frame.depth, dtype=np.float32), np.asarray(frame.labels)
             visible = (depth > 0) & (depth <= self.max_depth)
-            labels = np.where(visible, np.maximum(frame.labels, 0), 0).astype(np.int32)
+            labels = np.where(visible, np.maximum(ids, 0), 0).astype(np.int32)
             classes = np.where(visible, roles[labels], BACKGROUND).astype(np.uint8)
             images.append(
                 ThingImage(camera, np.where(visible, depth, np.float32(0)), labels, classes,
