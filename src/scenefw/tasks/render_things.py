@@ -31,7 +31,8 @@ _VIEWS = 6  # random stream, beside those that make scenes
 class RenderThings:
     """Images of the training and validation scenes of a file, in `train` and `val` of a folder.
 
-    A rerun after a kill goes on where it was; `images.json` in the folder is written last. The cameras of scene i depend on (seed, i) alone.
+    A rerun after a kill goes on where it was; `images.json` in the folder is written last. The
+    cameras of scene i depend on (seed, i) alone.
 
     Args:
         scenes: file of `run=generate_things`.

@@ -91,7 +91,8 @@ class Arranger:
         """Something small or slender in a cup, a bowl or another hollow thing."""
         names = list(self.library.hollow(self.split))
         if not names:
-            return self.pile(place, 2)
+            self.pile(place, 2)
+            return
         holder = self._thing(names)
         self._put(holder, np.array([*place, 0.0]), rotation(2, self.rng.uniform(0, 2 * np.pi)))
         width = _FILL * _opening(holder)
@@ -106,7 +107,6 @@ class Arranger:
                     np.eye(3) if axis == 2 else rotation(1 - axis, np.pi / 2)
                 )
                 self._drop(thing, place, turn=turn @ rotation(0, self.rng.normal(0, 0.05)))
-        return None
 
     def lean(self, place: Float64) -> None:
         """Something that leans on something that stands."""

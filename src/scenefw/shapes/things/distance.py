@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numba import njit
+from scipy.spatial import cKDTree
 
 from scenefw.core.types import Float64, TriangleMesh
 from scenefw.shapes.things.union import polytope
@@ -25,10 +26,13 @@ def signed_distances(points: Float64, solids: Sequence[Float64], boundary: Trian
     planes = [polytope(corners).planes for corners in solids]
     ends = np.cumsum([len(sides) for sides in planes])
     corners = boundary.vertices[boundary.faces]
+    rows = np.concatenate([corners[:, :1], corners[:, 1:] - corners[:, :1]], axis=1).reshape(-1, 9)
     centres = corners.mean(axis=1)
     radii = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
     flat = np.ascontiguousarray(np.asarray(points, dtype=np.float64).reshape(-1, 3))
-    return np.asarray(_distances(flat, corners, centres, radii, np.concatenate(planes), ends))
+    bounds, _ = cKDTree(boundary.vertices).query(flat)
+    balls = np.column_stack([centres, radii])
+    return np.asarray(_distances(flat, bounds, rows, balls, np.concatenate(planes), ends))
 
 
 @njit(cache=True)
@@ -50,43 +54,55 @@ def _inside(point, planes, ends):
 
 
 @njit(cache=True)
-def _squared_distance(p, a, b, c):
-    """From a point to a triangle (Ericson, Real-Time Collision Detection, 5.1.5)."""
-    ab, ac, ap = b - a, c - a, p - a
-    d1, d2 = np.dot(ab, ap), np.dot(ac, ap)
-    bp, cp = p - b, p - c
-    d3, d4 = np.dot(ab, bp), np.dot(ac, bp)
-    d5, d6 = np.dot(ab, cp), np.dot(ac, cp)
-    va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
-    if d1 <= 0 and d2 <= 0:
-        offset = ap
-    elif d3 >= 0 and d4 <= d3:
-        offset = bp
-    elif d6 >= 0 and d5 <= d6:
-        offset = cp
-    elif vc <= 0 and d1 >= 0 and d3 <= 0:
-        offset = ap - ab * (d1 / (d1 - d3))
-    elif vb <= 0 and d2 >= 0 and d6 <= 0:
-        offset = ap - ac * (d2 / (d2 - d6))
-    elif va <= 0 and d4 - d3 >= 0 and d5 - d6 >= 0:
-        offset = bp - (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)))
-    else:
-        scale = 1.0 / (va + vb + vc)
-        offset = ap - ab * (vb * scale) - ac * (vc * scale)
-    return np.dot(offset, offset)
+def _dot(a0, a1, a2, b0, b1, b2):
+    return a0 * b0 + a1 * b1 + a2 * b2
 
 
 @njit(cache=True)
-def _distances(points, corners, centres, radii, planes, ends):
+def _squared_distance(px, py, pz, row):
+    """From a point to a triangle: a corner and the sides to the others (Ericson 2005, 5.1.5)."""
+    bx, by, bz, cx, cy, cz = row[3], row[4], row[5], row[6], row[7], row[8]
+    x, y, z = px - row[0], py - row[1], pz - row[2]
+    bb, bc = _dot(bx, by, bz, bx, by, bz), _dot(bx, by, bz, cx, cy, cz)
+    cc = _dot(cx, cy, cz, cx, cy, cz)
+    d1, d2 = _dot(bx, by, bz, x, y, z), _dot(cx, cy, cz, x, y, z)
+    d3, d4, d5, d6 = d1 - bb, d2 - bc, d1 - bc, d2 - cc  # the same, from the other corners
+    va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
+    u, v = 0.0, 0.0  # shares of both sides on the way to the nearest place
+    if d1 <= 0 and d2 <= 0:
+        pass
+    elif d3 >= 0 and d4 <= d3:
+        u = 1.0
+    elif d6 >= 0 and d5 <= d6:
+        v = 1.0
+    elif vc <= 0 and d1 >= 0 and d3 <= 0:
+        u = d1 / (d1 - d3)
+    elif vb <= 0 and d2 >= 0 and d6 <= 0:
+        v = d2 / (d2 - d6)
+    elif va <= 0 and d4 - d3 >= 0 and d5 - d6 >= 0:
+        v = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+        u = 1 - v
+    else:
+        u, v = vb / (va + vb + vc), vc / (va + vb + vc)
+    x, y, z = x - u * bx - v * cx, y - u * by - v * cy, z - u * bz - v * cz
+    return x * x + y * y + z * z
+
+
+@njit(cache=True)
+def _distances(points, bounds, rows, balls, planes, ends):
+    """Signed distances, given distances to some place of the surface and balls about triangles."""
     distances = np.empty(len(points))
     for i in range(len(points)):
-        point, best = points[i], np.inf
-        for k in range(len(corners)):
-            bound = np.sqrt(best) + radii[k]
-            gap = point - centres[k]
-            if np.dot(gap, gap) < bound * bound:
-                best = min(
-                    best, _squared_distance(point, corners[k, 0], corners[k, 1], corners[k, 2])
-                )
-        distances[i] = -np.sqrt(best) if _inside(point, planes, ends) else np.sqrt(best)
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        nearest = bounds[i]
+        best = nearest * nearest
+        for k in range(len(rows)):
+            dx, dy, dz = x - balls[k, 0], y - balls[k, 1], z - balls[k, 2]
+            reach = nearest + balls[k, 3]
+            if dx * dx + dy * dy + dz * dz < reach * reach:
+                squared = _squared_distance(x, y, z, rows[k])
+                if squared < best:
+                    best = squared
+                    nearest = np.sqrt(best)
+        distances[i] = -nearest if _inside(points[i], planes, ends) else nearest
     return distances

@@ -27,14 +27,14 @@ class ThingLibrary:
 
     Args:
         families: names of families by part, each as often as the others.
-        wholly_random: chance of a thing of the family `compound` in place of one of the list, for
+        compound_ratio: chance of a thing of the family `compound` in place of one of the list, for
             parts that list it.
 
     Raises:
         ConfigError: an unknown part or family, or a part without any.
     """
 
-    def __init__(self, families: Mapping[str, Sequence[str]], wholly_random: float = 0.15) -> None:
+    def __init__(self, families: Mapping[str, Sequence[str]], compound_ratio: float = 0.15) -> None:
         for part, names in families.items():
             unknown = sorted(set(names) - set(FAMILIES))
             if part not in PARTS or unknown or not names:
@@ -43,7 +43,7 @@ class ThingLibrary:
                     f"{', '.join(PARTS)}, of {', '.join(sorted(FAMILIES))}"
                 )
         self.families = {part: tuple(names) for part, names in families.items()}
-        self.wholly_random = wholly_random
+        self.compound_ratio = compound_ratio
 
     def thing(self, rng: np.random.Generator, split: str) -> Thing:
         """One random thing of a part of the data.
@@ -52,7 +52,7 @@ class ThingLibrary:
             ConfigError: the library has no such part.
         """
         names = self.names(split)
-        if "compound" in names and rng.random() < self.wholly_random:
+        if "compound" in names and rng.random() < self.compound_ratio:
             return self.thing_of("compound", rng, split)
         return self.thing_of(names[int(rng.integers(len(names)))], rng, split)
 

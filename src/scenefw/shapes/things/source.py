@@ -18,15 +18,15 @@ class Things:
 
     Args:
         families: names of families by part of the data.
-        wholly_random: chance of a compound without a name, where a part lists them.
+        compound_ratio: chance of a compound without a name, where a part lists them.
 
     Raises:
         ConfigError: an unknown part or family.
     """
 
-    def __init__(self, families: Mapping[str, Sequence[str]], wholly_random: float = 0.15) -> None:
-        self.families, self.wholly_random = families, wholly_random
-        self.library = ThingLibrary(families, wholly_random)
+    def __init__(self, families: Mapping[str, Sequence[str]], compound_ratio: float = 0.15) -> None:
+        self.families, self.compound_ratio = families, compound_ratio
+        self.library = ThingLibrary(families, compound_ratio)
 
     def sample(self, rng: np.random.Generator, split: str) -> SolidMesh:
         """One random thing of a part of the data, in its principal axes, exact in float32."""
