@@ -161,7 +161,7 @@ class ConfidenceResult:
         columns = np.stack([off, off**2, constant**2], axis=1)
         return bootstrap_interval(columns, self.images[rows].tolist(), statistic[name])
 
-    @property
+    @cached_property
     def figures(self) -> dict[str, float]:
         """Facts and `<way>/<score>`, with bounds; those of a family begin with its name."""
         figures: dict[str, float] = {}
@@ -207,7 +207,8 @@ def _gap(expected: Float64, iou: Float64) -> float:
 def _rank(expected: Float64, iou: Float64) -> float:
     if len(iou) < _MIN_RANKED or not np.ptp(expected) > 0 or not np.ptp(iou) > 0:
         return float("nan")
-    return float(stats.spearmanr(expected, iou).statistic)
+    ranks = stats.rankdata(expected), stats.rankdata(iou)
+    return float(np.corrcoef(*ranks)[0, 1])  # a tenth of the time of stats.spearmanr
 
 
 def _resampled(
