@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from tests.unit.evaluation.stacks.test_confidence import GRID
 
 from scenefw.core.batches import Completion
 from scenefw.core.errors import ConfigError
+from scenefw.core.types import GridSpec
 from scenefw.data.batches.stacks import StackScenes, shipped_scenes
 from scenefw.evaluation.kept_rows import KeptRows
 from scenefw.evaluation.stacks.ranking import RankingEvaluation
@@ -19,6 +19,8 @@ from scenefw.renderers.sphere_tracer import SphereTracer
 from scenefw.report.presentation import Chapter
 from scenefw.scenes.cameras import RandomViewpoints
 from scenefw.scenes.engines.pybullet_engine import PyBulletEngine
+
+GRID = GridSpec(resolution=24)
 
 
 class Told:
