@@ -98,8 +98,16 @@ def command(
     return [sys.executable, "-m", "scenefw", *words]
 
 
-def make_needed(training: Training, home: Path, seconds: float) -> None:
+def make_needed(
+    training: Training, home: Path, seconds: float, limits: Mapping[str, str] = ALONE
+) -> None:
     """Makes the data that a training needs, unless they are there.
+
+    Args:
+        training: that needs them.
+        home: its files are named from here.
+        seconds: it may take.
+        limits: of threads, as environment variables.
 
     Raises:
         subprocess.CalledProcessError: they can't be made; what failed is printed.
@@ -109,8 +117,8 @@ def make_needed(training: Training, home: Path, seconds: float) -> None:
         if not (home / file).exists():
             print(f"{training.name} needs {file}: {' '.join(words)}", flush=True)
             made = [sys.executable, "-m", "scenefw", *words, "parallel.workers=1"]
-            own = os.environ | ALONE
-            subprocess.run(made, cwd=home, env=own, check=True, timeout=seconds)
+            environment = {**os.environ, **limits}
+            subprocess.run(made, cwd=home, env=environment, check=True, timeout=seconds)
 
 
 def record(

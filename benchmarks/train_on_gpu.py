@@ -23,7 +23,7 @@ from typing import Any
 
 import torch
 
-from benchmarks.legs import Start, command, figures_of, record, start_of
+from benchmarks.legs import Start, command, figures_of, make_needed, record, start_of
 from benchmarks.trainings import LEDGER, STATE, Ledger, Training, states_folder
 from benchmarks.travel import pack, unpack
 from scenefw.core.errors import SceneFWError, TrainingError
@@ -132,12 +132,13 @@ def main() -> None:
         if options.source:
             unpack(options.source, home)
         trainings = chosen(ledger, options.training)
+        end = began + options.limit - COLLECTING
         for training in trainings:  # data that travelled with the checkout
             for file in training.needs:
                 if not (home / file).exists() and Path(file).exists():
                     (home / file).parent.mkdir(parents=True, exist_ok=True)
                     shutil.copyfile(file, home / file)
-        end = began + options.limit - COLLECTING
+            make_needed(training, home, end - time.monotonic(), {})
         starts, statuses = train(trainings, home, end, options.trainer)
         options.output.mkdir(parents=True, exist_ok=True)
         forms = bring_back(starts, home, options.output, options.megabytes)
@@ -145,7 +146,7 @@ def main() -> None:
             print(f"{name}: exit status {status}, state {forms.get(name, 'none')}")
         if any(statuses.values()):
             raise TrainingError("a training failed; its newest good state is kept")
-    except SceneFWError as error:
+    except (SceneFWError, subprocess.SubprocessError) as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)
 
