@@ -14,6 +14,7 @@ from benchmarks.legs import start_of, steps_per_second
 from benchmarks.trainings import STATE, Ledger, Machine, Training, markdown, write_into
 from omegaconf import OmegaConf
 from tests.test_guide import FILES
+from tests.unit.data.images_folder import write_images
 from tests.unit.learning import plain
 
 from scenefw import config, registry
@@ -222,6 +223,7 @@ def test_all_trainings_of_the_ledger_go_through_the_script_of_gpus_on_a_cpu(tmp_
         entry.command += ["debug=smoke", "run.snapshot_steps=1"]
         entry.needs, entry.core.changes = {}, []
     entries.thesis_set_autoencoder.command += ["dataset.path=large_stacks_v2"]
+    entries.part_images.command[1] = f"paths.images={write_images(tmp_path / 'images')}"
     for folder in ("there", "here"):
         (tmp_path / folder).mkdir()
         OmegaConf.save(entries, tmp_path / folder / "trainings.yaml")
@@ -237,7 +239,8 @@ def test_all_trainings_of_the_ledger_go_through_the_script_of_gpus_on_a_cpu(tmp_
     found = Ledger(tmp_path / "here" / "trainings.yaml")
     assert {leg["training"] for leg in found.legs} == set(entries)
     for leg in found.legs:
-        assert leg["samples"] == [0, 4]
+        before = 156456 if leg["training"] == "part_images" else 0
+        assert leg["samples"] == [before, before + 4]
         assert leg["validation"]
         assert (tmp_path / "here" / "states" / leg["training"] / STATE).exists()
 

@@ -101,9 +101,9 @@ def _pixels(
     if not len(rows):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     top, left = (max(int(values.min()) - 1, 0) for values in (rows, columns))
-    bottom = min(int(rows.max()) + 2, mask.shape[0])
-    right = min(int(columns.max()) + 2, mask.shape[1])
-    step = max(1, int(np.ceil(np.sqrt(max(bottom - top, 1) * max(right - left, 1) / _MAX_RAYS))))
+    bottom = max(min(int(rows.max()) + 2, mask.shape[0]), top)  # none, if it is beside the image
+    right = max(min(int(columns.max()) + 2, mask.shape[1]), left)
+    step = max(1, int(np.ceil(np.sqrt((bottom - top) * (right - left) / _MAX_RAYS))))
     v, u = np.mgrid[top:bottom:step, left:right:step]
     return v.ravel(), u.ravel()
 

@@ -12,7 +12,7 @@ from scenefw.core import geometry
 from scenefw.core.errors import InputError
 from scenefw.core.floors import Floor
 from scenefw.core.settings import NOT_NEGATIVE, POSITIVE
-from scenefw.core.types import Frame, GridSpec
+from scenefw.core.types import Float32, Frame, GridSpec
 from scenefw.perception.observation.flat_things import flat_things
 from scenefw.perception.observation.floor_noise import FLOOR_SIGMAS, ROUNDING, floor_sigma
 from scenefw.perception.observation.image_turns import turned, turned_pixels
@@ -184,10 +184,8 @@ class WorkspaceFinder:
         on_floor = np.abs(points[..., 2]) < self.min_height
         if region is not None:
             objects = raised & region
-            if not objects.any():  # marked things are flat: a pen, a phone
-                sigma = floor_sigma(points[..., 2], frame.depth)
-                noise = np.maximum(sigma * frame.depth**2, ROUNDING)
-                objects = (points[..., 2] > FLOOR_SIGMAS * noise) & region
+            if not objects.any():
+                objects = _flat_pixels(points[..., 2], frame.depth, region)
             return _Surfaces(frame, points, raised, on_floor, objects)
         obstacles = self.obstacles.find(
             frame.depth, points, raised, on_floor, frame.camera.T_world_camera[:3, 3]
@@ -251,6 +249,21 @@ class WorkspaceFinder:
             floor_depth = frame.depth * camera_height / (camera_height - height)
         depth = np.where(height < -self.min_height, floor_depth, frame.depth)
         return np.where(surfaces.surroundings, 0, depth).astype(np.float32)
+
+
+def _flat_pixels(heights: Array, depth: Float32, region: Mask) -> Mask:
+    """Where (H, W) flat things are that somebody has marked, a pen or a phone; on a floor nowhere.
+
+    Args:
+        heights: (H, W) above the floor (m), NaN = no depth.
+        depth: (H, W) metres.
+        region: (H, W) marked.
+    """
+    limit = FLOOR_SIGMAS * np.maximum(floor_sigma(heights, depth) * depth**2, ROUNDING)
+    marked = region & np.isfinite(heights)
+    if not marked.any() or np.median((heights - limit)[marked]) < 0:
+        return np.zeros_like(region)
+    return region & (heights > limit)
 
 
 def _points_of(surfaces: Sequence[_Surfaces], masks: Sequence[Mask]) -> Array:

@@ -17,10 +17,10 @@ class HandheldCameras:
     """Random cameras that look at the middle of what lies there.
 
     Args:
+        sizes: widths and heights of images (pixels), each as often.
         distances: to the middle, nearest and farthest (m), log-uniform.
         elevations: lowest and highest angle of sight below the horizon (degrees).
         fields: narrowest and widest horizontal field of view (degrees): telephoto to phone.
-        sizes: widths and heights of images (pixels), each as often.
         upright: share of cameras that are rolled by no more than a few degrees.
         aside: how far the middle of the image may lie aside, by the image's size.
 
@@ -30,11 +30,11 @@ class HandheldCameras:
 
     def __init__(
         self,
+        sizes: Sequence[Sequence[int]],
         distances: tuple[float, float] = (0.25, 2.0),
         elevations: tuple[float, float] = (10.0, 90.0),
-        fields: tuple[float, float] = (18.0, 75.0),
-        sizes: Sequence[tuple[int, int]] = ((256, 192), (320, 240), (640, 480)),
-        upright: float = 0.6,
+        fields: tuple[float, float] = (41.0, 77.0),
+        upright: float = 0.8,
         aside: float = 0.2,
     ) -> None:
         for name, (low, high) in (("distances", distances), ("fields", fields)):
@@ -48,7 +48,11 @@ class HandheldCameras:
         for width, height in sizes:
             COUNT.require(width=width, height=height)
         self.distances, self.elevations, self.fields = distances, elevations, fields
-        self.sizes, self.upright, self.aside = [tuple(size) for size in sizes], upright, aside
+        self.sizes, self.upright, self.aside = (
+            [(width, height) for width, height in sizes],
+            upright,
+            aside,
+        )
 
     def sample(self, rng: np.random.Generator, middle: Float64, radius: float) -> Camera:
         """One camera.

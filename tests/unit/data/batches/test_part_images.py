@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from tests.unit.data.images_folder import write
 from tests.unit.data.stacks_file import write_stacks
 
 from scenefw.core.batches import IndexBatch
@@ -20,28 +21,11 @@ CPU = torch.device("cpu")
 WIDTH, HEIGHT = 64, 48
 
 
-def write(folder, count, seed=0):
-    """Images of a floor 0.8 m below the camera, with a box of colour and one of an obstacle."""
-    rng = np.random.default_rng(seed)
-    images = StoredImages.create(folder, count, (WIDTH, HEIGHT), {"seed": seed})
-    images.depth[:] = round(0.8 / DEPTH_UNIT)
-    images.depth[:, 10:20, 5:25] = round(0.7 / DEPTH_UNIT)
-    images.owners[:, 10:20, 5:25] = 3
-    images.owners[:, 30:40, 40:60] = OBSTACLE + 1
-    images.colour[:] = rng.integers(0, 256, images.colour.shape)
-    images.intrinsics[:] = (70, 70, 30, 24)
-    images.poses[:] = np.diag([1, -1, -1, 1])
-    images.poses[:, :3, 3] = (0.1, 0.2, 0.8)
-    images.facts["images"] = count
-    images.save()
-    return images
-
-
 @pytest.fixture
 def made(tmp_path):
     write_stacks(tmp_path / "stacks.npz")
-    write(tmp_path / "things/train", 6)
-    write(tmp_path / "things/val", 3, 1)
+    write(tmp_path / "things/train", 6, (WIDTH, HEIGHT))
+    write(tmp_path / "things/val", 3, (WIDTH, HEIGHT), 1)
 
     def data(colourless=0.0, brightness=0.0, scale=0.0, tilt=0.0, lift=0.0, noise=None, limit=None):
         views = PartViews(
@@ -83,7 +67,7 @@ def test_a_mirror_turns_the_world_with_the_image(made):
         box = places[row][batch.owners[row] == 3]
         np.testing.assert_allclose(box[:, 2], 0.1, atol=1e-5)
         sign = -1 if batch.owners[row, 15, 58] else 1
-        expected = 0.1 + (np.array([5, 24]) - 30) * 0.7 / 70
+        expected = 0.1 + (np.array([5, 24]) - 30) * 0.7 / 70.4
         np.testing.assert_allclose(
             sorted(sign * np.array([box[:, 0].min(), box[:, 0].max()])), expected, atol=1e-5
         )
