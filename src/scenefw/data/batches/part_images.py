@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from scenefw.core.batches import CameraBatch, IndexBatch
-from scenefw.core.errors import ConfigError
+from scenefw.core.errors import ConfigError, SettingError
 from scenefw.core.part_views import PartViewBatch
 from scenefw.core.rng import Streams
 from scenefw.core.settings import COUNT, SHARE
@@ -18,12 +18,13 @@ from scenefw.data.epochs import EpochBatches
 from scenefw.kernels.transfer import to_device
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from scenefw.core.types import GridSpec
     from scenefw.data.batches.part_views import PartViews
 
-_CHANGES, _VALIDATION = 4, 5  # random streams, beside those of the views
+_CHANGES, _VALIDATION, _WINDOWS = 4, 5, 6  # random streams, beside those of the views
 
 
 class PartImages(lightning.LightningDataModule):
@@ -42,9 +43,13 @@ class PartImages(lightning.LightningDataModule):
             change by half of it.
         scale: most by which scenes become larger or smaller, as a power of two.
         validation_limit: at most this many stored validation images; None means all.
+        crop: width and height (pixels) of a window into which the images of a training batch are
+            cut, another one in each batch; None: they stay whole. Local geometry fits into it, and
+            a core makes several times as many.
 
     Raises:
-        ConfigError: a chance outside 0..1, or images of another size than the views.
+        ConfigError: a chance outside 0..1, images of another size than the views, or a window
+            larger than they are.
         StorageError: there are no images.
     """
 
@@ -58,6 +63,7 @@ class PartImages(lightning.LightningDataModule):
         brightness: float,
         scale: float,
         validation_limit: int | None = None,
+        crop: Sequence[int] | None = None,
     ) -> None:
         super().__init__()
         SHARE.require(colourless=colourless)
@@ -70,6 +76,7 @@ class PartImages(lightning.LightningDataModule):
         if validation_limit is not None:
             self.validation_limit = min(validation_limit, self.validation_limit)
         self.image_size, self.batch_size = views.image_size, views.batch_size
+        self.crop = _window_size(crop, self.image_size)
         sizes = {self.images.size, self.validation_images.size, self.image_size}
         if len(sizes) != 1:
             raise ConfigError(
@@ -100,7 +107,7 @@ class PartImages(lightning.LightningDataModule):
             parts.append(self._changed(self.images, stored, _CHANGES, device))
         if len(rest.indices):
             parts.append(self.views.training_batch(rest, device))
-        return _joined(parts)
+        return self._cut(_joined(parts), batch)
 
     def validation_batch(self, batch: IndexBatch, device: torch.device) -> PartViewBatch:
         """The same images in every epoch."""
@@ -111,6 +118,26 @@ class PartImages(lightning.LightningDataModule):
         if len(rest.indices):
             parts.append(self.views.validation_batch(rest, device))
         return _joined(parts)
+
+    def _cut(self, whole: PartViewBatch, batch: IndexBatch) -> PartViewBatch:
+        """The images in a window that follows from the first one's number."""
+        (width, height), (full_width, full_height) = self.crop, self.image_size
+        first = Streams.of(self.views.seed, _WINDOWS, batch.epoch, indices=batch.indices[:1])
+        left, top = (
+            (first.uniform(2)[0] * (full_width - width + 1, full_height - height + 1))
+            .astype(int)
+            .tolist()
+        )
+        window = (..., slice(top, top + height), slice(left, left + width))
+        cameras = whole.cameras
+        shift = torch.tensor([0.0, 0.0, left, top], device=cameras.intrinsics.device)
+        return PartViewBatch(
+            whole.depth[window],
+            whole.owners[window],
+            CameraBatch(width, height, cameras.intrinsics - shift, cameras.T_world_camera),
+            None if whole.obstacles is None else whole.obstacles[window],
+            None if whole.colour is None else whole.colour[window],
+        )
 
     @torch.no_grad()
     def _changed(
@@ -150,6 +177,14 @@ class PartImages(lightning.LightningDataModule):
         colour = torch.where(colourless[:, None, None, None], torch.nan, colour)
         made = PartViewBatch(depth, owners, cameras, owners >= OBSTACLE, colour)
         return _mirrored(made, is_mirrored)
+
+
+def _window_size(crop: Sequence[int] | None, image_size: tuple[int, int]) -> tuple[int, int]:
+    if crop is None:
+        return image_size
+    if len(crop) != 2 or not all(1 <= a <= b for a, b in zip(crop, image_size, strict=True)):
+        raise SettingError("crop", list(crop), f"width and height up to {image_size}")
+    return int(crop[0]), int(crop[1])
 
 
 def _divided(batch: IndexBatch, images: int) -> tuple[IndexBatch, IndexBatch]:

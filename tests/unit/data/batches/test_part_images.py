@@ -27,13 +27,22 @@ def made(tmp_path):
     write(tmp_path / "things/train", 6, (WIDTH, HEIGHT))
     write(tmp_path / "things/val", 3, (WIDTH, HEIGHT), 1)
 
-    def data(colourless=0.0, brightness=0.0, scale=0.0, tilt=0.0, lift=0.0, noise=None, limit=None):
+    def data(
+        colourless=0.0,
+        brightness=0.0,
+        scale=0.0,
+        tilt=0.0,
+        lift=0.0,
+        noise=None,
+        limit=None,
+        crop=None,
+    ):
         views = PartViews(
             RandomViewpoints(), SphereTracer(), GridSpec(64), str(tmp_path / "stacks.npz"),
             image_size=(WIDTH, HEIGHT), validation_limit=2, batch_size=4, traced=0.0,
             compound=0.0, ends=0.0, tilt=tilt, lift=lift, noise=noise,
         )  # fmt: skip
-        return PartImages(views, tmp_path / "things", colourless, brightness, scale, limit)
+        return PartImages(views, tmp_path / "things", colourless, brightness, scale, limit, crop)
 
     return data
 
@@ -93,6 +102,32 @@ def test_larger_scenes_are_farther_away(made):
     assert factors.std() > 0.1
     heights = pixel_places(changed.depth, changed.cameras)[..., 2]
     np.testing.assert_allclose(heights.flatten(1).amax(1), 0.1 * factors, atol=1e-4)
+
+
+@pytest.mark.parametrize("crop", [(64, 48), (20, 30), (1, 1)])
+def test_a_window_shows_the_same_places(made, crop):
+    whole, part = batch_of(made(), 2, 4, 7), batch_of(made(crop=crop), 2, 4, 7)
+    assert part.depth.shape == (3, *crop[::-1])
+    shift = (whole.cameras.intrinsics - part.cameras.intrinsics)[0]
+    left, top = int(shift[2]), int(shift[3])
+    window = np.s_[..., top : top + crop[1], left : left + crop[0]]
+    for name in ("owners", "obstacles"):
+        assert torch.equal(getattr(part, name), getattr(whole, name)[window])
+    assert torch.equal(part.colour[:2], whole.colour[:2][window])
+    places = pixel_places(whole.depth, whole.cameras)[:, window[1], window[2]]
+    torch.testing.assert_close(pixel_places(part.depth, part.cameras), places, atol=1e-5, rtol=0)
+
+
+def test_windows_differ_between_batches(made):
+    data = made(crop=(20, 30))
+    corners = {
+        tuple(batch_of(data, row, epoch=epoch).cameras.intrinsics[0, 2:].tolist())
+        for row in (0, 1)
+        for epoch in range(4)
+    }
+    assert len(corners) > 4
+    with pytest.raises(ConfigError, match="width and height up to"):
+        made(crop=(65, 48))
 
 
 def test_light_changes_colours_alone(made):
