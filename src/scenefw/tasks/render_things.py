@@ -91,8 +91,8 @@ class RenderThings:
 
     def _render(self, scenes: Sequence[ThingScene], folder: Path, facts: dict[str, Any]) -> int:
         images = StoredImages.create(folder, len(scenes) * self.views, self.size, facts)
-        rest = range(len(images) // self.views, len(scenes))
-        for number in track(rest, folder.name):
+        missing = range(len(images) // self.views, len(scenes))
+        for number in track(missing, folder.name):
             for view, image in enumerate(self._images(scenes[number])):
                 _store(images, number * self.views + view, image)
             images.facts["images"] = (number + 1) * self.views

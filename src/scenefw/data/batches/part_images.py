@@ -101,33 +101,30 @@ class PartImages(lightning.LightningDataModule):
 
     def training_batch(self, batch: IndexBatch, device: torch.device) -> PartViewBatch:
         """Images of an epoch, each a function of only (seed, epoch, index)."""
-        stored, rest = _divided(batch, len(self.images))
+        stored, views = _divided(batch, len(self.images))
         parts = []
         if len(stored.indices):
             parts.append(self._changed(self.images, stored, _CHANGES, device))
-        if len(rest.indices):
-            parts.append(self.views.training_batch(rest, device))
+        if len(views.indices):
+            parts.append(self.views.training_batch(views, device))
         return self._cut(_joined(parts), batch)
 
     def validation_batch(self, batch: IndexBatch, device: torch.device) -> PartViewBatch:
         """The same images in every epoch."""
-        stored, rest = _divided(IndexBatch(0, batch.indices), self.validation_limit)
+        stored, views = _divided(IndexBatch(0, batch.indices), self.validation_limit)
         parts = []
         if len(stored.indices):
             parts.append(self._changed(self.validation_images, stored, _VALIDATION, device))
-        if len(rest.indices):
-            parts.append(self.views.validation_batch(rest, device))
+        if len(views.indices):
+            parts.append(self.views.validation_batch(views, device))
         return _joined(parts)
 
     def _cut(self, whole: PartViewBatch, batch: IndexBatch) -> PartViewBatch:
         """The images in a window that follows from the first one's number."""
         (width, height), (full_width, full_height) = self.crop, self.image_size
         first = Streams.of(self.views.seed, _WINDOWS, batch.epoch, indices=batch.indices[:1])
-        left, top = (
-            (first.uniform(2)[0] * (full_width - width + 1, full_height - height + 1))
-            .astype(int)
-            .tolist()
-        )
+        free_sides = np.array([full_width - width + 1, full_height - height + 1])
+        left, top = (first.uniform(2)[0] * free_sides).astype(int).tolist()
         window = (..., slice(top, top + height), slice(left, left + width))
         cameras = whole.cameras
         shift = torch.tensor([0.0, 0.0, left, top], device=cameras.intrinsics.device)
@@ -175,8 +172,8 @@ class PartImages(lightning.LightningDataModule):
         is_mirrored = torch.from_numpy(chances[:, 1] < 0.5).to(device)
         colourless = torch.from_numpy(chances[:, 2] < self.colourless).to(device)
         colour = torch.where(colourless[:, None, None, None], torch.nan, colour)
-        made = PartViewBatch(depth, owners, cameras, owners >= OBSTACLE, colour)
-        return _mirrored(made, is_mirrored)
+        changed = PartViewBatch(depth, owners, cameras, owners >= OBSTACLE, colour)
+        return _mirrored(changed, is_mirrored)
 
 
 def _window_size(crop: Sequence[int] | None, image_size: tuple[int, int]) -> tuple[int, int]:

@@ -73,14 +73,14 @@ def _cues(
     rows, columns = _pixels(item, camera, mask)
     front = _front(item, camera, rows, columns)
     measured, shown = depth[rows, columns].astype(np.float64), mask[rows, columns]
-    hit, known = front > 0, measured > 0
-    hides = hit & known & ~shown & (measured < front)
+    hit, valid = front > 0, measured > 0
+    hides = hit & valid & ~shown & (measured < front)
     outline = hit & ~hides
     gaps = measured - front
     return {
         "silhouette": _ratio(outline & shown, outline | shown),
-        "residual": _root(np.abs(gaps[outline & shown & known]), thickness, nothing=_MAX_RATIO),
-        "free": _root(np.maximum(gaps[outline & known], 0), thickness, nothing=0.0),
+        "residual": _root(np.abs(gaps[outline & shown & valid]), thickness, nothing=_MAX_RATIO),
+        "free": _root(np.maximum(gaps[outline & valid], 0), thickness, nothing=0.0),
         "occluded": _ratio(hides, hit),
         "noise": _root(np.array([sigma]), thickness, nothing=0.0),
         "thickness": float(np.log(thickness)),

@@ -73,11 +73,11 @@ class ThingScenes:
         split = self.split or split_of(seed, index)
         floor, supports = self.surroundings.table(rng)
         placements = self._arranged(rng, split)
-        rest = self._settled(placements, supports)
-        if sum(not item.fixed for item in rest) < self.minimum:
+        at_rest = self._settled(placements, supports)
+        if sum(not item.fixed for item in at_rest) < self.minimum:
             return None
         items = list(supports)
-        for item in rest:
+        for item in at_rest:
             role = SUPPORT if item.fixed else OBJECT
             items.append(ThingItem(item.thing, item.pose, role, int(rng.integers(2**31))))
         items += self.surroundings.obstacles(rng, items, floor)
@@ -91,11 +91,11 @@ class ThingScenes:
         names = list(self.arrangements)
         shares = np.array([self.arrangements[name] for name in names])
         for number in range(target):
-            rest = target - len(arranger.placements)
-            if rest <= 0:
+            missing = target - len(arranger.placements)
+            if missing <= 0:
                 break
             place = _PLACES[number % len(_PLACES)] + rng.normal(0, 0.03, 2)
-            count = int(rng.integers(1, rest + 1))
+            count = int(rng.integers(1, missing + 1))
             name = str(rng.choice(names, p=shares / shares.sum()))
             if name in ("nest", "lean"):
                 getattr(arranger, name)(place)
