@@ -2,6 +2,7 @@
 
 import gc
 import os
+import sys
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from tests import parsed
 from tests.warm import SHARED, Warm
 
 ROOT = Path(__file__).parents[1]
+sys.path += [str(folder) for folder in sorted(ROOT.glob("plugins/*/src"))]
 
 # Compiled kernels make first examples slow, and the same commit must give the same verdict.
 settings.register_profile("scenefw", deadline=None, max_examples=50, derandomize=True)
@@ -38,7 +40,9 @@ def pytest_collection_modifyitems(items):
     What `make test` leaves out is marked as exhaustive where it stands.
     """
     folders = [ROOT / "tests" / "unit" / name for name in SLOW]
-    folders += [ROOT / "plugins" / name / "tests" for name in ("grasping", "painting")]
+    folders += [
+        ROOT / "plugins" / name / "tests" for name in ("grasping", "labelling_studies", "painting")
+    ]
     for item in items:
         inside = any(folder in item.path.parents for folder in folders)
         inside |= ROOT / "tests" in item.path.parents and item.path.stem in SLOW_FILES

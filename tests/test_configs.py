@@ -167,7 +167,7 @@ def test_chapters_do_not_carry_what_another_chose():
     assert labelling.dataset._target_.endswith("TabletopScenes")
     assert labelling.gallery._target_.endswith("NoGallery")
     assert labelling.showcase._target_.endswith("NoShowcase")
-    assert labelling.presentation.package == "scenefw.report.labelling"
+    assert labelling.presentation.package == "scenefw_labelling_studies.report"
 
 
 def test_settings_stand_once():

@@ -13,7 +13,11 @@ from scenefw.execution.build import LATER
 
 GROUPS = sorted(registry.catalogue())
 VERBS = registry.names("run")
+EXAMPLES = {"object_count", "point_cloud"}  # the other plugins are bundled: always found
 OF_PLUGINS = {pair for plugin in plugins.find() for pair in plugin.options()}
+OF_EXAMPLES = {
+    pair for plugin in plugins.find() if plugin.name in EXAMPLES for pair in plugin.options()
+}
 REFERENCE = re.compile(r"\$\{(?:oc\.[\w.]+:)?(\w[\w.]*)(?![\w.:])")
 
 
@@ -95,7 +99,7 @@ def references(path, plugins_too):
     if first == "run":
         return found_in(nodes("run", rest))
     options = registry.catalogue().get(first)
-    read = [name for name in options or {} if plugins_too or (first, name) not in OF_PLUGINS]
+    read = [name for name in options or {} if plugins_too or (first, name) not in OF_EXAMPLES]
     found = [nodes(first, name) for name in read] if options else [whole().get(first)]
     return set().union(*(found_in(part(node, rest)) for node in found))
 
