@@ -24,6 +24,7 @@ parsed.install()
 # Tests of these packages render, fuse, simulate, train, or compile kernels
 SLOW = ("api", "evaluation", "kernels", "labelling", "learning", "mapping", "perception",
         "renderers", "scenes", "tasks")  # fmt: skip
+SLOW_PLUGINS = ("grasping", "labelling_studies", "painting", "several_views")
 # These compose all settings, start processes, train, render or draw large pictures
 SLOW_FILES = ("test_api_page", "test_argument_types", "test_completion", "test_configs",
               "test_dataset", "test_debug",
@@ -40,9 +41,7 @@ def pytest_collection_modifyitems(items):
     What `make test` leaves out is marked as exhaustive where it stands.
     """
     folders = [ROOT / "tests" / "unit" / name for name in SLOW]
-    folders += [
-        ROOT / "plugins" / name / "tests" for name in ("grasping", "labelling_studies", "painting")
-    ]
+    folders += [ROOT / "plugins" / name / "tests" for name in SLOW_PLUGINS]
     for item in items:
         inside = any(folder in item.path.parents for folder in folders)
         inside |= ROOT / "tests" in item.path.parents and item.path.stem in SLOW_FILES

@@ -11,12 +11,12 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.types import GridSpec
 from scenefw.data.batches.stacks import StackScenes, shipped_scenes
 from scenefw.evaluation.kept_rows import KeptRows
-from scenefw.evaluation.stacks.latent_space import LatentSpaceEvaluation, on_sphere
 from scenefw.mapping.projective import Projective
 from scenefw.renderers.sphere_tracer import SphereTracer
-from scenefw.report.stacks.latent_space import latent_space_sections
-from scenefw.report.stacks.latent_space_gallery import LatentSpaceGallery
 from scenefw.scenes.cameras import RandomViewpoints
+from scenefw_several_views.latent_space import LatentSpaceEvaluation, on_sphere
+from scenefw_several_views.latent_space_gallery import LatentSpaceGallery
+from scenefw_several_views.report.latent_space import latent_space_sections
 
 pytestmark = pytest.mark.skipif(not shipped_scenes().exists(), reason="no shipped data set")
 GRID = GridSpec(resolution=24)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,13 +13,14 @@ from scenefw.core.errors import ConfigError
 from scenefw.data.batches.views import ViewBatch, ViewMaker, Viewpoints
 from scenefw.evaluation.kept_rows import KeptRows
 from scenefw.evaluation.scored_scenes import scored_scenes, workers_on
-from scenefw.evaluation.stacks.several_views_results import SceneScores, SeveralViewsResult
+from scenefw.evaluation.stacks.scene_in_views import SceneInViews
 from scenefw.evaluation.stacks.surface_scores import Surfaces, SurfaceScoring, TruePoints
 from scenefw.evaluation.stacks.visibility import VisibleSurface
 from scenefw.kernels.cameras import camera_of
 from scenefw.metrics.instances import instance_scores
 from scenefw.metrics.occupancy import occupancy_iou
 from scenefw.postprocessing.surfaces import surface
+from scenefw_several_views.results import SceneScores, SeveralViewsResult
 
 if TYPE_CHECKING:
     from scenefw.core.batches import Completion
@@ -36,49 +36,6 @@ if TYPE_CHECKING:
     from scenefw.data.batches.stacks import SceneSet
 
 _VIEWS, _POINTS, _CODES = 21, 22, 23  # random streams
-
-
-@dataclass(frozen=True)
-class SeenOften:
-    """One scene in several views.
-
-    Args:
-        index: of the scene in its data set.
-        batches: batches of one, a view each.
-        codes: seed of codes.
-    """
-
-    index: int
-    batches: tuple[ViewBatch, ...]
-    codes: int
-
-    @classmethod
-    def of(
-        cls,
-        scenes: SceneSet,
-        row: int,
-        maker: ViewMaker,
-        views: int,
-        streams: tuple[int, int, int],
-        device: str,
-    ) -> SeenOften:
-        """Random views of a scene.
-
-        Args:
-            scenes: of a split.
-            row: of the scene among them.
-            maker: makes views.
-            views: how many.
-            streams: seed, random stream of views, and that of codes.
-            device: where views are made.
-        """
-        seed, of_views, of_codes = streams
-        parameters = scenes.parameters([row], device)
-        batches = tuple(
-            maker.make_one(parameters, rng.generator(seed, of_views, row, view))
-            for view in range(views)
-        )
-        return cls(int(scenes.indices[row]), batches, rng.torch_seed(seed, of_codes, row))
 
 
 class SeveralViewsEvaluation:
@@ -156,20 +113,20 @@ class SeveralViewsEvaluation:
         )
         return SeveralViewsResult(tuple(scenes), tuple(self.methods), self.counts, self.samples)
 
-    def see(self, row: int) -> SeenOften:
+    def see(self, row: int) -> SceneInViews:
         """All views of one scene."""
         streams = (self.seed, _VIEWS, _CODES)
-        return SeenOften.of(self.scenes, row, self.maker, self.counts[-1], streams, self.device)
+        return SceneInViews.of(self.scenes, row, self.maker, self.counts[-1], streams, self.device)
 
     @torch.no_grad()
-    def completions(self, scene_views: SeenOften) -> Iterator[tuple[str, int, list[Completion]]]:
+    def completions(self, scene_views: SceneInViews) -> Iterator[tuple[str, int, list[Completion]]]:
         """Different scenes that each method makes of each number of views."""
         for name in self.methods:
             for count in self.counts:
                 yield name, count, self.completions_by(name, scene_views, count)
 
     @torch.no_grad()
-    def completions_by(self, name: str, scene_views: SeenOften, count: int) -> list[Completion]:
+    def completions_by(self, name: str, scene_views: SceneInViews, count: int) -> list[Completion]:
         """Different scenes that one method makes of the first views."""
         views = [batch.partial for batch in scene_views.batches[:count]]
         generator = torch.Generator().manual_seed(scene_views.codes)

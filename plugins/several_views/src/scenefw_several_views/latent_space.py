@@ -12,16 +12,16 @@ from scenefw.core.errors import ConfigError
 from scenefw.data.batches.views import ViewMaker, Viewpoints
 from scenefw.evaluation.kept_rows import KeptRows
 from scenefw.evaluation.scored_scenes import scored_scenes, workers_on
-from scenefw.evaluation.stacks.latent_space_results import (
+from scenefw.evaluation.stacks.scene_in_views import SceneInViews
+from scenefw.mapping.several_views import fused
+from scenefw.metrics.instances import instance_scores
+from scenefw.metrics.occupancy import occupancy_iou
+from scenefw_several_views.latent_space_results import (
     BLENDED,
     CODES,
     LatentSpaceResult,
     SceneCodes,
 )
-from scenefw.evaluation.stacks.several_views import SeenOften
-from scenefw.mapping.several_views import fused
-from scenefw.metrics.instances import instance_scores
-from scenefw.metrics.occupancy import occupancy_iou
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -103,13 +103,13 @@ class LatentSpaceEvaluation:
         )
         return LatentSpaceResult(tuple(scenes), self.counts, self.samples, self.steps)
 
-    def see(self, row: int) -> SeenOften:
+    def see(self, row: int) -> SceneInViews:
         """All views of one scene."""
         streams = (self.seed, _VIEWS, _CODES)
-        return SeenOften.of(self.scenes, row, self.maker, self.counts[-1], streams, self.device)
+        return SceneInViews.of(self.scenes, row, self.maker, self.counts[-1], streams, self.device)
 
     @torch.no_grad()
-    def completions(self, scene_views: SeenOften, count: int) -> list[Completion]:
+    def completions(self, scene_views: SceneInViews, count: int) -> list[Completion]:
         """The scene of the zero code, then those of drawn codes, given the first views."""
         generator = torch.Generator().manual_seed(scene_views.codes)
         size = self.network.model.latent_size
@@ -120,7 +120,7 @@ class LatentSpaceEvaluation:
         return self.network.complete_with(views, self.grid, codes)
 
     @torch.no_grad()
-    def between(self, scene_views: SeenOften) -> list[Completion]:
+    def between(self, scene_views: SceneInViews) -> list[Completion]:
         """Scenes on the way from one drawn code to another, given the first view."""
         generator = torch.Generator().manual_seed(scene_views.codes ^ _ENDS)
         first, last = torch.randn(2, 1, self.network.model.latent_size, generator=generator)
@@ -157,7 +157,7 @@ class LatentSpaceEvaluation:
             }
         return SceneCodes(scene_views.index, varieties, self._ways(scene_views, occupied))
 
-    def _ways(self, scene_views: SeenOften, truth: np.ndarray) -> dict[str, dict[str, float]]:
+    def _ways(self, scene_views: SceneInViews, truth: np.ndarray) -> dict[str, dict[str, float]]:
         scenes = self.between(scene_views)
         ends = scenes[0].tsdf[0].cpu().numpy(), scenes[-1].tsdf[0].cpu().numpy()
         shares = np.linspace(0, 1, self.steps + 1)

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from scenefw.core.measures import Measure
-from scenefw.evaluation.stacks.latent_space_results import (
-    BLENDED,
-    CODES,
-    VARIETY,
-    WAYS,
-    LatentSpaceResult,
-)
 from scenefw.report import measured
 from scenefw.report.blocks import Drawing, Section
 from scenefw.report.figures import bin_figure
 from scenefw.report.presentation import Show
 from scenefw.report.stacks.draws import ranged
 from scenefw.report.tables import Cell, Column, Table
+from scenefw_several_views.latent_space_results import (
+    BLENDED,
+    CODES,
+    VARIETY,
+    WAYS,
+    LatentSpaceResult,
+)
 
 _CURVES = {
     "Shapes, 1 - IoU": {

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 from scenefw.core.files import write_text
 from scenefw.evaluation.stacks.methods import described
-from scenefw.evaluation.stacks.several_views_results import SCORES, SeveralViewsResult
 from scenefw.report.blocks import Drawing, Section
 from scenefw.report.figures import bin_figure
 from scenefw.report.presentation import Show
 from scenefw.report.stacks.draws import ranged
 from scenefw.report.tables import Cell, Column, Table
+from scenefw_several_views.results import SCORES, SeveralViewsResult
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -6,11 +6,11 @@ import torch
 from scenefw.core.batches import Completion
 from scenefw.core.types import GridSpec
 from scenefw.data.batches.stacks import StackScenes, shipped_scenes
-from scenefw.evaluation.stacks.several_views import SeveralViewsEvaluation
 from scenefw.evaluation.stacks.surface_scores import SurfaceScoring
 from scenefw.mapping.projective import Projective
 from scenefw.renderers.sphere_tracer import SphereTracer
 from scenefw.scenes.cameras import RandomViewpoints
+from scenefw_several_views.evaluation import SeveralViewsEvaluation
 
 pytestmark = pytest.mark.skipif(not shipped_scenes().exists(), reason="no shipped data set")
 

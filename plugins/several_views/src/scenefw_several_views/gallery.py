@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     import numpy as np
 
     from scenefw.core.types import Int32
-    from scenefw.evaluation.stacks.several_views import SeenOften, SeveralViewsEvaluation
+    from scenefw.evaluation.stacks.scene_in_views import SceneInViews
+    from scenefw_several_views.evaluation import SeveralViewsEvaluation
 
 _TILE = (320, 240)
 _BEHIND = 180.0  # degrees
@@ -86,7 +87,9 @@ class SeveralViewsGallery:
         )
         return Picture(path, f"scene {observation.index}. {words}")
 
-    def _sides(self, tsdf: np.ndarray, labels: Int32, observation: SeenOften) -> list[np.ndarray]:
+    def _sides(
+        self, tsdf: np.ndarray, labels: Int32, observation: SceneInViews
+    ) -> list[np.ndarray]:
         grid = self.evaluation.grid
         colours = instance_colours(int(labels.max(initial=0)))
         solid = Solid(tsdf, labels, grid, colours)

@@ -18,8 +18,8 @@ from scenefw.report.shading import Solid, draw, turned
 if TYPE_CHECKING:
     from scenefw.core.batches import Completion
     from scenefw.core.types import Float32, Int32
-    from scenefw.evaluation.stacks.latent_space import LatentSpaceEvaluation
-    from scenefw.evaluation.stacks.several_views import SeenOften
+    from scenefw.evaluation.stacks.scene_in_views import SceneInViews
+    from scenefw_several_views.latent_space import LatentSpaceEvaluation
 
 _TILE = (240, 180)
 _BEHIND = 180.0  # degrees
@@ -59,7 +59,7 @@ class LatentSpaceGallery:
         return tuple(pictures)
 
     @torch.no_grad()
-    def _draws(self, observation: SeenOften) -> Picture:
+    def _draws(self, observation: SceneInViews) -> Picture:
         counts = self.evaluation.counts
         tiles, titles = [], []
         for count in sorted({counts[0], counts[len(counts) // 2], counts[-1]}):
@@ -76,7 +76,7 @@ class LatentSpaceGallery:
         return Picture(path, f"scene {observation.index}, draws of codes, from behind")
 
     @torch.no_grad()
-    def _way(self, observation: SeenOften) -> Picture:
+    def _way(self, observation: SceneInViews) -> Picture:
         scenes = self.evaluation.between(observation)
         sides = [self._tile(scene, observation, _BEHIND) for scene in scenes]
         share = [f"{100 * i / (len(scenes) - 1):.0f} %" for i in range(len(scenes))]
@@ -86,18 +86,18 @@ class LatentSpaceGallery:
             path, f"scene {observation.index}, from one drawn code to another, from behind"
         )
 
-    def _tile(self, scene: Completion, observation: SeenOften, angle: float) -> Float32:
+    def _tile(self, scene: Completion, observation: SceneInViews, angle: float) -> Float32:
         truth = observation.batches[0].volumes.instances[0].cpu().numpy()
         labels = renumbered_like(scene.instances[0].cpu().numpy(), truth)
         return self._render(scene.tsdf[0].cpu().numpy(), labels, observation, angle)
 
-    def _truth(self, observation: SeenOften, angle: float) -> Float32:
+    def _truth(self, observation: SceneInViews, angle: float) -> Float32:
         volumes = observation.batches[0].volumes
         labels = volumes.instances[0].cpu().numpy()
         return self._render(volumes.tsdf[0, 0].cpu().numpy(), labels, observation, angle)
 
     def _render(
-        self, tsdf: Float32, labels: Int32, observation: SeenOften, angle: float
+        self, tsdf: Float32, labels: Int32, observation: SceneInViews, angle: float
     ) -> Float32:
         grid = self.evaluation.grid
         solid = Solid(tsdf, labels, grid, instance_colours(int(labels.max(initial=0))))
