@@ -57,5 +57,5 @@ def test_what_can_not_be_compared_says_so(tmp_path):
         LabellingHalves(None, strategies())
     with pytest.raises(ConfigError, match="no strategy"):
         LabellingHalves(one, {})
-    with pytest.raises(ConfigError, match="odometry=rgbd"):
+    with pytest.raises(ConfigError, match="leave odometry"):
         LabellingHalves(one, strategies(), estimate_poses=True)

@@ -100,7 +100,9 @@ class LabellingHalves:
         if not strategies:
             raise ConfigError("no strategy to run; give labelling=[view_based,map_based,hybrid]")
         if estimate_poses and odometry is None:
-            raise ConfigError("evaluation.estimate_poses=true needs a method; give odometry=rgbd")
+            raise ConfigError(
+                "evaluation.estimate_poses=true needs odometry; leave odometry as it is"
+            )
         self.input, self.strategies = Path(input), dict(strategies)
         self.frames, self.flat = frames, flat
         self.placement = Placement(table or TableFrame(), odometry if estimate_poses else None)
