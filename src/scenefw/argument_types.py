@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from scenefw.contracts import PROTOCOLS, wrong_methods
 from scenefw.core.dotted_names import resolve
 from scenefw.core.errors import ConfigError
+from scenefw.core.typed_values import as_typed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -277,12 +278,3 @@ def _quotes(setting: str, value: Any, argument: _Argument) -> str:
     if "Path" not in argument.kinds or not isinstance(value, int | float):
         return ""
     return f"; a name like this needs quotes: \"{setting}='{as_typed(value)}'\""
-
-
-def as_typed(value: Any) -> str:
-    """A value as it is typed on the command line."""
-    if isinstance(value, list):
-        return f"[{', '.join(map(as_typed, value))}]"
-    if isinstance(value, bool):
-        return str(value).lower()
-    return "null" if value is None else str(value)

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenefw import plugins, registry
-from scenefw.argument_types import as_typed
 from scenefw.core.errors import ConfigError
+from scenefw.core.typed_values import as_typed
 from scenefw.docstrings import Argument, arguments
 
 if TYPE_CHECKING:
