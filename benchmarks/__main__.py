@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.harness import Job, Row, measure_all
+from scenefw import plugins
 from scenefw.core.files import write_text
 
 _NOT_JOBS = {"__init__", "__main__", "harness"}
@@ -16,6 +17,7 @@ _NOT_JOBS = {"__init__", "__main__", "harness"}
 
 def find_jobs() -> list[Job]:
     """The jobs of all files beside this one, in the order of the file names."""
+    plugins.activate()
     files = sorted(Path(__file__).parent.glob("*.py"))
     modules = [
         importlib.import_module(f"benchmarks.{f.stem}") for f in files if f.stem not in _NOT_JOBS

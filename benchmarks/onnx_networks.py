@@ -8,9 +8,9 @@ from pathlib import Path
 import torch
 
 from benchmarks.harness import Job, Timed
-from scenefw.export.networks import NamedNetwork, named_network
-from scenefw.export.onnx_files import session, write_onnx
 from scenefw.learning.checkpoint import load_checkpoint
+from scenefw_onnx.files import session, write_onnx
+from scenefw_onnx.networks import NamedNetwork, named_network
 
 THREADS = torch.get_num_threads()
 TASKS = {"simstack": "shape_instance", "label_views": "segmentation"}

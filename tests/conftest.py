@@ -2,6 +2,7 @@
 
 import gc
 import os
+import sys
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from tests import parsed
 from tests.warm import SHARED, Warm
 
 ROOT = Path(__file__).parents[1]
+sys.path += [str(folder) for folder in sorted(ROOT.glob("plugins/*/src"))]
 
 # Compiled kernels make first examples slow, and the same commit must give the same verdict.
 settings.register_profile("scenefw", deadline=None, max_examples=50, derandomize=True)
@@ -22,6 +24,8 @@ parsed.install()
 # Tests of these packages render, fuse, simulate, train, or compile kernels
 SLOW = ("api", "evaluation", "kernels", "labelling", "learning", "mapping", "perception",
         "renderers", "scenes", "tasks")  # fmt: skip
+SLOW_PLUGINS = ("annotated_views", "editing", "grasping", "labelling_studies", "onnx", "painting",
+                "scene_prior", "several_views", "things")  # fmt: skip
 # These compose all settings, start processes, train, render or draw large pictures
 SLOW_FILES = ("test_api_page", "test_argument_types", "test_completion", "test_configs",
               "test_dataset", "test_debug",
@@ -38,7 +42,7 @@ def pytest_collection_modifyitems(items):
     What `make test` leaves out is marked as exhaustive where it stands.
     """
     folders = [ROOT / "tests" / "unit" / name for name in SLOW]
-    folders += [ROOT / "plugins" / name / "tests" for name in ("grasping", "painting")]
+    folders += [ROOT / "plugins" / name / "tests" for name in SLOW_PLUGINS]
     for item in items:
         inside = any(folder in item.path.parents for folder in folders)
         inside |= ROOT / "tests" in item.path.parents and item.path.stem in SLOW_FILES

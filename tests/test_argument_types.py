@@ -168,7 +168,7 @@ def test_settings_of_a_training(words, expected):
             r"^completion\.checkpoint is my\.safetensors; expected a part \(Trained\)",
         ),
         ("run=predict run.settling=at_rest", r"^run\.settling is at_rest; .* \(Settling\)"),
-        ("run=evaluate evaluation=labelling", r"^dataset is a StackData, .* a FrameSource"),
+        ("run=evaluate evaluation=labelling_curves", r"^dataset is a StackData, .* a FrameSource"),
     ],
 )
 def test_parts_that_do_not_fit_are_named(words, expected):

@@ -167,7 +167,7 @@ def test_chapters_do_not_carry_what_another_chose():
     assert labelling.dataset._target_.endswith("TabletopScenes")
     assert labelling.gallery._target_.endswith("NoGallery")
     assert labelling.showcase._target_.endswith("NoShowcase")
-    assert labelling.presentation.package == "scenefw.report.labelling"
+    assert labelling.presentation.package == "scenefw_labelling_studies.report"
 
 
 def test_settings_stand_once():
@@ -230,16 +230,16 @@ def _defaults():
 
 
 def test_registry_builds_with_changed_arguments():
-    grid = registry.build("grid", "default", resolution=16)
-    assert grid.shape == (16, 16, 16)
+    renderer = registry.build("renderer", "mesh_raycaster", contrast=0.3)
+    assert renderer.contrast == 0.3
 
 
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (("gird", "default"), "did you mean grid"),
-        (("grid", "defalt"), "did you mean default"),
-        (("grid", "default", "resoluton"), "did you mean resolution"),
+        (("endgine", "pybullet"), "did you mean engine"),
+        (("engine", "pybulet"), "did you mean pybullet"),
+        (("engine", "pybullet", "gravty"), "did you mean gravity"),
     ],
 )
 def test_registry_names_near_misses(words, expected):

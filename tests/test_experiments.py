@@ -100,11 +100,11 @@ def test_fused_maps_are_packed_and_trained_on(scenefw, tmp_path):
 
 @pytest.mark.exhaustive
 def test_two_seeds_give_two_runs(scenefw, tmp_path):
-    words = ("experiment=simstack", "debug=smoke", "run=generate", "scene=few", "seed=1,2")
+    words = ("experiment=simstack", "debug=smoke", "run=generate", "scene.maximum=3", "seed=1,2")
     done = scenefw("-m", *words, "paths.output=out")
     assert done.returncode == 0, done.stderr[-3000:]
     assert sorted(p.parent.name for p in (tmp_path / "out").glob("*/metrics.json")) == ["0", "1"]
-    assert (tmp_path / "out" / "1" / "superquadric_few_v2.npz").is_file()
+    assert (tmp_path / "out" / "1" / "superquadric_stacks_v2.npz").is_file()
 
 
 @pytest.mark.exhaustive

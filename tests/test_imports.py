@@ -81,7 +81,7 @@ def graph():
     return grimp.build_graph("scenefw", exclude_type_checking_imports=False, cache_dir=None)
 
 
-@pytest.mark.parametrize("package", ["core", "labelling", "mapping", "evaluation.labelling"])
+@pytest.mark.parametrize("package", ["core", "labelling", "mapping", "evaluation.stacks"])
 def test_no_circle_of_imports_even_for_annotations(graph, package):
     inside = graph.find_descendants(f"scenefw.{package}")
     imports = [(a, b) for a in inside for b in graph.find_modules_directly_imported_by(a)]

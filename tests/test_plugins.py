@@ -175,11 +175,11 @@ def test_a_broken_option_is_named_and_hides_no_other(scenefw, tmp_path):
 
 
 def test_an_option_with_a_name_of_the_core_is_refused(scenefw, tmp_path):
-    write_plugin(tmp_path / "plugins" / "counting", option="grid/default")
+    write_plugin(tmp_path / "plugins" / "counting", option="engine/mujoco")
     for words in (("run=count",), ("--list",), ("--help",)):
         done = scenefw(*words)
         assert done.returncode == 2
-        assert "grid=default" in done.stderr
+        assert "engine=mujoco" in done.stderr
         assert len(done.stderr.splitlines()) == 1
 
 

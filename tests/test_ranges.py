@@ -8,6 +8,8 @@ from scenefw import registry
 from scenefw.core.errors import ConfigError
 from scenefw.learning.resumable import ResumableModule
 from scenefw.learning.runtime.trainer import TrainerSettings
+from scenefw.mapping.odometry import RGBDOdometry
+from scenefw.scenes.cameras import RandomViewpoints
 from scenefw.scenes.stacks import StackGenerator
 from scenefw.tasks.train import Train
 
@@ -20,8 +22,6 @@ from scenefw.tasks.train import Train
         ("shape=superquadrics", "paired seed"),
         ("shape=superquadrics_v1", "paired seed"),
         ("renderer=sphere_tracer", "max_steps tolerance"),
-        ("viewpoints=random", "fx fy closest jitter"),
-        ("odometry=rgbd", "largest_depth largest_difference least_fitness"),
     ],
 )
 def test_of_a_component(option, names):
@@ -29,6 +29,19 @@ def test_of_a_component(option, names):
     for name in names.split():
         with pytest.raises(ConfigError, match=rf"{name} = -1: expected"):
             registry.build(group, chosen, **{name: -1})
+
+
+@pytest.mark.parametrize(
+    ("component", "names"),
+    [
+        (RandomViewpoints, "fx fy closest jitter"),
+        (RGBDOdometry, "largest_depth largest_difference least_fitness"),
+    ],
+)
+def test_of_settings(component, names):
+    for name in names.split():
+        with pytest.raises(ConfigError, match=rf"{name} = -1: expected"):
+            component(**{name: -1})
 
 
 @pytest.mark.parametrize(

@@ -57,7 +57,7 @@ def test_checkpoints_are_called_as_their_networks(network):
 def test_each_evaluation_has_rows_named_by_method():
     for name, part in {
         "evaluation=reconstruction": "evaluation.methods.drawn_codes",
-        "evaluation=decomposition": "evaluation.methods.set_network",
+        "evaluation=object_sets": "evaluation.methods.set_network",
         "evaluation=stacks_noisy_scattered": "evaluation.parts.noisy.methods.network",
     }.items():
         *path, method = part.split(".")

@@ -3,6 +3,7 @@
 import logging
 import posixpath
 import re
+import tomllib
 from pathlib import Path
 
 from mkdocs.structure.files import File
@@ -20,14 +21,17 @@ log = logging.getLogger("mkdocs.hooks.pages")  # warnings end a strict build
 
 def moved():
     """Pages of the site that lie outside docs/, by their path in the project."""
-    cards = {f"src/scenefw/assets/{p.name}": f"cards/{p.name}" for p in cards_of_weights()}
+    cards = {p.relative_to(ROOT).as_posix(): f"cards/{p.name}" for p in cards_of_weights()}
     readmes = ROOT.glob("plugins/*/README.md")
     own = {p.relative_to(ROOT).as_posix(): f"plugins/{p.parent.name}.md" for p in readmes}
     return ELSEWHERE | cards | own
 
 
 def cards_of_weights():
-    return sorted((ROOT / "src/scenefw/assets").glob("*.md"))
+    """Those of the core and of plugins that are part of its wheel; examples stand by themselves."""
+    bundled = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    packages = bundled["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
+    return sorted(card for package in packages for card in (ROOT / package / "assets").glob("*.md"))
 
 
 def on_config(config):

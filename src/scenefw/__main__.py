@@ -8,6 +8,7 @@ import os
 import sys
 import traceback
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenefw import config, plugins, registry
@@ -105,9 +106,22 @@ def _dispatch(words: list[str]) -> None:
 def _print_help() -> None:
     plugins.refuse_clashes(plugins.find())
     print(USAGE)
+    core = config.conf_dir()
     for group, options in registry.catalogue().items():
-        print(f"  {group:<16} {', '.join(sorted(options))}")
-    print("\n  --list says what they are")
+        if group != "run":
+            print(f"  {group:<16} {', '.join(sorted(options))}")
+    verbs = registry.options("run")
+    of_core = {verb: path for verb, path in verbs.items() if path.is_relative_to(core)}
+    print("\nverbs (run=verb):")
+    _print_verbs(of_core)
+    print("\nverbs of plugins:")
+    _print_verbs({verb: path for verb, path in verbs.items() if verb not in of_core})
+    print("\n  --list says what the options are")
+
+
+def _print_verbs(verbs: Mapping[str, Path]) -> None:
+    for verb, path in sorted(verbs.items()):
+        print(f"  {verb:<16} {registry.description(path)}")
 
 
 def _print_list(words: list[str]) -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from scenefw.contracts import PROTOCOLS, wrong_methods
 from scenefw.core.dotted_names import resolve
 from scenefw.core.errors import ConfigError
+from scenefw.core.typed_values import as_typed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -76,11 +77,11 @@ def check_types(config: DictConfig, key: str) -> None:
     for setting, value, argument in _values(config, key, set()):
         if isinstance(argument, _Part):
             if isinstance(value, int | float | str):
-                raise PartError(setting, _as_typed(value), argument.protocol.__name__)
+                raise PartError(setting, as_typed(value), argument.protocol.__name__)
             _require_methods(setting, value, argument)
         elif not _fits(value, argument):
             raise ConfigError(
-                f"{setting} is {_as_typed(value)}; expected {_expectation(argument)}"
+                f"{setting} is {as_typed(value)}; expected {_expectation(argument)}"
                 + _quotes(setting, value, argument)
             )
 
@@ -265,7 +266,7 @@ def _expectation(argument: _Argument) -> str:
     kinds = argument.kinds - {"str"} if "Path" in argument.kinds else argument.kinds
     words = [word for kind, word in _WORDS.items() if kind in kinds]
     if argument.sequence and argument.default:
-        return f"a list such as {_as_typed(list(argument.default))}"
+        return f"a list such as {as_typed(list(argument.default))}"
     if argument.sequence:
         return "a list of " + ("words" if "str" in argument.kinds else "numbers")
     example = argument.default
@@ -276,13 +277,4 @@ def _expectation(argument: _Argument) -> str:
 def _quotes(setting: str, value: Any, argument: _Argument) -> str:
     if "Path" not in argument.kinds or not isinstance(value, int | float):
         return ""
-    return f"; a name like this needs quotes: \"{setting}='{_as_typed(value)}'\""
-
-
-def _as_typed(value: Any) -> str:
-    """As it is typed."""
-    if isinstance(value, list):
-        return f"[{', '.join(map(_as_typed, value))}]"
-    if isinstance(value, bool):
-        return str(value).lower()
-    return "null" if value is None else str(value)
+    return f"; a name like this needs quotes: \"{setting}='{as_typed(value)}'\""

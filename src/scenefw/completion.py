@@ -86,11 +86,17 @@ def _node(path: str, typed: list[str], options: Options) -> Any:
     choices = _choices(root.pop("defaults"), typed, options)
     node: Any = root.get(first) if first else root
     if first in options:
-        files = (options[first].get(name) for name in choices.get(first, ()))
+        files = (_file(first, name, options) for name in choices.get(first, ()))
         node = {key: part for file in files if file for key, part in _within(first, file).items()}
     for name in inner:
         node = node.get(name) if isinstance(node, dict) else None
     return node
+
+
+def _file(group: str, name: str, options: Options) -> Path | None:
+    """The file of a choice, also of one that experiments alone make, whose name begins with _."""
+    files = (folder / group / f"{name}.yaml" for folder in registry.folders())
+    return options[group].get(name) or next((file for file in files if file.is_file()), None)
 
 
 def _within(group: str, file: Path) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from scenefw import plugins, registry
 from scenefw.core.errors import ConfigError
+from scenefw.core.typed_values import as_typed
 from scenefw.docstrings import Argument, arguments
 
 if TYPE_CHECKING:
@@ -122,7 +123,7 @@ def _rows(node: dict[str, Any], roots: list[Path], prefix: str = "") -> Iterator
         value: Any = node.get(name)
         inner = isinstance(value, dict) and _has_target(value)
         if target and name in node:
-            text = str(value["_target_"]) if inner and "_target_" in value else _as_typed(value)
+            text = str(value["_target_"]) if inner and "_target_" in value else as_typed(value)
             yield prefix + name, "" if inner and "_target_" not in value else text, argument.about
         elif target:
             yield prefix + name, argument.default or "", argument.about
@@ -133,15 +134,6 @@ def _rows(node: dict[str, Any], roots: list[Path], prefix: str = "") -> Iterator
 def _has_target(node: dict[str, Any]) -> bool:
     parts = (value for value in node.values() if isinstance(value, dict))
     return "_target_" in node or any(map(_has_target, parts))
-
-
-def _as_typed(value: Any) -> str:
-    """As it is typed."""
-    if isinstance(value, list):
-        return f"[{', '.join(map(_as_typed, value))}]"
-    if isinstance(value, bool):
-        return str(value).lower()
-    return "null" if value is None else str(value)
 
 
 def roots() -> Iterator[Path]:

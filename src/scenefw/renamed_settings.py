@@ -10,16 +10,62 @@ OPTIONS: Mapping[str, str] = {
     "reconstructor=by_evidence": "reconstructor=fitted",
     "reconstructor=part_guided": "reconstructor=fitted",
     "dataset=seen_sets": "dataset=set_flow",
-    "evaluation=drawn_sets": "evaluation=set_extents",
+    "evaluation=drawn_sets": "evaluation=draws",
+    "evaluation=set_extents": "evaluation=draws",
+    "evaluation=decomposition": "evaluation=object_sets",
+    "evaluation=confidence": "experiment=confidence",
+    "evaluation=mesh_stacks": "experiment=mesh_stacks",
+    "evaluation=osd": "experiment=osd",
+    "evaluation=ranking": "experiment=ranking",
+    "evaluation=real_images": "experiment=real_images",
+    "evaluation=stability": "experiment=stability",
+    "evaluation=table_5_1": "experiment=table_5_1",
+    "evaluation=visible_masks": "experiment=visible_masks",
+    "evaluation=hybrid_weights": "experiment=hybrid_weights",
+    "evaluation=labelling": "experiment=labelling",
+    "evaluation=set_prior": "experiment=set_prior",
+    "evaluation=latent_space": "experiment=latent_space",
+    "evaluation=several_views": "experiment=several_views",
+    "evaluation=grasping": "experiment=grasping",
     "parts=affinity": "segmentation=affinity",
     "parts=creases": "segmentation=creases",
 }
 """What was typed, and what is typed now."""
 
 _BEST = "reconstructor=set_extents, which is better"
-_FITS = "evaluation=set_extents, which has the methods that are better"
+_FITS = "evaluation=draws, which has the methods that are better"
+_ALONE = "nothing: there is no other, and its settings are typed as grid.extent=2 is"
 _SWITCHES = "the settings that it changed, as model.zero_share=0 (docs/training.md#sweeps)"
 DELETED: Mapping[str, str] = {
+    "paths=default": _ALONE,
+    "grid=default": _ALONE,
+    "report=page": _ALONE,
+    "heights=height_fusion": _ALONE,
+    "odometry=rgbd": _ALONE,
+    "matching=assignment": _ALONE,
+    "augmentation=default": _ALONE,
+    "viewpoints=random": _ALONE,
+    "augmentation=none": "augmentation.rotation=0 augmentation.shift=0",
+    "viewpoints=near": "viewpoints.heights=[0.33,0.83] viewpoints.closest=0.5",
+    "showcase=none": "nothing: experiment=simstack alone shows its data",
+    "showcase=stacks": "experiment=simstack, which shows its data",
+    "dataset=few": "dataset=stacks dataset.path=few_v2",
+    "dataset=large_stacks": "dataset=stacks dataset.path=large_stacks_v2",
+    "dataset=scattered": "dataset=stacks dataset.path=scattered_v2",
+    "dataset=stacks_of_six": "dataset=stacks dataset.path=stacks_of_six_v2",
+    "dataset=wide": "dataset=stacks dataset.path=wide_v2",
+    "dataset=stacks_and_scattered": "dataset=stacks 'dataset.path=[stacks_v2,scattered_v2]'",
+    "dataset=object_sets_of_six": "dataset=object_sets dataset.path=stacks_of_six_v2",
+    "dataset=tabletop_views_rendered": "dataset=tabletop_views size.rendered=true size.renew=1",
+    "dataset=tabletop_maps_rendered": "dataset=tabletop_maps size.rendered=true",
+    "scene=few": "scene=stacks scene.minimum=1 scene.maximum=2",
+    "scene=large_stacks": "scene=stacks scene.minimum=4 scene.maximum=8",
+    "scene=stacks_of_six": "scene=stacks scene.minimum=6 scene.maximum=6",
+    "scene=stacks_of_seven": "scene=stacks scene.minimum=7 scene.maximum=7",
+    "scene=scattered_wide": "experiment=wide_scenes, which makes and scores them",
+    "model=fusenet_deep": (
+        "model=fusenet 'model.widths=[16,24,48,80,112]' 'model.modules=[1,2,2,3,2]'"
+    ),
     "experiment=object_queries": "experiment=set_extents, which is better",
     "experiment=image_queries": "experiment=set_extents, which is better",
     "reconstructor=object_queries": _BEST,
@@ -49,7 +95,7 @@ DELETED: Mapping[str, str] = {
     "ablation=thesis_codes": "experiment=thesis/simstack",
     "ablation=adamw": "optimizer=adamw",
     "ablation=wide": "size.network=wide",
-    "ablation=with_scattered": "dataset=stacks_and_scattered",
+    "ablation=with_scattered": "'dataset.path=[stacks_v2,scattered_v2]'",
     "ablation": _SWITCHES,
 }
 """What is gone, and what does the same or better."""

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
+from scenefw import plugins
 from scenefw.api.settings import Settings
-from scenefw.config import near_misses, quoted
+from scenefw.config import near_misses, package_dir, quoted
 from scenefw.core.errors import ConfigError
 
 if TYPE_CHECKING:
     from scenefw.api.decomposer import Decomposer
     from scenefw.api.labeller import Labeller
     from scenefw.api.predictor import Predictor
-    from scenefw.api.sampler import Sampler
 
 _PLAIN = re.compile(r"[A-Za-z_][\w./-]*", re.ASCII)
 _NO_TEXT = {"null", "true", "false", "inf", "nan"}
@@ -36,25 +37,23 @@ def load(name: Literal["labelling"], *overrides: str, **settings: Setting) -> La
 
 
 @overload
-def load(name: Literal["scenes"], *overrides: str, **settings: Setting) -> Sampler: ...
-
-
-@overload
 def load(name: Literal["decomposing"], *overrides: str, **settings: Setting) -> Decomposer: ...
 
 
-def load(
-    name: str = "reconstruction", *overrides: str, **settings: Setting
-) -> Predictor | Labeller | Sampler | Decomposer:
+@overload
+def load(name: str, *overrides: str, **settings: Setting) -> Any: ...
+
+
+def load(name: str = "reconstruction", *overrides: str, **settings: Setting) -> Any:
     """What the command line predicts, labels or draws with, ready to take arrays.
 
-    It is built as `run=predict`, `run=label`, `run=draw_scenes` and `run=decompose` build it, so
-    the same image gives the same result.
+    It is built as `run=predict`, `run=label` and `run=decompose` build it, so the same image gives
+    the same result. Plugins add names (`scenes` of `scene_prior`, as `run=draw_scenes`).
 
     Args:
         name: `reconstruction` completes the objects of a depth image; `labelling` fuses RGB-D
-            frames into a labelled height map; `scenes` draws scenes that nobody has seen;
-            `decomposing` takes meshes of scenes, or depth images with poses, apart into objects.
+            frames into a labelled height map; `decomposing` takes meshes of scenes,
+            or depth images with poses, apart into objects.
         overrides: as on the command line, such as `"segmentation=creases"`
             or `"reconstructor.samples=1"`.
         settings: the same by name, such as `device="cpu"` or `checkpoint="my.safetensors"`.
@@ -88,16 +87,26 @@ def load(
         has_strategy = any(word.partition("=")[0] == "labelling" for word in words)
         strategy = [] if has_strategy else ["labelling=hybrid"]
         return Labeller.built(Settings(["run=label", *strategy, *words]))
-    if name == "scenes":
-        from scenefw.api.sampler import Sampler
-
-        return Sampler.built(Settings(["run=draw_scenes", *words]))
     if name == "decomposing":
         from scenefw.api.decomposer import Decomposer
 
         return Decomposer.built(Settings(["run=decompose", *words]))
-    suggestion = near_misses(name, ["reconstruction", "labelling", "scenes", "decomposing"])
+    of_plugins = _loaders()
+    if name in of_plugins:
+        return of_plugins[name].built(words)
+    names = ["reconstruction", "labelling", "decomposing", *of_plugins]
+    suggestion = near_misses(name, names)
     raise ConfigError(f"scenefw.load has no '{name}'; {suggestion}")
+
+
+def _loaders() -> dict[str, Any]:
+    """What plugins add: `LOADERS` of a module `loading`, from names to classes with `built`."""
+    modules = [
+        importlib.import_module(f"{plugin.package}.loading")
+        for plugin in plugins.activate()
+        if (package_dir(plugin.package) / "loading.py").is_file()
+    ]
+    return {name: loader for module in modules for name, loader in module.LOADERS.items()}
 
 
 def _override_value(value: Setting) -> str:

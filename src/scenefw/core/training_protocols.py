@@ -309,32 +309,6 @@ class SetFlowModel(Network, Protocol):
         """
 
 
-class WholeSetFlowModel(SetFlowModel, Protocol):
-    """A flow that also draws objects of which nothing is seen (`draws_hidden`)."""
-
-    def scenes(
-        self,
-        count: int,
-        generator: torch.Generator,
-        steps: int = 20,
-        objects: int | None = None,
-    ) -> SetFlowBatch:
-        """Draws `count` scenes without a view, of as many objects; None: as many as it draws."""
-
-    def hidden_number(self, batch: SetFlowBatch, generator: torch.Generator) -> int:
-        """Draws how many objects a view hides whose seen objects are known."""
-
-    def complete(
-        self,
-        batch: SetFlowBatch,
-        count: int,
-        objects: int,
-        generator: torch.Generator,
-        steps: int = 20,
-    ) -> SetFlowBatch:
-        """Draws `count` sets of so many hidden objects beside those of a view, which are known."""
-
-
 class SegmentationModel(Network, Protocol):
     """A network from colour and distance to a label per pixel (group `model`).
 

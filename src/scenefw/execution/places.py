@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from scenefw.core.errors import ConfigError, InputError, StorageError
 from scenefw.core.measures import MEASURES_FILE
 from scenefw.execution.leftovers import FIGURES, RECORD, SETTINGS
+from scenefw.renamed_settings import instead_of
 from scenefw.report.record import PAGE, read_record
 
 if TYPE_CHECKING:
@@ -25,10 +26,14 @@ def require_values(overrides: Sequence[str]) -> None:
 
     Raises:
         ConfigError: a word ends with its equals sign, as `paths.output=$FOLDER` of a shell where
-            that is not set; or a path is a quoted empty text, which other settings may be.
+            that is not set; or a path is a quoted empty text, which other settings may be; or it
+            chooses from a group that is a setting now, in whose place it would be put.
     """
     for word in overrides:
         key, equals, value = word.partition("=")
+        instead = instead_of(key, value)
+        if instead is not None:
+            raise ConfigError(f"{word} was deleted; give {instead}")
         quoted = value.strip() in ("''", '""') and key.partition(".")[0] in ("input", "paths")
         if equals and (quoted or not value.strip()) and not key.startswith("hydra"):
             raise ConfigError(f"{key}= has no value; give {key}=VALUE, or leave it out")

@@ -8,7 +8,9 @@ trainings go on, and weights are read, after the code has changed.
 from collections.abc import Mapping
 from typing import Any
 
-CLASSES: dict[str, str] = {}
+CLASSES: dict[str, str] = {
+    "scenefw.models.set_flow.SetFlow": "scenefw_scene_prior.network.SetFlow",  # of a plugin
+}
 """Dotted names of networks."""
 ARGUMENTS: dict[str, str] = {}
 """Arguments of networks, as CLASS.NAME with the class's new dotted name: to a name."""

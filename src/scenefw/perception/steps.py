@@ -10,13 +10,15 @@ from scenefw.core.errors import InputError
 
 if TYPE_CHECKING:
     import torch
+    from numpy.random import Generator
     from torch import Tensor
 
     from scenefw.core.batches import Completion
     from scenefw.core.evidence import Evidence, FittedSuperquadric
     from scenefw.core.types import Float32, GridSpec, Int32, SceneEstimate, TriangleMesh
     from scenefw.fitting.vessels import FittedVessel
-    from scenefw.perception.observation.observation import Observation
+    from scenefw.perception.completion.extent_inputs import ExtentInputs
+    from scenefw.perception.observation.observation import Observation, ViewGeometry
     from scenefw.perception.observation.views import View, Views
     from scenefw.postprocessing.confidence import ExpectedOverlap
 
@@ -148,6 +150,26 @@ class SetCompletion(Protocol):
         self, fits: Fits, view: View, samples: int, generator: torch.Generator
     ) -> Sequence[ObjectSet]:
         """`samples` hypotheses, the most typical one first, or one if all would be the same."""
+
+
+class HiddenObjectSampling(Protocol):
+    """Draws objects that a view hides wholly, for hypotheses of a set completion."""
+
+    def beside(
+        self,
+        superquadrics: Sequence[FittedSuperquadric],
+        seen_objects: ExtentInputs,
+        view: ViewGeometry,
+        random: Generator,
+    ) -> list[FittedSuperquadric]:
+        """Hidden objects of one scene, often none.
+
+        Args:
+            superquadrics: the visible objects, one for each of `seen_objects`.
+            seen_objects: what the view shows of them.
+            view: with its free space.
+            random: for the draws.
+        """
 
 
 class HollowReplacement(Protocol):

@@ -204,7 +204,7 @@ class Label:
     ) -> tuple[RunningLabelling, Placed]:
         """A new or resumed map, and the frames to add."""
         if self.estimate_poses and self.odometry is None:
-            raise ConfigError("run.estimate_poses=true needs a method; give odometry=rgbd")
+            raise ConfigError("run.estimate_poses=true needs a method; leave odometry as it is")
         placement = Placement(self.table, self.odometry if self.estimate_poses else None)
         if self.resume is None:
             return self.strategy.begin(), placement.begin(measured, sample)

@@ -21,7 +21,7 @@ def test_weights_of_a_plugin_are_found_by_name(plugin):
 
 
 def test_names_that_nobody_or_several_have(plugin):
-    names = "label_maps, label_views, mine, part_affinity, set_extents, set_flow, simstack"
+    names = "label_maps, label_views, mine, part_affinity, set_extents, simstack"
     with pytest.raises(CheckpointError, match=f"'other'.* {names}"):
         weights_file("other")
     (plugin / "simstack.safetensors").write_bytes(b"x")

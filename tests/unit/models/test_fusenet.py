@@ -92,7 +92,7 @@ def test_the_thesis_has_eight_modules_and_the_laptop_one_million_weights():
     assert sum(p.numel() for p in small.parameters()) < 1e6
     for words, modules, megabytes in (
         (["model=fusenet"], 8, 1),
-        (["model=fusenet_deep"], 10, 3),
+        (["model=fusenet", "model.widths=[16,24,48,80,112]", "model.modules=[1,2,2,3,2]"], 10, 3),
         (["model=fusenet_blocks"], 9, 4),
         (["model=fusenet", "size.network=wide"], 10, 12),
     ):

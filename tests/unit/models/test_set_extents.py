@@ -5,14 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from tests.unit.models.test_set_flow import batch_of
+from tests.unit.models.viewed_sets import batch_of
 
 from scenefw.core.errors import ConfigError
-from scenefw.core.set_flows import SetFlowSetup
 from scenefw.losses.flow_velocity import FlowVelocity
-from scenefw.losses.hidden_count import HiddenCount
 from scenefw.models.set_extents import SetExtents, seen_in_axes
-from scenefw.models.set_flow import SetFlow
 from scenefw.models.start_noise import start_noise
 from scenefw.shapes.equal_descriptions import equal_descriptions
 
@@ -141,10 +138,7 @@ def test_each_draw_sees_its_own_row_of_the_view():
     assert torch.allclose(first, drawn(one), atol=1e-6)
 
 
-def test_what_it_does_not_draw_is_refused():
-    model = SetExtents(**SMALL)
-    with pytest.raises(ConfigError, match="flow_velocity"):
-        HiddenCount().check(SetFlowSetup(model.slots, model.draws_hidden))
+def test_numbers_out_of_range_are_refused():
     with pytest.raises(ConfigError, match="heads = 0"):
         SetExtents(heads=0, ends=False)
 
@@ -180,11 +174,9 @@ def test_what_is_learnt_keeps_its_millimetres_in_mixed_precision():
     assert torch.equal(*aims)
 
 
-@pytest.mark.parametrize("kind", ["extents", "whole"])
-def test_draws_spread_as_their_noise_does(kind):
+def test_draws_spread_as_their_noise_does():
     torch.manual_seed(0)
-    whole = SetFlow(slots=4, width=32, layers=1, heads=2)
-    model = (SetExtents(**SMALL) if kind == "extents" else whole).eval()
+    model = SetExtents(**SMALL).eval()
     batch = boxes(1)
 
     def drawn(spread):
@@ -197,8 +189,7 @@ def test_draws_spread_as_their_noise_does(kind):
     torch.testing.assert_close(mixed[0], same[0])
     torch.testing.assert_close(mixed[1:], plain[1:])
     assert (plain[0] - same[0]).abs().max() > 1e-4
-    if kind == "extents":  # the other also draws how many objects are hidden
-        torch.testing.assert_close(same[1:], same[:1].expand(2, -1, -1))
+    torch.testing.assert_close(same[1:], same[:1].expand(2, -1, -1))
 
 
 def test_noise_has_the_deviation_of_its_draw():

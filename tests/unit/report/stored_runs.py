@@ -3,8 +3,8 @@
 import json
 
 from scenefw.core.measures import join_measures, write_measures
-from scenefw.evaluation.labelling.measures import of_curves, of_networks
 from scenefw.evaluation.stacks.measures import REAL_IMAGES, of_scores
+from scenefw_labelling_studies.measures import of_curves, of_networks
 
 STACKS = {
     "views": 100.0,

@@ -8,8 +8,8 @@ from scenefw.core.errors import InputError
 from scenefw.learning.provenance import digest
 from scenefw.report.markers import body, fill, read_document
 from scenefw.report.stored import StoredRun, read_runs
-from scenefw.report.weights.summary import Summary, parts_in
 from scenefw_publishing.kept import kept_parts, require_known
+from scenefw_publishing.summary import Summary, parts_in
 from scenefw_publishing.table import headline
 
 _MARKER = "headline"

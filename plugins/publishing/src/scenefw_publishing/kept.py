@@ -11,7 +11,7 @@ from scenefw.core.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
-    from scenefw.report.weights.summary import Summary
+    from scenefw_publishing.summary import Summary
 
 _FENCE = "```"
 _WEIGHTS = re.compile(r"([\w-]+\.safetensors) ([0-9a-f]{10})")

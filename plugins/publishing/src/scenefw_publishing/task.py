@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from scenefw.core.errors import ConfigError
-from scenefw.report.weights.summary import Summary
 from scenefw_publishing.headline import Headline
 from scenefw_publishing.pictures import Pictures
+from scenefw_publishing.summary import Summary
 
 
 class Publish:

@@ -13,7 +13,7 @@ from scenefw.core.settings import POSITIVE, at_least
 from scenefw.data.batches.views import ViewMaker, Viewpoints
 from scenefw.evaluation.scored_scenes import scored_scenes, workers_on
 from scenefw.evaluation.stacks.ranking_results import ANY, BEST, FIRST, RankingResult, ViewChoices
-from scenefw.evaluation.stacks.several_views import SeenOften
+from scenefw.evaluation.stacks.scene_in_views import SceneInViews
 from scenefw.metrics.instances import instance_scores
 from scenefw.metrics.occupancy import occupancy_iou
 from scenefw.perception.estimate.assembly import scene_estimate
@@ -119,7 +119,7 @@ class RankingEvaluation:
     def score(self, row: int) -> ViewChoices:
         """What each ranking puts first, of one view of a scene."""
         streams = (self.seed, _VIEWS, _CODES)
-        scene_views = SeenOften.of(self.scenes, row, self.maker, 1, streams, self.device)
+        scene_views = SceneInViews.of(self.scenes, row, self.maker, 1, streams, self.device)
         batch = scene_views.batches[0]
         generator = torch.Generator().manual_seed(scene_views.codes)
         samples = self.method.complete(batch.partial, self.grid, 1 + self.draws, generator)

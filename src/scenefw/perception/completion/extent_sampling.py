@@ -26,10 +26,9 @@ if TYPE_CHECKING:
     from scenefw.core.set_flows import SetFlowBatch
     from scenefw.core.training_protocols import SetFlowModel, Trained
     from scenefw.core.types import GridSpec
-    from scenefw.perception.completion.hidden_objects import HiddenObjects
     from scenefw.perception.evidence.tolerances import Tolerances
     from scenefw.perception.observation.observation import Observation, ViewGeometry
-    from scenefw.perception.steps import Fits
+    from scenefw.perception.steps import Fits, HiddenObjectSampling
 
     Shapes = Sequence[FittedSuperquadric]
 
@@ -73,7 +72,7 @@ class ExtentSampling:
         spread: float,
         pseudo_sigma: float,
         min_gap: float,
-        hidden: HiddenObjects | None = None,
+        hidden: HiddenObjectSampling | None = None,
     ) -> None:
         COUNT.require(steps=steps)
         NOT_NEGATIVE.require(median_of=median_of, min_gap=min_gap, spread=spread)

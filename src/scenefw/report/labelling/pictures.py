@@ -11,7 +11,6 @@ from PIL import Image
 
 from scenefw.core.height_maps import HeightMap
 from scenefw.core.labels import FROM_BOTH, FROM_MAP, FROM_VIEWS
-from scenefw.evaluation.labelling.results import Example
 from scenefw.report.palette import class_colours
 from scenefw.report.pictures import beside, legend, stacked
 
@@ -24,8 +23,8 @@ SOURCES = {
     "both": (FROM_BOTH, (0.62, 0.75, 0.58)),
 }
 """Value and colour of each origin of a label."""
-_RIGHT, _WRONG, _MISSED = (0.93, 0.93, 0.92), (0.80, 0.15, 0.12), (0.35, 0.35, 0.40)
-_SIDE = 256  # pixels of a tile
+_RIGHT, WRONG, MISSED = (0.93, 0.93, 0.92), (0.80, 0.15, 0.12), (0.35, 0.35, 0.40)
+TILE = 256  # pixels of a tile
 _TOP = 0.06  # m: heights from here on have one colour
 
 
@@ -37,7 +36,7 @@ def label_picture(labels: NDArray[Any], classes: int) -> Picture:
 
 def error_picture(labels: NDArray[Any], truth: NDArray[Any]) -> Picture:
     """RGB (H, W, 3): wrong labels red, missing ones dark, right ones light."""
-    palette = np.array([_RIGHT, _WRONG, _MISSED], np.float32)
+    palette = np.array([_RIGHT, WRONG, MISSED], np.float32)
     kind = np.where(labels < 0, 2, labels != truth)
     return palette[np.where(truth < 0, 0, kind)]
 
@@ -72,51 +71,20 @@ def map_picture(height_map: HeightMap) -> Picture:
         tiles["labels"] = label_picture(labels, len(height_map.classes))
     if sources is not None:
         tiles["labels come from"] = source_picture(sources)
-    side = 2 * _SIDE
+    side = 2 * TILE
     sheet = beside([resized(tile, side) for tile in tiles.values()], list(tiles), columns=2)
     return stacked(sheet, class_legend(height_map.classes, sheet.shape[1]))
 
 
 def colour_picture(height_map: HeightMap) -> Picture:
     """RGB (V, V, 3) of the fused colour, dark where unseen."""
-    return _colour(height_map.colour, height_map.seen)
+    return shaded(height_map.colour, height_map.seen)
 
 
 def class_legend(classes: Sequence[str], width: int) -> Picture:
     """RGB (H, width, 3): the colours of classes and of where labels come from."""
     names = dict(zip(classes, class_colours(len(classes)), strict=True))
-    return legend(names | _source_names() | {"not seen": UNSEEN}, width)
-
-
-def example_picture(example: Example, classes: Sequence[str], strategies: Sequence[str]) -> Picture:
-    """RGB: a column per number of frames; rows of colour, labels, errors and sources."""
-    tiles: list[Picture] = []
-    titles: list[str] = []
-    for frames in example.frames:
-        tiles.append(_colour(example.colour[frames], np.any(example.colour[frames], axis=-1)))
-        titles.append(f"colour, {frames} frames")
-    tiles.append(_colour(example.true_colour, np.ones(example.truth.shape, np.bool_)))
-    titles.append("colour, true")
-    for strategy in strategies:
-        for frames in example.frames:
-            tiles.append(label_picture(example.labels[strategy, frames], len(classes)))
-            titles.append(strategy)
-        tiles.append(label_picture(example.truth, len(classes)))
-        titles.append("true labels")
-        for frames in example.frames:
-            tiles.append(error_picture(example.labels[strategy, frames], example.truth))
-            titles.append(f"{strategy}, errors")
-        tiles.append(np.ones_like(tiles[-1]))
-        titles.append("")
-    if example.sources:
-        for frames in example.frames:
-            tiles.append(source_picture(example.sources[frames]))
-            titles.append("hybrid, labels come from")
-    tiles = [resized(tile, _SIDE) for tile in tiles]
-    sheet = beside(tiles, titles, columns=len(example.frames) + 1)
-    names = dict(zip(classes, class_colours(len(classes)), strict=True))
-    marks = {"wrong": _WRONG, "unknown": _MISSED} | _source_names()
-    return stacked(sheet, legend(names | marks, sheet.shape[1]))
+    return legend(names | source_names() | {"not seen": UNSEEN}, width)
 
 
 def resized(picture: Picture, side: int) -> Picture:
@@ -126,11 +94,13 @@ def resized(picture: Picture, side: int) -> Picture:
     return np.asarray(scaled, dtype=np.float32) / np.float32(255)
 
 
-def _colour(colour: NDArray[np.uint8], observed: NDArray[np.bool_]) -> Picture:
+def shaded(colour: NDArray[np.uint8], observed: NDArray[np.bool_]) -> Picture:
+    """RGB (H, W, 3) of colours, dark where unseen."""
     picture: Picture = (colour / 255).astype(np.float32)
     picture[~observed] = UNSEEN
     return picture
 
 
-def _source_names() -> dict[str, Sequence[float]]:
+def source_names() -> dict[str, Sequence[float]]:
+    """Colours of a legend of where labels come from."""
     return {f"from {name}": colour for name, (_, colour) in SOURCES.items()}

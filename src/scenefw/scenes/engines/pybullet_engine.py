@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from scenefw.core.errors import MissingDependencyError
-from scenefw.core.quiet import silenced
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
 from scenefw.core.types import Float64, Pose, SceneObject, Shape, TriangleMesh
+from scenefw.scenes.bullet_client import connect
 from scenefw.shapes.hulls import collision_hulls
 from scenefw.shapes.solid_mesh import SolidMesh
 from scenefw.shapes.superquadric import Superquadric
@@ -224,15 +223,7 @@ class PyBulletEngine:
 
     def _connect(self) -> Any:
         if self._bullet is None:
-            try:
-                with silenced():  # it says when it was built
-                    import pybullet
-            except ImportError as error:
-                raise MissingDependencyError(
-                    "simulating scenes needs pybullet: pip install 'scenefw[simulation]'"
-                ) from error
-            self._bullet = pybullet
-            self._client = pybullet.connect(pybullet.DIRECT)
+            self._bullet, self._client = connect()
         return self._bullet
 
     def _collision_shape(self, shape: Shape) -> int:

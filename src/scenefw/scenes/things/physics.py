@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from scenefw.core.errors import MissingDependencyError
-from scenefw.core.quiet import silenced
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
 from scenefw.core.types import Float64, Pose
+from scenefw.scenes.bullet_client import connect
 from scenefw.shapes.things.solids import Part
 
 
@@ -148,15 +147,7 @@ class FastPhysics:
 
     def _connect(self) -> Any:
         if self._bullet is None:
-            try:
-                with silenced():  # it says when it was built
-                    import pybullet
-            except ImportError as error:
-                raise MissingDependencyError(
-                    "scenes of things need pybullet: pip install 'scenefw[simulation]'"
-                ) from error
-            self._bullet = pybullet
-            self._client = pybullet.connect(pybullet.DIRECT)
+            self._bullet, self._client = connect()
         return self._bullet
 
     def _shape(self, solids: Sequence[Float64]) -> int:

@@ -1,32 +1,25 @@
 """Methods on several views: joined parts, fits to all views, codes that explain them."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 import torch
 from tests.unit.mapping.test_several_views import BACK, FRONT, GRID, box_at, seen
 from tests.unit.perception.several import views_fit
-from torch import nn
 
-from scenefw.core.batches import SceneParameters, ShapeInstancePrediction
+from scenefw.core.batches import SceneParameters
 from scenefw.core.errors import ConfigError
 from scenefw.fitting.superquadrics import SuperquadricFit
 from scenefw.metrics.occupancy import occupancy_iou
 from scenefw.perception.cached import Cached
-from scenefw.perception.completion.volume_network import VolumeNetwork
 from scenefw.perception.evidence.gathering import EvidenceGathering
 from scenefw.perception.grouping.merging import FitMerging
 from scenefw.perception.grouping.reassignment import ResidualReassignment
 from scenefw.perception.grouping.segment_fits import SegmentFits
-from scenefw.perception.multiview.conditioned import Conditioned
-from scenefw.perception.multiview.optimised_code import OptimisedCode
 from scenefw.perception.multiview.views_grouping import ViewsGrouping, _refined
 from scenefw.perception.multiview.views_segmentation import ViewsSegmentation
 from scenefw.perception.observation.observation import Observation
 from scenefw.perception.observation.views import Views
 from scenefw.perception.steps import Objects
-from scenefw.renderers.differentiable import Differentiable
 from scenefw.representations.volumes import scene_volumes
 
 NOISE = torch.Generator()
@@ -107,31 +100,6 @@ def points_of(view):
     return Observation.of_partial(view, GRID).points
 
 
-class BoxDecoder(nn.Module):
-    """A network whose code says where the box stands along x, in decimetres."""
-
-    latent_size, outputs = 1, {"tsdf": 1}
-
-    def predict(self, condition, latent=None):
-        x, y, z = (torch.tensor(GRID.centres()[..., k]).float() for k in range(3))
-        away = torch.stack([(x - 0.1 * latent[0, 0]).abs(), y.abs(), (z - 0.1).abs()]) - 0.1
-        outside = away.clamp(min=0).norm(dim=0) + away.amax(dim=0).clamp(max=0)
-        tsdf = (outside / GRID.truncation).clamp(-1, 1)
-        return ShapeInstancePrediction({"tsdf": tsdf[None, None]}, latent=latent)
-
-
-class NoInstances:
-    """All that is inside is one object."""
-
-    def extract(self, tsdf, votes, grid):
-        return (tsdf < 0).int(), torch.zeros(1, 3)
-
-
-def network():
-    checkpoint = SimpleNamespace(model=BoxDecoder(), grid=GRID, metadata={})
-    return VolumeNetwork(checkpoint, NoInstances(), smoothing=0)
-
-
 def test_halves_seen_from_two_sides_are_one_object_and_fitted_whole():
     views, segmentation, grouping = (
         seen(box_at(0.0), FRONT, BACK),
@@ -197,33 +165,6 @@ def test_objects_that_no_grouping_knows_keep_their_number():
     assert (found[:, 4:7] == 0).all()
 
 
-def test_the_code_moves_the_box_to_where_the_views_show_it():
-    views = seen(box_at(0.06), FRONT, BACK)
-    method = OptimisedCode(network(), Differentiable(stride=1), iterations=30, rate=0.1)
-    code, costs = method.optimised(torch.zeros(1, 1), views[0], views, GRID)
-    assert float(code) == pytest.approx(0.6, abs=0.08)
-    assert costs[-1] < 0.4 * costs[0]
-    assert len(costs) == 31
-    (scene,) = method.complete_views(views, GRID, 1, NOISE)
-    truth = scene_volumes(box_at(0.06), GRID).tsdf[0, 0].numpy() < 0
-    assert occupancy_iou(scene.tsdf[0].numpy() < 0, truth) > 0.85
-
-
-def test_conditioning_gives_the_inner_method_what_all_views_observe():
-    views = seen(box_at(0.0), FRONT, BACK)
-
-    class Counting:
-        grid = GRID
-
-        def complete(self, partial, grid, samples, generator):
-            return [partial.observed.sum()] * samples
-
-    (count,) = Conditioned(Counting()).complete_views(views, GRID, 1, NOISE)
-    assert count == (views[0].observed | views[1].observed).sum()
-
-
-def test_numbers_are_checked():
-    with pytest.raises(ConfigError, match="iterations"):
-        OptimisedCode(network(), Differentiable(), iterations=0)
+def test_ratios_are_checked():
     with pytest.raises(ConfigError, match="share above 0"):
         ResidualReassignment(fits(), min_explained_ratio=0)

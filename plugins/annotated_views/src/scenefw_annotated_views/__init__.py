@@ -1,0 +1,1 @@
+"""Views of scenes with masks, poses and visibility, for other programs."""

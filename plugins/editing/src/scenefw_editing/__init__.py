@@ -1,0 +1,1 @@
+"""Changes to predicted scenes, and what they look like."""

@@ -1,0 +1,1 @@
+"""What results of labelling look like on the page."""

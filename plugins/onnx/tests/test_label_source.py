@@ -1,0 +1,93 @@
+"""Labels of an exported network against torch."""
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from tests.unit.tasks.recordings import frames
+
+from scenefw.core.errors import (
+    CheckpointError,
+    ConfigError,
+    InputError,
+    MissingDependencyError,
+)
+from scenefw.labelling.sources import NetworkLabels
+from scenefw.learning.checkpoint import load_checkpoint
+from scenefw_onnx.files import write_onnx
+from scenefw_onnx.label_source import OnnxLabels
+from scenefw_onnx.networks import named_network
+
+pytest.importorskip("onnxruntime", reason="pip install 'scenefw[onnx]'")
+pytest.importorskip("onnxscript", reason="pip install 'scenefw[onnx]'")
+
+
+def exported(folder, name, task="segmentation"):
+    network = named_network(load_checkpoint(None, task=task, shipped=name), task)
+    path = folder / f"{name}.onnx"
+    write_onnx(path, network, {}, 1e-3)
+    return path
+
+
+@pytest.fixture(scope="module")
+def views(tmp_path_factory):
+    return exported(tmp_path_factory.mktemp("onnx"), "label_views")
+
+
+@pytest.fixture(scope="module")
+def frame():
+    return next(frames(1))
+
+
+@pytest.mark.parametrize("size", [(80, 60), (53, 37)])
+def test_labels_are_those_of_torch(views, frame, size):
+    """Also of sizes that the network's strides don't divide."""
+    width, height = size
+    small = replace(
+        frame,
+        camera=replace(frame.camera, width=width, height=height),
+        depth=frame.depth[:height, :width],
+        colour=frame.colour[:height, :width],
+        labels=None,
+    )
+    checkpoint = load_checkpoint(None, task="segmentation", shipped="label_views")
+    wanted = NetworkLabels(checkpoint).label(small)
+    source = OnnxLabels(views, threads=1)
+    found = source.label(small)
+    assert found.shape == (len(source.classes), height, width)
+    np.testing.assert_allclose(found.sum(axis=0), 1, atol=1e-5)
+    np.testing.assert_allclose(found, wanted, atol=2e-3)
+    assert source.classes == NetworkLabels(checkpoint).classes
+
+
+def test_what_cannot_be_used_is_one_line(views, frame, tmp_path, monkeypatch):
+    with pytest.raises(InputError, match="no colour"):
+        OnnxLabels(views).label(replace(frame, colour=None))
+    with pytest.raises(ConfigError, match=r"label_source\.path"):
+        OnnxLabels(None)
+    with pytest.raises(ConfigError, match="threads is 0"):
+        OnnxLabels(views, threads=0)
+    with pytest.raises(CheckpointError, match="expected surface, cup"):
+        OnnxLabels(views, classes=["surface", "cup"])
+    with pytest.raises(CheckpointError, match="cannot read"):
+        OnnxLabels(tmp_path / "missing.onnx")
+    (tmp_path / "damaged.onnx").write_bytes(views.read_bytes()[:1000])
+    with pytest.raises(CheckpointError, match="no ONNX file"):
+        OnnxLabels(tmp_path / "damaged.onnx")
+    with pytest.raises(CheckpointError, match="no network that labels views"):
+        OnnxLabels(exported(tmp_path, "label_maps"))
+    monkeypatch.setitem(sys.modules, "onnxruntime", None)
+    with pytest.raises(MissingDependencyError, match=r"scenefw\[onnx\]"):
+        OnnxLabels(views)
+
+
+def test_a_file_of_something_else_is_refused(tmp_path):
+    onnx = pytest.importorskip("onnx")
+    path = tmp_path / "other.onnx"
+    linear = torch.nn.Linear(2, 1).eval()
+    program = torch.onnx.export(linear, (torch.zeros(1, 2),), dynamo=True, verbose=False)
+    onnx.save(program.model_proto, path)
+    with pytest.raises(CheckpointError, match="no network that labels views"):
+        OnnxLabels(path)

@@ -1,0 +1,1 @@
+"""What drawn scenes look like on the page."""

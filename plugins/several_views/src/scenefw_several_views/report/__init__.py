@@ -1,0 +1,1 @@
+"""What results of several views look like on the page."""

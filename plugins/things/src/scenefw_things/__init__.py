@@ -1,0 +1,1 @@
+"""Scenes and images of household things, to train the segmentation on."""

@@ -1,1 +1,0 @@
-"""Documents about weights: cards and the README's table."""
