@@ -203,9 +203,12 @@ class Frame:
             )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TriangleMesh:
-    """Vertices (V, 3) float64 metres, faces (F, 3) int64, counter-clockwise from outside."""
+    """Vertices (V, 3) float64 metres, faces (F, 3) int64, counter-clockwise from outside.
+
+    Equal only to itself, so that what is computed of a mesh can be kept as long as the mesh.
+    """
 
     vertices: Float64
     faces: NDArray[np.int64]

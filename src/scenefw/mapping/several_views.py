@@ -11,6 +11,7 @@ from scipy.ndimage import binary_erosion
 
 from scenefw.core.batches import CameraBatch, PartialTSDF
 from scenefw.core.errors import InputError
+from scenefw.core.geometry import transform_points
 from scenefw.kernels.cameras import camera_of
 
 if TYPE_CHECKING:
@@ -110,7 +111,7 @@ def _world(view: PartialTSDF) -> Float64:
     v, u = np.nonzero(depth > 0)
     z = depth[v, u]
     local = np.stack([(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z], axis=1)
-    return np.asarray(local @ camera.T_world_camera[:3, :3].T + camera.T_world_camera[:3, 3])
+    return transform_points(camera.T_world_camera, local)
 
 
 def _images(views: Sequence[PartialTSDF]) -> torch.Tensor:

@@ -8,6 +8,7 @@ import numpy as np
 
 from scenefw.core import geometry
 from scenefw.core.types import Float64, Pose, TriangleMesh
+from scenefw.core.weak_cache import cached_by_identity
 
 _NOTHING = 1e-12  # m^3
 
@@ -33,6 +34,7 @@ class Moments:
         return np.asarray(axes * self.spread @ axes.T)
 
 
+@cached_by_identity
 def moments(mesh: TriangleMesh) -> Moments:
     """First and second moments, integrated over the tetrahedra between the faces and a point.
 
@@ -40,7 +42,8 @@ def moments(mesh: TriangleMesh) -> Moments:
     """
     origin = mesh.vertices.mean(axis=0)
     corners = (mesh.vertices - origin)[mesh.faces]
-    volumes = np.linalg.det(corners) / 6
+    first, second_corner, third = np.moveaxis(corners, 1, 0)
+    volumes = (first * np.cross(second_corner, third)).sum(axis=1) / 6
     total = float(volumes.sum())
     if abs(total) < _NOTHING:
         return Moments(total, Pose(origin, np.array([1.0, 0.0, 0.0, 0.0])), np.zeros(3))

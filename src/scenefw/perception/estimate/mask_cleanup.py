@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import ndimage
 
+from scenefw.core.geometry import inverse, transform_points
 from scenefw.shapes.vessel import Vessel
 
 if TYPE_CHECKING:
@@ -64,12 +65,11 @@ def with_bottoms(masks: Int32, points: Float64, placed: Mapping[int, PlacedShape
         placed: shapes of objects, by id.
     """
     new_masks = masks.copy()
-    raised_points = points.copy()
-    raised_points[..., 2] = np.maximum(raised_points[..., 2], 0) + _BOTTOM
     for label, item in placed.items():
         if isinstance(item.shape, Vessel):
             pixels = np.nonzero((masks == 0) & (np.abs(points[..., 2]) < _BOTTOM))
-            local = (raised_points[pixels] - item.pose.position) @ item.pose.rotation
-            inside = item.shape.holds(local)
+            raised_points = np.maximum(points[pixels], (-np.inf, -np.inf, 0)) + (0, 0, _BOTTOM)
+            local_points = transform_points(inverse(item.pose.matrix), raised_points)
+            inside = item.shape.holds(local_points)
             new_masks[tuple(axis[inside] for axis in pixels)] = label
     return new_masks

@@ -12,7 +12,7 @@ from skimage.measure import marching_cubes
 from scenefw.core import rng
 from scenefw.core.types import TriangleMesh
 from scenefw.perception.estimate.objects import estimate_objects
-from scenefw.perception.evidence.mesh_distances import MeshDistances, mesh_volumes
+from scenefw.perception.evidence.mesh_distances import distances_to, mesh_volumes
 from scenefw.perception.observation.image_turns import turned_pixels
 from scenefw.perception.observation.object_masks import footprint_hull
 
@@ -50,11 +50,13 @@ def plausible(estimate: SceneEstimate, view: Observation) -> SceneEstimate:
     checks = _Checks(estimate, view)
     changes = {}
     for item in estimate.objects:
-        if checks.flaws(item.mesh, item.id) == 0:
-            continue
-        mesh = min([item.mesh, *checks.humbler(item.id)], key=lambda m: checks.flaws(m, item.id))
-        if mesh is not item.mesh:
-            changes[item.id] = mesh
+        flaws = checks.flaws(item.mesh, item.id)
+        for mesh in checks.humbler(item.id) if flaws else ():
+            humbler_flaws = checks.flaws(mesh, item.id)
+            if humbler_flaws < flaws:
+                changes[item.id], flaws = mesh, humbler_flaws
+            if not flaws:
+                break
     return with_meshes(estimate, changes) if changes else estimate
 
 
@@ -125,7 +127,7 @@ class _Checks:
         """Height (m) of what lies below the visible points (N, 3): another object, or the floor."""
         middle, lowest = np.median(points[:, :2], axis=0)[None], points[:, 2].min()
         heights = [
-            MeshDistances(item.mesh).highest(middle)[0]
+            distances_to(item.mesh).highest(middle)[0]
             for item in self.objects
             if item.id != label
             and (item.mesh.vertices[:, :2].min(axis=0) < middle).all()
@@ -136,7 +138,7 @@ class _Checks:
     def _free_ratio(self, mesh: TriangleMesh, low: Float64, high: Float64) -> float:
         """Share of a mesh's volume that lies before what was measured, by more than a voxel."""
         places = rng.generator(0).uniform(low, high, (_SAMPLES, 3))
-        is_free, distances = self._is_free(places), MeshDistances(mesh)
+        is_free, distances = self._is_free(places), distances_to(mesh)
         free_count = distances.inside(places[is_free]).sum()
         if not free_count:
             return 0.0

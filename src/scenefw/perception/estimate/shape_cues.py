@@ -9,8 +9,9 @@ import numpy as np
 import torch
 
 from scenefw.core.geometry import inverse, transform_points
-from scenefw.kernels.meshes import NOTHING, Tree
+from scenefw.kernels.meshes import NOTHING
 from scenefw.metrics.sampling import face_areas
+from scenefw.perception.evidence.mesh_distances import distances_to
 from scenefw.perception.observation.image_turns import turned_pixels
 from scenefw.shapes.moments import moments
 
@@ -116,8 +117,7 @@ def _front(
     rays = np.zeros((len(u), 6), np.float32)
     rays[:, :3] = camera.T_world_camera[:3, 3]
     rays[:, 3:] = np.stack([u, v, np.ones(len(u))], axis=1) @ camera.T_world_camera[:3, :3].T
-    tree = Tree(item.mesh.vertices[item.mesh.faces].astype(np.float32))
-    distance, hit, _ = tree.cast(torch.from_numpy(rays), table=False)
+    distance, hit, _ = distances_to(item.mesh).tree.cast(torch.from_numpy(rays), table=False)
     return np.where(hit.numpy() != NOTHING, distance.numpy(), 0.0).astype(np.float64)
 
 

@@ -169,8 +169,11 @@ class EvidenceGathering:
         box = _voxel_box(view.grid, low, high)
         centres, free_mask = view.grid.centres()[box], view.free[box]
         places, labels = surface
-        free_points = _subsample(_points_in_box(centres[free_mask], low, high), self.outside_points)
-        neighbours = _points_in_box(places[labels != label], low, high)
+        free_places = centres[free_mask]
+        free_places = free_places[_rows_in_box(free_places, low, high)]
+        free_points = _subsample(free_places, self.outside_points)
+        near = _rows_in_box(places, low, high)
+        neighbours = places[near[labels[near] != label]]
         x, y = np.meshgrid(*np.linspace(low[:2], high[:2], 10).T)
         floor_points = np.stack([x, y, np.full_like(x, -_FLOOR_DEPTH)], axis=-1).reshape(-1, 3)
         silhouette_points = np.empty((0, 3))
@@ -197,8 +200,13 @@ def _subsample(points: Float64, max_points: int) -> Float64:
     )
 
 
-def _points_in_box(points: Float64, low: Float64, high: Float64) -> Float64:
-    return points[((points > low) & (points < high)).all(axis=1)]
+def _rows_in_box(points: Float64, low: Float64, high: Float64) -> NDArray[np.int64]:
+    """Rows of points (N, 3) between two corners."""
+    rows = np.arange(len(points))
+    for axis in range(3):
+        values = points[rows, axis]
+        rows = rows[(values > low[axis]) & (values < high[axis])]
+    return rows
 
 
 def _padded_box(mask: Mask) -> tuple[slice, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from scipy.spatial import cKDTree
 
+from scenefw.core.weak_cache import cached_by_identity
 from scenefw.kernels.meshes import NOTHING, Tree
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ class MeshDistances:
     """
 
     def __init__(self, mesh: TriangleMesh) -> None:
-        self.mesh = mesh
+        self.vertices, self.faces = mesh.vertices, mesh.faces
         self.low, self.high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
 
     def inside(self, points: Float64) -> NDArray[np.bool_]:
@@ -55,21 +56,27 @@ class MeshDistances:
         inside[rows] = odd_mask
         return inside
 
-    def at(self, points: Float64) -> Float64:
-        """Distances (N,) of points (N, 3) to the surface (m), negative inside."""
+    def at(self, points: Float64, limit: float = np.inf) -> Float64:
+        """Distances (N,) of points (N, 3) to the surface (m), negative inside.
+
+        Those beyond `limit` may be cut there.
+        """
         from trimesh.triangles import closest_point
 
         points = np.asarray(points, dtype=np.float64)
         if not len(points):
             return np.zeros(0)
-        triangles, tree = self._subdivision
+        triangles, tree, longest = self._subdivision
         count = min(_NEIGHBOURS, len(triangles))
-        rows = tree.query(points, k=count)[1].reshape(len(points), count)
-        closest_points = closest_point(triangles[rows.ravel()], np.repeat(points, count, axis=0))
+        middles, rows = (a.reshape(len(points), count) for a in tree.query(points, k=count))
+        near = middles[:, 0] < limit + longest  # no point of a triangle is as far from its middle
+        corners, places = triangles[rows[near].ravel()], points[near]
+        closest_points = closest_point(corners, np.repeat(places, count, axis=0))
         distances = np.linalg.norm(
-            closest_points.reshape(len(points), count, 3) - points[:, None], axis=-1
+            closest_points.reshape(len(places), count, 3) - places[:, None], axis=-1
         )
-        min_distances = distances.min(axis=1)
+        min_distances = np.full(len(points), limit)
+        min_distances[near] = distances.min(axis=1)
         return np.where(self.inside(points), -min_distances, min_distances)
 
     def lowest(self, places: Float64) -> Float64:
@@ -88,22 +95,27 @@ class MeshDistances:
     def _cast(self, start: Float32, up: float) -> tuple[Float32, NDArray[np.bool_]]:
         rays = np.zeros((len(start), 6), dtype=np.float32)
         rays[:, :3], rays[:, 5] = start, up
-        distance, hit, _ = self._tree.cast(torch.from_numpy(rays), table=False)
+        distance, hit, _ = self.tree.cast(torch.from_numpy(rays), table=False)
         return distance.numpy(), hit.numpy() != NOTHING
 
     @cached_property
-    def _tree(self) -> Tree:
-        return Tree(self.mesh.vertices[self.mesh.faces].astype(np.float32))
+    def tree(self) -> Tree:
+        """Its triangles, for rays."""
+        return Tree(self.vertices[self.faces].astype(np.float32))
 
     @cached_property
-    def _subdivision(self) -> tuple[Float64, cKDTree]:
-        """Triangles (T, 3, 3) with short sides, and a tree of their middles."""
+    def _subdivision(self) -> tuple[Float64, cKDTree, float]:
+        """Triangles (T, 3, 3) with short sides, a tree of their middles, and the longest side."""
         from trimesh.remesh import subdivide_to_size
 
         longest = max(_MAX_SIDE, float((self.high - self.low).max()) / 40)
-        vertices, faces = subdivide_to_size(self.mesh.vertices, self.mesh.faces, longest)
+        vertices, faces = subdivide_to_size(self.vertices, self.faces, longest)
         triangles = np.asarray(vertices[faces], dtype=np.float64)
-        return triangles, cKDTree(triangles.mean(axis=1))
+        return triangles, cKDTree(triangles.mean(axis=1)), longest
+
+
+distances_to = cached_by_identity(MeshDistances)
+"""The distances to a closed mesh, made once per mesh."""
 
 
 def mesh_volumes(
@@ -121,7 +133,7 @@ def mesh_volumes(
     owner = np.zeros(grid.shape, dtype=np.int32)
     centres = grid.centres()
     for label, mesh in meshes:
-        distances = MeshDistances(mesh)
+        distances = distances_to(mesh)
         low = np.floor(grid.to_voxels(distances.low - grid.truncation)).astype(int)
         high = np.ceil(grid.to_voxels(distances.high + grid.truncation)).astype(int) + 1
         low, high = (np.clip(corner, 0, grid.resolution) for corner in (low, high))
@@ -129,7 +141,7 @@ def mesh_volumes(
         shape = nearest[box].shape
         if not all(shape):
             continue
-        part = distances.at(centres[box].reshape(-1, 3)).reshape(shape)
+        part = distances.at(centres[box].reshape(-1, 3), grid.truncation).reshape(shape)
         part = np.clip(part, -grid.truncation, grid.truncation).astype(np.float32)
         closer = part < nearest[box]
         nearest[box] = np.where(closer, part, nearest[box])

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scenefw.perception.evidence.mesh_distances import MeshDistances
+from scenefw.perception.evidence.mesh_distances import distances_to
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,7 +29,7 @@ def nearest_objects(
     labels = np.zeros(len(points), np.int32)
     nearest = np.full(len(points), np.inf)
     for item in objects:
-        distances = MeshDistances(item.mesh)
+        distances = distances_to(item.mesh)
         box = (points > distances.low - reach) & (points < distances.high + reach)
         inside = np.flatnonzero(box.all(axis=1))
         for rows in np.split(inside, range(_AT_ONCE, len(inside), _AT_ONCE)) if len(inside) else ():

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from scenefw.core.types import Float32, Float64
+    from scenefw.core.types import Float64, Frame
 
     Mask = NDArray[np.bool_]
 
@@ -34,16 +34,15 @@ class ObstacleFinding(Protocol):
     """Finds obstacles in a depth image (group `obstacles`)."""
 
     def find(
-        self, depth: Float32, points: Float64, raised: Mask, floor: Mask, eye: Float64
+        self, frame: Frame, points: Float64, raised: Mask, floor: Mask
     ) -> list[ObstacleRegion]:
         """Obstacles, which share no pixel.
 
         Args:
-            depth: (H, W) metres, 0 = no measurement.
-            points: (H, W, 3) of the pixels, floor z = 0 (m), NaN = no depth.
+            frame: whose floor is z = 0.
+            points: (H, W, 3) of the pixels (m), NaN = no depth.
             raised: (H, W) pixels of what rises above the floor.
             floor: (H, W) pixels of the floor.
-            eye: (3,) where the camera is (m).
         """
 
 

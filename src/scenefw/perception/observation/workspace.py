@@ -187,9 +187,7 @@ class WorkspaceFinder:
             if not objects.any():
                 objects = _flat_pixels(points[..., 2], frame.depth, region)
             return _Surfaces(frame, points, raised, on_floor, objects)
-        obstacles = self.obstacles.find(
-            frame.depth, points, raised, on_floor, frame.camera.T_world_camera[:3, 3]
-        )
+        obstacles = self.obstacles.find(frame, points, raised, on_floor)
         things = raised & ~union(obstacles, raised.shape)
         flat = tuple(flat_things(points[..., 2], frame.depth, self.min_height))
         objects = standing_pixels(frame.depth, points, things, self.min_height)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scenefw.perception.evidence.mesh_distances import MeshDistances
+from scenefw.perception.evidence.mesh_distances import MeshDistances, distances_to
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -61,7 +61,7 @@ def overlaps(objects: Sequence[ObjectEstimate], tolerance: float = TOLERANCE) ->
         objects: closed meshes, world coordinates.
         tolerance: depth that counts as touching (m).
     """
-    solids = {item.id: MeshDistances(item.mesh) for item in objects}
+    solids = {item.id: distances_to(item.mesh) for item in objects}
     candidates = [
         Overlap(label, 0, -float(solid.low[2]), float("nan")) for label, solid in solids.items()
     ]
@@ -79,7 +79,7 @@ def hovers(objects: Sequence[ObjectEstimate], tolerance: float = TOLERANCE) -> l
         objects: closed meshes, world coordinates.
         tolerance: gap that counts as touching (m).
     """
-    solids = {item.id: MeshDistances(item.mesh) for item in objects}
+    solids = {item.id: distances_to(item.mesh) for item in objects}
     candidates = [_hover(label, solids) for label in solids]
     return [hover for hover in candidates if hover.gap > tolerance]
 
@@ -140,7 +140,7 @@ def _places(first: MeshDistances, second: MeshDistances) -> Float64:
     lattice = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
     corners = []
     for solid in (first, second):
-        vertices = solid.mesh.vertices[:: len(solid.mesh.vertices) // _CORNERS + 1, :2]
+        vertices = solid.vertices[:: len(solid.vertices) // _CORNERS + 1, :2]
         corners.append(vertices[((vertices >= low) & (vertices <= high)).all(axis=1)])
     return np.concatenate([lattice, *corners])
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 
-from scenefw.core.batches import CameraBatch
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, PROBABILITY, below
 from scenefw.perception.observation.components import EDGE, linked_parts
+from scenefw.perception.observation.pixel_probabilities import pixel_probabilities
 from scenefw.perception.observation.pixels import WIDTH
 from scenefw.perception.segmentation.crease_segmentation import high_parts
 from scenefw.perception.segmentation.regions import (
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
 
     from scenefw.core.part_protocols import PartAffinityModel
     from scenefw.core.training_protocols import Trained
-    from scenefw.core.types import Camera, Float32, Float64, Int32
+    from scenefw.core.types import Float32, Float64, Int32
     from scenefw.perception.observation.observation import Observation
     from scenefw.perception.segmentation.border_colours import BorderColours
     from scenefw.perception.steps import Segmentation
@@ -139,11 +138,13 @@ class AffinitySegmentation:
         """Parts (H, W), 0 = none, of a depth image."""
         frame, heights = view.frame, view.heights
         noise, smooth = view.noise.at(view.depth), view.noise.is_correlated
-        step = max(1, round(frame.camera.fx / self.model.focal))
-        rows, columns = (np.arange(size) // step for size in frame.depth.shape)
+        probabilities = pixel_probabilities(self.model, frame)
+        step, across, down = probabilities.step, probabilities.across, probabilities.down
         depth = np.ascontiguousarray(np.nan_to_num(frame.depth[::step, ::step]), np.float32)
-        colour = None if frame.colour is None else frame.colour[::step, ::step]
-        across, down, object_probability = self._probabilities(depth, colour, frame.camera, step)
+        object_probability = probabilities.objects
+        if object_probability is None:
+            object_probability = np.ones_like(depth)
+        rows, columns = (np.arange(size) // step for size in frame.depth.shape)
         waves = self.floor_sigmas * noise if smooth else 0.0
         margin = np.clip(waves, self.floor_margin, max(self.floor_margin, self.min_height))
         above = heights > margin  # NaN where no depth: not above
@@ -185,30 +186,6 @@ class AffinitySegmentation:
         slivers = large_parts(np.where(is_sliver, components, 0), self.min_region)
         regions = np.where(slivers > 0, slivers + regions.max(initial=0), regions)
         return grown(regions, above, depth, EDGE)
-
-    @torch.no_grad()
-    def _probabilities(
-        self, depth: Float32, colour: NDArray[np.uint8] | None, camera: Camera, step: int
-    ) -> tuple[Float32, Float32, Float32]:
-        """Probabilities that a pixel shows what the next one does, on the right and below.
-
-        The third (H, W) is that of showing an object, 1 if the network doesn't say it.
-        """
-        device = next(self.model.parameters()).device  # type: ignore[attr-defined]
-        intrinsics = np.array([[camera.fx, camera.fy, camera.cx, camera.cy]], np.float32) / step
-        cameras = CameraBatch(
-            depth.shape[1],
-            depth.shape[0],
-            torch.from_numpy(intrinsics).to(device),
-            torch.from_numpy(camera.T_world_camera[None].astype(np.float32)).to(device),
-        )
-        image = torch.from_numpy(depth)[None].to(device)
-        colours = None if colour is None else torch.tensor(colour, device=device)
-        if colours is not None:
-            colours = colours.permute(2, 0, 1)[None] / 255
-        probabilities: Float32 = self.model(image, cameras, colours)[0].sigmoid().cpu().numpy()
-        object_probability = np.ones_like(depth) if self.model.shown is None else probabilities[2]
-        return probabilities[0, :, :-1], probabilities[1, :-1], object_probability
 
 
 def _means(values: Float32, parts: Int32) -> Float64:

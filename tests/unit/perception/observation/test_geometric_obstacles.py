@@ -30,9 +30,10 @@ def kinds_of(boxes, eye=(0.0, -1.0, 0.9), size=(320, 240), noise=0.001, roll=0.0
     """Kind of obstacle that most raised pixels of each box are, "" if none."""
     camera = camera_at(eye=eye, size=size, roll=roll)
     frame = frame_of(camera, boxes, noise=noise)
-    points = world_points(replace(frame, camera=camera))
+    frame = replace(frame, camera=camera)
+    points = world_points(frame)
     raised, floor = points[..., 2] > 0.015, np.abs(points[..., 2]) < 0.015
-    regions = OBSTACLES.find(frame.depth, points, raised, floor, camera.T_world_camera[:3, 3])
+    regions = OBSTACLES.find(frame, points, raised, floor)
     assert (np.sum([region.pixels for region in regions], axis=0) <= 1).all()  # they share none
     kinds = []
     for i in range(1, len(boxes) + 1):

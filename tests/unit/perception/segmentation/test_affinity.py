@@ -26,7 +26,7 @@ from scenefw.perception.segmentation.crease_segmentation import CreaseSegmentati
 class Knowing(torch.nn.Module):
     """Says of pixels whether their owners, an image (H, W), are the same."""
 
-    shown = None
+    shown = obstacles = None
 
     def __init__(self, owners, focal):
         super().__init__()
