@@ -52,9 +52,10 @@ class MeshFamilies:
             raise ConfigError(
                 f"families {', '.join(shared)} belong to two parts of the data; give each to one"
             )
-        self.root, self.leave_out, self.parts = str(root), leave_out, parts
+        self.root, self.leave_out, self.parts = str(Path(root).resolve()), leave_out, parts
         self.families = {part: tuple(members) for part, members in families.items()}
         self.longest, self.shortest = longest, shortest
+        self.files = _files(Path(self.root), self.families)
         self._solids: dict[str, MeshSolids] = {}
 
     def sample(self, rng: np.random.Generator, split: str) -> SolidMesh:
@@ -88,3 +89,16 @@ class MeshFamilies:
             shortest=self.shortest,
             parts=self.parts,
         )
+
+
+def _files(root: Path, families: Mapping[str, Sequence[str]]) -> dict[str, list[tuple[str, int]]]:
+    """Names of files and when they were written, by part: scenes that are kept depend on them."""
+    return {
+        part: [
+            (path.relative_to(root).as_posix(), path.stat().st_mtime_ns)
+            for name in members
+            for path in sorted((root / name).rglob("*"))
+            if path.is_file()
+        ]
+        for part, members in families.items()
+    }

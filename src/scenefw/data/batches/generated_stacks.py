@@ -68,7 +68,7 @@ class GeneratedStacks:
         """
         with self._lock:
             if row not in self._scenes:
-                self._scenes[row] = self._kept(row) or self._made(row)
+                self._scenes[row] = self._stored(row) or self._generated(row)
             return self._scenes[row].objects
 
     def parameters(
@@ -86,7 +86,7 @@ class GeneratedStacks:
         cache = cache_folder()
         return None if cache is None else cache / "scenefw" / "stacks" / digest
 
-    def _kept(self, row: int) -> Scene | None:
+    def _stored(self, row: int) -> Scene | None:
         if self._cache is None or not self._path(self._cache, row).is_file():
             return None
         try:
@@ -94,7 +94,7 @@ class GeneratedStacks:
         except StorageError:
             return None  # damaged: made anew
 
-    def _made(self, row: int) -> Scene:
+    def _generated(self, row: int) -> Scene:
         numbers = range(row * _ATTEMPTS, (row + 1) * _ATTEMPTS)
         attempts = (self.source.generate(number, self.seed) for number in numbers)
         scene = next((scene for scene in attempts if scene is not None), None)

@@ -37,8 +37,8 @@ class ShapeScores(NamedTuple):
 
     Args:
         chamfer: mean distance of points on each surface to the other, mean of both directions (m).
-        chamfer_seen: the same where the camera sees the true surface; predicted points count where
-            the nearest true one does. NaN if nothing is seen.
+        chamfer_visible: the same where the camera sees the true surface; predicted points count
+            where the nearest true one does. NaN if nothing is visible.
         chamfer_hidden: where it doesn't.
         f_5, f_10: F-scores at 5 and 10 mm.
         iou: of the voxels that both fill.
@@ -46,7 +46,7 @@ class ShapeScores(NamedTuple):
     """
 
     chamfer: float
-    chamfer_seen: float
+    chamfer_visible: float
     chamfer_hidden: float
     f_5: float
     f_10: float
@@ -106,13 +106,13 @@ class SolidShape:
         )
 
 
-def shape_scores(predicted: SolidShape, true: SolidShape, is_seen: Mask) -> ShapeScores:
+def shape_scores(predicted: SolidShape, true: SolidShape, is_visible: Mask) -> ShapeScores:
     """Scores of a shape.
 
     Args:
         predicted: as it is predicted.
         true: as it is.
-        is_seen: (N,) which points of `true` the camera sees.
+        is_visible: (N,) which points of `true` the camera sees.
     """
     forward = np.abs(true.distances.at(predicted.points))
     backward = np.abs(predicted.distances.at(true.points))
@@ -120,15 +120,15 @@ def shape_scores(predicted: SolidShape, true: SolidShape, is_seen: Mask) -> Shap
     neighbours = Nearest(forward, backward, nearest, np.zeros(0, np.int64))
     return ShapeScores(
         0.5 * chamfer_of(neighbours),
-        _part(forward, backward, is_seen[nearest], is_seen),
-        _part(forward, backward, ~is_seen[nearest], ~is_seen),
+        _part(forward, backward, is_visible[nearest], is_visible),
+        _part(forward, backward, ~is_visible[nearest], ~is_visible),
         *(f_score(neighbours, distance) for distance in F_DISTANCES),
         iou=predicted.iou(true),
         size_ratio=predicted.volume / true.volume,
     )
 
 
-def seen_points(shape: SolidShape, visible: Mask, camera: Camera) -> Mask:
+def visible_points(shape: SolidShape, visible: Mask, camera: Camera) -> Mask:
     """Which points (N,) of a shape a camera sees.
 
     Args:

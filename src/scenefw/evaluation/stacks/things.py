@@ -16,9 +16,9 @@ from scenefw.evaluation.stacks.object_shapes import SolidShape, shape_scores
 from scenefw.evaluation.stacks.shape_methods import PredictedScene, VisibleHulls, pipeline_scenes
 from scenefw.evaluation.stacks.stability_results import Pile
 from scenefw.evaluation.stacks.things_results import (
-    FOUND,
-    MARKED,
+    METHOD_MASKS,
     RISING,
+    TRUE_MASKS,
     TRUTH,
     Draws,
     Standing,
@@ -143,29 +143,34 @@ class ThingsEvaluation:
         """All scores of one image."""
         (view,) = self.groups[stratum, sensor].views(scene, 1)
         truth = TrueThings.of(view, self.min_pixels, self.voxel)
-        found, refused = self._estimates(view.frame, None, 1)
+        detections, refusals = self._estimates(view.frame, None, 1)
         is_judged = self.draw_scenes is None or scene < self.draw_scenes
-        marked, _ = self._estimates(view.frame, truth.marks, self.draws if is_judged else 1)
-        firsts = {name: scenes[0] for name, scenes in found.items()}
+        completions, _ = self._estimates(view.frame, truth.marks, self.draws if is_judged else 1)
+        firsts = {name: scenes[0] for name, scenes in detections.items()}
         masks = {name: self._masks(firsts.get(name), truth) for name in self._names}
         masks[RISING] = self._mask_scores(truth.rising(next(iter(firsts.values()), None)), truth)
-        shapes: dict[str, dict[str, list[dict[str, float] | None]]] = {FOUND: {}, MARKED: {}}
-        for name in self._names:
-            shapes[FOUND][name] = self._shapes(firsts.get(name), truth)
-            shapes[MARKED][name] = self._shapes(next(iter(marked.get(name, ())), None), truth,
-                                                is_marked=True)  # fmt: skip
-        draws = {n: d for n, s in marked.items() if is_judged and (d := self._draws(s, truth))}
+        shapes = {
+            METHOD_MASKS: {n: self._shapes(firsts.get(n), truth) for n in self._names},
+            TRUE_MASKS: {
+                n: self._shapes(next(iter(completions.get(n, ())), None), truth, is_marked=True)
+                for n in self._names
+            },
+        }
+        draws = {n: d for n, s in completions.items() if is_judged and (d := self._draws(s, truth))}
+        confidences = self._confidences(
+            f"{stratum}/{sensor}", scene, view, firsts, completions, truth
+        )
         return ThingImage(
             stratum,
             sensor,
             scene,
             truth.kinds,
-            refused,
+            refusals,
             masks,
             shapes,
             draws,
             self._standing(stratum, scene, firsts) if is_judged else {},
-            tuple(self._confidences(f"{stratum}/{sensor}", scene, view, firsts, marked, truth)),
+            tuple(confidences),
         )
 
     @property
@@ -177,7 +182,7 @@ class ThingsEvaluation:
     ) -> tuple[dict[str, list[PredictedScene]], dict[str, str]]:
         """Hypotheses of each method, and why others have none."""
         estimates: dict[str, list[PredictedScene]] = {}
-        refused: dict[str, str] = {}
+        refusals: dict[str, str] = {}
         observed: Observation | str = ""
         for name, pipeline in self.methods.items():
             try:
@@ -186,13 +191,13 @@ class ThingsEvaluation:
                 estimates[name] = pipeline_scenes(pipeline, view, count)
             except InputError as error:
                 observed = observed or str(error)
-                refused[name] = str(error)
+                refusals[name] = str(error)
         for name, reference in self.references.items():
             if isinstance(observed, str):
-                refused[name] = observed
+                refusals[name] = observed
             else:
                 estimates[name] = [reference.scene(observed)]
-        return estimates, refused
+        return estimates, refusals
 
     def _masks(self, scene: PredictedScene | None, truth: TrueThings) -> dict[str, float]:
         masks = np.zeros_like(truth.labels) if scene is None else scene.masks
@@ -212,8 +217,8 @@ class ThingsEvaluation:
         """Scores of each true object; None: nothing was predicted of it."""
         if scene is None:
             return [None] * len(truth.kinds)
-        meshes = truth.placed(scene)
-        pairs = {number: number for number in truth.shapes} if is_marked else truth.matched(scene)
+        meshes = truth.in_true_frame(scene)
+        pairs = {number: number for number in truth.shapes} if is_marked else truth.matches(scene)
         scores: list[dict[str, float] | None] = []
         for number, shape in truth.shapes.items():
             mesh = meshes.get(pairs.get(number, 0))
@@ -221,23 +226,26 @@ class ThingsEvaluation:
                 scores.append(None)
                 continue
             predicted = SolidShape(mesh, self.voxel)
-            scores.append(shape_scores(predicted, shape, truth.seen[number])._asdict())
+            scores.append(shape_scores(predicted, shape, truth.visible[number])._asdict())
         return scores
 
     def _draws(self, scenes: Sequence[PredictedScene], truth: TrueThings) -> Draws | None:
-        """Hypotheses of marked objects, those that all of them have."""
+        """Scores of hypotheses, on the marked objects that all of them have."""
         drawn = [
-            {label: SolidShape(mesh, self.voxel) for label, mesh in truth.placed(scene).items()}
+            {
+                label: SolidShape(mesh, self.voxel)
+                for label, mesh in truth.in_true_frame(scene).items()
+            }
             for scene in scenes
         ]
-        common = [n for n in truth.shapes if all(n in shapes for shapes in drawn)]
-        if not common:
+        shared_numbers = [n for n in truth.shapes if all(n in shapes for shapes in drawn)]
+        if not shared_numbers:
             return None
         to_truth = np.array(
-            [[shapes[n].distance(truth.shapes[n]) for n in common] for shapes in drawn]
+            [[shapes[n].distance(truth.shapes[n]) for n in shared_numbers] for shapes in drawn]
         )
-        among = np.array([_among([shapes[n] for shapes in drawn]) for n in common])
-        energies = [energy_score(to_truth[:, i], among[i]) for i in range(len(common))]
+        among = np.array([_among([shapes[n] for shapes in drawn]) for n in shared_numbers])
+        energies = [energy_score(to_truth[:, i], among[i]) for i in range(len(shared_numbers))]
         of_scenes = to_truth.mean(axis=1)
         return Draws(float(of_scenes[0]), float(np.mean(energies)), float(of_scenes.min()))
 
@@ -276,23 +284,23 @@ class ThingsEvaluation:
         family: str,
         scene: int,
         view: AnnotatedView,
-        found: Mapping[str, PredictedScene],
-        marked: Mapping[str, Sequence[PredictedScene]],
+        detections: Mapping[str, PredictedScene],
+        completions: Mapping[str, Sequence[PredictedScene]],
         truth: TrueThings,
     ) -> list[ObjectConfidence]:
         """Of the first method's objects; the IoU is that with the true object most alike."""
         main = next(iter(self.methods))
-        firsts = [(False, found[main])] if main in found else []
-        firsts += [(True, marked[main][0])] if main in marked else []
+        firsts = [(False, detections[main])] if main in detections else []
+        firsts += [(True, completions[main][0])] if main in completions else []
         rows = []
         for is_marked, estimate in firsts:
-            meshes = truth.placed(estimate)
+            meshes = truth.in_true_frame(estimate)
             for item in estimate.objects:
                 pixels = estimate.masks == item.id
                 if view.unknown is not None and view.unknown[pixels].mean() > _UNKNOWN:
                     continue  # of a thing of which nothing is known
                 predicted = SolidShape(meshes[item.id], self.voxel)
-                iou = max((predicted.iou(true) for true in truth.all.values()), default=0.0)
+                iou = max((predicted.iou(true) for true in truth.all_shapes.values()), default=0.0)
                 rows.append(
                     ObjectConfidence(
                         family, scene, is_marked, iou, item.confidence, dict(item.cues)

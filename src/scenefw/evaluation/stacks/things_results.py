@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 TRUTH, RISING = "truth", "rising"
 """Rows of true scenes, and of a mask of all that rises above the floor."""
-FOUND, MARKED = "found", "marked"
+METHOD_MASKS, TRUE_MASKS = "method_masks", "true_masks"
 """Shapes of objects that a method has found, and of those that were marked for it."""
 
 _PERCENT = {"unit": "%", "digits": 1, "factor": 100.0}
@@ -39,14 +39,14 @@ MASKS = {
     "count_error": Measure("count error", digits=2, better="lower"),
 }
 SHAPES = {
-    "matched": Measure("matched", "objects that a mask overlaps", better="higher", **_PERCENT),
+    "matches": Measure("matched", "objects that a mask overlaps", better="higher", **_PERCENT),
     "chamfer": Measure("Chamfer", "Chamfer, mean of both directions", better="lower", **_MM),
-    "chamfer_seen": Measure("seen", "Chamfer of the seen surface", better="lower", **_MM),
+    "chamfer_visible": Measure("seen", "Chamfer of the seen surface", better="lower", **_MM),
     "chamfer_hidden": Measure("hidden", "Chamfer of the hidden surface", better="lower", **_MM),
     "f_5": Measure("F 5 mm", better="higher", **_PERCENT),
     "f_10": Measure("F 10 mm", better="higher", **_PERCENT),
     "iou": Measure("IoU", "IoU of voxels", digits=3, better="higher"),
-    "found": Measure("found", "objects with an IoU above 0.5", better="higher", **_PERCENT),
+    "recall": Measure("found", "objects with an IoU above 0.5", better="higher", **_PERCENT),
     "size_ratio": Measure("size", "predicted by true volume, geometric mean", digits=2),
     "size_error": Measure("size error", "factor by which volumes are off", "", 2, "lower"),
 }
@@ -64,7 +64,13 @@ STANDING = {
                            better="lower", **_PERCENT),
     "hovering": Measure("hover", "objects that nothing carries", better="lower", **_PERCENT),
 }  # fmt: skip
-_GROUPS = {"masks": MASKS, FOUND: SHAPES, MARKED: SHAPES, "draws": DRAWS, "standing": STANDING}
+_GROUPS = {
+    "masks": MASKS,
+    METHOD_MASKS: SHAPES,
+    TRUE_MASKS: SHAPES,
+    "draws": DRAWS,
+    "standing": STANDING,
+}
 _MIN_IOU = 0.5  # of objects that are found, as elsewhere
 
 
@@ -109,9 +115,10 @@ class ThingImage:
         sensor: whose noise it has.
         scene: number of the scene in its stratum.
         kinds: name of each object that is seen well enough.
-        refused: why a method could not use the image, by method.
+        refusals: why a method could not use the image, by method.
         masks: scores of masks by method, with the pixels of seams.
-        shapes: by FOUND or MARKED, then by method, scores of each object; None: nothing was there.
+        shapes: by METHOD_MASKS or TRUE_MASKS, then by method, scores of each object; None: it has
+            no match.
         draws: by method.
         standing: by method, and of the TRUTH.
         confidences: of the first method.
@@ -121,7 +128,7 @@ class ThingImage:
     sensor: str
     scene: int
     kinds: tuple[str, ...]
-    refused: Mapping[str, str] = field(default_factory=dict)
+    refusals: Mapping[str, str] = field(default_factory=dict)
     masks: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     shapes: Mapping[str, Mapping[str, Sequence[Mapping[str, float] | None]]] = field(
         default_factory=dict
@@ -184,8 +191,8 @@ class ThingsResult:
 
     def rows(self, group: str) -> tuple[str, ...]:
         """Methods that have figures of a group."""
-        further = {"masks": (RISING,), "standing": (TRUTH,)}.get(group, ())
-        return (*self.methods, *further)
+        extra_rows = {"masks": (RISING,), "standing": (TRUTH,)}.get(group, ())
+        return (*self.methods, *extra_rows)
 
     def interval(
         self, images: Sequence[ThingImage], group: str, method: str, name: str
@@ -254,10 +261,10 @@ class ThingsResult:
             for group, of_group in _GROUPS.items():
                 for method in self.rows(group):
                     for name, measure in of_group.items():
-                        called = f"{measure.name or measure.heading}, {described(method).name}"
+                        title = f"{measure.name or measure.heading}, {described(method).name}"
                         measures[f"{where}/{group}/{method}/{name}"] = replace(
                             measure,
-                            name=f"{called}, {group}",
+                            name=f"{title}, {group}",
                             trivial=self._trivial(where, group, method, name),
                         )
             for name, measure in CONFIDENCE_SCORES.items():
@@ -273,7 +280,7 @@ class ThingsResult:
 
 def _values(image: ThingImage, group: str, method: str, name: str) -> list[float]:
     """Figures of an image, one for each object or one in all; NaN: there is none."""
-    if group in (FOUND, MARKED):
+    if group in (METHOD_MASKS, TRUE_MASKS):
         return [_of_object(row, name) for row in image.shapes.get(group, {}).get(method, ())]
     of_group: Mapping[str, Any] = getattr(image, group)
     if method not in of_group:
@@ -283,11 +290,11 @@ def _values(image: ThingImage, group: str, method: str, name: str) -> list[float
 
 
 def _of_object(row: Mapping[str, float] | None, name: str) -> float:
-    if name == "matched":
+    if name == "matches":
         return float(row is not None)
     if row is None:
-        return 0.0 if name in ("f_5", "f_10", "iou", "found") else float("nan")
-    if name == "found":
+        return 0.0 if name in ("f_5", "f_10", "iou", "recall") else float("nan")
+    if name == "recall":
         return float(row["iou"] > _MIN_IOU)
     return float(row["size_ratio" if name == "size_error" else name])
 

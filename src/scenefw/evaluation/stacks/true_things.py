@@ -9,7 +9,7 @@ import numpy as np
 
 from scenefw.core.geometry import inverse, transform_points
 from scenefw.core.types import Frame, TriangleMesh
-from scenefw.evaluation.stacks.object_shapes import SolidShape, seen_points
+from scenefw.evaluation.stacks.object_shapes import SolidShape, visible_points
 from scenefw.matching.assignment import Assignment
 from scenefw.matching.costs import overlaps
 from scenefw.perception.observation.points import world_points
@@ -35,8 +35,8 @@ class TrueThings:
         labels: (H, W) what a pixel shows: 0 nothing, -1 unknown, no depth, or hardly seen.
         marks: (H, W) the objects that are seen well enough, 0 = none of them.
         shapes: of these, by number.
-        seen: which points of a shape the camera sees, by number.
-        all: shapes of all objects, by number.
+        visible: which points of a shape the camera sees, by number.
+        all_shapes: shapes of all objects, by number.
         kinds: names of those that are seen well enough.
         depth: (H, W) of the image (m).
         camera: of the image, in the coordinates of the shapes.
@@ -45,8 +45,8 @@ class TrueThings:
     labels: Int32
     marks: Int32
     shapes: Mapping[int, SolidShape]
-    seen: Mapping[int, NDArray[np.bool_]]
-    all: Mapping[int, SolidShape]
+    visible: Mapping[int, NDArray[np.bool_]]
+    all_shapes: Mapping[int, SolidShape]
     kinds: tuple[str, ...]
     depth: Float32
     camera: Camera
@@ -64,25 +64,25 @@ class TrueThings:
         fewest = max(min_pixels * (depth.shape[1] / _WIDTH) ** 2, 1)
         marks = np.zeros(depth.shape, np.int32)
         labels = np.zeros(depth.shape, np.int32)
-        every, kinds = {}, []
+        all_shapes, kinds = {}, []
         for number, (item, shown) in enumerate(
             zip(view.objects, view.silhouettes, strict=True), start=1
         ):
             vertices = transform_points(item.pose.matrix, item.mesh.vertices)
-            every[number] = SolidShape(TriangleMesh(vertices, item.mesh.faces), voxel)
-            is_seen = shown.visible.sum() >= fewest
-            labels[shown.visible] = number if is_seen else -1
-            if is_seen:
+            all_shapes[number] = SolidShape(TriangleMesh(vertices, item.mesh.faces), voxel)
+            is_visible = shown.visible.sum() >= fewest
+            labels[shown.visible] = number if is_visible else -1
+            if is_visible:
                 marks[shown.visible] = number
                 kinds.append(str(item.key))
         labels[depth <= 0] = -1
         if view.unknown is not None:
             labels[view.unknown] = -1
-        shapes = {number: every[number] for number in np.unique(marks[marks > 0]).tolist()}
-        seen = {n: seen_points(shape, marks == n, camera) for n, shape in shapes.items()}
-        return cls(labels, marks, shapes, seen, every, tuple(kinds), depth, camera)
+        shapes = {number: all_shapes[number] for number in np.unique(marks[marks > 0]).tolist()}
+        visible = {n: visible_points(shape, marks == n, camera) for n, shape in shapes.items()}
+        return cls(labels, marks, shapes, visible, all_shapes, tuple(kinds), depth, camera)
 
-    def placed(self, scene: PredictedScene) -> dict[int, TriangleMesh]:
+    def in_true_frame(self, scene: PredictedScene) -> dict[int, TriangleMesh]:
         """Predicted surfaces in the coordinates of the true ones, by id."""
         motion = self.camera.T_world_camera @ inverse(scene.camera.T_world_camera)
         return {
@@ -90,7 +90,7 @@ class TrueThings:
             for item in scene.objects
         }
 
-    def matched(self, scene: PredictedScene) -> dict[int, int]:
+    def matches(self, scene: PredictedScene) -> dict[int, int]:
         """Id of the predicted object whose pixels fit each true one best, if they share any."""
         is_known = self.labels >= 0
         shared = overlaps(np.where(is_known, scene.masks, 0), np.where(is_known, self.labels, 0))

@@ -12,12 +12,12 @@ from scenefw.evaluation.stacks.confidence_results import CONFIDENCE, SCORES
 from scenefw.evaluation.stacks.methods import described
 from scenefw.evaluation.stacks.things_results import (
     DRAWS,
-    FOUND,
-    MARKED,
     MASKS,
+    METHOD_MASKS,
     RISING,
     SHAPES,
     STANDING,
+    TRUE_MASKS,
     TRUTH,
     ThingsResult,
 )
@@ -95,22 +95,22 @@ def _stratum(result: ThingsResult, stratum: str) -> Section:
     )
     tables = [
         _table(result, stratum, "masks", "Masks", MASKS, masks),
-        _table(result, stratum, FOUND, "Shapes, objects as found", SHAPES, shapes),
-        _table(result, stratum, MARKED, "Shapes, objects marked", SHAPES, ""),
+        _table(result, stratum, METHOD_MASKS, "Shapes, objects as found", SHAPES, shapes),
+        _table(result, stratum, TRUE_MASKS, "Shapes, objects marked", SHAPES, ""),
         _table(result, stratum, "draws", "Hypotheses", DRAWS, draws),
         _confidence(result, stratum),
         _table(result, stratum, "standing", "Can the scene stand?", STANDING, standing),
     ]
-    refused = sorted(
+    refusals = sorted(
         {
             f"{_words(image.sensor)} {image.scene} ({_row(name)}): {reason}"
             for image in result.of(stratum)
-            for name, reason in image.refused.items()
+            for name, reason in image.refusals.items()
         }
     )
     blocks = [table for table in tables if table.rows]
-    further = (Points(tuple(refused)),) if refused else ()
-    return Section(_words(stratum), (*blocks, *further))
+    reasons = (Points(tuple(refusals)),) if refusals else ()
+    return Section(_words(stratum), (*blocks, *reasons))
 
 
 def _table(
@@ -182,7 +182,7 @@ def _kinds(result: ThingsResult) -> Table:
     by_kind: dict[str, dict[str, list[Mapping[str, float] | None]]] = {}
     for image in result.images:
         for method in methods:
-            scores = image.shapes.get(MARKED, {}).get(method, ())
+            scores = image.shapes.get(TRUE_MASKS, {}).get(method, ())
             for kind, row in zip(image.kinds, scores, strict=True):
                 of_kind = by_kind.setdefault(kind, {name: [] for name in methods})
                 of_kind[method].append(row)
@@ -190,10 +190,10 @@ def _kinds(result: ThingsResult) -> Table:
     for kind, of_kind in sorted(by_kind.items()):
         cells: list[Cell] = [float(len(of_kind[methods[0]]))]
         for method in methods:
-            found = [row for row in of_kind[method] if row is not None]
+            scores_of_kind = [row for row in of_kind[method] if row is not None]
             for name in names:
                 shown = SHAPES[name].shown
-                cells.append(shown(_typical(found, name)) if found else None)
+                cells.append(shown(_typical(scores_of_kind, name)) if scores_of_kind else None)
         rows.append((kind.split("/")[-1], tuple(cells)))
     columns = [Column("objects", 0)]
     for method in methods:

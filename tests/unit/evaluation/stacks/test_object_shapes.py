@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from scenefw.core.types import Camera, TriangleMesh
-from scenefw.evaluation.stacks.object_shapes import SolidShape, seen_points, shape_scores
+from scenefw.evaluation.stacks.object_shapes import SolidShape, shape_scores, visible_points
 
 VOXEL = 0.004
 
@@ -22,7 +22,7 @@ def sphere(radius, centre=(0.0, 0.0, 0.0)):
 def test_a_shape_is_itself():
     shape, seen = sphere(0.05), np.arange(2000) % 2 == 0
     scores = shape_scores(shape, sphere(0.05), seen)
-    assert max(scores.chamfer, scores.chamfer_seen, scores.chamfer_hidden) < 1e-6
+    assert max(scores.chamfer, scores.chamfer_visible, scores.chamfer_hidden) < 1e-6
     assert scores[3:] == pytest.approx((1.0, 1.0, 1.0, 1.0))
 
 
@@ -30,7 +30,7 @@ def test_a_shape_is_itself():
 def test_concentric_spheres_are_as_far_apart_as_their_radii(gap, f_5, f_10):
     scores = shape_scores(sphere(0.05 + gap), sphere(0.05), np.ones(2000, dtype=bool))
     assert scores.chamfer == pytest.approx(gap, abs=1.5e-4)  # facets lie inside the sphere
-    assert scores.chamfer_seen == pytest.approx(gap, abs=1.5e-4)
+    assert scores.chamfer_visible == pytest.approx(gap, abs=1.5e-4)
     assert np.isnan(scores.chamfer_hidden)
     assert (scores.f_5, scores.f_10) == (f_5, f_10)
     ratio = ((0.05 + gap) / 0.05) ** 3
@@ -43,7 +43,7 @@ def test_an_error_behind_is_one_of_the_hidden_surface():
     longer = trimesh.creation.box((0.1, 0.12, 0.1)).apply_translation((0, 0.01, 0))
     seen = true.points[:, 1] < 0.049  # all but the side that is off by 20 mm
     scores = shape_scores(solid(longer), true, seen)
-    assert scores.chamfer_seen < 0.001 < 0.01 < scores.chamfer_hidden
+    assert scores.chamfer_visible < 0.001 < 0.01 < scores.chamfer_hidden
     assert scores.iou == pytest.approx(1 / 1.2, abs=0.04)  # a voxel is 4 mm
 
 
@@ -61,10 +61,10 @@ def test_a_camera_sees_the_cap_of_a_sphere():
     shape = sphere(radius, (0, 0, away))
     camera = Camera()
     everywhere = np.ones((camera.height, camera.width), dtype=bool)
-    seen = seen_points(shape, everywhere, camera)
+    seen = visible_points(shape, everywhere, camera)
     assert seen.mean() == pytest.approx((1 - radius / away) / 2, abs=0.02)
     assert shape.points[seen, 2].max() < away
-    assert not seen_points(shape, ~everywhere, camera).any()
+    assert not visible_points(shape, ~everywhere, camera).any()
     left = everywhere.copy()
     left[:, camera.width // 2 :] = False
-    assert shape.points[seen_points(shape, left, camera), 0].max() < 0.002
+    assert shape.points[visible_points(shape, left, camera), 0].max() < 0.002

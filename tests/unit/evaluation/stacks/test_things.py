@@ -16,8 +16,8 @@ from scenefw.evaluation.stacks.optional_views import posed_folder
 from scenefw.evaluation.stacks.shape_methods import PredictedScene
 from scenefw.evaluation.stacks.things import ThingsEvaluation
 from scenefw.evaluation.stacks.things_results import (
-    FOUND,
-    MARKED,
+    METHOD_MASKS,
+    TRUE_MASKS,
     Draws,
     Standing,
     ThingImage,
@@ -152,11 +152,11 @@ def test_true_objects_have_perfect_scores(evaluation):
     (images,) = [result.of("few", "none")]
     assert [image.kinds for image in images] == [("toys/box", "toys/book")] * 2
     figures = result.figures
-    for group in (FOUND, MARKED):
+    for group in (METHOD_MASKS, TRUE_MASKS):
         row = f"few/none/{group}/set_extents"
-        for name in ("matched", "found", "f_5", "f_10", "iou", "size_ratio", "size_error"):
+        for name in ("matches", "recall", "f_5", "f_10", "iou", "size_ratio", "size_error"):
             assert figures[f"{row}/{name}"] == pytest.approx(1), (group, name)
-        for name in ("chamfer", "chamfer_seen", "chamfer_hidden"):
+        for name in ("chamfer", "chamfer_visible", "chamfer_hidden"):
             assert figures[f"{row}/{name}"] < 1e-6
     assert figures["few/none/masks/set_extents/overlap_f"] == 1
     assert figures["few/none/masks/set_extents/seam_f"] == pytest.approx(0)  # they don't touch
@@ -168,7 +168,7 @@ def test_true_objects_have_perfect_scores(evaluation):
 
 def test_a_box_that_is_too_large_costs_what_it_should(evaluation):
     figures = evaluation(Oracle()).run().figures
-    row = "few/none/found/hull"
+    row = "few/none/method_masks/hull"
     volume = 1.2**3
     assert figures[f"{row}/size_ratio"] == pytest.approx(volume**0.5, rel=1e-6)
     assert figures[f"{row}/size_error"] == pytest.approx(volume**0.5, rel=1e-6)
@@ -192,11 +192,11 @@ def test_a_refused_image_has_no_objects(evaluation):
     result = evaluation(Oracle(refuses=True)).run()
     figures = result.figures
     for method in ("set_extents", "hull"):
-        assert result.images[0].refused[method] == "too dark"
+        assert result.images[0].refusals[method] == "too dark"
         assert figures[f"few/none/masks/{method}/overlap_f"] == 0
-        assert figures[f"few/none/found/{method}/iou"] == 0
-        assert figures[f"few/none/found/{method}/matched"] == 0
-        assert f"few/none/found/{method}/chamfer" not in figures
+        assert figures[f"few/none/method_masks/{method}/iou"] == 0
+        assert figures[f"few/none/method_masks/{method}/matches"] == 0
+        assert f"few/none/method_masks/{method}/chamfer" not in figures
 
 
 def test_an_image_comes_back_from_json(evaluation):
@@ -229,29 +229,29 @@ def test_objects_are_matched_by_pixels_and_small_ones_count_for_nothing():
     truth = TrueThings.of(view, 100, 0.006)
     scene = true_scene(view.frame)
     swapped = replace(scene, masks=np.array([0, 2, 1], np.int32)[scene.masks])
-    assert truth.matched(scene) == {1: 1, 2: 2}
-    assert truth.matched(swapped) == {1: 2, 2: 1}
+    assert truth.matches(scene) == {1: 1, 2: 2}
+    assert truth.matches(swapped) == {1: 2, 2: 1}
     lost = replace(scene, masks=np.where(scene.masks == 1, 0, scene.masks))
-    assert truth.matched(lost) == {2: 2}
+    assert truth.matches(lost) == {2: 2}
     few = min(int((truth.labels == number).sum()) for number in (1, 2))
     smaller = TrueThings.of(view, (few + 1) * (640 / 160) ** 2, 0.006)
     assert len(smaller.kinds) == 1
     assert (smaller.labels == -1).sum() >= few
-    assert len(smaller.all) == 2
+    assert len(smaller.all_shapes) == 2
 
 
 def test_figures_are_means_over_scenes(tmp_path):
-    row = {"chamfer": 0.002, "chamfer_seen": 0.001, "chamfer_hidden": float("nan"), "f_5": 1.0,
+    row = {"chamfer": 0.002, "chamfer_visible": 0.001, "chamfer_hidden": float("nan"), "f_5": 1.0,
            "f_10": 1.0, "iou": 0.6, "size_ratio": 2.0}  # fmt: skip
     worse = {**row, "chamfer": 0.006, "iou": 0.2, "size_ratio": 0.5}
     seams = {"hits": 0, "predicted": 10, "true_hits": 0, "true": 10}
     full = {"hits": 10, "predicted": 10, "true_hits": 10, "true": 10}
     images = [
-        ThingImage("few", "none", 0, ("a", "b"), shapes={FOUND: {"m": [row, None]}},
+        ThingImage("few", "none", 0, ("a", "b"), shapes={METHOD_MASKS: {"m": [row, None]}},
                    masks={"m": {"overlap_f": 1.0, **seams}},
                    draws={"m": Draws(0.1, 0.2, 0.3)}, standing={"m": Standing(1, 0.0, 0, 0)},
                    confidences=(ObjectConfidence("few/none", 0, False, 0.6, 0.5, {}),)),
-        ThingImage("few", "none", 1, ("a",), shapes={FOUND: {"m": [worse]}},
+        ThingImage("few", "none", 1, ("a",), shapes={METHOD_MASKS: {"m": [worse]}},
                    masks={"m": {"overlap_f": 0.5, **full}}),
     ]  # fmt: skip
     result = ThingsResult(tuple(images), ("m",), (), 0.006, 10)
@@ -259,13 +259,13 @@ def test_figures_are_means_over_scenes(tmp_path):
     def mean(group, name):
         return result.interval(images, group, "m", name).mean
 
-    assert mean(FOUND, "chamfer") == pytest.approx(0.004)  # of what was matched
-    assert mean(FOUND, "iou") == pytest.approx((0.6 / 2 + 0.2) / 2)  # scenes count alike
-    assert mean(FOUND, "found") == pytest.approx(0.25)
-    assert mean(FOUND, "matched") == pytest.approx(0.75)
-    assert mean(FOUND, "size_ratio") == pytest.approx(1)
-    assert mean(FOUND, "size_error") == pytest.approx(2)
-    assert np.isnan(mean(FOUND, "chamfer_hidden"))
+    assert mean(METHOD_MASKS, "chamfer") == pytest.approx(0.004)  # of what was matched
+    assert mean(METHOD_MASKS, "iou") == pytest.approx((0.6 / 2 + 0.2) / 2)  # scenes count alike
+    assert mean(METHOD_MASKS, "recall") == pytest.approx(0.25)
+    assert mean(METHOD_MASKS, "matches") == pytest.approx(0.75)
+    assert mean(METHOD_MASKS, "size_ratio") == pytest.approx(1)
+    assert mean(METHOD_MASKS, "size_error") == pytest.approx(2)
+    assert np.isnan(mean(METHOD_MASKS, "chamfer_hidden"))
     assert mean("masks", "overlap_f") == 0.75
     assert mean("masks", "seam_f") == pytest.approx(0.5)  # pixels are added up
     assert mean("draws", "energy") == 0.2
