@@ -118,13 +118,15 @@ def shape_scores(predicted: SolidShape, true: SolidShape, is_visible: Mask) -> S
     backward = np.abs(predicted.distances.at(true.points))
     nearest = cKDTree(true.points).query(predicted.points)[1]
     neighbours = Nearest(forward, backward, nearest, np.zeros(0, np.int64))
+    near, far = (f_score(neighbours, distance) for distance in F_DISTANCES)
     return ShapeScores(
         0.5 * chamfer_of(neighbours),
         _part(forward, backward, is_visible[nearest], is_visible),
         _part(forward, backward, ~is_visible[nearest], ~is_visible),
-        *(f_score(neighbours, distance) for distance in F_DISTANCES),
-        iou=predicted.iou(true),
-        size_ratio=predicted.volume / true.volume,
+        near,
+        far,
+        predicted.iou(true),
+        predicted.volume / true.volume,
     )
 
 

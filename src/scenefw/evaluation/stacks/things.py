@@ -171,6 +171,7 @@ class ThingsEvaluation:
             draws,
             self._standing(stratum, scene, firsts) if is_judged else {},
             tuple(confidences),
+            view.frame.notes,
         )
 
     @property

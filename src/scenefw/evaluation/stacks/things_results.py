@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -28,42 +28,49 @@ TRUTH, RISING = "truth", "rising"
 METHOD_MASKS, TRUE_MASKS = "method_masks", "true_masks"
 """Shapes of objects that a method has found, and of those that were marked for it."""
 
-_PERCENT = {"unit": "%", "digits": 1, "factor": 100.0}
-_MM = {"unit": "mm", "digits": 1, "factor": 1000.0}
+
+def _percent(
+    heading: str, name: str = "", better: Literal["lower", "higher"] = "higher"
+) -> Measure:
+    return Measure(heading, name, "%", 1, better, 100.0)
+
+
+def _mm(heading: str, name: str) -> Measure:
+    return Measure(heading, name, "mm", 1, "lower", 1000.0)
+
 
 MASKS = {
-    "overlap_f": Measure("overlap F", better="higher", **_PERCENT),
-    "boundary_f": Measure("boundary F", better="higher", **_PERCENT),
-    "objects_f75": Measure("objects F ≥ 75", better="higher", **_PERCENT),
-    "seam_f": Measure("between objects F", better="higher", **_PERCENT),
+    "overlap_f": _percent("overlap F"),
+    "boundary_f": _percent("boundary F"),
+    "objects_f75": _percent("objects F ≥ 75"),
+    "seam_f": _percent("between objects F"),
     "count_error": Measure("count error", digits=2, better="lower"),
 }
 SHAPES = {
-    "matches": Measure("matched", "objects that a mask overlaps", better="higher", **_PERCENT),
-    "chamfer": Measure("Chamfer", "Chamfer, mean of both directions", better="lower", **_MM),
-    "chamfer_visible": Measure("seen", "Chamfer of the seen surface", better="lower", **_MM),
-    "chamfer_hidden": Measure("hidden", "Chamfer of the hidden surface", better="lower", **_MM),
-    "f_5": Measure("F 5 mm", better="higher", **_PERCENT),
-    "f_10": Measure("F 10 mm", better="higher", **_PERCENT),
+    "matches": _percent("matched", "objects that a mask overlaps"),
+    "chamfer": _mm("Chamfer", "Chamfer, mean of both directions"),
+    "chamfer_visible": _mm("seen", "Chamfer of the seen surface"),
+    "chamfer_hidden": _mm("hidden", "Chamfer of the hidden surface"),
+    "f_5": _percent("F 5 mm"),
+    "f_10": _percent("F 10 mm"),
     "iou": Measure("IoU", "IoU of voxels", digits=3, better="higher"),
-    "recall": Measure("found", "objects with an IoU above 0.5", better="higher", **_PERCENT),
+    "recall": _percent("found", "objects with an IoU above 0.5"),
     "size_ratio": Measure("size", "predicted by true volume, geometric mean", digits=2),
     "size_error": Measure("size error", "factor by which volumes are off", "", 2, "lower"),
 }
 DRAWS = {
-    "first": Measure("first", "Chamfer of the first hypothesis", better="lower", **_MM),
-    "energy": Measure("energy score", "energy score of Chamfer distances", better="lower", **_MM),
-    "best": Measure("best", "Chamfer of the best hypothesis of a scene", better="lower", **_MM),
+    "first": _mm("first", "Chamfer of the first hypothesis"),
+    "energy": _mm("energy score", "energy score of Chamfer distances"),
+    "best": _mm("best", "Chamfer of the best hypothesis of a scene"),
 }
 STANDING = {
     "stable": Measure("stable", "stable scenes", "%", 0, "higher", 100.0),
     "displacement": Measure(
         "moved", "displacement of objects, median of scenes", "cm", 1, "lower", 100.0
     ),
-    "penetrating": Measure("run into others", "objects in others or the floor",
-                           better="lower", **_PERCENT),
-    "hovering": Measure("hover", "objects that nothing carries", better="lower", **_PERCENT),
-}  # fmt: skip
+    "penetrating": _percent("run into others", "objects in others or the floor", "lower"),
+    "hovering": _percent("hover", "objects that nothing carries", "lower"),
+}
 _GROUPS = {
     "masks": MASKS,
     METHOD_MASKS: SHAPES,
@@ -122,6 +129,7 @@ class ThingImage:
         draws: by method.
         standing: by method, and of the TRUTH.
         confidences: of the first method.
+        notes: on how the image was read.
     """
 
     stratum: str
@@ -136,6 +144,7 @@ class ThingImage:
     draws: Mapping[str, Draws] = field(default_factory=dict)
     standing: Mapping[str, Standing] = field(default_factory=dict)
     confidences: tuple[ObjectConfidence, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @classmethod
     def restored(cls, row: Mapping[str, Any]) -> ThingImage:
@@ -144,6 +153,7 @@ class ThingImage:
             **{
                 **row,
                 "kinds": tuple(row["kinds"]),
+                "notes": tuple(row["notes"]),
                 "draws": {name: Draws(**draws) for name, draws in row["draws"].items()},
                 "standing": {name: Standing(**s) for name, s in row["standing"].items()},
                 "confidences": tuple(ObjectConfidence(**item) for item in row["confidences"]),

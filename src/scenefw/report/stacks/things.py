@@ -109,7 +109,8 @@ def _stratum(result: ThingsResult, stratum: str) -> Section:
         }
     )
     blocks = [table for table in tables if table.rows]
-    reasons = (Points(tuple(refusals)),) if refusals else ()
+    notes = dict.fromkeys(note for image in result.of(stratum) for note in image.notes)
+    reasons = (Points((*refusals, *notes)),) if refusals or notes else ()
     return Section(_words(stratum), (*blocks, *reasons))
 
 
