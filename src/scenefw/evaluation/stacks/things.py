@@ -89,7 +89,7 @@ class ThingsEvaluation:
         bodies: BodyMaker,
         scenes: Mapping[str, GeneratedStacks] | None = None,
         draws: int = 10,
-        draw_scenes: int | None = 30,
+        draw_scenes: int | None = None,
         steps: int = 2400,
         furthest: float = 0.2,
         steepest: float = 30.0,
