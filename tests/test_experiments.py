@@ -7,14 +7,18 @@ import os
 
 import numpy as np
 import pytest
+import trimesh
 from tests.unit.data.images_folder import write_images
 
 from scenefw import registry
+from scenefw.core.geometry import look_at
+from scenefw.core.types import Camera, TriangleMesh
+from scenefw.renderers.silhouettes import SolidViews
 
 # Images of the user, runs of a sweep, weights that don't ship
 NEEDS_INPUT = {
     "osd", "realsense_table", "visible_masks", "label_halves", "noise_gathered",
-    "label_noise_gathered", "table_5_1_baselines", "real_images",
+    "label_noise_gathered", "table_5_1_baselines", "real_images", "household", "posed",
 }  # fmt: skip
 BASELINES = ("fully_convolutional", "sscnet", "unconditional")
 # Data that a command makes in an hour
@@ -172,11 +176,56 @@ def test_baselines_without_weights_say_what_they_need(scenefw):
     assert "checkpoints.fully_convolutional = null: expected a file" in done.stderr
 
 
-@pytest.mark.parametrize("name", ["osd", "realsense_table", "visible_masks"])
+@pytest.mark.parametrize("name", ["osd", "realsense_table", "visible_masks", "household", "posed"])
 def test_labelled_images_without_a_folder_say_what_they_need(scenefw, name):
     done = scenefw(f"experiment={name}", "debug=smoke")
     assert done.returncode == 2, done.stderr[-3000:]
     assert "input=FOLDER" in done.stderr
+
+
+@pytest.mark.exhaustive
+def test_things_are_scored_with_noise_of_each_sensor(scenefw, tmp_path):
+    folder = tmp_path / "meshes" / "ycb_video_frame"
+    folder.mkdir(parents=True)
+    trimesh.creation.box((0.06, 0.09, 0.12)).export(folder / "box.ply")
+    trimesh.creation.cylinder(0.035, 0.1).export(folder / "can.ply")
+    words = ("experiment=household", "debug=smoke", "split=val", "input=meshes", "paths.output=out")
+    done = scenefw(*words)
+    assert done.returncode == 0, done.stderr[-3000:]
+    figures = json.loads((tmp_path / "out" / "metrics.json").read_text())
+    for stratum, most in {"few": 4, "many": 16}.items():
+        for sensor in ("kinect", "stereo_ramps", "time_of_flight", "phone_lidar", "none"):
+            assert figures[f"{stratum}/{sensor}/images"] == 1
+            assert 0 < figures[f"{stratum}/{sensor}/objects"] <= most
+            for method in ("set_extents", "hull", "mirrored"):
+                assert f"{stratum}/{sensor}/true_masks/{method}/iou" in figures
+    done = scenefw(*words[:3], "input=nowhere", "paths.output=out2")
+    assert done.returncode == 2
+    assert "holds no folder ycb_video_frame of meshes" in done.stderr
+
+
+@pytest.mark.exhaustive
+def test_posed_images_are_scored(scenefw, tmp_path):
+    folder = tmp_path / "posed"
+    for name in ("images", "meshes"):
+        (folder / name).mkdir(parents=True)
+    box = trimesh.creation.box((0.1, 0.08, 0.12))
+    box.export(folder / "meshes" / "box.ply")
+    camera = Camera(160, 120, 145, 145, 79.5, 59.5, look_at((0.0, -0.6, 0.5), (0.0, 0.0, 0.0)))
+    mesh = TriangleMesh(np.asarray(box.vertices) + (0, 0, 0.06), np.asarray(box.faces))
+    depth, (silhouette,) = SolidViews([mesh]).see(camera)
+    pose = np.eye(4)
+    pose[2, 3] = 0.06
+    np.savez(
+        folder / "images" / "a.npz", depth=depth, K=camera.matrix, obj_names=np.array(["box"]),
+        T_cam_obj=(np.linalg.inv(camera.T_world_camera) @ pose)[None],
+        instances=silhouette.visible.astype(np.int16),
+    )  # fmt: skip
+    done = scenefw("experiment=posed", "input=posed", "size.draws=2", "paths.output=out")
+    assert done.returncode == 0, done.stderr[-3000:]
+    figures = json.loads((tmp_path / "out" / "metrics.json").read_text())
+    assert figures["posed/images/true_masks/set_extents/iou"] > 0.8  # exact depth of a box
+    assert figures["posed/images/true_masks/hull/iou"] > 0.4
 
 
 @pytest.mark.exhaustive

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -62,9 +63,12 @@ class StackViews:
         self.scenes, self.viewpoints, self.split = scenes, viewpoints, split
         self.noise = depth_noises(noise, "annotated views")
         self.seed, self.detail = seed, detail
-        shapes = (item.shape for i in range(len(scenes)) for item in scenes.objects(i))
-        names = {name for shape in shapes if (name := _name(shape))}
-        self.categories = tuple(sorted(names)) or ("object",)
+
+    @cached_property
+    def categories(self) -> tuple[str, ...]:
+        """Names of the meshes of all scenes."""
+        shapes = (item.shape for i in range(len(self)) for item in self.scenes.objects(i))
+        return tuple(sorted({name for shape in shapes if (name := _name(shape))})) or ("object",)
 
     def __len__(self) -> int:
         """Number of scenes."""

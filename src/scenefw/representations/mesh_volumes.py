@@ -30,6 +30,16 @@ class SolidScenes:
     objects: tuple[tuple[SceneObject, ...], ...]
     positions: Tensor
 
+    @classmethod
+    def of(
+        cls, scenes: Sequence[tuple[SceneObject, ...]], device: torch.device | str | None = None
+    ) -> SolidScenes:
+        """Scenes whose volumes will be on a device."""
+        positions = np.zeros((len(scenes), max(map(len, scenes), default=0), 3), np.float32)
+        for row, items in zip(positions, scenes, strict=True):
+            row[: len(items)] = [item.pose.position for item in items]
+        return cls(tuple(scenes), torch.from_numpy(positions).to(device or "cpu"))
+
 
 class ExactSolids(KnownScenes[SolidScenes]):
     """B scenes of any closed meshes."""

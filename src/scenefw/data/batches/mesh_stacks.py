@@ -52,11 +52,7 @@ class MeshStacks:
     ) -> SolidScenes:
         """The scenes of the given positions in this split; their volumes will be on `device`."""
         rows = torch.as_tensor(indices, dtype=torch.int64).tolist()
-        objects = tuple(self.objects(row) for row in rows)
-        positions = np.zeros((len(rows), max(map(len, objects), default=0), 3), np.float32)
-        for i, items in enumerate(objects):
-            positions[i, : len(items)] = [item.pose.position for item in items]
-        return SolidScenes(objects, torch.from_numpy(positions).to(device or "cpu"))
+        return SolidScenes.of([self.objects(row) for row in rows], device)
 
 
 def scene_set(

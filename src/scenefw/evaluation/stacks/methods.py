@@ -133,6 +133,16 @@ _ENTRIES = (
         draws="drawn by a flow of sets, parts cut at creases",
     ),
     _method("hull_filling", "hull filling (no learning)", learns=False, reference=True),
+    _method(
+        "hull",
+        "hull of an object's visible points and their footprints, without voxels (no learning)",
+        learns=False,
+    ),
+    _method(
+        "mirrored",
+        "hull of these and of mirror images of the visible points (no learning)",
+        learns=False,
+    ),
     _method("partial_tsdf", "partial TSDF meshed (no learning)", learns=False),
     _method("connected_components", "components of the network's shape (no votes)"),
     _method(BASE_RATE, "base rate in every voxel (no image)", learns=False),

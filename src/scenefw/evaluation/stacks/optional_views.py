@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from scenefw.core.errors import ConfigError
 from scenefw.data.annotated import StackViews
 from scenefw.data.batches.mesh_stacks import scene_set
 from scenefw.evaluation.stacks.posed_images import PosedImages
@@ -46,3 +48,15 @@ def posed_images(folder: str | None, meshes: str | None) -> PosedImages | None:
         meshes: folder of the meshes of their objects.
     """
     return None if folder is None else PosedImages(folder, meshes)
+
+
+def posed_folder(folder: str | None) -> PosedImages:
+    """Images with poses of a folder that holds `images` (NAME.npz) and `meshes` (NAME.ply).
+
+    Raises:
+        ConfigError: no folder is given.
+        InputError: an image or a mesh is missing.
+    """
+    if folder is None:
+        raise ConfigError("posed images need input=FOLDER that holds images/ and meshes/")
+    return PosedImages(Path(folder) / "images", str(Path(folder) / "meshes"))

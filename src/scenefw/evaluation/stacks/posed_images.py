@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator
+from collections.abc import Hashable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,11 @@ import numpy as np
 from scenefw.core.annotations import AnnotatedObject, AnnotatedView, Silhouette
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import DAMAGED
-from scenefw.core.types import Int32, Pose, TriangleMesh
+from scenefw.core.geometry import transform_points
+from scenefw.core.types import Camera, Int32, Pose, TriangleMesh
 from scenefw.data.files.readers import read_frame
+from scenefw.matching.assignment import Assignment
+from scenefw.renderers.silhouettes import SolidViews
 from scenefw.shapes.mesh_solids import read_closed
 
 _SUFFIX = ".npz"
@@ -23,7 +27,8 @@ class PosedImages:
 
     An image `NAME.npz` holds its depth and intrinsics as any other, `obj_names` (N,) of its
     objects, `T_cam_obj` (N, 4, 4) from their meshes to the camera (m), and `instances` (H, W):
-    1 .. N in this order. What other pixels show is unknown.
+    1 .. N in this order. What other pixels show is unknown. If the poses say that the instances
+    are in another order, they are taken in that order, and notes of the frame tell.
 
     Args:
         folder: of the images.
@@ -68,13 +73,17 @@ class PosedImages:
     def views(self, scene: int, count: int = 1) -> Iterator[AnnotatedView]:
         """The image, whatever the count."""
         del count
-        path = self.paths[scene]
+        path, objects = self.paths[scene], self.objects(scene)
         instances: Int32 = self._read(path)["instances"].astype(np.int32)
+        frame = read_frame(path)
+        numbers = shown_by(instances, objects, frame.camera)
+        if numbers != list(range(1, len(objects) + 1)):
+            frame = replace(frame, notes=(*frame.notes, _note(path, numbers)))
         silhouettes = tuple(
             Silhouette(visible, visible, int(visible.sum()), None)
-            for visible in (instances == 1 + i for i in range(len(self._names[scene])))
+            for visible in (instances == number for number in numbers)
         )
-        yield AnnotatedView(read_frame(path), self.objects(scene), silhouettes, instances <= 0)
+        yield AnnotatedView(frame, objects, silhouettes, instances <= 0)
 
     def facts(self) -> dict[str, Any]:
         """What decides what they show."""
@@ -94,3 +103,32 @@ class PosedImages:
         if not path.is_file():
             raise InputError(f"there is no mesh {path} of an object in {self.folder}; add it")
         return read_closed(path)
+
+
+def shown_by(instances: Int32, objects: Sequence[AnnotatedObject], camera: Camera) -> list[int]:
+    """Number of the instance that shows each object, by where its mesh is in the image.
+
+    Args:
+        instances: (H, W), an object each where positive.
+        objects: as many, or more.
+        camera: of the image.
+    """
+    meshes = [
+        TriangleMesh(transform_points(item.pose.matrix, item.mesh.vertices), item.mesh.faces)
+        for item in objects
+    ]
+    silhouettes = SolidViews(meshes).see(camera)[1]
+    masks = np.stack([instances == number for number in range(1, len(objects) + 1)])
+    outlines = np.stack([silhouette.mask for silhouette in silhouettes])
+    shared = np.einsum("ihw,jhw->ij", masks.astype(np.float32), outlines.astype(np.float32))
+    union = masks.sum((1, 2))[:, None] + outlines.sum((1, 2))[None] - shared
+    rows, columns = Assignment().assign(-shared / np.maximum(union, 1)).T
+    numbers = dict(zip(columns.tolist(), (rows + 1).tolist(), strict=True))
+    return [numbers[column] for column in range(len(objects))]
+
+
+def _note(path: Path, numbers: Sequence[int]) -> str:
+    return (
+        f"{path.name}: its poses say that objects 1 to {len(numbers)} are instances "
+        f"{', '.join(map(str, numbers))}, which are taken for them"
+    )

@@ -50,3 +50,23 @@ def test_what_is_missing_is_said(folder, tmp_path_factory):
     np.savez(folder / "b.npz", depth_mm=np.ones((4, 4)))
     with pytest.raises(InputError, match=r"b\.npz is no posed image"):
         PosedImages(folder, folder / "meshes")
+
+
+def test_instances_in_another_order_than_the_poses_are_told(folder):
+    arrays = dict(np.load(folder / "a.npz"))
+    beside = np.eye(4)
+    beside[:3, 3] = (0.25, 0.0, 0.8)
+    arrays["T_cam_obj"] = np.stack([arrays["T_cam_obj"][0], beside])
+    arrays["obj_names"] = np.array(["box", "box"])
+    arrays["instances"][:] = 0
+    arrays["instances"][22:26, 28:36] = 2  # in the middle, where the first box is
+    arrays["instances"][22:26, 46:54] = 1
+    np.savez(folder / "a.npz", **arrays)
+    (view,) = PosedImages(folder, folder / "meshes").views(0)
+    assert [np.argwhere(s.visible)[0].tolist() for s in view.silhouettes] == [[22, 28], [22, 46]]
+    (note,) = view.frame.notes
+    assert "a.npz: its poses say that objects 1 to 2 are instances 2, 1" in note
+    arrays["instances"] = np.choose(arrays["instances"], [0, 2, 1])
+    np.savez(folder / "a.npz", **arrays)
+    (view,) = PosedImages(folder, folder / "meshes").views(0)
+    assert not view.frame.notes
