@@ -108,7 +108,9 @@ def _contacts(
         vertices = upper.mesh.vertices
         contacts[FLOOR] = vertices[vertices[:, 2] <= upper.low[2] + tolerance, :2]
     for below, lower in solids.items():
-        places = _touching(upper, lower, tolerance) if below != label else ()
+        if below == label:
+            continue
+        places = _touching(upper, lower, tolerance)
         if len(places):
             contacts[below] = places
     return contacts
