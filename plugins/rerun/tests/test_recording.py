@@ -21,7 +21,7 @@ def view(image, output):
 def entities(path):
     """Chunks of a recording: entity and timelines of each, as Rerun itself reads them back."""
     pytest.importorskip("rerun", reason="needs rerun-sdk (pip install 'scenefw[rerun]')")
-    from rerun.experimental import RrdReader
+    from rerun.chunk import RrdReader
 
     chunks = list(RrdReader(path).stream().to_chunks())
     return {(chunk.entity_path, tuple(chunk.timeline_names)) for chunk in chunks}

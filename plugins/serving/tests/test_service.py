@@ -27,7 +27,7 @@ from scenefw.perception.observation.floor import FloorFinder
 from scenefw.perception.observation.workspace import WorkspaceFinder
 from scenefw_serving.image_request import Predictions
 from scenefw_serving.limits import Limits
-from scenefw_serving.routes import Diagnose, Reconstruct, Settle
+from scenefw_serving.routes import Diagnose, NextView, Reconstruct, Settle
 from scenefw_serving.task import Serve
 from scenefw_serving.work import Work
 
@@ -65,8 +65,13 @@ class Slow:
 
 def routes():
     examiner = Examiner(FloorFinder(), WorkspaceFinder(OBSTACLES), Doctor(), GRID)
-    parts = {"reconstruct": Reconstruct(), "settle": Settle(Raised()), "doctor": Diagnose(examiner)}
-    return parts | {"slow": Slow()}
+    return {
+        "reconstruct": Reconstruct(),
+        "settle": Settle(Raised()),
+        "doctor": Diagnose(examiner),
+        "next_view": NextView(count=4, best=2),
+        "slow": Slow(),
+    }
 
 
 @contextlib.contextmanager
@@ -216,6 +221,8 @@ def test_doctor_and_settle_answer(client):
     odd = client.post("/doctor", content=npz(depth=1000 * FRAME.depth))
     assert odd.status_code in (200, 422)
     assert "settled" in client.post("/settle", content=npz()).json()
+    views = client.post("/next_view", content=npz()).json()["views"]
+    assert [set(view) for view in views] == [{"T_world_camera", "score"}] * 2
 
 
 def test_answers_are_in_the_base_of_a_robot_if_the_cameras_pose_is_said(client):
@@ -310,7 +317,8 @@ def test_pages_of_other_servers_are_refused(client):
 
 def test_openapi_and_the_page_tell_all_routes(client):
     told = client.get("/openapi.json").json()
-    assert {"/reconstruct", "/settle", "/doctor", "/slow", "/health"} == set(told["paths"])
+    paths = {"/reconstruct", "/settle", "/doctor", "/next_view", "/slow", "/health"}
+    assert paths == set(told["paths"])
     page = client.get("/").text
     assert "POST /reconstruct" in page
     assert "http" not in page.replace("<!doctype html>", "")  # nothing is fetched from elsewhere
@@ -486,7 +494,8 @@ def test_a_run_says_where_it_answers_and_ends(capsys):
     assert task().run() == {"answered": 0}
     first, last = capsys.readouterr().out.splitlines()
     assert first.startswith("http://127.0.0.1:")
-    assert first.endswith("answers POST /reconstruct, /settle, /doctor, /slow; Ctrl-C ends it")
+    paths = "/reconstruct, /settle, /doctor, /next_view, /slow"
+    assert first.endswith(f"answers POST {paths}; Ctrl-C ends it")
     assert last == "service ended; requests answered: 0"
 
 

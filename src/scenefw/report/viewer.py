@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from scenefw.core.errors import ConfigError, SceneFWError
 from scenefw.perception.estimate.base_frame import in_base
 from scenefw.perception.physics.support_graph import FLOOR, support_graph
+from scenefw.perception.ranking.next_view import next_views, views_around
 from scenefw.report import layers
 from scenefw.report.edits import Edits
 from scenefw.report.palette import instance_colours
@@ -220,10 +221,22 @@ class Viewer:
         self.controls["about"].content = self._about()
 
     def look(self, client: Any = None, whence: str = "start") -> None:
-        """Turns browsers to the scene: from the start's place, the camera or above."""
+        """Turns browsers to the scene: from the start's place, the camera, above, or next view.
+
+        The next view is the one that would tell the hypotheses apart best.
+        """
         eye, middle = layers.start(self.prediction.scenes[0])
         if whence == "camera":
             eye = self.prediction.scenes[0].frame.camera.T_world_camera[:3, 3]
+        elif whence == "next view":
+            scenes = self.prediction.scenes
+            view = next_views(scenes, views_around(scenes[0]))[0]
+            eye = view.T_world_camera[:3, 3]
+            print(f"next view: {view.score:.0%} of what is uncertain would be seen")
+            if client is not None:
+                client.add_notification(
+                    "Next view", f"{view.score:.0%} of what is uncertain would be seen from here"
+                )
         elif whence == "above":
             eye = middle + [0.0, -1e-3, float(((eye - middle) ** 2).sum() ** 0.5)]
         first = self.server.initial_camera
@@ -255,7 +268,9 @@ class Viewer:
         controls["hypothesis"].on_update(
             lambda _: self.choose(int(controls["hypothesis"].value) - 1)
         )
-        controls["from"] = gui.add_button_group("look from", ["start", "camera", "above"])
+        controls["from"] = gui.add_button_group(
+            "look from", ["start", "camera", "above", "next view"]
+        )
         controls["from"].on_click(lambda event: self.look(event.client, event.target.value))
         tabs = gui.add_tab_group()
         with tabs.add_tab("Objects"):

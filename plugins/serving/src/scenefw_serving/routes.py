@@ -10,11 +10,13 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.settings import COUNT
 from scenefw.core.versions import versions
 from scenefw.export.masks import write_masks
 from scenefw.export.meshes import write_glb
-from scenefw.export.summary import summarise
+from scenefw.export.summary import plain, summarise
 from scenefw.perception.estimate.base_frame import in_base
+from scenefw.perception.ranking.next_view import next_views_in_base
 from scenefw.report.palette import colours_of
 from scenefw.tasks.scene_files import write_scene
 
@@ -90,6 +92,36 @@ class Settle:
             MissingDependencyError: the simulator is not installed.
         """
         return content(image, self.settling.settle(image.scenes()), form, self.exports)
+
+
+class NextView:
+    """Answers where to look next.
+
+    Args:
+        count: of the views all around that are compared.
+        best: of them that are told.
+
+    Raises:
+        SettingError: a number below 1.
+    """
+
+    path = "/next_view"
+    summary = "Views that would tell the hypotheses of a depth image apart, the best one first"
+    formats: Mapping[str, str] = {"json": "application/json"}
+
+    def __init__(self, count: int = 48, best: int = 5) -> None:
+        COUNT.require(count=count, best=best)
+        self.count, self.best = count, best
+
+    def answer(self, image: ImageRequest, form: str) -> bytes | Mapping[str, Any]:
+        """`views`, each with `T_world_camera` and `score`.
+
+        Raises:
+            InputError: the image is unusable.
+        """
+        views = next_views_in_base(image.scenes(), count=self.count)[: self.best]
+        told = [{"T_world_camera": plain(v.T_world_camera), "score": v.score} for v in views]
+        return {"name": image.frame.name, "views": told}
 
 
 class Diagnose:
