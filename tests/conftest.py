@@ -38,7 +38,9 @@ def pytest_collection_modifyitems(items):
     What `make test` leaves out is marked as exhaustive where it stands.
     """
     folders = [ROOT / "tests" / "unit" / name for name in SLOW]
-    folders += [ROOT / "plugins" / name / "tests" for name in ("grasping", "painting")]
+    folders += [
+        ROOT / "plugins" / name / "tests" for name in ("grasping", "painting", "rerun", "serving")
+    ]
     for item in items:
         inside = any(folder in item.path.parents for folder in folders)
         inside |= ROOT / "tests" in item.path.parents and item.path.stem in SLOW_FILES
