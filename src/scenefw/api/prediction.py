@@ -6,14 +6,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from scenefw.api.scene import Scene
 from scenefw.core.errors import InputError, require_whole
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
 
     from scenefw.core.types import Camera, ObjectEstimate, SceneEstimate
+    from scenefw.perception.ranking.next_view import ViewScore
 
 
 @dataclass(frozen=True)
@@ -84,6 +88,29 @@ class Prediction:
             StorageError: the file can't be written.
         """
         return self.scene(sample).save(path, **settings)
+
+    def next_views(
+        self, poses: Sequence[ArrayLike] | None = None, *, count: int = 48
+    ) -> list[ViewScore]:
+        """Where to look next: views in the order of how well they would tell the samples apart.
+
+        Args:
+            poses: (4, 4) camera to world, or to the robot's base if `camera_pose` was given; None:
+                views all around the objects.
+            count: of those.
+
+        Returns:
+            Each with `T_world_camera`, in the same frame as `poses`, and `score`: the share of the
+            spread of the samples that the view is expected to remove.
+
+        Raises:
+            InputError: what was given are no poses.
+        """
+        from scenefw.perception.ranking.next_view import next_views_in_base
+
+        require_whole(count, "count", 1)
+        given = None if poses is None else [np.asarray(pose, np.float64) for pose in poses]
+        return next_views_in_base(self.samples, given, count)
 
     def render(
         self, camera: Camera | None = None, *, turn: float = 0.0, sample: int = 0

@@ -12,13 +12,16 @@ from typing import TYPE_CHECKING
 from scenefw.api.prediction import Prediction
 from scenefw.core.errors import InputError, require_number
 from scenefw.data.files.arrays import colour_of, frame_of, mask_of
+from scenefw.data.files.camera_pose import camera_pose_of
 from scenefw.data.files.readers import read_frame
+from scenefw.perception.estimate.base_frame import with_camera_in_base
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from scenefw.api.settings import Settings
     from scenefw.core.types import Frame
+    from scenefw.data.files.camera_pose import CameraPose
     from scenefw.data.files.intrinsics import Intrinsics
     from scenefw.perception.pipeline import ReconstructionPipeline
 
@@ -52,6 +55,7 @@ class Predictor:
         color: ArrayLike | None = None,
         mask: ArrayLike | None = None,
         *,
+        camera_pose: CameraPose = None,
         depth_scale: float | None = None,
         name: str = "image",
     ) -> Prediction:
@@ -69,6 +73,8 @@ class Predictor:
             mask: (H, W) of what is known to be objects: booleans say where some are, whole numbers
                 which one a pixel shows (0 = none), and objects keep these ids. Anything else above
                 the floor is then ignored.
+            camera_pose: of the camera in a robot's base, 4x4 or what else
+                `data.files.camera_pose.camera_pose_of` takes; what is saved is then in the base.
             depth_scale: metres per unit of integer depth; None = 0.001, or that of a file's format.
                 An error with floats, which are metres.
             name: of the image, for messages and files.
@@ -77,13 +83,15 @@ class Predictor:
             InputError: the image is unusable; the message says how to fix it.
         """
         require_number(depth_scale, "depth_scale", "metres per unit of integer depth, or None")
+        pose = camera_pose_of(camera_pose)
         frame = _frame(depth, intrinsics, color, depth_scale, name)
         object_mask = None if mask is None else mask_of(mask, frame.depth.shape, frame.name)
         with self._computing():
             view = self.pipeline.observe(frame, object_mask)
             for warning in view.warnings:
                 warnings.warn(f"{frame.name}: {warning}", stacklevel=2)
-            return Prediction(tuple(self.pipeline.reconstruct(view)))
+            scenes = self.pipeline.reconstruct(view)
+            return Prediction(tuple(with_camera_in_base(scene, pose) for scene in scenes))
 
 
 def _frame(

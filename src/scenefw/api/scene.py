@@ -17,7 +17,9 @@ from scenefw.core.types import Camera
 from scenefw.export.scene_folder import write_scene_files
 from scenefw.perception.editing import scene_editing
 from scenefw.perception.editing.stored_scenes import read_scene
+from scenefw.perception.estimate.base_frame import in_base
 from scenefw.perception.physics.contacts import contact_words
+from scenefw.perception.physics.support_graph import SupportGraph, support_graph
 from scenefw.report.palette import colours_of
 
 if TYPE_CHECKING:
@@ -65,6 +67,11 @@ class Scene:
     def warnings(self) -> tuple[str, ...]:
         """Objects that run into each other or the floor, or that nothing carries, with numbers."""
         return tuple(contact_words(self.objects))
+
+    @cached_property
+    def support_graph(self) -> SupportGraph:
+        """What stands on what, what falls if something goes, and an order to take things away."""
+        return support_graph(self.objects)
 
     @property
     def ids(self) -> list[int]:
@@ -221,11 +228,12 @@ class Scene:
             StorageError: the file can't be written.
         """
         path, colours = Path(path).expanduser(), colours_of(self.estimate)
+        estimate = in_base(self.estimate)
         if path.suffix or settings:
-            writer(path, settings).write(path, self.estimate, colours)
+            writer(path, settings).write(path, estimate, colours)
             return path
         with replacing_folder(path) as folder:
-            write_scene_files(folder, self.estimate, colours)
+            write_scene_files(folder, estimate, colours)
         return path
 
     def render(self, camera: Camera | None = None, *, turn: float = 0.0) -> NDArray[np.uint8]:

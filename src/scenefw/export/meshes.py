@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,9 +10,11 @@ from numpy.typing import NDArray
 from scenefw.core.errors import MissingDependencyError
 from scenefw.core.files import replacing
 from scenefw.core.types import SceneEstimate, TriangleMesh
+from scenefw.export.surface_colours import surface_colours
 
 Colour = Sequence[float]
 
+_MATT = {"metallicFactor": 0.0, "roughnessFactor": 0.7}
 _Y_UP = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], dtype=np.float64)
 
 
@@ -51,7 +54,8 @@ def write_ply(
 def write_glb(path: Path, estimate: SceneEstimate, colours: Sequence[Colour]) -> None:
     """Writes all objects of an estimate as one GLB; glTF is y-up, so world z becomes its y.
 
-    Each object is a node `object_01`, ... with a material of its colour.
+    Each object is a node `object_01`, ... with a material, and the colours of the image on its
+    vertices (`surface_colours`), or its own colour where there are none.
 
     Args:
         path: the file, replaced as a whole.
@@ -66,19 +70,41 @@ def write_glb(path: Path, estimate: SceneEstimate, colours: Sequence[Colour]) ->
     except ImportError as error:
         raise MissingDependencyError("GLB files need: pip install 'trimesh>=4.6'") from error
     scene = trimesh.Scene()
-    for item, colour in zip(estimate.objects, colours, strict=True):
-        material = trimesh.visual.material.PBRMaterial(
-            name=f"object_{item.id:02d}",
-            baseColorFactor=[*_bytes(colour).tolist(), 255],
-            metallicFactor=0.0,
-            roughnessFactor=0.7,
-        )
-        mesh = trimesh.Trimesh(item.mesh.vertices, item.mesh.faces, process=False)
-        mesh.visual = trimesh.visual.TextureVisuals(material=material)
+    paints = surface_colours(estimate, colours)
+    for item, paint in zip(estimate.objects, paints, strict=True):
         name = f"object_{item.id:02d}"
+        mesh = trimesh.Trimesh(item.mesh.vertices, item.mesh.faces, process=False)
+        if np.ndim(paint) == 2:
+            mesh.visual = trimesh.visual.ColorVisuals(mesh, vertex_colors=_linear(paint))
+        else:
+            material = trimesh.visual.material.PBRMaterial(
+                name=name, baseColorFactor=[*_bytes(paint).tolist(), 255], **_MATT
+            )
+            mesh.visual = trimesh.visual.TextureVisuals(material=material)
         scene.add_geometry(mesh, node_name=name, geom_name=name, transform=_Y_UP)
     with replacing(path) as temporary:
-        temporary.write_bytes(scene.export(file_type="glb") if scene.geometry else _EMPTY_GLB)
+        temporary.write_bytes(
+            scene.export(file_type="glb", tree_postprocessor=_add_materials)
+            if scene.geometry
+            else _EMPTY_GLB
+        )
+
+
+def _add_materials(tree: dict[str, Any]) -> None:
+    """Gives meshes with colours of vertices a matt material; without one glTF makes them metal."""
+    materials = tree.setdefault("materials", [])
+    for mesh in tree.get("meshes", ()):
+        for primitive in mesh["primitives"]:
+            if "material" not in primitive:
+                primitive["material"] = len(materials)
+                materials.append({"name": mesh["name"], "pbrMetallicRoughness": dict(_MATT)})
+
+
+def _linear(paint: Colour | NDArray[np.float64]) -> NDArray[np.uint8]:
+    """Colours (V, 4) of vertices as glTF has them: linear; images are sRGB (IEC 61966-2-1)."""
+    srgb = np.asarray(paint, dtype=np.float64)
+    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+    return np.column_stack([_bytes(linear), np.full(len(linear), 255)]).astype(np.uint8)
 
 
 def _bytes(colour: Colour | NDArray[np.float64]) -> NDArray[np.int64]:

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
 from scenefw.core.files import write_text
+from scenefw.core.types import Pose
 from scenefw.export.bodies import DENSITY, Body, BodyMaker
 from scenefw.export.xml_files import numbers, rgba, xml_text
+from scenefw.perception.estimate.base_frame import floor_pose
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -56,7 +58,10 @@ class MJCF:
             ET.SubElement(of_class, "geom", {"type": "mesh", **changes})
         assets, world = ET.SubElement(root, "asset"), ET.SubElement(root, "worldbody")
         ET.SubElement(world, "light", pos="0 0 3", dir="0 0 -1", directional="true")
-        ET.SubElement(world, "geom", name="floor", type="plane", size="2 2 0.1", rgba=".9 .9 .9 1")
+        floor = Pose.from_matrix(floor_pose(estimate.details))
+        place = {"pos": numbers(floor.position), "quat": numbers(floor.quaternion)}
+        plane = {"name": "floor", "type": "plane", "size": "2 2 0.1", "rgba": ".9 .9 .9 1"}
+        ET.SubElement(world, "geom", {**plane, **place})
         for body, colour in zip(self._maker.bodies(estimate), colours, strict=True):
             _add(assets, world, body, colour)
         write_text(path, xml_text(root))

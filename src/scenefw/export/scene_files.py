@@ -6,12 +6,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scenefw.core.files import write_text
 from scenefw.core.types import SceneEstimate, TriangleMesh
 from scenefw.core.versions import versions
 from scenefw.export.meshes import Colour, write_glb, write_ply
 from scenefw.export.summary import write_summary
+from scenefw.export.surface_colours import surface_colours
 
 
 class GLB:
@@ -37,7 +39,9 @@ class PLY:
         vertices = np.concatenate([np.zeros((0, 3)), *(mesh.vertices for mesh in meshes)])
         faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]
         all_faces = np.concatenate([np.zeros((0, 3), np.int64), *faces])
-        rows = np.repeat(np.reshape(np.asarray(colours, np.float64), (-1, 3)), counts, axis=0)
+        paints = zip(surface_colours(estimate, colours), counts, strict=True)
+        painted = [np.broadcast_to(paint, (count, 3)) for paint, count in paints]
+        rows = np.concatenate([np.zeros((0, 3)), *painted])
         write_ply(path, TriangleMesh(vertices, all_faces), rows)
 
 
@@ -49,9 +53,10 @@ class OBJ:
     def write(self, path: Path, estimate: SceneEstimate, colours: Sequence[Colour]) -> None:
         """Writes the file."""
         lines, start = ["# metres, z up"], 1
-        for item, colour in zip(estimate.objects, colours, strict=True):
+        paints = surface_colours(estimate, colours)
+        for item, paint in zip(estimate.objects, paints, strict=True):
             lines.append(f"o object_{item.id:02d}")
-            lines += obj_lines(item.mesh, colour, start)
+            lines += obj_lines(item.mesh, paint, start)
             start += len(item.mesh.vertices)
         write_text(path, "\n".join(lines) + "\n")
 
@@ -66,14 +71,19 @@ class Summary:
         write_summary(path, estimate, {}, versions=versions())
 
 
-def obj_lines(mesh: TriangleMesh, colour: Colour | None = None, start: int = 1) -> list[str]:
+def obj_lines(
+    mesh: TriangleMesh, colour: Colour | NDArray[np.float64] | None = None, start: int = 1
+) -> list[str]:
     """Lines of OBJ for a mesh, to a tenth of a micrometre.
 
     Args:
         mesh: triangles.
-        colour: red, green, blue in [0, 1] of all its vertices.
+        colour: red, green, blue in [0, 1] of all its vertices, or (V, 3) of each.
         start: number of its first vertex; OBJ counts from 1.
     """
-    tail = "" if colour is None else "".join(f" {value:.4f}" for value in colour)
-    lines = [f"v {x:.7f} {y:.7f} {z:.7f}{tail}" for x, y, z in mesh.vertices]
+    lines = [f"v {x:.7f} {y:.7f} {z:.7f}" for x, y, z in mesh.vertices]
+    if colour is not None:
+        rows = np.broadcast_to(colour, (len(lines), 3))
+        tails = [f" {red:.4f} {green:.4f} {blue:.4f}" for red, green, blue in rows]
+        lines = [line + tail for line, tail in zip(lines, tails, strict=True)]
     return lines + [f"f {a} {b} {c}" for a, b, c in mesh.faces + start]

@@ -10,6 +10,7 @@ from scenefw.core.versions import versions
 from scenefw.export.masks import write_masks
 from scenefw.export.meshes import write_glb, write_ply
 from scenefw.export.summary import write_summary
+from scenefw.export.surface_colours import surface_colours
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,7 +23,8 @@ if TYPE_CHECKING:
 def write_scene_files(folder: Path, estimate: SceneEstimate, colours: Sequence[Colour]) -> None:
     """Writes meshes, `scene.glb`, `volumes.npz`, `masks.png` and `scene.json`.
 
-    Meshes are `object_01.ply` ... and `obstacle_01.ply` ...
+    Meshes are `object_01.ply` ... and `obstacle_01.ply` ..., with the colours of the image where it
+    has some (`surface_colours`).
 
     Args:
         folder: exists.
@@ -33,8 +35,9 @@ def write_scene_files(folder: Path, estimate: SceneEstimate, colours: Sequence[C
         StorageError: a file can't be written.
     """
     files = {item.id: f"object_{item.id:02d}.ply" for item in estimate.objects}
-    for item, colour in zip(estimate.objects, colours, strict=True):
-        write_ply(folder / files[item.id], item.mesh, colour)
+    paints = surface_colours(estimate, colours)
+    for item, paint in zip(estimate.objects, paints, strict=True):
+        write_ply(folder / files[item.id], item.mesh, paint)
     obstacle_files = [f"obstacle_{i:02d}.ply" for i in range(1, len(estimate.obstacles) + 1)]
     for name, obstacle in zip(obstacle_files, estimate.obstacles, strict=True):
         write_ply(folder / name, obstacle.mesh)

@@ -11,6 +11,8 @@ import numpy as np
 
 from scenefw.core.files import write_text
 from scenefw.core.types import Camera, ObjectEstimate, PlacedShape, SceneEstimate
+from scenefw.perception.estimate.base_frame import on_floor
+from scenefw.perception.physics.support_graph import support_graph
 
 
 def summarise(
@@ -21,10 +23,14 @@ def summarise(
 ) -> dict[str, Any]:
     """Plain data of a scene estimate: metres, world frame (z up, floor z = 0).
 
+    Of a scene that `perception.estimate.base_frame` has brought into a robot's base that is the
+    world, and `T_base_floor` says where the frame of the floor, and with it the grid, lies.
+
     `objects` is a list of id, centre, extents along the axes of the pose, pose (position and
     quaternion w, x, y, z), confidence and mesh file; `obstacles` have their kind and mesh file;
-    `camera` has intrinsics and the matrix from camera (OpenCV) to world coordinates. Every further
-    key comes from the estimate's details.
+    `camera` has intrinsics and the matrix from camera (OpenCV) to world coordinates;
+    `support_graph` says what stands on what (0 = the floor), which objects fall if one is taken
+    away, and the order in which to take them. Every further key comes from the estimate's details.
 
     Args:
         estimate: the scene.
@@ -40,6 +46,7 @@ def summarise(
             for obstacle, name in zip(estimate.obstacles, obstacle_files, strict=False)
         ],
         "camera": _camera(estimate.frame.camera),
+        "support_graph": _support_graph(on_floor(estimate)),
         **{key: plain(value) for key, value in estimate.details.items()},
         "versions": dict(versions or {}),
     }
@@ -95,6 +102,17 @@ def shape_numbers(placed: PlacedShape) -> dict[str, Any]:
         **{field.name: plain(getattr(shape, field.name)) for field in fields(shape)},
         "position": plain(placed.pose.position),
         "quaternion": plain(placed.pose.quaternion),
+    }
+
+
+def _support_graph(objects: Sequence[ObjectEstimate]) -> dict[str, Any]:
+    graph = support_graph(objects)
+    return {
+        "objects": [
+            {"id": label, "stands_on": list(below), "falls": list(graph.falls(label))}
+            for label, below in graph.stands_on.items()
+        ],
+        "removal_order": list(graph.removal_order()),
     }
 
 

@@ -11,6 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenefw.core.errors import ConfigError, SceneFWError
+from scenefw.perception.estimate.base_frame import in_base
+from scenefw.perception.physics.support_graph import FLOOR, support_graph
+from scenefw.perception.ranking.next_view import next_views, views_around
 from scenefw.report import layers
 from scenefw.report.edits import Edits
 from scenefw.report.palette import instance_colours
@@ -21,6 +24,7 @@ if TYPE_CHECKING:
 
     from scenefw.core.protocols import SceneFormat, Settling
     from scenefw.core.types import Float64, SceneEstimate
+    from scenefw.perception.physics.support_graph import SupportGraph
     from scenefw.report.layers import Prediction
     from scenefw.report.palette import Colour
 
@@ -28,7 +32,7 @@ _NOTHING = "none"
 _VIEW_ANGLE = 0.7  # rad
 _HEADER = (
     "<tr style='text-align:left;opacity:0.6'><td></td><td></td><td>size</td><td>volume</td>"
-    "<td>agreement</td></tr>"
+    "<td>agreement</td><td>stands on</td></tr>"
 )
 _SHOWN = {  # layer: words, visible at first
     "points": ("point cloud", True),
@@ -69,6 +73,7 @@ class Viewer:
         self.prediction: Prediction
         self.image, self.hypothesis = 0, 0
         self.selected: int | None = None
+        self._supports: SupportGraph
         self._lock = threading.RLock()
         self._loaded: dict[int, tuple[Prediction, list[Edits]]] = {}
         self._scenes: list[Edits] = []
@@ -173,7 +178,7 @@ class Viewer:
                 folder /= f"hypothesis_{self.hypothesis + 1}"
             folder.mkdir(parents=True, exist_ok=True)
             path = folder / f"scene{form.suffix}"
-            form.write(path, scene, [_colour(item.id) for item in scene.objects])
+            form.write(path, in_base(scene), [_colour(item.id) for item in scene.objects])
         print(path)
         below = folder / f"scene_{form.suffix.lstrip('.')}"
         parts = sorted(p for p in below.rglob("[!.]*") if p.is_file()) if below.is_dir() else []
@@ -198,6 +203,7 @@ class Viewer:
 
     def _show_scene(self) -> None:
         labels = self.edits.ids
+        self._supports = support_graph(self.edits.scene.objects)
         with self.server.atomic():
             self.stage.show_objects(self.edits)
             options = [_NOTHING, *map(_option, labels)]
@@ -215,10 +221,22 @@ class Viewer:
         self.controls["about"].content = self._about()
 
     def look(self, client: Any = None, whence: str = "start") -> None:
-        """Turns browsers to the scene: from the start's place, the camera or above."""
+        """Turns browsers to the scene: from the start's place, the camera, above, or next view.
+
+        The next view is the one that would tell the hypotheses apart best.
+        """
         eye, middle = layers.start(self.prediction.scenes[0])
         if whence == "camera":
             eye = self.prediction.scenes[0].frame.camera.T_world_camera[:3, 3]
+        elif whence == "next view":
+            scenes = self.prediction.scenes
+            view = next_views(scenes, views_around(scenes[0]))[0]
+            eye = view.T_world_camera[:3, 3]
+            print(f"next view: {view.score:.0%} of what is uncertain would be seen")
+            if client is not None:
+                client.add_notification(
+                    "Next view", f"{view.score:.0%} of what is uncertain would be seen from here"
+                )
         elif whence == "above":
             eye = middle + [0.0, -1e-3, float(((eye - middle) ** 2).sum() ** 0.5)]
         first = self.server.initial_camera
@@ -230,12 +248,14 @@ class Viewer:
 
     def _about(self) -> str:
         """A line per object: colour, number, size, volume, confidence."""
-        rows = "".join(_row(self.edits, label) for label in self.edits.ids)
+        rows = "".join(_row(self.edits, label, self._supports) for label in self.edits.ids)
+        order = " → ".join(map(str, self._supports.removal_order()))
+        advice = f"<p>take away {order}</p>" if len(self._supports.heights) > 1 else ""
         warnings = self.prediction.scenes[0].details.get("warnings", ())
         notices = "".join(f"<p style='color:#a15c00'>{html.escape(line)}</p>" for line in warnings)
         table = f"<table style='width:100%;border-spacing:0 2px'>{_HEADER}{rows}</table>"
         style = "font-size:0.85em;padding:0 0.8em;line-height:1.45"
-        return f"<div style='{style}'>{table if rows else 'no object'}{notices}</div>"
+        return f"<div style='{style}'>{table if rows else 'no object'}{advice}{notices}</div>"
 
     # The panel
 
@@ -248,7 +268,9 @@ class Viewer:
         controls["hypothesis"].on_update(
             lambda _: self.choose(int(controls["hypothesis"].value) - 1)
         )
-        controls["from"] = gui.add_button_group("look from", ["start", "camera", "above"])
+        controls["from"] = gui.add_button_group(
+            "look from", ["start", "camera", "above", "next view"]
+        )
         controls["from"].on_click(lambda event: self.look(event.client, event.target.value))
         tabs = gui.add_tab_group()
         with tabs.add_tab("Objects"):
@@ -358,7 +380,7 @@ def _option(label: int) -> str:
     return f"object {label}"
 
 
-def _row(edits: Edits, label: int) -> str:
+def _row(edits: Edits, label: int, supports: SupportGraph) -> str:
     item, is_removed = edits.item(label), label in edits.removed
     red, green, blue = (round(255 * part) for part in _colour(label))
     square = f"<td style='color:rgb({red},{green},{blue})'>&#9632;</td>"
@@ -367,6 +389,7 @@ def _row(edits: Edits, label: int) -> str:
         layers.size(item),
         f"{1000 * layers.volume(item.mesh):.2f} l",
         "removed" if is_removed else f"{item.confidence:.0%}",
+        ", ".join("floor" if below == FLOOR else str(below) for below in supports.stands_on[label]),
     )
     style = " style='opacity:0.45'" if is_removed else ""
     return f"<tr{style}>{square}" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"

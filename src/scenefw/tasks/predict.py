@@ -13,6 +13,8 @@ from scenefw.core.files import require_writable
 from scenefw.core.folders import replacing_folder, require_replaceable
 from scenefw.core.protocols import SceneFormat, Settling
 from scenefw.core.types import SceneEstimate
+from scenefw.data.files.camera_pose import camera_pose_of
+from scenefw.perception.estimate.base_frame import with_camera_in_base
 from scenefw.perception.observation.observation import Observation
 from scenefw.perception.physics.settling import words as settled_words
 from scenefw.perception.pipeline import ReconstructionPipeline
@@ -51,9 +53,12 @@ class Predict:
         exports: what writes further files of each scene, by name.
         masks: folder of masks of objects, NAME.png for each image, or such a file (see
             `data.files.arrays.read_mask`); None = none are known.
+        camera_pose: of the camera in a robot's base, a file or numbers (see
+            `data.files.camera_pose`); results are then in the base. None: in the floor's frame.
 
     Raises:
         ConfigError: no input is given, or the depth scale is not positive.
+        InputError: what is given is no pose.
     """
 
     def __init__(
@@ -70,12 +75,14 @@ class Predict:
         hypotheses: bool = True,
         exports: Mapping[str, SceneFormat] | None = None,
         masks: str | Path | None = None,
+        camera_pose: str | Sequence[float] | None = None,
     ) -> None:
         self.images = DepthImages("predict", input, intrinsics, depth_scale, masks, output)
         self.pipeline, self.output, self.settling = pipeline, Path(output), settling
         self.overview, self.page = overview, page
         self.hypotheses = hypotheses
         self.exports = dict(exports or {})
+        self.camera_pose = camera_pose_of(camera_pose, "run.camera_pose")
 
     def run(self) -> dict[str, float]:
         """Predicts all images; returns how many, how many failed, objects and seconds per image.
@@ -164,7 +171,10 @@ class Predict:
 
     def _scenes(self, view: Observation) -> list[SceneEstimate]:
         """All hypotheses, or the most typical one, at rest if they settle."""
-        scenes = self.pipeline.reconstruct(view, first_only=not self.hypotheses)
+        scenes = [
+            with_camera_in_base(scene, self.camera_pose)
+            for scene in self.pipeline.reconstruct(view, first_only=not self.hypotheses)
+        ]
         if self.settling is None:
             return scenes
         settled = self.settling.settle(scenes)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from scenefw.export.scene_folder import write_scene_files
+from scenefw.perception.estimate.base_frame import in_base
 from scenefw.report.palette import Colour, colours_of
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ def write_scene(
     Raises:
         StorageError: a file can't be written.
     """
-    colours = colours_of(estimate)
+    colours, estimate = colours_of(estimate), in_base(estimate)
     write_scene_files(folder, estimate, colours)
     for form in exports.values():
         form.write(folder / f"scene{form.suffix}", estimate, colours)

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.files import require_writable
+from scenefw.data.files.camera_pose import camera_pose_of
 from scenefw.export.scene_files import GLB, Summary
+from scenefw.perception.estimate.base_frame import with_camera_in_base
 from scenefw.report.layers import Prediction
 from scenefw.report.viewer import Viewer
 from scenefw.report.viewer_server import (
@@ -22,7 +24,7 @@ from scenefw.report.viewer_server import (
 from scenefw.tasks.depth_images import DepthImages
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from scenefw.core.protocols import SceneFormat, Settling
     from scenefw.perception.pipeline import ReconstructionPipeline
@@ -46,6 +48,7 @@ class View:
         host: address that browsers reach it at; 127.0.0.1 is for this machine alone.
         port: 0 takes a free one.
         seconds: ends after this time; None = with Ctrl-C.
+        camera_pose: as of `run=predict`; exports are then in the robot's base.
 
     Raises:
         ConfigError: no input is given, or a number that isn't positive.
@@ -64,6 +67,7 @@ class View:
         host: str = "127.0.0.1",
         port: int = 8080,
         seconds: float | None = None,
+        camera_pose: str | Sequence[float] | None = None,
     ) -> None:
         self.images = DepthImages("view", input, intrinsics, depth_scale, masks, output)
         if seconds is not None and not seconds > 0:
@@ -71,6 +75,7 @@ class View:
         self.output, self.pipeline, self.settling = Path(output), pipeline, settling
         self.formats: dict[str, SceneFormat] = {"glb": GLB(), "json": Summary(), **(exports or {})}
         self.host, self.port, self.seconds = host, port, seconds
+        self.camera_pose = camera_pose_of(camera_pose, "run.camera_pose")
 
     def run(self) -> dict[str, float]:
         """Serves until it ends; returns how many images there are.
@@ -114,4 +119,8 @@ class View:
         for warning in view.warnings:
             print(f"{frame.name}: {warning}", file=sys.stderr)
         partial = view.partial.distance[0, 0].cpu().numpy()
-        return Prediction(tuple(self.pipeline.reconstruct(view)), frame, partial)
+        scenes = [
+            with_camera_in_base(scene, self.camera_pose)
+            for scene in self.pipeline.reconstruct(view)
+        ]
+        return Prediction(tuple(scenes), frame, partial)

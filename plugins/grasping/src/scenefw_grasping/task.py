@@ -15,6 +15,7 @@ from scenefw.core.geometry import inverse
 from scenefw.core.types import Float64, Pose, SceneEstimate
 from scenefw.core.versions import versions
 from scenefw.export.summary import plain
+from scenefw.perception.estimate.base_frame import FLOOR_IN_BASE, floor_pose, in_base
 from scenefw.perception.physics.bodies import BodyMaker
 from scenefw.report.pictures import save_picture
 from scenefw.report.tables import Table, to_console
@@ -71,16 +72,7 @@ class Grasp:
         Raises:
             StorageError: the folder can't be written.
         """
-        meshes = {item.id: item.mesh for item in estimate.objects}
-        placed = {item.id: item.placed for item in estimate.objects if item.placed is not None}
-        scene_bodies = self.bodies.make(meshes, placed)
-        eye = np.array(estimate.frame.camera.T_world_camera[:3, 3])
-        ranking = self.grasping.rank(
-            scene_bodies.bodies, eye, [obstacle.mesh for obstacle in estimate.obstacles]
-        )
-        ranking = Ranking(
-            ranking.grasps, {**scene_bodies.left_out, **ranking.left_out}, ranking.resting
-        )
+        ranking = rank(estimate, self.grasping, self.bodies)
         _print(grasp_table(ranking))
         if not ranking.grasps:
             print(f"{estimate.frame.name}: no grasp: {_reason(ranking)}")
@@ -102,30 +94,58 @@ class Grasp:
         save_film(path, pictures, lift.film.seconds)
 
 
+def rank(estimate: SceneEstimate, grasping: Grasping, bodies: BodyMaker) -> Ranking:
+    """The grasps of a predicted scene, the least disturbing first.
+
+    Args:
+        estimate: the scene.
+        grasping: proposes grasps and simulates them.
+        bodies: makes rigid bodies of the objects.
+    """
+    meshes = {item.id: item.mesh for item in estimate.objects}
+    placed = {item.id: item.placed for item in estimate.objects if item.placed is not None}
+    scene_bodies = bodies.make(meshes, placed)
+    eye = np.array(estimate.frame.camera.T_world_camera[:3, 3])
+    ranking = grasping.rank(
+        scene_bodies.bodies, eye, [obstacle.mesh for obstacle in estimate.obstacles]
+    )
+    return Ranking(ranking.grasps, {**scene_bodies.left_out, **ranking.left_out}, ranking.resting)
+
+
 def summarise_grasps(estimate: SceneEstimate, ranking: Ranking) -> dict[str, Any]:
     """Plain data of ranked grasps: metres, poses of the cup in both frames.
 
     A pose's z axis points into the surface, its origin is the contact, `quaternion` is
     (w, x, y, z). `floor` is the frame of `scene.json` (z up, floor z = 0), `camera` that of the
-    image (x right, y down, z forward).
+    image (x right, y down, z forward), `base` that of the robot where the camera's pose in it is
+    known.
     """
     camera = np.array(estimate.frame.camera.T_world_camera)
+    base = in_base(estimate)
+    is_in_base = base is not estimate
+    to_base = floor_pose(base.details) if is_in_base else None
     return {
         "name": estimate.frame.name,
         "grasps": [
-            _grasp(i, ranked_grasp, camera)
+            _grasp(i, ranked_grasp, camera, to_base)
             for i, ranked_grasp in enumerate(ranking.grasps, start=1)
         ],
         "without_grasp": [{"id": i, "reason": why} for i, why in ranking.left_out.items()],
         "reason": None if ranking.grasps else _reason(ranking),
         "T_floor_camera": plain(camera),
+        **({FLOOR_IN_BASE: plain(to_base)} if is_in_base else {}),
         "versions": versions(),
     }
 
 
-def _grasp(rank: int, ranked_grasp: RankedGrasp, camera: Float64) -> dict[str, Any]:
+def _grasp(
+    rank: int, ranked_grasp: RankedGrasp, camera: Float64, to_base: Float64 | None
+) -> dict[str, Any]:
     grasp, to_camera = ranked_grasp.grasp, inverse(camera)
     directions = [grasp.normal, _UP] if grasp.outward else [_UP]
+    frames = {"floor": np.eye(4), "camera": to_camera}
+    if to_base is not None:
+        frames["base"] = to_base
     return {
         "rank": rank,
         "object": int(grasp.label),
@@ -135,8 +155,10 @@ def _grasp(rank: int, ranked_grasp: RankedGrasp, camera: Float64) -> dict[str, A
         "failure": ranked_grasp.lift.failure or None,
         "seal": grasp.seal,
         "seen": grasp.seen,
-        "floor": _pose(grasp.pose, directions),
-        "camera": _pose(to_camera @ grasp.pose, [to_camera[:3, :3] @ d for d in directions]),
+        **{
+            name: _pose(motion @ grasp.pose, [motion[:3, :3] @ along for along in directions])
+            for name, motion in frames.items()
+        },
     }
 
 

@@ -23,6 +23,7 @@ from scenefw.core.types import (
     SceneEstimate,
     TriangleMesh,
 )
+from scenefw.perception.estimate.base_frame import CAMERA_IN_BASE
 from scenefw.perception.estimate.objects import estimate_objects
 from scenefw.perception.estimate.transforms import moved_object
 from scenefw.perception.evidence.mesh_distances import mesh_volumes
@@ -44,7 +45,8 @@ _MAX_FACTOR = 1000.0  # of scaling
 _MIN_AXIS_LENGTH = 1e-9  # of an axis of turning
 _MAX_VOXELS = 128  # per side of a grid that grows
 _CONFIDENCE = 1.0  # of an object that somebody has added
-_IMAGE_DETAILS = ("floor", "checkpoint", "samples", "seed")  # details that hold after edits too
+_IMAGE_DETAILS = (CAMERA_IN_BASE, "floor", "checkpoint", "samples", "seed")
+"""Details that hold after edits too."""
 
 
 def named(objects: Objects, label: int) -> ObjectEstimate:

@@ -24,6 +24,7 @@ from scenefw.core.types import (
     TriangleMesh,
 )
 from scenefw.perception.editing.scene_editing import with_objects
+from scenefw.perception.estimate.base_frame import from_base
 from scenefw.shapes.solid_mesh import closed
 from scenefw.shapes.superellipsoid import Superellipsoid
 from scenefw.shapes.superquadric import Superquadric
@@ -34,7 +35,8 @@ if TYPE_CHECKING:
 
 SCENE = "scene.json"
 MASKS = "masks.png"
-_SCENE_KEYS = ("name", "objects", "obstacles", "camera", "versions")  # the other keys are details
+_SCENE_KEYS = ("name", "objects", "obstacles", "camera", "support_graph", "versions")
+"""The other keys are details."""
 _KINDS = ("superquadric", "superellipsoid", "vessel")
 _MAX_BYTES = 64 * 2**20  # of a file
 _MAX_ID = 9999  # of an object
@@ -48,6 +50,8 @@ def read_scene(path: str | Path) -> SceneEstimate:
     taken. A shape of a kind that is unknown here, as of a plugin, is left out with a warning, and
     its object is its mesh. Volumes are made of them. The depth image isn't stored: that of the
     frame is empty.
+
+    Objects that were written in a robot's base are brought back to the frame of the floor.
 
     Args:
         path: `scene.json`, or the folder that holds it.
@@ -78,8 +82,9 @@ def read_scene(path: str | Path) -> SceneEstimate:
     empty = SceneEstimate(
         (), grid, volume, np.zeros(grid.shape, np.int32), frame, details, {}, None
     )
-    scene = with_objects(empty, objects)
-    return replace(scene, details=details, masks=_masks(path, camera), obstacles=obstacles)
+    floor = from_base(replace(empty, objects=objects, obstacles=obstacles))
+    scene = with_objects(replace(floor, objects=()), floor.objects)
+    return replace(scene, details=floor.details, masks=_masks(path, camera))
 
 
 def _read_json(path: Path) -> dict[str, Any]:

@@ -122,7 +122,7 @@ def _hover(label: int, solids: dict[int, MeshDistances]) -> Hover:
             continue
         if (lower.low[:2] > upper.high[:2]).any() or lower.low[2] > upper.high[2]:
             continue
-        places = _places(upper, lower)
+        places = shared_places(upper, lower)
         bottom, top, underside = upper.lowest(places), lower.highest(places), lower.lowest(places)
         with np.errstate(invalid="ignore"):
             is_below = underside < bottom  # what comes from above, however deep, carries nothing
@@ -132,7 +132,7 @@ def _hover(label: int, solids: dict[int, MeshDistances]) -> Hover:
     return best
 
 
-def _places(first: MeshDistances, second: MeshDistances) -> Float64:
+def shared_places(first: MeshDistances, second: MeshDistances) -> Float64:
     """Places (N, 2) of the floor under both: a lattice, and below their vertices."""
     low = np.maximum(first.low, second.low)[:2]
     high = np.minimum(first.high, second.high)[:2]

@@ -1,0 +1,1 @@
+"""Recordings for the viewer Rerun: a bundled plugin of scenefw."""

@@ -1,0 +1,1 @@
+"""Reconstructions as a service over HTTP: a bundled plugin of scenefw."""

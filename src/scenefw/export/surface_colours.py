@@ -1,0 +1,66 @@
+"""Colours of an image on the surfaces that it shows."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from scenefw.core.geometry import inverse, transform_points
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from scenefw.core.types import Float64, SceneEstimate, TriangleMesh
+    from scenefw.export.meshes import Colour
+
+
+def surface_colours(
+    estimate: SceneEstimate, colours: Sequence[Colour]
+) -> list[Colour | NDArray[np.float64]]:
+    """The colours of each object's vertices (V, 3) in [0, 1], sRGB, where the image has colour.
+
+    A vertex that faces the camera has the colour of its pixel, if that shows the object; any other
+    that of the nearest such vertex of its object. An object without one keeps its own colour.
+
+    Args:
+        estimate: objects and camera in one frame.
+        colours: of the objects where the image says nothing, in their order.
+    """
+    if estimate.frame.colour is None or estimate.masks is None:
+        return list(colours)
+    return [
+        _painted(item.mesh, estimate.masks == item.id, estimate, colour)
+        for item, colour in zip(estimate.objects, colours, strict=True)
+    ]
+
+
+def _painted(
+    mesh: TriangleMesh, mask: NDArray[np.bool_], estimate: SceneEstimate, colour: Colour
+) -> Colour | NDArray[np.float64]:
+    camera, image = estimate.frame.camera, estimate.frame.colour
+    points = transform_points(inverse(camera.T_world_camera), mesh.vertices)
+    facing = (_normals(points, mesh.faces) * points).sum(axis=1) < 0
+    depth = np.where(points[:, 2] > 0, points[:, 2], np.inf)
+    columns = np.rint(camera.fx * points[:, 0] / depth + camera.cx).astype(np.int64)
+    rows = np.rint(camera.fy * points[:, 1] / depth + camera.cy).astype(np.int64)
+    inside = (rows >= 0) & (rows < camera.height) & (columns >= 0) & (columns < camera.width)
+    inside &= facing & np.isfinite(depth)
+    seen = np.flatnonzero(inside)
+    seen = seen[mask[rows[seen], columns[seen]]]
+    if image is None or not len(seen):
+        return colour
+    nearest = seen[cKDTree(points[seen]).query(points)[1]]
+    return np.asarray(image[rows[nearest], columns[nearest]] / 255.0)
+
+
+def _normals(vertices: Float64, faces: NDArray[np.int64]) -> Float64:
+    """Directions (V, 3) in which a closed surface looks at its vertices; lengths mean nothing."""
+    corners = vertices[faces]
+    directions = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = np.zeros_like(vertices)
+    np.add.at(normals, faces.ravel(), np.repeat(directions, 3, axis=0))
+    return normals

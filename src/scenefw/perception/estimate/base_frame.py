@@ -1,0 +1,94 @@
+"""Scenes in the coordinates of a robot's base, where the pose of the camera in it is known.
+
+Within scenefw a scene stands on the floor z = 0. What is written or sent goes through `in_base`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from scenefw.core.geometry import inverse, transform_points
+from scenefw.core.types import Float64, Obstacle, TriangleMesh
+from scenefw.perception.estimate.transforms import moved_object
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from scenefw.core.types import ObjectEstimate, SceneEstimate
+
+CAMERA_IN_BASE = "T_base_camera"
+"""Detail of a scene in the floor's frame whose camera's pose in a robot's base is known."""
+
+FLOOR_IN_BASE = "T_base_floor"
+"""Detail of a scene in a robot's base: where the frame of its floor lies in it."""
+
+
+def with_camera_in_base(estimate: SceneEstimate, T_base_camera: Float64 | None) -> SceneEstimate:  # noqa: N803
+    """The same scene, which `in_base` will bring into a robot's base.
+
+    Args:
+        estimate: in the frame of its floor.
+        T_base_camera: 4x4, camera (OpenCV) to the base; None leaves the scene as it is.
+    """
+    if T_base_camera is None:
+        return estimate
+    pose = np.asarray(T_base_camera, dtype=np.float64)
+    return replace(estimate, details={**estimate.details, CAMERA_IN_BASE: pose.tolist()})
+
+
+def in_base(estimate: SceneEstimate) -> SceneEstimate:
+    """Objects, obstacles and camera in a robot's base, if the camera's pose in it is known.
+
+    Grid and volumes stay in the frame of the floor.
+    """
+    if CAMERA_IN_BASE not in estimate.details:
+        return estimate
+    camera = estimate.frame.camera
+    T_base_camera = np.array(estimate.details[CAMERA_IN_BASE])  # noqa: N806
+    motion = T_base_camera @ inverse(camera.T_world_camera)
+    details = {k: v for k, v in estimate.details.items() if k != CAMERA_IN_BASE}
+    return replace(
+        estimate,
+        objects=tuple(moved_object(item, motion) for item in estimate.objects),
+        obstacles=tuple(_obstacle(item, motion) for item in estimate.obstacles),
+        frame=replace(estimate.frame, camera=camera.moved(T_base_camera)),
+        details={**details, FLOOR_IN_BASE: motion.tolist()},
+    )
+
+
+def floor_pose(details: Mapping[str, Any]) -> Float64:
+    """4x4, frame of the floor to the frame in which the objects of an estimate are."""
+    return np.array(details.get(FLOOR_IN_BASE, np.eye(4)), dtype=np.float64)
+
+
+def on_floor(estimate: SceneEstimate) -> Sequence[ObjectEstimate]:
+    """The objects of an estimate in the frame of the floor, wherever they are."""
+    if FLOOR_IN_BASE not in estimate.details:
+        return estimate.objects
+    motion = inverse(floor_pose(estimate.details))
+    return [moved_object(item, motion) for item in estimate.objects]
+
+
+def from_base(estimate: SceneEstimate) -> SceneEstimate:
+    """What `in_base` made, as it was before."""
+    if FLOOR_IN_BASE not in estimate.details:
+        return estimate
+    motion = inverse(floor_pose(estimate.details))
+    camera = estimate.frame.camera
+    details = {k: v for k, v in estimate.details.items() if k != FLOOR_IN_BASE}
+    return replace(
+        estimate,
+        objects=tuple(on_floor(estimate)),
+        obstacles=tuple(_obstacle(item, motion) for item in estimate.obstacles),
+        frame=replace(estimate.frame, camera=camera.moved(motion @ camera.T_world_camera)),
+        details={**details, CAMERA_IN_BASE: np.array(camera.T_world_camera).tolist()},
+    )
+
+
+def _obstacle(obstacle: Obstacle, motion: Float64) -> Obstacle:
+    mesh = obstacle.mesh
+    moved_mesh = TriangleMesh(transform_points(motion, mesh.vertices), mesh.faces)
+    return replace(obstacle, mesh=moved_mesh)

@@ -1,0 +1,140 @@
+"""What stands on what, what falls if something goes, and in which order to take things away."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from scenefw.perception.evidence.mesh_distances import MeshDistances
+from scenefw.perception.physics.contacts import TOLERANCE, shared_places
+from scenefw.shapes.moments import moments
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping, Sequence
+
+    from scenefw.core.types import Float64, ObjectEstimate
+
+FLOOR = 0
+"""Stands for the floor among ids of objects."""
+
+_MAX_PIERCED = 0.5
+"""What rises into more than half of a thing's height stands beside it, and doesn't carry it."""
+
+
+@dataclass(frozen=True, eq=False)
+class SupportGraph:
+    """Contacts of objects with what is below them, and what follows for taking them away.
+
+    An object is carried while its centre of mass lies over the convex hull of the places at which
+    it touches what is below it. So a pile that holds together by friction alone counts as fallen.
+
+    Args:
+        contacts: places (N, 2) of the floor (m) at which an object, by id, rests on others, by id;
+            `FLOOR` is one of them.
+        centres: (2,) place of the centre of mass of each object (m).
+        heights: of the top of each object (m).
+    """
+
+    contacts: Mapping[int, Mapping[int, Float64]]
+    centres: Mapping[int, Float64]
+    heights: Mapping[int, float]
+
+    @cached_property
+    def stands_on(self) -> dict[int, tuple[int, ...]]:
+        """What each object touches from above; `FLOOR` for the floor, nothing if it hovers."""
+        return {label: tuple(sorted(below)) for label, below in self.contacts.items()}
+
+    def falls(self, label: int, gone: Collection[int] = ()) -> tuple[int, ...]:
+        """Objects that nothing carries any more if one goes, and those that fall with them.
+
+        Args:
+            label: id of the object that goes.
+            gone: ids of objects that went before.
+        """
+        missing = {*gone, label}
+        while True:
+            fallen = {
+                item
+                for item, below in self.contacts.items()
+                if item not in missing
+                and missing & below.keys()
+                and not self._stands(item, missing)
+            }
+            if not fallen:
+                return tuple(sorted(missing - {*gone, label}))
+            missing |= fallen
+
+    def removal_order(self) -> tuple[int, ...]:
+        """Ids in an order in which each is taken when as few as possible fall with it.
+
+        Of several the highest goes first.
+        """
+        order: list[int] = []
+        while len(order) < len(self.contacts):
+            rest = [label for label in self.contacts if label not in order]
+            order.append(min(rest, key=lambda k: (len(self.falls(k, order)), -self.heights[k], k)))
+        return tuple(order)
+
+    def _stands(self, label: int, missing: Collection[int]) -> bool:
+        places = [points for below, points in self.contacts[label].items() if below not in missing]
+        return bool(places) and _over(self.centres[label], np.concatenate(places))
+
+
+def support_graph(objects: Sequence[ObjectEstimate], tolerance: float = TOLERANCE) -> SupportGraph:
+    """The support graph of a scene.
+
+    Args:
+        objects: closed meshes, world coordinates (z up, floor z = 0).
+        tolerance: gap that counts as touching (m).
+    """
+    solids = {item.id: MeshDistances(item.mesh) for item in objects}
+    return SupportGraph(
+        {label: _contacts(label, solids, tolerance) for label in solids},
+        {item.id: moments(item.mesh).pose.position[:2] for item in objects},
+        {label: float(solid.high[2]) for label, solid in solids.items()},
+    )
+
+
+def _contacts(
+    label: int, solids: Mapping[int, MeshDistances], tolerance: float
+) -> dict[int, Float64]:
+    upper = solids[label]
+    contacts = {}
+    if upper.low[2] <= tolerance:
+        vertices = upper.mesh.vertices
+        contacts[FLOOR] = vertices[vertices[:, 2] <= upper.low[2] + tolerance, :2]
+    for below, lower in solids.items():
+        if below == label:
+            continue
+        places = _touching(upper, lower, tolerance)
+        if len(places):
+            contacts[below] = places
+    return contacts
+
+
+def _touching(upper: MeshDistances, lower: MeshDistances, tolerance: float) -> Float64:
+    """Places (N, 2) at which one solid rests on another (m)."""
+    apart = (lower.high[:2] < upper.low[:2]).any() or (lower.low[:2] > upper.high[:2]).any()
+    if apart or lower.low[2] > upper.high[2] or lower.high[2] < upper.low[2] - tolerance:
+        return np.zeros((0, 2))
+    places = shared_places(upper, lower)
+    bottom, top = upper.lowest(places), upper.highest(places)
+    underside, rest = lower.lowest(places), lower.highest(places)
+    with np.errstate(invalid="ignore"):
+        is_below = underside < bottom - tolerance
+        touches = bottom - rest <= tolerance
+        carries = rest - bottom < _MAX_PIERCED * (top - bottom)
+    return np.asarray(places[is_below & touches & carries])
+
+
+def _over(place: Float64, points: Float64) -> bool:
+    """Whether a place (2,) lies in the convex hull of points (N, 2)."""
+    try:
+        hull = ConvexHull(points)
+    except (QhullError, ValueError):  # a point or a line, on which nothing stands
+        return False
+    return bool((hull.equations[:, :2] @ place + hull.equations[:, 2] <= 0).all())
