@@ -25,7 +25,7 @@ class ShellDepth:
 
     needs_draws = False
 
-    def __init__(self, weight: float = 1.0) -> None:
+    def __init__(self, weight: float = 4.0) -> None:
         self.weight = weight
 
     def check(self, setup: ShellSetup) -> None:

@@ -29,7 +29,7 @@ class ShellEnergy:
 
     needs_draws = True
 
-    def __init__(self, weight: float = 1.0) -> None:
+    def __init__(self, weight: float = 4.0) -> None:
         self.weight = weight
 
     def check(self, setup: ShellSetup) -> None:

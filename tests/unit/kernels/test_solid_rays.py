@@ -27,7 +27,9 @@ def parts_of(*solids):
             sides = ConvexHull(corners).equations
             planes.append(sides)
             ends.append(ends[-1] + len(sides))
-            balls.append([*corners.mean(0), np.linalg.norm(corners - corners.mean(0), axis=1).max()])
+            balls.append(
+                [*corners.mean(0), np.linalg.norm(corners - corners.mean(0), axis=1).max()]
+            )
     values = (
         np.int32(ranges),
         np.int32(ends),
