@@ -126,3 +126,18 @@ def test_ends_and_gaps_agree_with_the_parts_one_by_one(seed, count):
             assert hollow[v, u] == (widest[0] > 0.01)
         if hollow[v, u]:
             assert depths[3, v, u] - depths[2, v, u] == pytest.approx(widest[0], abs=1e-4)
+
+
+def results():
+    """A hollow of two walls, in the image's middle alone."""
+    walls = [box((-0.2, -0.15, z), (0.15, 0.2, z + 0.05)) for z in (0.6, 0.8)]
+    shell = cast([walls, walls[:1]])
+    return {name: value.numpy() for name, value in vars(shell).items()}
+
+
+@pytest.mark.slow
+def test_the_grid_of_threads_gives_what_the_loop_gives(simulated):
+    for name, expected in results().items():
+        assert len(np.unique(expected)) > 1
+        differ = np.abs(simulated[name].astype(float) - expected) > 1e-4
+        assert differ.mean() <= 0.01
