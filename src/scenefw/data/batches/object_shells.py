@@ -11,7 +11,7 @@ from torch import Tensor
 
 from scenefw.core.batches import IndexBatch
 from scenefw.core.errors import ConfigError, SettingError
-from scenefw.core.object_shells import ObjectShellBatch
+from scenefw.core.object_shells import ObjectShellBatch, Shells
 from scenefw.core.rng import Streams
 from scenefw.core.settings import COUNT, NOT_NEGATIVE
 from scenefw.data.batches.image_changes import ImageChanges
@@ -180,10 +180,16 @@ class ObjectShells(lightning.LightningDataModule):
             [frames[:, :3].astype(np.float32), *_tables(part.solids, items)], device
         )
         true = shells(crops.cameras, maps, PartPlanes(*tables), self.min_gap)
+        measured_pixels = _sums(measured, measured > 0)[numbers_here, owners_here.long() - 1]
+        is_visible = (measured_pixels >= self.min_pixels)[:, None, None]
+        true = Shells(true.depths, true.amodal & is_visible, true.hollow & is_visible)
         return ObjectShellBatch(crops, true, references(crops)[1]), items, frames
 
     def _chosen(self, measured: Tensor, streams: Streams) -> NDArray[np.int32]:
-        """Objects (N,) of images of which enough is measured; if none is, the largest."""
+        """Objects (N,) of images of which enough is measured; if none is, the largest.
+
+        Of such an object, which noise hides, no shell follows: it is empty.
+        """
         pixels = _sums(measured, torch.ones_like(measured, dtype=torch.float32)).cpu().numpy()
         starts, chosen = streams.uniform(1)[:, 0], []
         for start, row in zip(starts, pixels, strict=True):
@@ -252,7 +258,7 @@ def _tables(solids: StoredSolids, items: NDArray[np.int64]) -> list[NDArray[Any]
     for item in items.tolist():
         first, last = solids.part_ends[item], solids.part_ends[item + 1]
         sides = solids.plane_ends[first : last + 1]
-        counts.append(counts[-1] + last - first)
+        counts.append(counts[-1] + int(last - first))
         ends += (sides[1:] - sides[0] + ends[-1]).tolist()
         balls.append(solids.balls[first:last])
         planes.append(solids.planes[sides[0] : sides[-1]])

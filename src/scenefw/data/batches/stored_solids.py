@@ -69,7 +69,7 @@ class StoredSolids:
                 sides = [planes_of(part) for part in corners]
                 rng = streams.generator(scene.seed, _POINTS, scene.index, number)
                 planes += sides
-                balls += [ball_about(part) for part in corners]
+                balls.extend(ball_about(part) for part in corners)
                 part_counts.append(len(corners))
                 poses.append(item.pose.matrix)
                 surfaces.append(surface_points(corners, sides, points, rng))

@@ -110,6 +110,23 @@ def test_crops_follow_from_seed_epoch_and_number(made):
     assert torch.equal(first.crops.depth, second.crops.depth)
 
 
+class Fog:
+    """Noise in which nothing is measured."""
+
+    def apply(self, depth, cameras, seeds):
+        return torch.zeros_like(depth)
+
+
+def test_what_noise_hides_has_an_empty_shell(made):
+    data = made(noise={"n": Gaussian(0.0)})
+    assert data.training_batch(BATCH, CPU).shells.amodal.any()
+    data.changes.noise["n"] = Fog()
+    batch = data.training_batch(BATCH, CPU)
+    assert not batch.crops.visible.any()
+    assert not batch.shells.amodal.any()
+    assert not batch.shells.hollow.any()
+
+
 def test_unusable_data_are_one_line(made, folder, tmp_path):
     with pytest.raises(ConfigError, match="margins"):
         made(margins=(2.0, 1.5))
