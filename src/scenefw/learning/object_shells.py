@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -69,7 +70,7 @@ class ObjectShellLearning(TrainingModule):
             scores(
                 object_shell(number, validation_batch.crops, prediction),
                 points[number],
-                Solid(lambda x, p=parts: inside(x, p), surface),
+                Solid(partial(inside, parts=parts), surface),
                 generator(self.seed, _POINTS, number),
             )
             for number, (parts, surface) in enumerate(truth)

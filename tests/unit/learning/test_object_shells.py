@@ -1,5 +1,7 @@
 """Training of object shells: it learns, and its scores are those of solids."""
 
+from functools import partial
+
 import numpy as np
 import torch
 from tests.unit.data.things_folder import write_things
@@ -44,7 +46,7 @@ def test_the_true_shells_score_best(tmp_path):
     prediction = ShellPrediction(true.amodal.float() - 0.5, true.hollow.float() - 0.5, true.depths)
     rows = []
     for number, (parts, surface) in enumerate(solids):
-        truth = Solid(lambda x, p=parts: inside(x, p), surface)
+        truth = Solid(partial(inside, parts=parts), surface)
         points = visible_points(batch.crops)[number]
         shell = object_shell(number, batch.crops, prediction)
         rows.append(scores(shell, points, truth, np.random.default_rng(0)))
