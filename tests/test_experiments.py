@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 from tests.unit.data.images_folder import write_images
+from tests.unit.data.things_folder import write_things
 
 from scenefw import registry
 from scenefw.core.geometry import look_at
@@ -67,6 +68,8 @@ def test_experiment_runs(scenefw, sweep, tmp_path, name):
         own = [MADE_DATA[name]] if name in MADE_DATA else []
         if name == "part_images":
             own = [f"paths.images={write_images(tmp_path / 'images')}"]
+        if name == "object_shells":
+            own = [f"paths.images={write_things(tmp_path)}"]
         done = scenefw(f"experiment={name}", "debug=smoke", f"paths.output={out}", *own)
         assert done.returncode == 0, done.stderr[-3000:]
         assert done.stdout.strip().splitlines()[-1] == str(out)

@@ -15,6 +15,7 @@ from benchmarks.trainings import STATE, Ledger, Machine, Training, markdown, wri
 from omegaconf import OmegaConf
 from tests.test_guide import FILES
 from tests.unit.data.images_folder import write_images
+from tests.unit.data.things_folder import write_things
 from tests.unit.learning import plain
 
 from scenefw import config, registry
@@ -224,6 +225,7 @@ def test_all_trainings_of_the_ledger_go_through_the_script_of_gpus_on_a_cpu(tmp_
         entry.needs, entry.core.changes = {}, []
     entries.thesis_set_autoencoder.command += ["dataset.path=large_stacks_v2"]
     entries.part_images.command[1] = f"paths.images={write_images(tmp_path / 'images')}"
+    entries.object_shells.command[1] = f"paths.images={write_things(tmp_path)}"
     for folder in ("there", "here"):
         (tmp_path / folder).mkdir()
         OmegaConf.save(entries, tmp_path / folder / "trainings.yaml")

@@ -28,6 +28,7 @@ _VERSION = 1
 SHAPE_INSTANCE, SEGMENTATION = "shape_instance", "segmentation"
 OBJECT_SETS = "object_sets"
 SET_FLOW, PART_AFFINITY = "set_flow", "part_affinity"
+OBJECT_SHELLS = "object_shells"
 """What a network is for; files without a task are of the first."""
 
 

@@ -16,6 +16,7 @@ from scenefw.core.files import require_writable, write_text
 from scenefw.core.made_of import settings_of
 from scenefw.core.settings import COUNT
 from scenefw.data.batches.stored_images import DEPTH_UNIT, OBSTACLE, StoredImages
+from scenefw.data.batches.stored_solids import StoredSolids
 from scenefw.renderers.thing_images import ThingImage, ThingRenderer
 from scenefw.report.console import track
 from scenefw.scenes.things.cameras import HandheldCameras
@@ -26,10 +27,14 @@ _SAVED_AFTER = 50  # scenes: what a kill costs
 _ROUNDS = 3  # of cameras, where walls or robots hide all things
 _THING_RADIUS = 0.1  # m: so far things reach from their middle
 _VIEWS = 6  # random stream, beside those that make scenes
+_SOLIDS = "solids.npz"
+_SURFACE_POINTS = {"train": 0, "val": 4000}  # of each thing: distances are validated with them
 
 
 class RenderThings:
     """Images of the training and validation scenes of a file, in `train` and `val` of a folder.
+
+    Beside them lie the things as solids, `solids.npz`, for networks that complete objects.
 
     A rerun after a kill goes on where it was; `images.json` in the folder is written last. The
     cameras of scene i depend on (seed, i) alone.
@@ -85,6 +90,9 @@ class RenderThings:
             if not members:
                 raise InputError(f"{self.scenes} holds no scenes of part {split}; make more")
             counts[split] = float(self._render(members, self.folder / split, facts))
+            solids = self.folder / split / _SOLIDS
+            if not solids.exists():
+                StoredSolids.of(track(members, _SOLIDS), _SURFACE_POINTS[split]).save(solids)
         write_text(self.folder / "images.json", json.dumps(facts | counts, indent=2) + "\n")
         print(self.folder)
         return counts

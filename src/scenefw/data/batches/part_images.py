@@ -12,10 +12,10 @@ from scenefw.core.batches import CameraBatch, IndexBatch
 from scenefw.core.errors import ConfigError, SettingError
 from scenefw.core.part_views import PartViewBatch
 from scenefw.core.rng import Streams
-from scenefw.core.settings import COUNT, SHARE
-from scenefw.data.batches.stored_images import DEPTH_UNIT, OBSTACLE, StoredImages
+from scenefw.core.settings import COUNT
+from scenefw.data.batches.image_changes import ImageChanges
+from scenefw.data.batches.stored_images import StoredImages
 from scenefw.data.epochs import EpochBatches
-from scenefw.kernels.transfer import to_device
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -66,10 +66,11 @@ class PartImages(lightning.LightningDataModule):
         crop: Sequence[int] | None = None,
     ) -> None:
         super().__init__()
-        SHARE.require(colourless=colourless)
         COUNT.require(validation_limit=validation_limit)
         self.views, self.folder = views, folder
-        self.colourless, self.brightness, self.scale = colourless, brightness, scale
+        self.changes = ImageChanges(
+            views.noise, colourless, brightness, scale, views.tilt, views.lift
+        )
         self.images = StoredImages.open(f"{folder}/train")
         self.validation_images = StoredImages.open(f"{folder}/val")
         self.validation_limit = len(self.validation_images)
@@ -136,44 +137,12 @@ class PartImages(lightning.LightningDataModule):
             None if whole.colour is None else whole.colour[window],
         )
 
-    @torch.no_grad()
     def _changed(
         self, images: StoredImages, batch: IndexBatch, stream: int, device: torch.device
     ) -> PartViewBatch:
-        """Stored images as a camera elsewhere, in another light, takes them."""
         rows = batch.indices.numpy()
         streams = Streams.of(self.views.seed, stream, batch.epoch, indices=rows)
-        to_noise, to_floor, to_light, to_place = streams.split(4)
-        chances, light = to_place.uniform(3), to_light.uniform(5)
-        scales = 2 ** (self.scale * (2 * chances[:, 0] - 1))
-        poses = images.poses[rows].astype(np.float64)
-        poses[:, :3, 3] *= scales[:, None]
-        seeds = np.ascontiguousarray(to_noise.seeds(len(self.views.noise)).T)
-        depth, owners, colour, intrinsics, poses, floors, seeds, light, scales = to_device(
-            [
-                images.depth[rows].astype(np.float32) * DEPTH_UNIT,
-                images.owners[rows].astype(np.int32),
-                images.colour[rows].astype(np.float32) / 255,
-                images.intrinsics[rows].astype(np.float32),
-                poses.astype(np.float32),
-                self.views.floor_motions(to_floor),
-                seeds,
-                light.astype(np.float32),
-                scales.astype(np.float32),
-            ],
-            device,
-        )
-        depth = depth * scales[:, None, None]
-        cameras = CameraBatch(*self.image_size, intrinsics, poses)
-        for noise, row in zip(self.views.noise.values(), seeds, strict=True):
-            depth = noise.apply(depth, cameras, row)
-        cameras = CameraBatch(*self.image_size, intrinsics, floors @ poses)
-        colour = _in_light(colour.permute(0, 3, 1, 2), self.brightness * (2 * light - 1))
-        is_mirrored = torch.from_numpy(chances[:, 1] < 0.5).to(device)
-        colourless = torch.from_numpy(chances[:, 2] < self.colourless).to(device)
-        colour = torch.where(colourless[:, None, None, None], torch.nan, colour)
-        changed = PartViewBatch(depth, owners, cameras, owners >= OBSTACLE, colour)
-        return _mirrored(changed, is_mirrored)
+        return self.changes.apply(images, rows, streams, device)
 
 
 def _window_size(crop: Sequence[int] | None, image_size: tuple[int, int]) -> tuple[int, int]:
@@ -190,37 +159,6 @@ def _divided(batch: IndexBatch, images: int) -> tuple[IndexBatch, IndexBatch]:
     return (
         IndexBatch(batch.epoch, batch.indices[is_stored]),
         IndexBatch(batch.epoch, batch.indices[~is_stored] - images),
-    )
-
-
-def _in_light(colour: torch.Tensor, changes: torch.Tensor) -> torch.Tensor:
-    """Colours (B, 3, H, W) with another gamma, exposure and colour of the light (B, 5)."""
-    changes = changes[:, :, None, None]
-    gamma, exposure, tint = changes[:, :1] / 2, changes[:, 1:2], changes[:, 2:] / 2
-    return (colour ** (2**gamma) * 2 ** (exposure + tint)).clamp(0, 1)
-
-
-def _mirrored(batch: PartViewBatch, mask: torch.Tensor) -> PartViewBatch:
-    """The images that `mask` (B,) names, in a mirror: columns turn round, x becomes -x."""
-
-    def turned(values: torch.Tensor) -> torch.Tensor:
-        return torch.where(mask.view(-1, *[1] * (values.dim() - 1)), values.flip(-1), values)
-
-    cameras = batch.cameras
-    flip = torch.ones(4, device=mask.device)
-    flip[0] = -1
-    intrinsics = cameras.intrinsics.clone()
-    intrinsics[:, 2] = torch.where(mask, cameras.width - 1 - intrinsics[:, 2], intrinsics[:, 2])
-    poses = cameras.T_world_camera
-    poses = torch.where(mask[:, None, None], poses * flip[:, None] * flip, poses)
-    assert batch.obstacles is not None
-    assert batch.colour is not None
-    return PartViewBatch(
-        turned(batch.depth),
-        turned(batch.owners),
-        CameraBatch(cameras.width, cameras.height, intrinsics, poses),
-        turned(batch.obstacles),
-        turned(batch.colour),
     )
 
 

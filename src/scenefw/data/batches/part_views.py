@@ -6,8 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
-from scipy.spatial.transform import Rotation
-from scipy.special import ndtri
 from torch import Tensor
 
 from scenefw.core.batches import CameraBatch, IndexBatch, SceneParameters
@@ -16,6 +14,7 @@ from scenefw.core.part_views import PartViewBatch
 from scenefw.core.rng import Streams
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, SHARE
 from scenefw.data.batches.compounds import compounds
+from scenefw.data.batches.image_changes import floor_motions
 from scenefw.data.batches.scene_batches import SceneBatches
 from scenefw.data.batches.surroundings import surrounding_depths
 from scenefw.kernels.superquadric_rays import first_hits
@@ -139,11 +138,9 @@ class PartViews(SceneBatches):
             self.viewpoints.poses(to_camera).astype(np.float32),
             (minimum * (maximum / minimum) ** chances[:, :1, None]).astype(np.float32),
             np.ascontiguousarray(to_noise.seeds(len(self.noise)).T),
-            self.floor_motions(to_floor),
+            floor_motions(to_floor, self.tilt, self.lift),
         ]
-        intrinsics, poses, factors, seeds, floor_motions = to_device(
-            arrays, scenes.positions.device
-        )
+        intrinsics, poses, factors, seeds, motions = to_device(arrays, scenes.positions.device)
         cameras = CameraBatch(*self.image_size, intrinsics, poses)
         scenes = SceneParameters(
             scenes.half_axes * factors, scenes.exponents, scenes.rotations,
@@ -158,17 +155,8 @@ class PartViews(SceneBatches):
         depth, owners = self._traced(scenes, cameras, traced, depth, owners)
         for noise_model, row in zip(self.noise.values(), seeds, strict=True):
             depth = noise_model.apply(depth, cameras, row)
-        cameras = CameraBatch(*self.image_size, intrinsics, floor_motions @ poses)
+        cameras = CameraBatch(*self.image_size, intrinsics, motions @ poses)
         return PartViewBatch(depth, owners, cameras)
-
-    def floor_motions(self, streams: Streams) -> NDArray[np.float32]:
-        """Motions (B, 4, 4) of the world by which a floor is found wrongly."""
-        normal = ndtri(streams.uniform(3))
-        slopes = np.radians(self.tilt) * normal[:, :2]
-        motions = np.tile(np.eye(4), (len(streams), 1, 1))
-        motions[:, :3, :3] = Rotation.from_rotvec(np.pad(slopes, ((0, 0), (0, 1)))).as_matrix()
-        motions[:, 2, 3] = self.lift * normal[:, 2]
-        return motions.astype(np.float32)
 
     def _traced(
         self,

@@ -105,7 +105,7 @@ def _contacts(
     upper = solids[label]
     contacts = {}
     if upper.low[2] <= tolerance:
-        vertices = upper.mesh.vertices
+        vertices = upper.vertices
         contacts[FLOOR] = vertices[vertices[:, 2] <= upper.low[2] + tolerance, :2]
     for below, lower in solids.items():
         if below == label:

@@ -62,7 +62,7 @@ def next_views(scenes: Sequence[SceneEstimate], poses: Sequence[Float64]) -> lis
     spread = probability * (1 - probability)
     uncertain = np.argwhere(spread > 0)
     weights = spread[tuple(uncertain.T)]
-    places = grid.to_world(uncertain)
+    places = grid.to_world(uncertain.astype(np.float64))
     scores = []
     for pose in poses:
         viewed = camera.moved(pose)

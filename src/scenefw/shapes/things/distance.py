@@ -12,6 +12,7 @@ from numba import njit
 from scipy.spatial import cKDTree
 
 from scenefw.core.types import Float64, TriangleMesh
+from scenefw.shapes.part_unions import is_inside
 from scenefw.shapes.things.union import polytope
 
 
@@ -33,24 +34,6 @@ def signed_distances(points: Float64, solids: Sequence[Float64], boundary: Trian
     bounds, _ = cKDTree(boundary.vertices).query(flat)
     balls = np.column_stack([centres, radii])
     return np.asarray(_distances(flat, bounds, rows, balls, np.concatenate(planes), ends))
-
-
-@njit(cache=True)
-def _inside(point, planes, ends):
-    start = 0
-    for end in ends:
-        within = True
-        for k in range(start, end):
-            height = planes[k, 3]
-            for axis in range(3):
-                height += planes[k, axis] * point[axis]
-            if height > 0:
-                within = False
-                break
-        if within:
-            return True
-        start = end
-    return False
 
 
 @njit(cache=True)
@@ -104,5 +87,5 @@ def _distances(points, bounds, rows, balls, planes, ends):
                 if squared < best:
                     best = squared
                     nearest = np.sqrt(best)
-        distances[i] = -nearest if _inside(points[i], planes, ends) else nearest
+        distances[i] = -nearest if is_inside(points[i], planes, ends) else nearest
     return distances
