@@ -2,14 +2,8 @@
 
 import base64
 import gzip
-import itertools
 import json
-import os
 import re
-import select
-import shutil
-import subprocess
-import time
 
 import numpy as np
 import pytest
@@ -22,7 +16,6 @@ from scenefw.report.publication import publish
 from scenefw.report.scenes3d import Layer, Scene3D, Solid, packed
 
 EYE = np.array([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 1.5], [0, 0, 0, 1]], dtype=np.float64)
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
 
 def solid(name, mesh):
@@ -112,68 +105,13 @@ def test_documents_leave_scenes_out(tmp_path, scene):
     assert "Examples" not in target.read_text("utf-8")
 
 
-def drawn_page(address, profile, timeout=240):
-    """The page's elements once its scene is drawn, by the DevTools protocol over pipes.
-
-    `--dump-dom` with virtual time may end before the browser's other threads have unpacked
-    the scene.
-    """
-    command = [
-        CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic",
-        "--no-first-run", "--disable-background-networking", "--disable-component-update",
-        "--disable-sync", "--use-gl=angle", "--use-angle=swiftshader",
-        "--enable-unsafe-swiftshader", f"--user-data-dir={profile}",
-        "--window-size=800,600", "--remote-debugging-pipe",
-    ]  # fmt: skip
-    (browser_in, ours_out), (ours_in, browser_out) = os.pipe(), os.pipe()
-    # The protocol reads descriptor 3 and writes 4
-    shell = f'exec 8<&{browser_in} 9>&{browser_out}; exec "$@" 3<&8 4>&9 8<&- 9>&-'
-    browser = subprocess.Popen(
-        ["bash", "-c", shell, "bash", *command],
-        pass_fds=(browser_in, browser_out), stderr=subprocess.DEVNULL,
-    )  # fmt: skip
-    os.close(browser_in)
-    os.close(browser_out)
-    deadline = time.monotonic() + timeout
-    numbers = itertools.count(1)
-    with os.fdopen(ours_in, "rb") as answers, os.fdopen(ours_out, "wb", 0) as requests:
-
-        def ask(method, session=None, **params):
-            message = {"id": next(numbers), "method": method, "params": params}
-            message |= {"sessionId": session} if session else {}
-            requests.write(json.dumps(message).encode() + b"\0")
-            text = b""
-            while time.monotonic() < deadline:
-                if not select.select([answers], [], [], 1)[0]:
-                    assert browser.poll() is None, "the browser has ended"
-                    continue
-                text += answers.read1()
-                *messages, text = text.split(b"\0")
-                for answer in map(json.loads, messages):
-                    if answer.get("id") == message["id"]:
-                        return answer["result"]
-            raise TimeoutError(method)
-
-        try:
-            target = ask("Target.createTarget", url=address)["targetId"]
-            session = ask("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
-            ready = "!!document.querySelector('.stage[data-layer], .sorry')"
-            while not ask("Runtime.evaluate", session, expression=ready)["result"]["value"]:
-                assert time.monotonic() < deadline, "the scene was never drawn"
-                time.sleep(0.1)
-            html = "document.documentElement.outerHTML"
-            return ask("Runtime.evaluate", session, expression=html)["result"]["value"]
-        finally:
-            browser.kill()
-            browser.wait()
-
-
-@pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium")
 @pytest.mark.parametrize(("layer", "name", "solids"), [(0, "predicted", 1), (1, "truth", 2)])
-def test_a_browser_draws_the_chosen_layer(tmp_path, scene, layer, name, solids):
-    page = tmp_path / "scene.html"
-    write_scene_page(page, "view", packed([scene]))
-    dom = drawn_page(f"{page.as_uri()}#layer={layer}", tmp_path / "profile")
+def test_a_browser_draws_the_chosen_layer(tmp_path, scene, page, layer, name, solids):
+    path = tmp_path / "scene.html"
+    write_scene_page(path, "view", packed([scene]))
+    page.goto(f"{path.as_uri()}#layer={layer}")
+    page.wait_for_selector(".stage[data-layer], .sorry", state="attached")
+    dom = page.content()
     drawn = (BOX, BALL)[:solids]
     assert f'data-layer="{name}"' in dom
     assert f'data-triangles="{sum(len(one.mesh.faces) for one in drawn)}"' in dom

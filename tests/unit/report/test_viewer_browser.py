@@ -1,8 +1,6 @@
 """The viewer in Chromium, as somebody sees it."""
 
 import io
-import os
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,33 +20,10 @@ from scenefw.report.layers import Prediction
 from scenefw.report.viewer import Viewer
 from scenefw.report.viewer_server import open_server
 
-ARGUMENTS = [
-    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
-    "--disable-background-networking", "--disable-component-update", "--disable-sync",
-    "--enable-unsafe-swiftshader",
-]  # fmt: skip
-PATIENCE = 180_000  # ms: pictures are drawn without a GPU
-
-
-@pytest.fixture
-def page(tmp_path):
-    pytest.importorskip("viser", reason="pip install 'scenefw[viewer]'")
-    driver = pytest.importorskip("playwright.sync_api", reason="pip install playwright")
-    chromium = os.environ.get("CHROMIUM") or shutil.which("chromium")
-    if chromium is None:
-        pytest.skip("no browser: apt-get install chromium, or set CHROMIUM to its path")
-    with driver.sync_playwright() as playwright:
-        context = playwright.chromium.launch_persistent_context(
-            tmp_path / "profile", executable_path=chromium, args=ARGUMENTS, timeout=PATIENCE,
-            viewport={"width": 800, "height": 500}, accept_downloads=True,
-        )  # fmt: skip
-        context.set_default_timeout(PATIENCE)
-        yield context.pages[0]
-        context.close()
-
 
 @pytest.fixture
 def viewer(tmp_path):
+    pytest.importorskip("viser", reason="pip install 'scenefw[viewer]'")
     pipeline = pipeline_of(KnownBoxes(GridSpec(resolution=32)), samples=1)
     view = pipeline.observe(frame_of(camera_at(eye=(0.0, -0.85, 0.6), size=(160, 120))))
     (scene,) = pipeline.reconstruct(view)
@@ -61,6 +36,7 @@ def viewer(tmp_path):
 
 @pytest.fixture
 def map_viewer():
+    pytest.importorskip("viser", reason="pip install 'scenefw[viewer]'")
     server = open_server("127.0.0.1", 0)
     yield MapViewer(server)
     server.stop()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from scenefw.perception.evidence.mesh_distances import MeshDistances
+from scenefw.perception.evidence.mesh_distances import MeshDistances, distances_to
 from scenefw.perception.physics.contacts import TOLERANCE, shared_places
 from scenefw.shapes.moments import moments
 
@@ -91,7 +91,7 @@ def support_graph(objects: Sequence[ObjectEstimate], tolerance: float = TOLERANC
         objects: closed meshes, world coordinates (z up, floor z = 0).
         tolerance: gap that counts as touching (m).
     """
-    solids = {item.id: MeshDistances(item.mesh) for item in objects}
+    solids = {item.id: distances_to(item.mesh) for item in objects}
     return SupportGraph(
         {label: _contacts(label, solids, tolerance) for label in solids},
         {item.id: moments(item.mesh).pose.position[:2] for item in objects},
