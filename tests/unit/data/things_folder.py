@@ -1,13 +1,12 @@
 """Folders of images of things, rendered small, with their solids."""
 
-from scenefw.tasks.render_things import RenderThings
-
 from scenefw.core.types import Pose
 from scenefw.renderers.thing_images import ThingRenderer
 from scenefw.scenes.things.cameras import HandheldCameras
 from scenefw.scenes.things.scene import OBJECT, OBSTACLE, ThingItem, ThingScene, save_scenes
 from scenefw.shapes.things.families import FAMILIES, OBSTACLES
 from scenefw.shapes.things.thing import Thing
+from scenefw_things.render import RenderThings
 
 SIZE = (96, 72)
 
