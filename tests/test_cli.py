@@ -93,7 +93,7 @@ def test_help_names_commands_and_groups_without_torch(tmp_path):
         [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stdout
-    for word in ("experiment=simstack", "run=predict", "--list", "grid", "renderer"):
+    for word in ("experiment=simstack", "run=predict", "--list", "floor", "renderer"):
         assert word in done.stdout
 
 
@@ -102,7 +102,7 @@ def test_list_shows_every_option_with_its_description(nil):
     done = nil("--list")
     assert done.returncode == 0, done.stderr
     assert "A run that does nothing" in done.stdout
-    assert "Voxel grid over a 1 m cube" in done.stdout
+    assert "Walls, robots, furniture and containers, by their size" in done.stdout
     assert "nil" in next(line for line in done.stdout.splitlines() if "does nothing" in line)
     (row,) = (
         line for line in done.stdout.splitlines() if "Partial TSDFs from depth images" in line

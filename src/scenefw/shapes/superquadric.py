@@ -94,7 +94,7 @@ class Superquadric:
         slope = np.linalg.norm(weights / weights.sum(axis=-1, keepdims=True) / p, axis=-1)
         return (1 - shrunk) / slope
 
-    def mesh(self, resolution: int = 24) -> TriangleMesh:
+    def mesh(self, resolution: int = 32) -> TriangleMesh:
         """Watertight surface with 6 x resolution^2 quads, vertices exactly on the superquadric."""
         lattice, faces = cube_lattice(resolution)
         return TriangleMesh(self.project(lattice * self.half_axes), faces)

@@ -143,14 +143,18 @@ def test_unwritable_output(tmp_path):
 
 
 SHIPPED_BY = {
-    "stacks_v1": ("superquadrics_v1", "stacks"),
-    "scattered_v1": ("superquadrics_v1", "scattered"),
-    "stacks_v2": ("superquadrics", "stacks"),
-    "scattered_v2": ("superquadrics", "scattered"),
-    "large_stacks_v2": ("superquadrics", "large_stacks"),
-    "stacks_of_six_v2": ("superquadrics", "stacks_of_six"),
-    "few_v2": ("superquadrics", "few"),
-    "wide_v2": ("superquadrics", "scattered_wide"),
+    "stacks_v1": ("superquadrics_v1", "stacks", {}),
+    "scattered_v1": ("superquadrics_v1", "scattered", {}),
+    "stacks_v2": ("superquadrics", "stacks", {}),
+    "scattered_v2": ("superquadrics", "scattered", {}),
+    "large_stacks_v2": ("superquadrics", "stacks", {"minimum": 4, "maximum": 8}),
+    "stacks_of_six_v2": ("superquadrics", "stacks", {"minimum": 6, "maximum": 6}),
+    "few_v2": ("superquadrics", "stacks", {"minimum": 1, "maximum": 2}),
+    "wide_v2": (
+        "superquadrics",
+        "scattered",
+        {"minimum": 16, "maximum": 16, "lower": [-0.6, -0.6, 0.0], "upper": [0.6, 0.6, 0.40]},
+    ),
 }
 
 
@@ -188,8 +192,10 @@ def test_shipped_data_sets_are_what_the_generator_makes(tmp_path, engine, name, 
             f"made with pybullet {manifest['versions']['pybullet']}, not {here['pybullet']}"
         )
     stored = load_scenes(shipped)
-    shape, scene = SHIPPED_BY[name]
-    source = registry.build("scene", scene, shapes=shapes_of(shape), engine=engine, split=split)
+    shape, scene, settings = SHIPPED_BY[name]
+    source = registry.build(
+        "scene", scene, shapes=shapes_of(shape), engine=engine, split=split, **settings
+    )
     assert settings_of(source) == {"split": None} | manifest["recipe"]
     for row in (0, len(stored) - 1):
         index, count = int(stored.index[row]), int(stored.count[row])
