@@ -202,7 +202,8 @@ def test_things_are_scored_with_noise_of_each_sensor(scenefw, tmp_path):
             assert 0 < figures[f"{stratum}/{sensor}/objects"] <= most
             for method in ("set_extents", "hull", "mirrored"):
                 assert f"{stratum}/{sensor}/true_masks/{method}/iou" in figures
-    done = scenefw(*words[:3], "input=nowhere", "paths.output=out2")
+    (tmp_path / "empty").mkdir()
+    done = scenefw(*words[:3], "input=empty", "paths.output=out2")
     assert done.returncode == 2
     assert "holds no folder ycb_video_frame of meshes" in done.stderr
 
