@@ -298,6 +298,16 @@ def test_colour_of_another_size_is_refused(client):
     assert "80 x 60 pixels, depth 160 x 120" in error_of(answer)
 
 
+@pytest.mark.parametrize(("name", "key"), [("colour", "rgb"), ("masks", "masks")])
+def test_what_comes_twice_is_refused(client, name, key):
+    picture = np.zeros((*FRAME.depth.shape, 3), np.uint8)
+    array = picture if key == "rgb" else picture[None, ..., 0]
+    files = {"depth": ("table.npz", npz(**{key: array})), name: ("other.png", png(picture))}
+    answer = client.post("/reconstruct", files=files)
+    assert answer.status_code == 422
+    assert f"{name} comes twice" in error_of(answer)
+
+
 def test_parameters_that_fit_nothing_are_one_line(client):
     for words in ("format=stl", "sample=many", "depth_scale=-1"):
         answer = client.post(f"/reconstruct?{words}", content=npz())

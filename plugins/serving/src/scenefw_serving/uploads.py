@@ -162,12 +162,20 @@ class Upload:
         mask_of(ids, ids.shape, image.name)
         return ids
 
+    def _require_single(self, keys: Sequence[str], name: str) -> None:
+        for field_name, key in {"colour": "rgb", "masks": "masks", "scores": "scores"}.items():
+            if field_name in self.parts and key in keys:
+                raise InputError(
+                    f"{field_name} comes twice, in the request and as {key} in {name}; give one"
+                )
+
     def _masks(self, image: Path, limits: Limits) -> tuple[Any, Any]:
         masks: Any = None
         scores: Any = None
         if image.suffix == ".npz":
             try:
                 with np.load(image, allow_pickle=False) as arrays:
+                    self._require_single(arrays.files, image.name)
                     masks = arrays["masks"] if "masks" in arrays.files else None
                     scores = arrays["scores"] if "scores" in arrays.files else None
             except DAMAGED as error:

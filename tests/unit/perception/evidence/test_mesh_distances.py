@@ -20,6 +20,17 @@ def test_distances_to_a_box_of_twelve_triangles_are_exact():
     np.testing.assert_allclose(found, to_box(points, half), atol=1e-6)
 
 
+def test_distances_are_cut_beyond_a_limit_alone():
+    half = np.array([0.1, 0.06, 0.03])
+    points = np.random.default_rng(1).uniform(-0.3, 0.3, (4000, 3))
+    distances = MeshDistances(box(2 * half, 0.0)).at(points, limit=0.02)
+    exact = to_box(points, half)
+    near = np.abs(exact) < 0.02
+    np.testing.assert_allclose(distances[near], exact[near], atol=1e-6)
+    assert (np.abs(distances[~near]) >= 0.02 - 1e-6).all()
+    assert (np.sign(distances) == np.sign(exact)).all()
+
+
 def test_a_hollow_is_outside():
     torus = trimesh.creation.torus(0.1, 0.03, major_sections=48, minor_sections=24)
     ring = MeshDistances(TriangleMesh(np.array(torus.vertices), np.array(torus.faces)))
