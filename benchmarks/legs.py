@@ -116,7 +116,7 @@ def make_needed(
     for file, words in training.needs.items():
         if not (home / file).exists():
             print(f"{training.name} needs {file}: {' '.join(words)}", flush=True)
-            made = [sys.executable, "-m", "scenefw", *words, "parallel.workers=1"]
+            made = [sys.executable, "-m", "scenefw", *words]
             environment = {**os.environ, **limits}
             subprocess.run(made, cwd=home, env=environment, check=True, timeout=seconds)
 
