@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import lightning
@@ -15,6 +16,7 @@ from scenefw.core.rng import Streams
 from scenefw.core.settings import COUNT
 from scenefw.data.batches.image_changes import ImageChanges
 from scenefw.data.batches.stored_images import StoredImages
+from scenefw.data.batches.texture_mixing import TextureMixing
 from scenefw.data.epochs import EpochBatches
 
 if TYPE_CHECKING:
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
     from scenefw.core.types import GridSpec
     from scenefw.data.batches.part_views import PartViews
 
-_CHANGES, _VALIDATION, _WINDOWS = 4, 5, 6  # random streams, beside those of the views
+_CHANGES, _VALIDATION, _WINDOWS, _TEXTURES = 4, 5, 6, 7  # random streams, beside those of the views
 
 
 class PartImages(lightning.LightningDataModule):
@@ -32,7 +34,8 @@ class PartImages(lightning.LightningDataModule):
 
     Stored images come first in an epoch's numbers, then views, so each kind has the share of its
     number. An image is used again and again with other noise, in a mirror, nearer or farther, and
-    in other light; of part of them colours are left out, as depth cameras without have none.
+    in other light; of part of them colours are left out, as depth cameras without have none. Views
+    get a colour for each object, and half of all images colours of another image over theirs.
     What image i becomes in epoch e depends on (seed, e, i) alone.
 
     Args:
@@ -41,6 +44,7 @@ class PartImages(lightning.LightningDataModule):
         colourless: chance that an image has no colours.
         brightness: most by which exposure changes, as a power of two; gamma and the light's colour
             change by half of it.
+        mixing: most that colours of another image weigh.
         scale: most by which scenes become larger or smaller, as a power of two.
         validation_limit: at most this many stored validation images; None means all.
         crop: width and height (pixels) of a window into which the images of a training batch are
@@ -61,6 +65,7 @@ class PartImages(lightning.LightningDataModule):
         folder: str | Path,
         colourless: float,
         brightness: float,
+        mixing: float,
         scale: float,
         validation_limit: int | None = None,
         crop: Sequence[int] | None = None,
@@ -76,6 +81,7 @@ class PartImages(lightning.LightningDataModule):
         self.validation_limit = len(self.validation_images)
         if validation_limit is not None:
             self.validation_limit = min(validation_limit, self.validation_limit)
+        self.mixing = TextureMixing(self.images, mixing)
         self.image_size, self.batch_size = views.image_size, views.batch_size
         self.crop = _window_size(crop, self.image_size)
         sizes = {self.images.size, self.validation_images.size, self.image_size}
@@ -105,9 +111,11 @@ class PartImages(lightning.LightningDataModule):
         stored, views = _divided(batch, len(self.images))
         parts = []
         if len(stored.indices):
-            parts.append(self._changed(self.images, stored, _CHANGES, device))
+            images = self._changed(self.images, stored, _CHANGES, device)
+            parts.append(self._textured(images, stored, 0))
         if len(views.indices):
-            parts.append(self.views.training_batch(views, device))
+            images = self.views.training_batch(views, device)
+            parts.append(self._textured(images, views, len(self.images)))
         return self._cut(_joined(parts), batch)
 
     def validation_batch(self, batch: IndexBatch, device: torch.device) -> PartViewBatch:
@@ -119,6 +127,12 @@ class PartImages(lightning.LightningDataModule):
         if len(views.indices):
             parts.append(self.views.validation_batch(views, device))
         return _joined(parts)
+
+    def _textured(self, images: PartViewBatch, batch: IndexBatch, first: int) -> PartViewBatch:
+        numbers = (batch.indices + first).numpy()
+        streams = Streams.of(self.views.seed, _TEXTURES, batch.epoch, indices=numbers)
+        colour = self.mixing.apply(images, streams, self.changes.colourless)
+        return replace(images, colour=colour)
 
     def _cut(self, whole: PartViewBatch, batch: IndexBatch) -> PartViewBatch:
         """The images in a window that follows from the first one's number."""

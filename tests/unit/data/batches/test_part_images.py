@@ -30,6 +30,7 @@ def made(tmp_path):
     def data(
         colourless=0.0,
         brightness=0.0,
+        mixing=0.0,
         scale=0.0,
         tilt=0.0,
         lift=0.0,
@@ -42,7 +43,8 @@ def made(tmp_path):
             image_size=(WIDTH, HEIGHT), validation_limit=2, batch_size=4, traced=0.0,
             compound=0.0, ends=0.0, tilt=tilt, lift=lift, noise=noise,
         )  # fmt: skip
-        return PartImages(views, tmp_path / "things", colourless, brightness, scale, limit, crop)
+        folder = tmp_path / "things"
+        return PartImages(views, folder, colourless, brightness, mixing, scale, limit, crop)
 
     return data
 
@@ -82,13 +84,16 @@ def test_a_mirror_turns_the_world_with_the_image(made):
         )
 
 
-def test_views_of_superquadrics_follow_the_images_and_have_no_colour(made):
+def test_views_of_superquadrics_follow_the_images_and_have_a_colour_for_each_object(made):
     data = made()
     assert len(data.train_dataloader()) == (6 + len(data.views.scenes)) // 4
     batch = batch_of(data, 5, 6, 7)
     assert batch.depth.shape == (3, HEIGHT, WIDTH)
-    assert batch.colour[0].isfinite().all()
-    assert batch.colour[1:].isnan().all()
+    for owners, colour in zip(batch.owners[1:], batch.colour[1:], strict=True):
+        shown = owners.unique()
+        colours = [colour[:, owners == owner].unique(dim=1) for owner in shown]
+        assert all(values.shape == (3, 1) for values in colours)
+        assert len(torch.cat(colours, 1).unique(dim=1).T) == len(shown) > 1
     assert not batch.obstacles[1:].any()
     alone = data.views.training_batch(IndexBatch(0, torch.tensor([0, 1])), CPU)
     assert torch.equal(batch.depth[1:], alone.depth)
@@ -138,6 +143,32 @@ def test_light_changes_colours_alone(made):
     assert (changed.colour <= 1).all()
 
 
+def test_colours_of_another_image_lie_over_half_of_the_images(made, tmp_path):
+    stored = torch.from_numpy(StoredImages.open(tmp_path / "things/train").colour / 255)
+    stored = stored.permute(0, 3, 1, 2).float()
+    rows = (*range(6), 6, 7)
+    weights = []
+    for epoch in range(20):
+        plain, mixed = (batch_of(made(mixing=m), *rows, epoch=epoch) for m in (0.0, 0.8))
+        for before, after in zip(plain.colour, mixed.colour, strict=True):
+            moved = (after - before).flatten()
+            steps = (stored - before).flatten(1)
+            fits = (steps @ moved) / (steps * steps).sum(1).clamp_min(1e-9)
+            rest = (fits[:, None] * steps - moved).norm(dim=1)
+            assert rest.min() < 1e-3
+            weights.append(float(fits[rest.argmin()]))
+    share = np.mean(np.array(weights) > 1e-4)
+    assert 0.4 < share < 0.6
+    assert 0.7 < max(weights) < 0.8001
+
+
+def test_images_without_colours_stay_so(made):
+    plain, mixed = (batch_of(made(0.5, mixing=m), *range(8)) for m in (0.0, 0.8))
+    is_missing = [b.colour.isnan().flatten(1).all(1) for b in (plain, mixed)]
+    assert torch.equal(*is_missing)
+    assert 0 < is_missing[0].sum() < 8
+
+
 def test_colours_are_left_out_of_the_share_that_is_asked_for(made):
     batches = [batch_of(made(colourless=0.5), *range(6), epoch=epoch) for epoch in range(20)]
     shares = torch.cat([b.colour.isnan().all(dim=1).flatten(1).float().mean(1) for b in batches])
@@ -179,4 +210,4 @@ def test_images_have_the_size_of_the_views(made, tmp_path):
         StoredImages.create(folder, 1, (32, 24), {})
     data = made()
     with pytest.raises(ConfigError, match="views have"):
-        PartImages(data.views, tmp_path / "others", 0.0, 0.0, 0.0)
+        PartImages(data.views, tmp_path / "others", 0.0, 0.0, 0.0, 0.0)
