@@ -10,6 +10,8 @@ import torch
 
 from scenefw.core.batches import IndexBatch
 from scenefw.core.object_shells import (
+    ENTRY,
+    EXIT,
     ObjectCrops,
     ObjectShellBatch,
     ShellPrediction,
@@ -20,13 +22,13 @@ from scenefw.kernels.cameras import camera_of, pixel_places
 from scenefw.learning.checkpoint import OBJECT_SHELLS
 from scenefw.learning.module import TrainingModule
 from scenefw.metrics.object_solids import (
-    ObjectShell,
     Solid,
     chamfer,
     hull_solid,
     overlap,
     shell_solid,
 )
+from scenefw.shapes.object_shell import ObjectShell
 from scenefw.shapes.part_unions import inside
 
 if TYPE_CHECKING:
@@ -89,13 +91,11 @@ class ObjectShellLearning(TrainingModule):
 
 def object_shell(number: int, crops: ObjectCrops, prediction: ShellPrediction) -> ObjectShell:
     """What a network says of one object; what is visible is of it."""
-    visible = crops.visible[number].cpu().numpy()
-    return ObjectShell(
-        camera_of(crops.cameras, number),
-        (prediction.amodal[number] > 0).cpu().numpy() | visible,
-        (prediction.hollow[number] > 0).cpu().numpy(),
-        prediction.depths[number].float().cpu().numpy(),
-    )
+    depths = prediction.depths[number].double().cpu().numpy()
+    amodal = (prediction.amodal[number] > 0) | crops.visible[number]
+    hollow = (prediction.hollow[number] > 0).cpu().numpy()
+    amodal = amodal.cpu().numpy() & (depths[EXIT] > depths[ENTRY])
+    return ObjectShell(camera_of(crops.cameras, number), amodal, hollow & amodal, depths)
 
 
 def visible_points(crops: ObjectCrops) -> list[Float64]:

@@ -6,9 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError, cKDTree
-from skimage.measure import marching_cubes
 
-from scenefw.core.object_shells import ENTRY, EXIT, GAP_END, GAP_START
 from scenefw.shapes.part_unions import inside, planes_of, points_on
 
 if TYPE_CHECKING:
@@ -16,7 +14,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from scenefw.core.types import Camera, Float32, Float64
+    from scenefw.core.types import Float64
+    from scenefw.shapes.object_shell import ObjectShell
 
     Inside = Callable[[Float64], NDArray[np.bool_]]
 
@@ -39,61 +38,13 @@ class Solid(NamedTuple):
     points: Float64
 
 
-class ObjectShell(NamedTuple):
-    """The shell of one object.
-
-    Args:
-        camera: of R x R pixels.
-        amodal: (R, R) rays that meet it.
-        hollow: (R, R) rays that leave it and enter it again.
-        depths: (4, R, R) as of `core.object_shells.Shells` (m).
-    """
-
-    camera: Camera
-    amodal: NDArray[np.bool_]
-    hollow: NDArray[np.bool_]
-    depths: Float32
-
-    def depths_inside(self, places: Float64) -> Float64:
-        """How deep inside (P,) places (P, 3) are along their rays (m), negative outside."""
-        camera = self.camera
-        local = (places - camera.T_world_camera[:3, 3]) @ camera.T_world_camera[:3, :3]
-        z = local[:, 2]
-        size = np.array(self.amodal.shape)[::-1]
-        pixels = local[:, :2] / np.maximum(z, 1e-6)[:, None] * (camera.fx, camera.fy)
-        pixels = np.rint(pixels + (camera.cx, camera.cy))
-        shown = (z > 0) & (pixels >= 0).all(axis=1) & (pixels < size).all(axis=1)
-        u, v = np.where(shown[:, None], pixels, 0).astype(int).T
-        depths = self.depths[:, v, u]
-        depth = np.minimum(z - depths[ENTRY], depths[EXIT] - z)
-        outside_gap = np.maximum(depths[GAP_START] - z, z - depths[GAP_END])
-        depth = np.where(self.hollow[v, u], np.minimum(depth, outside_gap), depth)
-        return np.where(shown & self.amodal[v, u], depth, -np.inf)
-
-    def places(self) -> Float64:
-        """Entry and exit points (P, 3) of all rays that meet it, in the world."""
-        camera, (v, u) = self.camera, np.nonzero(self.amodal)
-        rays = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy,
-                         np.ones(len(u))], axis=1)  # fmt: skip
-        depths = self.depths[[ENTRY, EXIT]][:, v, u].ravel()[:, None]
-        local = np.tile(rays, (2, 1)) * depths
-        return local @ camera.T_world_camera[:3, :3].T + camera.T_world_camera[:3, 3]
-
-
 def shell_solid(shell: ObjectShell, rng: np.random.Generator) -> Solid | None:
     """A shell as a solid; None if it is thinner than its grid everywhere."""
-    places = shell.places()
-    low, high = places.min(axis=0), places.max(axis=0)
-    step = max(_STEP, float((high - low).max()) / _MAX_STEPS)
-    shape = np.ceil((high - low) / step).astype(int) + 3
-    grid = np.indices(shape).reshape(3, -1).T * step + (low - step)
-    values = np.clip(shell.depths_inside(grid), -step, step).reshape(shape)
-    if not (values > 0).any():
+    mesh = shell.mesh(max(_STEP, float(np.ptp(shell.places(), axis=0).max()) / _MAX_STEPS))
+    if mesh is None:
         return None
-    corners, faces, _, _ = marching_cubes(values, 0.0, spacing=(step,) * 3)
-    triangles = corners.astype(np.float64)[faces] + (low - step)
-    points, _ = points_on(triangles, _POINTS, rng)
-    return Solid(lambda x: shell.depths_inside(x) > 0, points)
+    points, _ = points_on(mesh.vertices[mesh.faces], _POINTS, rng)
+    return Solid(lambda x: shell.signed_distance(x) < 0, points)
 
 
 def hull_solid(points: Float64, rng: np.random.Generator, *, footprint: bool) -> Solid | None:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from scenefw.perception.observation.observation import Observation, ViewGeometry
     from scenefw.perception.observation.views import View, Views
     from scenefw.postprocessing.confidence import ExpectedOverlap
+    from scenefw.shapes.object_shell import ObjectShell
 
 
 Observed = TypeVar("Observed", bound="Observation | Views", covariant=True)
@@ -80,12 +81,14 @@ class ObjectSet:
         superquadrics: by label; None: volumes stay as they are.
         vessels: by label.
         evidence: about objects of which enough is visible, by label.
+        shells: in place of any other shape, by label.
     """
 
     objects: Objects
     superquadrics: Mapping[int, FittedSuperquadric] | None = None
     vessels: Mapping[int, FittedVessel] = field(default_factory=dict)
     evidence: Mapping[int, Evidence] = field(default_factory=dict)
+    shells: Mapping[int, ObjectShell] = field(default_factory=dict)
 
 
 class Observing(Protocol[Observed]):

@@ -1,5 +1,7 @@
 """Scores of one object, beside a ball and boxes whose figures are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -7,7 +9,6 @@ import torch
 from scenefw.core.geometry import look_at
 from scenefw.core.types import Camera
 from scenefw.metrics.object_solids import (
-    ObjectShell,
     Solid,
     chamfer,
     hull_solid,
@@ -15,6 +16,7 @@ from scenefw.metrics.object_solids import (
     shell_solid,
 )
 from scenefw.shapes.hulls import sphere_points
+from scenefw.shapes.object_shell import ObjectShell
 
 RADIUS, CENTRE = 0.05, np.array([0.1, -0.05, 0.05])
 SIZE = 96
@@ -64,12 +66,12 @@ def test_a_gap_is_outside():
 def test_places_outside_the_image_and_behind_the_camera_are_outside():
     view = shell()
     behind = view.camera.T_world_camera[:3, 3] * 2 - CENTRE
-    assert not (view.depths_inside(np.stack([behind, CENTRE + 1.0])) > 0).any()
+    assert (view.signed_distance(np.stack([behind, CENTRE + 1.0])) > 0).all()
 
 
 def test_a_shell_without_depth_is_no_solid():
     flat = shell()
-    assert shell_solid(flat._replace(depths=flat.depths[[1, 1, 1, 1]]), rng()) is None
+    assert shell_solid(replace(flat, depths=flat.depths[[1, 1, 1, 1]]), rng()) is None
 
 
 def test_hulls_reach_the_floor_with_footprints_alone():

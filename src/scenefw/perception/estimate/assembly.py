@@ -10,7 +10,7 @@ import torch
 from scenefw.core.types import SceneEstimate
 from scenefw.matching.instances import renumbered_like
 from scenefw.perception.estimate.carving import carve, whole_objects
-from scenefw.perception.estimate.composition import composed
+from scenefw.perception.estimate.composition import composed, exact_meshes
 from scenefw.perception.estimate.marked_objects import called, marked_solids
 from scenefw.perception.estimate.mask_cleanup import with_bottoms, without_holes
 from scenefw.perception.estimate.objects import estimate_objects
@@ -24,7 +24,7 @@ from scenefw.postprocessing.confidence import ExpectedOverlap, agreements
 from scenefw.postprocessing.surfaces import instance_meshes
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterator, Mapping, Sequence
 
     from torch import Tensor
 
@@ -74,10 +74,11 @@ class SceneAssembly:
         """
         partial = view.partial if self.carve else None
         volumes = self.volumes(sets, view)
-        solids = marked_solids(view) if volumes[0].masks is not None else {}
-        marked = max(solids, default=0)
-        scenes = [cleaned(scene, view.grid, partial, marked) for scene in volumes]
-        if not marked:
+        marks = marked_solids(view) if volumes[0].masks is not None else {}
+        solids = [{**marks, **exact_meshes(s, v)} for s, v in zip(sets, volumes, strict=True)]
+        lasting = {label for meshes in solids for label in meshes}
+        scenes = [cleaned(scene, view.grid, partial, lasting) for scene in volumes]
+        if not lasting:
             first = scenes[0].instances[0].cpu().numpy()
             scenes = scenes[:1] + [numbered_like(scene, first) for scene in scenes[1:]]
         frame = view.frame if view.workspace is None else view.workspace.frame
@@ -88,7 +89,7 @@ class SceneAssembly:
             ]
             agreement = agreements(scene.instances[0], alternatives)
             estimate = scene_estimate(
-                scene, view.grid, frame, agreement, _details(view, origin), solids
+                scene, view.grid, frame, agreement, _details(view, origin), solids[number]
             )
             if self.carve:
                 estimate = plausible(estimate, view)
@@ -96,7 +97,7 @@ class SceneAssembly:
             if view.image is not None:
                 estimate = with_confidence(estimate, view, agreement, self.calibration)
             estimate = _turned_back(estimate, view.turns)
-            yield called(estimate, view.ids) if marked else estimate
+            yield called(estimate, view.ids) if marks else estimate
 
 
 def with_confidence(
@@ -147,7 +148,10 @@ def _details(view: Observation, origin: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def cleaned(
-    sample: Completion, grid: GridSpec, partial: PartialTSDF | None = None, marked: int = 0
+    sample: Completion,
+    grid: GridSpec,
+    partial: PartialTSDF | None = None,
+    lasting: Collection[int] = (),
 ) -> Completion:
     """A scene whose objects are in one piece each, and numbered from 1 on.
 
@@ -155,11 +159,11 @@ def cleaned(
         sample: a batch of one.
         grid: of its volumes.
         partial: what lies in its free space, or below the floor, is taken away; None: nothing is.
-        marked: labels up to this are of objects that somebody has marked; they stay.
+        lasting: labels of objects that stay, even where no voxel shows them.
     """
     shape = sample.tsdf[0] if partial is None else carve(sample.tsdf[0], partial, grid)
-    tsdf, instances = whole_objects(shape, sample.instances[0], grid, marked)
-    return _with_instances(replace(sample, tsdf=tsdf[None]), instances, marked)
+    tsdf, instances = whole_objects(shape, sample.instances[0], grid, lasting)
+    return _with_instances(replace(sample, tsdf=tsdf[None]), instances, lasting)
 
 
 def numbered_like(sample: Completion, reference: Int32) -> Completion:
@@ -222,18 +226,22 @@ def _masks(sample: Completion, grid: GridSpec, frame: Frame) -> Int32:
     return visible_instances(instances, points, grid, points[..., 2] > _MIN_HEIGHT)
 
 
-def _with_instances(before: Completion, instances: Tensor, marked: int = 0) -> Completion:
+def _with_instances(
+    before: Completion, instances: Tensor, lasting: Collection[int] = ()
+) -> Completion:
     """With other instances; all else gets the label that most of its voxels have now.
 
-    Labels up to `marked` stay.
+    Those of `lasting` objects stay.
     """
-    old_labels, new_label_of = before.instances[0], {label: label for label in range(marked + 1)}
-    for label in torch.unique(old_labels[old_labels > marked]).tolist():
+    old_labels, new_label_of = before.instances[0], {label: label for label in (0, *lasting)}
+    for label in sorted(set(torch.unique(old_labels).tolist()) - new_label_of.keys()):
         votes = torch.bincount(instances[(old_labels == label) & (instances > 0)])
         new_label_of[label] = int(votes.argmax()) if len(votes) else 0
     masks = before.masks
     if masks is not None:
-        table = torch.zeros(int(max(masks.max(), old_labels.max(), marked)) + 1, dtype=torch.int32)
+        table = torch.zeros(
+            int(max(masks.max(), old_labels.max(), *new_label_of)) + 1, dtype=torch.int32
+        )
         table[list(new_label_of)] = torch.tensor(list(new_label_of.values()), dtype=torch.int32)
         masks = table.to(masks.device)[masks.long()]
     placed = _relabelled(before.placed, new_label_of)

@@ -1,5 +1,7 @@
 """Removes from a prediction what the depth image contradicts."""
 
+from collections.abc import Collection
+
 import numpy as np
 import torch
 from scipy import ndimage
@@ -37,7 +39,7 @@ def carve(tsdf: Tensor, partial: PartialTSDF, grid: GridSpec) -> Tensor:
 
 
 def whole_objects(
-    tsdf: Tensor, instances: Tensor, grid: GridSpec, marked: int = 0
+    tsdf: Tensor, instances: Tensor, grid: GridSpec, lasting: Collection[int] = ()
 ) -> tuple[Tensor, Tensor]:
     """TSDF and instances (X, Y, Z) in which each instance is in one piece.
 
@@ -49,8 +51,7 @@ def whole_objects(
         tsdf: (X, Y, Z) metres.
         instances: (X, Y, Z) labels.
         grid: of both.
-        marked: labels up to this are of objects that somebody has marked: they stay, and an object
-            has no further part.
+        lasting: labels of objects that stay, and have no further part.
     """
     inside = (tsdf < 0).cpu().numpy()
     labels = np.where(inside, instances.cpu().numpy(), 0)
@@ -60,14 +61,14 @@ def whole_objects(
         parts, _ = ndimage.label(labels == label)
         volumes = np.bincount(parts.ravel())[1:] * grid.voxel_size**3
         order = np.argsort(-volumes, kind="stable")
-        if label <= marked:
+        if label in lasting:
             if volumes[order[0]] >= _MIN_VOLUME:
                 new_labels[parts == order[0] + 1] = label
             continue
         if volumes[order[0]] >= _MIN_VOLUME:
             main_parts.append(parts == order[0] + 1)
         further_parts += [parts == i + 1 for i in order[1:] if volumes[i] >= _MIN_FURTHER_VOLUME]
-    for number, mask in enumerate([*main_parts, *further_parts], start=marked + 1):
+    for number, mask in enumerate([*main_parts, *further_parts], start=max(lasting, default=0) + 1):
         new_labels[mask] = number
     leftover = torch.from_numpy(inside & (new_labels == 0)).to(tsdf.device)
     shape = torch.where(leftover, torch.full_like(tsdf, grid.voxel_size / 2), tsdf)

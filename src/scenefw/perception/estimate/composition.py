@@ -20,11 +20,13 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from scenefw.core.evidence import FittedSuperquadric
-    from scenefw.core.types import Float32, GridSpec, Int32
+    from scenefw.core.types import Float32, Float64, GridSpec, Int32, TriangleMesh
     from scenefw.fitting.vessels import FittedVessel
     from scenefw.perception.observation.views import View
     from scenefw.perception.steps import Objects, ObjectSet
+    from scenefw.shapes.object_shell import ObjectShell
 
+_MIN_VOXEL = 0.002  # m: side of those that meshes of shells are made of
 _REACH = 4  # voxels around rough volumes whose distances stay too
 
 
@@ -43,6 +45,12 @@ def composed(hypothesis: ObjectSet, view: View) -> Completion:
     else:
         tsdf, instances = with_superquadrics(objects, hypothesis.superquadrics, view.grid)
         tsdf, instances = with_vessels(tsdf, instances, hypothesis.vessels, view.grid)
+    tsdf, instances = with_shells(tsdf, instances, hypothesis.shells, view.grid)
+    meshes = {} if hypothesis.superquadrics is not None else dict(objects.meshes)
+    for label, shell in hypothesis.shells.items():
+        mesh = shell.mesh(max(shell.pixel, _MIN_VOXEL))
+        if mesh is not None:
+            meshes[label] = mesh
     shapes = hypothesis.superquadrics or {}
     placed = {k: PlacedShape(shape_of(shape), shape.pose) for k, shape in shapes.items()}
     placed |= {k: PlacedShape(v.shape, v.pose) for k, v in hypothesis.vessels.items()}
@@ -53,8 +61,21 @@ def composed(hypothesis: ObjectSet, view: View) -> Completion:
         objects.volumes,
         None if masks is None else torch.from_numpy(masks)[None].to(device),
         () if hypothesis.superquadrics is None else (placed,),
-        (objects.meshes,) if hypothesis.superquadrics is None else (),
+        (meshes,) if meshes else (),
     )
+
+
+def exact_meshes(hypothesis: ObjectSet, scene: Completion) -> dict[int, TriangleMesh]:
+    """Meshes by label of a hypothesis with shells; voxels may be too coarse for them.
+
+    Args:
+        hypothesis: without a shell it has none.
+        scene: as it was composed.
+    """
+    if not hypothesis.shells:
+        return {}
+    meshes = {label: item.mesh() for label, item in scene.placed[0].items()}
+    return meshes | dict(scene.meshes[0] if scene.meshes else {})
 
 
 def with_superquadrics(
@@ -88,24 +109,41 @@ def with_superquadrics(
 def with_vessels(
     tsdf: Float32, instances: Int32, vessels: Mapping[int, FittedVessel], grid: GridSpec
 ) -> tuple[Float32, Int32]:
-    """TSDF and instances (X, Y, Z) with vessels in place of what was there.
-
-    Args:
-        tsdf: (X, Y, Z) metres.
-        instances: (X, Y, Z) labels.
-        vessels: by label.
-        grid: of the volumes.
-    """
+    """TSDF and instances (X, Y, Z) with vessels, by label, in place of what was there."""
     for label, vessel in vessels.items():
-        inside = instances == label
-        tsdf = np.where(inside, np.float32(grid.truncation), tsdf)
-        instances = np.where(inside, 0, instances)
         corners = vessel.shape.mesh(MESH_SECTIONS).vertices + vessel.pose.position
         box = grid.box_about(corners)
         distance = vessel.shape.filled_distance(grid.centres()[box] - vessel.pose.position)
-        closer = (instances[box] == 0) & (distance < tsdf[box])
-        instances[box] = np.where(closer & (distance < 0), label, instances[box])
-        tsdf[box] = np.where(closer, distance, tsdf[box])
+        tsdf, instances = _replaced(tsdf, instances, label, box, distance, grid)
+    return tsdf, instances
+
+
+def with_shells(
+    tsdf: Float32, instances: Int32, shells: Mapping[int, ObjectShell], grid: GridSpec
+) -> tuple[Float32, Int32]:
+    """TSDF and instances (X, Y, Z) with shells, by label, in place of what was there."""
+    for label, shell in shells.items():
+        box = grid.box_about(shell.places())
+        distance = shell.signed_distance(grid.centres()[box])
+        tsdf, instances = _replaced(tsdf, instances, label, box, distance, grid)
+    return tsdf, instances
+
+
+def _replaced(
+    tsdf: Float32,
+    instances: Int32,
+    label: int,
+    box: tuple[slice, ...],
+    distance: Float64,
+    grid: GridSpec,
+) -> tuple[Float32, Int32]:
+    """TSDF and instances with another shape of an object, given by its distance in a box."""
+    is_old = instances == label
+    tsdf = np.where(is_old, np.float32(grid.truncation), tsdf)
+    instances = np.where(is_old, 0, instances)
+    closer = (instances[box] == 0) & (distance < tsdf[box])
+    instances[box] = np.where(closer & (distance < 0), label, instances[box])
+    tsdf[box] = np.where(closer, distance, tsdf[box])
     return tsdf.astype(np.float32), np.where(tsdf < 0, instances, 0).astype(np.int32)
 
 

@@ -1,0 +1,127 @@
+"""Solids of objects whose rays are known: where each enters, leaves, and passes a hollow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt, label, map_coordinates
+from skimage.measure import marching_cubes
+
+from scenefw.core.object_shells import ENTRY, EXIT, GAP_END, GAP_START
+from scenefw.core.types import TriangleMesh
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from scenefw.core.types import Camera, Float64
+
+    Mask = NDArray[np.bool_]
+
+_MARGIN = 2  # voxels about a mesh's box, so that it is closed
+_CLEARANCE = 1e-3  # of a voxel: a field of 0 in a voxel gives faces without area
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectShell:
+    """The shell of one object (Chavan-Dafle et al. 2020), with the gaps of hollow ones.
+
+    Args:
+        camera: of R x R pixels, above the floor z = 0.
+        amodal: (R, R) rays that meet the object.
+        hollow: (R, R) rays that leave it and enter it again.
+        depths: (4, R, R) z-depth as of `core.object_shells.Shells` (m).
+    """
+
+    camera: Camera
+    amodal: Mask
+    hollow: Mask
+    depths: Float64
+
+    def signed_distance(self, places: Float64) -> Float64:
+        """Distance (...) of places (..., 3) to the surface (m), negative inside.
+
+        The larger one of that along the ray and that across it; no place below the floor is inside.
+        """
+        camera = self.camera
+        local = (places - camera.T_world_camera[:3, 3]) @ camera.T_world_camera[:3, :3]
+        z = np.maximum(local[..., 2], 1e-6)
+        pixels = local[..., :2] / z[..., None] * (camera.fx, camera.fy) + (camera.cx, camera.cy)
+        rows_columns = np.moveaxis(pixels[..., ::-1], -1, 0)
+        values = [map_coordinates(f, rows_columns, order=1, mode="nearest") for f in self._fields]
+        entry, end, gap_start, gap_end, beside, beside_gap = values
+        pixel = z / camera.fx
+        limits = np.array(self.amodal.shape)[:, None] - 1
+        overshoot = np.maximum(-rows_columns, rows_columns - limits.reshape(-1, *[1] * (z.ndim)))
+        beside = np.maximum(beside, overshoot.max(axis=0))
+        distance = np.max([entry - z, z - end, beside * pixel, -places[..., 2]], axis=0)
+        if self.hollow.any():
+            in_gap = np.max([gap_start - z, z - gap_end, beside_gap * pixel], axis=0)
+            distance = np.maximum(distance, -in_gap)
+        return np.asarray(distance)
+
+    @cached_property
+    def _fields(self) -> list[Float64]:
+        """(R, R) each: depths that go on beside their rays, and distances (pixels) to these."""
+        depths = self.depths.astype(np.float64)
+        solid = _extended(depths[[ENTRY, EXIT]], self.amodal)
+        hollow = _extended(depths[[GAP_START, GAP_END]], self.hollow)
+        return [*solid, *hollow, _distance(self.amodal), _distance(self.hollow)]
+
+    @property
+    def pixel(self) -> float:
+        """Width of a pixel at the object (m)."""
+        return float(np.median(self.depths[ENTRY][self.amodal]) / self.camera.fx)
+
+    def places(self) -> Float64:
+        """Entry and exit points (P, 3) of all rays that meet it, in the world."""
+        camera, (v, u) = self.camera, np.nonzero(self.amodal)
+        directions = np.ones((len(u), 3))
+        directions[:, 0] = (u - camera.cx) / camera.fx
+        directions[:, 1] = (v - camera.cy) / camera.fy
+        depths = self.depths[[ENTRY, EXIT]][:, v, u].ravel()[:, None]
+        local = np.tile(directions, (2, 1)) * depths
+        return local @ camera.T_world_camera[:3, :3].T + camera.T_world_camera[:3, 3]
+
+    def mesh(self, voxel: float) -> TriangleMesh | None:
+        """The closed surface of its largest piece by marching cubes; None without volume.
+
+        Args:
+            voxel: side of those of its grid (m).
+        """
+        places = self.places()
+        if not len(places):
+            return None
+        low = places.min(axis=0) - _MARGIN * voxel
+        shape = np.ceil((places.max(axis=0) - low) / voxel).astype(int) + _MARGIN + 1
+        grid = np.moveaxis(np.indices(shape), 0, -1) * voxel + low
+        field = self.signed_distance(grid) / voxel
+        pieces, count = label(field < 0)
+        if not count:
+            return None
+        sizes = np.bincount(pieces.ravel())
+        sizes[0] = 0
+        field = np.where((pieces > 0) & (pieces != sizes.argmax()), _CLEARANCE, field)
+        field = np.where(np.abs(field) < _CLEARANCE, np.copysign(_CLEARANCE, field), field)
+        field = np.pad(field.clip(-1, 1), 1, constant_values=1.0)
+        vertices, faces, _, _ = marching_cubes(field, 0.0)
+        return TriangleMesh((vertices - 1) * voxel + low, faces.astype(np.int64))
+
+
+def _distance(mask: Mask) -> Float64:
+    """Signed distance (R, R; pixels) to where a mask ends, negative inside."""
+    if not mask.any():
+        return np.full(mask.shape, float(max(mask.shape)))
+    inside = distance_transform_edt(np.pad(mask, 1))[1:-1, 1:-1]
+    outside = distance_transform_edt(~mask)
+    return np.asarray(np.where(mask, 0.5 - inside, outside - 0.5))
+
+
+def _extended(values: Float64, mask: Mask) -> Float64:
+    """Values (K, R, R) that beside a mask are those of its nearest pixel."""
+    if not mask.any():
+        return values
+    rows, columns = distance_transform_edt(~mask, return_distances=False, return_indices=True)
+    return values[:, rows, columns]
