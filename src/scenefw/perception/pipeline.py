@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+import numpy as np
 import torch
 
 from scenefw.core import rng
@@ -18,7 +19,6 @@ from scenefw.perception.steps import Fits, Objects, ObjectSet
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import numpy as np
     from numpy.typing import NDArray
 
     from scenefw.core.batches import Completion, PartialTSDF
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from scenefw.perception.steps import (
         Assembly,
         EdgeRestoration,
+        Focus,
         Grouping,
         HollowReplacement,
         ObjectFitting,
@@ -132,23 +133,31 @@ class ReconstructionPipeline(Generic[Observed]):
             return replace(view, warnings=(*view.warnings, note))
         return view
 
-    def reconstruct(self, view: View, *, first_only: bool = False) -> list[SceneEstimate]:
+    def reconstruct(
+        self, view: View, *, first_only: bool = False, focus: Focus | None = None
+    ) -> list[SceneEstimate]:
         """Steps 2 to 9: the scenes of an observation, the most typical one first.
 
         Args:
             view: the observation.
             first_only: only the most typical one, whose confidences come from all.
+            focus: the part of the view whose objects are wanted; None: all of it.
         """
         generator = torch.Generator().manual_seed(rng.torch_seed(self.seed))
-        sets = self.hypotheses(view, self.samples, generator)
+        sets = self.hypotheses(view, self.samples, generator, focus)
         origin = {"samples": self.samples, "seed": self.seed, "checkpoint": self.metadata}
-        scenes = self.assembly.assemble(sets, view, origin)  # 8
+        neighbours = () if focus is None else focus.neighbours
+        scenes = self.assembly.assemble(sets, view, origin, neighbours)  # 8
         if first_only:
             return [next(scenes)]
         return list(scenes) if self.ranking is None else self.ranking.rank(list(scenes))  # 9
 
     def hypotheses(
-        self, view: View, samples: int, generator: torch.Generator
+        self,
+        view: View,
+        samples: int,
+        generator: torch.Generator,
+        focus: Focus | None = None,
     ) -> Sequence[ObjectSet]:
         """Steps 2 to 7: sets of objects that there may be, the most typical one first.
 
@@ -156,6 +165,7 @@ class ReconstructionPipeline(Generic[Observed]):
             view: the observation.
             samples: how many sets.
             generator: of the random numbers, on the CPU.
+            focus: the part of the view whose objects are wanted; None: all of it.
         """
         segments = None
         segmentation = self.segmentation if view.masks is None else MarkedObjects()
@@ -163,6 +173,8 @@ class ReconstructionPipeline(Generic[Observed]):
             segments = segmentation.segment(view)  # 2
             if self.edges is not None:
                 view, segments = self.edges.restore(view, segments)  # 3
+            if focus is not None:
+                segments = np.where(focus.pixels, segments, 0).astype(np.int32)
         objects = Objects(segments)
         if self.grouping is not None:
             objects = self.grouping.group(segments, view)  # 4

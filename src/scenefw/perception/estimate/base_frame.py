@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scenefw.core.geometry import inverse, transform_points
-from scenefw.core.types import Float64, Obstacle, TriangleMesh
-from scenefw.perception.estimate.transforms import moved_object
+from scenefw.core.geometry import inverse
+from scenefw.core.types import Float64
+from scenefw.perception.estimate.transforms import moved_object, moved_obstacle
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -53,7 +53,7 @@ def in_base(estimate: SceneEstimate) -> SceneEstimate:
     return replace(
         estimate,
         objects=tuple(moved_object(item, motion) for item in estimate.objects),
-        obstacles=tuple(_obstacle(item, motion) for item in estimate.obstacles),
+        obstacles=tuple(moved_obstacle(item, motion) for item in estimate.obstacles),
         frame=replace(estimate.frame, camera=camera.moved(T_base_camera)),
         details={**details, FLOOR_IN_BASE: motion.tolist()},
     )
@@ -82,13 +82,8 @@ def from_base(estimate: SceneEstimate) -> SceneEstimate:
     return replace(
         estimate,
         objects=tuple(on_floor(estimate)),
-        obstacles=tuple(_obstacle(item, motion) for item in estimate.obstacles),
+        obstacles=tuple(moved_obstacle(item, motion) for item in estimate.obstacles),
         frame=replace(estimate.frame, camera=camera.moved(motion @ camera.T_world_camera)),
         details={**details, CAMERA_IN_BASE: np.array(camera.T_world_camera).tolist()},
     )
 
-
-def _obstacle(obstacle: Obstacle, motion: Float64) -> Obstacle:
-    mesh = obstacle.mesh
-    moved_mesh = TriangleMesh(transform_points(motion, mesh.vertices), mesh.faces)
-    return replace(obstacle, mesh=moved_mesh)

@@ -14,6 +14,7 @@ from scenefw.core.types import (
     Float64,
     Int32,
     ObjectEstimate,
+    Obstacle,
     PlacedShape,
     Pose,
     SceneEstimate,
@@ -66,6 +67,39 @@ def moved_object(item: ObjectEstimate, motion: Float64) -> ObjectEstimate:
     mesh = TriangleMesh(transform_points(motion, item.mesh.vertices), item.mesh.faces)
     placed = item.placed and PlacedShape(item.placed.shape, _pose(motion, item.placed.pose))
     return replace(item, mesh=mesh, pose=_pose(motion, item.pose), placed=placed)
+
+
+def moved_obstacle(obstacle: Obstacle, motion: Float64) -> Obstacle:
+    """An obstacle elsewhere.
+
+    Args:
+        obstacle: as it was.
+        motion: rigid 4x4.
+    """
+    mesh = obstacle.mesh
+    moved_mesh = TriangleMesh(transform_points(motion, mesh.vertices), mesh.faces)
+    return replace(obstacle, mesh=moved_mesh)
+
+
+def joined(estimate: SceneEstimate, other: SceneEstimate) -> SceneEstimate:
+    """A scene with the objects of another one, whose ids are others, in the same frame and grid.
+
+    All else is that of the other one, but for volumes of other representations, which it loses;
+    pixels of both show what the other one says.
+    """
+    objects = sorted([*estimate.objects, *other.objects], key=lambda item: item.id)
+    closer = estimate.tsdf < other.tsdf
+    masks = other.masks
+    if masks is not None and estimate.masks is not None:
+        masks = np.where(masks > 0, masks, estimate.masks)
+    return replace(
+        other,
+        objects=tuple(objects),
+        tsdf=np.where(closer, estimate.tsdf, other.tsdf),
+        instances=np.where(closer, estimate.instances, other.instances),
+        volumes={},
+        masks=masks,
+    )
 
 
 def _pose(motion: Float64, pose: Pose) -> Pose:

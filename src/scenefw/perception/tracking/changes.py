@@ -1,0 +1,157 @@
+"""What an image shows of a known scene that has changed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from scenefw.core.geometry import inverse, transform_points
+from scenefw.perception.observation.components import EDGE, NEIGHBOURS, depth_parts
+from scenefw.perception.observation.points import camera_points
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+    from scenefw.core.types import Camera, Float32, Float64, Frame, Int32, TriangleMesh
+    from scenefw.perception.tracking.depth_memory import DepthMemory
+    from scenefw.perception.tracking.tracks import Track
+
+    Mask = NDArray[np.bool_]
+
+_MAX_CHANGED_RATIO = 0.5  # of the measured pixels; of more, most of what is known says nothing
+_STRIDE = 16  # pixels between those that say whether a camera has moved
+_MAX_FREE_RATIO = 0.5  # of an object that may be seen through
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """Which pixels of an image show something else than before.
+
+    Args:
+        depth: (H, W) metres, of the image.
+        memory: of what pixels have shown.
+        nearer: (H, W) that show something in front of what they have shown.
+        farther: (H, W) that show something behind it.
+        ratio: of all changed pixels to those that are measured in both.
+        contradicted: ids of objects behind which they show something.
+    """
+
+    depth: Float32
+    memory: DepthMemory
+    nearer: Mask
+    farther: Mask
+    ratio: float
+    contradicted: frozenset[int]
+
+    @classmethod
+    def of(cls, depth: Float32, memory: DepthMemory, tracks: Iterable[Track]) -> Change:
+        """The change from what pixels, and tracks of objects, remember."""
+        nearer, farther = memory.nearer(depth), memory.farther(depth)
+        comparable = max(int(np.count_nonzero((depth > 0) & (memory.upper > 0))), 1)
+        ratio = int(np.count_nonzero(nearer) + np.count_nonzero(farther)) / comparable
+        contradicted = {
+            track.id
+            for track in tracks
+            if track.appearance is not None and track.appearance.is_contradicted(depth)
+        }
+        return cls(depth, memory, nearer, farther, ratio, frozenset(contradicted))
+
+    @property
+    def is_none(self) -> bool:
+        """Whether all is as it was."""
+        return not (self.contradicted or self.nearer.any() or self.farther.any())
+
+    @property
+    def is_total(self) -> bool:
+        """Whether more of the image has changed than objects on a table do."""
+        return self.ratio > _MAX_CHANGED_RATIO
+
+    def part(self, objects: Mask, tracks: Iterable[Track]) -> tuple[frozenset[int], Mask]:
+        """Objects that need another look, and the pixels (H, W) to reconstruct anew.
+
+        These are components of depth, without still objects, some of whose pixels have changed. An
+        object needs another look that is contradicted, or of which more has come to light.
+
+        Args:
+            objects: (H, W) pixels of this image that show objects.
+            tracks: of all objects.
+        """
+        visible = {
+            track.id: track.appearance for track in tracks if track.appearance is not None
+        }
+        ids = set(self.contradicted)
+        while True:
+            labels = np.zeros(self.depth.shape, np.int32)
+            for label, appearance in visible.items():
+                if label not in ids:
+                    labels[appearance.mask(self.depth)] = label
+            candidates = objects & (labels == 0)
+            revealed = self.memory.cleaned(self.farther & candidates)
+            beside = _beside(revealed, labels, self.depth) - ids
+            if not beside:
+                break
+            ids |= beside
+        changed = self.nearer | self.farther
+        for label in ids & visible.keys():
+            changed[visible[label].box] |= visible[label].pixels
+        parts = depth_parts(self.depth, candidates, EDGE)
+        part = np.isin(parts, np.unique(parts[changed & candidates])) & candidates
+        return frozenset(ids), part
+
+
+def _beside(pixels: Mask, labels: Int32, depth: Float32) -> set[int]:
+    """Labels of neighbours (H, W) of pixels, on the same surface."""
+    beside: set[int] = set()
+    for a, b in NEIGHBOURS:
+        for first, second in ((a, b), (b, a)):
+            linked = pixels[first] & (np.abs(depth[first] - depth[second]) < EDGE)
+            beside |= set(np.unique(labels[second][linked]).tolist())
+    return beside - {0}
+
+
+def stands_still(frame: Frame, memory: DepthMemory, T_world_camera: Float64) -> bool:  # noqa: N803
+    """Whether a camera of another pose would see what it has seen, within a pixel and its noise.
+
+    Args:
+        frame: what it has seen, with its pose.
+        memory: of that.
+        T_world_camera: 4x4, the other pose.
+    """
+    camera, motion = frame.camera, inverse(T_world_camera) @ frame.camera.T_world_camera
+    if (motion == np.eye(4)).all():
+        return True
+    before = camera_points(frame, _STRIDE)
+    measured = np.isfinite(before[..., 2])
+    after = transform_points(motion, before[measured])
+    shift = _pixels(camera, after) - _pixels(camera, before[measured])
+    depth = after[:, 2].astype(np.float32)
+    sampled = memory[slice(None, None, _STRIDE), slice(None, None, _STRIDE)]
+    same_depth = (depth >= sampled.lower[measured]) & (depth <= sampled.upper[measured])
+    return bool(same_depth.all() and np.abs(shift).max(initial=0) < memory.reach)
+
+
+def is_seen_through(mesh: TriangleMesh, frame: Frame, memory: DepthMemory) -> bool:
+    """Whether an image shows what is behind a mesh, at most of its vertices.
+
+    Args:
+        mesh: in world coordinates.
+        frame: with its pose.
+        memory: of its depth.
+    """
+    camera = frame.camera
+    points = transform_points(inverse(camera.T_world_camera), mesh.vertices)
+    points = points[points[:, 2] > 0]
+    column, row = np.rint(_pixels(camera, points)).astype(int).T
+    inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
+    free = points[inside, 2] < memory.lower[row[inside], column[inside]]
+    free &= frame.depth[row[inside], column[inside]] > 0
+    return bool(np.count_nonzero(free) > _MAX_FREE_RATIO * len(mesh.vertices))
+
+
+def _pixels(camera: Camera, points: Float64) -> Float64:
+    """Columns and rows (N, 2) of points (N, 3) in a camera's coordinates."""
+    return points[:, :2] / points[:, 2:] * (camera.fx, camera.fy) + (camera.cx, camera.cy)
