@@ -12,6 +12,7 @@ from scenefw.core.geometry import inverse, transform_points
 from scenefw.core.types import (
     Float32,
     Float64,
+    GridSpec,
     Int32,
     ObjectEstimate,
     Obstacle,
@@ -106,6 +107,20 @@ def _pose(motion: Float64, pose: Pose) -> Pose:
     return Pose.from_matrix(motion @ pose.matrix)
 
 
+def moved_field(field: Float32, grid: GridSpec, motion: Float64) -> Float32:
+    """Distances (X, Y, Z) of what lies elsewhere; far from all where nothing is known (m).
+
+    Args:
+        field: distances as they were.
+        grid: of both.
+        motion: rigid 4x4.
+    """
+    source_points = transform_points(inverse(motion), grid.centres().reshape(-1, 3))
+    places = grid.to_voxels(source_points).T
+    values: Float32 = map_coordinates(field, places, order=1, cval=grid.truncation)
+    return values.reshape(grid.shape)
+
+
 def _volumes(
     estimate: SceneEstimate, motions: Mapping[int, Float64], removed_ids: Collection[int] = ()
 ) -> tuple[Float32, Int32]:
@@ -120,10 +135,7 @@ def _volumes(
         field = np.full(grid.shape, grid.truncation, dtype=np.float32)
         field[box] = part
         if label in motions:
-            source_points = transform_points(inverse(motions[label]), grid.centres().reshape(-1, 3))
-            places = grid.to_voxels(source_points).T
-            field = map_coordinates(field, places, order=1, cval=grid.truncation)
-            field = field.reshape(grid.shape)
+            field = moved_field(field, grid, motions[label])
         closer = field < nearest
         nearest[closer], owner[closer] = field[closer], label
     return nearest, np.where(nearest < 0, owner, 0).astype(np.int32)

@@ -80,9 +80,7 @@ class Change:
             objects: (H, W) pixels of this image that show objects.
             tracks: of all objects.
         """
-        visible = {
-            track.id: track.appearance for track in tracks if track.appearance is not None
-        }
+        visible = {track.id: track.appearance for track in tracks if track.appearance is not None}
         ids = set(self.contradicted)
         while True:
             labels = np.zeros(self.depth.shape, np.int32)

@@ -85,12 +85,7 @@ def matched(
         return {}
     old_ids, new_ids = list(before), list(after)
     motions = [[rigid_motion(before[i], after[k]) for k in new_ids] for i in old_ids]
-    gains = np.array(
-        [
-            [_gain(motion) for motion in row]
-            for row in motions
-        ]
-    )
+    gains = np.array([[_gain(motion) for motion in row] for row in motions])
     pairs = Assignment().assign(-gains)
     return {
         new_ids[column]: (old_ids[row], motions[row][column])

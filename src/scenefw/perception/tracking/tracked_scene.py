@@ -9,9 +9,10 @@ import numpy as np
 
 from scenefw.core.errors import InputError
 from scenefw.core.geometry import inverse
+from scenefw.perception.estimate.base_frame import TRACKS
 from scenefw.perception.estimate.transforms import joined, without
 from scenefw.perception.tracking.changes import stands_still
-from scenefw.perception.tracking.tracks import TRACKS, State
+from scenefw.perception.tracking.tracks import State
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -35,6 +36,7 @@ class TrackedScene:
         tracks: by id, also of objects that are gone.
         depth: (H, W) that pixels have shown when they changed last (m).
         memory: of that.
+        partial: (X, Y, Z) partial TSDF of the last image that was looked at anew (m).
         left_out: (H, W) pixels of obstacles, and what else observations leave out.
         T_base_camera: 4x4, of the last image; None: nobody said it.
         warnings: what looks wrong about the last image, if it was looked at anew.
@@ -44,6 +46,7 @@ class TrackedScene:
     tracks: Mapping[int, Track]
     depth: Float32
     memory: DepthMemory
+    partial: Float32
     left_out: Mask
     T_base_camera: Float64 | None = None
     warnings: tuple[str, ...] = ()

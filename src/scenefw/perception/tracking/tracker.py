@@ -11,7 +11,12 @@ import numpy as np
 from scenefw.core.errors import InputError
 from scenefw.core.geometry import inverse
 from scenefw.perception.estimate.marked_objects import called
-from scenefw.perception.estimate.transforms import moved, moved_object, moved_obstacle
+from scenefw.perception.estimate.transforms import (
+    moved,
+    moved_field,
+    moved_object,
+    moved_obstacle,
+)
 from scenefw.perception.observation.image_turns import turned_camera, turned_pixels
 from scenefw.perception.observation.surface_mesh import obstacles_of
 from scenefw.perception.steps import Focus
@@ -97,9 +102,14 @@ class Tracker:
             for label, item in _items(scenes).items()
         }
         return TrackedScene(
-            with_tracks(scenes, tracks), tracks, frame.depth, memory, _left_out(view),
+            with_tracks(scenes, tracks),
+            tracks,
+            frame.depth,
+            memory,
+            view.partial.distance[0, 0].cpu().numpy(),
+            _left_out(view),
             warnings=view.warnings,
-        )  # fmt: skip
+        )
 
     def _next(
         self,
@@ -236,7 +246,8 @@ def _merged(
         frame: the image.
         pose: 4x4, of its camera in the world.
     """
-    scene = replace(scene, left_out=_left_out(view), warnings=view.warnings)
+    partial = moved_field(view.partial.distance[0, 0].cpu().numpy(), view.grid, motion)
+    scene = replace(scene, partial=partial, left_out=_left_out(view), warnings=view.warnings)
     obstacles = tuple(moved_obstacle(item, motion) for item in obstacles_of([view]))
     hypotheses = merged(scene.scenes, scenes, scene.tracks, obstacles, scene.posed(frame, pose))
     details = {"warnings": list(view.warnings)}

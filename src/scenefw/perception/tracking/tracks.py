@@ -17,9 +17,6 @@ if TYPE_CHECKING:
 
     Mask = NDArray[np.bool_]
 
-TRACKS = "tracks"
-"""Detail of a scene: what `Track.facts` says of each object."""
-
 
 class State(StrEnum):
     """What an object did from the image before to this one."""
@@ -126,9 +123,7 @@ class Track:
         """The track with a new shape and place, where `motion` has brought it by an image."""
         track = replace(self, item=update.item, appearance=update.appearance)
         if not motion.is_rest:
-            return replace(
-                track, state=State.MOVED, since=name, placed=name, motion=motion.matrix
-            )
+            return replace(track, state=State.MOVED, since=name, placed=name, motion=motion.matrix)
         placed = name if self.state == State.GONE else self.placed
         return replace(track, state=State.STILL, since=placed, placed=placed, motion=None)
 
