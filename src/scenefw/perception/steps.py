@@ -9,22 +9,13 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 from scenefw.core.errors import InputError
 
 if TYPE_CHECKING:
-    import numpy as np
     import torch
     from numpy.random import Generator
-    from numpy.typing import NDArray
     from torch import Tensor
 
     from scenefw.core.batches import Completion
     from scenefw.core.evidence import Evidence, FittedSuperquadric
-    from scenefw.core.types import (
-        Float32,
-        GridSpec,
-        Int32,
-        ObjectEstimate,
-        SceneEstimate,
-        TriangleMesh,
-    )
+    from scenefw.core.types import Float32, GridSpec, Int32, SceneEstimate, TriangleMesh
     from scenefw.fitting.vessels import FittedVessel
     from scenefw.perception.completion.extent_inputs import ExtentInputs
     from scenefw.perception.observation.observation import Observation, ViewGeometry
@@ -95,19 +86,6 @@ class ObjectSet:
     superquadrics: Mapping[int, FittedSuperquadric] | None = None
     vessels: Mapping[int, FittedVessel] = field(default_factory=dict)
     evidence: Mapping[int, Evidence] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, eq=False)
-class Focus:
-    """The part of a view that is reconstructed, among objects that are known already.
-
-    Args:
-        pixels: (H, W) that may show its objects.
-        neighbours: objects elsewhere in the view, in its frame; they may carry those of the part.
-    """
-
-    pixels: NDArray[np.bool_]
-    neighbours: tuple[ObjectEstimate, ...] = ()
 
 
 class Observing(Protocol[Observed]):
@@ -212,13 +190,6 @@ class Assembly(Protocol):
         """TSDF and instances of each hypothesis as it is."""
 
     def assemble(
-        self,
-        sets: Sequence[ObjectSet],
-        view: View,
-        origin: Mapping[str, Any],
-        neighbours: Sequence[ObjectEstimate] = (),
+        self, sets: Sequence[ObjectSet], view: View, origin: Mapping[str, Any]
     ) -> Iterator[SceneEstimate]:
-        """The scenes; an object has the same id in all. `origin` goes into their details.
-
-        `neighbours` are no part of the scenes, but may carry their objects.
-        """
+        """The scenes; an object has the same id in all. `origin` goes into their details."""

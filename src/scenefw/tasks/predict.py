@@ -13,7 +13,7 @@ from scenefw.core.errors import InputError
 from scenefw.core.files import require_writable
 from scenefw.core.folders import replacing_folder, require_replaceable
 from scenefw.core.protocols import SceneFormat, Settling
-from scenefw.core.types import Float32, Frame, SceneEstimate
+from scenefw.core.types import Float32, Float64, Frame, SceneEstimate
 from scenefw.data.files.camera_pose import camera_pose_of
 from scenefw.perception.estimate.base_frame import with_camera_in_base
 from scenefw.perception.physics.settling import words as settled_words
@@ -56,8 +56,9 @@ class Predict:
             `data.files.arrays.read_mask`); None = none are known.
         camera_pose: of the camera in a robot's base, a file or numbers (see
             `data.files.camera_pose`); results are then in the base. None: in the floor's frame.
-        track: the images show one scene in the order of their names, from a camera that stands
-            still: objects keep their ids, and `scene.json` says what each does.
+        track: the images show one scene in the order of their names: objects keep their ids, and
+            `scene.json` says what each does. The camera must stand still, or the folder hold its
+            poses as a recording does (`data.files.image_poses`); results are then in their world.
 
     Raises:
         ConfigError: no input is given, or the depth scale is not positive.
@@ -88,6 +89,7 @@ class Predict:
         self.exports = dict(exports or {})
         self.camera_pose = camera_pose_of(camera_pose, "run.camera_pose")
         self.tracker = Tracker(pipeline, hypotheses=hypotheses) if track else None
+        self._poses: Mapping[Path, Float64 | None] = {}
 
     def run(self) -> dict[str, float]:
         """Predicts all images; returns how many, how many failed, objects and seconds per image.
@@ -99,6 +101,8 @@ class Predict:
         """
         objects = 0
         start = time.perf_counter()
+        if self.tracker is not None and self.camera_pose is None:
+            self._poses = self.images.poses()
 
         def predict(image: Path, folder: Path) -> None:
             nonlocal objects
@@ -143,7 +147,7 @@ class Predict:
             StorageError: the folder can't be written.
         """
         frame, mask = self.images.read(image)
-        scenes, partial = self._scenes(frame, mask)
+        scenes, partial = self._scenes(frame, mask, self._poses.get(image, self.camera_pose))
         estimate, *alternatives = self._at_rest(scenes)
         with replacing_folder(folder) as temporary:
             colours = write_scene(temporary, estimate, self.exports)
@@ -171,14 +175,16 @@ class Predict:
             picture = draw_hypotheses(scenes, solids, views)
             save_picture(picture, folder / "hypotheses.png", fast=True)
 
-    def _scenes(self, frame: Frame, mask: Any) -> tuple[list[SceneEstimate], Float32]:
+    def _scenes(
+        self, frame: Frame, mask: Any, camera_pose: Float64 | None
+    ) -> tuple[list[SceneEstimate], Float32]:
         """All hypotheses, or the most typical one, and the partial TSDF (X, Y, Z; m)."""
         warnings: tuple[str, ...]
         if self.tracker is None:
             view = self.pipeline.observe(frame, mask)
             warnings, partial = view.warnings, view.partial.distance[0, 0].cpu().numpy()
         else:
-            tracked = self.tracker.track(frame, mask, self.camera_pose)
+            tracked = self.tracker.track(frame, mask, camera_pose)
             warnings, partial = tracked.warnings, tracked.partial
         for warning in warnings:
             print(f"{frame.name}: {warning}", file=sys.stderr)
@@ -186,7 +192,7 @@ class Predict:
             scenes = self.pipeline.reconstruct(view, first_only=not self.hypotheses)
         else:
             scenes = list(tracked.scenes)
-        return [with_camera_in_base(scene, self.camera_pose) for scene in scenes], partial
+        return [with_camera_in_base(scene, camera_pose) for scene in scenes], partial
 
     def _at_rest(self, scenes: list[SceneEstimate]) -> list[SceneEstimate]:
         """The hypotheses, at rest if they settle."""

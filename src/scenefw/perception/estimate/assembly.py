@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from scenefw.core.batches import Completion, PartialTSDF
-    from scenefw.core.types import Frame, GridSpec, Int32, ObjectEstimate, TriangleMesh
+    from scenefw.core.types import Frame, GridSpec, Int32, TriangleMesh
     from scenefw.perception.observation.observation import Observation
     from scenefw.perception.steps import ObjectSet
 
@@ -60,11 +60,7 @@ class SceneAssembly:
         return [scenes[id(hypothesis)] for hypothesis in sets]
 
     def assemble(
-        self,
-        sets: Sequence[ObjectSet],
-        view: Observation,
-        origin: Mapping[str, Any],
-        neighbours: Sequence[ObjectEstimate] = (),
+        self, sets: Sequence[ObjectSet], view: Observation, origin: Mapping[str, Any]
     ) -> Iterator[SceneEstimate]:
         """The scene of each hypothesis; an object has the same id in all of them.
 
@@ -75,7 +71,6 @@ class SceneAssembly:
             sets: the most typical one first.
             view: that shows the scene.
             origin: facts of the method, for the details.
-            neighbours: objects that are no part of the scene, but may carry its objects.
         """
         partial = view.partial if self.carve else None
         volumes = self.volumes(sets, view)
@@ -96,7 +91,7 @@ class SceneAssembly:
                 scene, view.grid, frame, agreement, _details(view, origin), solids
             )
             if self.carve:
-                estimate = plausible(estimate, view, neighbours)
+                estimate = plausible(estimate, view)
             estimate = replace(estimate, obstacles=obstacles)
             if view.image is not None:
                 estimate = with_confidence(estimate, view, agreement, self.calibration)

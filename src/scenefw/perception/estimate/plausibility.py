@@ -17,11 +17,11 @@ from scenefw.perception.observation.image_turns import turned_pixels
 from scenefw.perception.observation.object_masks import footprint_hull
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
     from numpy.typing import NDArray
 
-    from scenefw.core.types import Float32, Float64, ObjectEstimate, SceneEstimate
+    from scenefw.core.types import Float32, Float64, SceneEstimate
     from scenefw.perception.observation.observation import Observation
 
 _SAMPLES = 4000  # places in a box about an object
@@ -33,9 +33,7 @@ _GAP = 0.01  # m: what is farther above the floor and all others hovers
 _CELL = 0.005  # m: side of columns below what is visible
 
 
-def plausible(
-    estimate: SceneEstimate, view: Observation, neighbours: Sequence[ObjectEstimate] = ()
-) -> SceneEstimate:
+def plausible(estimate: SceneEstimate, view: Observation) -> SceneEstimate:
     """The scene with humbler shapes in place of those that contradict the image.
 
     A shape contradicts it that lies below the floor, before what was measured, hovers, or is far
@@ -46,11 +44,10 @@ def plausible(
     Args:
         estimate: with masks.
         view: with its image.
-        neighbours: objects that are no part of the scene, on which its objects may stand.
     """
     if estimate.masks is None or view.image is None:
         return estimate
-    checks = _Checks(estimate, view, neighbours)
+    checks = _Checks(estimate, view)
     changes = {}
     for item in estimate.objects:
         flaws = checks.flaws(item.mesh, item.id)
@@ -86,11 +83,8 @@ def with_meshes(estimate: SceneEstimate, meshes: dict[int, TriangleMesh]) -> Sce
 class _Checks:
     """What an image says about shapes of its objects."""
 
-    def __init__(
-        self, estimate: SceneEstimate, view: Observation, neighbours: Sequence[ObjectEstimate]
-    ) -> None:
-        self.objects, self.neighbours = estimate.objects, neighbours
-        self.camera = view.camera
+    def __init__(self, estimate: SceneEstimate, view: Observation) -> None:
+        self.objects, self.camera = estimate.objects, view.camera
         self.margin = estimate.grid.voxel_size
         self.depth: Float32 = view.depth
         if view.source is not None:
@@ -134,15 +128,12 @@ class _Checks:
         middle, lowest = np.median(points[:, :2], axis=0)[None], points[:, 2].min()
         heights = [
             distances_to(item.mesh).highest(middle)[0]
-            for item in self._others(label)
-            if (item.mesh.vertices[:, :2].min(axis=0) < middle).all()
+            for item in self.objects
+            if item.id != label
+            and (item.mesh.vertices[:, :2].min(axis=0) < middle).all()
             and (item.mesh.vertices[:, :2].max(axis=0) > middle).all()
         ]
         return max([float(h) for h in heights if h < lowest + self.margin], default=0.0)
-
-    def _others(self, label: int) -> list[ObjectEstimate]:
-        """The objects but one, and the neighbours."""
-        return [*(item for item in self.objects if item.id != label), *self.neighbours]
 
     def _free_ratio(self, mesh: TriangleMesh, low: Float64, high: Float64) -> float:
         """Share of a mesh's volume that lies before what was measured, by more than a voxel."""
@@ -171,8 +162,9 @@ class _Checks:
         low, high = bottom.min(axis=0) - _GAP, bottom.max(axis=0) + _GAP
         neighbours = [
             vertices[((vertices >= low) & (vertices <= high)).all(axis=1)]
-            for item in self._others(label)
+            for item in self.objects
             for vertices in [item.mesh.vertices]
+            if item.id != label
         ]
         places = np.concatenate([np.empty((0, 3)), *neighbours])
         distances = cKDTree(bottom).query(places, distance_upper_bound=_GAP)[0]

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from scenefw.core.batches import Completion
-    from scenefw.core.types import Float64, ObjectEstimate, SceneEstimate
+    from scenefw.core.types import Float64, SceneEstimate
     from scenefw.perception.evidence.tolerances import Tolerances
     from scenefw.perception.observation.views import Views
     from scenefw.perception.steps import ObjectSet
@@ -50,11 +50,7 @@ class ViewsAssembly:
         return [scenes[id(hypothesis)] for hypothesis in sets]
 
     def assemble(
-        self,
-        sets: Sequence[ObjectSet],
-        view: Views,
-        origin: Mapping[str, Any],
-        neighbours: Sequence[ObjectEstimate] = (),
+        self, sets: Sequence[ObjectSet], view: Views, origin: Mapping[str, Any]
     ) -> Iterator[SceneEstimate]:
         """The scene of each hypothesis.
 
@@ -62,7 +58,6 @@ class ViewsAssembly:
             sets: hypotheses.
             view: that show the scene.
             origin: facts of the method, for the details.
-            neighbours: without effect; these scenes stay as they were composed.
         """
         inlier_distance = self.tolerances.inlier_distance
         points = _visible_points(view)

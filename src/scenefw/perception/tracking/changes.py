@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 
     Mask = NDArray[np.bool_]
 
-_MAX_CHANGED_RATIO = 0.5  # of the measured pixels; of more, most of what is known says nothing
+_MAX_CHANGED_RATIO = 0.5  # of measured pixels, or of objects: of more, the camera has moved
+CHANGED = 1
+"""Region of an image that has changed; others are of objects beside it."""
 _STRIDE = 16  # pixels between those that say whether a camera has moved
 _MAX_FREE_RATIO = 0.5  # of an object that may be seen through
 
@@ -36,16 +38,16 @@ class Change:
         memory: of what pixels have shown.
         nearer: (H, W) that show something in front of what they have shown.
         farther: (H, W) that show something behind it.
-        ratio: of all changed pixels to those that are measured in both.
         contradicted: ids of objects behind which they show something.
+        is_total: most of the image has changed, or most of several objects.
     """
 
     depth: Float32
     memory: DepthMemory
     nearer: Mask
     farther: Mask
-    ratio: float
     contradicted: frozenset[int]
+    is_total: bool
 
     @classmethod
     def of(cls, depth: Float32, memory: DepthMemory, tracks: Iterable[Track]) -> Change:
@@ -53,34 +55,29 @@ class Change:
         nearer, farther = memory.nearer(depth), memory.farther(depth)
         comparable = max(int(np.count_nonzero((depth > 0) & (memory.upper > 0))), 1)
         ratio = int(np.count_nonzero(nearer) + np.count_nonzero(farther)) / comparable
-        contradicted = {
-            track.id
-            for track in tracks
-            if track.appearance is not None and track.appearance.is_contradicted(depth)
-        }
-        return cls(depth, memory, nearer, farther, ratio, frozenset(contradicted))
+        visible = {t.id: t.visible_part for t in tracks if t.visible_part is not None}
+        contradicted = {i for i, part in visible.items() if part.is_contradicted(depth)}
+        many_moved = 1 < len(contradicted) > _MAX_CHANGED_RATIO * len(visible)
+        is_total = ratio > _MAX_CHANGED_RATIO or many_moved
+        return cls(depth, memory, nearer, farther, frozenset(contradicted), is_total)
 
     @property
     def is_none(self) -> bool:
         """Whether all is as it was."""
         return not (self.contradicted or self.nearer.any() or self.farther.any())
 
-    @property
-    def is_total(self) -> bool:
-        """Whether more of the image has changed than objects on a table do."""
-        return self.ratio > _MAX_CHANGED_RATIO
+    def regions(self, objects: Mask, tracks: Iterable[Track]) -> tuple[frozenset[int], Int32]:
+        """Objects that need another look, and the regions (H, W) to reconstruct anew.
 
-    def part(self, objects: Mask, tracks: Iterable[Track]) -> tuple[frozenset[int], Mask]:
-        """Objects that need another look, and the pixels (H, W) to reconstruct anew.
-
-        These are components of depth, without still objects, some of whose pixels have changed. An
-        object needs another look that is contradicted, or of which more has come to light.
+        An object needs another look that is contradicted, or of which more has come to light.
+        Region `CHANGED` are components of depth without still objects, some of whose pixels have
+        changed. Still objects that touch it have a region each: what they carry goes down to them.
 
         Args:
             objects: (H, W) pixels of this image that show objects.
             tracks: of all objects.
         """
-        visible = {track.id: track.appearance for track in tracks if track.appearance is not None}
+        visible = {t.id: t.visible_part for t in tracks if t.visible_part is not None}
         ids = set(self.contradicted)
         while True:
             labels = np.zeros(self.depth.shape, np.int32)
@@ -97,8 +94,9 @@ class Change:
         for label in ids & visible.keys():
             changed[visible[label].box] |= visible[label].pixels
         parts = depth_parts(self.depth, candidates, EDGE)
-        part = np.isin(parts, np.unique(parts[changed & candidates])) & candidates
-        return frozenset(ids), part
+        pixels = np.isin(parts, np.unique(parts[changed & candidates])) & candidates
+        touching = np.isin(labels, list(_beside(pixels, labels, self.depth))) & objects
+        return frozenset(ids), np.where(pixels, CHANGED, np.where(touching, labels + CHANGED, 0))
 
 
 def _beside(pixels: Mask, labels: Int32, depth: Float32) -> set[int]:

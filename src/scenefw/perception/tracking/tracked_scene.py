@@ -15,11 +15,11 @@ from scenefw.perception.tracking.changes import stands_still
 from scenefw.perception.tracking.tracks import State
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from scenefw.core.types import Float32, Float64, Frame, Obstacle, SceneEstimate
+    from scenefw.core.types import Float32, Float64, Frame, Int32, Obstacle, SceneEstimate
     from scenefw.perception.tracking.depth_memory import DepthMemory
     from scenefw.perception.tracking.tracks import Track
 
@@ -119,6 +119,7 @@ def merged(
     before: Sequence[SceneEstimate],
     after: Sequence[SceneEstimate],
     tracks: Mapping[int, Track],
+    masks: Int32,
     obstacles: tuple[Obstacle, ...],
     frame: Frame,
 ) -> list[SceneEstimate]:
@@ -128,14 +129,11 @@ def merged(
         before: hypotheses before an image.
         after: of its changed part, with the ids of the tracks, in the same frame; none: it is bare.
         tracks: after the image.
+        masks: (H, W) of the image.
         obstacles: of the image.
         frame: the image, with its pose.
     """
     new_ids = {item.id for scene in after for item in scene.objects}
-    masks = np.zeros(frame.depth.shape, np.int32)
-    for label, track in tracks.items():
-        if track.appearance is not None:
-            masks[track.appearance.mask(frame.depth)] = label
     merged_scenes = []
     for number in range(max(len(before), len(after))):
         old = before[min(number, len(before) - 1)]
@@ -149,6 +147,15 @@ def merged(
             scene = joined(scene, after[min(number, len(after) - 1)])
         merged_scenes.append(replace(scene, masks=masks, frame=frame, obstacles=obstacles))
     return merged_scenes
+
+
+def masks_of(tracks: Iterable[Track], depth: Float32) -> Int32:
+    """(H, W) id of the object that each pixel of an image shows, 0 = none."""
+    masks = np.zeros(depth.shape, np.int32)
+    for track in tracks:
+        if track.visible_part is not None:
+            masks[track.visible_part.mask(depth)] = track.id
+    return masks
 
 
 def with_tracks(

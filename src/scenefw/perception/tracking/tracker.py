@@ -14,16 +14,15 @@ from scenefw.perception.estimate.marked_objects import called
 from scenefw.perception.estimate.transforms import (
     moved,
     moved_field,
-    moved_object,
     moved_obstacle,
+    without,
 )
 from scenefw.perception.observation.image_turns import turned_camera, turned_pixels
 from scenefw.perception.observation.surface_mesh import obstacles_of
-from scenefw.perception.steps import Focus
-from scenefw.perception.tracking.changes import Change, is_seen_through
+from scenefw.perception.tracking.changes import CHANGED, Change, is_seen_through
 from scenefw.perception.tracking.depth_memory import DepthMemory, depth_sigma
 from scenefw.perception.tracking.rigid_motion import matched
-from scenefw.perception.tracking.tracked_scene import TrackedScene, merged, with_tracks
+from scenefw.perception.tracking.tracked_scene import TrackedScene, masks_of, merged, with_tracks
 from scenefw.perception.tracking.tracks import Appearance, Track
 
 if TYPE_CHECKING:
@@ -41,8 +40,8 @@ if TYPE_CHECKING:
     Tracks = Mapping[int, Track]
 
 _MOVED = (
-    "most of the image has changed, so everything is reconstructed anew; if the camera has moved, "
-    "give camera_pose with each image, as without it the camera must stand still"
+    "most has changed and everything is reconstructed anew; if the camera has moved, give "
+    "camera_pose with each image, as without it the camera must stand still"
 )
 
 
@@ -141,10 +140,11 @@ class Tracker:
         memory = DepthMemory.of(frame.depth, depth_sigma(view))
         motion = pose @ inverse(_camera_pose(view))
         scenes = [_brought(scene, motion) for scene in self._reconstruct(view)]
-        scenes, tracks = _identified(scenes, before.tracks, set(before.tracks), memory, frame.name)
+        past = {label: replace(t, appearance=None) for label, t in before.tracks.items()}
+        scenes, tracks = _identified(scenes, past, set(past), memory, frame)
         posed = replace(frame, camera=frame.camera.moved(pose))
         for label in before.tracks.keys() - tracks.keys():
-            track = replace(before.tracks[label], appearance=None)
+            track = past[label]
             is_gone = not track.is_present or is_seen_through(track.item.mesh, posed, memory)
             tracks[label] = (track.gone if is_gone else track.hidden)(frame.name)
         scene = replace(before, depth=frame.depth, memory=memory, tracks=tracks)
@@ -157,25 +157,24 @@ class Tracker:
         view = self.pipeline.observe(frame, mask)
         pose = before.frame.camera.T_world_camera
         motion = pose @ inverse(_camera_pose(view))
-        replaced_ids, pixels = change.part(_object_pixels(view), before.tracks.values())
+        replaced_ids, regions = change.regions(_object_pixels(view), before.tracks.values())
         is_same = before.memory.matches(frame.depth) | (frame.depth == 0)
         depth = np.where(is_same, before.depth, frame.depth)
         memory = DepthMemory.of(depth, depth_sigma(view))
         still = [t for t in before.tracks.values() if t.is_present and t.id not in replaced_ids]
         scenes: list[SceneEstimate] = []
-        if pixels.any():
-            neighbours = tuple(moved_object(track.item, inverse(motion)) for track in still)
-            focus = Focus(turned_pixels(pixels, view.turns), neighbours)
-            scenes = [_brought(scene, motion) for scene in self._reconstruct(view, focus)]
-        scenes, tracks = _identified(scenes, before.tracks, replaced_ids, memory, frame.name)
+        if (regions == CHANGED).any():
+            scenes = self._reconstruct(view, turned_pixels(regions, view.turns))
+            scenes = [_brought(_changed_part(scene, regions), motion) for scene in scenes]
+        scenes, tracks = _identified(scenes, before.tracks, replaced_ids, memory, frame)
         tracks |= {track.id: track.at_rest(frame.depth, frame.name) for track in still}
         for label in before.tracks.keys() - tracks.keys():
             tracks[label] = before.tracks[label].gone(frame.name)
         scene = replace(before, depth=depth, memory=memory, tracks=tracks)
         return _merged(scene, scenes, view, motion, frame, pose)
 
-    def _reconstruct(self, view: Observation, focus: Focus | None = None) -> list[SceneEstimate]:
-        return self.pipeline.reconstruct(view, first_only=not self.hypotheses, focus=focus)
+    def _reconstruct(self, view: Observation, regions: Int32 | None = None) -> list[SceneEstimate]:
+        return self.pipeline.reconstruct(view, first_only=not self.hypotheses, regions=regions)
 
 
 def _identified(
@@ -183,7 +182,7 @@ def _identified(
     tracks: Tracks,
     ids: AbstractSet[int],
     memory: DepthMemory,
-    name: str,
+    frame: Frame,
 ) -> tuple[list[SceneEstimate], dict[int, Track]]:
     """Hypotheses of what is new in an image, with the ids that its objects have had, and tracks.
 
@@ -192,7 +191,7 @@ def _identified(
         tracks: of all objects before the image.
         ids: of those that may have moved; those that are gone may have come back.
         memory: of the image.
-        name: of the image.
+        frame: the image.
     """
     missing = {i: t.item for i, t in tracks.items() if i in ids or not t.is_present}
     items = _items(scenes)
@@ -204,9 +203,9 @@ def _identified(
     updates = {}
     for label, item in _items(scenes).items():
         appearance = Appearance.of(_mask(label, scenes), memory)
-        updates[label] = Track.new(item, appearance, name)
+        updates[label] = Track.new(item, appearance, frame.name)
     for label, motion in pairs.values():
-        updates[label] = tracks[label].seen_again(updates[label], motion, name)
+        updates[label] = tracks[label].seen_again(updates[label], motion, frame.depth, frame.name)
     return scenes, updates
 
 
@@ -221,6 +220,15 @@ def _mask(label: int, scenes: Sequence[SceneEstimate]) -> Mask:
     if scene.masks is None:
         raise InputError("this method doesn't say which pixels show its objects; it can't track")
     return np.asarray(scene.masks == label)
+
+
+def _changed_part(scene: SceneEstimate, regions: Int32) -> SceneEstimate:
+    """A scene without objects most of whose pixels are in regions that haven't changed."""
+    assert scene.masks is not None
+    count = max([item.id for item in scene.objects], default=0) + 1
+    everywhere = np.bincount(scene.masks[regions > 0], minlength=count)
+    changed = np.bincount(scene.masks[regions == CHANGED], minlength=count)
+    return without(scene, [i.id for i in scene.objects if 2 * changed[i.id] < everywhere[i.id]])
 
 
 def _brought(scene: SceneEstimate, motion: Float64) -> SceneEstimate:
@@ -249,7 +257,9 @@ def _merged(
     partial = moved_field(view.partial.distance[0, 0].cpu().numpy(), view.grid, motion)
     scene = replace(scene, partial=partial, left_out=_left_out(view), warnings=view.warnings)
     obstacles = tuple(moved_obstacle(item, motion) for item in obstacles_of([view]))
-    hypotheses = merged(scene.scenes, scenes, scene.tracks, obstacles, scene.posed(frame, pose))
+    masks = masks_of(scene.tracks.values(), frame.depth)
+    posed = scene.posed(frame, pose)
+    hypotheses = merged(scene.scenes, scenes, scene.tracks, masks, obstacles, posed)
     details = {"warnings": list(view.warnings)}
     hypotheses = [replace(h, details={**h.details, **details}) for h in hypotheses]
     return replace(scene, scenes=with_tracks(hypotheses, scene.tracks))

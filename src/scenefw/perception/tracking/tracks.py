@@ -62,6 +62,12 @@ class Appearance:
         """Whether a depth image (H, W) shows some of it."""
         return bool(self.memory.cleaned(self.pixels & self.memory.matches(depth[self.box])).any())
 
+    def is_same(self, depth: Float32) -> bool:
+        """Whether a depth image (H, W) shows all of it again."""
+        seen = depth[self.box]
+        hidden = self.memory.cleaned(self.memory.nearer(seen) & self.pixels)
+        return self.is_visible(depth) and not (hidden.any() or self.is_contradicted(depth))
+
     def mask(self, depth: Float32) -> Mask:
         """Its pixels (H, W), but for those that show something in front of it."""
         mask = np.zeros(depth.shape, dtype=bool)
@@ -76,7 +82,7 @@ class Track:
     Args:
         id: the same in all images.
         item: its most typical shape, in the coordinates of all images.
-        appearance: where it lies now; None: no image shows it there.
+        appearance: where it lies, or lay before it was gone; None: no image shows it there.
         state: in the last image.
         since: name of the image since which it is in this state; of one that stands still, since
             which it is where it is.
@@ -98,6 +104,11 @@ class Track:
         return cls(item.id, item, appearance, State.NEW, name, name)
 
     @property
+    def visible_part(self) -> Appearance | None:
+        """How a still camera sees it, if it is there and nothing is in front of it."""
+        return self.appearance if self.is_present else None
+
+    @property
     def is_present(self) -> bool:
         """Whether it is there, visible or not."""
         return self.state != State.GONE
@@ -117,12 +128,13 @@ class Track:
         """The track after an image that shows what is behind it."""
         if self.state == State.GONE:
             return replace(self, motion=None)
-        return replace(self, appearance=None, state=State.GONE, since=name, motion=None)
+        return replace(self, state=State.GONE, since=name, motion=None)
 
-    def seen_again(self, update: Track, motion: Motion, name: str) -> Track:
+    def seen_again(self, update: Track, motion: Motion, depth: Float32, name: str) -> Track:
         """The track with a new shape and place, where `motion` has brought it by an image."""
+        is_same = self.appearance is not None and self.appearance.is_same(depth)
         track = replace(self, item=update.item, appearance=update.appearance)
-        if not motion.is_rest:
+        if not (is_same or motion.is_rest):
             return replace(track, state=State.MOVED, since=name, placed=name, motion=motion.matrix)
         placed = name if self.state == State.GONE else self.placed
         return replace(track, state=State.STILL, since=placed, placed=placed, motion=None)
