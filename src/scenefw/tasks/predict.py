@@ -158,7 +158,7 @@ class Predict:
                 alternative_colours = write_scene(beside, alternative, self.exports)
                 layers.append(layer(f"hypothesis {number}", alternative, alternative_colours))
             if self.page:
-                scene = Scene3D(frame.name, tuple(layers), estimate.frame)
+                scene = Scene3D(frame.name, tuple(layers), estimate.frame, estimate.obstacles)
                 write_scene_page(temporary / "scene.html", frame.name or "scene", packed([scene]))
             if self.overview:
                 self._draw(temporary, frame, partial, [estimate, *alternatives])
