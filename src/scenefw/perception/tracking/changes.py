@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenefw.core.geometry import inverse, transform_points
+from scenefw.perception.evidence.mesh_distances import distances_to
 from scenefw.perception.observation.components import EDGE, NEIGHBOURS, depth_parts
 from scenefw.perception.observation.points import camera_points
+from scenefw.perception.tracking.depth_memory import smallest_change
+from scenefw.perception.tracking.tracks import masks_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Collection, Iterable, Mapping
 
     from numpy.typing import NDArray
 
@@ -25,6 +28,7 @@ if TYPE_CHECKING:
 _MAX_CHANGED_RATIO = 0.5  # of measured pixels, or of objects: of more, the camera has moved
 CHANGED = 1
 """Region of an image that has changed; others are of objects beside it."""
+_MAX_PLACES = 300  # of a part, to say how far it is from an object
 _STRIDE = 16  # pixels between those that say whether a camera has moved
 _MAX_FREE_RATIO = 0.5  # of an object that may be seen through
 
@@ -66,37 +70,60 @@ class Change:
         """Whether all is as it was."""
         return not (self.contradicted or self.nearer.any() or self.farther.any())
 
-    def regions(self, objects: Mask, tracks: Iterable[Track]) -> tuple[frozenset[int], Int32]:
+    def regions(
+        self, objects: Mask, tracks: Iterable[Track], points: Float64
+    ) -> tuple[frozenset[int], Int32]:
         """Objects that need another look, and the regions (H, W) to reconstruct anew.
 
-        An object needs another look that is contradicted, or of which more has come to light.
+        An object needs another look that is contradicted, of which more has come to light, or
+        beside which something has appeared that is no farther from it than noise is.
         Region `CHANGED` are components of depth without still objects, some of whose pixels have
         changed. Still objects that touch it have a region each: what they carry goes down to them.
 
         Args:
             objects: (H, W) pixels of this image that show objects.
             tracks: of all objects.
+            points: (H, W, 3) of this image, in the coordinates of the tracks (m).
         """
-        visible = {t.id: t.visible_part for t in tracks if t.visible_part is not None}
+        visible = {t.id: t for t in tracks if t.visible_part is not None}
         ids = set(self.contradicted)
         while True:
-            labels = np.zeros(self.depth.shape, np.int32)
-            for label, appearance in visible.items():
-                if label not in ids:
-                    labels[appearance.mask(self.depth)] = label
+            labels = masks_of((t for t in visible.values() if t.id not in ids), self.depth)
             candidates = objects & (labels == 0)
+            changed = self.nearer | self.farther | self._places(visible, ids)
+            parts = depth_parts(self.depth, candidates, EDGE)
+            numbers = np.unique(parts[changed & candidates])
             revealed = self.memory.cleaned(self.farther & candidates)
-            beside = _beside(revealed, labels, self.depth) - ids
-            if not beside:
+            again = _beside(revealed, labels, self.depth)
+            for number in numbers:
+                part = parts == number
+                again |= {
+                    label
+                    for label in _beside(part, labels, self.depth)
+                    if self._continues(part, visible[label], points)
+                }
+            if not again - ids:
                 break
-            ids |= beside
-        changed = self.nearer | self.farther
-        for label in ids & visible.keys():
-            changed[visible[label].box] |= visible[label].pixels
-        parts = depth_parts(self.depth, candidates, EDGE)
-        pixels = np.isin(parts, np.unique(parts[changed & candidates])) & candidates
+            ids |= again
+        pixels = np.isin(parts, numbers) & candidates
         touching = np.isin(labels, list(_beside(pixels, labels, self.depth))) & objects
         return frozenset(ids), np.where(pixels, CHANGED, np.where(touching, labels + CHANGED, 0))
+
+    def _places(self, visible: Mapping[int, Track], ids: Collection[int]) -> Mask:
+        """Pixels (H, W) that have shown objects."""
+        places = np.zeros(self.depth.shape, bool)
+        for label in ids & visible.keys():
+            part = visible[label].visible_part
+            if part is not None:
+                places[part.box] |= part.pixels
+        return places
+
+    def _continues(self, part: Mask, track: Track, points: Float64) -> bool:
+        """Whether all of a part (H, W) lies as near to an object as noise does: it has moved."""
+        places = points[part][:: max(1, np.count_nonzero(part) // _MAX_PLACES)]
+        limit = float(smallest_change(self.depth[part], self.memory.sigma).max())
+        distances = distances_to(track.item.mesh).at(places, 2 * limit)
+        return bool((np.abs(distances) <= limit).all())
 
 
 def _beside(pixels: Mask, labels: Int32, depth: Float32) -> set[int]:

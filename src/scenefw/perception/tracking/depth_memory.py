@@ -36,11 +36,13 @@ class DepthMemory:
         lower: (H, W) least depth (m), infinite where nothing was measured.
         upper: (H, W) greatest depth (m), 0 there.
         reach: pixels from the middle to the side of the smallest square that counts as a change.
+        sigma: standard deviation of depth at 1 m (m); it grows with depth squared.
     """
 
     lower: Float32
     upper: Float32
     reach: int
+    sigma: float
 
     @classmethod
     def of(cls, depth: Float32, sigma: float) -> DepthMemory:
@@ -52,17 +54,18 @@ class DepthMemory:
         """
         reach = max(1, round(_JITTER * depth.shape[1] / WIDTH))
         side = 2 * reach + 1
-        limit = np.float32(_SIGMAS * np.sqrt(2) * sigma) * depth**2
+        limit = smallest_change(depth, sigma)
         measured = depth > 0
         return cls(
             minimum_filter(np.where(measured, depth - limit, np.float32(np.inf)), side),
             maximum_filter(np.where(measured, depth + limit, np.float32(0)), side),
             reach,
+            sigma,
         )
 
     def __getitem__(self, box: Box) -> DepthMemory:
         """The same of a part of the image."""
-        return DepthMemory(self.lower[box], self.upper[box], self.reach)
+        return DepthMemory(self.lower[box], self.upper[box], self.reach, self.sigma)
 
     def matches(self, depth: Float32) -> Mask:
         """Pixels (H, W) that show the same."""
@@ -82,6 +85,16 @@ class DepthMemory:
         if not pixels.any():
             return pixels
         return np.asarray(binary_opening(pixels, np.ones((2 * self.reach + 1,) * 2, bool)))
+
+
+def smallest_change(depth: Float32, sigma: float) -> Float32:
+    """Difference (m) of two measurements of depths (m) that noise doesn't explain.
+
+    Args:
+        depth: metres.
+        sigma: standard deviation at 1 m (m).
+    """
+    return np.float32(_SIGMAS * np.sqrt(2) * sigma) * depth**2
 
 
 def depth_sigma(view: Observation) -> float:

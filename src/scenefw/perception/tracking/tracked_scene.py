@@ -15,7 +15,7 @@ from scenefw.perception.tracking.changes import stands_still
 from scenefw.perception.tracking.tracks import State
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -147,15 +147,6 @@ def merged(
             scene = joined(scene, after[min(number, len(after) - 1)])
         merged_scenes.append(replace(scene, masks=masks, frame=frame, obstacles=obstacles))
     return merged_scenes
-
-
-def masks_of(tracks: Iterable[Track], depth: Float32) -> Int32:
-    """(H, W) id of the object that each pixel of an image shows, 0 = none."""
-    masks = np.zeros(depth.shape, np.int32)
-    for track in tracks:
-        if track.visible_part is not None:
-            masks[track.visible_part.mask(depth)] = track.id
-    return masks
 
 
 def with_tracks(

@@ -18,12 +18,13 @@ from scenefw.perception.estimate.transforms import (
     without,
 )
 from scenefw.perception.observation.image_turns import turned_camera, turned_pixels
+from scenefw.perception.observation.points import world_points
 from scenefw.perception.observation.surface_mesh import obstacles_of
 from scenefw.perception.tracking.changes import CHANGED, Change, is_seen_through
 from scenefw.perception.tracking.depth_memory import DepthMemory, depth_sigma
 from scenefw.perception.tracking.rigid_motion import matched
-from scenefw.perception.tracking.tracked_scene import TrackedScene, masks_of, merged, with_tracks
-from scenefw.perception.tracking.tracks import Appearance, Track
+from scenefw.perception.tracking.tracked_scene import TrackedScene, merged, with_tracks
+from scenefw.perception.tracking.tracks import Appearance, Track, masks_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -157,7 +158,11 @@ class Tracker:
         view = self.pipeline.observe(frame, mask)
         pose = before.frame.camera.T_world_camera
         motion = pose @ inverse(_camera_pose(view))
-        replaced_ids, regions = change.regions(_object_pixels(view), before.tracks.values())
+        replaced_ids, regions = change.regions(
+            _object_pixels(view),
+            before.tracks.values(),
+            world_points(replace(frame, camera=frame.camera.moved(pose))),
+        )
         is_same = before.memory.matches(frame.depth) | (frame.depth == 0)
         depth = np.where(is_same, before.depth, frame.depth)
         memory = DepthMemory.of(depth, depth_sigma(view))

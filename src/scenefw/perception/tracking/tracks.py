@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from numpy.typing import NDArray
 
-    from scenefw.core.types import Float32, Float64, ObjectEstimate
+    from scenefw.core.types import Float32, Float64, Int32, ObjectEstimate
     from scenefw.perception.tracking.depth_memory import Box, DepthMemory
     from scenefw.perception.tracking.rigid_motion import Motion
 
@@ -145,3 +147,12 @@ class Track:
         if self.motion is None:
             return facts
         return {**facts, "motion": self.motion.tolist()}
+
+
+def masks_of(tracks: Iterable[Track], depth: Float32) -> Int32:
+    """(H, W) id of the object that each pixel of an image shows, 0 = none."""
+    masks = np.zeros(depth.shape, np.int32)
+    for track in tracks:
+        if track.visible_part is not None:
+            masks[track.visible_part.mask(depth)] = track.id
+    return masks

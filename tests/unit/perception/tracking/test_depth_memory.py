@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,6 +9,10 @@ from tests.unit.perception.tracking.moving_boxes import CROWD, camera, image
 
 from scenefw.core.types import GridSpec
 from scenefw.data.files.readers import read_frames
+from scenefw.noise.frames import disturb
+from scenefw.noise.kinect import Kinect
+from scenefw.noise.stereo import Stereo
+from scenefw.noise.time_of_flight import TimeOfFlight
 from scenefw.perception.tracking.depth_memory import DepthMemory, depth_sigma
 
 SIGMA = 0.002
@@ -69,6 +75,21 @@ def test_the_floor_says_how_noisy_depth_is(width, sigma):
     """Along the camera's axis, whatever the angle at which it sees the floor."""
     view = pipeline_of(grid=GridSpec(16)).observe(image(CROWD, 0, camera(width), sigma))
     assert depth_sigma(view) == pytest.approx(sigma, rel=0.1)
+
+
+@pytest.mark.parametrize("width", [320, 640])
+@pytest.mark.parametrize("sensor", [Kinect(), Stereo(), TimeOfFlight()])
+def test_noise_of_sensors_is_no_change(width, sensor):
+    """Also where they blur edges and lose pixels, others in each image; how much is drawn, too."""
+    seen_by = camera(width)
+    true = replace(image(CROWD, 0, seen_by, 0), camera=seen_by)
+    images = [disturb(true, {"sensor": sensor}, 0, 0, number) for number in range(4)]
+    observe = pipeline_of(grid=GridSpec(16)).observe
+    sigma = max(depth_sigma(observe(each)) for each in images)
+    memory = DepthMemory.of(images[0].depth, sigma)
+    for later in images[1:]:  # waves of a stereo camera hardly ever add up to a change
+        assert memory.nearer(later.depth).mean() < 2e-4
+        assert memory.farther(later.depth).mean() < 2e-4
 
 
 @pytest.mark.parametrize("group", ["realsense_table", "mosd_learn"])

@@ -166,6 +166,17 @@ def test_an_object_may_be_put_onto_one_that_stands_still():
     assert states(after)[lower.id] == ("still", "image_0")
 
 
+def test_an_object_that_is_pushed_a_little_does_not_lose_a_piece():
+    """By 1 cm away from the camera: little of it is where it was not, and nothing is free."""
+    pushed = (CROWD[0], box(0.0, 0.03, (0.1, 0.1, 0.05)), CROWD[2])
+    (before, after), _ = tracked([CROWD, pushed], 640)
+    assert states(after).keys() == states(before).keys()
+    label = id_at(after, 0.0, 0.03)
+    items = [next(i for i in s.scenes[0].objects if i.id == label) for s in (before, after)]
+    assert np.ptp(items[1].mesh.vertices, axis=0).max() < 0.16  # from corner to corner
+    assert states(after)[label][0] in ("still", "moved")
+
+
 def test_a_camera_that_moves_finds_objects_again_by_its_pose():
     cameras = [camera(), replace(camera(), T_world_camera=_turned(camera().T_world_camera))]
     tracker = Tracker(pipeline())
