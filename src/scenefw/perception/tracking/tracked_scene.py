@@ -38,7 +38,7 @@ class TrackedScene:
         memory: of that.
         partial: (X, Y, Z) partial TSDF of the last image that was looked at anew (m).
         left_out: (H, W) pixels of obstacles, and what else observations leave out.
-        T_base_camera: 4x4, of the last image; None: nobody said it.
+        T_base_camera: 4x4, where the camera moved last; None: nobody said it.
         warnings: what looks wrong about the last image, if it was looked at anew.
     """
 

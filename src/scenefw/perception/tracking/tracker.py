@@ -80,17 +80,16 @@ class Tracker:
         Raises:
             InputError: the image is unusable, of another size or camera, or masks have ids.
         """
-        region = None if mask is None else mask.astype(bool)
         if mask is not None and mask.dtype != np.bool_:
             raise InputError(
                 "masks with ids say already which object is which; give masks of two values, or "
                 "leave tracking out"
             )
+        region = None if mask is None else mask.astype(bool)
         if self._scene is None:
-            scene = self._first(frame, region)
+            self._scene = replace(self._first(frame, region), T_base_camera=T_base_camera)
         else:
-            scene = self._next(frame, region, self._scene, T_base_camera)
-        self._scene = replace(scene, T_base_camera=T_base_camera)
+            self._scene = self._next(frame, region, self._scene, T_base_camera)
         return self._scene
 
     def _first(self, frame: Frame, mask: Mask | None) -> TrackedScene:
@@ -121,7 +120,8 @@ class Tracker:
         before.require_camera_of(frame)
         pose = before.camera_pose(T_base_camera)
         if not before.is_seen_from(pose):
-            return self._all(frame, mask, before, pose)
+            scene = self._all(frame, mask, before, pose)
+            return replace(scene, T_base_camera=T_base_camera)
         change = Change.of(frame.depth, before.memory, before.tracks.values())
         if change.is_none:
             return before.unchanged(frame)

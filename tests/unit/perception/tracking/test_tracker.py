@@ -198,6 +198,36 @@ def test_a_camera_that_moves_finds_objects_again_by_its_pose():
     assert states(third)[id_at(first, 0.18, 0.1)] == ("moved", "image_2")
 
 
+def test_a_table_may_be_bare_before_and_after():
+    (bare, full, again), _ = tracked([(), CROWD, ()])
+    assert bare.tracks == {}
+    assert set(states(full).values()) == {("new", "image_1")}
+    assert len(full.scenes[0].objects) == 3
+    assert set(states(again).values()) == {("gone", "image_2")}
+    assert again.scenes[0].objects == ()
+    assert not (again.scenes[0].tsdf < 0).any()
+
+
+def test_poses_that_tremble_add_up_to_a_motion():
+    """By a twentieth of a pixel each: no image is looked at anew until it is one of them."""
+    counting = Counting(pipeline())
+    tracker = Tracker(counting)
+    poses = [camera().T_world_camera.copy() for _ in range(4)]
+    for number, pose in enumerate(poses):
+        pose[0, 3] += 0.00015 * number
+        tracker.track(image(CROWD, number), None, pose)
+    assert counting.observed == 1
+    far = camera().T_world_camera.copy()
+    far[0, 3] += 0.02
+    moved = image(CROWD, 4, replace(camera(), T_world_camera=far))
+    scene = tracker.track(moved, None, far)
+    assert counting.observed == 2
+    shift = scene.frame.camera.T_world_camera @ np.linalg.inv(far)
+    first = tracker.track(image(CROWD, 5), None, camera().T_world_camera)
+    again = first.frame.camera.T_world_camera @ np.linalg.inv(camera().T_world_camera)
+    np.testing.assert_allclose(again, shift, atol=1e-6)
+
+
 @pytest.mark.parametrize("height", [0.0, 0.1])
 def test_a_camera_that_moves_without_poses_is_told(height):
     """Also if it moves around the table, whose depth stays the same."""
