@@ -127,7 +127,7 @@
   async function show(stage) {
     const header = JSON.parse(stage.querySelector(".header").textContent);
     const data = await unpacked(stage.querySelector(".data").textContent);
-    const renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true });
+    const renderer = new THREE.WebGLRenderer({ antialias: window.devicePixelRatio < 2, alpha: true });
     renderer.outputEncoding = THREE.sRGBEncoding;
     renderer.setPixelRatio(Math.min(2, window.devicePixelRatio));
     const canvas = renderer.domElement;
@@ -291,7 +291,7 @@
         made("p", list, { className: "order", textContent: `take away in this order: ${supports.removal_order.join(" → ")}` });
     }
 
-    panel.addEventListener("toggle", later);
+    panel.addEventListener("toggle", () => { if (isNarrow()) later(); });
     new ResizeObserver(() => {  // also called at the start
       const size = renderer.getSize(new THREE.Vector2());
       if (size.x !== stage.clientWidth || size.y !== stage.clientHeight) later();
