@@ -10,6 +10,7 @@ import numpy as np
 
 from scenefw.api.scene import Scene
 from scenefw.core.errors import InputError, require_whole
+from scenefw.perception.estimate.base_frame import TRACKS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -54,6 +55,15 @@ class Prediction:
     def warnings(self) -> tuple[str, ...]:
         """What looks odd about the image, one line each."""
         return tuple(self.estimate.details.get("warnings", ()))
+
+    @property
+    def tracks(self) -> tuple[dict[str, Any], ...]:
+        """What each object did, of a prediction by `Predictor.track`; else empty.
+
+        `id`, `state` (new, still, moved, hidden, gone), `since` which image, and, of those that
+        moved, `motion` (4, 4) from its place before, in the world frame.
+        """
+        return tuple(self.estimate.details.get(TRACKS, ()))
 
     def __repr__(self) -> str:
         name = self.estimate.frame.name

@@ -5,22 +5,20 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from scenefw.api.image import image_of
 from scenefw.api.prediction import Prediction
-from scenefw.core.errors import InputError, require_number
-from scenefw.data.files.arrays import colour_of, frame_of, mask_of
+from scenefw.api.tracking import Tracking
 from scenefw.data.files.camera_pose import camera_pose_of
-from scenefw.data.files.readers import read_frame
 from scenefw.perception.estimate.base_frame import with_camera_in_base
+from scenefw.perception.tracking.tracker import Tracker
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from scenefw.api.settings import Settings
-    from scenefw.core.types import Frame
     from scenefw.data.files.camera_pose import CameraPose
     from scenefw.data.files.intrinsics import Intrinsics
     from scenefw.perception.pipeline import ReconstructionPipeline
@@ -82,10 +80,8 @@ class Predictor:
         Raises:
             InputError: the image is unusable; the message says how to fix it.
         """
-        require_number(depth_scale, "depth_scale", "metres per unit of integer depth, or None")
         pose = camera_pose_of(camera_pose)
-        frame = _frame(depth, intrinsics, color, depth_scale, name)
-        object_mask = None if mask is None else mask_of(mask, frame.depth.shape, frame.name)
+        frame, object_mask = image_of(depth, intrinsics, color, mask, depth_scale, name)
         with self._computing():
             view = self.pipeline.observe(frame, object_mask)
             for warning in view.warnings:
@@ -93,22 +89,6 @@ class Predictor:
             scenes = self.pipeline.reconstruct(view)
             return Prediction(tuple(with_camera_in_base(scene, pose) for scene in scenes))
 
-
-def _frame(
-    depth: ArrayLike | str | Path,
-    intrinsics: Intrinsics | None,
-    colour: ArrayLike | None,
-    scale: float | None,
-    name: str,
-) -> Frame:
-    if isinstance(depth, str | Path):
-        path = Path(depth).expanduser()
-        frame = read_frame(path, intrinsics=intrinsics, depth_scale=scale)
-        if colour is None:
-            return frame
-        return replace(frame, colour=colour_of(colour, frame.depth.shape, frame.name))
-    if intrinsics is None:
-        raise InputError(
-            f"no intrinsics of {name}; give K (3, 3), or the numbers fx, fy, cx, cy in pixels"
-        )
-    return frame_of(depth, intrinsics, colour, depth_scale=scale, name=name)
+    def track(self) -> Tracking:
+        """What takes the images of a scene in their order; objects keep their ids."""
+        return Tracking(Tracker(self.pipeline), self._computing)

@@ -46,7 +46,7 @@ def summarise(
             for obstacle, name in zip(estimate.obstacles, obstacle_files, strict=False)
         ],
         "camera": _camera(estimate.frame.camera),
-        "support_graph": _support_graph(on_floor(estimate)),
+        "support_graph": support_graph(on_floor(estimate)).facts(),
         **{key: plain(value) for key, value in estimate.details.items()},
         "versions": dict(versions or {}),
     }
@@ -102,17 +102,6 @@ def shape_numbers(placed: PlacedShape) -> dict[str, Any]:
         **{field.name: plain(getattr(shape, field.name)) for field in fields(shape)},
         "position": plain(placed.pose.position),
         "quaternion": plain(placed.pose.quaternion),
-    }
-
-
-def _support_graph(objects: Sequence[ObjectEstimate]) -> dict[str, Any]:
-    graph = support_graph(objects)
-    return {
-        "objects": [
-            {"id": label, "stands_on": list(below), "falls": list(graph.falls(label))}
-            for label, below in graph.stands_on.items()
-        ],
-        "removal_order": list(graph.removal_order()),
     }
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+import numpy as np
 import torch
 
 from scenefw.core import rng
@@ -18,7 +19,6 @@ from scenefw.perception.steps import Fits, Objects, ObjectSet
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import numpy as np
     from numpy.typing import NDArray
 
     from scenefw.core.batches import Completion, PartialTSDF
@@ -132,15 +132,19 @@ class ReconstructionPipeline(Generic[Observed]):
             return replace(view, warnings=(*view.warnings, note))
         return view
 
-    def reconstruct(self, view: View, *, first_only: bool = False) -> list[SceneEstimate]:
+    def reconstruct(
+        self, view: View, *, first_only: bool = False, regions: Int32 | None = None
+    ) -> list[SceneEstimate]:
         """Steps 2 to 9: the scenes of an observation, the most typical one first.
 
         Args:
             view: the observation.
             first_only: only the most typical one, whose confidences come from all.
+            regions: (H, W) parts of the image, across whose borders no object goes; what is in 0
+                is left out. None: all of it is one.
         """
         generator = torch.Generator().manual_seed(rng.torch_seed(self.seed))
-        sets = self.hypotheses(view, self.samples, generator)
+        sets = self.hypotheses(view, self.samples, generator, regions)
         origin = {"samples": self.samples, "seed": self.seed, "checkpoint": self.metadata}
         scenes = self.assembly.assemble(sets, view, origin)  # 8
         if first_only:
@@ -148,7 +152,11 @@ class ReconstructionPipeline(Generic[Observed]):
         return list(scenes) if self.ranking is None else self.ranking.rank(list(scenes))  # 9
 
     def hypotheses(
-        self, view: View, samples: int, generator: torch.Generator
+        self,
+        view: View,
+        samples: int,
+        generator: torch.Generator,
+        regions: Int32 | None = None,
     ) -> Sequence[ObjectSet]:
         """Steps 2 to 7: sets of objects that there may be, the most typical one first.
 
@@ -156,6 +164,8 @@ class ReconstructionPipeline(Generic[Observed]):
             view: the observation.
             samples: how many sets.
             generator: of the random numbers, on the CPU.
+            regions: (H, W) parts of the image, across whose borders no object goes; what is in 0
+                is left out. None: all of it is one.
         """
         segments = None
         segmentation = self.segmentation if view.masks is None else MarkedObjects()
@@ -163,6 +173,8 @@ class ReconstructionPipeline(Generic[Observed]):
             segments = segmentation.segment(view)  # 2
             if self.edges is not None:
                 view, segments = self.edges.restore(view, segments)  # 3
+            if regions is not None:
+                segments = _within(segments, regions)
         objects = Objects(segments)
         if self.grouping is not None:
             objects = self.grouping.group(segments, view)  # 4
@@ -212,3 +224,10 @@ class ReconstructionPipeline(Generic[Observed]):
         """
         view = Views.of_partials(views, grid)
         return self.assembly.volumes(self.hypotheses(view, samples, generator), view)
+
+
+def _within(segments: Int32, regions: Int32) -> Int32:
+    """Segments (H, W) cut along the borders of regions, without those of region 0."""
+    pairs = np.where(regions > 0, segments * (int(regions.max()) + 1) + regions, 0)
+    labels = np.unique(np.where(segments > 0, pairs, 0), return_inverse=True)[1]
+    return labels.reshape(segments.shape).astype(np.int32)

@@ -20,7 +20,7 @@
     return sums;
   }
 
-  function surface(solid, data, unit) {
+  function surface(solid, data, unit, looks = {}) {
     const geometry = new THREE.BufferGeometry();
     const vertices = summed(new Int16Array(data, ...solid.vertices), 3);
     const faces = summed(new Int32Array(data, ...solid.faces), 1);
@@ -31,7 +31,7 @@
     geometry.computeVertexNormals();
     geometry.computeBoundingBox();
     const colour = new THREE.Color(...solid.colour).convertSRGBToLinear();
-    const material = new THREE.MeshStandardMaterial({ color: colour, roughness: 0.75 });
+    const material = new THREE.MeshStandardMaterial({ color: colour, roughness: 0.75, ...looks });
     return new THREE.Mesh(geometry, material);
   }
 
@@ -42,6 +42,26 @@
     geometry.setAttribute("position", new THREE.BufferAttribute(metres, 3));
     geometry.setAttribute("color", new THREE.BufferAttribute(colours, 3));
     return new THREE.Points(geometry, new THREE.PointsMaterial({ size: 0.006, vertexColors: true }));
+  }
+
+  // Rods from each object down to what it stands on; 0 is the floor.
+  function links(supports, solids) {
+    const places = new Map(solids.map((solid) => [Number(solid.name.split(":")[0]), solid.middle]));
+    const material = new THREE.MeshBasicMaterial({ color: 0x1c2126, depthTest: false });
+    return supports.objects.flatMap(({ id, stands_on }) => stands_on.map((below) => {
+      const place = places.get(id);
+      const path = new THREE.LineCurve3(place, below === 0 ? place.clone().setZ(0) : places.get(below));
+      const rod = new THREE.Mesh(new THREE.TubeGeometry(path, 1, 0.002, 6), material);
+      rod.renderOrder = 1;
+      return rod;
+    }));
+  }
+
+  // What carries an object and what falls with it, in words.
+  function carried({ stands_on, falls }) {
+    const below = stands_on.map((id) => (id === 0 ? "the floor" : id)).join(", ");
+    const place = below ? `on ${below}` : "touches nothing below it";
+    return falls.length ? `${place}; ${falls.join(", ")} would fall with it` : place;
   }
 
   // Turns, moves and zooms a camera around a target; z stays up.
@@ -67,6 +87,7 @@
           const now = Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY);
           if (gap) this.range *= gap / now;
           gap = now;
+          this.move(x / 2, y / 2, canvas.clientHeight);
         } else if (before.buttons & 2 || event.shiftKey) {
           this.move(x, y, canvas.clientHeight);
         } else {
@@ -106,7 +127,7 @@
   async function show(stage) {
     const header = JSON.parse(stage.querySelector(".header").textContent);
     const data = await unpacked(stage.querySelector(".data").textContent);
-    const renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true });
+    const renderer = new THREE.WebGLRenderer({ antialias: window.devicePixelRatio < 2, alpha: true });
     renderer.outputEncoding = THREE.sRGBEncoding;
     renderer.setPixelRatio(Math.min(2, window.devicePixelRatio));
     const canvas = renderer.domElement;
@@ -118,15 +139,20 @@
     sky.position.set(0, 0, 1);
     const lamp = new THREE.DirectionalLight(0xffffff, 0.55);
     world.add(sky, lamp);
-    const state = { scene: 0, layer: 0, points: true, floor: true, names: true, hidden: new Set() };
+    const state = {
+      scene: 0, layer: 0, points: true, floor: true, names: true, obstacles: true, links: false, hidden: new Set(),
+    };
     // A link to page.html#scene=1&layer=2 opens that one
     for (const [name, value] of new URLSearchParams(location.hash.slice(1)))
       if (name === "scene" || name === "layer") state[name] = Math.max(0, Number.parseInt(value) || 0);
     let waiting = false;
     let drawn = { solids: [], tags: [] };
     const turntable = new Turntable(camera, canvas, () => later());
-    const panel = made("div", stage, { className: "panel" });
-    made("div", stage, { className: "hint", textContent: "drag: turn · shift or right: move · wheel: zoom" });
+    const isNarrow = () => stage.clientWidth <= 700;
+    const isTouched = window.matchMedia("(pointer: coarse)").matches;
+    const panel = made("details", stage, { className: "panel", open: !isNarrow() });
+    const hint = isTouched ? "one finger: turn · two: move and zoom" : "drag: turn · shift or right: move · wheel: zoom";
+    made("div", stage, { className: "hint", textContent: hint });
 
     function later() {
       if (waiting) return;
@@ -138,8 +164,8 @@
       const [width, height] = [stage.clientWidth, stage.clientHeight];
       renderer.setSize(width, height, false);
       camera.aspect = width / height;
-      // The panel hides the left edge: the middle of the scene goes to the middle of the rest
-      camera.setViewOffset(width, height, width > 700 ? -120 : 0, 0, width, height);
+      // The panel hides the left edge, or the lower one: the scene goes to the middle of the rest
+      camera.setViewOffset(width, height, isNarrow() ? 0 : -120, isNarrow() && panel.open ? panel.offsetHeight / 2 : 0, width, height);
       camera.updateProjectionMatrix();
       lamp.position.copy(camera.position).add(new THREE.Vector3(0, 0, 0.6));
       renderer.render(world, camera);
@@ -173,11 +199,16 @@
         const limits = mesh.geometry.boundingBox;
         box.union(limits);
         const middle = limits.getCenter(new THREE.Vector3());
-        drawn.solids.push({ mesh, name: solid.name, top: middle.setZ(limits.max.z) });
+        drawn.solids.push({ mesh, name: solid.name, middle: middle.clone(), top: middle.setZ(limits.max.z) });
         drawn.tags.push(made("div", stage, { className: "tag", textContent: solid.name.split(":")[0] }));
         mesh.visible = !state.hidden.has(solid.name.split(":")[0]);
         world.add(mesh);
       }
+      const { supports } = scene.layers[state.layer];
+      if (state.links && supports) world.add(...links(supports, drawn.solids));
+      if (state.obstacles)
+        for (const obstacle of scene.obstacles)
+          world.add(surface(obstacle, data, header.unit, { side: THREE.DoubleSide, transparent: true, opacity: 0.7 }));
       if (state.points) world.add(cloud(scene.points, data, header.unit));
       if (box.isEmpty()) box.set(new THREE.Vector3(-0.3, -0.3, 0), new THREE.Vector3(0.3, 0.3, 0.3));
       const middle = box.getCenter(new THREE.Vector3());
@@ -192,7 +223,8 @@
         turntable.target.copy(middle);
         turntable.yaw = Math.atan2(eye.y, eye.x) + 0.35;
         turntable.pitch = Math.max(0.4, Math.atan2(eye.z, Math.hypot(eye.x, eye.y)));
-        turntable.range = 1.4 * box.getSize(new THREE.Vector3()).length();
+        const upright = Math.max(1, (0.8 * stage.clientHeight) / stage.clientWidth);  // of phones
+        turntable.range = 1.4 * upright * box.getSize(new THREE.Vector3()).length();
       }
       if (newScene) frame(scene);
       controls(scene);
@@ -205,11 +237,13 @@
       if (colour) made("span", label, { className: "chip" }).style.background = colour;
       made("span", label, { textContent: text });
       input.addEventListener("change", () => changed(input.checked));
+      return label;
     }
 
     // What stays while the slider moves, or it would be lost under the pointer.
     function frame(scene) {
       panel.replaceChildren();
+      made("strong", made("summary", panel), { className: "shown" });
       if (header.scenes.length > 1) {
         const select = made("select", panel, { ariaLabel: "scene" });
         for (const one of header.scenes) made("option", select, { textContent: one.name });
@@ -220,7 +254,6 @@
           build(true);
         });
       }
-      made("strong", panel, { className: "shown" });
       if (scene.layers.length > 1) {
         const slider = made("input", panel, {
           type: "range", min: 0, max: scene.layers.length - 1, ariaLabel: "hypothesis",
@@ -230,12 +263,16 @@
       }
       made("div", panel, { className: "solids" });
       made("hr", panel);
-      for (const [key, text] of [["points", "measured points"], ["floor", "floor, squares of 10 cm"], ["names", "numbers"]])
+      const shown = [["points", "measured points"], ["floor", "floor, squares of 10 cm"], ["names", "numbers"]];
+      if (scene.layers.some((layer) => layer.supports)) shown.push(["links", "rods to what carries each"]);
+      if (scene.obstacles.length) shown.push(["obstacles", `obstacles: ${[...new Set(scene.obstacles.map((o) => o.name))].join(", ")}`]);
+      for (const [key, text] of shown)
         toggle(panel, text, state[key], (on) => { state[key] = on; build(false); });
     }
 
     function controls(scene) {
-      const { name, solids } = scene.layers[state.layer];
+      const { name, solids, supports } = scene.layers[state.layer];
+      const carriers = new Map((supports ? supports.objects : []).map((item) => [String(item.id), item]));
       const count = solids.length === 1 ? "1 object" : `${solids.length} objects`;
       panel.querySelector(".shown").textContent = `${name}: ${count}`;
       const list = panel.querySelector(".solids");
@@ -243,15 +280,22 @@
       for (const solid of solids) {
         const [key] = solid.name.split(":");
         const colour = `rgb(${solid.colour.map((value) => Math.round(255 * value))})`;
-        toggle(list, solid.name, !state.hidden.has(key), (on) => {
+        const row = toggle(list, solid.name, !state.hidden.has(key), (on) => {
           if (on) state.hidden.delete(key); else state.hidden.add(key);
           drawn.solids.forEach(({ mesh, name }) => { mesh.visible = !state.hidden.has(name.split(":")[0]); });
           later();
         }, colour);
+        if (carriers.has(key)) made("small", row.lastChild, { textContent: carried(carriers.get(key)) });
       }
+      if (supports && solids.length > 1)
+        made("p", list, { className: "order", textContent: `take away in this order: ${supports.removal_order.join(" → ")}` });
     }
 
-    new ResizeObserver(later).observe(stage);
+    panel.addEventListener("toggle", () => { if (isNarrow()) later(); });
+    new ResizeObserver(() => {  // also called at the start
+      const size = renderer.getSize(new THREE.Vector2());
+      if (size.x !== stage.clientWidth || size.y !== stage.clientHeight) later();
+    }).observe(stage);
     build(true);
   }
 

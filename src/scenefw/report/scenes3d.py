@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import base64
 import gzip
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from scenefw.core.types import TriangleMesh
 from scenefw.perception.observation.points import world_points
+from scenefw.perception.physics.support_graph import support_graph
 from scenefw.report.blocks import Scenes
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from scenefw.core.types import Frame, SceneEstimate, TriangleMesh
+    from scenefw.core.types import Frame, Obstacle, SceneEstimate
     from scenefw.report.palette import Colour
 
 _UNIT = 1e-4  # m: positions are whole numbers of it
@@ -36,10 +38,17 @@ class Solid:
 
 @dataclass(frozen=True)
 class Layer:
-    """Objects shown together: a prediction, another hypothesis, the truth."""
+    """Objects shown together: a prediction, another hypothesis, the truth.
+
+    Args:
+        name: what they are.
+        solids: the objects; their names begin with their ids and a colon.
+        supports: `SupportGraph.facts` of them; None: nobody has asked.
+    """
 
     name: str
     solids: tuple[Solid, ...]
+    supports: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -50,15 +59,22 @@ class Scene3D:
         name: of the image.
         layers: one of them is shown at a time, the first one first.
         frame: its points are drawn too, and the scene is first seen from its side.
+        obstacles: walls, robots, containers, in all layers.
     """
 
     name: str
     layers: tuple[Layer, ...]
     frame: Frame
+    obstacles: tuple[Obstacle, ...] = ()
 
 
 def layer(
-    name: str, estimate: SceneEstimate, colours: Sequence[Colour], *, confidence: bool = True
+    name: str,
+    estimate: SceneEstimate,
+    colours: Sequence[Colour],
+    *,
+    confidence: bool = True,
+    supports: bool = True,
 ) -> Layer:
     """The objects of an estimate; their names say id and size.
 
@@ -67,13 +83,15 @@ def layer(
         estimate: the scene.
         colours: of its objects, in their order.
         confidence: it is known; names say it too.
+        supports: also what stands on what.
     """
     solids = []
     for item, colour in zip(estimate.objects, colours, strict=True):
         size = " × ".join(f"{100 * side:.0f}" for side in item.extents)
         text = f"{item.id}: {size} cm" + (f", {item.confidence:.0%}" if confidence else "")
         solids.append(Solid(text, colour, item.mesh))
-    return Layer(name, tuple(solids))
+    graph = support_graph(estimate.objects).facts() if supports else None
+    return Layer(name, tuple(solids), graph)
 
 
 def packed(scenes: Sequence[Scene3D], caption: str = "", max_points: int = 20000) -> Scenes:
@@ -96,6 +114,7 @@ def packed(scenes: Sequence[Scene3D], caption: str = "", max_points: int = 20000
                 "eye": scene.frame.camera.T_world_camera[:3, 3].tolist(),
                 "layers": [_layer(scene_layer, buffer) for scene_layer in scene.layers],
                 "points": _points(scene.frame, buffer, max_points),
+                "obstacles": [_obstacle(item, buffer) for item in scene.obstacles],
             }
             for scene in scenes
         ],
@@ -124,7 +143,19 @@ class _Buffer:
 
 
 def _layer(layer: Layer, buffer: _Buffer) -> dict[str, Any]:
-    return {"name": layer.name, "solids": [_solid(solid, buffer) for solid in layer.solids]}
+    solids = [_solid(solid, buffer) for solid in layer.solids]
+    return {"name": layer.name, "solids": solids, "supports": layer.supports}
+
+
+def _obstacle(obstacle: Obstacle, buffer: _Buffer) -> dict[str, Any]:
+    """Without triangles that reach too far to be packed."""
+    mesh = obstacle.mesh
+    is_near = np.abs(mesh.vertices).max(axis=1, initial=0) < _FARTHEST
+    faces = mesh.faces[is_near[mesh.faces].all(axis=1)]
+    red, green, blue = (value / 255 for value in _GREY)
+    return _solid(
+        Solid(obstacle.kind, (red, green, blue), TriangleMesh(mesh.vertices, faces)), buffer
+    )
 
 
 def _solid(solid: Solid, buffer: _Buffer) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import io
 import sys
 import threading
@@ -12,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 from scenefw.core.errors import ConfigError, SceneFWError
 from scenefw.perception.estimate.base_frame import in_base
-from scenefw.perception.physics.support_graph import FLOOR, support_graph
+from scenefw.perception.physics.support_graph import support_graph
 from scenefw.perception.ranking.next_view import next_views, views_around
 from scenefw.report import layers
 from scenefw.report.edits import Edits
+from scenefw.report.object_table import object_table
 from scenefw.report.palette import instance_colours
 from scenefw.report.stage import Stage
 
@@ -30,10 +30,6 @@ if TYPE_CHECKING:
 
 _NOTHING = "none"
 _VIEW_ANGLE = 0.7  # rad
-_HEADER = (
-    "<tr style='text-align:left;opacity:0.6'><td></td><td></td><td>size</td><td>volume</td>"
-    "<td>agreement</td><td>stands on</td></tr>"
-)
 _SHOWN = {  # layer: words, visible at first
     "points": ("point cloud", True),
     "objects": ("objects", True),
@@ -208,8 +204,14 @@ class Viewer:
             self.stage.show_objects(self.edits)
             options = [_NOTHING, *map(_option, labels)]
             self.controls["object"].options = options
-            self.controls["about"].content = self._about()
+            self.controls["about"].content = object_table(
+                self.edits, self._supports, self._warnings
+            )
         self.select(self.selected if self.selected in labels else None)
+
+    @property
+    def _warnings(self) -> Sequence[str]:
+        return self.prediction.scenes[0].details.get("warnings", ())
 
     def _show_selection(self) -> None:
         label, none = self.selected, self.selected is None
@@ -218,7 +220,7 @@ class Viewer:
         button.disabled = none
         button.label = "Put back" if label in self.edits.removed else "Remove"
         self.stage.hold(label, self.edits)
-        self.controls["about"].content = self._about()
+        self.controls["about"].content = object_table(self.edits, self._supports, self._warnings)
 
     def look(self, client: Any = None, whence: str = "start") -> None:
         """Turns browsers to the scene: from the start's place, the camera, above, or next view.
@@ -245,17 +247,6 @@ class Viewer:
         clients = self.server.get_clients().values() if client is None else [client]
         for browser in clients:
             browser.camera.position, browser.camera.look_at = eye, middle
-
-    def _about(self) -> str:
-        """A line per object: colour, number, size, volume, confidence."""
-        rows = "".join(_row(self.edits, label, self._supports) for label in self.edits.ids)
-        order = " → ".join(map(str, self._supports.removal_order()))
-        advice = f"<p>take away {order}</p>" if len(self._supports.heights) > 1 else ""
-        warnings = self.prediction.scenes[0].details.get("warnings", ())
-        notices = "".join(f"<p style='color:#a15c00'>{html.escape(line)}</p>" for line in warnings)
-        table = f"<table style='width:100%;border-spacing:0 2px'>{_HEADER}{rows}</table>"
-        style = "font-size:0.85em;padding:0 0.8em;line-height:1.45"
-        return f"<div style='{style}'>{table if rows else 'no object'}{advice}{notices}</div>"
 
     # The panel
 
@@ -378,21 +369,6 @@ class Viewer:
 
 def _option(label: int) -> str:
     return f"object {label}"
-
-
-def _row(edits: Edits, label: int, supports: SupportGraph) -> str:
-    item, is_removed = edits.item(label), label in edits.removed
-    red, green, blue = (round(255 * part) for part in _colour(label))
-    square = f"<td style='color:rgb({red},{green},{blue})'>&#9632;</td>"
-    cells = (
-        str(label),
-        layers.size(item),
-        f"{1000 * layers.volume(item.mesh):.2f} l",
-        "removed" if is_removed else f"{item.confidence:.0%}",
-        ", ".join("floor" if below == FLOOR else str(below) for below in supports.stands_on[label]),
-    )
-    style = " style='opacity:0.45'" if is_removed else ""
-    return f"<tr{style}>{square}" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
 
 
 def _colour(label: int) -> Colour:

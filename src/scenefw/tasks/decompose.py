@@ -157,7 +157,8 @@ class Decompose:
     ) -> list[Colour]:
         colours = write_scene(folder, estimate, self.exports)
         if self.page:
-            scene = Scene3D(name, (layer("objects", estimate, colours),), estimate.frame)
+            shown = (layer("objects", estimate, colours),)
+            scene = Scene3D(name, shown, estimate.frame, estimate.obstacles)
             write_scene_page(folder / "scene.html", name, packed([scene]))
         if self.overview:
             partial = views.observations[0].partial.distance[0, 0].cpu().numpy()

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.files import require_apart
 from scenefw.data.files.arrays import read_mask
+from scenefw.data.files.image_poses import folder_poses
 from scenefw.data.files.lens import undistorted
 from scenefw.data.files.readers import find_images, lens_of_image, read_frame
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from scenefw.core.types import Frame
 
 
@@ -58,6 +63,22 @@ class DepthImages:
             InputError: there is none.
         """
         return find_images(self.path)
+
+    def poses(self) -> dict[Path, NDArray[np.float64] | None]:
+        """4x4 pose of the camera of each image, as the files of a recording say; empty without.
+
+        What they leave open is printed.
+
+        Raises:
+            InputError: they are unusable, or not those of the images.
+        """
+        images = self.find()
+        poses = folder_poses(self.path, images, require=False) if self.path.is_dir() else None
+        if poses is None:
+            return {}
+        for note in poses.notes:
+            print(note, file=sys.stderr)
+        return dict(zip(images, poses.poses, strict=True))
 
     def name(self, image: Path) -> Path:
         """Of an image below the input."""

@@ -7,17 +7,18 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from scenefw.core.errors import InputError
 from scenefw.core.files import require_writable
 from scenefw.core.folders import replacing_folder, require_replaceable
 from scenefw.core.protocols import SceneFormat, Settling
-from scenefw.core.types import SceneEstimate
+from scenefw.core.types import Float32, Float64, Frame, SceneEstimate
 from scenefw.data.files.camera_pose import camera_pose_of
 from scenefw.perception.estimate.base_frame import with_camera_in_base
-from scenefw.perception.observation.observation import Observation
 from scenefw.perception.physics.settling import words as settled_words
 from scenefw.perception.pipeline import ReconstructionPipeline
+from scenefw.perception.tracking.tracker import Tracker
 from scenefw.report.hypotheses import draw_hypotheses
 from scenefw.report.overview import write_overview
 from scenefw.report.page import write_scene_page
@@ -55,6 +56,9 @@ class Predict:
             `data.files.arrays.read_mask`); None = none are known.
         camera_pose: of the camera in a robot's base, a file or numbers (see
             `data.files.camera_pose`); results are then in the base. None: in the floor's frame.
+        track: the images show one scene in the order of their names: objects keep their ids, and
+            `scene.json` says what each does. The camera must stand still, or the folder hold its
+            poses as a recording does (`data.files.image_poses`); results are then in their world.
 
     Raises:
         ConfigError: no input is given, or the depth scale is not positive.
@@ -76,6 +80,7 @@ class Predict:
         exports: Mapping[str, SceneFormat] | None = None,
         masks: str | Path | None = None,
         camera_pose: str | Sequence[float] | None = None,
+        track: bool = False,
     ) -> None:
         self.images = DepthImages("predict", input, intrinsics, depth_scale, masks, output)
         self.pipeline, self.output, self.settling = pipeline, Path(output), settling
@@ -83,6 +88,8 @@ class Predict:
         self.hypotheses = hypotheses
         self.exports = dict(exports or {})
         self.camera_pose = camera_pose_of(camera_pose, "run.camera_pose")
+        self.tracker = Tracker(pipeline, hypotheses=hypotheses) if track else None
+        self._poses: Mapping[Path, Float64 | None] = {}
 
     def run(self) -> dict[str, float]:
         """Predicts all images; returns how many, how many failed, objects and seconds per image.
@@ -94,6 +101,8 @@ class Predict:
         """
         objects = 0
         start = time.perf_counter()
+        if self.tracker is not None and self.camera_pose is None:
+            self._poses = self.images.poses()
 
         def predict(image: Path, folder: Path) -> None:
             nonlocal objects
@@ -138,10 +147,8 @@ class Predict:
             StorageError: the folder can't be written.
         """
         frame, mask = self.images.read(image)
-        view = self.pipeline.observe(frame, mask)
-        for warning in view.warnings:
-            print(f"{frame.name}: {warning}", file=sys.stderr)
-        estimate, *alternatives = self._scenes(view)
+        scenes, partial = self._scenes(frame, mask, self._poses.get(image, self.camera_pose))
+        estimate, *alternatives = self._at_rest(scenes)
         with replacing_folder(folder) as temporary:
             colours = write_scene(temporary, estimate, self.exports)
             layers = [layer("most typical", estimate, colours)]
@@ -151,34 +158,48 @@ class Predict:
                 alternative_colours = write_scene(beside, alternative, self.exports)
                 layers.append(layer(f"hypothesis {number}", alternative, alternative_colours))
             if self.page:
-                scene = Scene3D(frame.name, tuple(layers), estimate.frame)
+                scene = Scene3D(frame.name, tuple(layers), estimate.frame, estimate.obstacles)
                 write_scene_page(temporary / "scene.html", frame.name or "scene", packed([scene]))
             if self.overview:
-                self._draw(temporary, view, [estimate, *alternatives])
+                self._draw(temporary, frame, partial, [estimate, *alternatives])
         return estimate
 
-    def _draw(self, folder: Path, view: Observation, scenes: Sequence[SceneEstimate]) -> None:
+    def _draw(
+        self, folder: Path, frame: Frame, partial: Float32, scenes: Sequence[SceneEstimate]
+    ) -> None:
         """Pictures of the most typical scene, and of all of them side by side if there are more."""
         solids, first = solids_of(scenes), scenes[0]
         views = two_views(solids[0], first)
-        partial = view.partial.distance[0, 0].cpu().numpy()
-        write_overview(
-            folder / "overview.png", first, partial, colours_of(first), views, view.source
-        )
+        write_overview(folder / "overview.png", first, partial, colours_of(first), views, frame)
         if len(scenes) > 1:
             picture = draw_hypotheses(scenes, solids, views)
             save_picture(picture, folder / "hypotheses.png", fast=True)
 
-    def _scenes(self, view: Observation) -> list[SceneEstimate]:
-        """All hypotheses, or the most typical one, at rest if they settle."""
-        scenes = [
-            with_camera_in_base(scene, self.camera_pose)
-            for scene in self.pipeline.reconstruct(view, first_only=not self.hypotheses)
-        ]
+    def _scenes(
+        self, frame: Frame, mask: Any, camera_pose: Float64 | None
+    ) -> tuple[list[SceneEstimate], Float32]:
+        """All hypotheses, or the most typical one, and the partial TSDF (X, Y, Z; m)."""
+        warnings: tuple[str, ...]
+        if self.tracker is None:
+            view = self.pipeline.observe(frame, mask)
+            warnings, partial = view.warnings, view.partial.distance[0, 0].cpu().numpy()
+        else:
+            tracked = self.tracker.track(frame, mask, camera_pose)
+            warnings, partial = tracked.warnings, tracked.partial
+        for warning in warnings:
+            print(f"{frame.name}: {warning}", file=sys.stderr)
+        if self.tracker is None:
+            scenes = self.pipeline.reconstruct(view, first_only=not self.hypotheses)
+        else:
+            scenes = list(tracked.scenes)
+        return [with_camera_in_base(scene, camera_pose) for scene in scenes], partial
+
+    def _at_rest(self, scenes: list[SceneEstimate]) -> list[SceneEstimate]:
+        """The hypotheses, at rest if they settle."""
         if self.settling is None:
             return scenes
         settled = self.settling.settle(scenes)
-        print(f"{view.frame.name}: {settled_words(settled[0])}")
+        print(f"{scenes[0].frame.name}: {settled_words(settled[0])}")
         return settled
 
     def _folders(self, images: Sequence[Path]) -> list[Path]:

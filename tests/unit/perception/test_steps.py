@@ -99,3 +99,17 @@ def test_a_step_is_left_out_by_one_word(step):
     )
     assert getattr(full, step) is not None
     assert getattr(left_out, step) is None
+
+
+def test_segments_are_cut_along_regions_and_left_out_beside_them():
+    steps = Recorder()
+    names = ("segmentation", "grouping", "fit", "completion")
+    pipeline = pipeline_of(**dict.fromkeys(names, steps), samples=1)
+    view = pipeline.observe(frame_of(CAMERA))
+    regions = np.zeros(view.depth.shape, np.int32)
+    regions[:, :50], regions[:, 50:80] = 1, 5
+    pipeline.reconstruct(view, regions=regions)
+    first, second = np.unique(steps.segments[:, :50]), np.unique(steps.segments[:, 50:80])
+    assert len(first) == len(second) == 1
+    assert 0 < first[0] != second[0] > 0
+    assert not steps.segments[:, 80:].any()

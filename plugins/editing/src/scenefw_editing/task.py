@@ -121,7 +121,7 @@ class Edit:
         if self.page:
             layers = (layer("edited", after, colours), layer("before", before, colours_of(before)))
             name = after.frame.name or "scene"
-            scene = Scene3D(name, layers, after.frame)
+            scene = Scene3D(name, layers, after.frame, after.obstacles)
             write_scene_page(folder / "scene.html", name, packed([scene]))
         if self.overview:
             save_picture(draw_edited(before, after), folder / "edited.png")

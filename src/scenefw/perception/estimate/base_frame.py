@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scenefw.core.geometry import inverse, transform_points
-from scenefw.core.types import Float64, Obstacle, TriangleMesh
-from scenefw.perception.estimate.transforms import moved_object
+from scenefw.core.geometry import inverse
+from scenefw.core.types import Float64
+from scenefw.perception.estimate.transforms import moved_object, moved_obstacle
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -24,6 +24,9 @@ CAMERA_IN_BASE = "T_base_camera"
 
 FLOOR_IN_BASE = "T_base_floor"
 """Detail of a scene in a robot's base: where the frame of its floor lies in it."""
+
+TRACKS = "tracks"
+"""Detail of a scene of several images: what each object did (`perception.tracking.tracks`)."""
 
 
 def with_camera_in_base(estimate: SceneEstimate, T_base_camera: Float64 | None) -> SceneEstimate:  # noqa: N803
@@ -53,9 +56,9 @@ def in_base(estimate: SceneEstimate) -> SceneEstimate:
     return replace(
         estimate,
         objects=tuple(moved_object(item, motion) for item in estimate.objects),
-        obstacles=tuple(_obstacle(item, motion) for item in estimate.obstacles),
+        obstacles=tuple(moved_obstacle(item, motion) for item in estimate.obstacles),
         frame=replace(estimate.frame, camera=camera.moved(T_base_camera)),
-        details={**details, FLOOR_IN_BASE: motion.tolist()},
+        details={**_moved_details(details, motion), FLOOR_IN_BASE: motion.tolist()},
     )
 
 
@@ -82,13 +85,23 @@ def from_base(estimate: SceneEstimate) -> SceneEstimate:
     return replace(
         estimate,
         objects=tuple(on_floor(estimate)),
-        obstacles=tuple(_obstacle(item, motion) for item in estimate.obstacles),
+        obstacles=tuple(moved_obstacle(item, motion) for item in estimate.obstacles),
         frame=replace(estimate.frame, camera=camera.moved(motion @ camera.T_world_camera)),
-        details={**details, CAMERA_IN_BASE: np.array(camera.T_world_camera).tolist()},
+        details={
+            **_moved_details(details, motion),
+            CAMERA_IN_BASE: np.array(camera.T_world_camera).tolist(),
+        },
     )
 
 
-def _obstacle(obstacle: Obstacle, motion: Float64) -> Obstacle:
-    mesh = obstacle.mesh
-    moved_mesh = TriangleMesh(transform_points(motion, mesh.vertices), mesh.faces)
-    return replace(obstacle, mesh=moved_mesh)
+def _moved_details(details: Mapping[str, Any], motion: Float64) -> dict[str, Any]:
+    """Details in other coordinates: the motions of tracked objects are."""
+    if TRACKS not in details:
+        return dict(details)
+    return {**details, TRACKS: [_moved_track(track, motion) for track in details[TRACKS]]}
+
+
+def _moved_track(track: Mapping[str, Any], motion: Float64) -> dict[str, Any]:
+    if "motion" not in track:
+        return dict(track)
+    return {**track, "motion": (motion @ np.array(track["motion"]) @ inverse(motion)).tolist()}

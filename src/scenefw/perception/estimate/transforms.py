@@ -12,8 +12,10 @@ from scenefw.core.geometry import inverse, transform_points
 from scenefw.core.types import (
     Float32,
     Float64,
+    GridSpec,
     Int32,
     ObjectEstimate,
+    Obstacle,
     PlacedShape,
     Pose,
     SceneEstimate,
@@ -68,8 +70,55 @@ def moved_object(item: ObjectEstimate, motion: Float64) -> ObjectEstimate:
     return replace(item, mesh=mesh, pose=_pose(motion, item.pose), placed=placed)
 
 
+def moved_obstacle(obstacle: Obstacle, motion: Float64) -> Obstacle:
+    """An obstacle elsewhere.
+
+    Args:
+        obstacle: as it was.
+        motion: rigid 4x4.
+    """
+    mesh = obstacle.mesh
+    moved_mesh = TriangleMesh(transform_points(motion, mesh.vertices), mesh.faces)
+    return replace(obstacle, mesh=moved_mesh)
+
+
+def joined(estimate: SceneEstimate, other: SceneEstimate) -> SceneEstimate:
+    """A scene with the objects of another one, whose ids are others, in the same frame and grid.
+
+    All else is that of the other one, but for volumes of other representations, which it loses;
+    pixels of both show what the other one says.
+    """
+    objects = sorted([*estimate.objects, *other.objects], key=lambda item: item.id)
+    closer = estimate.tsdf < other.tsdf
+    masks = other.masks
+    if masks is not None and estimate.masks is not None:
+        masks = np.where(masks > 0, masks, estimate.masks)
+    return replace(
+        other,
+        objects=tuple(objects),
+        tsdf=np.where(closer, estimate.tsdf, other.tsdf),
+        instances=np.where(closer, estimate.instances, other.instances),
+        volumes={},
+        masks=masks,
+    )
+
+
 def _pose(motion: Float64, pose: Pose) -> Pose:
     return Pose.from_matrix(motion @ pose.matrix)
+
+
+def moved_field(field: Float32, grid: GridSpec, motion: Float64) -> Float32:
+    """Distances (X, Y, Z) of what lies elsewhere; far from all where nothing is known (m).
+
+    Args:
+        field: distances as they were.
+        grid: of both.
+        motion: rigid 4x4.
+    """
+    source_points = transform_points(inverse(motion), grid.centres().reshape(-1, 3))
+    places = grid.to_voxels(source_points).T
+    values: Float32 = map_coordinates(field, places, order=1, cval=grid.truncation)
+    return values.reshape(grid.shape)
 
 
 def _volumes(
@@ -86,10 +135,7 @@ def _volumes(
         field = np.full(grid.shape, grid.truncation, dtype=np.float32)
         field[box] = part
         if label in motions:
-            source_points = transform_points(inverse(motions[label]), grid.centres().reshape(-1, 3))
-            places = grid.to_voxels(source_points).T
-            field = map_coordinates(field, places, order=1, cval=grid.truncation)
-            field = field.reshape(grid.shape)
+            field = moved_field(field, grid, motions[label])
         closer = field < nearest
         nearest[closer], owner[closer] = field[closer], label
     return nearest, np.where(nearest < 0, owner, 0).astype(np.int32)

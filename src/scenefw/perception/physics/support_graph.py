@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
@@ -78,6 +78,16 @@ class SupportGraph:
             rest = [label for label in self.contacts if label not in order]
             order.append(min(rest, key=lambda k: (len(self.falls(k, order)), -self.heights[k], k)))
         return tuple(order)
+
+    def facts(self) -> dict[str, Any]:
+        """Plain data: of each object what it stands on and what falls with it; removal order."""
+        return {
+            "objects": [
+                {"id": label, "stands_on": list(below), "falls": list(self.falls(label))}
+                for label, below in self.stands_on.items()
+            ],
+            "removal_order": list(self.removal_order()),
+        }
 
     def _stands(self, label: int, missing: Collection[int]) -> bool:
         places = [points for below, points in self.contacts[label].items() if below not in missing]

@@ -93,7 +93,7 @@ def _scene(example: Example) -> Scene3D:
 
 
 def _layer(name: str, estimate: SceneEstimate) -> Layer:
-    return layer(name, estimate, _colours(estimate), confidence=False)
+    return layer(name, estimate, _colours(estimate), confidence=False, supports=False)
 
 
 def _colours(estimate: SceneEstimate) -> list[Colour]:

@@ -1,0 +1,98 @@
+"""What the service refuses, each time in one line."""
+
+import numpy as np
+import pytest
+from plugins.serving.tests.services import FRAME, depth_png, error_of, intrinsics, npz, png, serving
+
+from scenefw_serving.limits import Limits
+
+
+@pytest.mark.parametrize(
+    ("files", "words"),
+    [
+        ({"depth": ("a.png", depth_png())}, "no intrinsics"),
+        ({"intrinsics": ("a.json", intrinsics())}, "no depth image"),
+        ({"depth": ("a.npz", npz()), "dept": b"x"}, "no field dept"),
+        ({"depth": ("a.txt", b"hello")}, "depth is no .npz, .npy or .png"),
+        ({"depth": ("a.npz", b"PK\x03\x04broken")}, "cannot read a.npz"),
+        ({"depth": ("a.npz", npz(depth=FRAME.depth * 0))}, "no measurements"),
+        ({"depth": ("a.npz", npz(depth=FRAME.depth[0]))}, "shape"),
+        ({"depth": ("a.npz", npz(depth=FRAME.depth * 1000))}, "millimetres given as metres"),
+        ({"depth": ("a.npz", npz()), "scores": b"[1]"}, "no masks"),
+        ({"depth": ("a.npz", npz(masks=np.ones((2, 120, 160)), scores=[1]))}, "scores have shape"),
+        ({"depth": ("a.npz", npz(masks=np.ones((2, 12, 16))))}, "same size"),
+        (
+            {"depth": ("a.png", depth_png()), "intrinsics": ("a.json", b"{}")},
+            "fx",
+        ),
+    ],
+)
+def test_unusable_images_are_422_in_one_line(client, files, words):
+    answer = client.post("/reconstruct", files=files)
+    assert answer.status_code == 422
+    assert words in error_of(answer)
+    assert "/tmp" not in error_of(answer)
+
+
+def test_colour_of_another_size_is_refused(client):
+    files = {
+        "depth": ("table.png", depth_png()),
+        "intrinsics": ("camera.json", intrinsics()),
+        "colour": ("table.png", png(np.zeros((60, 80, 3), np.uint8))),
+    }
+    answer = client.post("/reconstruct", files=files)
+    assert answer.status_code == 422
+    assert "80 x 60 pixels, depth 160 x 120" in error_of(answer)
+
+
+@pytest.mark.parametrize(("name", "key"), [("colour", "rgb"), ("masks", "masks")])
+def test_what_comes_twice_is_refused(client, name, key):
+    picture = np.zeros((*FRAME.depth.shape, 3), np.uint8)
+    array = picture if key == "rgb" else picture[None, ..., 0]
+    files = {"depth": ("table.npz", npz(**{key: array})), name: ("other.png", png(picture))}
+    answer = client.post("/reconstruct", files=files)
+    assert answer.status_code == 422
+    assert f"{name} comes twice" in error_of(answer)
+
+
+def test_parameters_that_fit_nothing_are_one_line(client):
+    for words in ("format=stl", "sample=many", "depth_scale=-1"):
+        answer = client.post(f"/reconstruct?{words}", content=npz())
+        assert answer.status_code == 422
+        assert words.split("=", maxsplit=1)[0] in error_of(answer)
+    assert client.post("/nowhere").status_code == 404
+    assert client.get("/reconstruct").status_code == 405
+
+
+def test_pages_of_other_servers_are_refused(client):
+    assert client.get("/health", headers={"host": "evil.example"}).status_code == 403
+    answer = client.post("/doctor", content=npz(), headers={"origin": "http://evil.example"})
+    assert answer.status_code == 403
+    own = {"origin": str(client.base_url).rstrip("/")}
+    assert client.post("/doctor", content=npz(), headers=own).status_code == 200
+
+
+def test_what_is_too_large_is_refused_unread():
+    with serving(Limits(body=0.2, pixels=0.02, masks=2)) as (client, service):
+        answer = client.post("/reconstruct", content=b"PK\x03\x04" + bytes(300_000))
+        assert answer.status_code == 413
+        assert "0.2 MB" in error_of(answer)
+
+        def chunks():
+            yield b"PK\x03\x04"
+            for _ in range(100):
+                yield bytes(10_000)
+
+        unsaid = client.post("/reconstruct", content=chunks())  # no Content-Length
+        assert unsaid.status_code == 413
+        wide = client.post("/reconstruct", content=npz(depth=np.ones((200, 200))))
+        assert wide.status_code == 413
+        bomb = client.post("/reconstruct", content=npz(depth=np.zeros((1000, 1000))))
+        assert bomb.status_code == 413
+        assert "unpacks to" in error_of(bomb)
+        masks = client.post("/reconstruct", content=npz(masks=np.ones((3, 120, 160), bool)))
+        assert masks.status_code == 413
+        picture = {"depth": ("a.png", png(np.ones((200, 200), np.uint16))), "intrinsics": b"{}"}
+        assert client.post("/reconstruct", files=picture).status_code == 413
+        assert client.post("/reconstruct", content=npz()).status_code == 200
+        assert service.waiting == 0

@@ -1,0 +1,1 @@
+"""Objects that keep their ids over the images of a scene."""
