@@ -10,6 +10,7 @@ from typing import Any
 
 CLASSES: dict[str, str] = {
     "scenefw.models.set_flow.SetFlow": "scenefw_scene_prior.network.SetFlow",  # of a plugin
+    "scenefw.models.object_shells.ObjectShells": "scenefw_things.shells.network.ObjectShells",
 }
 """Dotted names of networks."""
 ARGUMENTS: dict[str, str] = {}
