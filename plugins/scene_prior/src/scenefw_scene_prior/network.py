@@ -13,7 +13,7 @@ from scenefw.core.settings import COUNT, SHARE
 from scenefw.matching.assignment import Assignment
 from scenefw.models.set_attention import attention, time_waves
 from scenefw.models.start_noise import start_noise
-from scenefw.models.superquadric_tokens import SIZE, decode, described_in_all_ways, encode
+from scenefw_scene_prior.superquadric_tokens import SIZE, decode, described_in_all_ways, encode
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

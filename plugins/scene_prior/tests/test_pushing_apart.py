@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from scenefw.core.types import PlacedShape, Pose
-from scenefw.perception.physics.pushing_apart import pushed_apart
 from scenefw.shapes.superquadric import Superquadric
+from scenefw_scene_prior.pushing_apart import pushed_apart
 
 STILL = np.array([1.0, 0.0, 0.0, 0.0])
 

@@ -6,8 +6,8 @@ from torch.nn.functional import l1_loss
 
 from scenefw.core.batches import ShapeInstanceBatch
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.models.fully_convolutional import FullyConvolutional
-from scenefw.models.sscnet import SSCNet
+from scenefw_single_view_benchmarks.baselines.fully_convolutional import FullyConvolutional
+from scenefw_single_view_benchmarks.baselines.sscnet import SSCNet
 
 BOTH = {"tsdf": 1, "votes": 3}
 

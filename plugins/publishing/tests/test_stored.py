@@ -2,7 +2,7 @@ import pytest
 from tests.unit.report.stored_runs import IMAGES, write_run
 
 from scenefw.core.errors import InputError
-from scenefw.report.stored import read_runs
+from scenefw_publishing.stored import read_runs
 
 
 def test_a_folder_and_the_file_in_it_are_the_same_run(tmp_path):

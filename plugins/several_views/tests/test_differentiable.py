@@ -8,7 +8,7 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.geometry import look_at
 from scenefw.core.types import Camera, GridSpec
 from scenefw.kernels.cameras import stack_cameras
-from scenefw.renderers.differentiable import Differentiable, thinned
+from scenefw_several_views.differentiable import Differentiable, thinned
 
 GRID = GridSpec(resolution=24)
 CENTRE, RADIUS = np.array([0.02, -0.03, 0.2]), 0.15

@@ -6,7 +6,12 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from scenefw.metrics.repeatability import agreement, chance_agreement, mutual_iou, plane_through
+from scenefw_labelling_studies.repeatability import (
+    agreement,
+    chance_agreement,
+    mutual_iou,
+    plane_through,
+)
 
 CLASSES = 4
 LABELS = arrays(np.int32, 40, elements=st.integers(-1, CLASSES - 1))

@@ -16,7 +16,7 @@ from scenefw.models.blocks import (
     depth_to_space,
     space_to_depth,
 )
-from scenefw.models.direct_completion import DirectCompletion, channels_of
+from scenefw_single_view_benchmarks.baselines.direct_completion import DirectCompletion, channels_of
 
 _MIN_SIDE = 2  # voxels per side of the coarsest level
 

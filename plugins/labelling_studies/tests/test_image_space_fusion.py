@@ -9,7 +9,7 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.geometry import inverse, transform_points
 from scenefw.core.height_maps import HeightMap
 from scenefw.core.types import Camera, Frame
-from scenefw.mapping.image_space_fusion import ImageSpaceFusion
+from scenefw_labelling_studies.image_space_fusion import ImageSpaceFusion
 
 
 def height_map(heights, grid=tables.SMALL):

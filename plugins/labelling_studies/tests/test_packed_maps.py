@@ -10,7 +10,7 @@ from tests.unit.data.rectangles import Rectangles
 
 from scenefw.core.errors import ConfigError, StorageError
 from scenefw.data.tabletop.map_crops import MapCrops, StoredMaps
-from scenefw.data.tabletop.packed_maps import STEP, PackedMaps, packed, save_maps, unpacked
+from scenefw_labelling_studies.packed_maps import STEP, PackedMaps, packed, save_maps, unpacked
 
 CPU = torch.device("cpu")
 

@@ -10,11 +10,11 @@ from scenefw.core.geometry import look_at
 from scenefw.core.height_maps import HeightGrid
 from scenefw.core.tabletop import NOISE
 from scenefw.core.types import Camera
-from scenefw.renderers.baking import refined
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
-from scenefw.renderers.physically_based import PhysicallyBased
 from scenefw.scenes.tabletop import TabletopGenerator
 from scenefw.shapes.tabletop.library import ProceduralModels
+from scenefw_annotated_views.baking import refined
+from scenefw_annotated_views.physically_based import PhysicallyBased
 
 GENERATOR = TabletopGenerator(ProceduralModels())
 SCENE = dataclasses.replace(

@@ -1,7 +1,7 @@
 import pytest
 
 from scenefw.core.errors import StorageError
-from scenefw.report.markers import fill, read_document
+from scenefw_publishing.markers import fill, read_document
 
 TEXT = "# Title\n\n<!-- part -->\nold | figures\n<!-- /part -->\n\nAfter <!-- other -->\n"
 

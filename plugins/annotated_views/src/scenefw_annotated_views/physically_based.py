@@ -13,7 +13,7 @@ from scenefw.core.height_maps import HeightGrid, HeightMap
 from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.core.tabletop import TabletopGeometry
 from scenefw.core.types import Camera, Frame
-from scenefw.renderers.baking import colour_of_points, refined, table_image
+from scenefw_annotated_views.baking import colour_of_points, refined, table_image
 
 _HALF = 2.0  # m: half of the side of the table that is drawn
 _TABLE_PIXELS = 2048

@@ -9,10 +9,10 @@ import torch
 
 from scenefw.core.errors import InputError
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
-from scenefw.kernels import view_cost
 from scenefw.kernels.cameras import finite, require_depth
 from scenefw.kernels.compile import float32
 from scenefw.renderers.sphere_tracer import SphereTracer
+from scenefw_several_views import view_cost
 
 if TYPE_CHECKING:
     from torch import Tensor

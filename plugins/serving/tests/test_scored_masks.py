@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from scenefw.core.errors import InputError
-from scenefw.data.files.scored_masks import ids_of_masks
+from scenefw_serving.scored_masks import ids_of_masks
 
 WIDE = np.array([[1, 1, 1, 0]], dtype=bool)
 NARROW = np.array([[0, 1, 0, 0]], dtype=bool)

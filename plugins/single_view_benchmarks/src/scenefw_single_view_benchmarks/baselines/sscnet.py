@@ -8,7 +8,7 @@ from torch import Tensor, nn
 from scenefw.core.errors import ConfigError
 from scenefw.core.protocols import Representation
 from scenefw.models.blocks import Conv3d, ConvUnit, depth_to_space
-from scenefw.models.direct_completion import DirectCompletion, channels_of
+from scenefw_single_view_benchmarks.baselines.direct_completion import DirectCompletion, channels_of
 
 _LARGEST = 7  # kernel of the first layer
 
