@@ -173,15 +173,7 @@ class SetFlow(nn.Module):
         steps: int = 20,
         spread: Sequence[float] | None = None,
     ) -> SetFlowBatch:
-        """Draws sets for one view.
-
-        Args:
-            batch: one view, in rows that show other points of it; draw k sees row k, and those
-                after the last begin with the first again. Its objects are those that are seen.
-            count: of draws, S.
-            generator: of noise, on the CPU.
-            steps: of Euler's method.
-            spread: standard deviation of the noise of each draw; None: 1, as in training.
+        """Draws sets for one view, whose objects are those that are seen, as `SetFlowModel` says.
 
         Returns:
             The rows that draws saw, in slots those that are seen and then those that aren't.

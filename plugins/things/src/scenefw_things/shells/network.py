@@ -13,6 +13,7 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, SHARE
 from scenefw.kernels.cameras import floor_depths, pixel_places
 from scenefw.kernels.precision import full_precision
+from scenefw.models.conv_level import ConvLevel
 from scenefw.models.part_affinity import colour_features
 from scenefw_things.shells.batches import ShellPrediction
 from scenefw_things.shells.crops import references
@@ -64,10 +65,10 @@ class ObjectShells(nn.Module):
                        "latent_size": latent_size, "drawn": drawn}  # fmt: skip
         self.latent_size, self.drawn, self.stride = latent_size, drawn, 2 ** len(widths)
         self.down = nn.ModuleList(
-            _Level(a, b) for a, b in zip([4 * CHANNELS, *widths], widths, strict=False)
+            ConvLevel(a, b) for a, b in zip([4 * CHANNELS, *widths], widths, strict=False)
         )
         pairs = list(pairwise(widths))[::-1]
-        self.up = nn.ModuleList(_Level(fine + coarse, fine) for fine, coarse in pairs)
+        self.up = nn.ModuleList(ConvLevel(fine + coarse, fine) for fine, coarse in pairs)
         self.code = nn.ModuleList(_code_layer(latent_size, w) for w in reversed(widths))
         self.head = nn.Conv2d(widths[0], 4 * _OUTPUTS, 1)
 
@@ -125,20 +126,6 @@ class ObjectShells(nn.Module):
             larger = functional.interpolate(values, scale_factor=2.0)
             values = _modulated(level(torch.cat([larger, fine[rows]], 1)), next(layers)(codes))
         return _shells(functional.pixel_shuffle(self.head(values).float(), 2), crops, rows)
-
-
-class _Level(nn.Sequential):
-    """Two convolutions 3 x 3, each with batch normalisation and ReLU."""
-
-    def __init__(self, inputs: int, outputs: int) -> None:
-        super().__init__(
-            nn.Conv2d(inputs, outputs, 3, padding=1, bias=False),
-            nn.BatchNorm2d(outputs),
-            nn.ReLU(inplace=True),
-            nn.Conv2d(outputs, outputs, 3, padding=1, bias=False),
-            nn.BatchNorm2d(outputs),
-            nn.ReLU(inplace=True),
-        )
 
 
 def _code_layer(latent_size: int, width: int) -> nn.Linear:

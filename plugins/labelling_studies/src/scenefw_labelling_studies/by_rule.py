@@ -9,7 +9,7 @@ import numpy as np
 from scenefw.core.errors import ConfigError
 from scenefw.core.height_maps import HeightMap
 from scenefw.core.types import Float32
-from scenefw.labelling.components import FEATURES, Row, answers, components
+from scenefw_labelling_studies.components import FEATURES, Row, answers, components
 
 
 class ByRule:

@@ -6,10 +6,10 @@ import pytest
 from scenefw import registry
 from scenefw.core.errors import ConfigError
 from scenefw.core.height_maps import HeightGrid, HeightMap
-from scenefw.labelling.by_rule import ByRule
-from scenefw.labelling.components import FEATURES, answers, components, fitted
 from scenefw.metrics.semantic import count_classes, mean_iou
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
+from scenefw_labelling_studies.by_rule import ByRule
+from scenefw_labelling_studies.components import FEATURES, answers, components, fitted
 
 CLASSES = ("surface", "long", "square")
 GRID = HeightGrid(65, 0.064)
