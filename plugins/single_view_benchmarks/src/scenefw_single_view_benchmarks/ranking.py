@@ -12,12 +12,12 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.settings import POSITIVE, at_least
 from scenefw.data.batches.views import ViewMaker, Viewpoints
 from scenefw.evaluation.scored_scenes import scored_scenes, workers_on
-from scenefw.evaluation.stacks.scene_in_views import SceneInViews
 from scenefw.metrics.instances import instance_scores
 from scenefw.metrics.occupancy import occupancy_iou
 from scenefw.perception.estimate.assembly import scene_estimate
 from scenefw.perception.observation.observation import Observation
 from scenefw.perception.ranking.displacement import displacement
+from scenefw_several_views.scene_in_views import SceneInViews
 from scenefw_single_view_benchmarks.ranking_results import (
     ANY,
     BEST,

@@ -8,8 +8,8 @@ from scenefw.core.labels import UNKNOWN
 from scenefw.core.types import Camera, Frame
 from scenefw.kernels.cameras import finite, stack_cameras
 from scenefw.kernels.compile import float32
-from scenefw.kernels.height_fields import cast
 from scenefw.kernels.triangles import UNSEEN
+from scenefw_painting.height_fields import cast
 
 _MARGIN = 1e-6  # metres about the lowest and the highest vertex: flat maps have some thickness
 

@@ -5,8 +5,8 @@ import pytest
 
 from scenefw.core.geometry import random_quaternion
 from scenefw.core.types import Pose, Scene, SceneObject
-from scenefw.scenes.checks import deepest_penetration
 from scenefw.shapes.superquadric import Superquadric
+from scenefw_publishing.scene_checks import deepest_penetration
 
 
 def thing(position, exponents, half_axes, quaternion=(1.0, 0, 0, 0)):

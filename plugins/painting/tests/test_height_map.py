@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scenefw.core.geometry import look_at
 from scenefw.core.height_maps import HeightGrid
 from scenefw.core.types import Camera
-from scenefw.representations import height_map as maps
+from scenefw_painting import height_map as maps
 
 GRID = HeightGrid(vertices=33, extent=0.32, lower=(-0.16, -0.16), levels=1)
 
