@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from scenefw import registry
 from scenefw.data.tabletop.table_scenes import TabletopScenes
-from scenefw.labelling.components import FEATURES, Row, answers, components, fitted
 from scenefw.metrics.semantic import class_ious, count_classes, mean_iou
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
+from scenefw_labelling_studies.components import FEATURES, Row, answers, components, fitted
 
 Case = tuple[NDArray, NDArray, NDArray]
 

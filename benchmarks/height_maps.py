@@ -17,8 +17,8 @@ from scenefw.core.geometry import look_at
 from scenefw.core.height_maps import HeightGrid, HeightMap
 from scenefw.core.types import Camera, Frame
 from scenefw.mapping.height_fusion import HeightFusion
-from scenefw.mapping.image_space_fusion import ImageSpaceFusion
 from scenefw.mapping.semantic_fusion import SemanticFusion
+from scenefw_labelling_studies.image_space_fusion import ImageSpaceFusion
 
 GRID = HeightGrid()
 FRAMES = 12

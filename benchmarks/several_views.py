@@ -16,9 +16,9 @@ from scenefw.data.batches.views import ViewMaker
 from scenefw.learning.checkpoint import load_checkpoint
 from scenefw.mapping.inverse_ray_tracing import InverseRayTracing
 from scenefw.perception.completion.volume_network import VolumeNetwork
-from scenefw.renderers.differentiable import Differentiable, thinned
 from scenefw.renderers.sphere_tracer import SphereTracer
 from scenefw.scenes.cameras import RandomViewpoints
+from scenefw_several_views.differentiable import Differentiable, thinned
 from scenefw_several_views.optimised_code import OptimisedCode
 
 _VIEWS, _ITERATIONS = 6, 3

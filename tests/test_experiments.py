@@ -8,13 +8,13 @@ import os
 import numpy as np
 import pytest
 import trimesh
-from tests.unit.data.images_folder import write_images
-from tests.unit.data.things_folder import write_things
+from plugins.things.tests.images_folder import write_images
+from plugins.things.tests.things_folder import write_things
 
 from scenefw import registry
 from scenefw.core.geometry import look_at
 from scenefw.core.types import Camera, TriangleMesh
-from scenefw.renderers.silhouettes import SolidViews
+from scenefw_annotated_views.silhouettes import SolidViews
 
 # Images of the user, runs of a sweep, weights that don't ship
 NEEDS_INPUT = {

@@ -13,9 +13,9 @@ from benchmarks import train_next, train_on_gpu, trainings
 from benchmarks.legs import start_of, steps_per_second
 from benchmarks.trainings import STATE, Ledger, Machine, Training, markdown, write_into
 from omegaconf import OmegaConf
+from plugins.things.tests.images_folder import write_images
+from plugins.things.tests.things_folder import write_things
 from tests.test_guide import FILES
-from tests.unit.data.images_folder import write_images
-from tests.unit.data.things_folder import write_things
 from tests.unit.learning import plain
 
 from scenefw import config, plugins, registry

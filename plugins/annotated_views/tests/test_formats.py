@@ -10,14 +10,14 @@ from pycocotools import coco
 from pycocotools import mask as masks
 from scipy.spatial.distance import pdist
 
-from scenefw.data.annotated import StackViews
 from scenefw.data.batches.stacks import StackScenes
 from scenefw.data.files.readers import read_frame
-from scenefw.data.files.visible_masks import VisibleMasks
 from scenefw.scenes.cameras import RandomViewpoints
 from scenefw_annotated_views.annotation_files import in_units
 from scenefw_annotated_views.bop import BOP
 from scenefw_annotated_views.coco import COCO, run_lengths
+from scenefw_annotated_views.scenes import StackViews
+from scenefw_single_view_benchmarks.visible_masks import VisibleMasks
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from plugins.grasping.tests.boxes import grasping
-from tests.unit.evaluation.stacks.test_stability import Knowing
+from plugins.single_view_benchmarks.tests.test_stability import Knowing
 
 from scenefw.core.errors import ConfigError
 from scenefw.data.batches.stacks import StackScenes, shipped_scenes

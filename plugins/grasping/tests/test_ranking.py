@@ -9,11 +9,11 @@ from plugins.grasping.tests.boxes import EYE, TOWER, box, grasping
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import TriangleMesh
-from scenefw.scenes.engines.mujoco_engine import MujocoEngine
 from scenefw_grasping.grasps import Grasp
 from scenefw_grasping.lifting import LiftSimulation
 from scenefw_grasping.panda import PandaArm
 from scenefw_grasping.suction import SuctionCup, frame_along
+from scenefw_simulators.mujoco_engine import MujocoEngine
 
 pytest.importorskip("pybullet", reason="needs pybullet (pip install 'scenefw[simulation]')")
 

@@ -7,9 +7,9 @@ from plugins.onnx.tests.test_files import facts_of
 from scenefw.core.errors import CheckpointError, ConfigError
 from scenefw.core.types import GridSpec
 from scenefw.learning.checkpoint import load_checkpoint, save_checkpoint
-from scenefw.models.fully_convolutional import FullyConvolutional
 from scenefw_onnx.files import session
 from scenefw_onnx.task import ExportONNX
+from scenefw_single_view_benchmarks.baselines.fully_convolutional import FullyConvolutional
 
 
 def test_a_file_of_weights_becomes_a_file_that_says_where_it_is_from(tmp_path, capsys):

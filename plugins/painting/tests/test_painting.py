@@ -9,7 +9,7 @@ from scenefw.core.geometry import look_at
 from scenefw.core.height_maps import HeightGrid
 from scenefw.core.types import Camera, Frame
 from scenefw.data.files.sequences import RGBDFolder
-from scenefw.representations import height_map as maps
+from scenefw_painting import height_map as maps
 from scenefw_painting.pictures import (
     export_painting,
     load_painting,

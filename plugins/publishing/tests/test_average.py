@@ -9,8 +9,8 @@ from scenefw.core.errors import CheckpointError, ConfigError
 from scenefw.core.types import GridSpec
 from scenefw.learning.checkpoint import load_checkpoint, save_checkpoint
 from scenefw.learning.provenance import digest, read_provenance
-from scenefw.models.fully_convolutional import FullyConvolutional
 from scenefw_publishing.average import Average
+from scenefw_single_view_benchmarks.baselines.fully_convolutional import FullyConvolutional
 
 
 def saved(path, seed, widths=(2, 3), **metadata):

@@ -8,9 +8,9 @@ from scenefw.core.types import GridSpec
 from scenefw.learning.checkpoint import SEGMENTATION, save_checkpoint, shipped_checkpoint
 from scenefw.learning.provenance import read_provenance
 from scenefw.report.blocks import Code, Points, Text
-from scenefw.report.stored import read_runs
 from scenefw.report.tables import Table
 from scenefw_publishing.cards import card_sections
+from scenefw_publishing.stored import read_runs
 from scenefw_publishing.summary import Summary
 
 FIRST = {"steps": 100, "samples": 800, "seconds": 600.0, "data": {"stacks": 50}, "command": "first"}

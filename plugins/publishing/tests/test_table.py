@@ -4,7 +4,7 @@ from tests.unit.report.stored_runs import IMAGES, LABELLING, STACKS, write_run
 
 from scenefw import config, plugins
 from scenefw.core.errors import InputError
-from scenefw.report.stored import read_runs
+from scenefw_publishing.stored import read_runs
 from scenefw_publishing.table import headline
 
 

@@ -14,16 +14,16 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.set_flows import SetFlowBatch, SetFlowSetup
 from scenefw.losses.flow_velocity import FlowVelocity
 from scenefw.models.set_extents import SetExtents
-from scenefw.models.superquadric_tokens import (
+from scenefw.shapes.equal_descriptions import equal_descriptions
+from scenefw.shapes.superquadric import Superquadric
+from scenefw_scene_prior.hidden_count import HiddenCount
+from scenefw_scene_prior.network import SetFlow, coupled
+from scenefw_scene_prior.superquadric_tokens import (
     SIZE,
     decode,
     described_in_all_ways,
     encode,
 )
-from scenefw.shapes.equal_descriptions import equal_descriptions
-from scenefw.shapes.superquadric import Superquadric
-from scenefw_scene_prior.hidden_count import HiddenCount
-from scenefw_scene_prior.network import SetFlow, coupled
 
 SMALL = {"slots": 4, "width": 32, "layers": 2, "view_layers": 1, "heads": 2}
 

@@ -11,9 +11,9 @@ from scenefw.core.batches import ShapeInstancePrediction
 from scenefw.core.errors import ConfigError
 from scenefw.metrics.occupancy import occupancy_iou
 from scenefw.perception.completion.volume_network import VolumeNetwork
-from scenefw.renderers.differentiable import Differentiable
 from scenefw.representations.volumes import scene_volumes
 from scenefw_several_views.conditioned import Conditioned
+from scenefw_several_views.differentiable import Differentiable
 from scenefw_several_views.optimised_code import OptimisedCode
 
 NOISE = torch.Generator()

@@ -1,3 +1,3 @@
-from tests.conftest import real_data, scenefw, warm
+from tests.conftest import real_data, scenefw, simulated, simulator, warm
 
-__all__ = ["real_data", "scenefw", "warm"]
+__all__ = ["real_data", "scenefw", "simulated", "simulator", "warm"]

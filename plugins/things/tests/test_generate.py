@@ -9,13 +9,13 @@ from PIL import Image
 from scenefw import registry
 from scenefw.core.errors import ConfigError
 from scenefw.parallel.local import Local
-from scenefw.scenes.things.generator import ThingScenes
-from scenefw.scenes.things.physics import FastPhysics
-from scenefw.scenes.things.scene import load_scenes
-from scenefw.scenes.things.surroundings import Surroundings
-from scenefw.shapes.things.source import Things
 from scenefw_things.draw import DrawThings
 from scenefw_things.generate import GenerateThings
+from scenefw_things.scenes.generator import ThingScenes
+from scenefw_things.scenes.physics import FastPhysics
+from scenefw_things.scenes.scene import load_scenes
+from scenefw_things.scenes.surroundings import Surroundings
+from scenefw_things.shapes.source import Things
 from scenefw_things.sheet import TILE
 
 

@@ -7,14 +7,14 @@ import pytest
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import Pose
-from scenefw.data.batches.stored_images import DEPTH_UNIT, OBSTACLE, StoredImages
-from scenefw.renderers.thing_images import ThingRenderer
-from scenefw.scenes.things.cameras import HandheldCameras
-from scenefw.scenes.things.scene import OBJECT, ThingItem, ThingScene, save_scenes
-from scenefw.scenes.things.scene import OBSTACLE as IS_OBSTACLE
-from scenefw.shapes.things.families import FAMILIES, OBSTACLES
-from scenefw.shapes.things.thing import Thing
+from scenefw_things.images.renderer import ThingRenderer
+from scenefw_things.images.stored_images import DEPTH_UNIT, OBSTACLE, StoredImages
 from scenefw_things.render import RenderThings
+from scenefw_things.scenes.cameras import HandheldCameras
+from scenefw_things.scenes.scene import OBJECT, ThingItem, ThingScene, save_scenes
+from scenefw_things.scenes.scene import OBSTACLE as IS_OBSTACLE
+from scenefw_things.shapes.families import FAMILIES, OBSTACLES
+from scenefw_things.shapes.thing import Thing
 
 
 def item(families, name, position, role, seed):

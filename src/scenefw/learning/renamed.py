@@ -10,6 +10,11 @@ from typing import Any
 
 CLASSES: dict[str, str] = {
     "scenefw.models.set_flow.SetFlow": "scenefw_scene_prior.network.SetFlow",  # of a plugin
+    "scenefw.models.fully_convolutional.FullyConvolutional": (
+        "scenefw_single_view_benchmarks.baselines.fully_convolutional.FullyConvolutional"
+    ),
+    "scenefw.models.sscnet.SSCNet": "scenefw_single_view_benchmarks.baselines.sscnet.SSCNet",
+    "scenefw.models.object_shells.ObjectShells": "scenefw_things.shells.network.ObjectShells",
 }
 """Dotted names of networks."""
 ARGUMENTS: dict[str, str] = {}

@@ -12,6 +12,7 @@ from torch.nn import functional
 from scenefw.core.errors import ConfigError
 from scenefw.kernels.cameras import pixel_places
 from scenefw.kernels.precision import full_precision
+from scenefw.models.conv_level import ConvLevel
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -74,10 +75,10 @@ class PartAffinity(nn.Module):
         }  # fmt: skip
         self.focal, self.stride = focal, 2 ** (len(widths) - 1)
         self.down = nn.ModuleList(
-            _Level(a, b) for a, b in zip([CHANNELS, *widths], widths, strict=False)
+            ConvLevel(a, b) for a, b in zip([CHANNELS, *widths], widths, strict=False)
         )
         pairs = list(pairwise(widths))[::-1]
-        self.up = nn.ModuleList(_Level(fine + coarse, fine) for fine, coarse in pairs)
+        self.up = nn.ModuleList(ConvLevel(fine + coarse, fine) for fine, coarse in pairs)
         self.head = nn.Conv2d(widths[0], 2, 1)
         self.shown = nn.Conv2d(widths[0], 1, 1) if shown else None
         self.obstacles = nn.Conv2d(widths[0], 1, 1) if obstacles else None
@@ -113,26 +114,12 @@ class PartAffinity(nn.Module):
         return logits[..., :height, :width].float()
 
 
-class _Level(nn.Sequential):
-    """Two convolutions 3 x 3, each with batch normalisation and ReLU."""
-
-    def __init__(self, inputs: int, outputs: int) -> None:
-        super().__init__(
-            nn.Conv2d(inputs, outputs, 3, padding=1, bias=False),
-            nn.BatchNorm2d(outputs),
-            nn.ReLU(inplace=True),
-            nn.Conv2d(outputs, outputs, 3, padding=1, bias=False),
-            nn.BatchNorm2d(outputs),
-            nn.ReLU(inplace=True),
-        )
-
-
 def _colour_branch(width: int) -> nn.Sequential:
     """Features of colours, which at first add nothing: so weights without colour go on."""
     last = nn.Conv2d(width, width, 1)
     nn.init.zeros_(last.weight)
     nn.init.zeros_(last.bias)
-    return nn.Sequential(_Level(3, width), last)
+    return nn.Sequential(ConvLevel(3, width), last)
 
 
 @torch.no_grad()

@@ -92,7 +92,7 @@ class ObjectSet:
 
 
 class Observing(Protocol[Observed]):
-    """Step 1: images in the frame of their floor (group `observer`)."""
+    """Step 1: images in the frame of their floor (setting `observer`)."""
 
     def observe(self, frame: Any, grid: GridSpec, mask: Any = None) -> Observed:
         """The observation of a `Frame`, or of a sequence of them that show one scene.
@@ -114,7 +114,7 @@ class Segmentation(Protocol):
 
 
 class EdgeRestoration(Protocol):
-    """Step 3: edges as they were before the camera blurred them (group `edges`)."""
+    """Step 3: edges as they were before the camera blurred them (setting `edges`)."""
 
     def restore(self, view: View, segments: Int32) -> tuple[View, Int32]:
         """The view and its segments with sharp edges."""
@@ -176,7 +176,7 @@ class HiddenObjectSampling(Protocol):
 
 
 class HollowReplacement(Protocol):
-    """Step 7: bowls, cups and mugs (group `hollow`)."""
+    """Step 7: bowls, cups and mugs (setting `hollow`)."""
 
     def replace(self, sets: Sequence[ObjectSet], view: View) -> Sequence[ObjectSet]:
         """The hypotheses, in which objects that the view looks into are hollow."""

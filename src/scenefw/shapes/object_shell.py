@@ -10,7 +10,6 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt, label, map_coordinates
 from skimage.measure import marching_cubes
 
-from scenefw.core.object_shells import ENTRY, EXIT, GAP_END, GAP_START
 from scenefw.core.types import TriangleMesh
 
 if TYPE_CHECKING:
@@ -19,6 +18,9 @@ if TYPE_CHECKING:
     from scenefw.core.types import Camera, Float64
 
     Mask = NDArray[np.bool_]
+
+ENTRY, EXIT, GAP_START, GAP_END = range(4)
+"""Depths of a shell: where a ray enters, leaves, and between both, what it passes of a hollow."""
 
 _MARGIN = 2  # voxels about a mesh's box, so that it is closed
 _CLEARANCE = 1e-3  # of a voxel: a field of 0 in a voxel gives faces without area
@@ -32,7 +34,8 @@ class ObjectShell:
         camera: of R x R pixels, above the floor z = 0.
         amodal: (R, R) rays that meet the object.
         hollow: (R, R) rays that leave it and enter it again.
-        depths: (4, R, R) z-depth as of `core.object_shells.Shells` (m).
+        depths: (4, R, R) z-depth (m) of ENTRY, EXIT, GAP_START and GAP_END; entry and exit matter
+            where `amodal`, the others where `hollow`.
     """
 
     camera: Camera

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -18,6 +15,7 @@ from scenefw.core.protocols import SceneSource, Workers
 from scenefw.core.versions import installed, versions
 from scenefw.scenes import statistics
 from scenefw.scenes.storage import Stored, StoredScenes, concatenate, load_scenes, pack, save_scenes
+from scenefw.tasks.shards import Shard, Shards
 
 _VERSIONS = {"superquadrics": "_v2", "superquadrics_v1": ""}  # of data sets, by their shapes
 _SIMULATORS = ("scenefw", "pybullet", "mujoco", "coacd", "numpy", "scipy")
@@ -79,15 +77,12 @@ class Generate:
     def run(self) -> dict[str, float]:
         """Generates missing shards and merges all; returns the numbers of scenes and objects."""
         facts = {"seed": self.seed, "recipe": settings_of(self.source), "versions": simulators()}
-        folder = require_writable(Path(self.shards) / _digest(facts))
         require_writable(self.output)
-        starts = range(0, self.attempts, self.shard_size)
-        shards = [(s, min(s + self.shard_size, self.attempts)) for s in starts]
-        paths = [folder / f"{start:07d}-{stop:07d}.npz" for start, stop in shards]
-        missing_shards = [(p, s) for p, s in zip(paths, shards, strict=True) if not _is_complete(p)]
+        shards = Shards(self.shards, facts, self.attempts, self.shard_size, _finished)
+        missing_shards = shards.missing()
         remaining_attempts = sum(stop - start for _, (start, stop) in missing_shards)
         self._generate(missing_shards, completed=self.attempts - remaining_attempts)
-        stored = concatenate(load_scenes(path) for path in paths)
+        stored = concatenate(load_scenes(path) for path, _ in shards.all())
         target = Path(self.output) / f"{self.name or self._name(stored)}.npz"
         extra = {"attempts": self.attempts, "commit": versions().get("commit")}
         save_scenes(target, stored, extra | facts)
@@ -105,9 +100,7 @@ class Generate:
         version = _VERSIONS.get(self.shape, f"_{self.shape}")
         return f"superquadric_{self.scene}{version}{f'_{split}' if split else ''}"
 
-    def _generate(
-        self, missing_shards: Sequence[tuple[Path, tuple[int, int]]], completed: int
-    ) -> None:
+    def _generate(self, missing_shards: Sequence[Shard], completed: int) -> None:
         from rich.progress import Progress
 
         with Progress(*Progress.get_default_columns(), "{task.fields[rate]}") as progress:
@@ -118,16 +111,12 @@ class Generate:
                 elapsed = progress.tasks[0].elapsed or np.inf
                 progress.update(bar, advance=attempts, rate=f"{scene_count / elapsed:.1f} scenes/s")
 
-    def _results(
-        self, missing_shards: Sequence[tuple[Path, tuple[int, int]]]
-    ) -> Iterator[tuple[int, int]]:
+    def _results(self, missing_shards: Sequence[Shard]) -> Iterator[tuple[int, int]]:
         work = partial(make_shard, self.source, self.seed)
         yield from self.parallel.each(work, missing_shards, ordered=False)
 
 
-def make_shard(
-    source: SceneSource, seed: int, shard: tuple[Path, tuple[int, int]]
-) -> tuple[int, int]:
+def make_shard(source: SceneSource, seed: int, shard: Shard) -> tuple[int, int]:
     """Runs attempts start .. stop - 1 and writes their scenes; returns the numbers of both."""
     path, (start, stop) = shard
     attempts = (source.generate(index, seed) for index in range(start, stop))
@@ -136,20 +125,11 @@ def make_shard(
     return stop - start, len(scenes)
 
 
-def _is_complete(path: Path) -> bool:
-    """Whether a shard is finished and undamaged; its manifest is written last."""
+def _finished(path: Path) -> Stored:
+    """A shard whose manifest, which is written last, is there."""
     if not path.with_suffix(".json").exists():
-        return False
-    try:
-        load_scenes(path)
-    except StorageError:
-        return False
-    return True
-
-
-def _digest(facts: dict[str, Any]) -> str:
-    text = json.dumps(facts, sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:12]
+        raise StorageError(f"{path} is not finished")
+    return load_scenes(path)
 
 
 def simulators() -> dict[str, str]:

@@ -7,9 +7,9 @@ from tests.unit.mapping import tables
 from scenefw.core.height_maps import HeightGrid
 from scenefw.core.types import Frame
 from scenefw.mapping.height_fusion import HeightFusion
-from scenefw.mapping.image_space_fusion import ImageSpaceFusion
 from scenefw.mapping.semantic_fusion import SemanticFusion
-from scenefw.representations.height_map import view
+from scenefw_labelling_studies.image_space_fusion import ImageSpaceFusion
+from scenefw_painting.height_map import view
 
 GRID = HeightGrid(vertices=17, extent=0.128, lower=(-0.064, -0.064), levels=2)
 

@@ -13,11 +13,11 @@ from scenefw.core.height_maps import HeightGrid
 from scenefw.core.tabletop import PLAIN, STRIPES, Light, TabletopItem
 from scenefw.core.types import Camera
 from scenefw.data.tabletop.table_scenes import TabletopScenes
-from scenefw.renderers.baking import colour_of_points
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
 from scenefw.scenes.tabletop import TabletopGenerator, assemble
 from scenefw.shapes.tabletop import parts
 from scenefw.shapes.tabletop.library import ProceduralModels
+from scenefw_annotated_views.baking import colour_of_points
 
 GENERATOR = TabletopGenerator(ProceduralModels())
 SCENE = GENERATOR.generate(0, 0)

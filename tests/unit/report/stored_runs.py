@@ -3,8 +3,9 @@
 import json
 
 from scenefw.core.measures import join_measures, write_measures
-from scenefw.evaluation.stacks.measures import REAL_IMAGES, of_scores
+from scenefw.evaluation.stacks.measures import of_scores
 from scenefw_labelling_studies.measures import of_curves, of_networks
+from scenefw_single_view_benchmarks.mask_measures import REAL_IMAGES
 
 STACKS = {
     "views": 100.0,

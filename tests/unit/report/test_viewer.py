@@ -12,13 +12,13 @@ from tests.unit.perception.synthetic import camera_at, frame_of
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.geometry import rigid
 from scenefw.core.types import GridSpec
-from scenefw.export.mjcf import MJCF
 from scenefw.export.scene_files import GLB, PLY, Summary
-from scenefw.export.urdf import URDF
 from scenefw.perception.estimate.transforms import moved, without
 from scenefw.report.layers import Prediction
 from scenefw.report.viewer import Viewer
 from scenefw.report.viewer_server import open_server, require_free
+from scenefw_simulators.mjcf import MJCF
+from scenefw_simulators.urdf import URDF
 
 pytest.importorskip("viser")
 

@@ -5,12 +5,12 @@ import pytest
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import Pose, SceneObject
-from scenefw.scenes.checks import deepest_penetration
 from scenefw.scenes.engines.pybullet_engine import PyBulletEngine
 from scenefw.scenes.splits import split_of
 from scenefw.scenes.stacks import StackGenerator
 from scenefw.shapes.library import SuperquadricLibrary
 from scenefw.shapes.superquadric import Superquadric
+from scenefw_publishing.scene_checks import deepest_penetration
 
 pytest.importorskip("pybullet", reason="needs pybullet (pip install 'scenefw[simulation]')")
 

@@ -5,7 +5,7 @@ import numpy as np
 from scenefw.core.geometry import rigid
 from scenefw.core.height_maps import HeightGrid, HeightMap
 from scenefw.core.types import Camera
-from scenefw.representations.height_map import view
+from scenefw_painting.height_map import view
 
 GRID = HeightGrid(129)
 CLASSES = ("surface", "remote_control", "keyboard", "model_plane")

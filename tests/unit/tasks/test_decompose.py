@@ -14,10 +14,10 @@ from scenefw.core.errors import ConfigError, InputError, StorageError
 from scenefw.core.types import GridSpec
 from scenefw.data.files.sequences import write_sequence
 from scenefw.export.meshes import write_ply
-from scenefw.export.urdf import URDF
 from scenefw.perception.multiview.mesh_views import MeshViews
 from scenefw.scenes.surround import SurroundingCameras
 from scenefw.tasks.decompose import Decompose
+from scenefw_simulators.urdf import URDF
 
 
 def task(path, output, **settings):

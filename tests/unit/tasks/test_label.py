@@ -19,9 +19,9 @@ from scenefw.labelling.sources import NetworkMapLabels, TrueLabels
 from scenefw.labelling.view_based import ViewBased
 from scenefw.learning.checkpoint import load_checkpoint
 from scenefw.mapping.height_fusion import HeightFusion
-from scenefw.mapping.image_space_fusion import ImageSpaceFusion
 from scenefw.mapping.semantic_fusion import SemanticFusion
 from scenefw.tasks.label import Label
+from scenefw_labelling_studies.image_space_fusion import ImageSpaceFusion
 
 WORDS = ["run=label", "labelling=hybrid", "debug=smoke", "paths.output=out"]
 

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from scenefw.core.annotations import AnnotatedView
 from scenefw.core.errors import StorageError
 from scenefw.core.files import in_order, replacing, utf8_text, write_text
 from scenefw.core.types import Float32
+from scenefw_annotated_views.annotations import AnnotatedView
 
 DEPTH_UNIT = 1e-4
 """Metres per unit of depth images."""

@@ -11,13 +11,6 @@ from rich.progress import track
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import cdist
 
-from scenefw.core.annotations import (
-    AnnotatedObject,
-    AnnotatedScenes,
-    AnnotatedView,
-    Box,
-    Silhouette,
-)
 from scenefw.core.files import write_text
 from scenefw.core.geometry import inverse
 from scenefw.core.types import Camera, Float64, TriangleMesh
@@ -26,6 +19,13 @@ from scenefw_annotated_views.annotation_files import (
     write_frame,
     write_image,
     write_json,
+)
+from scenefw_annotated_views.annotations import (
+    AnnotatedObject,
+    AnnotatedScenes,
+    AnnotatedView,
+    Box,
+    Silhouette,
 )
 
 _MM = 1000.0

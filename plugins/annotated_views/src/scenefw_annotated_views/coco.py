@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scenefw.core.annotations import AnnotatedScenes, AnnotatedView, Silhouette
 from scenefw_annotated_views.annotation_files import (
     DEPTH_UNIT,
     read_json,
@@ -17,6 +16,7 @@ from scenefw_annotated_views.annotation_files import (
     write_frame,
     write_json,
 )
+from scenefw_annotated_views.annotations import AnnotatedScenes, AnnotatedView, Silhouette
 
 _PART = "annotations.json"
 

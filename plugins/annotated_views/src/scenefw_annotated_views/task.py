@@ -15,8 +15,8 @@ from scenefw.core.folders import replacing_folder
 from scenefw.core.versions import versions
 
 if TYPE_CHECKING:
-    from scenefw.core.annotations import AnnotatedScenes, DatasetFormat
     from scenefw.core.protocols import Workers
+    from scenefw_annotated_views.annotations import AnnotatedScenes, DatasetFormat
 
 _MANIFEST = "export.json"
 

@@ -12,10 +12,15 @@ import numpy as np
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.data.files.recordings import MeasuredFrames, sampled
 from scenefw.data.files.sequences import open_sequence
-from scenefw.metrics.repeatability import agreement, chance_agreement, mutual_iou, plane_through
 from scenefw.perception.observation.table_frame import TableFrame
 from scenefw.perception.physics.placement import Placement
 from scenefw_labelling_studies.measures import of_halves
+from scenefw_labelling_studies.repeatability import (
+    agreement,
+    chance_agreement,
+    mutual_iou,
+    plane_through,
+)
 
 if TYPE_CHECKING:
     from scenefw.core.height_maps import HeightMap

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from rich.progress import track
 
 from scenefw.core.errors import ConfigError
-from scenefw.data.tabletop.packed_maps import packed, save_maps
+from scenefw_labelling_studies.packed_maps import packed, save_maps
 
 if TYPE_CHECKING:
     from scenefw.core.labelling_protocols import MapArrays

@@ -17,7 +17,7 @@ from scenefw.core.labels import UNKNOWN
 from scenefw.core.types import Camera, Frame
 from scenefw.data.files.pictures import DAMAGED_PICTURE
 from scenefw.data.files.sequences import write_sequence
-from scenefw.representations.height_map import view
+from scenefw_painting.height_map import view
 
 # Colours that pictures of tables rarely hold, told apart by people with any colour vision.
 _COLOURS = (

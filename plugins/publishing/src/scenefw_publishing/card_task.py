@@ -11,8 +11,8 @@ from scenefw.learning.provenance import Provenance, read_provenance
 from scenefw.report.page import Page
 from scenefw.report.publication import publish
 from scenefw.report.record import read_record
-from scenefw.report.stored import read_runs
 from scenefw_publishing.cards import card_sections
+from scenefw_publishing.stored import read_runs
 from scenefw_publishing.words import Words
 
 

@@ -7,8 +7,8 @@ from scenefw.core.errors import InputError
 from scenefw.learning.provenance import Provenance
 from scenefw.report.blocks import Block, Code, Points, Section, Text
 from scenefw.report.presentation import figure_table
-from scenefw.report.stored import StoredRun
 from scenefw.report.tables import Column, Table
+from scenefw_publishing.stored import StoredRun
 from scenefw_publishing.summary import COLUMNS, parts_in
 from scenefw_publishing.words import Words
 

@@ -6,9 +6,9 @@ from pathlib import Path
 from scenefw.core import assets
 from scenefw.core.errors import InputError
 from scenefw.learning.provenance import digest
-from scenefw.report.markers import body, fill, read_document
-from scenefw.report.stored import StoredRun, read_runs
 from scenefw_publishing.kept import kept_parts, require_known
+from scenefw_publishing.markers import body, fill, read_document
+from scenefw_publishing.stored import StoredRun, read_runs
 from scenefw_publishing.summary import Summary, parts_in
 from scenefw_publishing.table import headline
 

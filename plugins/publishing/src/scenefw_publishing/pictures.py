@@ -6,9 +6,9 @@ from pathlib import Path
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import require_name, require_writable
-from scenefw.report.markers import fill, read_document
 from scenefw.report.pictures import as_image, save_for_document
 from scenefw.tasks.predict import Predict
+from scenefw_publishing.markers import fill, read_document
 from scenefw_publishing.two_sides import draw_two_sides
 
 _LARGEST = 50_000  # bytes

@@ -7,8 +7,8 @@ from typing import Any
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.measures import MEASURES_FILE, Measure
 from scenefw.report.measured import compared, label
-from scenefw.report.stored import StoredRun
 from scenefw.report.tables import Cell, Column
+from scenefw_publishing.stored import StoredRun
 
 COLUMNS = (Column("default"), Column("without learning"), Column("published"))
 Row = tuple[str, tuple[Cell, ...]]

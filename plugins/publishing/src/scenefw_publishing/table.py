@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 
 from scenefw.core.errors import InputError
-from scenefw.report.stored import StoredRun
 from scenefw.report.tables import Table, to_markdown
 from scenefw_publishing.kept import KeptPart
+from scenefw_publishing.stored import StoredRun
 from scenefw_publishing.summary import COLUMNS, Part, Row, Summary, parts_in
 
 

@@ -11,9 +11,9 @@ import torch
 from scenefw.core import geometry
 from scenefw.core.batches import SceneParameters
 from scenefw.core.types import PlacedShape, Pose, SceneObject
-from scenefw.perception.physics.pushing_apart import pushed_apart
 from scenefw.scenes.simulation import motions
 from scenefw.shapes.superquadric import Superquadric
+from scenefw_scene_prior.pushing_apart import pushed_apart
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

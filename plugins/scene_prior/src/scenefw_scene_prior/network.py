@@ -13,7 +13,7 @@ from scenefw.core.settings import COUNT, SHARE
 from scenefw.matching.assignment import Assignment
 from scenefw.models.set_attention import attention, time_waves
 from scenefw.models.start_noise import start_noise
-from scenefw.models.superquadric_tokens import SIZE, decode, described_in_all_ways, encode
+from scenefw_scene_prior.superquadric_tokens import SIZE, decode, described_in_all_ways, encode
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -173,15 +173,7 @@ class SetFlow(nn.Module):
         steps: int = 20,
         spread: Sequence[float] | None = None,
     ) -> SetFlowBatch:
-        """Draws sets for one view.
-
-        Args:
-            batch: one view, in rows that show other points of it; draw k sees row k, and those
-                after the last begin with the first again. Its objects are those that are seen.
-            count: of draws, S.
-            generator: of noise, on the CPU.
-            steps: of Euler's method.
-            spread: standard deviation of the noise of each draw; None: 1, as in training.
+        """Draws sets for one view, whose objects are those that are seen, as `SetFlowModel` says.
 
         Returns:
             The rows that draws saw, in slots those that are seen and then those that aren't.

@@ -16,9 +16,9 @@ from scenefw.core.types import Camera, Frame, GridSpec, PlacedShape, Pose, Scene
 from scenefw.kernels.cameras import floor_depths, stack_cameras
 from scenefw.kernels.superquadric_rays import first_hits
 from scenefw.perception.estimate.objects import estimate_objects
-from scenefw.perception.physics.pushing_apart import pushed_apart
 from scenefw.representations.volumes import scene_volumes
 from scenefw.shapes.superquadric import Superquadric
+from scenefw_scene_prior.pushing_apart import pushed_apart
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -20,8 +20,8 @@ from scenefw.core.files import DAMAGED, unreadable
 from scenefw.data.files.arrays import mask_of
 from scenefw.data.files.camera_pose import camera_pose_of
 from scenefw.data.files.pictures import DAMAGED_PICTURE
-from scenefw.data.files.scored_masks import ids_of_masks
 from scenefw.tasks.depth_images import DepthImages
+from scenefw_serving.scored_masks import ids_of_masks
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

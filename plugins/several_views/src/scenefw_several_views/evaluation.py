@@ -13,7 +13,6 @@ from scenefw.core.errors import ConfigError
 from scenefw.data.batches.views import ViewBatch, ViewMaker, Viewpoints
 from scenefw.evaluation.kept_rows import KeptRows
 from scenefw.evaluation.scored_scenes import scored_scenes, workers_on
-from scenefw.evaluation.stacks.scene_in_views import SceneInViews
 from scenefw.evaluation.stacks.surface_scores import Surfaces, SurfaceScoring, TruePoints
 from scenefw.evaluation.stacks.visibility import VisibleSurface
 from scenefw.kernels.cameras import camera_of
@@ -21,6 +20,7 @@ from scenefw.metrics.instances import instance_scores
 from scenefw.metrics.occupancy import occupancy_iou
 from scenefw.postprocessing.surfaces import surface
 from scenefw_several_views.results import SceneScores, SeveralViewsResult
+from scenefw_several_views.scene_in_views import SceneInViews
 
 if TYPE_CHECKING:
     from scenefw.core.batches import Completion

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     import numpy as np
 
     from scenefw.core.types import Int32
-    from scenefw.evaluation.stacks.scene_in_views import SceneInViews
     from scenefw_several_views.evaluation import SeveralViewsEvaluation
+    from scenefw_several_views.scene_in_views import SceneInViews
 
 _TILE = (320, 240)
 _BEHIND = 180.0  # degrees

@@ -12,7 +12,6 @@ from scenefw.core.errors import ConfigError
 from scenefw.data.batches.views import ViewMaker, Viewpoints
 from scenefw.evaluation.kept_rows import KeptRows
 from scenefw.evaluation.scored_scenes import scored_scenes, workers_on
-from scenefw.evaluation.stacks.scene_in_views import SceneInViews
 from scenefw.mapping.several_views import fused
 from scenefw.metrics.instances import instance_scores
 from scenefw.metrics.occupancy import occupancy_iou
@@ -22,6 +21,7 @@ from scenefw_several_views.latent_space_results import (
     LatentSpaceResult,
     SceneCodes,
 )
+from scenefw_several_views.scene_in_views import SceneInViews
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -18,8 +18,8 @@ from scenefw.report.shading import Solid, draw, turned
 if TYPE_CHECKING:
     from scenefw.core.batches import Completion
     from scenefw.core.types import Float32, Int32
-    from scenefw.evaluation.stacks.scene_in_views import SceneInViews
     from scenefw_several_views.latent_space import LatentSpaceEvaluation
+    from scenefw_several_views.scene_in_views import SceneInViews
 
 _TILE = (240, 180)
 _BEHIND = 180.0  # degrees

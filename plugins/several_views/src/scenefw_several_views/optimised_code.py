@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from scenefw.core.batches import Completion, PartialTSDF
     from scenefw.core.types import GridSpec
     from scenefw.perception.completion.volume_network import VolumeNetwork
-    from scenefw.renderers.differentiable import Differentiable
+    from scenefw_several_views.differentiable import Differentiable
 
 
 class OptimisedCode:

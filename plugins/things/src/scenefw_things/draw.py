@@ -7,7 +7,7 @@ from pathlib import Path
 from scenefw.core import rng as streams
 from scenefw.core.files import replacing, require_writable
 from scenefw.core.settings import COUNT
-from scenefw.shapes.things.source import Things
+from scenefw_things.shapes.source import Things
 from scenefw_things.sheet import thing_sheet
 
 

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
-from scenefw.core.errors import StorageError
 from scenefw.core.files import require_name, require_writable, write_text
 from scenefw.core.made_of import settings_of
 from scenefw.core.protocols import Workers
 from scenefw.core.settings import COUNT
 from scenefw.core.versions import installed
-from scenefw.scenes.things.generator import ThingScenes
-from scenefw.scenes.things.scene import OBJECT, load_scenes, save_scenes
+from scenefw.tasks.shards import Shard, Shards
+from scenefw_things.scenes.generator import ThingScenes
+from scenefw_things.scenes.scene import OBJECT, load_scenes, save_scenes
 
 _DECIDING = ("scenefw", "pybullet", "numpy", "scipy")  # packages that scenes depend on
 
@@ -62,21 +60,15 @@ class GenerateThings:
         """Generates missing shards and merges all; returns the numbers of scenes and things."""
         facts = {"seed": self.seed, "recipe": settings_of(self.source),
                  "versions": installed(_DECIDING)}  # fmt: skip
-        text = json.dumps(facts, sort_keys=True, indent=2)
-        digest = hashlib.sha256(text.encode()).hexdigest()[:12]
-        folder = require_writable(Path(self.shards) / f"things-{digest}")
         target = require_writable(self.output) / f"{self.name}.npz"
-        starts = range(0, self.attempts, self.shard_size)
-        shards = [(folder / f"{start:07d}.npz", start, min(start + self.shard_size, self.attempts))
-                  for start in starts]  # fmt: skip
-        missing = [shard for shard in shards if not _is_complete(shard[0])]
+        shards = Shards(self.shards, facts, self.attempts, self.shard_size, load_scenes, "things-")
+        missing = shards.missing()
         work = partial(make_shard, self.source, self.seed)
         for done, _ in enumerate(self.parallel.each(work, missing, ordered=False), start=1):
             print(f"{done} of {len(missing)} shards", flush=True)
-        scenes = [scene for path, *_ in shards for scene in load_scenes(path)]
-        scenes = [scene for scene in scenes if scene.index < self.attempts]
+        scenes = [scene for path, _ in shards.all() for scene in load_scenes(path)]
         save_scenes(target, scenes)
-        write_text(target.with_suffix(".json"), text + "\n")
+        write_text(target.with_suffix(".json"), json.dumps(facts, sort_keys=True, indent=2) + "\n")
         print(target)
         counts = [sum(item.role == OBJECT for item in scene.items) for scene in scenes]
         return {
@@ -86,18 +78,10 @@ class GenerateThings:
         }
 
 
-def make_shard(source: ThingScenes, seed: int, shard: tuple[Path, int, int]) -> int:
+def make_shard(source: ThingScenes, seed: int, shard: Shard) -> int:
     """Runs attempts start .. stop - 1 and writes their scenes; returns their number."""
-    path, start, stop = shard
+    path, (start, stop) = shard
     attempts = (source.generate(index, seed) for index in range(start, stop))
     scenes = [scene for scene in attempts if scene is not None]
     save_scenes(path, scenes)
     return len(scenes)
-
-
-def _is_complete(path: Path) -> bool:
-    try:
-        load_scenes(path)
-    except StorageError:
-        return False
-    return True

@@ -15,19 +15,21 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import require_writable, write_text
 from scenefw.core.made_of import settings_of
 from scenefw.core.settings import COUNT
-from scenefw.data.batches.stored_images import DEPTH_UNIT, OBSTACLE, StoredImages
-from scenefw.data.batches.stored_solids import StoredSolids
-from scenefw.renderers.thing_images import ThingImage, ThingRenderer
 from scenefw.report.console import track
-from scenefw.scenes.things.cameras import HandheldCameras
-from scenefw.scenes.things.scene import OBJECT, ThingScene, load_scenes
-from scenefw.scenes.things.scene import OBSTACLE as IS_OBSTACLE
+from scenefw_things.images.renderer import ThingImage, ThingRenderer
+from scenefw_things.images.stored_images import DEPTH_UNIT, OBSTACLE, StoredImages
+from scenefw_things.images.stored_solids import StoredSolids
+from scenefw_things.scenes.cameras import HandheldCameras
+from scenefw_things.scenes.scene import OBJECT, ThingScene, load_scenes
+from scenefw_things.scenes.scene import OBSTACLE as IS_OBSTACLE
 
 _SAVED_AFTER = 50  # scenes: what a kill costs
 _ROUNDS = 3  # of cameras, where walls or robots hide all things
 _THING_RADIUS = 0.1  # m: so far things reach from their middle
 _VIEWS = 6  # random stream, beside those that make scenes
 _SOLIDS = "solids.npz"
+_CAMERAS = {"_target_": "scenefw.scenes.things.cameras.HandheldCameras"}
+"""What images that trainings have begun with call the cameras: it is compared when they go on."""
 _SURFACE_POINTS = {"train": 0, "val": 4000}  # of each thing: distances are validated with them
 
 
@@ -81,7 +83,7 @@ class RenderThings:
             "scenes": hashlib.sha256(self.scenes.read_bytes()).hexdigest(),
             "views": self.views,
             "seed": self.seed,
-            "cameras": settings_of(self.cameras),
+            "cameras": settings_of(self.cameras) | _CAMERAS,
             "max_depth": self.renderer.max_depth,
         }
         counts = {}

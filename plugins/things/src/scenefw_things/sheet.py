@@ -13,9 +13,9 @@ from scenefw.core.geometry import look_at
 from scenefw.core.tabletop import PLACEMENT, TEXTURE, TabletopGeometry, TexturedMesh
 from scenefw.core.types import Camera
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
-from scenefw.scenes.things.painted import paint_count, textured
-from scenefw.shapes.things.surface import looks
-from scenefw.shapes.things.thing import Thing
+from scenefw_things.scenes.painted import paint_count, textured
+from scenefw_things.shapes.surface import looks
+from scenefw_things.shapes.thing import Thing
 
 TILE = 150
 """Side of a picture of one thing (pixels)."""

@@ -14,7 +14,7 @@ from scenefw.core.part_views import PartViewBatch
 from scenefw.core.rng import Streams
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, SHARE
 from scenefw.data.batches.compounds import compounds
-from scenefw.data.batches.image_changes import floor_motions
+from scenefw.data.batches.floor_motions import floor_motions
 from scenefw.data.batches.scene_batches import SceneBatches
 from scenefw.data.batches.surroundings import surrounding_depths
 from scenefw.kernels.superquadric_rays import first_hits

@@ -1,15 +1,16 @@
-"""Measures of this chapter, on simulated stacks and on real images."""
+"""Measures of reconstructions of simulated stacks."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from scenefw.core.measures import Measure
-from scenefw.evaluation.stacks import published, published_masks
+from scenefw.evaluation.stacks import published
 from scenefw.evaluation.stacks.methods import BASE_RATE, REFERENCES, described
 
 _TRIVIAL = {"occupancy_bce": BASE_RATE}  # of figures that are no measure of skill
 
-_COUNT_ERROR = Measure("count error", "objects too many or too few", digits=2, better="lower")
+COUNT_ERROR = Measure("count error", "objects too many or too few", digits=2, better="lower")
+"""Of any count of objects."""
 _SCORES = {
     "chamfer_visible": Measure(
         "Chamfer visible", "Chamfer, visible, as the thesis measures", "m", better="lower",
@@ -41,7 +42,7 @@ _SCORES = {
     "instance_iou": Measure("instance IoU", better="higher"),
     "panoptic_quality": Measure("panoptic quality", better="higher"),
     "instance_recall": Measure("found", "objects found (IoU > 0.5)", better="higher"),
-    "count_error": _COUNT_ERROR,
+    "count_error": COUNT_ERROR,
     "count_excess": Measure("too many", "objects too many", digits=2),
 }  # fmt: skip
 _NUMBERS = {
@@ -162,86 +163,3 @@ def _of_draws(methods: Sequence[str]) -> dict[str, Measure]:
                 trivial=f"draws/{reference}/{name}" if baseline else None,
             )
     return measures
-
-
-_IMAGE_SCORES = {
-    "overlap_f": Measure("overlap F", "", "%", 1, "higher", 100.0),
-    "overlap_precision": Measure("P", "overlap precision", "%", 1, None, 100.0),
-    "overlap_recall": Measure("R", "overlap recall", "%", 1, None, 100.0),
-    "boundary_f": Measure("boundary F", "", "%", 1, "higher", 100.0),
-    "boundary_precision": Measure("P", "boundary precision", "%", 1, None, 100.0),
-    "boundary_recall": Measure("R", "boundary recall", "%", 1, None, 100.0),
-    "objects_f75": Measure("objects F ≥ 75", "objects with F ≥ 0.75", "%", 1, "higher", 100.0),
-    "seam_f": Measure("between objects F", "", "%", 1, "higher", 100.0),
-    "seam_precision": Measure("P", "precision of borders between objects", "%", 1, None, 100.0),
-    "seam_recall": Measure("R", "recall of borders between objects", "%", 1, None, 100.0),
-    "count_error": _COUNT_ERROR,
-}
-REFERENCE = "reference"
-
-
-def at_margin(margin: float) -> str:
-    """What names of figures begin with where points up to a height (m) count as floor."""
-    return f"{1000 * margin:g} mm"
-
-
-def of_images(
-    margins: Sequence[float] = (), beside: Sequence[str] = (), *, published: bool = True
-) -> dict[str, Measure]:
-    """Measures of instances on labelled real images.
-
-    Args:
-        margins: heights (m) up to which points count as floor, beside the one that was chosen.
-        beside: names of further methods.
-        published: whether the images are of the data set that published figures are of.
-    """
-    measures = dict(REAL_IMAGES)
-    if not published:
-        measures = {name: replace(measure, published=None) for name, measure in measures.items()}
-    ours = {n: m for n, m in REAL_IMAGES.items() if not n.startswith(f"{REFERENCE}/")}
-    for method in beside:
-        for name, measure in ours.items():
-            called = f"{measure.name or measure.heading}, {method.replace('_', ' ')}"
-            measures[f"{method}/{name}"] = replace(measure, name=called, published=None)
-    for margin in margins:
-        where = at_margin(margin)
-        for prefix in ("", f"{REFERENCE}/"):
-            for name in OF_MARGINS:
-                measure = REAL_IMAGES[prefix + name]
-                measures[f"{prefix}{where}/{name}"] = replace(
-                    measure,
-                    name=f"{measure.name or measure.heading}, floor up to {where}",
-                    published=None,
-                    trivial=None if prefix else f"{REFERENCE}/{where}/{name}",
-                )
-    return measures
-
-
-OF_MARGINS = ("overlap_f", "boundary_f", "seam_f")
-"""Figures that are also given at other margins."""
-
-
-def _of_images() -> Mapping[str, Measure]:
-    ours = {
-        name: replace(
-            measure,
-            trivial=f"{REFERENCE}/{name}",
-            published=getattr(published_masks.UOIS_NET, name, None),
-        )
-        for name, measure in _IMAGE_SCORES.items()
-    }
-    theirs = {
-        f"{REFERENCE}/{name}": replace(
-            measure, name=f"{measure.name or measure.heading}, without learning"
-        )
-        for name, measure in _IMAGE_SCORES.items()
-    }
-    numbers = {
-        "images": Measure("images", digits=0),
-        "failures": Measure("failures", "images that could not be used", digits=0),
-    }
-    return ours | theirs | numbers
-
-
-REAL_IMAGES = _of_images()
-"""Of instances on labelled real images."""

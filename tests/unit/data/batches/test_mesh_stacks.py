@@ -19,10 +19,10 @@ from scenefw.scenes.cameras import RandomViewpoints
 from scenefw.scenes.engines.pybullet_engine import PyBulletEngine
 from scenefw.scenes.stacks import StackGenerator
 from scenefw.scenes.storage import concatenate, load_scenes, pack, save_scenes
-from scenefw.shapes.mesh_solids import MeshSolids
 from scenefw.shapes.solid_mesh import SolidMesh
 from scenefw.shapes.superquadric import Superquadric
 from scenefw.tasks.generate import Generate
+from scenefw_single_view_benchmarks.mesh_solids import MeshSolids
 
 GRID = GridSpec(resolution=48)
 UPRIGHT = np.array([1.0, 0, 0, 0])

@@ -10,9 +10,9 @@ from tests.unit.perception.synthetic import camera_at
 from scenefw.core.types import Frame, PlacedShape, Pose
 from scenefw.perception.estimate.mask_cleanup import with_bottoms, without_holes
 from scenefw.perception.observation.points import world_points
-from scenefw.renderers.silhouettes import SolidViews
 from scenefw.shapes.superquadric import Superquadric
 from scenefw.shapes.vessel import Vessel
+from scenefw_annotated_views.silhouettes import SolidViews
 
 
 def disc(size=60):

@@ -16,7 +16,6 @@ from scenefw import config
 from scenefw.core.batches import PartialTSDF
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import GridSpec
-from scenefw.data.files.outlines import Outlines
 from scenefw.data.files.readers import read_frame
 from scenefw.mapping.projective import Projective
 from scenefw.metrics.masks import mask_scores
@@ -25,6 +24,7 @@ from scenefw.perception.observation.points import world_points
 from scenefw.perception.segmentation.colour_edges import ColourEdges
 from scenefw.perception.segmentation.edge_restoration import EdgeRestoration, continued
 from scenefw.perception.segmentation.ramp_width import ramp_width
+from scenefw_single_view_benchmarks.outlines import Outlines
 
 SIZES = [(320, 240), (640, 480)]
 GRID = GridSpec(32)

@@ -1,0 +1,1 @@
+"""Models of table-tops from files of meshes."""

@@ -1,0 +1,1 @@
+"""Predicted scenes for simulators and robots: MuJoCo, PyBullet, USD, MoveIt."""

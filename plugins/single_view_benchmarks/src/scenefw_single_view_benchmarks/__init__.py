@@ -1,0 +1,1 @@
+"""How well predictions from one view do, on household things, real images and under gravity."""

@@ -1,0 +1,1 @@
+"""Networks that table 5.1 compares with: fully convolutional, SSCNet."""

@@ -1,0 +1,1 @@
+"""Whole shapes of single objects from crops about them: data, network, losses, measures."""

@@ -1,0 +1,176 @@
+"""Shapes that a network tells from crops about single objects."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from scenefw.core.part_views import PartViewBatch
+from scenefw.core.settings import COUNT, POSITIVE, at_least
+from scenefw.kernels.cameras import camera_of, stack_cameras
+from scenefw.perception.observation.observation import Observation
+from scenefw.perception.steps import Fits
+from scenefw.shapes.object_shell import ENTRY, EXIT, ObjectShell
+from scenefw_things.shells.batches import ObjectCrops
+from scenefw_things.shells.crops import crop, windows
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from scenefw.core.training_protocols import Trained
+    from scenefw.core.types import Int32
+    from scenefw.perception.observation.views import View
+    from scenefw.perception.steps import ObjectSet, SetCompletion
+    from scenefw_things.shells.batches import ShellPrediction
+    from scenefw_things.shells.protocols import ObjectShellModel
+
+_SIGMAS = 3.0  # deviations of a measured depth within which the visible surface lies
+
+
+class LearnedShapes:
+    """Completes objects by shells: where rays enter and leave them, as a network tells it.
+
+    What is visible stays within the noise of the sensor, and nothing lies before what was measured
+    or below the floor. The first hypothesis is the network's best guess, others follow codes that
+    are drawn for all objects. An object of which too little is visible is completed by other means.
+
+    Args:
+        checkpoint: of a network of shells.
+        rest: completes the other objects; those of several views all.
+        resolution: pixels per side of a crop, as the network learnt from.
+        margin: side of a crop by the longer side of what is visible, likewise.
+        min_width: least width of a crop at its object (m), likewise.
+        min_pixels: visible pixels of a crop that an object needs, likewise.
+        keep_explained: objects that a superquadric explains are completed by other means, too.
+
+    Raises:
+        ConfigError: a number out of range.
+    """
+
+    def __init__(
+        self,
+        checkpoint: Trained[ObjectShellModel],
+        rest: SetCompletion,
+        resolution: int,
+        margin: float,
+        min_width: float,
+        min_pixels: int,
+        *,
+        keep_explained: bool,
+    ) -> None:
+        COUNT.require(resolution=resolution, min_pixels=min_pixels)
+        at_least(1).require(margin=margin)
+        POSITIVE.require(min_width=min_width)
+        self.model: ObjectShellModel = checkpoint.model
+        self.rest, self.grid = rest, rest.grid
+        self.metadata = {**rest.metadata, "shells": dict(checkpoint.metadata)}
+        self.resolution, self.margin = resolution, margin
+        self.min_width, self.min_pixels = min_width, min_pixels
+        self.keep_explained = keep_explained
+
+    def complete(
+        self, fits: Fits, view: View, samples: int, generator: torch.Generator
+    ) -> Sequence[ObjectSet]:
+        """The best guess, and further draws of all objects together."""
+        if not isinstance(view, Observation):
+            return self.rest.complete(fits, view, samples, generator)
+        masks = fits.objects.pixels
+        labels = [int(label) for label in np.unique(masks[masks > 0])]
+        sets: Sequence[ObjectSet] = []
+        if self.keep_explained:
+            sets = self.rest.complete(fits, view, samples, generator)
+            labels = [label for label in labels if label not in (sets[0].superquadrics or {})]
+        crops = self._crops(masks, labels, view)
+        rows = (crops.visible.sum(dim=(1, 2)) >= self.min_pixels).nonzero()[:, 0].tolist()
+        if not self.keep_explained:
+            sets = self.rest.complete(
+                _without(fits, {labels[row] for row in rows}), view, samples, generator
+            )
+        if not rows:
+            return sets
+        prediction = self._sample(crops, samples, generator)
+        hypotheses = []
+        for number in range(samples):
+            shells = {}
+            for row in rows:
+                shell = _shell(prediction, number * len(labels) + row, crops, row, view)
+                if shell.amodal.any():
+                    shells[labels[row]] = shell
+            hypotheses.append(_with_shells(sets[min(number, len(sets) - 1)], shells))
+        return hypotheses
+
+    @torch.no_grad()
+    def _sample(
+        self, crops: ObjectCrops, samples: int, generator: torch.Generator
+    ) -> ShellPrediction:
+        """Shells of S N crops, the best guesses first."""
+        codes = torch.randn(samples, len(crops.depth), self.model.latent_size, generator=generator)
+        codes[0] = 0
+        return self.model.sample(crops, codes.to(crops.depth.device))
+
+    def _crops(self, masks: Int32, labels: list[int], view: Observation) -> ObjectCrops:
+        """Crops about objects, with obstacles among what is beside them."""
+        device = next(self.model.parameters()).device  # type: ignore[attr-defined]
+        owners = torch.from_numpy(masks.astype(np.int32))
+        if view.workspace is not None:
+            for region in view.workspace.obstacles:
+                owners[torch.from_numpy(region.pixels) & (owners == 0)] = int(masks.max()) + 1
+        depth = torch.from_numpy(np.ascontiguousarray(np.nan_to_num(view.depth), np.float32))
+        colour = None
+        if view.colour is not None:
+            colour = torch.tensor(view.colour).permute(2, 0, 1)[None].to(device) / 255
+        views = PartViewBatch(
+            depth[None].to(device), owners[None].to(device),
+            stack_cameras([view.camera], device), None, colour,
+        )  # fmt: skip
+        numbers = torch.tensor(labels, dtype=torch.int32, device=device)
+        visible = (views.owners == numbers[:, None, None]) & (views.depth > 0)
+        count = visible.sum(dim=(1, 2)).clamp_min(1)
+        distance = torch.where(visible, views.depth, 0.0).sum(dim=(1, 2)) / count
+        min_side = self.min_width * view.camera.fx / distance.clamp_min(1e-3)
+        shifts = torch.zeros(len(labels), 2, device=device)
+        squares = windows(visible, torch.full_like(distance, self.margin), shifts, min_side)
+        rows = torch.zeros(len(labels), dtype=torch.int64, device=device)
+        return crop(views, rows, numbers, squares, self.resolution)
+
+
+def _without(fits: Fits, labels: set[int]) -> Fits:
+    """Fits of the other objects alone."""
+    return Fits(
+        fits.objects,
+        {k: v for k, v in fits.evidence.items() if k not in labels},
+        {k: v for k, v in fits.superquadrics.items() if k not in labels},
+    )
+
+
+def _with_shells(hypothesis: ObjectSet, shells: Mapping[int, ObjectShell]) -> ObjectSet:
+    """The hypothesis with shells in place of superquadrics."""
+    superquadrics = {k: v for k, v in (hypothesis.superquadrics or {}).items() if k not in shells}
+    return replace(hypothesis, superquadrics=superquadrics, shells=shells)
+
+
+def _shell(
+    prediction: ShellPrediction, number: int, crops: ObjectCrops, row: int, view: Observation
+) -> ObjectShell:
+    """A predicted shell, as far as the view allows it.
+
+    Args:
+        prediction: of the crops, hypothesis after hypothesis.
+        number: of the shell in it.
+        crops: of the objects.
+        row: the object's.
+        view: says how noisy depth is.
+    """
+    amodal = (prediction.amodal[number] > 0).cpu().numpy()
+    hollow = (prediction.hollow[number] > 0).cpu().numpy()
+    depths = prediction.depths[number].double().cpu().numpy()
+    measured = crops.depth[row].double().cpu().numpy()
+    visible = crops.visible[row].cpu().numpy()
+    reach = _SIGMAS * view.noise.at(measured)
+    latest = np.where(visible, measured + reach, np.inf)
+    depths[ENTRY] = depths[ENTRY].clip(measured - reach, latest)
+    amodal &= depths[EXIT] > depths[ENTRY]
+    return ObjectShell(camera_of(crops.cameras, row), amodal, hollow & amodal, depths)

@@ -1,0 +1,203 @@
+"""Objects completed by shells, which a stand-in for the network takes from the true boxes."""
+
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+from tests.unit.perception.observations import observation_of
+from tests.unit.perception.synthetic import Box, camera_at, frame_of
+
+from scenefw.core.errors import ConfigError
+from scenefw.core.types import GridSpec
+from scenefw.kernels.cameras import camera_of
+from scenefw.perception.estimate.assembly import SceneAssembly
+from scenefw.perception.observation.views import Views
+from scenefw.perception.steps import Fits, Objects, ObjectSet
+from scenefw.shapes.object_shell import ENTRY
+from scenefw_things.shells.batches import ShellPrediction
+from scenefw_things.shells.learned_shapes import LearnedShapes
+
+BOXES = (
+    Box((-0.20, -0.04, 0.0), (-0.10, 0.06, 0.12)),
+    Box((0.02, -0.05, 0.0), (0.14, 0.05, 0.05)),
+    Box((0.05, 0.08, 0.0), (0.053, 0.18, 0.2)),  # a sheet of 3 mm
+)
+GRID = GridSpec()
+
+
+class TrueShells(torch.nn.Module):
+    """Gives the shells of boxes; each code moves its object's far side by its first number (cm)."""
+
+    latent_size = 3
+
+    def __init__(self, boxes, entry_error=0.0):
+        super().__init__()
+        self.boxes, self.entry_error = boxes, entry_error
+        self.weight = torch.nn.Parameter(torch.zeros(1))
+        self.codes = self.crops = None
+
+    def sample(self, crops, codes):
+        self.codes, self.crops = codes, crops
+        shells = [self.shell(camera_of(crops.cameras, n), box)
+                  for n, box in enumerate(self.boxes)]  # fmt: skip
+        amodal, depths = (torch.from_numpy(np.stack(x)) for x in zip(*shells, strict=True))
+        count = len(codes)
+        depths = depths.repeat(count, 1, 1, 1)
+        depths[:, 1] += 0.01 * codes[..., 0].reshape(-1, 1, 1)
+        depths[:, ENTRY] += self.entry_error
+        amodal = torch.where(amodal, 5.0, -5.0).repeat(count, 1, 1)
+        return ShellPrediction(amodal, torch.full_like(amodal, -5.0), depths.float())
+
+    @staticmethod
+    def shell(camera, box):
+        v, u = np.indices((camera.height, camera.width))
+        local = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy,
+                          np.ones(u.shape)], -1)  # fmt: skip
+        directions = local @ camera.T_world_camera[:3, :3].T
+        eye = camera.T_world_camera[:3, 3]
+        a, b = ((np.array(x) - eye) / directions for x in (box.lower, box.upper))
+        enter, leave = np.minimum(a, b).max(-1), np.maximum(a, b).min(-1)
+        return enter < leave, np.stack([enter, leave, enter, leave])
+
+
+@dataclass
+class Nothing:
+    """Leaves objects as they are, and says for which it was asked."""
+
+    grid = None
+    metadata = {"name": "nothing"}  # noqa: RUF012
+    explained: tuple = ()
+    fits: Fits | None = None
+
+    def complete(self, fits, view, samples, generator):
+        self.fits = fits
+        shapes = dict.fromkeys(self.explained, "a superquadric")
+        return [ObjectSet(fits.objects, shapes)] * samples
+
+
+def view_of(boxes=BOXES, size=(320, 240), noise=0.0):
+    camera = camera_at(size=size)
+    frame = replace(frame_of(camera, boxes, noise=noise), camera=camera)
+    return observation_of(frame, GRID), frame.labels
+
+
+def completed(boxes=BOXES, samples=1, rest=None, keep_explained=False, size=(320, 240), noise=0.0,
+              shown=None, min_pixels=60, **settings):  # fmt: skip
+    view, labels = view_of(shown or boxes, size, noise)
+    model = TrueShells(boxes, **settings)
+    checkpoint = SimpleNamespace(model=model, metadata={"date": "today"})
+    method = LearnedShapes(
+        checkpoint, rest or Nothing(), 96, 1.8, 0.14, min_pixels, keep_explained=keep_explained
+    )
+    shape = GRID.shape
+    rough = Objects(labels, np.full(shape, GRID.truncation, np.float32), np.zeros(shape, np.int32))
+    evidence = dict.fromkeys((1, 2, 3), "evidence")
+    fits = Fits(rough, evidence, dict.fromkeys(evidence, "a fit"))
+    generator = torch.Generator().manual_seed(1)
+    return method.complete(fits, view, samples, generator), view, model
+
+
+@pytest.mark.parametrize("size", [(320, 240), (640, 480)])
+def test_objects_are_the_true_boxes(size):
+    (hypothesis,), view, _ = completed(size=size)
+    scene = next(SceneAssembly().assemble([hypothesis], view, {}))
+    assert [item.id for item in scene.objects] == [1, 2, 3]
+    for item, box in zip(scene.objects, BOXES, strict=True):
+        body = trimesh.Trimesh(item.mesh.vertices, item.mesh.faces, process=False)
+        assert body.is_watertight
+        np.testing.assert_allclose(body.bounds, [box.lower, box.upper], atol=0.006)
+        volume = np.prod(np.subtract(box.upper, box.lower))
+        assert body.volume == pytest.approx(volume, rel=0.1 if item.id < 3 else 1.5)
+
+
+def test_a_thin_object_stays_though_no_voxel_shows_it():
+    (hypothesis,), view, _ = completed()
+    scene = next(SceneAssembly().assemble([hypothesis], view, {}))
+    assert not (scene.instances == 3).any()
+    assert scene.objects[2].mesh.vertices[:, 2].max() > 0.18
+    assert (scene.masks == 3).any()
+
+
+def test_the_visible_surface_stays_within_the_noise():
+    (hypothesis,), view, model = completed(entry_error=0.02, noise=0.001)
+    crops = model.crops
+    for label, shell in hypothesis.shells.items():
+        visible = crops.visible[label - 1].numpy()
+        measured = crops.depth[label - 1].double().numpy()
+        reach = 3 * view.noise.at(measured)
+        off = np.abs(shell.depths[ENTRY] - measured)
+        assert (off[visible] <= reach[visible] + 1e-9).all()
+        assert (reach[visible] < 0.01).all()
+
+
+def test_nothing_lies_before_what_was_measured():
+    """The network takes the floor beside each box for the box, and lets it begin 5 cm earlier."""
+    boxes = tuple(
+        Box(tuple(np.subtract(b.lower, (0.03, 0.03, 0))), tuple(np.add(b.upper, (0.03, 0.03, 0))))
+        for b in BOXES[:2]
+    )
+    view, labels = view_of(BOXES[:2])
+    model = TrueShells(boxes, -0.05)
+    method = LearnedShapes(SimpleNamespace(model=model, metadata={}), Nothing(), 96, 1.8, 0.14, 60,
+                           keep_explained=False)  # fmt: skip
+    (hypothesis,) = method.complete(Fits(Objects(labels)), view, 1, torch.Generator())
+    for label, shell in hypothesis.shells.items():
+        measured = model.crops.depth[label - 1].double().numpy()
+        assert (shell.depths[ENTRY][shell.amodal] >= measured[shell.amodal] - 1e-6).all()
+        box = BOXES[label - 1]
+        top = shell.mesh(0.003).vertices[:, 2].max()
+        assert top == pytest.approx(box.upper[2], abs=0.006)
+
+
+def test_the_first_hypothesis_is_the_best_guess_and_others_follow_their_codes():
+    sets, _, model = completed(samples=3)
+    assert (model.codes[0] == 0).all()
+    for number, hypothesis in enumerate(sets):
+        for label, shell in hypothesis.shells.items():
+            moved = shell.depths[1] - sets[0].shells[label].depths[1]
+            expected = 0.01 * float(model.codes[number, label - 1, 0])
+            np.testing.assert_allclose(moved[shell.amodal], expected, atol=1e-6)
+    again, _, _ = completed(samples=3)
+    np.testing.assert_array_equal(again[2].shells[1].depths, sets[2].shells[1].depths)
+
+
+def test_what_a_superquadric_explains_can_keep_it():
+    rest = Nothing(explained=(2, 3))
+    (hypothesis,), _, _ = completed(BOXES[:1], rest=rest, keep_explained=True, shown=BOXES)
+    assert set(hypothesis.shells) == {1}
+    assert set(hypothesis.superquadrics) == {2, 3}
+    assert set(rest.fits.evidence) == {1, 2, 3}
+    (hypothesis,), _, _ = completed(rest=rest)
+    assert set(hypothesis.shells) == {1, 2, 3}
+    assert not hypothesis.superquadrics
+    assert not rest.fits.evidence
+    assert not rest.fits.superquadrics
+
+
+def test_what_is_hardly_visible_is_completed_by_other_means():
+    rest = Nothing(explained=(1, 2, 3))
+    (hypothesis,), _, _ = completed(rest=rest, min_pixels=10**5)
+    assert not hypothesis.shells
+    assert set(hypothesis.superquadrics) == set(rest.fits.evidence) == {1, 2, 3}
+
+
+def test_several_views_are_left_to_other_means():
+    view, labels = view_of()
+    rest = Nothing()
+    method = LearnedShapes(SimpleNamespace(model=TrueShells(BOXES), metadata={}), rest, 96, 1.8,
+                           0.14, 60, keep_explained=False)  # fmt: skip
+    fits = Fits(Objects(labels))
+    (hypothesis,) = method.complete(fits, Views((view,)), 1, torch.Generator())
+    assert not hypothesis.shells
+    assert rest.fits is fits
+
+
+def test_numbers_out_of_range_are_refused():
+    checkpoint = SimpleNamespace(model=TrueShells(BOXES), metadata={})
+    good = {"resolution": 96, "margin": 1.8, "min_width": 0.14, "min_pixels": 60}
+    for name, value in {"resolution": 0, "margin": 0.5, "min_width": 0.0, "min_pixels": 0}.items():
+        with pytest.raises(ConfigError, match=name):
+            LearnedShapes(checkpoint, Nothing(), **{**good, name: value}, keep_explained=True)
