@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -64,6 +65,16 @@ class Prediction:
         moved, `motion` (4, 4) from its place before, in the world frame.
         """
         return tuple(self.estimate.details.get(TRACKS, ()))
+
+    @cached_property
+    def spread(self) -> dict[int, NDArray[np.float32]]:
+        """Of each object, by id, how far its vertices (V,) lie from the other samples' (m).
+
+        The root mean square; objects that no other sample holds are left out.
+        """
+        from scenefw.perception.estimate.surface_spread import surface_spread
+
+        return surface_spread(self.estimate, self.samples[1:])
 
     def __repr__(self) -> str:
         name = self.estimate.frame.name

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from scenefw.core.errors import MissingDependencyError
 from scenefw.core.files import replacing
-from scenefw.core.types import SceneEstimate, TriangleMesh
+from scenefw.core.types import Float32, SceneEstimate, TriangleMesh
 from scenefw.export.surface_colours import surface_colours
 
 Colour = Sequence[float]
@@ -19,7 +19,10 @@ _Y_UP = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], dtyp
 
 
 def write_ply(
-    path: Path, mesh: TriangleMesh, colour: Colour | NDArray[np.float64] | None = None
+    path: Path,
+    mesh: TriangleMesh,
+    colour: Colour | NDArray[np.float64] | None = None,
+    spread: Float32 | None = None,
 ) -> None:
     """Writes a mesh as binary little-endian PLY: float32 metres, world coordinates (z up).
 
@@ -27,10 +30,13 @@ def write_ply(
         path: the file, replaced as a whole.
         mesh: triangles.
         colour: red, green, blue in [0, 1] of all vertices, or (V, 3) of each.
+        spread: (V,) of hypotheses at each vertex (m), written as `spread`; None: left out.
     """
     fields = [("x", "<f4"), ("y", "<f4"), ("z", "<f4")]
     if colour is not None:
         fields += [("red", "u1"), ("green", "u1"), ("blue", "u1")]
+    if spread is not None:
+        fields.append(("spread", "<f4"))
     vertices = np.empty(len(mesh.vertices), dtype=fields)
     for axis, name in enumerate("xyz"):
         vertices[name] = mesh.vertices[:, axis]
@@ -38,6 +44,8 @@ def write_ply(
         rgb = _bytes(np.broadcast_to(colour, (len(vertices), 3)))
         for channel, name in enumerate(("red", "green", "blue")):
             vertices[name] = rgb[:, channel]
+    if spread is not None:
+        vertices["spread"] = spread
     faces = np.empty(len(mesh.faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
     faces["count"], faces["corners"] = 3, mesh.faces
     names = {"<f4": "float", "u1": "uchar"}

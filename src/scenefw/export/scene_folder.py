@@ -13,14 +13,19 @@ from scenefw.export.summary import write_summary
 from scenefw.export.surface_colours import surface_colours
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from scenefw.core.types import SceneEstimate
+    from scenefw.core.types import Float32, SceneEstimate
     from scenefw.export.meshes import Colour
 
 
-def write_scene_files(folder: Path, estimate: SceneEstimate, colours: Sequence[Colour]) -> None:
+def write_scene_files(
+    folder: Path,
+    estimate: SceneEstimate,
+    colours: Sequence[Colour],
+    spreads: Mapping[int, Float32] | None = None,
+) -> None:
     """Writes meshes, `scene.glb`, `volumes.npz`, `masks.png` and `scene.json`.
 
     Meshes are `object_01.ply` ... and `obstacle_01.ply` ..., with the colours of the image where it
@@ -30,6 +35,8 @@ def write_scene_files(folder: Path, estimate: SceneEstimate, colours: Sequence[C
         folder: exists.
         estimate: the scene.
         colours: of its objects, in their order.
+        spreads: of hypotheses at the vertices of objects (`surface_spread`), by id, if there are
+            several; written as `spread` beside the vertices.
 
     Raises:
         StorageError: a file can't be written.
@@ -37,7 +44,7 @@ def write_scene_files(folder: Path, estimate: SceneEstimate, colours: Sequence[C
     files = {item.id: f"object_{item.id:02d}.ply" for item in estimate.objects}
     paints = surface_colours(estimate, colours)
     for item, paint in zip(estimate.objects, paints, strict=True):
-        write_ply(folder / files[item.id], item.mesh, paint)
+        write_ply(folder / files[item.id], item.mesh, paint, (spreads or {}).get(item.id))
     obstacle_files = [f"obstacle_{i:02d}.ply" for i in range(1, len(estimate.obstacles) + 1)]
     for name, obstacle in zip(obstacle_files, estimate.obstacles, strict=True):
         write_ply(folder / name, obstacle.mesh)

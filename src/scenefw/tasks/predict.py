@@ -150,7 +150,7 @@ class Predict:
         scenes, partial = self._scenes(frame, mask, self._poses.get(image, self.camera_pose))
         estimate, *alternatives = self._at_rest(scenes)
         with replacing_folder(folder) as temporary:
-            colours = write_scene(temporary, estimate, self.exports)
+            colours = write_scene(temporary, estimate, self.exports, alternatives)
             layers = [layer("most typical", estimate, colours)]
             for number, alternative in enumerate(alternatives, start=2):
                 beside = temporary / f"hypothesis_{number}"

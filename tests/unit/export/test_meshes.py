@@ -48,6 +48,14 @@ def test_ply_round_trip(tmp_path, colour):
         np.testing.assert_array_equal(read.visual.vertex_colors[:, :3], [[255, 128, 0]] * 162)
 
 
+def test_spread_stands_beside_the_vertices(tmp_path):
+    mesh, spread = mesh_at(0.1, 0.2, 0.3), np.linspace(0, 0.01, 162, dtype=np.float32)
+    write_ply(tmp_path / "a.ply", mesh, COLOURS[0], spread)
+    read = trimesh.load(tmp_path / "a.ply", process=False)
+    np.testing.assert_array_equal(read.metadata["_ply_raw"]["vertex"]["data"]["spread"], spread)
+    np.testing.assert_allclose(read.vertices, mesh.vertices, atol=1e-6)
+
+
 def test_ply_of_no_triangles(tmp_path):
     write_ply(tmp_path / "a.ply", TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=int)))
     assert b"element vertex 0\n" in (tmp_path / "a.ply").read_bytes()

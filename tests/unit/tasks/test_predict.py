@@ -65,6 +65,9 @@ def test_one_image_gives_all_files(tmp_path, pipeline):
         mesh = trimesh.load(tmp_path / "out" / "view" / item["mesh"])
         assert mesh.is_watertight
         np.testing.assert_allclose(mesh.center_mass, item["centre"], atol=1e-4)
+        spread = mesh.metadata["_ply_raw"]["vertex"]["data"]["spread"]
+        assert np.isfinite(spread).all()
+        assert (spread >= 0).all()
 
 
 def test_without_hypotheses_there_is_one_scene(tmp_path, pipeline):

@@ -190,7 +190,7 @@ def _packed(
     for number, scene in enumerate(scenes, start=1):
         place = folder if number == 1 else folder / f"hypothesis_{number}"
         place.mkdir(exist_ok=True)
-        write_scene(place, scene, exports)
+        write_scene(place, scene, exports, scenes[1:] if number == 1 else ())
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
         for file in sorted(folder.rglob("*")):
