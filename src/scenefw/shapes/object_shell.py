@@ -7,13 +7,16 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt, label, map_coordinates
+import torch
+from scipy.ndimage import distance_transform_edt, label
 from skimage.measure import marching_cubes
+from torch.nn import functional
 
 from scenefw.core.types import TriangleMesh
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+    from torch import Tensor
 
     from scenefw.core.types import Camera, Float64
 
@@ -22,6 +25,7 @@ if TYPE_CHECKING:
 ENTRY, EXIT, GAP_START, GAP_END = range(4)
 """Depths of a shell: where a ray enters, leaves, and between both, what it passes of a hollow."""
 
+_MIN_DEPTH = 1e-6  # m: places behind the camera are before it
 _MARGIN = 2  # voxels about a mesh's box, so that it is closed
 _CLEARANCE = 1e-3  # of a voxel: a field of 0 in a voxel gives faces without area
 
@@ -49,29 +53,36 @@ class ObjectShell:
         The larger one of that along the ray and that across it; no place below the floor is inside.
         """
         camera = self.camera
-        local = (places - camera.T_world_camera[:3, 3]) @ camera.T_world_camera[:3, :3]
-        z = np.maximum(local[..., 2], 1e-6)
-        pixels = local[..., :2] / z[..., None] * (camera.fx, camera.fy) + (camera.cx, camera.cy)
-        rows_columns = np.moveaxis(pixels[..., ::-1], -1, 0)
-        values = [map_coordinates(f, rows_columns, order=1, mode="nearest") for f in self._fields]
-        entry, end, gap_start, gap_end, beside, beside_gap = values
-        pixel = z / camera.fx
-        limits = np.array(self.amodal.shape)[:, None] - 1
-        overshoot = np.maximum(-rows_columns, rows_columns - limits.reshape(-1, *[1] * (z.ndim)))
-        beside = np.maximum(beside, overshoot.max(axis=0))
-        distance = np.max([entry - z, z - end, beside * pixel, -places[..., 2]], axis=0)
+        pose = torch.from_numpy(camera.T_world_camera).float()
+        world = torch.from_numpy(np.ascontiguousarray(places, np.float32)).reshape(-1, 3)
+        local = (world - pose[:3, 3]) @ pose[:3, :3]
+        z = local[:, 2].clamp_min(_MIN_DEPTH)
+        column = local[:, 0] / z * camera.fx + camera.cx
+        row = local[:, 1] / z * camera.fy + camera.cy
+        last = self.amodal.shape[0] - 1
+        grid = torch.stack([column, row], dim=1) * (2 / last) - 1
+        values = functional.grid_sample(
+            self._fields[None], grid[None, None], padding_mode="border", align_corners=True
+        )
+        entry, end, gap_start, gap_end, beside, beside_gap = values[0, :, 0]
+        for pixel in (column, row):  # the image ends
+            beside = torch.maximum(beside, (pixel - last / 2).abs() - last / 2)
+        width = z / camera.fx
+        distance = torch.maximum(entry - z, z - end)
+        distance = torch.maximum(distance, torch.maximum(beside * width, -world[:, 2]))
         if self.hollow.any():
-            in_gap = np.max([gap_start - z, z - gap_end, beside_gap * pixel], axis=0)
-            distance = np.maximum(distance, -in_gap)
-        return np.asarray(distance)
+            in_gap = torch.maximum(gap_start - z, z - gap_end)
+            distance = torch.maximum(distance, -torch.maximum(in_gap, beside_gap * width))
+        return distance.reshape(places.shape[:-1]).double().numpy()
 
     @cached_property
-    def _fields(self) -> list[Float64]:
-        """(R, R) each: depths that go on beside their rays, and distances (pixels) to these."""
+    def _fields(self) -> Tensor:
+        """(6, R, R): depths that go on beside their rays, and distances (pixels) to these."""
         depths = self.depths.astype(np.float64)
         solid = _extended(depths[[ENTRY, EXIT]], self.amodal)
         hollow = _extended(depths[[GAP_START, GAP_END]], self.hollow)
-        return [*solid, *hollow, _distance(self.amodal), _distance(self.hollow)]
+        beside = [_distance(self.amodal), _distance(self.hollow)]
+        return torch.from_numpy(np.stack([*solid, *hollow, *beside])).float()
 
     @property
     def pixel(self) -> float:
