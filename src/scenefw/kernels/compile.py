@@ -167,11 +167,19 @@ class Kernel:
     Args:
         per_element: function of (i, *arguments), made by `element`.
         cpu_loop: function of (count, *arguments), made by `loop`.
+        min_shared: fewer elements are one CPU thread's: waking others takes longer, most of all
+            beside other processes.
     """
 
-    def __init__(self, per_element: Callable[..., None], cpu_loop: Callable[..., None]) -> None:
+    def __init__(
+        self,
+        per_element: Callable[..., None],
+        cpu_loop: Callable[..., None],
+        min_shared: int = 1,
+    ) -> None:
         self.per_element = per_element
         self.cpu_loop = cpu_loop
+        self.min_shared = min_shared
         self._cuda_grid: Any = None
         self._compiled_for: set[tuple[Any, ...]] = set()
 
@@ -195,7 +203,15 @@ class Kernel:
             views = [_on_cpu(a) for a in arguments]
             types = tuple(numba.typeof(value) for value in (count, *views))
             if types in self._compiled_for:
-                self.cpu_loop(count, *views)
+                threads = numba.get_num_threads()
+                if threads == 1 or count >= self.min_shared:
+                    self.cpu_loop(count, *views)
+                    return
+                numba.set_num_threads(1)
+                try:
+                    self.cpu_loop(count, *views)
+                finally:
+                    numba.set_num_threads(threads)
                 return
             with _compiling:
                 _compile_in_child(self.cpu_loop, types)

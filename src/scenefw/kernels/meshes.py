@@ -145,7 +145,7 @@ def _cast_all(count, bounds, links, triangles, rays, table, distance, hit, place
                 _cast(i, bounds, links, triangles, rays, table, distance, hit, place)
 
 
-cast = Kernel(_cast, _cast_all)
+cast = Kernel(_cast, _cast_all, min_shared=4096)  # rays take about a microsecond each
 """cast(R, bounds, links, triangles, rays, table, distance (R,), hit (R,) int32, place (R, 2)).
 
 `hit` is a row of `triangles`, TABLE (the plane z = 0, if `table`) or NOTHING, where distance is 0.

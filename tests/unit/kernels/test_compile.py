@@ -179,3 +179,18 @@ def test_compiled_code_is_of_all_sources_that_its_kernels_read(tmp_path):
     assert found == ["core/deeper.py", "core/sizes.py", "kernels/a.py"]
     own = [path.name for path in compiling.sources(Path(compiling.__file__).parents[1])]
     assert {"tabletop.py", "compile.py", "votes.py"} <= set(own)
+
+
+def test_few_elements_are_one_threads(double, monkeypatch):
+    kernel, source = double(), torch.ones(5)
+    kernel(3, source, torch.zeros(5))  # compiles
+    kernel.min_shared, before, threads = 4, numba.get_num_threads(), []
+    monkeypatch.setattr(numba, "set_num_threads", threads.append)
+    monkeypatch.setattr(numba, "get_num_threads", lambda: 2)
+    for count in (3, 4):
+        target = torch.zeros(5)
+        kernel(count, source, target)
+        assert target.sum() == 2 * count
+    assert threads == [1, 2]
+    monkeypatch.undo()
+    assert numba.get_num_threads() == before

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
+from scenefw.core.weak_cache import cached_by_identity
 from scenefw.perception.evidence.mesh_distances import MeshDistances, distances_to
 from scenefw.perception.physics.contacts import TOLERANCE, shared_places
 from scenefw.shapes.moments import moments
@@ -94,51 +96,56 @@ class SupportGraph:
         return bool(places) and _over(self.centres[label], np.concatenate(places))
 
 
-def support_graph(objects: Sequence[ObjectEstimate], tolerance: float = TOLERANCE) -> SupportGraph:
+def support_graph(objects: Sequence[ObjectEstimate]) -> SupportGraph:
     """The support graph of a scene.
 
     Args:
         objects: closed meshes, world coordinates (z up, floor z = 0).
-        tolerance: gap that counts as touching (m).
     """
     solids = {item.id: distances_to(item.mesh) for item in objects}
     return SupportGraph(
-        {label: _contacts(label, solids, tolerance) for label in solids},
+        {label: _contacts(label, solids) for label in solids},
         {item.id: moments(item.mesh).pose.position[:2] for item in objects},
         {label: float(solid.high[2]) for label, solid in solids.items()},
     )
 
 
-def _contacts(
-    label: int, solids: Mapping[int, MeshDistances], tolerance: float
-) -> dict[int, Float64]:
+def _contacts(label: int, solids: Mapping[int, MeshDistances]) -> dict[int, Float64]:
     upper = solids[label]
-    contacts = {}
-    if upper.low[2] <= tolerance:
+    contacts, rests = {}, _rests(upper)
+    if upper.low[2] <= TOLERANCE:
         vertices = upper.vertices
-        contacts[FLOOR] = vertices[vertices[:, 2] <= upper.low[2] + tolerance, :2]
+        contacts[FLOOR] = vertices[vertices[:, 2] <= upper.low[2] + TOLERANCE, :2]
     for below, lower in solids.items():
         if below == label:
             continue
-        places = _touching(upper, lower, tolerance)
-        if len(places):
-            contacts[below] = places
+        if lower not in rests:
+            rests[lower] = _touching(upper, lower)
+        if len(rests[lower]):
+            contacts[below] = rests[lower]
     return contacts
 
 
-def _touching(upper: MeshDistances, lower: MeshDistances, tolerance: float) -> Float64:
+@cached_by_identity
+def _rests(upper: MeshDistances) -> WeakKeyDictionary[MeshDistances, Float64]:
+    """Where a solid rests on others, as far as that was computed."""
+    return WeakKeyDictionary()
+
+
+def _touching(upper: MeshDistances, lower: MeshDistances) -> Float64:
     """Places (N, 2) at which one solid rests on another (m)."""
     apart = (lower.high[:2] < upper.low[:2]).any() or (lower.low[:2] > upper.high[:2]).any()
-    if apart or lower.low[2] > upper.high[2] or lower.high[2] < upper.low[2] - tolerance:
+    if apart or lower.low[2] > upper.high[2] or lower.high[2] < upper.low[2] - TOLERANCE:
         return np.zeros((0, 2))
     places = shared_places(upper, lower)
-    bottom, top = upper.lowest(places), upper.highest(places)
-    underside, rest = lower.lowest(places), lower.highest(places)
-    with np.errstate(invalid="ignore"):
-        is_below = underside < bottom - tolerance
-        touches = bottom - rest <= tolerance
-        carries = rest - bottom < _MAX_PIERCED * (top - bottom)
-    return np.asarray(places[is_below & touches & carries])
+    bottom, rest = upper.lowest(places), lower.highest(places)
+    touches = bottom - rest <= TOLERANCE
+    places, bottom, rest = places[touches], bottom[touches], rest[touches]
+    if not len(places):
+        return places
+    is_below = lower.lowest(places) < bottom - TOLERANCE
+    carries = rest - bottom < _MAX_PIERCED * (upper.highest(places) - bottom)
+    return np.asarray(places[is_below & carries])
 
 
 def _over(place: Float64, points: Float64) -> bool:
