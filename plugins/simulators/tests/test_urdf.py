@@ -2,13 +2,14 @@ from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 import numpy as np
-import pybullet
 import pytest
 import trimesh
 from tests.unit.export.stacks import COLOURS, SIZES, moved, stack
 
 from scenefw.core.errors import ConfigError
 from scenefw_simulators.urdf import URDF
+
+pybullet = pytest.importorskip("pybullet", reason="pip install 'scenefw[simulation]'")
 
 
 @pytest.fixture

@@ -14,6 +14,7 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.types import GridSpec
 from scenefw.kernels.cameras import camera_of
 from scenefw.perception.estimate.assembly import SceneAssembly
+from scenefw.perception.observation.obstacles import ObstacleRegion
 from scenefw.perception.observation.views import Views
 from scenefw.perception.steps import Fits, Objects, ObjectSet
 from scenefw.shapes.object_shell import ENTRY
@@ -175,6 +176,38 @@ def test_what_a_superquadric_explains_can_keep_it():
     assert not hypothesis.superquadrics
     assert not rest.fits.evidence
     assert not rest.fits.superquadrics
+
+
+def test_without_objects_for_shells_sets_stay_as_they_are():
+    rest = Nothing(explained=(1, 2, 3))
+    sets, _, model = completed((), samples=3, rest=rest, keep_explained=True, shown=BOXES)
+    assert len(sets) == 3
+    assert all(not s.shells and set(s.superquadrics) == {1, 2, 3} for s in sets)
+    assert model.codes is None  # the network isn't asked
+
+
+def test_the_network_sees_colour_and_obstacles():
+    view, labels = view_of()
+    colour = np.zeros((*labels.shape, 3), np.uint8)
+    colour[labels == 1] = (255, 0, 102)
+    wall = labels == 3
+    view = replace(
+        view,
+        image=replace(view.frame, colour=colour),
+        workspace=SimpleNamespace(obstacles=[ObstacleRegion("wall", wall)]),
+    )
+    model = TrueShells(BOXES[:2])
+    method = LearnedShapes(SimpleNamespace(model=model, metadata={}), Nothing(), 96, 1.8, 0.14, 60,
+                           keep_explained=False)  # fmt: skip
+    masks = np.where(wall, 0, labels).astype(np.int32)
+    method.complete(Fits(Objects(masks)), view, 1, torch.Generator())
+    crops = model.crops
+    shown = crops.colour[0].permute(1, 2, 0)[crops.visible[0]]
+    torch.testing.assert_close(shown, torch.tensor([1.0, 0.0, 0.4]).expand_as(shown))
+    assert crops.others[1].sum() > 50  # the sheet behind the second box
+    alone = replace(view, workspace=None)
+    method.complete(Fits(Objects(masks)), alone, 1, torch.Generator())
+    assert not model.crops.others[1].any()
 
 
 def test_what_is_hardly_visible_is_completed_by_other_means():

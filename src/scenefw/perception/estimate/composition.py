@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from scenefw.perception.steps import Objects, ObjectSet
     from scenefw.shapes.object_shell import ObjectShell
 
-_MIN_VOXEL = 0.002  # m: side of those that meshes of shells are made of
+_MIN_VOXEL = 0.002  # m: of meshes of shells; finer ones show the noise of depth cameras alone
 _REACH = 4  # voxels around rough volumes whose distances stay too
 
 

@@ -210,7 +210,7 @@ def _identified(
         appearance = Appearance.of(_mask(label, scenes), memory)
         updates[label] = Track.new(item, appearance, frame.name)
     for label, motion in pairs.values():
-        updates[label] = tracks[label].seen_again(updates[label], motion, frame.depth, frame.name)
+        updates[label] = tracks[label].continued(updates[label], motion, frame.depth, frame.name)
     return scenes, updates
 
 

@@ -66,8 +66,8 @@ class Appearance:
 
     def is_same(self, depth: Float32) -> bool:
         """Whether a depth image (H, W) shows all of it again."""
-        seen = depth[self.box]
-        hidden = self.memory.cleaned(self.memory.nearer(seen) & self.pixels)
+        crop = depth[self.box]
+        hidden = self.memory.cleaned(self.memory.nearer(crop) & self.pixels)
         return self.is_visible(depth) and not (hidden.any() or self.is_contradicted(depth))
 
     def mask(self, depth: Float32) -> Mask:
@@ -132,7 +132,7 @@ class Track:
             return replace(self, motion=None)
         return replace(self, state=State.GONE, since=name, motion=None)
 
-    def seen_again(self, update: Track, motion: Motion, depth: Float32, name: str) -> Track:
+    def continued(self, update: Track, motion: Motion, depth: Float32, name: str) -> Track:
         """The track with a new shape and place, where `motion` has brought it by an image."""
         is_same = self.appearance is not None and self.appearance.is_same(depth)
         track = replace(self, item=update.item, appearance=update.appearance)
