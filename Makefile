@@ -1,4 +1,4 @@
-# make run    installs everything at pinned versions into .venv, then runs experiment=simstack
+# make run    installs everything at pinned versions into .venv, predicts an example, then runs experiment=simstack
 # make test   the same for the checks and tests, but those marked as exhaustive
 # make quick  the same without tests that are marked as slow
 # make test-all  all tests, as continuous integration runs them
@@ -33,6 +33,9 @@ TESTS := $(THREADS) $(BIN)/python -m pytest -n 2 --dist worksteal
 .PHONY: run test test-all quick docs lint types install python system browser clean help
 
 run: install
+ifeq ($(ARGS),)
+	$(BIN)/python -m scenefw run=predict input=example paths.output=outputs/example
+endif
 	$(BIN)/python -m scenefw experiment=simstack $(ARGS)
 
 test: lint types

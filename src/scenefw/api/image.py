@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from scenefw.core.assets import image_path
 from scenefw.core.errors import InputError, require_number
 from scenefw.data.files.arrays import colour_of, frame_of, mask_of
 from scenefw.data.files.readers import read_frame
@@ -44,8 +45,7 @@ def _frame(
     name: str,
 ) -> Frame:
     if isinstance(depth, str | Path):
-        path = Path(depth).expanduser()
-        frame = read_frame(path, intrinsics=intrinsics, depth_scale=scale)
+        frame = read_frame(image_path(depth), intrinsics=intrinsics, depth_scale=scale)
         if colour is None:
             return frame
         return replace(frame, colour=colour_of(colour, frame.depth.shape, frame.name))

@@ -1,10 +1,12 @@
-"""Where the weights are that come with scenefw and its plugins."""
+"""Where the weights and the example are that come with scenefw and its plugins."""
 
 from collections.abc import Iterable
 from importlib import resources
 from pathlib import Path
 
 SUFFIX = ".safetensors"
+EXAMPLE = "example"
+"""What the depth image that comes with scenefw is called on the command line and in Python."""
 _folders: list[Path] = []  # of plugins
 
 
@@ -25,3 +27,14 @@ def weights() -> dict[str, list[Path]]:
         for path in sorted(folder.glob(f"*{SUFFIX}")):
             paths.setdefault(path.stem, []).append(path)
     return paths
+
+
+def example_image() -> Path:
+    """The depth image that comes with scenefw: household things before a simulated Kinect."""
+    return folders()[0] / f"{EXAMPLE}.npz"
+
+
+def image_path(path: Path | str) -> Path:
+    """The path, `~` expanded; the example's if it is called so and no file or folder is."""
+    path = Path(path).expanduser()
+    return example_image() if str(path) == EXAMPLE and not path.exists() else path

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from scenefw.core.assets import image_path
 from scenefw.core.errors import ConfigError, InputError, StorageError
 from scenefw.core.measures import MEASURES_FILE
 from scenefw.execution.leftovers import FIGURES, RECORD, SETTINGS
@@ -47,7 +48,7 @@ def require_input(config: DictConfig) -> None:
     """
     source = config.get("input")
     ours = str(config.run.get("_target_")).startswith("scenefw.")  # a plugin may mean no path
-    if ours and isinstance(source, str) and not Path(source).exists():
+    if ours and isinstance(source, str) and not image_path(source).exists():
         raise InputError(f"no file or folder {source}; {_path_advice(source)}")
 
 

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from scenefw.core.assets import image_path
 from scenefw.core.errors import ConfigError
 from scenefw.core.files import require_apart
 from scenefw.data.files.arrays import read_mask
@@ -25,7 +26,7 @@ class DepthImages:
 
     Args:
         verb: of the run, for messages.
-        path: of the image or the folder.
+        path: of the image or the folder; `example` is the image that comes with scenefw.
         intrinsics: file with the intrinsics of .png and .npy images; None looks beside them.
         depth_scale: metres per unit of integer depth; None = that of the format, else millimetres.
         masks: folder of masks of objects, NAME.png for each image, or such a file (see
@@ -52,7 +53,7 @@ class DepthImages:
             raise ConfigError(f"run.depth_scale = {depth_scale}: expected metres per unit, above 0")
         if output is not None:
             require_apart(output, path)
-        self.path = Path(path)
+        self.path = image_path(path)
         self._options: dict[str, Any] = {"intrinsics": intrinsics, "depth_scale": depth_scale}
         self._masks = None if masks is None else Path(masks)
 

@@ -1,7 +1,11 @@
+from pathlib import Path
+
+import numpy as np
 import pytest
 
 from scenefw.core import assets
 from scenefw.core.errors import CheckpointError
+from scenefw.data.files.readers import read_frame
 from scenefw.learning.checkpoint import shipped_checkpoint, weights_file
 
 
@@ -27,3 +31,18 @@ def test_names_that_nobody_or_several_have(plugin):
     (plugin / "simstack.safetensors").write_bytes(b"x")
     with pytest.raises(CheckpointError, match=f"come with .*assets and {plugin}; give the file"):
         weights_file("simstack")
+
+
+def test_the_example_has_a_name_that_a_file_may_take(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert assets.image_path("example") == assets.example_image()
+    assert assets.image_path("./other.npz") == Path("other.npz")
+    Path("example").mkdir()
+    assert assets.image_path("example") == Path("example")
+
+
+def test_the_example_is_a_depth_image_with_colour():
+    frame = read_frame(assets.example_image())
+    assert frame.depth.shape == (480, 640)
+    assert frame.colour is not None
+    assert 0.5 < np.median(frame.depth[frame.depth > 0]) < 1.5
