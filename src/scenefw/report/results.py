@@ -6,6 +6,7 @@ from scenefw.core.protocols import Result
 from scenefw.report.blocks import Section
 from scenefw.report.console import print_tables
 from scenefw.report.protocols import Gallery, Presentation
+from scenefw.report.tables import Table
 
 EXAMPLES = "Predictions beside ground truth"
 
@@ -13,7 +14,7 @@ EXAMPLES = "Predictions beside ground truth"
 def result_sections(
     result: Result, presentation: Presentation, gallery: Gallery, folder: Path
 ) -> list[Section]:
-    """Prints the tables of a result; its sections, examples in second place if there are any.
+    """Prints the first tables of a result; its sections, examples second if there are any.
 
     Args:
         result: of an evaluation.
@@ -25,6 +26,9 @@ def result_sections(
         StorageError: the folder can't be written.
     """
     sections = list(presentation.sections(result, folder))
-    print_tables(sections)
+    with_tables = [s for s in sections if any(isinstance(block, Table) for block in s.blocks)]
+    print_tables(with_tables[:1])
+    if with_tables[1:]:
+        print(f"more tables: {', '.join(section.title for section in with_tables[1:])}")
     examples = tuple(gallery.show())
     return [*sections[:1], *([Section(EXAMPLES, examples)] if examples else []), *sections[1:]]

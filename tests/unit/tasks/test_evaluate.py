@@ -5,10 +5,11 @@ import json
 import pytest
 
 from scenefw.core.measures import Measure
-from scenefw.report.blocks import Picture
+from scenefw.report.blocks import Picture, Section
 from scenefw.report.nothing import NoGallery
 from scenefw.report.page import Page
 from scenefw.report.presentation import Figures
+from scenefw.report.tables import Table
 from scenefw.tasks.evaluate import Evaluate
 
 
@@ -45,6 +46,23 @@ def test_figures_page_and_tables(tmp_path, capsys):
 def test_without_examples_there_is_no_section_of_them(tmp_path):
     Evaluate(_Evaluation(), Figures(), NoGallery(), Page(), tmp_path).run()
     assert "Predictions" not in (tmp_path / "report.html").read_text()
+
+
+class _Tables:
+    def sections(self, result, folder):
+        return [
+            Section(title, (Table(title, (), ((title.lower(), ()),)),))
+            for title in ("Skill", "Shapes")
+        ]
+
+
+def test_the_console_shows_the_first_table_and_names_the_others(tmp_path, capsys):
+    Evaluate(_Evaluation(), _Tables(), NoGallery(), Page(), tmp_path).run()
+    printed = capsys.readouterr().out
+    assert "skill" in printed
+    assert "shapes" not in printed
+    assert "more tables: Shapes" in printed
+    assert "shapes" in (tmp_path / "report.html").read_text()
 
 
 PLUGIN = """
