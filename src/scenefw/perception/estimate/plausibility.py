@@ -9,22 +9,20 @@ import numpy as np
 from scipy.spatial import cKDTree
 from skimage.measure import marching_cubes
 
-from scenefw.core import rng
 from scenefw.core.types import TriangleMesh
 from scenefw.perception.estimate.objects import estimate_objects
 from scenefw.perception.evidence.mesh_distances import distances_to, mesh_volumes
+from scenefw.perception.evidence.object_depth import object_depth, stride
 from scenefw.perception.observation.image_turns import turned_pixels
 from scenefw.perception.observation.object_masks import footprint_hull
+from scenefw.shapes.moments import moments
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
     from scenefw.core.types import Float32, Float64, SceneEstimate
     from scenefw.perception.observation.observation import Observation
 
-_SAMPLES = 4000  # places in a box about an object
 _MIN_POINTS = 10  # visible ones that say something about an object
 _MAX_FREE_RATIO = 0.15  # of an object that may lie before what was measured
 _MAX_LENGTH_RATIO = 2.0  # to that of what is visible
@@ -89,6 +87,8 @@ class _Checks:
         self.depth: Float32 = view.depth
         if view.source is not None:
             self.depth = turned_pixels(view.source.depth, view.turns)
+        self.stride = stride(view.camera)
+        self.depth = self.depth[:: self.stride, :: self.stride]
         masks = estimate.masks
         assert masks is not None
         measured = np.isfinite(view.points[..., 2])
@@ -98,8 +98,8 @@ class _Checks:
 
     def flaws(self, mesh: TriangleMesh, label: int) -> float:
         """0 if a closed mesh contradicts nothing; else in how many ways, and how much."""
-        low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-        flaws = float(-low[2] > self.margin)
+        lowest = float(mesh.vertices[:, 2].min())
+        flaws = float(-lowest > self.margin)
         visible = self.visible[label]
         if len(visible) > _MIN_POINTS:
             length, visible_length = (
@@ -107,9 +107,9 @@ class _Checks:
                 np.ptp(visible, axis=0).max(),
             )
             flaws += float(length > _MIN_LONG and length > _MAX_LENGTH_RATIO * visible_length)
-        free = self._free_ratio(mesh, low, high)
+        free = self._free_ratio(mesh)
         flaws += free if free > _MAX_FREE_RATIO else 0.0
-        return flaws + float(low[2] > _GAP and self._hovers(mesh, label))
+        return flaws + float(lowest > _GAP and self._hovers(mesh, label))
 
     def humbler(self, label: int) -> Iterator[TriangleMesh]:
         """Closed meshes of what is visible of an object, the boldest first."""
@@ -135,25 +135,18 @@ class _Checks:
         ]
         return max([float(h) for h in heights if h < lowest + self.margin], default=0.0)
 
-    def _free_ratio(self, mesh: TriangleMesh, low: Float64, high: Float64) -> float:
-        """Share of a mesh's volume that lies before what was measured, by more than a voxel."""
-        places = rng.generator(0).uniform(low, high, (_SAMPLES, 3))
-        is_free, distances = self._is_free(places), distances_to(mesh)
-        free_count = distances.inside(places[is_free]).sum()
-        if not free_count:
-            return 0.0
-        return float(free_count / (free_count + distances.inside(places[~is_free]).sum()))
+    def _free_ratio(self, mesh: TriangleMesh) -> float:
+        """Ratio of a mesh's volume that lies before what was measured, by more than a voxel.
 
-    def _is_free(self, places: Float64) -> NDArray[np.bool_]:
-        """Which places (N, 3) lie before what was measured, by more than a voxel."""
-        camera, pose = self.camera, self.camera.T_world_camera
-        x, y, z = ((places - pose[:3, 3]) @ pose[:3, :3]).T
-        column = np.rint(camera.fx * x / z + camera.cx)
-        row = np.rint(camera.fy * y / z + camera.cy)
-        inside = (z > 0) & (row >= 0) & (row < camera.height) & (column >= 0)
-        inside &= column < camera.width
-        rows, columns = (np.where(inside, v, 0).astype(int) for v in (row, column))
-        return np.asarray(inside & (self.depth[rows, columns] > z + self.margin))
+        A ray counts up to where it leaves the mesh for the first time, with the volume of its
+        pixel's pyramid: the integral of depth^2 over depth, by both focal lengths.
+        """
+        depth = object_depth(mesh, self.camera)
+        measured = self.depth[depth.box]
+        end = np.where(measured > 0, np.minimum(depth.back, measured - self.margin), 0.0)
+        pyramids = np.maximum(end**3 - depth.front**3, 0.0).sum() / 3
+        free = pyramids * self.stride**2 / (self.camera.fx * self.camera.fy)
+        return float(free / max(moments(mesh).volume, free, np.finfo(float).tiny))
 
     def _hovers(self, mesh: TriangleMesh, label: int) -> bool:
         """Whether nothing is close to the lowest part of a mesh."""

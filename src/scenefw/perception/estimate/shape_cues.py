@@ -6,12 +6,10 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
+from scipy.ndimage import find_objects
 
-from scenefw.core.geometry import inverse, transform_points
-from scenefw.kernels.meshes import NOTHING
 from scenefw.metrics.sampling import face_areas
-from scenefw.perception.evidence.mesh_distances import distances_to
+from scenefw.perception.evidence.object_depth import object_depth, stride
 from scenefw.perception.observation.image_turns import turned_pixels
 from scenefw.shapes.moments import moments
 
@@ -19,6 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from scenefw.core.types import Camera, Float32, Float64, ObjectEstimate, SceneEstimate
+    from scenefw.perception.evidence.object_depth import Box
     from scenefw.perception.observation.observation import Observation
 
 CUES: Mapping[str, int] = {
@@ -37,8 +36,6 @@ CUES: Mapping[str, int] = {
 Distances are square roots of multiples of its thickness, volume by surface: a shape that is off by
 a small part of it all over has lost about as large a part of its volume.
 """
-_MAX_RAYS = 4000  # of an object
-_MIN_DEPTH = 0.01  # m from the camera: what is nearer has no pixel
 _MIN_VOLUME, _MIN_AREA = 1e-9, 1e-6  # m^3, m^2: of a cube of 1 mm
 _MAX_RATIO = 3.0  # of distances to a thickness: with more, hardly any overlap is left
 
@@ -59,21 +56,33 @@ def shape_cues(
     masks = estimate.masks
     assert masks is not None
     sigma = float(np.median(view.noise.at(depth[depth > 0]))) if (depth > 0).any() else 0.0
+    step = stride(view.camera)
+    depth, masks = depth[::step, ::step], masks[::step, ::step]
+    boxes: dict[int, Box] = {
+        label: box for label, box in enumerate(find_objects(masks), start=1) if box is not None
+    }
     return {
         item.id: {"agreement": agreement.get(item.id, 1.0)}
-        | _cues(item, view.camera, depth, masks == item.id, sigma)
+        | _cues(item, view.camera, depth, masks == item.id, boxes.get(item.id), sigma)
         for item in estimate.objects
     }
 
 
 def _cues(
-    item: ObjectEstimate, camera: Camera, depth: Float32, mask: NDArray[np.bool_], sigma: float
+    item: ObjectEstimate,
+    camera: Camera,
+    depth: Float32,
+    mask: NDArray[np.bool_],
+    mask_box: Box | None,
+    sigma: float,
 ) -> dict[str, float]:
     volume = max(moments(item.mesh).volume, _MIN_VOLUME)
     thickness = volume / max(float(face_areas(item.mesh).sum()), _MIN_AREA)
-    rows, columns = _pixels(item, camera, mask)
-    front = _front(item, camera, rows, columns)
-    measured, shown = depth[rows, columns].astype(np.float64), mask[rows, columns]
+    outline_depth = object_depth(item.mesh, camera)
+    box = _union(outline_depth.box, mask_box)
+    front = np.zeros(depth.shape)
+    front[outline_depth.box] = outline_depth.front
+    front, measured, shown = front[box], depth[box].astype(np.float64), mask[box]
     hit, valid = front > 0, measured > 0
     hides = hit & valid & ~shown & (measured < front)
     outline = hit & ~hides
@@ -90,35 +99,16 @@ def _cues(
     }
 
 
-def _pixels(
-    item: ObjectEstimate, camera: Camera, mask: NDArray[np.bool_]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows and columns of pixels in the box about an object's outline and its mask, evenly."""
-    x, y, z = transform_points(inverse(camera.T_world_camera), item.mesh.vertices).T
-    ahead = z > _MIN_DEPTH
-    rows, columns = np.nonzero(mask)
-    rows = np.append(rows, (camera.fy * y / np.maximum(z, _MIN_DEPTH) + camera.cy)[ahead])
-    columns = np.append(columns, (camera.fx * x / np.maximum(z, _MIN_DEPTH) + camera.cx)[ahead])
-    if not len(rows):
-        return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    top, left = (max(int(values.min()) - 1, 0) for values in (rows, columns))
-    bottom = max(min(int(rows.max()) + 2, mask.shape[0]), top)  # none, if it is beside the image
-    right = max(min(int(columns.max()) + 2, mask.shape[1]), left)
-    step = max(1, int(np.ceil(np.sqrt((bottom - top) * (right - left) / _MAX_RAYS))))
-    v, u = np.mgrid[top:bottom:step, left:right:step]
-    return v.ravel(), u.ravel()
-
-
-def _front(
-    item: ObjectEstimate, camera: Camera, rows: NDArray[np.int64], columns: NDArray[np.int64]
-) -> Float64:
-    """Depth (N,) of an object in pixels (m), 0 where it isn't."""
-    u, v = (columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy
-    rays = np.zeros((len(u), 6), np.float32)
-    rays[:, :3] = camera.T_world_camera[:3, 3]
-    rays[:, 3:] = np.stack([u, v, np.ones(len(u))], axis=1) @ camera.T_world_camera[:3, :3].T
-    distance, hit, _ = distances_to(item.mesh).tree.cast(torch.from_numpy(rays), table=False)
-    return np.where(hit.numpy() != NOTHING, distance.numpy(), 0.0).astype(np.float64)
+def _union(box: Box, other: Box | None) -> Box:
+    """The smallest box about both; one without pixels, or None, adds nothing."""
+    boxes = [b for b in (box, other) if b is not None and all(side.stop > side.start for side in b)]
+    if not boxes:
+        return box
+    rows, columns = (
+        slice(min(side.start for side in sides), max(side.stop for side in sides))
+        for sides in zip(*boxes, strict=True)
+    )
+    return rows, columns
 
 
 def _ratio(part: NDArray[np.bool_], whole: NDArray[np.bool_]) -> float:

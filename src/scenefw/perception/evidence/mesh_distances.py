@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 _MAX_SIDE = 0.012  # m: longer sides are divided, so that the nearest triangle is one of a few
 _NEIGHBOURS = 8  # triangles whose distance is computed, by distance of their middle
 _MAX_CROSSINGS = 64  # of a ray with a surface at most
-_STEP = np.float32(1e-6)  # m, past a crossing
+PAST_CROSSING = np.float32(1e-6)
+"""From a crossing of a ray to where it goes on (m): more than what float32 rounds."""
 _RAY_OFFSET = (3.1e-7, 7.3e-7)  # m: rays through edges of axis-aligned meshes would count twice
 
 
@@ -52,7 +53,7 @@ class MeshDistances:
             distance, hit = self._cast(start[active_rays], 1.0)
             active_rays, distance = active_rays[hit], distance[hit]
             odd_mask[active_rays] ^= True
-            start[active_rays, 2] += distance + _STEP
+            start[active_rays, 2] += distance + PAST_CROSSING
         inside[rows] = odd_mask
         return inside
 

@@ -1,0 +1,110 @@
+"""Where the rays of a camera enter and leave single objects, in every few pixels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from scenefw.core.geometry import inverse, transform_points
+from scenefw.core.weak_cache import cached_by_identity
+from scenefw.kernels.meshes import NOTHING
+from scenefw.perception.evidence.mesh_distances import PAST_CROSSING, distances_to
+from scenefw.perception.observation.pixels import COARSE_WIDTH
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from scenefw.core.types import Camera, Float32, Float64, TriangleMesh
+
+    Box = tuple[slice, slice]
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectDepth:
+    """Depth of an object by itself, along the camera's axis (m), in pixels of `coarse(image)`.
+
+    Args:
+        box: rows and columns about its outline, in which (h, w) the others are.
+        front: where rays enter it, 0 where they miss.
+        back: where they leave it for the first time.
+    """
+
+    box: Box
+    front: Float64
+    back: Float64
+
+
+def stride(camera: Camera) -> int:
+    """Every how manieth row and column is looked at."""
+    return -(-camera.width // COARSE_WIDTH)
+
+
+def directions(camera: Camera, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Float64:
+    """Rays (h, w, 3) of pixels in world coordinates, of depth 1."""
+    v, u = np.meshgrid(
+        (rows - camera.cy) / camera.fy, (columns - camera.cx) / camera.fx, indexing="ij"
+    )
+    rotation = camera.T_world_camera[:3, :3]
+    return np.asarray(np.stack([u, v, np.ones_like(u)], axis=-1) @ rotation.T)
+
+
+def object_depth(mesh: TriangleMesh, camera: Camera) -> ObjectDepth:
+    """The depth of a closed mesh, computed once for each camera."""
+    depths = _depths(mesh)
+    numbers = [camera.width, camera.height], camera.matrix.ravel(), camera.T_world_camera.ravel()
+    key = np.concatenate(numbers).astype(np.float32).tobytes()  # kernels have them in float32
+    if key not in depths:
+        depths[key] = _object_depth(mesh, camera)
+    return depths[key]
+
+
+@cached_by_identity
+def _depths(_mesh: TriangleMesh) -> dict[bytes, ObjectDepth]:
+    return {}
+
+
+def _object_depth(mesh: TriangleMesh, camera: Camera) -> ObjectDepth:
+    step = stride(camera)
+    box = _box(mesh.vertices, camera, step)
+    rows, columns = (np.arange(side.start, side.stop) * step for side in box)
+    rays = np.zeros((len(rows) * len(columns), 6), np.float32)
+    rays[:, 3:] = directions(camera, rows, columns).reshape(-1, 3)
+    rays[:, :3] = camera.T_world_camera[:3, 3]
+    front = _cast(mesh, rays)
+    hit = np.isfinite(front)
+    inner = rays[hit]
+    inner[:, :3] += (front[hit] + PAST_CROSSING)[:, None] * inner[:, 3:]
+    depths = np.zeros((2, len(rows), len(columns)))
+    depths[0].ravel()[hit] = front[hit]
+    depths[1].ravel()[hit] = (
+        front[hit] + PAST_CROSSING + np.nan_to_num(_cast(mesh, inner), posinf=0)
+    )
+    return ObjectDepth(box, *depths)
+
+
+def _cast(mesh: TriangleMesh, rays: Float32) -> Float32:
+    """How often its direction each ray (N, 6) goes to the mesh; infinity: it misses."""
+    distance, hit, _ = distances_to(mesh).tree.cast(torch.from_numpy(rays), table=False)
+    return np.where(hit.numpy() != NOTHING, distance.numpy(), np.float32(np.inf))
+
+
+def _box(vertices: Float64, camera: Camera, step: int) -> Box:
+    """Rows and columns, in steps, about the outline of vertices (N, 3)."""
+    x, y, z = transform_points(inverse(camera.T_world_camera), vertices).T
+    ahead = z > 0
+    if not ahead.any():
+        return slice(0, 0), slice(0, 0)
+    x, y, z = x[ahead], y[ahead], z[ahead]
+    return (
+        _side(camera.fy * y / z + camera.cy, camera.height, step),
+        _side(camera.fx * x / z + camera.cx, camera.width, step),
+    )
+
+
+def _side(pixels: Float64, size: int, step: int) -> slice:
+    low, high = np.clip([pixels.min(), pixels.max()], -step, size - 1 + step) / step
+    count = -(-size // step)
+    return slice(min(max(int(np.floor(low)), 0), count), min(int(np.ceil(high)) + 1, count))
