@@ -5,7 +5,7 @@ import re
 import pytest
 from omegaconf import OmegaConf
 
-from scenefw import config, registry
+from scenefw import config, plugins, registry
 from scenefw.renamed_settings import DELETED, OPTIONS, VIEWS, instead_of, new_name
 
 
@@ -55,6 +55,7 @@ def test_checkpoints_are_called_as_their_networks(network):
 
 
 def test_each_evaluation_has_rows_named_by_method():
+    plugins.activate()
     for name, part in {
         "evaluation=reconstruction": "evaluation.methods.drawn_codes",
         "evaluation=object_sets": "evaluation.methods.set_network",

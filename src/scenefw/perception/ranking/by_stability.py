@@ -48,7 +48,7 @@ class StabilityRanking:
         engine: Engine,
         bodies: BodyMaker,
         steps: int = 2400,
-        unit: float = 0.1,
+        unit: float = 0.06,
         max_displacement: float = 0.2,
     ) -> None:
         COUNT.require(steps=steps)
