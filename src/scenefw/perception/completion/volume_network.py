@@ -12,6 +12,7 @@ from scenefw.core.batches import Completion
 from scenefw.core.errors import ConfigError
 from scenefw.data.batches.conditioning import condition, require_grid
 from scenefw.perception.steps import Objects, ObjectSet
+from scenefw.postprocessing.hough_voting import HoughVoting
 from scenefw.representations.tsdf import TSDF
 from scenefw.representations.vote_field import VoteField
 
@@ -41,7 +42,7 @@ class VolumeNetwork:
 
     Args:
         checkpoint: a loaded checkpoint; its grid is the grid of everything here.
-        extractor: from TSDF and centre votes to instances.
+        extractor: from TSDF and centre votes to instances; None: Hough voting.
         device: where the network runs.
         smoothing: standard deviation (voxels) of a Gaussian over predicted distances, 0 for none.
             The network's last layer predicts blocks of 2^3 voxels, whose pattern would show as
@@ -61,7 +62,7 @@ class VolumeNetwork:
     def __init__(
         self,
         checkpoint: TrainedOnGrid[ShapeInstanceModel],
-        extractor: InstanceExtractor,
+        extractor: InstanceExtractor | None = None,
         device: str = "cpu",
         smoothing: float = 0.6,
         temperature: float = 1.0,
@@ -82,7 +83,7 @@ class VolumeNetwork:
         _require_outputs(self.representations, checkpoint.model.outputs)
         self.grid = checkpoint.grid
         self.metadata = dict(checkpoint.metadata)
-        self.extractor = extractor
+        self.extractor = HoughVoting() if extractor is None else extractor
         self.smoothing, self.temperature = smoothing, temperature
         self.typical_first, self.coupled = typical_first, coupled
         self.device = torch.device(device)
