@@ -108,7 +108,7 @@ def test_many_pixels_are_warned_of_with_a_remedy_that_helps(frame):
 )
 def test_workspace_warnings(frame, distance, size, left_out, deviation, words):
     pose = np.eye(4)
-    pose[2, 3] = 0.1 + distance
+    pose[2, 3] = size / 2 + distance  # from the middle of the objects
     placed = replace(frame, camera=frame.camera.moved(pose))
     everywhere = np.ones(frame.depth.shape, dtype=bool)
     workspace = Workspace(
