@@ -93,7 +93,6 @@ DELETED: Mapping[str, str] = {
     "dataset=stacks_and_scattered_v1": "dataset=stacks_v1 'dataset.path=[stacks_v1,scattered_v1]'",
     "segmentation.floor_sigmas": _FLOOR,
     "segmentation.waves": _FLOOR,
-    "parts.waves": _FLOOR,
     "segmentation.colours.smoothing": _SMOOTHED,
     "edges.colour.smoothing": _SMOOTHED,
     "observer.workspace.margin": "nothing: objects stay a voxel from the sides of the cube",
