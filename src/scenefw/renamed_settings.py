@@ -35,6 +35,8 @@ OPTIONS: Mapping[str, str] = {
 _BEST = "reconstructor=set_extents, which is better"
 _FITS = "evaluation=draws, which has the methods that are better"
 _ALONE = "nothing: there is no other, and its settings are typed as grid.extent=2 is"
+_FLOOR = "segmentation.floor_margin; the floor's noise adds three standard deviations"
+_SMOOTHED = "nothing: images are smoothed by a pixel of one 640 wide"
 _SWITCHES = "the settings that it changed, as model.zero_share=0 (docs/training.md#sweeps)"
 DELETED: Mapping[str, str] = {
     "paths=default": _ALONE,
@@ -89,6 +91,11 @@ DELETED: Mapping[str, str] = {
     "checkpoints.queries": _BEST,
     "dataset=scattered_v1": "dataset=stacks_v1 dataset.path=scattered_v1",
     "dataset=stacks_and_scattered_v1": "dataset=stacks_v1 'dataset.path=[stacks_v1,scattered_v1]'",
+    "segmentation.floor_sigmas": _FLOOR,
+    "segmentation.waves": _FLOOR,
+    "segmentation.colours.smoothing": _SMOOTHED,
+    "edges.colour.smoothing": _SMOOTHED,
+    "observer.workspace.margin": "nothing: objects stay a voxel from the sides of the cube",
     "run=headline": "run=publish, with run.results=[FOLDER,...]",
     "run=pictures": "run=publish, with input=FOLDER",
     "experiment=simstack_ablation": f"-m and {_SWITCHES}",
@@ -115,7 +122,6 @@ KEYS: Mapping[str, str] = {
     "segmentation.shown": "segmentation.min_object_probability",
     "segmentation.pixel": "segmentation.min_pixel_probability",
     "segmentation.margin": "segmentation.floor_margin",
-    "segmentation.waves": "segmentation.floor_sigmas",
     "segmentation.smallest": "segmentation.min_pixels",
     "segmentation.lowest": "segmentation.min_height",
     "segmentation.noisy": "segmentation.min_height_sigmas",
@@ -148,7 +154,6 @@ KEYS: Mapping[str, str] = {
     "parts.shown": "segmentation.min_object_probability",
     "parts.pixel": "segmentation.min_pixel_probability",
     "parts.margin": "segmentation.floor_margin",
-    "parts.waves": "segmentation.floor_sigmas",
     "parts.smallest": "segmentation.min_pixels",
     "parts.lowest": "segmentation.min_height",
     "parts.noisy": "segmentation.min_height_sigmas",

@@ -8,6 +8,7 @@ from scenefw.perception.evidence.tolerances import Tolerances
 TOLERANCES = Tolerances(
     point_sigma=0.003,
     outside_sigma=0.004,
+    floor_margin=0.005,
     min_height=0.015,
     min_pixels=60,
     inlier_distance=0.006,

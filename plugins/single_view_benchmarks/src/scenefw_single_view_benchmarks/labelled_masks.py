@@ -1,7 +1,7 @@
 """Predicted instances against labelled depth images (overlap, boundary, object count)."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Literal, Protocol
 
@@ -312,7 +312,7 @@ class LabelledMasks:
     ) -> dict[str, Scored]:
         """Both methods without points up to this height (m)."""
         heights = world_points(frame)[..., 2]
-        plain = self._plain(self.reference.with_margin(margin), frame)
+        plain = self._plain(replace(self.reference, floor_margin=margin), frame)
         masks = {"scores": mine, "reference": plain}
         return {
             source: self._compare(_above(labels, heights, margin), true)

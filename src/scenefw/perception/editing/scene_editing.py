@@ -42,9 +42,6 @@ Objects = tuple[ObjectEstimate, ...]
 
 _MAX_DISTANCE = 100.0  # m, of centres from the origin
 _MAX_FACTOR = 1000.0  # of scaling
-_MIN_AXIS_LENGTH = 1e-9  # of an axis of turning
-_MAX_VOXELS = 128  # per side of a grid that grows
-_CONFIDENCE = 1.0  # of an object that somebody has added
 _IMAGE_DETAILS = (CAMERA_IN_BASE, "floor", "checkpoint", "samples", "seed")
 """Details that hold after edits too."""
 
@@ -95,7 +92,7 @@ def moved_by(
     direction = _vector(axis, "the axis")
     require_number(turn, "turn", "degrees")
     length = float(np.linalg.norm(direction))
-    if length < _MIN_AXIS_LENGTH or not np.isfinite(turn):
+    if length == 0 or not np.isfinite(turn):
         raise InputError(
             f"turn {turn} about {list(direction)}: expected degrees and an axis, not 0"
         )
@@ -171,7 +168,7 @@ def added(
             "scene[1], or a PlacedShape"
         )
     if isinstance(item, PlacedShape):
-        (new_item,) = estimate_objects({label: item.mesh()}, {label: _CONFIDENCE}, {label: item})
+        (new_item,) = estimate_objects({label: item.mesh()}, {label: 1.0}, {label: item})  # certain
     else:
         new_item = replace(item, id=label)
     shift = rigid(np.eye(3), _vector(by, "the move"))
@@ -224,9 +221,9 @@ def with_objects(estimate: SceneEstimate, objects: Objects) -> SceneEstimate:
     """The scene with other objects: its volumes are made of their meshes.
 
     Vessels have a lid on there, as in predicted volumes: voxels are thicker than walls.
-    The grid grows where objects lie outside; its voxels do only beyond 128 per side. What the image
-    shows stays: the frame, obstacles, and the masks of objects that are still there with their own
-    shapes.
+    The grid grows where objects lie outside; its voxels do only beyond twice as many per side.
+    What the image shows stays: the frame, obstacles, and the masks of objects that are still there
+    with their own shapes.
     Volumes of other representations go, and so do details that are of the prediction alone.
 
     Args:
@@ -278,7 +275,7 @@ def _grid_around(grid: GridSpec, objects: Objects) -> GridSpec:
     low, high = np.minimum(low, lower), np.maximum(high, upper)
     extent = float((high - low).max())
     low[:2] -= (extent - (high - low)[:2]) / 2
-    voxels = min(int(np.ceil(extent / grid.voxel_size)), max(_MAX_VOXELS, grid.resolution))
+    voxels = min(int(np.ceil(extent / grid.voxel_size)), 2 * grid.resolution)
     return replace(grid, resolution=voxels, extent=extent, lower=tuple(low.tolist()))
 
 

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.core.files import utf8_text
 from scenefw.core.types import (
     Camera,
     Frame,
@@ -23,8 +22,11 @@ from scenefw.core.types import (
     SceneEstimate,
     TriangleMesh,
 )
+from scenefw.data.files.structured import read_text
 from scenefw.perception.editing.scene_editing import with_objects
 from scenefw.perception.estimate.base_frame import from_base
+from scenefw.perception.observation.known_floor import MAX_LENGTH_ERROR
+from scenefw.perception.observation.object_masks import MAX_ID
 from scenefw.shapes.solid_mesh import closed
 from scenefw.shapes.superellipsoid import Superellipsoid
 from scenefw.shapes.superquadric import Superquadric
@@ -38,9 +40,6 @@ MASKS = "masks.png"
 _SCENE_KEYS = ("name", "objects", "obstacles", "camera", "support_graph", "versions")
 """The other keys are details."""
 _KINDS = ("superquadric", "superellipsoid", "vessel")
-_MAX_BYTES = 64 * 2**20  # of a file
-_MAX_ID = 9999  # of an object
-_ORTHONORMAL_TOLERANCE = 1e-3  # of rotations and the length of quaternions
 
 
 def read_scene(path: str | Path) -> SceneEstimate:
@@ -74,8 +73,8 @@ def read_scene(path: str | Path) -> SceneEstimate:
             "scene.json that run=predict wrote"
         ) from error
     ids = [item.id for item in objects]
-    if len({*ids}) < len(ids) or not all(1 <= label <= _MAX_ID for label in ids):
-        raise InputError(f"{path} has objects {ids}; expected different ids from 1 to {_MAX_ID}")
+    if len({*ids}) < len(ids) or not all(1 <= label <= MAX_ID for label in ids):
+        raise InputError(f"{path} has objects {ids}; expected different ids from 1 to {MAX_ID}")
     frame = Frame(np.zeros((camera.height, camera.width), np.float32), camera, name=name)
     volume = np.full(grid.shape, grid.truncation, dtype=np.float32)
     details = {key: value for key, value in record.items() if key not in _SCENE_KEYS}
@@ -88,13 +87,11 @@ def read_scene(path: str | Path) -> SceneEstimate:
 
 
 def _read_json(path: Path) -> dict[str, Any]:
+    if not path.exists():
+        raise InputError(f"there is no {path}; give a scene.json that run=predict wrote")
     try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise InputError(f"{path} is larger than 64 MiB, so no scene.json")
-        record = json.loads(utf8_text(path))
-    except FileNotFoundError as error:
-        raise InputError(f"there is no {path}; give a scene.json that run=predict wrote") from error
-    except (OSError, ValueError, RecursionError) as error:
+        record = json.loads(read_text(path))
+    except (ValueError, RecursionError) as error:
         raise InputError(
             f"{path} can't be read as JSON ({str(error).splitlines()[0]}); give a scene.json that "
             "run=predict wrote"
@@ -199,7 +196,7 @@ def _placed_shape(record: dict[str, Any] | None) -> PlacedShape | None:
 def _pose(record: dict[str, Any]) -> Pose:
     quaternion = _numbers(record["quaternion"], 4)
     length = float(np.linalg.norm(quaternion))
-    if abs(length - 1) > _ORTHONORMAL_TOLERANCE:
+    if abs(length - 1) > MAX_LENGTH_ERROR:
         raise ValueError(f"quaternion {quaternion.tolist()} is not of length 1")
     return Pose(_numbers(record["position"], 3), quaternion / length)
 
@@ -207,7 +204,7 @@ def _pose(record: dict[str, Any]) -> Pose:
 def _camera(record: dict[str, Any]) -> Camera:
     pose = np.array(record["T_world_camera"], dtype=np.float64)
     rotation = pose[:3, :3] if pose.shape == (4, 4) else np.zeros((3, 3))
-    rigid = np.allclose(rotation @ rotation.T, np.eye(3), atol=_ORTHONORMAL_TOLERANCE)
+    rigid = np.allclose(rotation @ rotation.T, np.eye(3), atol=MAX_LENGTH_ERROR)
     if not rigid or not np.isfinite(pose).all() or not np.allclose(pose[3], (0, 0, 0, 1)):
         raise ValueError("T_world_camera is no rigid 4 x 4 matrix")
     width, height = int(record["width"]), int(record["height"])

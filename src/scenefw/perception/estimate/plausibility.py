@@ -12,9 +12,10 @@ from skimage.measure import marching_cubes
 from scenefw.core.types import TriangleMesh
 from scenefw.perception.estimate.objects import estimate_objects
 from scenefw.perception.evidence.mesh_distances import distances_to, mesh_volumes
-from scenefw.perception.evidence.object_depth import object_depth, stride
+from scenefw.perception.evidence.object_depth import object_depth
 from scenefw.perception.observation.image_turns import turned_pixels
 from scenefw.perception.observation.object_masks import footprint_hull
+from scenefw.perception.observation.pixels import coarse_step
 from scenefw.shapes.moments import moments
 
 if TYPE_CHECKING:
@@ -87,7 +88,7 @@ class _Checks:
         self.depth: Float32 = view.depth
         if view.source is not None:
             self.depth = turned_pixels(view.source.depth, view.turns)
-        self.stride = stride(view.camera)
+        self.stride = coarse_step(view.camera.width)
         self.depth = self.depth[:: self.stride, :: self.stride]
         masks = estimate.masks
         assert masks is not None

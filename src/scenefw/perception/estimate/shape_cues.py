@@ -9,8 +9,9 @@ import numpy as np
 from scipy.ndimage import find_objects
 
 from scenefw.metrics.sampling import face_areas
-from scenefw.perception.evidence.object_depth import object_depth, stride
+from scenefw.perception.evidence.object_depth import object_depth
 from scenefw.perception.observation.image_turns import turned_pixels
+from scenefw.perception.observation.pixels import coarse_step
 from scenefw.shapes.moments import moments
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ def shape_cues(
     masks = estimate.masks
     assert masks is not None
     sigma = float(np.median(view.noise.at(depth[depth > 0]))) if (depth > 0).any() else 0.0
-    step = stride(view.camera)
+    step = coarse_step(view.camera.width)
     depth, masks = depth[::step, ::step], masks[::step, ::step]
     boxes: dict[int, Box] = {
         label: box for label, box in enumerate(find_objects(masks), start=1) if box is not None

@@ -12,7 +12,7 @@ from scenefw.core.geometry import inverse, transform_points
 from scenefw.core.weak_cache import cached_by_identity
 from scenefw.kernels.meshes import NOTHING
 from scenefw.perception.evidence.mesh_distances import PAST_CROSSING, distances_to
-from scenefw.perception.observation.pixels import COARSE_WIDTH
+from scenefw.perception.observation.pixels import coarse_step
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class ObjectDepth:
-    """Depth of an object by itself, along the camera's axis (m), in pixels of `coarse(image)`.
+    """Depth of an object by itself, along the camera's axis (m), in every `coarse_step`-th pixel.
 
     Args:
         box: rows and columns about its outline, in which (h, w) the others are.
@@ -35,11 +35,6 @@ class ObjectDepth:
     box: Box
     front: Float64
     back: Float64
-
-
-def stride(camera: Camera) -> int:
-    """Every how manieth row and column is looked at."""
-    return -(-camera.width // COARSE_WIDTH)
 
 
 def directions(camera: Camera, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Float64:
@@ -67,7 +62,7 @@ def _depths(_mesh: TriangleMesh) -> dict[bytes, ObjectDepth]:
 
 
 def _object_depth(mesh: TriangleMesh, camera: Camera) -> ObjectDepth:
-    step = stride(camera)
+    step = coarse_step(camera.width)
     box = _box(mesh.vertices, camera, step)
     rows, columns = (np.arange(side.start, side.stop) * step for side in box)
     rays = np.zeros((len(rows) * len(columns), 6), np.float32)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -30,6 +30,7 @@ class Surround(Protocol):
         """Cameras that see a sphere (m)."""
 
 
+@dataclass(frozen=True, eq=False)
 class AllSides:
     """Decomposes complete volumes into objects, as if cameras had seen them from all sides.
 
@@ -45,15 +46,10 @@ class AllSides:
         mapping: from depth to partial TSDF.
     """
 
-    def __init__(
-        self,
-        reconstructor: SeveralViewsReconstructor,
-        cameras: Surround,
-        renderer: Renderer,
-        mapping: MappingMethod,
-    ) -> None:
-        self.reconstructor, self.cameras = reconstructor, cameras
-        self.renderer, self.mapping = renderer, mapping
+    reconstructor: SeveralViewsReconstructor
+    cameras: Surround
+    renderer: Renderer
+    mapping: MappingMethod
 
     def decompose(self, tsdf: Tensor, grid: GridSpec, generator: torch.Generator) -> Completion:
         """The objects of a volume.

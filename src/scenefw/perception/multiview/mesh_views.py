@@ -12,7 +12,9 @@ from scenefw.core.errors import InputError
 from scenefw.core.types import Float64, Frame, TriangleMesh
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.kernels.meshes import Tree
-from scenefw.perception.multiview.upright import turned_upright
+from scenefw.perception.multiview.upright import HALF_THICKNESS, MAX_HEIGHT, turned_upright
+from scenefw.perception.observation.floor import TABLE_HEIGHT
+from scenefw.perception.observation.pixels import coarse_step
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.observation.table_frame import TableFrame
 
@@ -22,11 +24,7 @@ if TYPE_CHECKING:
     from scenefw.core.types import Camera
     from scenefw.perception.multiview.all_sides import Surround
 
-# m under a plane: sides of what it is the top of, not the room's floor
-_DEPTH_RANGE_BELOW = (0.02, 0.3)
 _MAX_SHARE_BELOW = 0.1  # of what is seen, if the plane is a table
-_STRIDE = 4  # pixels
-_HEIGHT_RANGE = (0.015, 1.0)  # m: heights of what stands on the table
 _MAX_RADIUS = 0.55  # m: radius of what cameras try to see, so that they are near enough for a table
 _OUTLIER_PERCENTAGE = 0.5  # per cent of vertices at either end that don't say where a scene ends
 
@@ -77,9 +75,7 @@ class MeshViews:
         T, note = self._table(mesh, name)  # noqa: N806
         placed_mesh = TriangleMesh(geometry.transform_points(T, mesh.vertices), mesh.faces)
         height = placed_mesh.vertices[:, 2]
-        raised_points = placed_mesh.vertices[
-            (height > _HEIGHT_RANGE[0]) & (height < _HEIGHT_RANGE[1])
-        ]
+        raised_points = placed_mesh.vertices[(height > HALF_THICKNESS) & (height < MAX_HEIGHT)]
         if not len(raised_points):
             raise InputError(
                 f"nothing of {name} stands on the table, which is {note}; give a mesh in metres "
@@ -93,17 +89,20 @@ class MeshViews:
         """The transform (4, 4) to table coordinates, and how it was found."""
         frames = _views(mesh, self.cameras.around(*_ball(mesh.vertices)), name, table=False)
         alignment = self.table.alignment(frames[-1], posed=True)
-        points = np.concatenate([world_points(frame, _STRIDE).reshape(-1, 3) for frame in frames])
+        points = np.concatenate([_thinned_points(frame) for frame in frames])
         table_points = geometry.transform_points(
             alignment.T_table_world, points[~np.isnan(points[:, 2])]
         )
-        is_below = (table_points[:, 2] < -_DEPTH_RANGE_BELOW[0]) & (
-            table_points[:, 2] > -_DEPTH_RANGE_BELOW[1]
-        )
+        depth_below = -table_points[:, 2]  # of sides of what it is the top of, not a room's floor
+        is_below = (depth_below > HALF_THICKNESS) & (depth_below < TABLE_HEIGHT)
         if alignment.table and is_below.mean() < _MAX_SHARE_BELOW:
             return alignment.T_table_world, "a plane of the mesh"
         floor = float(np.percentile(mesh.vertices[:, 2], _OUTLIER_PERCENTAGE))
         return geometry.rigid(np.eye(3), (0.0, 0.0, -floor)), "at the lowest point of the mesh"
+
+
+def _thinned_points(frame: Frame) -> Float64:
+    return world_points(frame, coarse_step(frame.depth.shape[1])).reshape(-1, 3)
 
 
 def _views(mesh: TriangleMesh, cameras: Sequence[Camera], name: str, *, table: bool) -> list[Frame]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import permutations
 from typing import TYPE_CHECKING
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 _MIN_CONTACT_RATIO = 0.5
 
 
+@dataclass(frozen=True, eq=False)
 class SurfaceOverlap:
     """Joins parts of different images whose points lie on each other.
 
@@ -36,10 +38,12 @@ class SurfaceOverlap:
         ConfigError: a number is out of range.
     """
 
-    def __init__(self, inlier_distance: float = 0.006, min_ratio: float = 0.4) -> None:
-        POSITIVE.require(inlier_distance=inlier_distance)
-        PART.require(min_ratio=min_ratio)
-        self.inlier_distance, self.min_ratio = inlier_distance, min_ratio
+    inlier_distance: float = 0.006
+    min_ratio: float = 0.4
+
+    def __post_init__(self) -> None:
+        POSITIVE.require(inlier_distance=self.inlier_distance)
+        PART.require(min_ratio=self.min_ratio)
 
     def joined(self, parts: Sequence[Int32], points: Sequence[Float64]) -> NDArray[np.int64]:
         """A table (P + 1,) from numbers of parts to the least number of their group; 0 stays 0.

@@ -13,7 +13,6 @@ from scenefw.core.types import Float64, TriangleMesh
 
 MESHES = (".ply", ".obj", ".stl", ".off", ".glb", ".gltf")
 _Y_UP = (".glb", ".gltf")  # by their standard
-_Y_UP_TO_Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
 _MAX_WIDTH = 20.0  # m: what is wider was given in millimetres
 _MIN_WIDTH = 0.02  # m
 _SCALE_SETTING = "run.mesh_scale (from Python: mesh_scale)="
@@ -47,7 +46,8 @@ def read_scene_mesh(path: Path | str, scale: float = 1.0) -> tuple[TriangleMesh,
         raise InputError(f"cannot read {path}: {unreadable(error, 'is it a mesh?')}") from error
     T = np.diag([scale, scale, scale, 1.0])  # noqa: N806
     if path.suffix.lower() in _Y_UP:
-        T = _Y_UP_TO_Z_UP @ T  # noqa: N806
+        x, y, z = np.eye(3)
+        T = geometry.rigid(np.column_stack([x, z, -y]), np.zeros(3)) @ T  # noqa: N806
     vertices = geometry.transform_points(T, mesh.vertices)
     faces = np.asarray(mesh.faces, np.int64).reshape(-1, 3)
     if not len(faces):

@@ -7,17 +7,16 @@ from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
 from scenefw.core.types import Float64, TriangleMesh
+from scenefw.perception.observation.points import MAJORITY
 
 _POINTS = 20000
 _CANDIDATES = 200  # planes through points that are drawn; a table has a third of all points
 _MAX_ANGLE = 20.0  # degrees: noise of normals of scanned tables
-_MAX_TILT = 45.0  # degrees from z: a table of which is found without turning the mesh
 _NEAR_AXIS = 10.0  # degrees: nearer, an axis of the file is meant
-_HALF_THICKNESS = 0.01  # m: of a scanned table
-_HEIGHT = 1.0  # m: above a table, what belongs to the scene
-_MIN_COVERAGE = 0.5
-"""Share of what is above a plane that is over it: things stand on a table, but not on the side of a
-box, beyond which most of the scene lies."""
+HALF_THICKNESS = 0.01
+"""m: what is as near to the plane of a scanned table is the table."""
+MAX_HEIGHT = 1.0
+"""m above a table, of what belongs to its scene."""
 
 
 def table_normal(mesh: TriangleMesh) -> Float64 | None:
@@ -40,7 +39,7 @@ def table_normal(mesh: TriangleMesh) -> Float64 | None:
         if plane is None:
             continue
         normal, size = plane
-        key = (bool(normal[2] > np.cos(np.radians(_MAX_TILT))), size)
+        key = (_faces_z(normal), size)
         if key > best_key:
             best, best_key = normal, key
     return best
@@ -52,7 +51,7 @@ def turned_upright(mesh: TriangleMesh) -> tuple[Float64, str]:
     A table that is not far from z is left as it is; so is a mesh without one.
     """
     normal = table_normal(mesh)
-    if normal is None or normal[2] > np.cos(np.radians(_MAX_TILT)):
+    if normal is None or _faces_z(normal):
         return np.eye(3), ""
     axis = int(np.abs(normal).argmax())
     direction = np.sign(normal[axis]) * np.eye(3)[axis]
@@ -61,6 +60,11 @@ def turned_upright(mesh: TriangleMesh) -> tuple[Float64, str]:
         direction = normal
         words = "(" + ", ".join(f"{value:.2f}" for value in normal) + ")"
     return _to_z(direction), f"the table faces {words} of the file, so the mesh was turned z up"
+
+
+def _faces_z(direction: Float64) -> bool:
+    """Whether a direction is nearer to z than to any other axis of the file."""
+    return bool(direction[2] >= np.abs(direction).max())
 
 
 def _to_z(direction: Float64) -> Float64:
@@ -77,12 +81,12 @@ def _plane(points: Float64, normals: Float64, direction: Float64) -> tuple[Float
     normal = normals[facing].mean(axis=0)
     normal /= np.linalg.norm(normal)
     heights = points @ normal
-    steps = np.rint(heights[facing] / (2 * _HALF_THICKNESS)).astype(np.int64)
+    steps = np.rint(heights[facing] / (2 * HALF_THICKNESS)).astype(np.int64)
     values, counts = np.unique(steps, return_counts=True)
     level = np.median(heights[facing][steps == values[counts.argmax()]])
     heights = heights - level
-    on_plane = facing & (np.abs(heights) < _HALF_THICKNESS)
-    above = (heights > _HALF_THICKNESS) & (heights < _HEIGHT)
+    on_plane = facing & (np.abs(heights) < HALF_THICKNESS)
+    above = (heights > HALF_THICKNESS) & (heights < MAX_HEIGHT)
     if not above.any():
         return None
     across = np.linalg.svd(normal[None])[2][1:]  # (2, 3) along the plane
@@ -92,4 +96,5 @@ def _plane(points: Float64, normals: Float64, direction: Float64) -> tuple[Float
         return None
     outside = points[above] @ across.T @ edges[:, :2].T + edges[:, 2] > 0
     coverage = np.mean(~outside.any(axis=1))
-    return (normal, int(on_plane.sum())) if coverage > _MIN_COVERAGE else None
+    # things stand on a table, but not on the side of a box, beyond which most of the scene lies
+    return (normal, int(on_plane.sum())) if coverage > MAJORITY else None

@@ -10,6 +10,7 @@ import numpy as np
 from scenefw.perception.estimate.assembly import cleaned, scene_estimate
 from scenefw.perception.estimate.composition import composed
 from scenefw.perception.evidence.nearest_objects import explained_shares
+from scenefw.perception.observation.pixels import coarse_step
 from scenefw.perception.observation.surface_mesh import obstacles_of
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from scenefw.postprocessing.confidence import ExpectedOverlap
 
 _REACH = 0.02  # m: a point farther from all objects is of none
-_MAX_POINTS = 20000  # of all views, to say how well objects explain them
 
 
 class ViewsAssembly:
@@ -80,11 +80,12 @@ class ViewsAssembly:
 
 def _visible_points(view: Views) -> Float64:
     """Some of the points (N, 3) of objects in all views (m)."""
-    points = np.concatenate(
+    step = coarse_step(view.frame.depth.shape[1])
+    thinned = np.s_[::step, ::step]
+    return np.concatenate(
         [
-            observation.points[observation.workspace.objects]
+            observation.points[thinned][observation.workspace.objects[thinned]]
             for observation in view.observations
             if observation.workspace is not None
         ]
     )
-    return points[:: max(1, len(points) // _MAX_POINTS)]

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scenefw.fitting.placed import shape_of
 from scenefw.perception.completion.superquadrics import accepted
 from scenefw.perception.completion.support import extend_to_support
+from scenefw.shapes.superquadric import support_points
 
 if TYPE_CHECKING:
     import torch
@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     from scenefw.perception.evidence.tolerances import Tolerances
     from scenefw.perception.observation.views import Views
     from scenefw.perception.steps import Fits, ObjectSet
-
-_CORNERS = 6  # of meshes that say how high an object is
-_MAX_DEPTH_BELOW = 0.01  # m below the floor
 
 
 class ViewsCompletion:
@@ -53,10 +50,11 @@ class ViewsCompletion:
 
     def _above_floor(self, hypothesis: ObjectSet, view: Views) -> ObjectSet:
         """The hypothesis without objects that are noise of the floor."""
-        shape_of_label = {
-            k: _out_of_floor(shape, view) for k, shape in (hypothesis.superquadrics or {}).items()
-        }
         min_height = self.tolerances.min_height
+        shape_of_label = {
+            k: _out_of_floor(shape, view, min_height)
+            for k, shape in (hypothesis.superquadrics or {}).items()
+        }
         sunk = [k for k, shape in shape_of_label.items() if _is_sunk(shape, min_height)]
         objects = hypothesis.objects
         if objects.instances is not None:
@@ -70,11 +68,13 @@ class ViewsCompletion:
         )
 
 
-def _out_of_floor(superquadric: FittedSuperquadric, view: Views) -> FittedSuperquadric:
-    """What reaches far below the floor, as a fit to a shape it isn't may, ends there instead."""
+def _out_of_floor(
+    superquadric: FittedSuperquadric, view: Views, max_depth: float
+) -> FittedSuperquadric:
+    """What reaches farther below the floor (m), as a fit to a shape it isn't may, ends there."""
     return (
         extend_to_support([superquadric], view.free, view.grid)[0]
-        if _heights(superquadric)[0] < -_MAX_DEPTH_BELOW
+        if _heights(superquadric)[0] < -max_depth
         else superquadric
     )
 
@@ -86,8 +86,6 @@ def _is_sunk(superquadric: FittedSuperquadric, min_height: float) -> bool:
 
 def _heights(superquadric: FittedSuperquadric) -> tuple[float, float]:
     """Lowest and highest point over the floor (m)."""
-    heights = (
-        shape_of(superquadric).mesh(_CORNERS).vertices @ superquadric.pose.rotation[2]
-        + superquadric.pose.position[2]
-    )
-    return float(heights.min()), float(heights.max())
+    up, middle = superquadric.pose.rotation[2], superquadric.pose.position[2]
+    top = support_points(superquadric.half_axes, superquadric.exponents, up) @ up
+    return float(middle - top), float(middle + top)

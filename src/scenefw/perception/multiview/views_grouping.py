@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from scenefw.perception.grouping.hulls import hull_distance, thinned
 from scenefw.perception.observation.observation import JointGeometry
+from scenefw.perception.observation.pixels import coarse_step
 from scenefw.perception.steps import Objects
 
 if TYPE_CHECKING:
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
     from scenefw.perception.grouping.relabelling import Merging, Reassignment
     from scenefw.perception.multiview.same_surface import SurfaceOverlap
     from scenefw.perception.observation.views import Views
-
-_COARSE_WIDTH = 320  # pixels: width of the images that say which parts are one object
 
 
 class ViewsGrouping:
@@ -57,7 +56,7 @@ class ViewsGrouping:
 
     def _join_parts(self, parts: Int32, views: int, joint: Views) -> Int32:
         """Objects (V H, W) of parts (V H, W)."""
-        step = max(1, parts.shape[1] // _COARSE_WIDTH)
+        step = coarse_step(parts.shape[1])
         if self.overlap is not None:
             images = np.split(parts, views)
             places = np.split(joint.points, views)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from scenefw.perception.observation.workspace import Workspace, WorkspaceFinder
 
 
+@dataclass(frozen=True, eq=False)
 class ViewsObserver:
     """Finds table and objects of posed depth images, and fuses each.
 
@@ -34,15 +36,10 @@ class ViewsObserver:
         doctor: checks the images before, and the objects after.
     """
 
-    def __init__(
-        self,
-        mapping: MappingMethod,
-        table: TableFrame,
-        workspace: WorkspaceFinder,
-        doctor: Doctor,
-    ) -> None:
-        self.mapping, self.table = mapping, table
-        self.workspace, self.doctor = workspace, doctor
+    mapping: MappingMethod
+    table: TableFrame
+    workspace: WorkspaceFinder
+    doctor: Doctor
 
     def observe(self, frames: Sequence[Frame], grid: GridSpec, mask: None = None) -> Views:
         """The views of frames whose poses are in one world.

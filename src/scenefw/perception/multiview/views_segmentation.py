@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
     from scenefw.perception.steps import Grouping, Segmentation
 
 
+@dataclass(frozen=True, eq=False)
 class ViewsSegmentation:
     """Segments and groups each view by itself; no number is in two views.
 
@@ -20,8 +22,8 @@ class ViewsSegmentation:
         grouping: says which segments of one view are one object.
     """
 
-    def __init__(self, segmentation: Segmentation, grouping: Grouping) -> None:
-        self.segmentation, self.grouping = segmentation, grouping
+    segmentation: Segmentation
+    grouping: Grouping
 
     def segment(self, view: Views) -> Int32:
         """Objects of the views (V H, W), 0 = none, one view below the other."""

@@ -8,14 +8,16 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 from scipy.signal import fftconvolve
 
+from scenefw.perception.observation.components import NEIGHBOURS
+from scenefw.perception.observation.pixels import coarse_step
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from scenefw.core.types import Float32
 
-_WIDTH = 320  # pixels in which images are compared
-_REACH = 20  # of these, in each direction
-_MAX_ALIGNED_SHIFT = 3  # of these, by which edges of both may be apart
+_REACH = 20  # pixels of thinned images, in each direction
+_MAX_ALIGNED_SHIFT = 3  # likewise, by which edges of both may be apart
 _JUMP = 0.02  # m
 _MIN_EDGE_PIXELS = 60  # pixels at jumps
 _CLIP_QUANTILE = 0.98  # share of edges of colour that are weaker than the strongest that count
@@ -40,7 +42,7 @@ def colour_shift(depth: Float32, colour: NDArray[np.uint8]) -> ColourShift | Non
     Gradients of brightness are summed over pixels beside which depth jumps away, for all shifts of
     up to a sixteenth of the width, which is a cross-correlation of both images.
     """
-    step = max(round(depth.shape[1] / _WIDTH), 1)
+    step = coarse_step(depth.shape[1])
     edges = _before_jumps(depth[::step, ::step])
     if np.count_nonzero(edges) < _MIN_EDGE_PIXELS:
         return None
@@ -68,12 +70,9 @@ def _before_jumps(depth: Float32) -> NDArray[np.bool_]:
     """Pixels (H, W) one of whose four neighbours is farther away; none at borders of the image."""
     edges = np.zeros(depth.shape, dtype=bool)
     valid_depth = np.where(depth > 0, depth, np.nan)
-    with np.errstate(invalid="ignore"):
-        for axis in (0, 1):
-            differences = np.diff(valid_depth, axis=axis)
-            for side, jumps in ((slice(None, -1), differences), (slice(1, None), -differences)):
-                index = (slice(None),) * axis + (side,)
-                # as noise grows
-                edges[index] |= jumps > _JUMP * np.maximum(valid_depth[index], 1.0) ** 2
+    limit = _JUMP * np.maximum(valid_depth, 1.0) ** 2  # as noise grows
+    for a, b in NEIGHBOURS:
+        for near, far in ((a, b), (b, a)):
+            edges[near] |= valid_depth[far] - valid_depth[near] > limit[near]
     edges[:2] = edges[-2:] = edges[:, :2] = edges[:, -2:] = False
     return edges

@@ -11,6 +11,12 @@ from scenefw.core.types import Float32
 EDGE = 0.03
 """m: where depth jumps as far from one pixel to the next, another object begins."""
 
+NOISE = 0.002
+"""m of depth between neighbouring pixels, or of height of a floor, that say nothing."""
+
+MAX_STEP = 0.012
+"""m of depth between neighbouring pixels of one surface."""
+
 NEIGHBOURS = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]))
 """Slices of an image and of what lies on the right, and below."""
 

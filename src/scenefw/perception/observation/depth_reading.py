@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenefw.core.errors import InputError
+from scenefw.perception.observation.floor_noise import ROUNDING
+from scenefw.perception.observation.points import rays
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -15,8 +17,6 @@ if TYPE_CHECKING:
     from scenefw.core.floors import Floor
     from scenefw.core.protocols import FloorFinding
     from scenefw.core.types import Camera, Float32, Float64, Frame
-
-_EXACT = 1e-6  # m: rounding of depth
 
 
 def better_reading(frame: Frame, floor: Floor | None, finder: FloorFinding) -> str:
@@ -43,10 +43,7 @@ def better_reading(frame: Frame, floor: Floor | None, finder: FloorFinding) -> s
 
 def ray_lengths(camera: Camera) -> Float64:
     """Distances (H, W) from the camera's centre of points whose depth is 1."""
-    columns = (np.arange(camera.width) - camera.cx) / camera.fx
-    rows = (np.arange(camera.height) - camera.cy) / camera.fy
-    lengths: Float64 = np.sqrt(1 + columns[None] ** 2 + rows[:, None] ** 2)
-    return lengths
+    return np.asarray(np.linalg.norm(rays(camera), axis=-1))
 
 
 def _readings(frame: Frame) -> Iterator[tuple[str, Float32]]:
@@ -62,4 +59,4 @@ def _readings(frame: Frame) -> Iterator[tuple[str, Float32]]:
 
 
 def _flatness(floor: Floor) -> float:
-    return floor.share / max(floor.deviation, _EXACT)
+    return floor.share / max(floor.deviation, ROUNDING)

@@ -15,6 +15,7 @@ from scenefw.core.types import Frame
 from scenefw.data.files.image_checks import check_depth
 from scenefw.perception.observation.colour_alignment import colour_shift
 from scenefw.perception.observation.depth_reading import better_reading
+from scenefw.perception.observation.floor import FloorFinder
 from scenefw.perception.observation.workspace import Workspace
 
 GOOD, ODD, UNUSABLE = "good", "odd", "unusable"
@@ -23,13 +24,9 @@ GOOD, ODD, UNUSABLE = "good", "odd", "unusable"
 _FIELD_OF_VIEW = (15.0, 120.0)
 _FOCAL_RATIO = 1.2
 _MAX_CENTRE_OFFSET = 0.25  # of the sides
-_MIDDLE = 0.06  # of the sides: so near the middle, a centre belongs to an image of that shape
-_STACK_HEIGHT = 0.1  # where the middle of a stack is assumed, for its distance (m)
 _MAX_DEVIATION = 0.01  # m
 _MAX_OTHER_RATIO = 0.05  # of what rises above the floor that may be left out without a word
-_MIN_FLOOR_SHARE = 0.15  # of the points; where the floor is looked for, it has more
-_MAX_PIXELS, _TARGET_PIXELS = 4_000_000, 1_000_000  # pixels
-_MEMORY = 200.0  # bytes per pixel, as measured with 5 megapixels
+_MAX_PIXELS = 4_000_000  # beyond, time and memory grow and accuracy hardly does
 _FIX_SEPARATOR = re.compile(r"; |(?<=\?) ")
 
 
@@ -55,7 +52,13 @@ class Check:
         mark = " " if self.found.endswith("?") else "; "
         return f"{self.found}{mark}{self.fix}" if self.fix else self.found
 
+    @classmethod
+    def of(cls, name: str, found: str, fix: str, *, is_good: bool) -> "Check":
+        """A good check, or an odd one with its fix."""
+        return cls(name, GOOD, found) if is_good else cls(name, ODD, found, fix)
 
+
+@dataclass(frozen=True, eq=False)
 class Doctor:
     """Checks units, intrinsics, floor and scale; errors stop, warnings go with the result.
 
@@ -73,25 +76,19 @@ class Doctor:
         ConfigError: a negative length, a share outside 0..1, or an angle outside 0..90 degrees.
     """
 
-    def __init__(
-        self,
-        min_distance: float = 0.4,
-        max_distance: float = 1.75,
-        min_size: float = 0.05,
-        min_measured_ratio: float = 0.3,
-        min_tilt: float = 8.0,
-        min_alignment: float = 0.6,
-    ) -> None:
-        NOT_NEGATIVE.require(min_distance=min_distance, min_size=min_size)
-        above(min_distance, "as it is the farther end").require(max_distance=max_distance)
-        SHARE.require(min_measured_ratio=min_measured_ratio, min_alignment=min_alignment)
-        between(0, 90).require(min_tilt=min_tilt)
-        self.min_distance = min_distance
-        self.max_distance = max_distance
-        self.min_size = min_size
-        self.min_measured_ratio = min_measured_ratio
-        self.min_tilt = min_tilt
-        self.min_alignment = min_alignment
+    min_distance: float = 0.4
+    max_distance: float = 1.75
+    min_size: float = 0.05
+    min_measured_ratio: float = 0.3
+    min_tilt: float = 8.0
+    min_alignment: float = 0.6
+
+    def __post_init__(self) -> None:
+        NOT_NEGATIVE.require(min_distance=self.min_distance, min_size=self.min_size)
+        above(self.min_distance, "as it is the farther end").require(max_distance=self.max_distance)
+        SHARE.require(min_measured_ratio=self.min_measured_ratio)
+        SHARE.require(min_alignment=self.min_alignment)
+        between(0, 90).require(min_tilt=self.min_tilt)
 
     def examine_frame(self, frame: Frame) -> list[str]:
         """Warnings about a frame as read.
@@ -166,42 +163,40 @@ class Doctor:
         if floor.deviation > _MAX_DEVIATION:
             finding = f"the floor is uneven or noisy ({deviation})"
             evenness = Check("floor", ODD, finding, "check the intrinsics")
-        elif floor.share < _MIN_FLOOR_SHARE:
+        elif floor.share < FloorFinder.min_inlier_ratio:
             fix = "show more of the table; with floor=known: has the camera moved?"
             evenness = Check("floor", ODD, f"only {support}", fix)
         pitch = float(np.degrees(np.arcsin(np.clip(-floor.normal[2], -1, 1))))
         pose = (
             f"the camera is {floor.height:.2f} m above the floor, looking {pitch:.0f} degrees down"
         )
-        is_flat = pitch < self.min_tilt
-        fix = "look at the table from higher up, or check the intrinsics" if is_flat else ""
-        return [evenness, Check("tilt", ODD if is_flat else GOOD, pose, fix)]
+        fix = "look at the table from higher up, or check the intrinsics"
+        return [evenness, Check.of("tilt", pose, fix, is_good=pitch >= self.min_tilt)]
 
     def check_workspace(self, workspace: Workspace) -> list[Check]:
         """Distance and size of the objects, and what is left out; or that there are none."""
         if not workspace.objects.any():
             return [_no_objects(), *_check_others(workspace)]
         eye = workspace.frame.camera.T_world_camera[:3, 3]
-        distance = float(np.linalg.norm(eye - (0, 0, _STACK_HEIGHT)))
-        is_in_range = self.min_distance <= distance <= self.max_distance
+        distance = float(np.linalg.norm(eye - (0, 0, workspace.size[2] / 2)))
         limits = f"{self.min_distance:g} to {self.max_distance:g} m"
         width = float(workspace.size.max())
         is_large = width >= self.min_size
         size = " x ".join(f"{side * 100:.0f}" for side in workspace.size)
         return [
-            Check(
+            Check.of(
                 "distance",
-                GOOD if is_in_range else ODD,
                 f"the camera is {distance:.2f} m from the objects, made for {limits}",
-                "" if is_in_range else "move it, or check the depth scale",
+                "move it, or check the depth scale",
+                is_good=self.min_distance <= distance <= self.max_distance,
             ),
-            Check(
+            Check.of(
                 "size",
-                GOOD if is_large else ODD,
                 f"the objects cover {size} cm"
                 if is_large
                 else f"the objects are only {width * 100:.1f} cm large",
-                "" if is_large else "check the depth scale",
+                "check the depth scale",
+                is_good=is_large,
             ),
             _check_left_out(workspace),
             *_check_others(workspace),
@@ -209,14 +204,12 @@ class Doctor:
 
     def _check_measured(self, frame: Frame) -> Check:
         measured_share = float(np.mean(frame.depth > 0))
-        is_sparse = measured_share < self.min_measured_ratio
-        return Check(
+        is_dense = measured_share >= self.min_measured_ratio
+        return Check.of(
             "measured",
-            ODD if is_sparse else GOOD,
-            f"{'only ' if is_sparse else ''}{measured_share:.0%} of the pixels have a depth",
-            "shiny, black or near things have none: change the view or the light"
-            if is_sparse
-            else "",
+            f"{'' if is_dense else 'only '}{measured_share:.0%} of the pixels have a depth",
+            "shiny, black or near things have none: change the view or the light",
+            is_good=is_dense,
         )
 
     def _check_colour(self, frame: Frame) -> list[Check]:
@@ -242,13 +235,12 @@ class Doctor:
 
 
 def _check_pixels(frame: Frame) -> list[Check]:
-    """Time and memory grow with the pixels, accuracy hardly does beyond a megapixel or so."""
+    """Whether the image is larger than it need be."""
     if frame.depth.size <= _MAX_PIXELS:
         return []
     height, width = frame.depth.shape
-    stride = int(np.ceil(np.sqrt(frame.depth.size / _TARGET_PIXELS)))
-    memory = frame.depth.size * _MEMORY / 1e9
-    finding = f"{width} x {height} pixels take long and about {memory:.0f} GB of memory"
+    stride = int(np.ceil(np.sqrt(frame.depth.size / _MAX_PIXELS)))
+    finding = f"{width} x {height} pixels take long and much memory"
     fix = f"give depth[::{stride}, ::{stride}] (masks too), and fx, fy, cx, cy divided by {stride}"
     return [Check("pixels", ODD, finding, fix)]
 
@@ -268,27 +260,25 @@ def _check_intrinsics(frame: Frame) -> list[Check]:
     has_square_pixels = 1 / _FOCAL_RATIO < camera.fx / camera.fy < _FOCAL_RATIO
     offset = (camera.cx / camera.width - 0.5, camera.cy / camera.height - 0.5)
     transposed_offset = (camera.cx / camera.height - 0.5, camera.cy / camera.width - 0.5)
-    is_swapped = max(np.abs(transposed_offset)) < _MIDDLE < max(np.abs(offset))
+    is_swapped = max(np.abs(transposed_offset)) < max(np.abs(offset))
     is_central = max(np.abs(offset)) <= _MAX_CENTRE_OFFSET and not is_swapped
-    centre = f"centre ({camera.cx:g}, {camera.cy:g})"
     return [
-        Check("intrinsics", GOOD, f"the view is {angles}")
-        if has_square_pixels
-        else Check(
+        Check.of(
             "intrinsics",
-            ODD,
-            f"fx = {camera.fx:g} and fy = {camera.fy:g} differ",
+            f"the view is {angles}"
+            if has_square_pixels
+            else f"fx = {camera.fx:g} and fy = {camera.fy:g} differ",
             "check the intrinsics",
+            is_good=has_square_pixels,
         ),
-        Check("centre", GOOD, f"the intrinsics' {centre} is near the middle of the image")
-        if is_central
-        else Check(
+        Check.of(
             "centre",
-            ODD,
-            f"the intrinsics' {centre} is far from the middle of the image",
+            f"the intrinsics' centre ({camera.cx:g}, {camera.cy:g}) is "
+            f"{'near' if is_central else 'far from'} the middle of the image",
             "swap cx and cy, or is the image turned?"
             if is_swapped
             else "are they of another image size?",
+            is_good=is_central,
         ),
     ]
 

@@ -40,6 +40,7 @@ class Examination:
         return all(check.verdict != UNUSABLE for check in self.checks)
 
 
+@dataclass(frozen=True, eq=False)
 class Examiner:
     """Looks at images as a prediction would, up to the network.
 
@@ -50,10 +51,10 @@ class Examiner:
         grid: the cube that the objects must fit into.
     """
 
-    def __init__(
-        self, floor: FloorFinding, workspace: WorkspaceFinder, doctor: Doctor, grid: GridSpec
-    ) -> None:
-        self.floor, self.workspace, self.doctor, self.grid = floor, workspace, doctor, grid
+    floor: FloorFinding
+    workspace: WorkspaceFinder
+    doctor: Doctor
+    grid: GridSpec
 
     def examine(
         self, frame: Frame, mask: NDArray[np.bool_] | NDArray[np.int32] | None = None

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import ndimage
 
-from scenefw.perception.observation.floor_noise import FloorNoise
-from scenefw.perception.observation.pixels import WIDTH
+from scenefw.perception.observation.floor_noise import FLOOR_SIGMAS, FloorNoise
+from scenefw.perception.observation.pixels import WIDTH, scaled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
     Mask = NDArray[np.bool_]
 
-_SIGMAS = 3.0  # of the floor's noise: means over a window are less noisy
-_MIN_HEIGHT = 0.004  # m: tables are no flatter, and not all in one piece
 _WINDOW = 5  # pixels to each side of which heights are averaged, at a width of 640
 _MIN_PIXELS = 300  # at a width of 640
 
 
-def flat_things(heights: Float64, depth: Float32, min_height: float) -> list[Mask]:
+def flat_things(
+    heights: Float64, depth: Float32, min_height: float, floor_margin: float
+) -> list[Mask]:
     """Pixels (H, W) of each thing that is lower than objects are, the largest first.
 
     What goes on into something higher isn't one: the foot of a bowl, the bottom of a box.
@@ -32,17 +32,17 @@ def flat_things(heights: Float64, depth: Float32, min_height: float) -> list[Mas
         heights: (H, W) metres above the floor, NaN = no depth.
         depth: (H, W) metres.
         min_height: of objects (m).
+        floor_margin: no thing is as low (m): tables are no flatter, and not all in one piece.
     """
-    scale = heights.shape[1] / WIDTH
-    window = max(1, round(_WINDOW * scale))
+    window = scaled(_WINDOW, heights.shape[1])
     noise = FloorNoise.of(heights, depth).at(depth)
     raised = ndimage.binary_fill_holes(~(heights < min_height))  # also where no depth is
     raised = ndimage.binary_dilation(raised, iterations=2 * window)
     mean = ndimage.uniform_filter(np.where(raised, 0.0, heights), 2 * window + 1)
-    flat = (mean > np.maximum(_SIGMAS * noise, _MIN_HEIGHT)) & ~raised
+    flat = (mean > np.maximum(FLOOR_SIGMAS * noise, floor_margin)) & ~raised
     labels, _ = ndimage.label(ndimage.binary_opening(flat, iterations=window))
     beside = np.unique(labels[ndimage.binary_dilation(raised, iterations=window)])
     sizes = np.bincount(labels.ravel())
     sizes[beside] = sizes[0] = 0
-    large = np.flatnonzero(sizes >= _MIN_PIXELS * scale**2)
+    large = np.flatnonzero(sizes >= _MIN_PIXELS * (heights.shape[1] / WIDTH) ** 2)
     return [labels == label for label in large[np.argsort(-sizes[large])]]

@@ -1,5 +1,7 @@
 """The plane that the objects stand on, by RANSAC."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
@@ -9,23 +11,22 @@ from scenefw.core.errors import InputError
 from scenefw.core.floors import Floor
 from scenefw.core.settings import COUNT, POSITIVE, SHARE
 from scenefw.core.types import Frame
-from scenefw.perception.observation.floor_noise import MAD_TO_SIGMA
+from scenefw.perception.observation.floor_noise import FLOOR_SIGMAS, MIN_POINTS, robust_sigma
 from scenefw.perception.observation.points import camera_points
 
 Array = NDArray[np.float64]
 
 _SCORED_POINTS = 4096
 _EXAMINED_PLANES = 40  # random planes with most points, of which is asked what is seen through them
-_MAX_PLANES = 6  # that are looked for one after another
 _UPRIGHT_WEIGHT = 1.5  # images are mostly upright: a wall needs more points than a floor
-_TABLE_HEIGHT = 0.3  # a plane this far above another (m) is a table on a room's floor, ...
+TABLE_HEIGHT = 0.3
+"""A plane this far above another (m) is a table on a room's floor, ..."""
 _TABLE_SHARE = 0.4  # ... not the top of an object, if it has this share of the other's points
 _MIN_PARALLEL_COSINE = np.cos(np.radians(8))  # of the angle between two planes
 _REFINEMENTS = 8
-_MAX_DEVIATIONS = 3.0  # robust standard deviations within which points are on a plane
-_MIN_POINTS = 100  # points that may tell where a floor is
 
 
+@dataclass(frozen=True, eq=False)
 class FloorFinder:
     """Finds the table or floor under the objects of a depth image (RANSAC, Fischler & Bolles 1981).
 
@@ -45,20 +46,15 @@ class FloorFinder:
         ConfigError: a share outside 0..1, no iteration, or a length that isn't positive.
     """
 
-    def __init__(
-        self,
-        inlier_distance: float = 0.008,
-        iterations: int = 1000,
-        max_depth: float = 2.0,
-        min_inlier_ratio: float = 0.15,
-    ) -> None:
-        POSITIVE.require(inlier_distance=inlier_distance, max_depth=max_depth)
-        COUNT.require(iterations=iterations)
-        SHARE.require(min_inlier_ratio=min_inlier_ratio)
-        self.inlier_distance = inlier_distance
-        self.iterations = iterations
-        self.max_depth = max_depth
-        self.min_inlier_ratio = min_inlier_ratio
+    inlier_distance: float = 0.008
+    iterations: int = 1000
+    max_depth: float = 2.0
+    min_inlier_ratio: float = 0.15
+
+    def __post_init__(self) -> None:
+        POSITIVE.require(inlier_distance=self.inlier_distance, max_depth=self.max_depth)
+        COUNT.require(iterations=self.iterations)
+        SHARE.require(min_inlier_ratio=self.min_inlier_ratio)
 
     def find(self, frame: Frame) -> Floor:
         """The floor of a frame.
@@ -83,12 +79,12 @@ class FloorFinder:
         random = rng.generator(0)  # the same planes for all images
         planes: list[Floor] = []
         remaining = points
-        while len(remaining) >= _MIN_POINTS and len(planes) < _MAX_PLANES:
+        while len(remaining) >= MIN_POINTS:
             normal, height = self._best_plane(remaining, points, random)
             plane = self._fit(points, normal, height)
             planes.append(plane)
             is_on_plane = self._inliers(remaining, remaining @ plane.normal + plane.height)
-            if is_on_plane.sum() < _TABLE_SHARE * planes[0].share * len(points):
+            if is_on_plane.sum() <= _TABLE_SHARE * planes[0].share * len(points):
                 break
             remaining = remaining[~is_on_plane]
         return planes
@@ -140,10 +136,8 @@ class FloorFinder:
             normal, height = _fit_plane(points[inliers])
             distance = points @ normal + height
             inliers = near_plane(points, distance, threshold)
-            deviation = MAD_TO_SIGMA * np.median(np.abs(distance[inliers]))
-            threshold = np.clip(
-                _MAX_DEVIATIONS * deviation, self.inlier_distance / 4, self.inlier_distance
-            )
+            noise = FLOOR_SIGMAS * robust_sigma(distance[inliers])
+            threshold = np.clip(noise, self.inlier_distance / 4, self.inlier_distance)
         inliers = self._inliers(points, distance)
         mean_square = float(np.mean(distance[inliers] ** 2))
         return Floor(normal, float(height), float(inliers.mean()), float(np.sqrt(mean_square)))
@@ -155,7 +149,7 @@ class FloorFinder:
 def _is_table(plane: Floor, floor: Floor) -> bool:
     """Whether a plane is a table on a room's floor."""
     return bool(
-        plane.height < floor.height - _TABLE_HEIGHT
+        plane.height < floor.height - TABLE_HEIGHT
         and plane.normal @ floor.normal > _MIN_PARALLEL_COSINE
         and plane.share > _TABLE_SHARE * floor.share
     )
@@ -170,7 +164,7 @@ def points_within(frame: Frame, farthest: float) -> Array:
     stride = max(1, min(frame.depth.shape) // 160)
     points = camera_points(frame, stride).reshape(-1, 3)
     points = points[points[:, 2] < farthest]
-    if len(points) < _MIN_POINTS:
+    if len(points) < MIN_POINTS:
         raise InputError(
             f"no floor in {frame.name}: only {len(points)} points are nearer than "
             f"{farthest:g} m; the camera must see the table; or check the unit of depth"

@@ -6,23 +6,23 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.special import ndtri
 
-from scenefw.perception.observation.pixels import WIDTH
+from scenefw.perception.observation.components import EDGE
+from scenefw.perception.observation.pixels import scaled
 
 if TYPE_CHECKING:
     from scenefw.core.types import Float32, Float64
 
-_MAX_DEPTH_BELOW = 0.03  # m below the floor that may be its noise
 _MAX_HEIGHT = 0.015  # m from the floor: what is farther away isn't the floor
 _MIN_CORRELATION = 0.92  # stereo matching has 0.95 to 0.99, structured light at most 0.9
-_MIN_PIXELS = 200  # below the floor that say how noisy it is
 _MIN_NOISY_RATIO = 0.1  # of the floor's pixels that have noise, if it has
+MIN_POINTS = 100
+"""Fewer points say nothing about a floor."""
 ROUNDING = 1e-5
 """No measurement is as close to the floor (m), over many pixels."""
 FLOOR_SIGMAS = 3.0
-"""Times the floor's noise: what is higher, in the middle of a marked object, isn't the floor."""
-MAD_TO_SIGMA = 1.4826
-"""From a normal distribution's median deviation to its standard deviation."""
+"""Standard deviations of its noise within which points are on the floor (the three-sigma rule)."""
 
 
 @dataclass(frozen=True)
@@ -62,16 +62,21 @@ def has_correlated_noise(heights: Float64) -> bool:
     Args:
         heights: (H, W) metres above the floor, NaN = no depth.
     """
-    correlations, step = [], max(1, round(heights.shape[1] / WIDTH))
+    correlations, step = [], scaled(1, heights.shape[1])
     columns = heights[:, step:], heights[:, :-step]
     for first, second in ((heights[step:], heights[:-step]), columns):
         on_floor = (np.abs(first) < _MAX_HEIGHT) & (np.abs(second) < _MAX_HEIGHT)
-        min_pixels = max(_MIN_PIXELS, _MIN_NOISY_RATIO * on_floor.sum())
+        min_pixels = max(MIN_POINTS, _MIN_NOISY_RATIO * on_floor.sum())
         on_floor &= (np.abs(first) > ROUNDING) & (np.abs(second) > ROUNDING)
         if on_floor.sum() < min_pixels:
             return False
         correlations.append(np.corrcoef(first[on_floor], second[on_floor])[0, 1])
     return bool(np.mean(correlations) > _MIN_CORRELATION)
+
+
+def robust_sigma(errors: Float64) -> float:
+    """Standard deviation of errors about 0, by their median size."""
+    return float(np.median(np.abs(errors)) / ndtri(3 / 4))
 
 
 def floor_sigma(heights: Float64, depth: Float32) -> float:
@@ -84,7 +89,7 @@ def floor_sigma(heights: Float64, depth: Float32) -> float:
         heights: (H, W) metres, NaN = no depth.
         depth: (H, W) metres.
     """
-    below = (heights < -ROUNDING) & (heights > -_MAX_DEPTH_BELOW)
-    if below.sum() < _MIN_PIXELS:
+    below = (heights < -ROUNDING) & (heights > -EDGE)
+    if below.sum() < MIN_POINTS:
         return 0.0
-    return float(MAD_TO_SIGMA * np.median(-heights[below] / depth[below] ** 2))
+    return robust_sigma(heights[below] / depth[below] ** 2)

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import ndimage
 from skimage.morphology import convex_hull_image
 
-from scenefw.core.settings import POSITIVE, SHARE
+from scenefw.core.settings import COUNT, POSITIVE, SHARE
 from scenefw.perception.observation.components import EDGE, across_gaps, depth_parts
 from scenefw.perception.observation.obstacles import ObstacleRegion
-from scenefw.perception.observation.pixels import WIDTH
+from scenefw.perception.observation.pixels import WIDTH, scaled
+from scenefw.perception.observation.points import MAJORITY
 from scenefw.perception.observation.raster import FloorRaster
 from scenefw.perception.observation.walls import Wall, find_walls
 
@@ -25,15 +27,14 @@ if TYPE_CHECKING:
     Mask = NDArray[np.bool_]
 
 _RASTER = FloorRaster()
-_MIN_PIXELS = 60  # of an obstacle
 _GAP = 4  # pixels without depth across which surfaces go on, at a width of 640
 _TOP_QUANTILE = 0.99  # of heights: single pixels at edges fly
 _HOLES = 2  # cells by which walls of containers are closed
 _MAX_SLOPE = 0.85  # of the upward part of normals of a bin's walls: 32 degrees from level
-_MIN_SIDE_RATIO = 0.5  # of the floor's length that its wall accompanies
 _MAX_BEYOND_RATIO = 0.02  # of the floor that may lie behind a wall
 
 
+@dataclass(frozen=True, eq=False)
 class GeometricObstacles:
     """Takes what is too large to be a thing on a table for an obstacle, and containers.
 
@@ -46,18 +47,23 @@ class GeometricObstacles:
         max_height: of things on a table, above its floor (m).
         wall_distance: points this close to a wall lie on it (m).
         min_enclosed_ratio: of the area within the hull of a container, what isn't its rim.
+        min_pixels: connected surfaces of fewer (of an image 640 wide) are none.
 
     Raises:
-        ConfigError: a length that isn't positive, or a share outside 0..1.
+        ConfigError: a length that isn't positive, a share outside 0..1, or less than one pixel.
     """
 
-    def __init__(
-        self, max_size: float, max_height: float, wall_distance: float, min_enclosed_ratio: float
-    ) -> None:
-        POSITIVE.require(max_size=max_size, max_height=max_height, wall_distance=wall_distance)
-        SHARE.require(min_enclosed_ratio=min_enclosed_ratio)
-        self.max_size, self.max_height, self.wall_distance = max_size, max_height, wall_distance
-        self.min_enclosed_ratio = min_enclosed_ratio
+    max_size: float
+    max_height: float
+    wall_distance: float
+    min_enclosed_ratio: float
+    min_pixels: float
+
+    def __post_init__(self) -> None:
+        POSITIVE.require(max_size=self.max_size, max_height=self.max_height)
+        POSITIVE.require(wall_distance=self.wall_distance)
+        SHARE.require(min_enclosed_ratio=self.min_enclosed_ratio)
+        COUNT.require(min_pixels=self.min_pixels)
 
     def find(
         self, frame: Frame, points: Float64, raised: Mask, floor: Mask
@@ -75,8 +81,7 @@ class GeometricObstacles:
         candidates = raised & ~enclosures
         walls = self._wall_mask(points, candidates, floor, eye, in_bin=bool(enclosures.any()))
         candidates &= ~walls
-        gaps = max(1, round(_GAP * depth.shape[1] / WIDTH))
-        closed = across_gaps(depth, candidates, gaps)
+        closed = across_gaps(depth, candidates, scaled(_GAP, depth.shape[1]))
         tall = candidates & self._components(points, self._is_tall, *closed)
         kinds = {"enclosure": enclosures, "wall": walls, "tall structure": tall}
         return [ObstacleRegion(kind, pixels) for kind, pixels in kinds.items() if pixels.any()]
@@ -93,8 +98,9 @@ class GeometricObstacles:
         components[np.isnan(points[..., 2])] = 0
         sizes = np.bincount(components.ravel())
         are_obstacles = np.zeros(len(sizes), dtype=bool)
+        min_pixels = self.min_pixels * (depth.shape[1] / WIDTH) ** 2
         for label, box in enumerate(ndimage.find_objects(components), start=1):
-            if sizes[label] >= _MIN_PIXELS:
+            if sizes[label] >= min_pixels:
                 are_obstacles[label] = is_obstacle(points[box][components[box] == label])
         mask: Mask = are_obstacles[components]
         return mask
@@ -135,6 +141,6 @@ def _is_side(wall: Wall, floor: Float64) -> bool:
     """Whether a wall ends the floor (N, 2), along much of its side."""
     along = floor @ np.array([-wall.normal[1], wall.normal[0]])
     return bool(
-        wall.length > _MIN_SIDE_RATIO * np.ptp(np.quantile(along, (0.02, 0.98)))
+        wall.length > MAJORITY * np.ptp(np.quantile(along, (0.02, 0.98)))
         and np.mean(wall.distance(floor) < 0) < _MAX_BEYOND_RATIO
     )

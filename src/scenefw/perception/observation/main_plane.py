@@ -12,9 +12,9 @@ import numpy as np
 
 from scenefw.core.floors import Floor
 from scenefw.core.types import Float64, Frame
+from scenefw.perception.observation.pixels import coarse_step
 from scenefw.perception.observation.points import world_points
 
-_STRIDE = 8  # pixels
 _INLIER_DISTANCE = 0.02  # m: noise of depth cameras at 2 m, and drift of poses
 _MIN_RELATIVE_SUPPORT = 0.9
 """Fits of one plane in several frames differ by less, so that the first of them is taken."""
@@ -44,7 +44,8 @@ def main_plane(planes: Sequence[WorldPlane]) -> WorldPlane:
     """The first plane on which about as much lies, over all frames, as on any."""
     if len(planes) == 1:
         return planes[0]
-    clouds = [world_points(plane.frame, stride=_STRIDE).reshape(-1, 3) for plane in planes]
+    frames = [plane.frame for plane in planes]
+    clouds = [world_points(f, coarse_step(f.depth.shape[1])).reshape(-1, 3) for f in frames]
     clouds = [points[~np.isnan(points[:, 2])] for points in clouds]
     supports = [sum(plane.inlier_ratio(points) for points in clouds) for plane in planes]
     enough = _MIN_RELATIVE_SUPPORT * max(supports)

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import binary_dilation, binary_opening, maximum_filter1d
 
-from scenefw.perception.observation.pixels import WIDTH
+from scenefw.perception.observation.components import EDGE
+from scenefw.perception.observation.pixels import WIDTH, scaled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,7 +21,6 @@ _REACH = 3  # pixels, of an image 640 wide
 _MAX_GRAZING_ANGLE = 15.0  # degrees between a ray and a ramp
 _MAX_FLOOR_ANGLE_RATIO = 0.7  # of the angle at which the camera looks onto the floor
 _MAX_RAMP_WIDTH = 20  # pixels, of an image 640 wide
-_JUMP = 0.03  # m, of the ends of surfaces
 _MIN_RAMP_SHARE = 2 / 3  # of a part's pixels
 
 
@@ -45,7 +45,7 @@ def mixed_pixels(points: Float64, eye: Float64) -> Mask:
     distances = np.linalg.norm(rays, axis=-1)
     mixed = np.zeros(distances.shape, dtype=bool)
     rays /= distances[..., None]
-    reach = max(1, round(_REACH * points.shape[1] / WIDTH))
+    reach = scaled(_REACH, points.shape[1])
     floor_angle = np.degrees(np.arcsin(np.clip(-rays[..., 2], 0, 1)))
     limit = np.tan(np.radians(np.minimum(_MAX_GRAZING_ANGLE, _MAX_FLOOR_ANGLE_RATIO * floor_angle)))
     for axis in (0, 1):
@@ -54,9 +54,7 @@ def mixed_pixels(points: Float64, eye: Float64) -> Mask:
             steep, steep_or_end = (
                 limit * reduction(*sides) > 1 for reduction in (np.fmin, np.fmax)
             )
-        steep &= ~_on_surface(
-            steep, distances, axis, round(_MAX_RAMP_WIDTH * points.shape[1] / WIDTH)
-        )
+        steep &= ~_on_surface(steep, distances, axis, scaled(_MAX_RAMP_WIDTH, points.shape[1]))
         mixed |= binary_dilation(steep, iterations=reach, mask=steep_or_end)
     return mixed
 
@@ -73,7 +71,7 @@ def _on_surface(steep: Mask, distances: Float64, axis: int, width: int) -> Mask:
 
     The farther end of a ramp meets what is behind it; that of a surface doesn't.
     """
-    jump = _JUMP * WIDTH / distances.shape[1]
+    jump = EDGE * WIDTH / distances.shape[1]
     line = np.ones((width, 1) if axis == 0 else (1, width), dtype=bool)
     steps = np.nan_to_num(np.diff(distances, axis=axis, append=np.nan), nan=0.0)
     jump_ahead = maximum_filter1d(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import ndimage
+from skimage import measure
 
 from scenefw.core.errors import InputError
 from scenefw.perception.observation.raster import FloorRaster
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float64
 
 _RASTER = FloorRaster()
-_EIGHT = np.ones((3, 3), dtype=bool)
 _MIN_CELLS = 4  # of a group of objects
 _MIN_POINTS = 30  # of a group of objects
 
@@ -55,13 +55,11 @@ def object_groups(
     counts = _RASTER.count(points)
     sums = _RASTER.count(points, weights)
     occupied = counts > 0
-    labels, number = ndimage.label(ndimage.binary_dilation(occupied), structure=_EIGHT)
-    labels = np.where(occupied, labels, 0)
-    for label in range(1, number + 1):
+    labels = np.where(occupied, measure.label(ndimage.binary_dilation(occupied)), 0)
+    for label in range(1, labels.max(initial=0) + 1):
         mask = labels == label
         if np.ptp(_RASTER.centres(mask), axis=0).max() > side:
-            pieces, _ = ndimage.label(mask, structure=_EIGHT)
-            labels = np.where(mask, pieces + labels.max(), labels)
+            labels = np.where(mask, measure.label(mask) + labels.max(), labels)
     groups = []
     for label in np.unique(labels[occupied]):
         mask = labels == label

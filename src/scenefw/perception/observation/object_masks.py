@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
     Mask = NDArray[np.bool_]
 
-_MAX_ID = 65535  # of a mask of 16 bits, as `masks.png` of a result is
+MAX_ID = int(np.iinfo(np.uint16).max)
+"""Of an object: `masks.png` of a result has 16 bits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +58,8 @@ def object_masks(mask: Int32, workspace: Workspace, grid: GridSpec, noise: float
     pixels, numbers, warnings = np.zeros_like(mask), [], []
     points = world_points(workspace.frame)
     for label in np.unique(mask[mask > 0]).tolist():
-        if label > _MAX_ID:
-            raise InputError(f"the masks have an object {label}; give ids of 1 to {_MAX_ID}")
+        if label > MAX_ID:
+            raise InputError(f"the masks have an object {label}; give ids of 1 to {MAX_ID}")
         shown = mask == label
         visible, reason = _visible(shown, points, workspace.objects, grid, noise)
         if not reason and footprint_hull(points[visible]) is None:

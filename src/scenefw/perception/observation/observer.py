@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from scenefw.perception.observation.workspace import WorkspaceFinder
 
 
+@dataclass(frozen=True, eq=False)
 class Observer:
     """Finds floor and objects of a depth image, and fuses it (thesis 5.2.4, real data).
 
@@ -32,15 +33,10 @@ class Observer:
         doctor: checks the image before, and the floor and the objects after.
     """
 
-    def __init__(
-        self,
-        mapping: MappingMethod,
-        floor: FloorFinding,
-        workspace: WorkspaceFinder,
-        doctor: Doctor,
-    ) -> None:
-        self.mapping, self.floor = mapping, floor
-        self.workspace, self.doctor = workspace, doctor
+    mapping: MappingMethod
+    floor: FloorFinding
+    workspace: WorkspaceFinder
+    doctor: Doctor
 
     def observe(
         self, frame: Frame, grid: GridSpec, mask: NDArray[np.bool_] | Int32 | None = None

@@ -2,5 +2,14 @@
 
 WIDTH = 640
 """Its width (pixels); in other images, lengths are scaled by their width over this one."""
-COARSE_WIDTH = 320
-"""Pixels across that are enough to compare objects with what is measured; more cost time alone."""
+_COARSE_WIDTH = 320  # pixels: what many of them say together, a thinned image says as well
+
+
+def scaled(pixels: float, width: int) -> int:
+    """Pixels of an image of some width, 1 or more, that are as long as `pixels` of one 640 wide."""
+    return max(1, round(pixels * width / WIDTH))
+
+
+def coarse_step(width: int) -> int:
+    """Every so many-th pixel of an image of some width is enough to ask many of them together."""
+    return max(1, width // _COARSE_WIDTH)

@@ -4,19 +4,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenefw.core import geometry
-from scenefw.core.types import Frame
+from scenefw.core.types import Camera, Frame
+
+MAJORITY = 0.5
+"""Ratio of points, pixels or objects above which it is most of them."""
+
+
+def rays(camera: Camera, stride: int = 1) -> NDArray[np.float64]:
+    """Points (H', W', 3), camera coordinates, at a depth of 1 of every `stride`-th pixel."""
+    x = (np.arange(0, camera.width, stride) - camera.cx) / camera.fx
+    y = (np.arange(0, camera.height, stride) - camera.cy) / camera.fy
+    return np.stack([*np.meshgrid(x, y), np.ones((len(y), len(x)))], axis=-1)
 
 
 def camera_points(frame: Frame, stride: int = 1) -> NDArray[np.float64]:
     """Points (H', W', 3), camera coordinates (m), of every `stride`-th pixel; NaN without depth."""
-    camera = frame.camera
     depth = frame.depth[::stride, ::stride].astype(np.float64)
-    depth = np.where(depth > 0, depth, np.nan)
-    u = np.arange(0, camera.width, stride)
-    v = np.arange(0, camera.height, stride)[:, None]
-    x = (u - camera.cx) / camera.fx * depth
-    y = (v - camera.cy) / camera.fy * depth
-    return np.stack([x, y, depth], axis=-1)
+    return rays(frame.camera, stride) * np.where(depth > 0, depth, np.nan)[..., None]
 
 
 def world_points(frame: Frame, stride: int = 1) -> NDArray[np.float64]:

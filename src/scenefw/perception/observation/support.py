@@ -22,12 +22,12 @@ _RASTER = FloorRaster()
 _HOLES = 3  # cells: objects and their shadows cut the seen table
 _RIM = 2  # cells: objects may reach over the seen table
 _LOW = 3.0  # times the least height of objects: where an object may touch its floor
-_MIN_PIXELS = 60  # of a component that says where the floor goes on
 _MIN_INSIDE_RATIO = 0.8  # of a component's cells that lie over the region
-_EIGHT = np.ones((3, 3), dtype=bool)
 
 
-def standing_pixels(depth: Float32, points: Float64, raised: Mask, min_height: float) -> Mask:
+def standing_pixels(
+    depth: Float32, points: Float64, raised: Mask, min_height: float, min_pixels: float
+) -> Mask:
     """Pixels (H, W) of things that stand on the floor z = 0, or on what stands there.
 
     The floor that is seen hides beneath things and goes on behind them. So a thing stands whose
@@ -39,10 +39,11 @@ def standing_pixels(depth: Float32, points: Float64, raised: Mask, min_height: f
         points: (H, W, 3) of the pixels (m), NaN = no depth.
         raised: (H, W) pixels of what may be things.
         min_height: what is lower is the floor (m).
+        min_pixels: of a component that says where the floor goes on.
     """
     height = points[..., 2]
     components = depth_parts(depth, raised, EDGE)
-    large = np.bincount(components.ravel()) >= _MIN_PIXELS
+    large = np.bincount(components.ravel()) >= min_pixels
     large[0] = False
     floor = ndimage.binary_closing(
         _RASTER.count(points[np.abs(height) < min_height]) > 0, iterations=_HOLES
@@ -57,7 +58,7 @@ def standing_pixels(depth: Float32, points: Float64, raised: Mask, min_height: f
     base = _cells_of_components(components, points, is_low | (raised & is_hidden[components]))
     stands = np.zeros(len(large), dtype=bool)
     while True:
-        rim = ndimage.binary_dilation(region, structure=_EIGHT, iterations=_RIM)
+        rim = ndimage.maximum_filter(region, 2 * _RIM + 1)
         size = region.sum()
         stands[base[0][rim.ravel()[base[1]]]] = True
         stands &= large

@@ -7,7 +7,7 @@ and recorded poses may be of any world, so the floor finder of prediction says w
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,10 +17,10 @@ from scenefw.core.protocols import FloorFinding
 from scenefw.core.settings import POSITIVE
 from scenefw.core.types import Float64, Frame
 from scenefw.perception.observation.floor import FloorFinder
+from scenefw.perception.observation.floor_noise import FLOOR_SIGMAS, ROUNDING
 from scenefw.perception.observation.main_plane import WorldPlane, main_plane
+from scenefw.perception.observation.pixels import coarse_step
 from scenefw.perception.observation.points import world_points
-
-_MAX_HEIGHT = 0.3  # m above the table: anything higher is ignored when finding its middle
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,7 @@ class Alignment:
     table: bool = True
 
 
+@dataclass(frozen=True, eq=False)
 class TableFrame:
     """Finds the table in a frame and the transform that brings it to z = 0.
 
@@ -52,16 +53,14 @@ class TableFrame:
         ConfigError: a number that isn't positive.
     """
 
-    def __init__(
-        self,
-        floor: FloorFinding | None = None,
-        max_depth: float = 2.0,
-        max_tilt: float = 5.0,
-        max_offset: float = 0.03,
-    ) -> None:
-        POSITIVE.require(max_depth=max_depth, max_tilt=max_tilt, max_offset=max_offset)
-        self.floor = floor or FloorFinder()
-        self.max_depth, self.max_tilt, self.max_offset = max_depth, max_tilt, max_offset
+    floor: FloorFinding = field(default_factory=FloorFinder)
+    max_depth: float = 2.0
+    max_tilt: float = 5.0
+    max_offset: float = 0.03
+
+    def __post_init__(self) -> None:
+        POSITIVE.require(max_depth=self.max_depth, max_tilt=self.max_tilt)
+        POSITIVE.require(max_offset=self.max_offset)
 
     def rectified(self, frame: Frame) -> Frame:
         """The frame in table coordinates, whatever its camera's pose was.
@@ -113,9 +112,10 @@ class TableFrame:
 
     def _pose(self, frame: Frame) -> Float64:
         """Camera pose in table coordinates, with the origin in the middle of the seen part."""
-        pose = self.floor.find(frame).T_world_camera
-        points = world_points(replace(frame, camera=frame.camera.moved(pose)), stride=4)
-        valid = (frame.depth[::4, ::4] > 0) & (frame.depth[::4, ::4] < self.max_depth)
-        valid &= np.abs(np.nan_to_num(points[..., 2], nan=np.inf)) < _MAX_HEIGHT
+        floor, step = self.floor.find(frame), coarse_step(frame.depth.shape[1])
+        pose = floor.T_world_camera
+        points = world_points(replace(frame, camera=frame.camera.moved(pose)), step)
+        valid = frame.depth[::step, ::step] < self.max_depth
+        valid &= np.abs(points[..., 2]) < FLOOR_SIGMAS * max(floor.deviation, ROUNDING)
         middle = np.median(points[valid][:, :2], axis=0) if valid.any() else np.zeros(2)
         return geometry.rigid(np.eye(3), (-middle[0], -middle[1], 0.0)) @ pose

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenefw.core import rng
+from scenefw.perception.observation.pixels import coarse_step
+from scenefw.perception.observation.points import MAJORITY
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -18,8 +20,7 @@ if TYPE_CHECKING:
 
     Mask = NDArray[np.bool_]
 
-_WIDTH = 320  # pixels of the image that are looked at
-_REACH = 4  # of them, from a point to those that give its normal
+_REACH = 4  # pixels of the thinned image, from a point to those that give its normal
 _MAX_GAP = 0.1  # m between points that give a normal
 _MAX_UPWARD = 0.35  # of the normals of vertical surfaces: 20 degrees
 _MIN_ALIGNMENT = 0.9  # of normals with a wall's
@@ -30,7 +31,6 @@ _MIN_POINTS = 20  # of a wall
 _REFINEMENTS = 4
 _CELL = 0.02  # m, along a wall
 _MAX_EMPTY_CELLS = 2  # between parts of one wall
-_MIN_ALIGNED_RATIO = 0.5  # of surfaces along a wall: a plane through a heap cuts most of them
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ def find_walls(
         eye: (3,) where the camera is (m).
         max_upward: of unit normals along z: 0.35 are 20 degrees.
     """
-    stride = max(1, points.shape[1] // _WIDTH)
+    stride = coarse_step(points.shape[1])
     points, raised = points[::stride, ::stride], raised[::stride, ::stride]
     normals = surface_normals(points)
     surfaces = raised & np.isfinite(normals[..., 0])
@@ -107,7 +107,8 @@ def find_walls(
         wall = Wall(normal, offset, _longest_run(places[inliers] @ (-normal[1], normal[0])))
         near = surfaces & wall.beside(points[..., :2])
         near &= np.abs(wall.distance(points[..., :2])) < distance
-        if _aligned(normals[near], normal, max_upward).mean() > _MIN_ALIGNED_RATIO:
+        # a plane through a heap cuts most surfaces
+        if _aligned(normals[near], normal, max_upward).mean() > MAJORITY:
             yield wall
         places, directions = places[~inliers], directions[~inliers]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scenefw.core import geometry
 from scenefw.core.errors import InputError
 from scenefw.core.floors import Floor
-from scenefw.core.settings import NOT_NEGATIVE, POSITIVE
+from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.core.types import Float32, Frame, GridSpec
 from scenefw.perception.observation.flat_things import flat_things
 from scenefw.perception.observation.floor_noise import FLOOR_SIGMAS, ROUNDING, floor_sigma
@@ -22,6 +22,7 @@ from scenefw.perception.observation.object_groups import (
     pixel_weights,
 )
 from scenefw.perception.observation.obstacles import ObstacleFinding, ObstacleRegion, union
+from scenefw.perception.observation.pixels import WIDTH
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.observation.raster import FloorRaster
 from scenefw.perception.observation.support import standing_pixels
@@ -91,6 +92,7 @@ class _Surfaces:
         return self.raised & ~self.objects
 
 
+@dataclass(frozen=True, eq=False)
 class WorkspaceFinder:
     """Extracts the objects on the table from a view and centres the cube on them.
 
@@ -101,20 +103,21 @@ class WorkspaceFinder:
     Args:
         obstacles: finds what is no object.
         min_height: lower points belong to the floor (m).
-        margin: objects stay this far from the cube's sides (m).
+        floor_margin: no thing is as low (m).
+        min_pixels: of a thing, in an image 640 wide.
 
     Raises:
-        ConfigError: a height that isn't positive, or a negative margin.
+        ConfigError: a height that isn't positive, or less than one pixel.
     """
 
-    def __init__(
-        self, obstacles: ObstacleFinding, min_height: float = 0.015, margin: float = 0.03
-    ) -> None:
-        POSITIVE.require(min_height=min_height)
-        NOT_NEGATIVE.require(margin=margin)
-        self.obstacles = obstacles
-        self.min_height = min_height
-        self.margin = margin
+    obstacles: ObstacleFinding
+    min_height: float = 0.015
+    floor_margin: float = 0.005
+    min_pixels: float = 60
+
+    def __post_init__(self) -> None:
+        POSITIVE.require(min_height=self.min_height, floor_margin=self.floor_margin)
+        COUNT.require(min_pixels=self.min_pixels)
 
     def find(
         self, frame: Frame, floor: Floor, grid: GridSpec, region: Mask | None = None
@@ -132,7 +135,7 @@ class WorkspaceFinder:
                 objects are known to be.
         """
         posed_frame = replace(frame, camera=frame.camera.moved(floor.T_world_camera))
-        return self._workspaces([posed_frame], grid, region)[0]
+        return self.find_together([posed_frame], grid, region)[0]
 
     def find_together(
         self, frames: Sequence[Frame], grid: GridSpec, region: Mask | None = None
@@ -142,18 +145,12 @@ class WorkspaceFinder:
         Args:
             frames: with poses in a world whose floor is z = 0.
             grid: the cube.
-            region: (H, W) where objects are in each, if that is known.
+            region: (H, W) where objects are in each, if that is known; else there may be none.
 
         Raises:
             InputError: as `find`.
         """
-        return self._workspaces(frames, grid, region)
-
-    def _workspaces(
-        self, frames: Sequence[Frame], grid: GridSpec, region: Mask | None
-    ) -> list[Workspace]:
-        """The workspaces; where objects may be anywhere, there may be none."""
-        top, side = grid.lower[2] + grid.extent, grid.extent - 2 * self.margin
+        top, side = grid.lower[2] + grid.extent, grid.extent - 2 * grid.voxel_size
         surfaces = [self._surfaces(frame, region) for frame in frames]
         object_masks = [s.objects & (s.points[..., 2] < top) for s in surfaces]
         weights = [pixel_weights(mask.shape)[mask] for mask in object_masks]
@@ -189,8 +186,9 @@ class WorkspaceFinder:
             return _Surfaces(frame, points, raised, on_floor, objects)
         obstacles = self.obstacles.find(frame, points, raised, on_floor)
         things = raised & ~union(obstacles, raised.shape)
-        flat = tuple(flat_things(points[..., 2], frame.depth, self.min_height))
-        objects = standing_pixels(frame.depth, points, things, self.min_height)
+        flat = tuple(flat_things(points[..., 2], frame.depth, self.min_height, self.floor_margin))
+        min_pixels = self.min_pixels * (frame.depth.shape[1] / WIDTH) ** 2
+        objects = standing_pixels(frame.depth, points, things, self.min_height, min_pixels)
         return _Surfaces(frame, points, raised, on_floor, objects, tuple(obstacles), flat)
 
     def _nothing(self, frames: Sequence[Frame], top: float, region: Mask | None) -> InputError:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenefw.fitting.placed import OUTLIERS
-from scenefw.perception.evidence.object_depth import directions, object_depth, stride
+from scenefw.perception.evidence.object_depth import directions, object_depth
+from scenefw.perception.observation.pixels import coarse_step
 from scenefw.perception.observation.points import world_points
 
 if TYPE_CHECKING:
@@ -89,7 +90,7 @@ class _Measurement:
 
 def _measure(frame: Frame, grid: GridSpec, min_height: float) -> _Measurement:
     """What a frame in world coordinates shows."""
-    camera, step = frame.camera, stride(frame.camera)
+    camera, step = frame.camera, coarse_step(frame.camera.width)
     points = world_points(frame)[::step, ::step]
     voxels = grid.to_voxels(points)
     inside = ((voxels >= 0) & (voxels <= grid.resolution - 1)).all(axis=-1)  # not NaN either

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, PROBABILITY, below
-from scenefw.perception.observation.components import EDGE, linked_parts
+from scenefw.perception.observation.components import EDGE, MAX_STEP, linked_parts
+from scenefw.perception.observation.floor_noise import FLOOR_SIGMAS, ROUNDING
 from scenefw.perception.observation.pixel_probabilities import pixel_probabilities
 from scenefw.perception.observation.pixels import WIDTH
 from scenefw.perception.segmentation.crease_segmentation import high_parts
@@ -28,10 +30,8 @@ if TYPE_CHECKING:
     from scenefw.perception.segmentation.border_colours import BorderColours
     from scenefw.perception.steps import Segmentation
 
-_MIN_SIGMA = 5e-5  # m: no camera measures a floor 1 m away as well
-_JUMP = 0.01  # m: what is so much nearer or further than its thinned pixel is something else
 
-
+@dataclass(frozen=True, eq=False)
 class AffinitySegmentation:
     """Cuts a depth image above the floor where a network finds different objects.
 
@@ -57,9 +57,8 @@ class AffinitySegmentation:
             dropped.
         min_pixel_probability: so are pixels that don't show one more probably than this, if the
             floor has noise; without it, heights alone say where an object ends.
-        floor_margin: points up to this height above the floor belong to it (m).
-        floor_sigmas: so do points up to so many standard deviations of the floor's heights at the
-            same depth, if they are no higher than `min_height` and the floor waves.
+        floor_margin: points up to this height above the floor belong to it (m), and so do points
+            within its noise, if they are no higher than `min_height` and the floor waves.
         min_pixels: parts of fewer pixels (of an image 640 wide) are dropped.
         min_height: parts that rise no higher above the floor (m) are noise of it.
         min_height_sigmas: so are parts that rise no higher than so many standard deviations of its
@@ -75,81 +74,47 @@ class AffinitySegmentation:
         ConfigError: a probability outside 0..1, a negative height, or fewer than 1 pixel.
     """
 
-    def __init__(
-        self,
-        checkpoint: Trained[PartAffinityModel],
-        min_core_affinity: float = 0.95,
-        min_affinity: float = 0.7,
-        min_region: int = 12,
-        min_object_probability: float = 0.6,
-        min_pixel_probability: float = 0.9,
-        floor_margin: float = 0.005,
-        floor_sigmas: float = 2.5,
-        min_pixels: float = 60.0,
-        min_height: float = 0.012,
-        min_height_sigmas: float = 7.0,
-        crease_segmentation: Segmentation | None = None,
-        min_crease_affinity: float = 0.35,
-        colours: BorderColours | None = None,
-    ) -> None:
+    checkpoint: Trained[PartAffinityModel]
+    min_core_affinity: float = 0.95
+    min_affinity: float = 0.7
+    min_region: int = 12
+    min_object_probability: float = 0.6
+    min_pixel_probability: float = 0.9
+    floor_margin: float = 0.005
+    min_pixels: float = 60.0
+    min_height: float = 0.012
+    min_height_sigmas: float = 7.0
+    crease_segmentation: Segmentation | None = None
+    min_crease_affinity: float = 0.35
+    colours: BorderColours | None = None
+
+    def __post_init__(self) -> None:
         PROBABILITY.require(
-            min_core_affinity=min_core_affinity,
-            min_affinity=min_affinity,
-            min_crease_affinity=min_crease_affinity,
+            min_core_affinity=self.min_core_affinity, min_affinity=self.min_affinity
         )
-        below(1).require(
-            min_object_probability=min_object_probability,
-            min_pixel_probability=min_pixel_probability,
-        )
-        NOT_NEGATIVE.require(
-            floor_margin=floor_margin,
-            floor_sigmas=floor_sigmas,
-            min_height=min_height,
-            min_height_sigmas=min_height_sigmas,
-        )
-        COUNT.require(min_region=min_region, min_pixels=min_pixels)
-        self.model: PartAffinityModel = checkpoint.model
-        self.metadata = dict(checkpoint.metadata)
-        self.min_core_affinity, self.min_affinity, self.min_region = (
-            min_core_affinity,
-            min_affinity,
-            min_region,
-        )
-        self.min_object_probability, self.min_pixel_probability = (
-            min_object_probability,
-            min_pixel_probability,
-        )
-        self.floor_margin, self.floor_sigmas, self.min_pixels = (
-            floor_margin,
-            floor_sigmas,
-            min_pixels,
-        )
-        self.min_height, self.min_height_sigmas, self.colours = (
-            min_height,
-            min_height_sigmas,
-            colours,
-        )
-        self.crease_segmentation, self.min_crease_affinity = (
-            crease_segmentation,
-            min_crease_affinity,
-        )
+        PROBABILITY.require(min_crease_affinity=self.min_crease_affinity)
+        below(1).require(min_object_probability=self.min_object_probability)
+        below(1).require(min_pixel_probability=self.min_pixel_probability)
+        NOT_NEGATIVE.require(floor_margin=self.floor_margin, min_height=self.min_height)
+        NOT_NEGATIVE.require(min_height_sigmas=self.min_height_sigmas)
+        COUNT.require(min_region=self.min_region, min_pixels=self.min_pixels)
 
     def segment(self, view: Observation) -> Int32:
         """Parts (H, W), 0 = none, of a depth image."""
         frame, heights = view.frame, view.heights
         noise, smooth = view.noise.at(view.depth), view.noise.is_correlated
-        probabilities = pixel_probabilities(self.model, frame)
+        probabilities = pixel_probabilities(self.checkpoint.model, frame)
         step, across, down = probabilities.step, probabilities.across, probabilities.down
         depth = np.ascontiguousarray(np.nan_to_num(frame.depth[::step, ::step]), np.float32)
         object_probability = probabilities.objects
         if object_probability is None:
             object_probability = np.ones_like(depth)
         rows, columns = (np.arange(size) // step for size in frame.depth.shape)
-        waves = self.floor_sigmas * noise if smooth else 0.0
+        waves = FLOOR_SIGMAS * noise if smooth else 0.0
         margin = np.clip(waves, self.floor_margin, max(self.floor_margin, self.min_height))
         above = heights > margin  # NaN where no depth: not above
         thinned_pixels = np.ix_(rows, columns)
-        if view.noise.sigma > _MIN_SIGMA:
+        if view.noise.sigma > ROUNDING:
             above &= (object_probability > self.min_pixel_probability)[thinned_pixels]
         regions = self._regions(depth, across, down, above[::step, ::step])
         affinities = across, down
@@ -169,7 +134,7 @@ class AffinitySegmentation:
         )
         parts = large_parts(np.where(is_unlikely, 0, parts).astype(np.int64), 1)
         above &= ~is_unlikely[thinned_pixels]
-        same_depth = np.abs(frame.depth - depth[thinned_pixels]) < _JUMP
+        same_depth = np.abs(frame.depth - depth[thinned_pixels]) < MAX_STEP
         parts = np.where(above & same_depth, parts[thinned_pixels], 0).astype(np.int32)
         min_height = np.maximum(self.min_height, self.min_height_sigmas * noise)
         return high_parts(grown(parts, above, frame.depth, EDGE), heights, min_height)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,7 @@ _MAX_STRENGTH = 2.0  # of the strength of edges around objects
 _MIN_EDGE_STRENGTH = 3.0  # of Lab a pixel: edges around objects of real images have 7 to 24
 
 
+@dataclass(frozen=True, eq=False)
 class BorderColours:
     """Raises probabilities of one object along borders where colour has no edge, or lowers them.
 
@@ -39,22 +41,17 @@ class BorderColours:
         weight: of probability.
         neutral: strength of an edge that changes nothing, in that of edges around objects.
         reach: pixels of an image 640 wide.
-        smoothing: standard deviation of the image's smoothing, in the same pixels.
 
     Raises:
         ConfigError: a negative number.
     """
 
-    def __init__(
-        self,
-        weight: float = 0.4,
-        neutral: float = 1.75,
-        reach: float = 3.0,
-        smoothing: float = 1.0,
-    ) -> None:
-        NOT_NEGATIVE.require(weight=weight, neutral=neutral, reach=reach, smoothing=smoothing)
-        self.weight, self.neutral = weight, neutral
-        self.reach, self.smoothing = reach, smoothing
+    weight: float = 0.4
+    neutral: float = 1.75
+    reach: float = 3.0
+
+    def __post_init__(self) -> None:
+        NOT_NEGATIVE.require(weight=self.weight, neutral=self.neutral, reach=self.reach)
 
     def added(
         self, regions: Int32, colour: NDArray[np.uint8], step: int
@@ -67,7 +64,7 @@ class BorderColours:
                 with the depth.
             step: of the rows and columns of that image, every so many-th is in the thinned one.
         """
-        edges = colour_gradient(colour, self.smoothing)
+        edges = colour_gradient(colour)
         width = 2 * round(self.reach * colour.shape[1] / WIDTH) + 1
         strengths = maximum_filter(edges, width)[::step, ::step].astype(np.float32)
         pairs = (strengths[:, 1:], strengths[:, :-1]), (strengths[1:], strengths[:-1])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +11,7 @@ from skimage.color import rgb2lab
 from skimage.filters import sobel
 from skimage.segmentation import watershed
 
-from scenefw.core.settings import COUNT, NOT_NEGATIVE, at_least, below
+from scenefw.core.settings import COUNT, at_least, below
 from scenefw.perception.observation.pixels import WIDTH
 from scenefw.perception.segmentation.ramp_width import ramp_width
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from scenefw.perception.observation.observation import Observation
 
 
+@dataclass(frozen=True, eq=False)
 class ColourEdges:
     """Moves ends of parts to edges of the colour image, by a watershed (Meyer 1994).
 
@@ -33,30 +35,24 @@ class ColourEdges:
     match no windows, and those without colour stay as they are.
 
     Args:
-        smoothing: standard deviation of the image's smoothing (pixels of an image 640 wide).
         core_ratio: of the depth of a part in pixels, the share that lies outside of its core at
             most, so that small parts have one.
         min_width: pixels from an edge to the end of its ramp, at least.
         max_width: the same, at most; both of an image 640 wide.
 
     Raises:
-        ConfigError: a negative smoothing, a share that isn't in 0..1 or is 1, less than one pixel,
+        ConfigError: a share that isn't in 0..1 or is 1, less than one pixel,
             or a narrowest ramp that is wider than the widest.
     """
 
-    def __init__(
-        self,
-        smoothing: float = 1.0,
-        core_ratio: float = 0.6,
-        min_width: float = 2.0,
-        max_width: float = 12.0,
-    ) -> None:
-        NOT_NEGATIVE.require(smoothing=smoothing)
-        below(1).require(core_ratio=core_ratio)
-        COUNT.require(min_width=min_width, max_width=max_width)
-        at_least(min_width).require(max_width=max_width)
-        self.smoothing, self.core_ratio = smoothing, core_ratio
-        self.min_width, self.max_width = min_width, max_width
+    core_ratio: float = 0.6
+    min_width: float = 2.0
+    max_width: float = 12.0
+
+    def __post_init__(self) -> None:
+        below(1).require(core_ratio=self.core_ratio)
+        COUNT.require(min_width=self.min_width, max_width=self.max_width)
+        at_least(self.min_width).require(max_width=self.max_width)
 
     def moved(self, parts: Int32, view: Observation) -> Int32:
         """Parts (H, W) of a depth image; pixels without depth show none."""
@@ -88,18 +84,16 @@ class ColourEdges:
                 cores[window][part_mask & (depths > min(width, self.core_ratio * depths.max()))] = (
                     label
                 )
-        labels = watershed(colour_gradient(colour, self.smoothing), cores)
+        labels = watershed(colour_gradient(colour), cores)
         return np.where(labels == outside, 0, labels).astype(np.int32)
 
 
-def colour_gradient(colour: NDArray[np.uint8], smoothing: float) -> Float64:
-    """How much colour changes at each pixel (H, W): the gradient in Lab.
+def colour_gradient(colour: NDArray[np.uint8]) -> Float64:
+    """How much colour (H, W, 3; RGB) changes at each pixel (H, W): the gradient in Lab.
 
-    Args:
-        colour: (H, W, 3) RGB.
-        smoothing: standard deviation of the smoothing before (pixels of an image 640 wide).
+    The image is smoothed before, by a pixel of an image 640 wide.
     """
-    sigma = smoothing * colour.shape[1] / WIDTH
+    sigma = colour.shape[1] / WIDTH
     channels = np.moveaxis(rgb2lab(colour), -1, 0)
     gradients = [sobel(gaussian_filter(channel, sigma)) for channel in channels]
     return np.asarray(np.linalg.norm(gradients, axis=0))

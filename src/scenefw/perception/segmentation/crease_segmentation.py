@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Self
+from dataclasses import KW_ONLY, dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from scenefw.core.settings import NOT_NEGATIVE, POSITIVE
 from scenefw.perception.observation.components import depth_parts
-from scenefw.perception.observation.pixels import WIDTH
+from scenefw.perception.observation.pixels import WIDTH, scaled
 from scenefw.perception.segmentation.regions import concave_creases, grown, large_parts
 
 if TYPE_CHECKING:
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 _TOP_QUANTILE = 0.95  # share of a part below its top, against single pixels
 
 
+@dataclass(frozen=True, eq=False)
 class CreaseSegmentation:
     """Cuts a depth image above the floor at jumps of depth and at creases; learns nothing.
 
@@ -38,45 +40,26 @@ class CreaseSegmentation:
         ConfigError: a negative margin, or another number that isn't positive.
     """
 
-    def __init__(
-        self,
-        floor_margin: float = 0.005,
-        max_step: float = 0.012,
-        min_bend: float = 30.0,
-        reach: float = 8.0,
-        min_pixels: float = 500.0,
-        min_height: float = 0.0,
-        *,
-        grow: bool = True,
-    ) -> None:
-        POSITIVE.require(max_step=max_step, min_bend=min_bend, reach=reach, min_pixels=min_pixels)
-        NOT_NEGATIVE.require(floor_margin=floor_margin, min_height=min_height)
-        self.floor_margin, self.max_step, self.min_bend = floor_margin, max_step, min_bend
-        self.reach, self.min_pixels, self.min_height, self.grow = (
-            reach,
-            min_pixels,
-            min_height,
-            grow,
-        )
+    floor_margin: float = 0.005
+    max_step: float = 0.012
+    min_bend: float = 30.0
+    reach: float = 8.0
+    min_pixels: float = 500.0
+    min_height: float = 0.0
+    _: KW_ONLY
+    grow: bool = True
 
-    def with_margin(self, margin: float) -> Self:
-        """The same at another margin (m)."""
-        return type(self)(
-            margin,
-            self.max_step,
-            self.min_bend,
-            self.reach,
-            self.min_pixels,
-            self.min_height,
-            grow=self.grow,
-        )
+    def __post_init__(self) -> None:
+        POSITIVE.require(max_step=self.max_step, min_bend=self.min_bend)
+        POSITIVE.require(reach=self.reach, min_pixels=self.min_pixels)
+        NOT_NEGATIVE.require(floor_margin=self.floor_margin, min_height=self.min_height)
 
     def segment(self, view: Observation) -> Int32:
         """Parts (H, W), 0 = none, of a depth image."""
         frame, heights = view.frame, view.heights
         scale = frame.depth.shape[1] / WIDTH
         above = heights > self.floor_margin  # NaN where no depth: not above
-        reach = max(1, round(self.reach * scale))
+        reach = scaled(self.reach, frame.depth.shape[1])
         smooth_mask = above & ~concave_creases(
             frame, float(np.cos(np.radians(self.min_bend))), reach
         )

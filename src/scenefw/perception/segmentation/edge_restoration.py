@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,8 +10,9 @@ from scipy.ndimage import distance_transform_edt, find_objects
 
 from scenefw.core.settings import COUNT, POSITIVE, at_least
 from scenefw.kernels.cameras import floor_depths, stack_cameras
+from scenefw.perception.observation.components import MAX_STEP, NEIGHBOURS, NOISE
 from scenefw.perception.observation.pixels import WIDTH
-from scenefw.perception.segmentation.ramp_width import MIN_RISE, ramp_width
+from scenefw.perception.segmentation.ramp_width import ramp_width
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,10 +22,8 @@ if TYPE_CHECKING:
     from scenefw.perception.observation.observation import Observation
     from scenefw.perception.segmentation.colour_edges import ColourEdges
 
-_MAX_DEPTH_STEP = 0.012  # m of depth between pixels of one surface
-_MAX_HEIGHT = 0.25  # m above the floor
 
-
+@dataclass(frozen=True, eq=False)
 class EdgeRestoration:
     """Gives images of stereo cameras the edges back that windows have blurred.
 
@@ -49,20 +49,16 @@ class EdgeRestoration:
         ConfigError: less than one pixel, or a narrowest ramp that is wider than the widest.
     """
 
-    def __init__(
-        self,
-        mapping: MappingMethod,
-        min_width: float = 2.0,
-        max_width: float = 12.0,
-        min_step: float = 0.02,
-        colour: ColourEdges | None = None,
-    ) -> None:
-        COUNT.require(min_width=min_width, max_width=max_width)
-        POSITIVE.require(min_step=min_step)
-        at_least(min_width).require(max_width=max_width)
-        self.mapping = mapping
-        self.min_width, self.max_width, self.min_step = min_width, max_width, min_step
-        self.colour = colour
+    mapping: MappingMethod
+    min_width: float = 2.0
+    max_width: float = 12.0
+    min_step: float = 0.02
+    colour: ColourEdges | None = None
+
+    def __post_init__(self) -> None:
+        COUNT.require(min_width=self.min_width, max_width=self.max_width)
+        POSITIVE.require(min_step=self.min_step)
+        at_least(self.min_width).require(max_width=self.max_width)
 
     def restore(self, view: Observation, parts: Int32) -> tuple[Observation, Int32]:
         """The view with restored depth, and the parts (H, W) in it; or both as they were.
@@ -81,9 +77,8 @@ class EdgeRestoration:
         if width < self.min_width * scale:
             return view, parts
         depth = continued(view.depth, parts, width)
-        max_height = min(_MAX_HEIGHT, camera.T_world_camera[2, 3])  # below it rays go down
         on_floor = (distance > 0) & (distance <= width + 1)
-        on_floor &= (view.heights > MIN_RISE) & (view.heights < max_height)
+        on_floor &= (view.heights > NOISE) & (view.heights < view.eye[2])  # its ray goes down
         depth = np.where(on_floor, floor_depths(stack_cameras([camera]))[0].numpy(), depth)
         beside_jump = distances(jumps(depth, parts, self.min_step)) <= width + 1
         return view.restored(np.where(beside_jump, depth, view.depth), self.mapping), parts
@@ -117,9 +112,7 @@ def continued(depth: Float32, parts: Int32, width: int) -> Float32:
             for h, a, size in zip(core_pixels, pixels, image.shape, strict=True)
         )
         core_depth, mirrored_depth = image[core_pixels], image[mirrored_pixels]
-        same_surface = core[mirrored_pixels] & (
-            np.abs(mirrored_depth - core_depth) < _MAX_DEPTH_STEP
-        )
+        same_surface = core[mirrored_pixels] & (np.abs(mirrored_depth - core_depth) < MAX_STEP)
         restored_depth[box][pixels] = 1 / np.where(
             same_surface,
             2 / core_depth - 1 / np.where(same_surface, mirrored_depth, 1),
@@ -137,10 +130,7 @@ def jumps(depth: Float32, parts: Int32, min_step: float = 0.0) -> NDArray[np.boo
         min_step: by how much depth differs there (m); 0 takes all ends of parts.
     """
     edges = np.zeros(parts.shape, dtype=bool)
-    for first, second in (
-        ((slice(None), slice(1, None)), (slice(None), slice(None, -1))),
-        ((slice(1, None), slice(None)), (slice(None, -1), slice(None))),
-    ):
+    for first, second in NEIGHBOURS:
         ends = parts[first] != parts[second]
         if min_step:
             measured = (depth[first] > 0) & (depth[second] > 0)

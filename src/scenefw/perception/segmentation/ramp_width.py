@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from scenefw.perception.observation.components import NOISE
+
 if TYPE_CHECKING:
     from scenefw.core.types import Float64
 
-MIN_RISE = 0.002
-"""Height (m) from which on the floor seems to rise."""
 _MIN_RISE_SHARE = 0.15  # of the height right beside objects: there a ramp ends
 _TYPICAL_QUANTILE = 0.7  # quantile of heights: beside lower edges of objects there is no ramp
 
@@ -28,7 +28,7 @@ def ramp_width(heights: Float64, distances: Float64, max_width: int) -> int:
     far_heights = heights[(ring > max_width + 2) & (ring < 2 * max_width)]
     if not len(far_heights):
         return 0
-    floor_height, min_rise = np.quantile(far_heights, _TYPICAL_QUANTILE), MIN_RISE
+    floor_height, min_rise = np.quantile(far_heights, _TYPICAL_QUANTILE), NOISE
     for distance in range(1, max_width + 1):
         ring_heights = heights[ring == distance]
         rise = (

@@ -9,10 +9,9 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from scenefw.core.types import Float32, Float64, Frame, Int32
-from scenefw.perception.observation.components import EDGE, NEIGHBOURS
+from scenefw.perception.observation.components import EDGE, NEIGHBOURS, NOISE
 from scenefw.perception.observation.points import camera_points
 
-_NOISE = 0.002  # m between neighbouring pixels of one surface
 _MIN_BORDER = 3  # pixels of a border that say something
 
 
@@ -166,7 +165,7 @@ def grown(
     """Labels (H, W) that also cover the pixels of `mask` that can be reached through others.
 
     Each takes the label that is nearest along the image, where a step costs a pixel and each
-    millimetre of depth beyond `_NOISE` another (Dijkstra's shortest paths from all labels at once).
+    millimetre of depth beyond `NOISE` another (Dijkstra's shortest paths from all labels at once).
 
     Args:
         labels: (H, W), 0 = none.
@@ -201,7 +200,7 @@ def _steps(
         rise = np.abs(depth[a][link_mask] - depth[b][link_mask])
         rows.append(number[a][link_mask])
         columns.append(number[b][link_mask])
-        costs.append(1 + 1000 * np.maximum(rise - _NOISE, 0))
+        costs.append(1 + 1000 * np.maximum(rise - NOISE, 0))
     size = int(mask.sum())
     indices = (np.concatenate(rows), np.concatenate(columns))
     return csr_matrix((np.concatenate(costs), indices), (size, size))

@@ -10,7 +10,8 @@ import numpy as np
 from scenefw.core.geometry import inverse, transform_points
 from scenefw.perception.evidence.mesh_distances import distances_to
 from scenefw.perception.observation.components import EDGE, NEIGHBOURS, depth_parts
-from scenefw.perception.observation.points import camera_points
+from scenefw.perception.observation.pixels import coarse_step
+from scenefw.perception.observation.points import MAJORITY, camera_points
 from scenefw.perception.tracking.depth_memory import smallest_change
 from scenefw.perception.tracking.tracks import masks_of
 
@@ -25,12 +26,8 @@ if TYPE_CHECKING:
 
     Mask = NDArray[np.bool_]
 
-_MAX_CHANGED_RATIO = 0.5  # of measured pixels, or of objects: of more, the camera has moved
 CHANGED = 1
 """Region of an image that has changed; others are of objects beside it."""
-_MAX_PLACES = 300  # of a part, to say how far it is from an object
-_STRIDE = 16  # pixels between those that say whether a camera has moved
-_MAX_FREE_RATIO = 0.5  # of an object that may be seen through
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,8 +58,8 @@ class Change:
         ratio = int(np.count_nonzero(nearer) + np.count_nonzero(farther)) / comparable
         visible = {t.id: t.visible_part for t in tracks if t.visible_part is not None}
         contradicted = {i for i, part in visible.items() if part.is_contradicted(depth)}
-        many_moved = 1 < len(contradicted) > _MAX_CHANGED_RATIO * len(visible)
-        is_total = ratio > _MAX_CHANGED_RATIO or many_moved
+        many_moved = 1 < len(contradicted) > MAJORITY * len(visible)
+        is_total = ratio > MAJORITY or many_moved
         return cls(depth, memory, nearer, farther, frozenset(contradicted), is_total)
 
     @property
@@ -120,7 +117,7 @@ class Change:
 
     def _continues(self, part: Mask, track: Track, points: Float64) -> bool:
         """Whether all of a part (H, W) lies as near to an object as noise does: it has moved."""
-        places = points[part][:: max(1, np.count_nonzero(part) // _MAX_PLACES)]
+        places = points[part][:: coarse_step(part.shape[1]) ** 2]
         limit = float(smallest_change(self.depth[part], self.memory.sigma).max())
         distances = distances_to(track.item.mesh).at(places, 2 * limit)
         return bool((np.abs(distances) <= limit).all())
@@ -147,12 +144,13 @@ def stands_still(frame: Frame, memory: DepthMemory, T_world_camera: Float64) -> 
     camera, motion = frame.camera, inverse(T_world_camera) @ frame.camera.T_world_camera
     if (motion == np.eye(4)).all():
         return True
-    before = camera_points(frame, _STRIDE)
+    step = coarse_step(camera.width)
+    before = camera_points(frame, step)
     measured = np.isfinite(before[..., 2])
     after = transform_points(motion, before[measured])
     shift = _pixels(camera, after) - _pixels(camera, before[measured])
     depth = after[:, 2].astype(np.float32)
-    sampled = memory[slice(None, None, _STRIDE), slice(None, None, _STRIDE)]
+    sampled = memory[np.s_[::step, ::step]]
     same_depth = (depth >= sampled.lower[measured]) & (depth <= sampled.upper[measured])
     return bool(same_depth.all() and np.abs(shift).max(initial=0) < memory.reach)
 
@@ -172,7 +170,7 @@ def is_seen_through(mesh: TriangleMesh, frame: Frame, memory: DepthMemory) -> bo
     inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
     free = points[inside, 2] < memory.lower[row[inside], column[inside]]
     free &= frame.depth[row[inside], column[inside]] > 0
-    return bool(np.count_nonzero(free) > _MAX_FREE_RATIO * len(mesh.vertices))
+    return bool(np.count_nonzero(free) > MAJORITY * len(mesh.vertices))
 
 
 def _pixels(camera: Camera, points: Float64) -> Float64:

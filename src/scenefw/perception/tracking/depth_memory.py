@@ -9,7 +9,8 @@ import numpy as np
 from scipy.ndimage import binary_opening, maximum_filter, minimum_filter
 
 from scenefw.perception.observation.floor_noise import ROUNDING, floor_sigma
-from scenefw.perception.observation.pixels import WIDTH
+from scenefw.perception.observation.pixels import scaled
+from scenefw.perception.observation.points import rays
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 _SIGMAS = 5.0
 """Standard deviations of two measurements' difference: noise exceeds it in one of two million
 pixels, so in none of an image that hasn't changed."""
-_JITTER = 1  # pixels, of an image 640 wide: edges of objects move by this from image to image
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ class DepthMemory:
             depth: (H, W) metres, 0 = no measurement.
             sigma: standard deviation of depth at 1 m (m); it grows with depth squared.
         """
-        reach = max(1, round(_JITTER * depth.shape[1] / WIDTH))
+        reach = scaled(1, depth.shape[1])  # edges move by a pixel from image to image
         side = 2 * reach + 1
         limit = smallest_change(depth, sigma)
         measured = depth > 0
@@ -103,11 +103,7 @@ def depth_sigma(view: Observation) -> float:
     Depth is `ROUNDING` off at least. Where little of the floor is visible, its root mean square
     distance from a plane says it.
     """
-    camera = view.camera
-    columns = (np.arange(camera.width) - camera.cx) / camera.fx
-    rows = (np.arange(camera.height) - camera.cy) / camera.fy
-    x, y, z = camera.T_world_camera[2, :3]
-    slope = np.abs(x * columns[None] + y * rows[:, None] + z)  # of height by depth
+    slope = np.abs(rays(view.camera) @ view.camera.T_world_camera[2, :3])  # of height by depth
     with np.errstate(divide="ignore", invalid="ignore"):
         sigma = floor_sigma(view.heights / slope, view.depth)
     if not sigma and view.floor is not None:

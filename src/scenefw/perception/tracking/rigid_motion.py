@@ -22,7 +22,7 @@ MIN_IOU = 0.5
 """IoU above which two solids are taken for the same object, as in panoptic quality (Kirillov et al.
 2019)."""
 _SAMPLES = 1000  # places in a solid that say how much of it another one fills
-_EQUAL_IOU = 2 * np.sqrt(0.25 / _SAMPLES)  # two standard deviations of such a share
+_EQUAL_IOU = 1 / np.sqrt(_SAMPLES)  # two standard deviations of such a share, if it is a half
 
 
 @dataclass(frozen=True, eq=False)

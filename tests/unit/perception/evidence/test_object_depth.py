@@ -7,7 +7,8 @@ import pytest
 from tests.unit.perception.estimate.test_plausibility import solid
 from tests.unit.perception.synthetic import camera_at
 
-from scenefw.perception.evidence.object_depth import directions, object_depth, stride
+from scenefw.perception.evidence.object_depth import directions, object_depth
+from scenefw.perception.observation.pixels import coarse_step
 
 LOW, HIGH = np.array((-0.05, -0.04, 0.0)), np.array((0.05, 0.06, 0.12))
 
@@ -16,7 +17,7 @@ LOW, HIGH = np.array((-0.05, -0.04, 0.0)), np.array((0.05, 0.06, 0.12))
 def test_rays_enter_and_leave_where_slabs_say(size):
     camera = camera_at(eye=(0.3, -0.8, 0.6), size=size)
     depth = object_depth(solid(LOW, HIGH), camera)
-    step = stride(camera)
+    step = coarse_step(camera.width)
     rows, columns = (np.arange(0, length, step) for length in size[::-1])
     rays = directions(camera, rows, columns)
     crossings = (np.stack([LOW, HIGH])[:, None, None] - camera.T_world_camera[:3, 3]) / rays

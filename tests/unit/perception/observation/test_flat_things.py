@@ -23,13 +23,13 @@ def test_a_flat_box_is_seen_and_no_other(size, noise):
     camera = camera_at(size=size)
     frame = frame_of(camera, (*STACK, PHONE), noise=noise)
     heights = world_points(replace(frame, camera=camera))[..., 2]
-    (pixels,) = flat_things(heights, frame.depth, 0.015)
+    (pixels,) = flat_things(heights, frame.depth, 0.015, 0.005)
     phone = frame.labels == 3
     assert phone[pixels].mean() > 0.95
     assert pixels[phone].mean() > 0.5
     empty = frame_of(camera, STACK, noise=noise)
     heights = world_points(replace(empty, camera=camera))[..., 2]
-    assert flat_things(heights, empty.depth, 0.015) == []
+    assert flat_things(heights, empty.depth, 0.015, 0.005) == []
 
 
 def test_the_doctor_tells_flat_things():

@@ -19,7 +19,7 @@ def standing(boxes, table=TABLE, eye=(0.0, -1.0, 0.8), size=(320, 240)):
     frame = frame_of(camera, boxes, table=table, room=-0.7)
     points = world_points(replace(frame, camera=camera))
     raised = points[..., 2] > MIN_HEIGHT
-    mask = standing_pixels(frame.depth, points, raised, MIN_HEIGHT)
+    mask = standing_pixels(frame.depth, points, raised, MIN_HEIGHT, 60 * (size[0] / 640) ** 2)
     return [mask[raised & (frame.labels == i)].mean() for i in range(1, len(boxes) + 1)]
 
 
@@ -51,4 +51,4 @@ def test_without_a_floor_nothing_stands():
     frame = frame_of(camera_at(), ())
     points = world_points(replace(frame, camera=camera_at())) + (0, 0, 0.1)
     raised = np.ones(frame.depth.shape, dtype=bool)
-    assert not standing_pixels(frame.depth, points, raised, MIN_HEIGHT).any()
+    assert not standing_pixels(frame.depth, points, raised, MIN_HEIGHT, 60).any()

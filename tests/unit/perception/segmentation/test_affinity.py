@@ -88,7 +88,7 @@ def test_pixels_beside_a_jump_go_to_what_they_show(monkeypatch):
         return ((parts > 0) & (owners > 0) & (names[parts] != owners)).sum()
 
     assert astray() == 0
-    monkeypatch.setattr(affinity_parts, "_JUMP", np.inf)
+    monkeypatch.setattr(affinity_parts, "MAX_STEP", np.inf)
     assert astray() > 0  # the image has such pixels
 
 
@@ -351,7 +351,7 @@ def test_shipped_weights_cut_real_images_better_than_creases_do(real_data):
     assert 10 <= cut(methods["network"], first).max() <= 20
 
 
-def test_waves_of_the_floor_beside_an_object_are_not_its(seen):
+def test_waves_of_the_floor_beside_an_object_are_not_its(monkeypatch, seen):
     """A network that takes the floor around objects for theirs, and a floor that waves."""
     frame, owners = seen
     field = gaussian_filter(np.random.default_rng(0).normal(size=owners.shape), 4)
@@ -359,11 +359,10 @@ def test_waves_of_the_floor_beside_an_object_are_not_its(seen):
     noisy = replace(frame, depth=depth.astype(np.float32))
     wide = grey_dilation(owners, size=(31, 31))
     floor = (wide > 0) & (owners == 0)
-    network = Loaded(Knowing(wide, frame.camera.fx))
-    with_waves, without = (
-        AffinitySegmentation(network, floor_sigmas=k).segment(Observation(noisy)) > 0
-        for k in (0.0, 2.5)
-    )
+    finder = AffinitySegmentation(Loaded(Knowing(wide, frame.camera.fx)))
+    without = finder.segment(Observation(noisy)) > 0
+    monkeypatch.setattr(affinity_parts, "FLOOR_SIGMAS", 0.0)
+    with_waves = finder.segment(Observation(noisy)) > 0
     assert with_waves[floor].mean() > 0.05
     assert without[floor].mean() < 0.5 * with_waves[floor].mean()
     assert without[owners > 0].mean() > 0.9 * with_waves[owners > 0].mean()

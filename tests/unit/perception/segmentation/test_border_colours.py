@@ -85,6 +85,6 @@ def test_regions_as_wide_as_the_image_count_too():
 
 
 def test_bad_settings():
-    for name in ("weight", "neutral", "reach", "smoothing"):
+    for name in ("weight", "neutral", "reach"):
         with pytest.raises(ConfigError, match=rf"^{name} = -1"):
             BorderColours(**{name: -1})
