@@ -11,6 +11,7 @@ from hydra._internal import defaults_list
 from hydra._internal.hydra import Hydra
 from hydra.utils import get_object
 from omegaconf import DictConfig, OmegaConf
+from omegaconf.basecontainer import BaseContainer
 from omegaconf.errors import InterpolationKeyError
 from tests.composed import as_typed, base, changes_others, chosen
 
@@ -304,22 +305,34 @@ def test_hydra_looks_for_its_mode_where_one_is_set(tmp_path, monkeypatch, words,
 
 @pytest.fixture
 def without_shortcut(monkeypatch):
-    """Hydra's own way to compose."""
+    """Hydra's and OmegaConf's own ways to compose."""
     config.compose_lean()
     complete = defaults_list._create_interpolation_map.__wrapped__
     monkeypatch.setattr(config, "compose_lean", lambda: None)
 
     def use():
         monkeypatch.setattr(defaults_list, "_create_interpolation_map", complete)
+        monkeypatch.delattr(BaseContainer, "_re_parent")
 
     return use
 
 
 @pytest.mark.parametrize("words", [["experiment=labelling"], ["experiment=label_maps", "seed=3"]])
 def test_compositions_are_those_without_the_shortcut(without_shortcut, words):
-    short = repr(config.compose(words))
+    short = config.compose(words)
+    assert all(node._get_parent() is parent for parent, node in nodes_below(short))
     without_shortcut()
-    assert repr(config.compose(words)) == short
+    assert repr(config.compose(words)) == repr(short)
+
+
+def nodes_below(container):
+    """Pairs of a container and a node in it, on all levels."""
+    content = container._content
+    nodes = content.values() if isinstance(content, dict) else content
+    for node in nodes if isinstance(content, dict | list) else ():
+        yield container, node
+        if isinstance(node, BaseContainer):
+            yield from nodes_below(node)
 
 
 def test_a_choice_may_refer_to_another(tmp_path, monkeypatch, without_shortcut):
