@@ -168,9 +168,15 @@ def _read(folder: Path) -> Plugin:
 
 def _toml(file: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(utf8_text(file))
+        return _parsed(utf8_text(file))
     except (ValueError, RecursionError) as error:  # nested without end
         raise ValueError(f"{file.name}: {str(error) or type(error).__name__}") from error
+
+
+@functools.cache
+def _parsed(text: str) -> dict[str, Any]:
+    """What TOML says; plugins are looked for again and again, and parsing takes longest."""
+    return tomllib.loads(text)
 
 
 def _hint(package: Path) -> str:
