@@ -166,7 +166,7 @@ def _tell_parents_once() -> None:
     if "_re_parent" not in vars(Box) or "_re_parent" in vars(BaseContainer):
         return  # another OmegaConf, or done before
 
-    def tell(merged: BaseContainer) -> None:
+    def tell(merged: Box) -> None:
         content = merged.__dict__["_content"]
         nodes = content.values() if isinstance(content, dict) else content
         for node in nodes if isinstance(content, dict | list) else ():
