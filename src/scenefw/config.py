@@ -9,7 +9,7 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from scenefw.core.errors import ConfigError
 
@@ -173,7 +173,7 @@ def _tell_parents_once() -> None:
             if isinstance(node, Node):
                 node._set_parent(merged)
 
-    BaseContainer._re_parent = tell  # type: ignore[method-assign]
+    BaseContainer._re_parent = cast("Any", tell)  # type: ignore[method-assign]
 
 
 def know_choices() -> None:
